@@ -1,0 +1,60 @@
+//! Snell's law and the Fresnel pressure coefficients between two fluids.
+//!
+//! Solids are treated as fluids: shear waves are left out.
+
+/// Pressure reflection and transmission at a plane interface between two fluids.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interface {
+    /// Signed pressure reflection coefficient r, −1..=1.
+    pub pressure_reflection: f64,
+    /// Energy reflection R = r², 0..=1; the transmitted part is 1 − R.
+    pub energy_reflection: f64,
+    /// Cosine of the refracted angle; 0 beyond the critical angle.
+    pub cos_transmitted: f64,
+}
+
+/// The interface from medium 1 to medium 2 at `cos_incident` (0..=1).
+///
+/// r = (Z₂cosθᵢ − Z₁cosθₜ)/(Z₂cosθᵢ + Z₁cosθₜ); beyond the critical angle R = 1.
+/// Source: Szabo, *Diagnostic Ultrasound Imaging* (2nd ed.), section 3.3.
+pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_incident: f64) -> Interface {
+    let cos_i = cos_incident.clamp(0.0, 1.0);
+    let sin_t = c2_m_s / c1_m_s * (1.0 - cos_i * cos_i).max(0.0).sqrt();
+    if sin_t >= 1.0 {
+        return Interface { pressure_reflection: 1.0, energy_reflection: 1.0, cos_transmitted: 0.0 };
+    }
+    let cos_t = (1.0 - sin_t * sin_t).max(0.0).sqrt();
+    let (a, b) = (z2_mrayl * cos_i, z1_mrayl * cos_t);
+    let sum = a + b;
+    let r = if sum > 0.0 { (a - b) / sum } else { 1.0 };
+    Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_t }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn normal(z1: f64, z2: f64) -> f64 {
+        interface(z1, z2, 1540.0, 1540.0, 1.0).pressure_reflection.abs()
+    }
+
+    #[test]
+    fn normal_incidence_from_published_impedances() {
+        for (z1, z2, r) in [(1.48, 7.80, 0.6810), (1.38, 1.65, 0.0891), (1.65, 1.62, 0.00917), (1.65, 0.0004, 0.9995)] {
+            assert!((normal(z1, z2) - r).abs() < 6e-5, "{z1} | {z2}");
+        }
+    }
+
+    #[test]
+    fn fat_to_liver_refracts_20_degrees_to_21_85() {
+        let i = interface(1.38, 1.65, 1450.0, 1578.0, 20f64.to_radians().cos());
+        assert!((i.cos_transmitted.acos().to_degrees() - 21.85).abs() < 0.01);
+    }
+
+    #[test]
+    fn water_to_bone_is_total_from_21_27_degrees() {
+        let at = |deg: f64| interface(1.48, 7.8, 1480.0, 4080.0, deg.to_radians().cos()).energy_reflection;
+        assert!(at(21.25) < 1.0);
+        assert_eq!(at(21.29), 1.0);
+    }
+}

@@ -1,0 +1,9 @@
+//! What is scanned: closed surfaces of tissues.
+
+pub mod mesh;
+pub mod scene;
+pub mod tissue;
+
+pub use mesh::Mesh;
+pub use scene::{Scene, SceneError, Surface};
+pub use tissue::{Tissue, TissueError, TissueTable};

@@ -1,0 +1,23 @@
+//! insonify: a real-time ultrasound simulator for training stations.
+//!
+//! Data flows one way: pose → rays → segments → baseband lines → polar frame → Cartesian maps → generator → sink.
+//! A module knows only those listed below it here; nothing points upward.
+//!
+//! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz and impedance in MRayl;
+//! the unit is in the name. Transforms are named `a_from_b`.
+
+pub mod station;
+
+pub mod sink;
+
+pub mod render;
+
+pub mod transducer;
+
+pub mod anatomy;
+
+pub mod tracker;
+
+pub mod pose;
+
+pub mod acoustics;

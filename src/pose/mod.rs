@@ -1,0 +1,130 @@
+//! Probe poses.
+//!
+//! The **probe frame** has its origin at the centre of the transducer's face, `z` into the body,
+//! `x` lateral (towards the last scanline) and `y` elevational, right-handed. The **scene frame** is that
+//! of the glTF file, in mm (glTF metres × 1000).
+
+use glam::{DMat3, DQuat, DVec3};
+use thiserror::Error;
+
+/// Largest accepted departure of a quaternion's norm from one.
+pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
+
+/// Largest accepted coordinate: f32 resolves 0.06 mm at one kilometre, too coarse for a phase.
+pub const POSITION_LIMIT_MM: f64 = 1.0e5;
+
+/// Why seven numbers are not a pose.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum PoseError {
+    /// A component is NaN or infinite.
+    #[error("pose component `{name}` is {value}; every component must be a finite number")]
+    NotFinite {
+        /// Component, one of x y z qw qx qy qz.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The quaternion is not a rotation.
+    #[error("the pose's quaternion (qw,qx,qy,qz) has norm {norm:.6}; it must be 1 within {QUATERNION_NORM_TOLERANCE}")]
+    NotUnit {
+        /// The norm found.
+        norm: f64,
+    },
+    /// The position is too far from the scene's origin.
+    #[error(
+        "pose component `{name}` is {value} mm; positions reach ±{POSITION_LIMIT_MM} mm from the scene's origin (is the unit wrong?)"
+    )]
+    TooFar {
+        /// Component, one of x y z.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Not seven comma-separated numbers.
+    #[error("`{text}` is not a pose: expected seven numbers `x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)")]
+    Syntax {
+        /// What was given.
+        text: String,
+    },
+}
+
+/// `scene_from_probe`: where the probe is in the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Centre of the transducer's face in the scene, mm.
+    pub position_mm: DVec3,
+    /// Unit quaternion that turns probe axes into scene axes.
+    pub orientation: DQuat,
+}
+
+impl Pose {
+    /// A pose from its seven numbers `[x, y, z, qw, qx, qy, qz]`, checked and normalised.
+    ///
+    /// # Errors
+    /// A component that is not finite, a position beyond [`POSITION_LIMIT_MM`], or a quaternion whose norm is
+    /// not 1 within [`QUATERNION_NORM_TOLERANCE`].
+    pub fn from_components(components: [f64; 7]) -> Result<Self, PoseError> {
+        const NAMES: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
+        for (name, value) in NAMES.into_iter().zip(components) {
+            if !value.is_finite() {
+                return Err(PoseError::NotFinite { name, value });
+            }
+        }
+        for (name, value) in NAMES.into_iter().zip(components).take(3) {
+            if value.abs() > POSITION_LIMIT_MM {
+                return Err(PoseError::TooFar { name, value });
+            }
+        }
+        let [x, y, z, qw, qx, qy, qz] = components;
+        let q = DQuat::from_xyzw(qx, qy, qz, qw);
+        let norm = q.length();
+        if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
+            return Err(PoseError::NotUnit { norm });
+        }
+        Ok(Self { position_mm: DVec3::new(x, y, z), orientation: q.normalize() })
+    }
+
+    /// The pose's seven numbers `[x, y, z, qw, qx, qy, qz]`.
+    pub fn components(&self) -> [f64; 7] {
+        let (p, q) = (self.position_mm, self.orientation);
+        [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
+    }
+
+    /// The pose of a probe at `position_mm` that looks along `into_body`, its lateral axis as near as possible to
+    /// `lateral`.
+    ///
+    /// Falls back to an arbitrary perpendicular where `lateral` is parallel to `into_body`.
+    pub fn looking(position_mm: DVec3, into_body: DVec3, lateral: DVec3) -> Self {
+        let z = into_body.normalize_or(DVec3::Z);
+        let x = (lateral - z * lateral.dot(z)).normalize_or(z.any_orthonormal_vector());
+        let y = z.cross(x);
+        Self { position_mm, orientation: DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize() }
+    }
+
+    /// A point of the probe frame in the scene, mm.
+    pub fn transform_point(&self, probe_mm: DVec3) -> DVec3 {
+        self.position_mm + self.orientation * probe_mm
+    }
+
+    /// A direction of the probe frame in the scene.
+    pub fn transform_vector(&self, probe: DVec3) -> DVec3 {
+        self.orientation * probe
+    }
+}
+
+impl std::str::FromStr for Pose {
+    type Err = PoseError;
+
+    fn from_str(text: &str) -> Result<Self, PoseError> {
+        let syntax = || PoseError::Syntax { text: text.to_owned() };
+        let mut components = [0.0; 7];
+        let mut fields = text.split(',');
+        for slot in &mut components {
+            *slot = fields.next().and_then(|f| f.trim().parse().ok()).ok_or_else(syntax)?;
+        }
+        if fields.next().is_some() {
+            return Err(syntax());
+        }
+        Self::from_components(components)
+    }
+}

@@ -1,0 +1,45 @@
+//! One rendered frame on the CPU.
+
+/// GPU time of one pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassTime {
+    /// Name of the pass, that of its shader.
+    pub name: &'static str,
+    /// Time on the device, ms.
+    pub ms: f64,
+}
+
+/// Times of one frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FrameTimes {
+    /// From the call until the frame lay in memory, ms.
+    pub total_ms: f64,
+    /// GPU time of each pass, in order; empty where the device has no timestamps.
+    pub passes: Vec<PassTime>,
+}
+
+/// One rendered frame. All maps are row-major, the first row nearest to the probe.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Frame {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// B-mode grey levels [height × width], 0 outside the sector.
+    pub bmode: Vec<u8>,
+    /// Tissue numbers [height × width]: index in the scene's table + 1; 0 outside the sector.
+    pub segmentation: Vec<u8>,
+    /// One-way attenuation e^(−Σμ) over its 98th percentile, clipped to 0..=1 [height × width]; 0 outside the sector.
+    pub attenuation: Vec<f32>,
+    /// The 98th percentile that `attenuation` was divided by.
+    pub attenuation_p98: f32,
+    /// 255 inside the sector, 0 outside [height × width].
+    pub mask: Vec<u8>,
+    /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
+    /// empty unless the settings ask for it.
+    pub lines: Vec<[f32; 2]>,
+    /// Crossings of map rays or interactions of paths beyond what the buffers hold; 0 in a sound frame.
+    pub overflows: u32,
+    /// Times.
+    pub times: FrameTimes,
+}

@@ -1,0 +1,97 @@
+//! What a frame shall look like and how much work goes into it.
+
+use thiserror::Error;
+
+/// A setting outside its range.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("{key} is {value}; it must lie in {min}..={max}")]
+pub struct SettingsError {
+    /// Key in the station file, with its table.
+    pub key: &'static str,
+    /// Value found.
+    pub value: f64,
+    /// Least accepted.
+    pub min: f64,
+    /// Greatest accepted.
+    pub max: f64,
+}
+
+/// The `[image]` of a station.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImageSettings {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Levels from black to white, dB.
+    pub dynamic_range_db: f64,
+    /// Level added everywhere, dB. With 0 dB an unattenuated perfect reflector is white.
+    pub gain_db: f64,
+    /// Time-gain compensation, dB a cm of depth.
+    pub tgc_db_per_cm: f64,
+}
+
+impl Default for ImageSettings {
+    fn default() -> Self {
+        Self { width: 1386, height: 1000, dynamic_range_db: 60.0, gain_db: 0.0, tgc_db_per_cm: 8.0 }
+    }
+}
+
+/// How many paths, and which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quality {
+    /// Rays per scanline and layer.
+    pub rays: u32,
+    /// Elevational layers.
+    pub layers: u32,
+    /// Seed of every random choice.
+    pub seed: u32,
+}
+
+impl Quality {
+    /// Low quality: 1 ray × 1 layer.
+    pub const LQ: Self = Self { rays: 1, layers: 1, seed: 0 };
+    /// High quality: 32 rays × 3 layers.
+    pub const HQ: Self = Self { rays: 32, layers: 3, seed: 0 };
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self::LQ
+    }
+}
+
+/// All that a renderer is built for, beside scene and probe.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RenderSettings {
+    /// Image.
+    pub image: ImageSettings,
+    /// Paths.
+    pub quality: Quality,
+    /// Whether frames carry the complex baseband lines.
+    pub lines: bool,
+}
+
+impl RenderSettings {
+    /// Checks every value against its range.
+    ///
+    /// # Errors
+    /// The first value outside its range, NaN included.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let checks = [
+            ("image.width", f64::from(self.image.width), 16.0, 4096.0),
+            ("image.height", f64::from(self.image.height), 16.0, 4096.0),
+            ("image.dynamic_range_db", self.image.dynamic_range_db, 1.0, 200.0),
+            ("image.gain_db", self.image.gain_db, -200.0, 200.0),
+            ("image.tgc_db_per_cm", self.image.tgc_db_per_cm, 0.0, 100.0),
+            ("quality.rays", f64::from(self.quality.rays), 1.0, 256.0),
+            ("quality.layers", f64::from(self.quality.layers), 1.0, 33.0),
+        ];
+        for (key, value, min, max) in checks {
+            if !(value >= min && value <= max) {
+                return Err(SettingsError { key, value, min, max });
+            }
+        }
+        Ok(())
+    }
+}

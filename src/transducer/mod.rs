@@ -1,0 +1,7 @@
+//! Probe geometry, scanlines, beam and pulse.
+
+mod probe;
+mod sector;
+
+pub use probe::{Probe, ProbeError, ProbeKind};
+pub use sector::Sector;

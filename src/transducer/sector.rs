@@ -1,0 +1,90 @@
+//! How the sector lies in the image.
+
+use glam::DVec2;
+
+use super::{Probe, ProbeKind};
+
+/// Mapping between pixels and the sector: square pixels, the whole sector in the image, centred.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sector {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Side of a square pixel, mm.
+    pub pixel_mm: f64,
+    /// Probe-frame (x, z) of the image's upper left corner, mm.
+    pub corner_mm: DVec2,
+}
+
+impl Sector {
+    /// Fits `probe`'s sector into `width` × `height` pixels.
+    pub fn fit(probe: &Probe, width: u32, height: u32) -> Self {
+        let (min, max) = extent_mm(probe);
+        let size = max - min;
+        let pixel_mm = (size.x / f64::from(width)).max(size.y / f64::from(height));
+        let centre = 0.5 * (min + max);
+        let image = DVec2::new(f64::from(width), f64::from(height)) * pixel_mm;
+        Self { width, height, pixel_mm, corner_mm: centre - 0.5 * image }
+    }
+
+    /// Probe-frame (x, z) of a pixel's centre, mm.
+    pub fn pixel_centre_mm(&self, column: u32, row: u32) -> DVec2 {
+        self.corner_mm + DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5) * self.pixel_mm
+    }
+
+    /// Fractional pixel (column, row) of a probe-frame point (x, z); the first pixel's centre is (0.5, 0.5).
+    pub fn pixel_from_probe(&self, point_mm: DVec2) -> DVec2 {
+        (point_mm - self.corner_mm) / self.pixel_mm
+    }
+
+    /// Where a probe-frame point (x, z) lies in `probe`'s sector: the fraction 0..1 of its lateral extent and the depth in
+    /// mm from the face. None outside the sector.
+    pub fn polar(probe: &Probe, point_mm: DVec2) -> Option<(f64, f64)> {
+        let (lateral, depth) = match probe.face_radius_mm() {
+            Some(radius) => {
+                let from_apex = point_mm + DVec2::new(0.0, radius);
+                (from_apex.x.atan2(from_apex.y), from_apex.length() - radius)
+            }
+            None => (point_mm.x, point_mm.y),
+        };
+        let fraction = 0.5 * (lateral / probe.half_extent() + 1.0);
+        let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth);
+        inside.then_some((fraction, depth))
+    }
+}
+
+/// Least and greatest (x, z) of the sector in the probe frame, mm.
+fn extent_mm(probe: &Probe) -> (DVec2, DVec2) {
+    let half = probe.half_extent();
+    match probe.kind {
+        ProbeKind::Linear { .. } => (DVec2::new(-half, 0.0), DVec2::new(half, probe.depth_mm)),
+        ProbeKind::Convex { .. } | ProbeKind::Phased { .. } => {
+            let radius = probe.face_radius_mm().unwrap_or(0.0);
+            let reach = radius + probe.depth_mm;
+            let x = reach * half.sin();
+            (DVec2::new(-x, radius * half.cos() - radius), DVec2::new(x, probe.depth_mm))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_sector_fills_its_image() {
+        let sector = Sector::fit(&Probe::default(), 1386, 1000);
+        assert!((sector.pixel_mm - 0.15726).abs() < 1e-4, "{}", sector.pixel_mm);
+        let polar = |c, r| Sector::polar(&Probe::default(), sector.pixel_centre_mm(c, r));
+        assert!(polar(693, 999).is_some() && polar(693, 46).is_some());
+        assert!(polar(0, 0).is_none() && polar(1385, 999).is_none());
+    }
+
+    #[test]
+    fn pixels_and_probe_points_are_inverse() {
+        let sector = Sector::fit(&Probe::default(), 640, 480);
+        let p = sector.pixel_from_probe(sector.pixel_centre_mm(17, 300));
+        assert!((p - DVec2::new(17.5, 300.5)).length() < 1e-9);
+    }
+}
