@@ -1,9 +1,11 @@
 //! What is scanned: closed surfaces of tissues.
 
+pub mod bvh;
 pub mod mesh;
 pub mod scene;
 pub mod tissue;
 
+pub use bvh::{Bvh, BvhError};
 pub use mesh::Mesh;
 pub use scene::{Scene, SceneError, Surface};
 pub use tissue::{Tissue, TissueError, TissueTable};
