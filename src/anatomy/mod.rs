@@ -1,6 +1,9 @@
 //! What is scanned: closed surfaces of tissues.
 
+pub mod analytic;
+pub mod builtin;
 pub mod bvh;
+pub mod import;
 pub mod mesh;
 pub mod scene;
 pub mod tissue;
