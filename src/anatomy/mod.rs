@@ -1,6 +1,8 @@
 //! What is scanned: closed surfaces of tissues.
 
+pub mod export;
 pub mod mesh;
+pub mod phantom;
 pub mod scene;
 pub mod tissue;
 
