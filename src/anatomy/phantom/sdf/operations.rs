@@ -29,8 +29,9 @@ fn combine(parts: Vec<Solid>, reach: f32, join: impl Fn(f32, f32) -> f32 + Send 
     Solid::new(bounds, move |p| {
         let mut best = f32::MAX;
         for part in parts.iter() {
-            // A part is no nearer than its box.
-            if part.bounds.distance_mm(p) < best + reach {
+            // Outside of its box a part is no nearer than the box; within, it may be the deepest.
+            let to_box = part.bounds.distance_mm(p);
+            if to_box == 0.0 || to_box < best + reach {
                 best = join(best, part.distance_mm(p));
             }
         }

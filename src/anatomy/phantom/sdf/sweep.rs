@@ -23,7 +23,8 @@ pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
     Solid::new(bounds, move |p| {
         let mut best = f32::MAX;
         for (bounds, chunk) in &chunks {
-            if bounds.distance_mm(p) < best {
+            let to_box = bounds.distance_mm(p);
+            if to_box == 0.0 || to_box < best {
                 for pair in chunk.windows(2) {
                     let ((a, ra), (b, rb)) = (pair[0], pair[1]);
                     best = best.min(round_cone_distance(p, a, b, ra, rb));
