@@ -92,8 +92,8 @@ impl Attitude {
             scene_from_fetus: scene_from_fetus(),
             fetus_from_head,
             legs: [
-                leg(1.0, Vec3::new(-0.08, 0.60, 0.80), Vec3::new(-0.20, -0.92, -0.34), Vec3::new(-0.12, 0.36, 0.92)),
-                leg(-1.0, Vec3::new(-0.12, 0.66, 0.75), Vec3::new(0.04, -0.98, -0.16), Vec3::new(0.06, 0.44, 0.88)),
+                leg(1.0, Vec3::new(0.0, 0.60, 0.80), Vec3::new(-0.24, -0.92, -0.34), Vec3::new(-0.12, 0.36, 0.92)),
+                leg(-1.0, Vec3::new(-0.12, 0.66, 0.75), Vec3::new(0.07, -0.97, -0.22), Vec3::new(0.10, 0.48, 0.86)),
             ],
             arms: [
                 arm(1.0, Vec3::new(0.12, -0.42, 0.86), Vec3::new(-0.36, 0.72, 0.58), Vec3::new(-0.15, 0.90, 0.30)),

@@ -90,8 +90,8 @@ pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
     let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
     // In the plane of the circumference the vein runs backward and turns to the right like a hockey stick.
     let vein = tube(&[
-        at(NAVEL_LEVEL, 0.0, 40.0, 1.6),
-        at(20.0, 0.3, 38.0, 1.7),
+        at(NAVEL_LEVEL, 0.0, 41.5, 1.6),
+        at(19.6, 0.3, 38.5, 1.7),
         at(18.2, 0.3, 31.0, 1.75),
         at(17.9, -0.8, 24.5, 1.8),
         at(17.9, -4.5, 20.5, 1.8),
@@ -102,8 +102,8 @@ pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
             at(25.3, 8.0 * side, 9.0, 0.9),
             at(26.6, 7.2 * side, 15.0, 0.9),
             at(25.4, 6.4 * side, 23.5, 0.9),
-            at(23.4, 2.6 * side, 33.0, 0.9),
-            at(NAVEL_LEVEL, 1.5 * side, 39.5, 0.9),
+            at(23.2, 2.6 * side, 34.5, 0.9),
+            at(NAVEL_LEVEL, 1.5 * side, 41.0, 0.9),
         ])
     });
     std::iter::once(vein).chain(arteries).collect()

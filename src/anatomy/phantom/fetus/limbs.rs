@@ -44,7 +44,7 @@ fn foot(biometry: &Biometry, leg: &Leg, size: f32) -> Solid {
             v(0.7 * x, -6.2, 17.0 * scale),
             v(x, -7.0, (25.0 - 0.5 * (i as f32 - 1.5).powi(2)) * scale),
             2.4 * size,
-            1.6 * size,
+            1.9 * size,
         )
     });
     smooth_union(std::iter::once(core).chain(toes), 1.6).placed(sole(leg))
@@ -165,7 +165,7 @@ fn foot_bones(biometry: &Biometry, leg: &Leg) -> Solid {
     let rods = (0..5).map(|i| {
         let x = 2.0 * (i as f32 - 2.0);
         let (root, head, tip) =
-            (v(0.55 * x, -4.5, 7.0 * scale), v(0.85 * x, -6.4, 16.5 * scale), v(x, -7.0, 23.0 * scale));
+            (v(0.55 * x, -4.2, 7.0 * scale), v(0.8 * x, -5.8, 16.0 * scale), v(0.92 * x, -6.6, 22.5 * scale));
         union([
             round_cone(root, root.lerp(head, 0.86), 0.8, 0.7),
             round_cone(head.lerp(tip, 0.12), head.lerp(tip, 0.8), 0.7, 0.65),

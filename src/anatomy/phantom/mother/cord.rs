@@ -34,8 +34,8 @@ fn centre_line(attitude: &Attitude) -> Vec<Vec3> {
         Vec3::new(51.0, 17.0, -10.0),
         Vec3::new(39.0, 4.0, -3.0),
         Vec3::new(28.0, 2.0, -9.0),
-        Vec3::new(17.0, 10.0, -12.0),
-        navel + ventral * 7.0 + Vec3::new(0.0, -9.0, 0.0),
+        Vec3::new(19.0, 11.0, -12.0),
+        navel + ventral * 8.0 + Vec3::new(0.0, -4.0, 0.0),
         navel + ventral * 2.0,
         navel - ventral * 5.0,
     ];
