@@ -15,8 +15,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let half = i32(params.lateral_half);
-    let kernel = i32((first / DEPTH_BLOCK) * (2u * params.lateral_half + 1u)) + half;
-    let row = params.row_samples / 2u;
+    let kernel = i32((first >> BLOCK_SHIFT) * (2u * params.lateral_half + 1u)) + half;
+    let row = params.row_samples >> 1u;
     let low = max(-half, -line);
     let high = min(half, i32(params.scanlines) - 1 - line);
     var total = 0.0;
@@ -24,13 +24,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var b = vec4<f32>(0.0);
     for (var tap = low; tap <= high; tap++) {
         let weight = kernels[kernel + tap];
-        let at = u32(line + tap) * row + first / 2u;
+        let at = u32(line + tap) * row + (first >> 1u);
         total += weight;
         a += weight * baseband[at];
         b += weight * baseband[at + 1u];
     }
     let scale = 1.0 / max(total, 1.0e-30);
-    let out = u32(line) * row + first / 2u;
+    let out = u32(line) * row + (first >> 1u);
     focused[out] = a * scale;
     focused[out + 1u] = b * scale;
 }

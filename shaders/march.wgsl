@@ -5,9 +5,9 @@
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> hints: array<u32>;
-@group(0) @binding(4) var<storage, read> layers: array<vec4<f32>>;
+@group(0) @binding(4) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
-@group(0) @binding(5) var<storage, read> scatterer_gain: array<f32>;
+@group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
 @group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
 
 const PAIRS: u32 = 4u;
@@ -29,8 +29,8 @@ fn scatter(chosen: u32, sample: u32) -> vec2<f32> {
         if chosen == path && range_mm < ends_mm {
             break;
         }
-        let block = sample / HINT_BLOCK;
-        let hint = (hints[chosen * params.hint_words + block / 4u] >> (8u * (block & 3u))) & 255u;
+        let block = sample >> HINT_SHIFT;
+        let hint = (hints[chosen * params.hint_words + (block >> 2u)] >> (8u * (block & 3u))) & 255u;
         at = select(hint, at, chosen == path);
         path = chosen;
         ends_mm = starts[path * STARTS + at + 1u];
@@ -63,7 +63,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     path = 0xffffffffu;
-    let gain = scatterer_gain[first / DEPTH_BLOCK] / sqrt(f32(params.paths_per_sample));
+    let block = first >> BLOCK_SHIFT;
+    let gain = scatterer_gain[block >> 2u][block & 3u] / sqrt(f32(params.paths_per_sample));
     for (var pair = 0u; pair < PAIRS; pair++) {
         let sample = first + 2u * pair;
         var sum = vec4<f32>(0.0);
@@ -75,11 +76,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             for (var k = 0u; k < params.paths_per_sample; k++) {
                 // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long.
                 let turn = ((sample >> 1u) * params.paths_per_sample + k) * 2654435769u + rotation;
-                let chosen = base + (turn >> 16u) * params.rays / 65536u;
+                let chosen = base + ((turn >> 16u) * params.rays >> 16u);
                 sum += weight * vec4<f32>(scatter(chosen, sample), scatter(chosen, sample + 1u));
             }
         }
-        let out = (line * params.row_samples + sample) / 2u;
+        let out = (line * params.row_samples + sample) >> 1u;
         if params.layer_first == 0u {
             baseband[out] = gain * sum;
         } else {

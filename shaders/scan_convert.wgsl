@@ -6,7 +6,7 @@
 @group(0) @binding(2) var<storage, read> polar: array<f32>;
 @group(0) @binding(3) var<storage, read> raster: array<u32>;
 @group(0) @binding(4) var<storage, read> percentile: array<f32>;
-@group(0) @binding(5) var<storage, read> tissues: array<Tissue>;
+@group(0) @binding(5) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
 @group(0) @binding(6) var<storage, read_write> bmode: array<u32>;
 @group(0) @binding(7) var<storage, read_write> segmentation: array<u32>;
 @group(0) @binding(8) var<storage, read_write> attenuation: array<vec4<f32>>;
@@ -20,7 +20,7 @@ struct Pixel {
     level: f32,
 }
 
-fn convert(place: vec2<f32>) -> Pixel {
+fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
     let line = clamp(place.x, 0.0, f32(params.scanlines - 1u));
     let sample = clamp(place.y, 0.0, f32(params.samples - 1u));
     let sample0 = u32(sample);
@@ -60,7 +60,7 @@ fn convert(place: vec2<f32>) -> Pixel {
         tissue = select(tissue, after & 255u, beyond_mm > boundary_mm);
         break;
     }
-    let ln_level = percentile[0] - sum;
+    let ln_level = percentile_np - sum;
     let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
     let inside = place.y > OUTSIDE;
     return Pixel(select(0u, grey, inside), select(0u, tissue + 1u, inside), select(0.0, level, inside));
@@ -74,6 +74,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let word = id.y * params.row_words + id.x;
     let left = pixels[2u * word];
     let right = pixels[2u * word + 1u];
+    let p = percentile[0];
     // Nothing to do where all four lie outside; a loop, so that software devices skip it.
     var grey = 0u;
     var tissues4 = 0u;
@@ -82,10 +83,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if max(max(left.y, left.w), max(right.y, right.w)) < OUTSIDE {
             break;
         }
-        let p0 = convert(left.xy);
-        let p1 = convert(left.zw);
-        let p2 = convert(right.xy);
-        let p3 = convert(right.zw);
+        let p0 = convert(left.xy, p);
+        let p1 = convert(left.zw, p);
+        let p2 = convert(right.xy, p);
+        let p3 = convert(right.zw, p);
         grey = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
         tissues4 = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;
         levels = vec4<f32>(p0.level, p1.level, p2.level, p3.level);

@@ -7,7 +7,7 @@
 @group(0) @binding(2) var<storage, read> triangles: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> surface_tissue: array<u32>;
 @group(0) @binding(4) var<storage, read> map_rays: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> tissues: array<Tissue>;
+@group(0) @binding(5) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
 @group(0) @binding(6) var<storage, read_write> entries: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> entry_counts: array<u32>;
 @group(0) @binding(8) var<storage, read_write> overflows: array<atomic<u32>>;

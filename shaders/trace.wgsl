@@ -7,10 +7,10 @@
 @group(0) @binding(2) var<storage, read> triangles: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> surface_tissue: array<u32>;
 @group(0) @binding(4) var<storage, read> rays: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> layers: array<vec4<f32>>;
+@group(0) @binding(5) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
 @group(0) @binding(6) var<storage, read> starts_inside: array<u32>;
 @group(0) @binding(7) var<storage, read_write> overflows: array<atomic<u32>>;
-@group(0) @binding(8) var<storage, read> tissues: array<Tissue>;
+@group(0) @binding(8) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
 // Range at which each segment starts, mm; after the last one, a range that none reaches.
 @group(0) @binding(9) var<storage, read_write> starts: array<f32>;
 // Three vectors a segment, all as lines over the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
@@ -22,8 +22,9 @@
 // Segment that holds the first sample of each block of HINT_BLOCK, four to a word.
 @group(0) @binding(13) var<storage, read_write> hints: array<u32>;
 
-// Reflections weaker than this (energy) are not followed: a path goes on with the weight of what is transmitted.
-const REFLECTION_FOLLOWED: f32 = 0.03;
+// Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
+// the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
+const REFLECTION_FOLLOWED: f32 = 0.05;
 // Reflections that one path may take.
 const REFLECTIONS_MAX: u32 = 6u;
 // Energy that a very rough surface returns diffusely at normal incidence.
@@ -165,10 +166,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if dot(normal, direction) > 0.0 {
             normal = -normal;
         }
-        let boundary = tissues[surface_tissue[surface]];
         let beyond = tissues[there];
+        // An interface is as rough and as thick as the rougher and the thicker of its two sides.
+        let roughness = max(tissue.roughness, beyond.roughness);
+        let thickness_mm = max(tissue.thickness_mm, beyond.thickness_mm);
+        let coherence = min(tissue.coherence, beyond.coherence);
         // Half of the roughness tilts the facet, half widens the lobe about it.
-        let variance = 0.5 * boundary.roughness * boundary.roughness;
+        let variance = 0.5 * roughness * roughness;
         var facet = normal;
         if variance > 0.0 {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
@@ -187,13 +191,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
         // The echo, spread over the interface's thickness at an offset that belongs to the place.
         let offset = unit(lattice_hash(lattice_cell(origin) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
-        echo_range_mm = range_mm + offset * boundary.thickness_mm / tissue.speed_ratio;
-        let weight = mix(weight_power, weight_in_phase, boundary.coherence);
-        echo = at_facet.pressure_reflection * returning(cos_facet, boundary.roughness, range_mm) * weight
+        echo_range_mm = range_mm + offset * thickness_mm / tissue.speed_ratio;
+        let weight = mix(weight_power, weight_in_phase, coherence);
+        echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
             * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
 
-        // Reflect with probability R or go on; weak reflections are left to their weight.
-        let follow = split.energy_reflection >= REFLECTION_FOLLOWED;
+        // Reflect with probability R or go on; reflections that hardly return are left to their weight.
+        let accepted = acceptance(roughness * roughness, range_mm);
+        let follow = split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
         let reflects = split.energy_reflection >= 1.0
             || (follow && sample_unit(line_ray, layer, bounce, 0u) < split.energy_reflection);
         if reflects {
@@ -201,7 +206,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             reflections++;
             open = reflections <= REFLECTIONS_MAX;
             // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
-            ln_amplitude += log(acceptance(boundary.roughness * boundary.roughness, range_mm));
+            ln_amplitude += log(accepted);
             var turned = direction + 2.0 * cos_facet * facet;
             if dot(turned, normal) <= 0.0 {
                 turned = direction - 2.0 * dot(direction, normal) * normal;

@@ -37,6 +37,8 @@ struct Params {
     map_depths: u32,
     map_step_mm: f32,
     padding: u32,
+    // Gain at eight depths from the face to depth_mm, dB: the sliders.
+    sliders_db: array<vec4<f32>, 2>,
 }
 
 fn scene_from_probe_point(p: vec3<f32>) -> vec3<f32> {

@@ -44,6 +44,7 @@ pub(crate) struct Params {
     pub(crate) map_depths: u32,
     pub(crate) map_step_mm: f32,
     pub(crate) padding: u32,
+    pub(crate) sliders_db: [f32; 8],
 }
 
 impl Params {
@@ -82,6 +83,7 @@ impl Params {
             map_depths: tables.map_depths,
             map_step_mm: tables.sector.pixel_mm as f32,
             padding: 0,
+            sliders_db: image.tgc_sliders_db.map(|db| db as f32),
         }
     }
 

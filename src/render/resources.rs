@@ -3,7 +3,7 @@
 use super::gpu::{Gpu, GpuError};
 use super::params::Params;
 use super::shaders::ShaderSet;
-use super::tables::{ENTRIES, SEGMENTS, STARTS, Tables};
+use super::tables::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX, Tables};
 use crate::anatomy::{Bvh, Scene};
 
 /// Stride of one batch's uniforms; every device aligns to 256 at the most.
@@ -83,6 +83,17 @@ impl Buffers {
             gpu.queue.write_buffer(&buffer, 0, bytes);
             Ok(buffer)
         };
+        // Small tables are uniforms: software devices read those several times faster.
+        let uniform = |label: &'static str, bytes: &[u8], size: u32| {
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: size.into(),
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            buffer
+        };
         let surface_tissue: Vec<u32> = if scene.surfaces.is_empty() { vec![0] } else { tables.surface_tissue.clone() };
         Ok(Self {
             params: gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -96,11 +107,11 @@ impl Buffers {
             surface_tissue: filled("surface tissues", bytemuck::cast_slice(&surface_tissue))?,
             rays: filled("rays", bytemuck::cast_slice(&tables.rays))?,
             map_rays: filled("map rays", bytemuck::cast_slice(&tables.map_rays))?,
-            layers: filled("layers", bytemuck::cast_slice(&tables.layers))?,
-            tissues: filled("tissues", bytemuck::cast_slice(&tables.tissues))?,
+            layers: uniform("layers", bytemuck::cast_slice(&tables.layers), 16 * LAYERS_MAX),
+            tissues: uniform("tissues", bytemuck::cast_slice(&tables.tissues), 48 * TISSUES_MAX),
             lateral_kernels: filled("lateral kernels", bytemuck::cast_slice(&tables.lateral_kernels))?,
-            pulse: filled("pulse", bytemuck::cast_slice(&tables.pulse))?,
-            scatterer_gain: filled("scatterer gain", bytemuck::cast_slice(&tables.scatterer_gain))?,
+            pulse: uniform("pulse", bytemuck::cast_slice(&tables.pulse), 16 * PULSE_QUADS),
+            scatterer_gain: uniform("scatterer gain", bytemuck::cast_slice(&tables.scatterer_gain), 16 * BLOCK_QUADS),
             pixels: filled("pixels", bytemuck::cast_slice(&tables.pixels))?,
             starts_inside: empty("start membership", paths * 32)?,
             overflows: empty("overflows", 16)?,
@@ -123,16 +134,16 @@ impl Buffers {
         })
     }
 
-    /// Buffers that a pass binds after the uniforms, in the order of its bindings; true where it writes.
-    fn of_pass(&self, name: &str) -> Vec<(&wgpu::Buffer, bool)> {
-        let (read, write) = (false, true);
+    /// Buffers that a pass binds after its parameters, in the order of its bindings.
+    fn of_pass(&self, name: &str) -> Vec<(&wgpu::Buffer, Binding)> {
+        let (read, write, uniform) = (Binding::Read, Binding::Write, Binding::Uniform);
         match name {
             "locate" => vec![
                 (&self.nodes, read),
                 (&self.triangles, read),
                 (&self.surface_tissue, read),
                 (&self.rays, read),
-                (&self.layers, read),
+                (&self.layers, uniform),
                 (&self.starts_inside, write),
                 (&self.overflows, write),
             ],
@@ -141,10 +152,10 @@ impl Buffers {
                 (&self.triangles, read),
                 (&self.surface_tissue, read),
                 (&self.rays, read),
-                (&self.layers, read),
+                (&self.layers, uniform),
                 (&self.starts_inside, read),
                 (&self.overflows, write),
-                (&self.tissues, read),
+                (&self.tissues, uniform),
                 (&self.starts, write),
                 (&self.segments, write),
                 (&self.echoes, write),
@@ -155,21 +166,21 @@ impl Buffers {
                 (&self.starts, read),
                 (&self.segments, read),
                 (&self.hints, read),
-                (&self.layers, read),
-                (&self.scatterer_gain, read),
+                (&self.layers, uniform),
+                (&self.scatterer_gain, uniform),
                 (&self.baseband, write),
             ],
             "echo" => vec![(&self.echoes, read), (&self.segment_counts, read), (&self.baseband, write)],
             "lateral" => vec![(&self.lateral_kernels, read), (&self.baseband, read), (&self.focused, write)],
             "detect" => {
-                vec![(&self.pulse, read), (&self.focused, read), (&self.polar, write), (&self.lines, write)]
+                vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]
             }
             "section" => vec![
                 (&self.nodes, read),
                 (&self.triangles, read),
                 (&self.surface_tissue, read),
                 (&self.map_rays, read),
-                (&self.tissues, read),
+                (&self.tissues, uniform),
                 (&self.entries, write),
                 (&self.entry_counts, write),
                 (&self.overflows, write),
@@ -181,7 +192,7 @@ impl Buffers {
                 (&self.polar, read),
                 (&self.raster, read),
                 (&self.percentile, read),
-                (&self.tissues, read),
+                (&self.tissues, uniform),
                 (&self.bmode, write),
                 (&self.segmentation, write),
                 (&self.attenuation, write),
@@ -189,6 +200,14 @@ impl Buffers {
             _ => Vec::new(),
         }
     }
+}
+
+/// How a pass binds a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Binding {
+    Read,
+    Write,
+    Uniform,
 }
 
 /// How the layers are split so that their segments fit.
@@ -259,11 +278,15 @@ impl Pass {
             },
             count: None,
         };
-        let storage = bound.iter().zip(1u32..).map(|((_, writes), binding)| wgpu::BindGroupLayoutEntry {
+        let storage = bound.iter().zip(1u32..).map(|((_, kind), binding)| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only: !writes },
+                ty: match kind {
+                    Binding::Uniform => wgpu::BufferBindingType::Uniform,
+                    Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                    Binding::Write => wgpu::BufferBindingType::Storage { read_only: false },
+                },
                 has_dynamic_offset: false,
                 min_binding_size: None,
             },

@@ -29,11 +29,20 @@ pub struct ImageSettings {
     pub gain_db: f64,
     /// Time-gain compensation, dB a cm of depth.
     pub tgc_db_per_cm: f64,
+    /// The sliders: gain at eight depths evenly from the face to the full depth, dB, with straight lines between them.
+    pub tgc_sliders_db: [f64; 8],
 }
 
 impl Default for ImageSettings {
     fn default() -> Self {
-        Self { width: 1386, height: 1000, dynamic_range_db: 60.0, gain_db: 0.0, tgc_db_per_cm: 8.0 }
+        Self {
+            width: 1386,
+            height: 1000,
+            dynamic_range_db: 60.0,
+            gain_db: 0.0,
+            tgc_db_per_cm: 8.0,
+            tgc_sliders_db: [0.0; 8],
+        }
     }
 }
 
@@ -96,7 +105,8 @@ impl RenderSettings {
             ("quality.layers", f64::from(self.quality.layers), 1.0, 33.0),
             ("quality.paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
         ];
-        for (key, value, min, max) in checks {
+        let sliders = self.image.tgc_sliders_db.iter().map(|&db| ("image.tgc_sliders_db", db, -100.0, 100.0));
+        for (key, value, min, max) in checks.into_iter().chain(sliders) {
             if !(value >= min && value <= max) {
                 return Err(SettingsError { key, value, min, max });
             }

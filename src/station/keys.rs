@@ -113,6 +113,7 @@ pub const KEYS: &[KeyDoc] = &[
     doc("image", "dynamic_range_db", "dB", "60.0", number(1.0, 200.0), "levels from black to white"),
     doc("image", "gain_db", "dB", "0.0", number(-200.0, 200.0), "level added everywhere; at 0 an unattenuated perfect reflector is white"),
     doc("image", "tgc_db_per_cm", "dB/cm", "8.0", number(0.0, 100.0), "time-gain compensation a cm of depth"),
+    doc("image", "tgc_sliders_db", "dB", "[0, 0, 0, 0, 0, 0, 0, 0]", Accepts::Numbers { count: 8, limit: 100.0 }, "gain at eight depths evenly from the face to the full depth, added to it"),
 
     doc("quality", "rays", "", "1", integer(1, 256), "rays per scanline and layer"),
     doc("quality", "layers", "", "1", integer(1, 33), "elevational layers"),

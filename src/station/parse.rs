@@ -221,6 +221,9 @@ fn settings(image_values: &Values, quality_values: &Values) -> Result<RenderSett
     image_values.set("dynamic_range_db", &mut image.dynamic_range_db);
     image_values.set("gain_db", &mut image.gain_db);
     image_values.set("tgc_db_per_cm", &mut image.tgc_db_per_cm);
+    if let Some(sliders) = image_values.numbers("tgc_sliders_db") {
+        image.tgc_sliders_db = sliders;
+    }
     let mut quality = Quality::default();
     quality_values.set_integer("rays", &mut quality.rays);
     quality_values.set_integer("layers", &mut quality.layers);
