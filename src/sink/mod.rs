@@ -10,6 +10,7 @@ pub mod frame_record;
 pub mod mp4;
 pub mod npy;
 pub mod png;
+pub mod time_table;
 pub mod video;
 pub mod y4m;
 
@@ -22,4 +23,5 @@ pub use error::SinkError;
 pub use file::{create_dir, write_json, write_with};
 pub use frame_files::FrameFiles;
 pub use frame_record::FrameRecord;
+pub use time_table::TimeTable;
 pub use video::{FrameRate, Video};
