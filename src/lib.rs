@@ -21,3 +21,5 @@ pub mod tracker;
 pub mod pose;
 
 pub mod acoustics;
+
+mod suggest;

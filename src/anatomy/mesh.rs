@@ -1,6 +1,7 @@
 //! Indexed triangle meshes in mm.
 
 use glam::Vec3;
+use rayon::slice::ParallelSliceMut;
 
 /// Triangles over shared vertices. A sound mesh is closed and its triangles turn counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,6 +21,24 @@ impl Mesh {
     /// Six times the signed volume over six, mm³: positive where the surface faces outward.
     pub fn signed_volume_mm3(&self) -> f64 {
         self.corners_mm().map(|[a, b, c]| a.as_dvec3().dot(b.as_dvec3().cross(c.as_dvec3())) / 6.0).sum()
+    }
+
+    /// Edges that no neighbour runs along in the other direction: 0 for a closed, consistently wound surface.
+    pub fn unpaired_edges(&self) -> usize {
+        let directed = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
+        // One key for both directions of an edge; the lowest bit tells them apart.
+        let key = |(a, b): (u32, u32)| (u128::from(a.min(b)) << 33) | (u128::from(a.max(b)) << 1) | u128::from(a < b);
+        let mut keys: Vec<u128> = self.triangles.iter().flat_map(directed).map(key).collect();
+        keys.par_sort_unstable();
+        let balance = |edge: &[u128]| edge.iter().map(|k| if k & 1 == 1 { 1_i64 } else { -1 }).sum::<i64>();
+        keys.chunk_by(|a, b| a >> 1 == b >> 1).map(|edge| balance(edge).unsigned_abs() as usize).sum()
+    }
+
+    /// Turns every triangle over.
+    pub fn flip(&mut self) {
+        for triangle in &mut self.triangles {
+            triangle.swap(1, 2);
+        }
     }
 
     /// Least and greatest vertex coordinates, mm; None for an empty mesh.

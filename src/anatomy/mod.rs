@@ -1,5 +1,8 @@
 //! What is scanned: closed surfaces of tissues.
 
+pub mod analytic;
+pub mod builtin;
+pub mod import;
 pub mod mesh;
 pub mod scene;
 pub mod tissue;

@@ -52,6 +52,30 @@ pub enum SceneError {
         /// What is wrong.
         reason: String,
     },
+    /// A file that the glTF refers to could not be read.
+    #[error("cannot read {buffer}, a buffer of the scene {path}: {source}")]
+    Buffer {
+        /// File.
+        path: PathBuf,
+        /// The buffer's file.
+        buffer: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A node's extras are not what they should be.
+    #[error("`extras.{key}` of node `{node}` of {path} is {value}; it must be {expected}")]
+    BadExtras {
+        /// File.
+        path: PathBuf,
+        /// glTF node.
+        node: String,
+        /// Key.
+        key: &'static str,
+        /// JSON found.
+        value: String,
+        /// What would be right.
+        expected: &'static str,
+    },
     /// A surface names a tissue that no table has.
     #[error("surface `{surface}` of {path} names the unknown tissue `{tissue}`{suggestion}")]
     UnknownTissue {

@@ -64,6 +64,12 @@ pub enum TissueError {
         /// Greatest accepted.
         max: f64,
     },
+    /// The built-in table is not valid.
+    #[error("assets/tissues.toml: {reason}")]
+    Table {
+        /// What is wrong, with its place.
+        reason: String,
+    },
     /// More tissues than an 8-bit segmentation can number.
     #[error("{count} tissues; a segmentation map numbers at most 255")]
     TooMany {

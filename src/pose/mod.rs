@@ -7,6 +7,10 @@
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
 
+mod history;
+
+pub use history::{TimedPose, interpolate};
+
 /// Largest accepted departure of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 

@@ -1,0 +1,160 @@
+//! The tissues that insonify knows, with where each number comes from.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Tissue, TissueError, TissueTable};
+
+/// `assets/tissues.toml`.
+const TISSUES: &str = include_str!("../../assets/tissues.toml");
+
+/// A value of a tissue and what it rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Property {
+    /// The value, in the unit of its key.
+    pub value: f64,
+    /// Least and greatest published value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Who published it; for an assumed value, what it was modelled on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// Whether no source was found, or the value is a setting of the appearance, not a physical quantity.
+    #[serde(default)]
+    pub assumed: bool,
+}
+
+/// A tissue with the sources of its values; keys as in [`Tissue`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourcedTissue {
+    /// How bright sonographers call it: anechoic, hypo-, iso- or hyperechoic, and its texture.
+    pub echogenicity: String,
+    /// Speed of sound, m/s.
+    pub speed_m_s: Property,
+    /// Density, kg/m³.
+    pub density_kg_m3: Property,
+    /// Attenuation at 1 MHz, dB/cm.
+    pub attenuation_db_cm_mhz: Property,
+    /// Power of the frequency in the attenuation.
+    pub attenuation_exponent: Property,
+    /// Part of the lattice's cells with a scatterer.
+    pub scatterer_density: Property,
+    /// Mean amplitude of a scatterer.
+    pub scatterer_mean: Property,
+    /// Standard deviation of a scatterer's amplitude.
+    pub scatterer_deviation: Property,
+    /// RMS slope of the microfacets of its surfaces.
+    pub roughness: Property,
+    /// Thickness of the transition at its surfaces, mm.
+    pub thickness_mm: Property,
+}
+
+impl SourcedTissue {
+    /// The values alone.
+    pub fn tissue(&self) -> Tissue {
+        Tissue {
+            speed_m_s: self.speed_m_s.value,
+            density_kg_m3: self.density_kg_m3.value,
+            attenuation_db_cm_mhz: self.attenuation_db_cm_mhz.value,
+            attenuation_exponent: self.attenuation_exponent.value,
+            scatterer_density: self.scatterer_density.value,
+            scatterer_mean: self.scatterer_mean.value,
+            scatterer_deviation: self.scatterer_deviation.value,
+            roughness: self.roughness.value,
+            thickness_mm: self.thickness_mm.value,
+        }
+    }
+
+    /// Each property by its key, physical ones first.
+    pub fn properties(&self) -> [(&'static str, &Property); 9] {
+        [
+            ("speed_m_s", &self.speed_m_s),
+            ("density_kg_m3", &self.density_kg_m3),
+            ("attenuation_db_cm_mhz", &self.attenuation_db_cm_mhz),
+            ("attenuation_exponent", &self.attenuation_exponent),
+            ("scatterer_density", &self.scatterer_density),
+            ("scatterer_mean", &self.scatterer_mean),
+            ("scatterer_deviation", &self.scatterer_deviation),
+            ("roughness", &self.roughness),
+            ("thickness_mm", &self.thickness_mm),
+        ]
+    }
+}
+
+/// The built-in tissues by name, with their sources.
+///
+/// # Errors
+/// A built-in table that is not valid: a fault of this build.
+pub fn sourced_tissues() -> Result<BTreeMap<String, SourcedTissue>, TissueError> {
+    toml::from_str(TISSUES).map_err(|e| TissueError::Table { reason: e.to_string() })
+}
+
+impl TissueTable {
+    /// The built-in tissues.
+    ///
+    /// # Errors
+    /// As [`sourced_tissues`].
+    pub fn builtin() -> Result<Self, TissueError> {
+        Self::new(sourced_tissues()?.into_iter().map(|(name, sourced)| (name, sourced.tissue())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_has_a_source_or_is_marked_as_assumed() {
+        for (name, tissue) in sourced_tissues().unwrap() {
+            for (key, p) in tissue.properties() {
+                assert!(p.assumed || p.source.is_some(), "{name}.{key}: neither source nor assumed");
+                assert!(p.assumed || p.range.is_some(), "{name}.{key}: a source without its range");
+                if let Some([low, high]) = p.range {
+                    assert!(low <= p.value && p.value <= high, "{name}.{key}: {} not in {low}..={high}", p.value);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_holds_every_tissue_of_the_phantom() {
+        let table = TissueTable::builtin().unwrap();
+        let names = "water gel amniotic_fluid urine blood csf fat skin muscle uterus_wall cervix placenta cord_jelly \
+                     vessel_wall brain choroid_plexus falx liver kidney heart spleen bowel soft_tissue lung_fetal \
+                     lung_aerated air cartilage bone_adult bone_fetal fascia soft_tissue_maternal";
+        for name in names.split_whitespace() {
+            assert!(table.index_of(name).is_some(), "{name}");
+        }
+    }
+
+    #[test]
+    fn impedances_are_those_of_textbooks() {
+        let table = TissueTable::builtin().unwrap();
+        let z = |name| table.tissues()[table.index_of(name).unwrap()].impedance_mrayl();
+        for (name, mrayl) in [("water", 1.48), ("fat", 1.38), ("blood", 1.66), ("liver", 1.65), ("muscle", 1.70)] {
+            assert!((z(name) / mrayl - 1.0).abs() < 0.03, "{name}: {}", z(name));
+        }
+        assert!((z("air") - 0.0004).abs() < 5e-5 && z("bone_adult") > 6.0);
+    }
+
+    #[test]
+    fn fluids_do_not_scatter_and_tissues_are_ordered_by_echogenicity() {
+        for (name, tissue) in sourced_tissues().unwrap() {
+            let t = tissue.tissue();
+            let level = t.scatterer_deviation * t.scatterer_density.sqrt();
+            let word = tissue.echogenicity.split([',', ' ']).next().unwrap();
+            let expected = match word {
+                "anechoic" => 0.0..=0.0,
+                "near-anechoic" => 1e-4..=1e-3,
+                "hypo" => 2e-3..=6e-3,
+                "iso" => 6e-3..=1.2e-2,
+                "hyper" => 1.2e-2..=4e-2,
+                other => panic!("{name}: {other}"),
+            };
+            assert!(expected.contains(&level), "{name} is {word} at {level}");
+        }
+    }
+}

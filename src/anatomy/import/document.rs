@@ -1,0 +1,101 @@
+//! The file and its buffers.
+
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use data_url::DataUrl;
+use gltf::{Document, Gltf, buffer};
+use percent_encoding::percent_decode_str;
+
+use crate::anatomy::SceneError;
+
+/// Bytes of a binary glTF's header and its first chunk's header: no file is shorter.
+const GLB_MIN: usize = 20;
+
+/// A validated document and the bytes of each of its buffers, none shorter than it says.
+pub(super) struct File {
+    pub(super) path: PathBuf,
+    pub(super) document: Document,
+    pub(super) buffers: Vec<Vec<u8>>,
+}
+
+impl File {
+    pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
+        let bytes = read_file(path, u64::MAX).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+        let format = |reason: String| SceneError::Format { path: path.to_owned(), reason };
+        check_header(&bytes).map_err(format)?;
+        let Gltf { document, mut blob } = Gltf::from_slice(&bytes).map_err(|e| format(e.to_string()))?;
+        drop(bytes);
+        let buffers = document.buffers().map(|b| read_buffer(path, &b, &mut blob)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { path: path.to_owned(), document, buffers })
+    }
+
+    /// An error of this file.
+    pub(super) fn format_error(&self, reason: impl Into<String>) -> SceneError {
+        SceneError::Format { path: self.path.clone(), reason: reason.into() }
+    }
+}
+
+/// What the glTF crate takes for granted about a binary header.
+fn check_header(bytes: &[u8]) -> Result<(), String> {
+    if bytes.is_empty() {
+        return Err("it is empty".to_owned());
+    }
+    if !bytes.starts_with(b"glTF") {
+        return Ok(());
+    }
+    let declared = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+    match declared.map(|d| d as usize) {
+        Some(length) if length < GLB_MIN => Err(format!("byte 8: its header gives a length of {length} bytes")),
+        Some(length) if bytes.len() >= length => Ok(()),
+        Some(length) => Err(format!("truncated: its header promises {length} bytes, there are {}", bytes.len())),
+        None => Err(format!("truncated: it ends after {} bytes, inside its header", bytes.len())),
+    }
+}
+
+fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u8>>) -> Result<Vec<u8>, SceneError> {
+    let index = buffer.index();
+    let format = |reason: String| SceneError::Format { path: path.to_owned(), reason };
+    let bytes = match buffer.source() {
+        buffer::Source::Bin if index == 0 => {
+            blob.take().ok_or_else(|| format("buffer 0 has no uri, and the file no binary chunk".to_owned()))?
+        }
+        buffer::Source::Bin => return Err(format(format!("buffer {index} has no uri"))),
+        buffer::Source::Uri(uri) if uri.starts_with("data:") => {
+            let url = DataUrl::process(uri).map_err(|e| format(format!("buffer {index}: {e}")))?;
+            url.decode_to_vec().map_err(|e| format(format!("buffer {index}: its data: URI is not base64: {e}")))?.0
+        }
+        buffer::Source::Uri(uri) if uri.contains(':') => {
+            return Err(format(format!("buffer {index} is at `{uri}`; only relative files and data: URIs are read")));
+        }
+        buffer::Source::Uri(uri) => {
+            let relative = percent_decode_str(uri)
+                .decode_utf8()
+                .map_err(|e| format(format!("buffer {index}: its uri `{uri}` is not UTF-8: {e}")))?;
+            let file = path.parent().unwrap_or(Path::new("")).join(&*relative);
+            read_file(&file, buffer.length() as u64).map_err(|source| SceneError::Buffer {
+                path: path.to_owned(),
+                buffer: file,
+                source,
+            })?
+        }
+    };
+    if bytes.len() < buffer.length() {
+        let (needed, found) = (buffer.length(), bytes.len());
+        return Err(format(format!("truncated: buffer {index} should hold {needed} bytes, it holds {found}")));
+    }
+    Ok(bytes)
+}
+
+/// At most `limit` bytes of a regular file: a pipe or device might never end.
+fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let file = fs::File::open(path)?;
+    let metadata = file.metadata()?;
+    if !metadata.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
+    }
+    let mut bytes = Vec::new();
+    file.take(limit).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}

@@ -1,0 +1,140 @@
+//! Scenes from glTF files.
+//!
+//! A **surface** is one triangle primitive of one node of the default scene (else the first scene, else every root
+//! node). Its tissue is `extras.tissue` of its node, else of the nearest ancestor that has one, else the name of its
+//! material; its priority is `extras.priority` (a whole number) of its node, else of the nearest ancestor, else 0.
+//! Positions are in metres, as glTF says, and become mm of the scene frame. A surface should be closed; what is not
+//! as it should be, but can be used, is a [`Finding`]. Animations, skins and morph targets are not applied.
+//!
+//! Buffers lie in the `.glb`, in files beside a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
+//! (extensions) is refused by name.
+
+mod accessor;
+mod document;
+mod surface;
+mod walk;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::scene::SURFACES_MAX;
+use super::{Scene, SceneError, TissueTable};
+use crate::suggest::did_you_mean;
+
+/// Something in a file that was mended, left out or looks wrong.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// The surface.
+    pub surface: String,
+    /// What it is.
+    pub kind: FindingKind,
+}
+
+/// What an import noticed about a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FindingKind {
+    /// Triangles without area, dropped.
+    Degenerate {
+        /// How many.
+        triangles: usize,
+    },
+    /// A closed surface that faced inward, turned over.
+    InsideOut,
+    /// A surface with edges that only one triangle has, or that two triangles wind alike: nothing is reliably inside.
+    Open {
+        /// How many edges.
+        edges: usize,
+    },
+    /// Points or lines, left out.
+    NotTriangles,
+    /// Indices at the end of a list of triangles that make no whole triangle, dropped.
+    LeftOver {
+        /// How many.
+        indices: usize,
+    },
+    /// No triangle with an area: left out.
+    Empty,
+    /// The node has a skin, which is not applied.
+    Skin,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = &self.surface;
+        match self.kind {
+            FindingKind::Degenerate { triangles } => {
+                write!(f, "surface `{name}`: dropped {triangles} triangles without area")
+            }
+            FindingKind::InsideOut => write!(f, "surface `{name}` faced inward: turned over"),
+            FindingKind::Open { edges } => {
+                write!(f, "surface `{name}` is not closed or not wound consistently: {edges} unpaired edges")
+            }
+            FindingKind::NotTriangles => write!(f, "primitive `{name}` holds points or lines: left out"),
+            FindingKind::LeftOver { indices } => {
+                write!(f, "surface `{name}`: the last {indices} indices make no whole triangle: dropped")
+            }
+            FindingKind::Empty => write!(f, "surface `{name}` has no triangle with an area: left out"),
+            FindingKind::Skin => write!(f, "surface `{name}` has a skin, which is not applied"),
+        }
+    }
+}
+
+/// Reads the scene of the `.glb` or `.gltf` file at `path`, each [`Finding`] a warning in the log.
+///
+/// `background` is the index in `tissues` of the tissue outside of every surface.
+///
+/// # Errors
+/// A file that cannot be read or is not whole, valid glTF; a surface without a known tissue; bad extras; a vertex that
+/// is not finite or beyond ±1e5 mm; more than [`SURFACES_MAX`] surfaces; no triangle at all.
+pub fn load(path: &Path, tissues: &TissueTable, background: usize) -> Result<Scene, SceneError> {
+    let (scene, findings) = load_with_findings(path, tissues, background)?;
+    for finding in findings {
+        tracing::warn!(scene = %path.display(), "{finding}");
+    }
+    Ok(scene)
+}
+
+/// As [`load`], with what was noticed, in the file's order.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_findings(
+    path: &Path,
+    tissues: &TissueTable,
+    background: usize,
+) -> Result<(Scene, Vec<Finding>), SceneError> {
+    let file = document::File::read(path)?;
+    let mut findings = Vec::new();
+    let parts = walk::parts(&file, &mut findings)?;
+    if parts.len() > SURFACES_MAX {
+        return Err(SceneError::TooManySurfaces { path: path.to_owned(), count: parts.len() });
+    }
+    let tissue_of = parts.iter().map(|part| tissue_index(part, tissues, path)).collect::<Result<Vec<_>, _>>()?;
+    let meshes: Vec<_> = parts.par_iter().map(|part| surface::mesh(&file, part)).collect();
+    let mut surfaces = Vec::with_capacity(parts.len());
+    for ((part, tissue), result) in parts.iter().zip(tissue_of).zip(meshes) {
+        let (mesh, kinds) = result?;
+        findings.extend(kinds.into_iter().map(|kind| Finding { surface: part.name.clone(), kind }));
+        if !mesh.triangles.is_empty() {
+            surfaces.push(super::Surface { name: part.name.clone(), tissue, priority: part.priority, mesh });
+        }
+    }
+    if surfaces.is_empty() {
+        return Err(SceneError::Empty { path: path.to_owned() });
+    }
+    let mut scene = Scene { tissues: tissues.clone(), background, surfaces };
+    scene.sort_by_priority();
+    Ok((scene, findings))
+}
+
+fn tissue_index(part: &walk::Part<'_>, tissues: &TissueTable, path: &Path) -> Result<usize, SceneError> {
+    let (path, surface) = (PathBuf::from(path), part.name.clone());
+    let Some(name) = &part.tissue else { return Err(SceneError::NoTissue { path, surface }) };
+    tissues.index_of(name).ok_or_else(|| {
+        let suggestion = did_you_mean(name, tissues.names().iter().map(String::as_str));
+        SceneError::UnknownTissue { path, surface, tissue: name.clone(), suggestion }
+    })
+}

@@ -1,0 +1,132 @@
+//! What can be wrong with a station file.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::Accepts;
+use crate::anatomy::{SceneError, TissueError};
+use crate::pose::PoseError;
+use crate::render::SettingsError;
+use crate::transducer::ProbeError;
+
+/// Why a text is not a station. Keys are written with their table: `probe.depth_mm`.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum StationError {
+    /// The file could not be read.
+    #[error("cannot read the station file {path}: {source}")]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// An error and the file it is in.
+    #[error("station file {path}: {source}")]
+    InFile {
+        /// File.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: Box<StationError>,
+    },
+    /// Not TOML.
+    #[error("not valid TOML: {reason}")]
+    Syntax {
+        /// The parser's message with line and column.
+        reason: String,
+    },
+    /// A table that no station has.
+    #[error("unknown table `[{table}]`{suggestion}; tables are {known}")]
+    UnknownTable {
+        /// Table found.
+        table: String,
+        /// Nearest known table, ready to print, or empty.
+        suggestion: String,
+        /// All tables.
+        known: String,
+    },
+    /// A key that its table does not have.
+    #[error("unknown key `{key}` in `[{table}]`{suggestion}; its keys are {known}")]
+    UnknownKey {
+        /// Table.
+        table: String,
+        /// Key found.
+        key: String,
+        /// Nearest known key, ready to print, or empty.
+        suggestion: String,
+        /// All keys of the table.
+        known: String,
+    },
+    /// A value of another type.
+    #[error("`{key}` is {found}; it must be {accepts}")]
+    WrongType {
+        /// Key with its table.
+        key: String,
+        /// Value found, as TOML.
+        found: String,
+        /// What is right.
+        accepts: Accepts,
+    },
+    /// A number outside its range, or a word that is none of the choices.
+    #[error("`{key}` is {found}; it must be {accepts}{suggestion}")]
+    Range {
+        /// Key with its table.
+        key: String,
+        /// Value found, as TOML.
+        found: String,
+        /// What is right.
+        accepts: Accepts,
+        /// Nearest choice, ready to print, or empty.
+        suggestion: String,
+    },
+    /// A key that must be there.
+    #[error("`{key}` is missing: {needed}")]
+    Missing {
+        /// Key with its table.
+        key: String,
+        /// What it is needed for.
+        needed: String,
+    },
+    /// A key that means nothing beside another.
+    #[error("`{key}` does not apply: {reason}")]
+    NotApplicable {
+        /// Key with its table.
+        key: String,
+        /// Why, and what applies.
+        reason: String,
+    },
+    /// The background is no tissue.
+    #[error("`scene.background` names the unknown tissue `{tissue}`{suggestion}")]
+    UnknownTissue {
+        /// Name looked up.
+        tissue: String,
+        /// Nearest known name, ready to print, or empty.
+        suggestion: String,
+    },
+    /// A new tissue without all of its physical properties.
+    #[error("`[tissues.{tissue}]` is not a built-in tissue{suggestion}, so it must give {missing}, too")]
+    IncompleteTissue {
+        /// Tissue.
+        tissue: String,
+        /// Nearest built-in tissue, ready to print, or empty.
+        suggestion: String,
+        /// Keys not given.
+        missing: String,
+    },
+    /// A scene that cannot be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A tissue table that cannot be used.
+    #[error(transparent)]
+    Tissue(#[from] TissueError),
+    /// A probe that cannot be used.
+    #[error(transparent)]
+    Probe(#[from] ProbeError),
+    /// Settings that cannot be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// Not a pose.
+    #[error("[pose]: {0}")]
+    Pose(#[from] PoseError),
+}

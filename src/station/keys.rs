@@ -1,0 +1,158 @@
+//! Every key of a station file: the parser reads by this table and documentation is printed from it.
+
+use std::fmt;
+
+/// Values that a key takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Accepts {
+    /// A number.
+    Number {
+        /// Least.
+        min: f64,
+        /// Greatest.
+        max: f64,
+    },
+    /// A whole number.
+    Integer {
+        /// Least.
+        min: i64,
+        /// Greatest.
+        max: i64,
+    },
+    /// Numbers in brackets.
+    Numbers {
+        /// How many.
+        count: usize,
+        /// Greatest magnitude of each.
+        limit: f64,
+    },
+    /// One of some words.
+    OneOf(&'static [&'static str]),
+    /// Any text, with what it says.
+    Text(&'static str),
+    /// A table.
+    Table,
+}
+
+impl fmt::Display for Accepts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number { min, max } => write!(f, "a number in {min}..={max}"),
+            Self::Integer { min, max } => write!(f, "a whole number in {min}..={max}"),
+            Self::Numbers { count, limit } => write!(f, "[{count} numbers within ±{limit}]"),
+            Self::OneOf(words) => write!(f, "one of \"{}\"", words.join("\", \"")),
+            Self::Text(what) => write!(f, "{what} in quotes"),
+            Self::Table => write!(f, "a table"),
+        }
+    }
+}
+
+/// A key of a station file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeyDoc {
+    /// Its table; `tissues.NAME` for any tissue.
+    pub table: &'static str,
+    /// The key.
+    pub key: &'static str,
+    /// Unit, or empty.
+    pub unit: &'static str,
+    /// Default as TOML, or a word on what happens without it.
+    pub default: &'static str,
+    /// Values that it takes.
+    pub range: Accepts,
+    /// What it means.
+    pub meaning: &'static str,
+}
+
+/// Table of every tissue's keys.
+pub(super) const TISSUE: &str = "tissues.NAME";
+
+const fn number(min: f64, max: f64) -> Accepts {
+    Accepts::Number { min, max }
+}
+
+const fn integer(min: i64, max: i64) -> Accepts {
+    Accepts::Integer { min, max }
+}
+
+const fn doc(
+    table: &'static str,
+    key: &'static str,
+    unit: &'static str,
+    default: &'static str,
+    range: Accepts,
+    meaning: &'static str,
+) -> KeyDoc {
+    KeyDoc { table, key, unit, default, range, meaning }
+}
+
+/// Every key, table by table.
+#[rustfmt::skip]
+pub const KEYS: &[KeyDoc] = &[
+    doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
+    doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
+    doc("scene", "phantom_scale", "", "1.0", number(0.01, 4.0), "triangles of the phantom over those of the full one"),
+    doc("scene", "background", "", "\"gel\"", Accepts::Text("the name of a tissue"), "tissue outside of every surface"),
+
+    doc("probe", "kind", "", "\"convex\"", Accepts::OneOf(&["convex", "linear", "phased"]), "shape of the face"),
+    doc("probe", "radius_mm", "mm", "40.0", number(1.0, 1000.0), "radius of curvature of the face (convex)"),
+    doc("probe", "fov_deg", "degrees", "70.0", number(0.1, 180.0), "angle of the sector (convex, phased)"),
+    doc("probe", "width_mm", "mm", "40.0", number(0.1, 1000.0), "width of the face (linear)"),
+    doc("probe", "frequency_mhz", "MHz", "8.0", number(0.5, 40.0), "centre frequency"),
+    doc("probe", "fractional_bandwidth", "", "0.6", number(0.05, 1.5), "two-way -6 dB bandwidth over the centre frequency"),
+    doc("probe", "depth_mm", "mm", "150.0", number(1.0, 500.0), "image depth from the face, at 1540 m/s"),
+    doc("probe", "scanlines", "", "256", integer(1, 1024), "scanlines"),
+    doc("probe", "samples", "", "3072", integer(1, 8192), "complex baseband samples a scanline"),
+    doc("probe", "focus_mm", "mm", "70.0", number(1.0, 1000.0), "depth of the transmit focus"),
+    doc("probe", "aperture_mm", "mm", "20.0", number(0.5, 200.0), "widest active aperture"),
+    doc("probe", "elevational_height_mm", "mm", "12.0", number(0.5, 100.0), "height of the elevational lens"),
+    doc("probe", "elevational_focus_mm", "mm", "70.0", number(1.0, 1000.0), "focal depth of the elevational lens"),
+
+    doc("image", "width", "pixels", "1386", integer(16, 4096), "image width"),
+    doc("image", "height", "pixels", "1000", integer(16, 4096), "image height"),
+    doc("image", "dynamic_range_db", "dB", "60.0", number(1.0, 200.0), "levels from black to white"),
+    doc("image", "gain_db", "dB", "0.0", number(-200.0, 200.0), "level added everywhere; at 0 an unattenuated perfect reflector is white"),
+    doc("image", "tgc_db_per_cm", "dB/cm", "8.0", number(0.0, 100.0), "time-gain compensation a cm of depth"),
+
+    doc("quality", "rays", "", "1", integer(1, 256), "rays per scanline and layer"),
+    doc("quality", "layers", "", "1", integer(1, 33), "elevational layers"),
+    doc("quality", "seed", "", "0", integer(0, 4_294_967_295), "seed of every random choice"),
+
+    doc("pose", "position_mm", "mm", "[0.0, 0.0, 0.0]", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of the probe's face in the scene [x, y, z]"),
+    doc("pose", "quaternion", "", "[1.0, 0.0, 0.0, 0.0]", Accepts::Numbers { count: 4, limit: 2.0 }, "unit quaternion [qw, qx, qy, qz] that turns probe axes into scene axes"),
+
+    doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
+    doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),
+    doc(TISSUE, "attenuation_db_cm_mhz", "dB/cm", "built-in, else required", number(0.0, 100.0), "attenuation at 1 MHz, one way"),
+    doc(TISSUE, "attenuation_exponent", "", "built-in, else required", number(0.0, 3.0), "power of the frequency in the attenuation"),
+    doc(TISSUE, "scatterer_density", "", "built-in, else 0.0", number(0.0, 1.0), "part of the lattice's cells with a scatterer"),
+    doc(TISSUE, "scatterer_mean", "", "built-in, else 0.0", number(-10.0, 10.0), "mean amplitude of a scatterer, relative to a perfect reflector"),
+    doc(TISSUE, "scatterer_deviation", "", "built-in, else 0.0", number(0.0, 10.0), "standard deviation of a scatterer's amplitude"),
+    doc(TISSUE, "roughness", "", "built-in, else 0.0", number(0.0, 2.0), "RMS slope of its surfaces' microfacets; 0 is a mirror"),
+    doc(TISSUE, "thickness_mm", "mm", "built-in, else 0.0", number(0.0, 10.0), "thickness of the transition at its surfaces"),
+];
+
+/// The documented keys of a table; of any `tissues.…` those of a tissue.
+pub(super) fn of_table(table: &str) -> impl Iterator<Item = &'static KeyDoc> {
+    let table = if table.starts_with("tissues.") { TISSUE } else { table };
+    KEYS.iter().filter(move |doc| doc.table == table)
+}
+
+/// Writes every key as commented TOML-like text, for `--help` and documentation.
+///
+/// # Errors
+/// Those of `out`.
+pub fn print_keys(out: &mut dyn fmt::Write) -> fmt::Result {
+    let mut table = "";
+    for doc in KEYS {
+        if doc.table != table {
+            let gap = if table.is_empty() { "" } else { "\n" };
+            writeln!(out, "{gap}[{}]", doc.table)?;
+            table = doc.table;
+        }
+        let unit = if doc.unit.is_empty() { String::new() } else { format!(", {}", doc.unit) };
+        writeln!(out, "  {:<22} {}{unit}", doc.key, doc.meaning)?;
+        writeln!(out, "  {:<22} {}; default: {}", "", doc.range, doc.default)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,91 @@
+//! Station files: a strict TOML file becomes a validated [`Station`].
+//!
+//! Only `[scene]` is required; everything else defaults to the paper's parameters. [`KEYS`] lists every key with its
+//! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
+//! the probe's kind is an error that names the key and what would be right.
+
+mod error;
+mod keys;
+mod parse;
+
+use std::path::{Path, PathBuf};
+
+use crate::anatomy::{Scene, TissueTable, import};
+use crate::pose::Pose;
+use crate::render::RenderSettings;
+use crate::transducer::Probe;
+
+pub use error::StationError;
+pub use keys::{Accepts, KEYS, KeyDoc, print_keys};
+
+/// Where a station's surfaces come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SceneSource {
+    /// A `.glb` or `.gltf` file.
+    File(PathBuf),
+    /// The generated obstetric phantom.
+    ObstetricPhantom {
+        /// Its number of triangles over that of the full phantom.
+        scale: f64,
+    },
+}
+
+/// A station: what is scanned, by which probe, into which image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Station {
+    /// Where the surfaces come from.
+    pub scene: SceneSource,
+    /// Tissue outside of every surface; a name in `tissues`.
+    pub background: String,
+    /// The probe.
+    pub probe: Probe,
+    /// Image and quality.
+    pub settings: RenderSettings,
+    /// The built-in tissues with the station's own and its changes.
+    pub tissues: TissueTable,
+    /// Pose used when none is given.
+    pub default_pose: Option<Pose>,
+    /// The station file; the directory that paths are relative to where the station was parsed from a text.
+    pub path: PathBuf,
+}
+
+impl Station {
+    /// Reads the station file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or as [`Station::parse`]; each names the file.
+    pub fn load(path: &Path) -> Result<Self, StationError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| StationError::Io { path: path.to_owned(), source })?;
+        let dir = path.parent().unwrap_or(Path::new(""));
+        let station = Self::parse(&text, dir)
+            .map_err(|source| StationError::InFile { path: path.to_owned(), source: Box::new(source) })?;
+        Ok(Self { path: path.to_owned(), ..station })
+    }
+
+    /// A station from the text of a station file whose relative paths start at `dir`. The scene's file is not opened.
+    ///
+    /// # Errors
+    /// Text that is not TOML; an unknown, missing, misplaced or wrongly typed key; a value outside its range; an unknown
+    /// background tissue.
+    pub fn parse(text: &str, dir: &Path) -> Result<Self, StationError> {
+        parse::station(text, dir)
+    }
+
+    /// The scene's file where it has one: none for a generated phantom.
+    pub fn scene_file(&self) -> Option<&Path> {
+        match &self.scene {
+            SceneSource::File(path) => Some(path),
+            SceneSource::ObstetricPhantom { .. } => None,
+        }
+    }
+
+    /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
+    ///
+    /// # Errors
+    /// As [`import::load`]; a background that `tissues` does not hold.
+    pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
+        let background = parse::tissue_index(&self.tissues, &self.background)?;
+        Ok(import::load(path, &self.tissues, background)?)
+    }
+}

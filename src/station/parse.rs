@@ -1,0 +1,293 @@
+//! From a text to a [`Station`].
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use super::keys::{Accepts, KeyDoc, of_table};
+use super::{SceneSource, Station, StationError};
+use crate::anatomy::{Tissue, TissueTable};
+use crate::pose::Pose;
+use crate::render::{ImageSettings, Quality, RenderSettings};
+use crate::suggest::did_you_mean;
+use crate::transducer::{Probe, ProbeKind};
+
+/// Physical properties, without defaults.
+const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mhz", "attenuation_exponent"];
+
+pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
+    let mut root: Table =
+        text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
+    let tables = ["scene", "probe", "image", "quality", "pose", "tissues"];
+    if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
+        let suggestion = did_you_mean(table, tables);
+        return Err(StationError::UnknownTable { table: table.clone(), suggestion, known: tables.join(", ") });
+    }
+    let tissues = tissues(take(&mut root, "tissues")?)?;
+    let scene_values = section(&mut root, "scene")?;
+    let scene = scene(&scene_values, dir)?;
+    let background = scene_values.text("background").unwrap_or("gel").to_owned();
+    tissue_index(&tissues, &background)?;
+    let probe = probe(&section(&mut root, "probe")?)?;
+    let settings = settings(&section(&mut root, "image")?, &section(&mut root, "quality")?)?;
+    let default_pose = pose(&mut root)?;
+    Ok(Station { scene, background, probe, settings, tissues, default_pose, path: dir.to_owned() })
+}
+
+/// Index of the background tissue `name`.
+pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, StationError> {
+    tissues.index_of(name).ok_or_else(|| {
+        let suggestion = did_you_mean(name, tissues.names().iter().map(String::as_str));
+        StationError::UnknownTissue { tissue: name.to_owned(), suggestion }
+    })
+}
+
+/// The checked values of one table.
+struct Values {
+    table: String,
+    values: Table,
+}
+
+impl Values {
+    /// Checks each key of `values` by its documentation.
+    fn check(table: &str, values: Table) -> Result<Self, StationError> {
+        for (key, value) in &values {
+            let Some(doc) = of_table(table).find(|doc| doc.key == key) else {
+                return Err(StationError::UnknownKey {
+                    table: table.to_owned(),
+                    key: key.clone(),
+                    suggestion: did_you_mean(key, of_table(table).map(|doc| doc.key)),
+                    known: of_table(table).map(|doc| doc.key).collect::<Vec<_>>().join(", "),
+                });
+            };
+            check_value(table, doc, value)?;
+        }
+        Ok(Self { table: table.to_owned(), values })
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.values.contains_key(key)
+    }
+
+    fn text(&self, key: &str) -> Option<&str> {
+        self.values.get(key)?.as_str()
+    }
+
+    fn number(&self, key: &str) -> Option<f64> {
+        number(self.values.get(key)?)
+    }
+
+    /// A whole number; checking saw to it that it is in its range, which u32 holds.
+    fn integer(&self, key: &str) -> Option<u32> {
+        u32::try_from(self.values.get(key)?.as_integer()?).ok()
+    }
+
+    fn numbers<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
+        let numbers: Vec<f64> = self.values.get(key)?.as_array()?.iter().filter_map(number).collect();
+        numbers.try_into().ok()
+    }
+
+    /// Overwrites `target` where the key is given.
+    fn set(&self, key: &str, target: &mut f64) {
+        *target = self.number(key).unwrap_or(*target);
+    }
+
+    fn set_integer(&self, key: &str, target: &mut u32) {
+        *target = self.integer(key).unwrap_or(*target);
+    }
+
+    /// An error for the first of `keys` that is given.
+    fn refuse(&self, keys: &[&str], reason: &str) -> Result<(), StationError> {
+        match keys.iter().find(|key| self.has(key)) {
+            Some(key) => {
+                Err(StationError::NotApplicable { key: format!("{}.{key}", self.table), reason: reason.to_owned() })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Takes a table out of the file; an absent one is None.
+fn take(root: &mut Table, name: &str) -> Result<Option<Table>, StationError> {
+    match root.remove(name) {
+        None => Ok(None),
+        Some(Value::Table(table)) => Ok(Some(table)),
+        Some(other) => Err(wrong_type(name.to_owned(), &other, Accepts::Table)),
+    }
+}
+
+/// The checked values of a table; an absent one is empty.
+fn section(root: &mut Table, name: &str) -> Result<Values, StationError> {
+    Values::check(name, take(root, name)?.unwrap_or_default())
+}
+
+fn number(value: &Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
+}
+
+fn wrong_type(key: String, found: &Value, accepts: Accepts) -> StationError {
+    StationError::WrongType { key, found: shown(found), accepts }
+}
+
+/// A value as TOML, tables and long texts by their type.
+fn shown(value: &Value) -> String {
+    let text = value.to_string();
+    if value.is_table() || text.chars().count() > 60 { format!("a {}", value.type_str()) } else { text }
+}
+
+fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationError> {
+    let key = || format!("{table}.{}", doc.key);
+    let wrong = || wrong_type(key(), value, doc.range);
+    let mut suggestion = String::new();
+    let accepted = match doc.range {
+        // Written so that NaN is refused.
+        Accepts::Number { min, max } => (min..=max).contains(&number(value).ok_or_else(wrong)?),
+        Accepts::Integer { min, max } => (min..=max).contains(&value.as_integer().ok_or_else(wrong)?),
+        Accepts::Numbers { count, limit } => {
+            let array = value.as_array().ok_or_else(wrong)?;
+            let numbers = array.iter().map(number).collect::<Option<Vec<_>>>().ok_or_else(wrong)?;
+            numbers.len() == count && numbers.iter().all(|n| n.abs() <= limit)
+        }
+        Accepts::OneOf(words) => {
+            let word = value.as_str().ok_or_else(wrong)?;
+            suggestion = did_you_mean(word, words.iter().copied());
+            words.contains(&word)
+        }
+        Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
+        Accepts::Table => value.is_table(),
+    };
+    if accepted {
+        return Ok(());
+    }
+    Err(StationError::Range { key: key(), found: shown(value), accepts: doc.range, suggestion })
+}
+
+fn scene(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
+    match (values.text("path"), values.text("phantom")) {
+        (Some(_), Some(_)) => Err(StationError::NotApplicable {
+            key: "scene.phantom".to_owned(),
+            reason: "`scene.path` is given, too; give one of the two".to_owned(),
+        }),
+        (Some(path), None) => {
+            values.refuse(&["phantom_scale"], "it scales a generated phantom; `scene.path` names a file")?;
+            Ok(SceneSource::File(dir.join(path)))
+        }
+        (None, Some(_)) => Ok(SceneSource::ObstetricPhantom { scale: values.number("phantom_scale").unwrap_or(1.0) }),
+        (None, None) => Err(StationError::Missing {
+            key: "scene.path".to_owned(),
+            needed: "give a glTF file, or `phantom = \"obstetric\"` in `[scene]`".to_owned(),
+        }),
+    }
+}
+
+fn probe(values: &Values) -> Result<Probe, StationError> {
+    let [mut radius_mm, mut fov_deg, mut width_mm] = [40.0, 70.0, 40.0];
+    values.set("radius_mm", &mut radius_mm);
+    values.set("fov_deg", &mut fov_deg);
+    values.set("width_mm", &mut width_mm);
+    let kind = match values.text("kind") {
+        Some("linear") => {
+            values.refuse(&["radius_mm", "fov_deg"], "a linear probe has `width_mm`")?;
+            ProbeKind::Linear { width_mm }
+        }
+        Some("phased") => {
+            values.refuse(&["radius_mm", "width_mm"], "a phased probe has `fov_deg`")?;
+            ProbeKind::Phased { fov_deg }
+        }
+        _ => {
+            values.refuse(&["width_mm"], "a convex probe has `radius_mm` and `fov_deg`")?;
+            ProbeKind::Convex { radius_mm, fov_deg }
+        }
+    };
+    let mut probe = Probe { kind, ..Probe::default() };
+    values.set("frequency_mhz", &mut probe.frequency_mhz);
+    values.set("fractional_bandwidth", &mut probe.fractional_bandwidth);
+    values.set("depth_mm", &mut probe.depth_mm);
+    values.set_integer("scanlines", &mut probe.scanlines);
+    values.set_integer("samples", &mut probe.samples);
+    values.set("focus_mm", &mut probe.focus_mm);
+    values.set("aperture_mm", &mut probe.aperture_mm);
+    values.set("elevational_height_mm", &mut probe.elevational_height_mm);
+    values.set("elevational_focus_mm", &mut probe.elevational_focus_mm);
+    probe.validate()?;
+    Ok(probe)
+}
+
+fn settings(image_values: &Values, quality_values: &Values) -> Result<RenderSettings, StationError> {
+    let mut image = ImageSettings::default();
+    image_values.set_integer("width", &mut image.width);
+    image_values.set_integer("height", &mut image.height);
+    image_values.set("dynamic_range_db", &mut image.dynamic_range_db);
+    image_values.set("gain_db", &mut image.gain_db);
+    image_values.set("tgc_db_per_cm", &mut image.tgc_db_per_cm);
+    let mut quality = Quality::default();
+    quality_values.set_integer("rays", &mut quality.rays);
+    quality_values.set_integer("layers", &mut quality.layers);
+    quality_values.set_integer("seed", &mut quality.seed);
+    let settings = RenderSettings { image, quality, ..RenderSettings::default() };
+    settings.validate()?;
+    Ok(settings)
+}
+
+fn pose(root: &mut Table) -> Result<Option<Pose>, StationError> {
+    if !root.contains_key("pose") {
+        return Ok(None);
+    }
+    let values = section(root, "pose")?;
+    let [x, y, z] = values.numbers("position_mm").unwrap_or_default();
+    let [qw, qx, qy, qz] = values.numbers("quaternion").unwrap_or([1.0, 0.0, 0.0, 0.0]);
+    Ok(Some(Pose::from_components([x, y, z, qw, qx, qy, qz])?))
+}
+
+/// The built-in tissues, changed and added to by the station's.
+fn tissues(tables: Option<Table>) -> Result<TissueTable, StationError> {
+    let builtin = TissueTable::builtin()?;
+    let Some(tables) = tables else { return Ok(builtin) };
+    let names = builtin.names().iter().cloned();
+    let mut all: BTreeMap<String, Tissue> = names.zip(builtin.tissues().iter().cloned()).collect();
+    for (name, value) in tables {
+        let table = format!("tissues.{name}");
+        let Value::Table(values) = value else { return Err(wrong_type(table, &value, Accepts::Table)) };
+        let values = Values::check(&table, values)?;
+        let tissue = match all.remove(&name) {
+            Some(tissue) => tissue,
+            None => new_tissue(&name, &values, &builtin)?,
+        };
+        all.insert(name, change(tissue, &values));
+    }
+    Ok(TissueTable::new(all)?)
+}
+
+/// A tissue that is not built in: without its physical properties it is more likely a misspelt name.
+fn new_tissue(name: &str, values: &Values, builtin: &TissueTable) -> Result<Tissue, StationError> {
+    let missing: Vec<_> = PHYSICAL.into_iter().filter(|key| !values.has(key)).collect();
+    if missing.is_empty() {
+        return Ok(Tissue {
+            speed_m_s: 0.0,
+            density_kg_m3: 0.0,
+            attenuation_db_cm_mhz: 0.0,
+            attenuation_exponent: 0.0,
+            scatterer_density: 0.0,
+            scatterer_mean: 0.0,
+            scatterer_deviation: 0.0,
+            roughness: 0.0,
+            thickness_mm: 0.0,
+        });
+    }
+    let suggestion = did_you_mean(name, builtin.names().iter().map(String::as_str));
+    Err(StationError::IncompleteTissue { tissue: name.to_owned(), suggestion, missing: missing.join(", ") })
+}
+
+fn change(mut tissue: Tissue, values: &Values) -> Tissue {
+    values.set("speed_m_s", &mut tissue.speed_m_s);
+    values.set("density_kg_m3", &mut tissue.density_kg_m3);
+    values.set("attenuation_db_cm_mhz", &mut tissue.attenuation_db_cm_mhz);
+    values.set("attenuation_exponent", &mut tissue.attenuation_exponent);
+    values.set("scatterer_density", &mut tissue.scatterer_density);
+    values.set("scatterer_mean", &mut tissue.scatterer_mean);
+    values.set("scatterer_deviation", &mut tissue.scatterer_deviation);
+    values.set("roughness", &mut tissue.roughness);
+    values.set("thickness_mm", &mut tissue.thickness_mm);
+    tissue
+}

@@ -1,0 +1,342 @@
+//! Reads recordings, whole or not.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use mcap::records::{self, Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{MAGIC, McapError};
+
+use super::{EVENT_TOPIC, Entry, Event, FORMAT_VERSION, Protocol, RAW_TOPIC, RecordingError, RecordingInfo};
+
+/// Longest accepted MCAP record, bytes: more is a damaged length.
+const RECORD_LIMIT: usize = 64 << 20;
+
+/// Opcode and length before each MCAP record, bytes.
+const RECORD_HEAD: u64 = 9;
+
+/// Most damaged places that are described; all are counted.
+const DESCRIBED: usize = 4;
+
+/// What could not be read of a recording.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Damage {
+    /// Why reading stopped before the end, with the byte offset; None for a file with its end.
+    pub truncated: Option<String>,
+    /// Chunks and messages left out since they are damaged.
+    pub damaged: u64,
+    /// The first few of those, each with its byte offset.
+    pub damaged_first: Vec<String>,
+}
+
+/// Reads the messages of one recording in their order, a chunk at a time.
+///
+/// What is whole in a truncated or damaged file is used; [`damage`](Self::damage) says what was not. Messages of
+/// other channels are passed over.
+pub struct RecordingReader<R> {
+    info: RecordingInfo,
+    file: McapFile<R>,
+}
+
+/// A file on its way to messages.
+struct McapFile<R> {
+    source: Counting<R>,
+    records: LinearReader,
+    path: PathBuf,
+    /// Byte offset of the next record.
+    offset: u64,
+    ended: bool,
+    data_ended: bool,
+    topics: HashMap<u16, Topic>,
+    info: Option<RecordingInfo>,
+    entries: VecDeque<Entry>,
+    damage: Damage,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Topic {
+    Raw,
+    Event,
+}
+
+impl RecordingReader<BufReader<File>> {
+    /// Opens the recording at `path`.
+    ///
+    /// # Errors
+    /// As [`from_source`](Self::from_source), and a file that cannot be read.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        match File::open(path) {
+            Ok(file) => Self::from_source(BufReader::new(file), path),
+            Err(source) => Err(RecordingError::Read { path: path.to_owned(), source }),
+        }
+    }
+}
+
+impl<R: Read> RecordingReader<R> {
+    /// Reads a recording from `source`; errors call it `path`.
+    ///
+    /// # Errors
+    /// It cannot be read, isn't MCAP, is compressed, or has no channel of tracker bytes whose metadata is understood.
+    pub fn from_source(source: R, path: &Path) -> Result<Self, RecordingError> {
+        let mut file = McapFile::new(source, path);
+        while file.info.is_none() && !file.ended {
+            file.step()?;
+        }
+        match file.info.clone() {
+            Some(info) => Ok(Self { info, file }),
+            None => {
+                let first = file.damage.truncated.or_else(|| file.damage.damaged_first.pop());
+                let reason = first.unwrap_or_else(|| format!("it has no channel {RAW_TOPIC}"));
+                Err(RecordingError::NoTracker { path: file.path, reason })
+            }
+        }
+    }
+
+    /// What the recording says about itself.
+    pub fn info(&self) -> &RecordingInfo {
+        &self.info
+    }
+
+    /// What could not be read so far.
+    pub fn damage(&self) -> &Damage {
+        &self.file.damage
+    }
+
+    /// The next message; None at the end of what can be read.
+    ///
+    /// # Errors
+    /// The file cannot be read, or has compressed chunks.
+    pub fn next_entry(&mut self) -> Result<Option<Entry>, RecordingError> {
+        while self.file.entries.is_empty() && !self.file.ended {
+            self.file.step()?;
+        }
+        Ok(self.file.entries.pop_front())
+    }
+}
+
+impl<R: Read> McapFile<R> {
+    fn new(source: R, path: &Path) -> Self {
+        let options = LinearReaderOptions::default().with_emit_chunks(true).with_record_length_limit(RECORD_LIMIT);
+        Self {
+            source: Counting { inner: source, count: 0 },
+            records: LinearReader::new_with_options(options),
+            path: path.to_owned(),
+            offset: MAGIC.len() as u64,
+            ended: false,
+            data_ended: false,
+            topics: HashMap::new(),
+            info: None,
+            entries: VecDeque::new(),
+            damage: Damage::default(),
+        }
+    }
+
+    /// Reads one record of the file.
+    fn step(&mut self) -> Result<(), RecordingError> {
+        match next_record(&mut self.records, &mut self.source) {
+            Ok(Some((opcode, data))) => {
+                let offset = self.offset;
+                self.offset += RECORD_HEAD + data.len() as u64;
+                self.record(offset, opcode, &data)
+            }
+            Ok(None) => {
+                self.ended = true;
+                Ok(())
+            }
+            Err(McapError::Io(source)) => Err(RecordingError::Read { path: self.path.clone(), source }),
+            Err(error) => {
+                self.ended = true;
+                self.cut(&error)
+            }
+        }
+    }
+
+    fn cut(&mut self, error: &McapError) -> Result<(), RecordingError> {
+        let (offset, end) = (self.offset, self.source.count);
+        if end < offset || (offset == MAGIC.len() as u64 && matches!(error, McapError::BadMagic)) {
+            return Err(RecordingError::NotMcap { path: self.path.clone() });
+        }
+        let what = match error {
+            McapError::UnexpectedEof if end == offset => format!("it ends at byte {end}, between two records"),
+            McapError::UnexpectedEof => {
+                format!("it ends at byte {end}, within the record that starts at byte {offset}")
+            }
+            other => format!("it is damaged at byte {offset}: {other}"),
+        };
+        let left = if self.data_ended { "; every message lies before that" } else { "" };
+        self.damage.truncated = Some(format!("{what}{left}"));
+        Ok(())
+    }
+
+    fn record(&mut self, offset: u64, opcode: u8, data: &[u8]) -> Result<(), RecordingError> {
+        match opcode {
+            op::CHUNK => match chunk(data) {
+                Ok(records) => {
+                    for (opcode, data) in records {
+                        self.inner_record(offset, opcode, &data)?;
+                    }
+                }
+                Err(ChunkError::Compressed(compression)) => {
+                    return Err(RecordingError::Compressed { path: self.path.clone(), compression });
+                }
+                Err(ChunkError::Damaged(reason)) => self.damaged(format!("the chunk at byte {offset}: {reason}")),
+            },
+            op::DATA_END => self.data_ended = true,
+            // Behind the data, channels are only repeated.
+            _ if !self.data_ended => self.inner_record(offset, opcode, data)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// A record that may stand in a chunk or by itself.
+    fn inner_record(&mut self, offset: u64, opcode: u8, data: &[u8]) -> Result<(), RecordingError> {
+        if opcode != op::CHANNEL && opcode != op::MESSAGE {
+            return Ok(());
+        }
+        match mcap::parse_record(opcode, data) {
+            Ok(Record::Channel(channel)) => return self.channel(channel),
+            Ok(Record::Message { header, data }) => self.message(offset, header, &data),
+            Ok(_) => {}
+            Err(error) => self.damaged(format!("the record at byte {offset}: {error}")),
+        }
+        Ok(())
+    }
+
+    fn channel(&mut self, channel: records::Channel) -> Result<(), RecordingError> {
+        if channel.topic == RAW_TOPIC {
+            // One stream has one decoder: the first channel of raw bytes counts, others are passed over.
+            if self.info.is_none() {
+                self.info = Some(parse_info(&self.path, &channel.metadata)?);
+                self.topics.insert(channel.id, Topic::Raw);
+            }
+        } else if channel.topic == EVENT_TOPIC {
+            self.topics.insert(channel.id, Topic::Event);
+        }
+        Ok(())
+    }
+
+    fn message(&mut self, offset: u64, header: records::MessageHeader, data: &[u8]) {
+        #[derive(serde::Deserialize)]
+        struct Json {
+            name: String,
+        }
+        let host_time_ns = header.log_time;
+        match self.topics.get(&header.channel_id) {
+            Some(Topic::Raw) => self.entries.push_back(Entry::Raw { host_time_ns, bytes: data.to_vec() }),
+            Some(Topic::Event) => match serde_json::from_slice::<Json>(data) {
+                Ok(Json { name }) => self.entries.push_back(Entry::Event(Event { host_time_ns, name })),
+                Err(error) => self.damaged(format!("an event in the record at byte {offset}: {error}")),
+            },
+            None => {}
+        }
+    }
+
+    fn damaged(&mut self, what: String) {
+        self.damage.damaged += 1;
+        if self.damage.damaged_first.len() < DESCRIBED {
+            self.damage.damaged_first.push(what);
+        }
+    }
+}
+
+/// Counts the bytes that come from a source.
+struct Counting<R> {
+    inner: R,
+    count: u64,
+}
+
+impl<R: Read> Read for Counting<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(buffer)?;
+        self.count += read as u64;
+        Ok(read)
+    }
+}
+
+/// Opcode and content of the next record.
+fn next_record(reader: &mut LinearReader, source: &mut impl Read) -> Result<Option<(u8, Vec<u8>)>, McapError> {
+    loop {
+        match reader.next_event() {
+            None => return Ok(None),
+            Some(Err(error)) => return Err(error),
+            Some(Ok(LinearReadEvent::Record { data, opcode })) => return Ok(Some((opcode, data.to_vec()))),
+            Some(Ok(LinearReadEvent::ReadRequest(need))) => {
+                let slot = reader.insert(need);
+                let read = loop {
+                    match source.read(slot) {
+                        Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                        other => break other?,
+                    }
+                };
+                reader.notify_read(read);
+            }
+        }
+    }
+}
+
+enum ChunkError {
+    Compressed(String),
+    Damaged(String),
+}
+
+/// Opcode and content of every record of a chunk whose checksum is right.
+fn chunk(data: &[u8]) -> Result<Vec<(u8, Vec<u8>)>, ChunkError> {
+    let damaged = |error: McapError| ChunkError::Damaged(error.to_string());
+    let header = match mcap::parse_record(op::CHUNK, data).map_err(damaged)? {
+        Record::Chunk { header, data: records } => {
+            if !header.compression.is_empty() {
+                return Err(ChunkError::Compressed(header.compression));
+            }
+            if header.uncompressed_size != header.compressed_size || records.len() as u64 != header.compressed_size {
+                return Err(ChunkError::Damaged("its sizes contradict each other".to_owned()));
+            }
+            header
+        }
+        _ => return Err(ChunkError::Damaged("it is no chunk".to_owned())),
+    };
+    // Header: three u64, u32, string, u64; the sizes were checked, so nothing may follow the records.
+    let header_length = 40 + header.compression.len() as u64;
+    if header_length + header.compressed_size != data.len() as u64 {
+        return Err(ChunkError::Damaged("bytes follow its records".to_owned()));
+    }
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(data.len());
+    let mut reader = LinearReader::new_with_options(options);
+    let head = [&[op::CHUNK][..], &(data.len() as u64).to_le_bytes()].concat();
+    let mut source = head.chain(data);
+    let mut records = Vec::new();
+    while let Some(record) = next_record(&mut reader, &mut source).map_err(damaged)? {
+        records.push(record);
+    }
+    Ok(records)
+}
+
+fn parse_info(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingInfo, RecordingError> {
+    let text = |key: &str| metadata.get(key).map(String::as_str);
+    let wrong = |key: &'static str, expected: &str| RecordingError::Metadata {
+        path: path.to_owned(),
+        key,
+        found: text(key).map_or_else(|| "missing".to_owned(), |value| format!("`{}`", value.escape_debug())),
+        expected: expected.to_owned(),
+    };
+    let version: Option<u32> = text("format_version").and_then(|v| v.parse().ok());
+    if !version.is_some_and(|v| (1..=FORMAT_VERSION).contains(&v)) {
+        return Err(wrong("format_version", &format!("in 1..={FORMAT_VERSION}")));
+    }
+    let protocol = text("protocol").ok_or_else(|| wrong("protocol", "the name of a tracker protocol"))?;
+    let protocol: Protocol =
+        protocol.parse().map_err(|source| RecordingError::Protocol { path: path.to_owned(), source })?;
+    let start_time_ns = text("start_time_ns").and_then(|v| v.parse().ok());
+    Ok(RecordingInfo {
+        protocol,
+        device: text("device").unwrap_or_default().to_owned(),
+        scene: text("scene").unwrap_or_default().to_owned(),
+        start_time_ns: start_time_ns.ok_or_else(|| wrong("start_time_ns", "ns since 1970 (UTC)"))?,
+    })
+}

@@ -1,0 +1,122 @@
+//! Writes recordings.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+
+use super::{EVENT_TOPIC, Event, FORMAT_VERSION, RAW_TOPIC, RecordingError, RecordingInfo};
+
+/// A chunk is closed after this time, ns: what a killed recording loses at most.
+const CHUNK_NS: u64 = 1_000_000_000;
+
+/// A chunk is closed at this size, bytes.
+const CHUNK_BYTES: u64 = 64 * 1024;
+
+/// Writes one recording.
+///
+/// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` in one step. A recording that
+/// was not finished can be read from its `.part`: all of it but the last second.
+pub struct RecordingWriter {
+    mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
+    path: PathBuf,
+    part: PathBuf,
+    raw_channel: u16,
+    event_channel: u16,
+    raw_count: u32,
+    event_count: u32,
+    chunk_start_ns: u64,
+}
+
+impl RecordingWriter {
+    /// Starts a recording at `path`.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn create(path: &Path, info: &RecordingInfo) -> Result<Self, RecordingError> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        let file = File::create(&part).map_err(|error| fail(&part, error))?;
+        // Without seeking a chunk is one write: a kill leaves whole chunks.
+        let options = mcap::WriteOptions::new()
+            .compression(None)
+            .chunk_size(Some(CHUNK_BYTES))
+            .disable_seeking(true)
+            .library(concat!("insonify/", env!("CARGO_PKG_VERSION")))
+            .profile("insonify");
+        let mut mcap = options.create(NoSeek::new(BufWriter::new(file))).map_err(|error| fail(&part, error))?;
+        let metadata = BTreeMap::from([
+            ("protocol".to_owned(), info.protocol.name().to_owned()),
+            ("device".to_owned(), info.device.clone()),
+            ("scene".to_owned(), info.scene.clone()),
+            ("start_time_ns".to_owned(), info.start_time_ns.to_string()),
+            ("format_version".to_owned(), FORMAT_VERSION.to_string()),
+        ]);
+        let mut channel = |topic, encoding, metadata: &BTreeMap<_, _>| {
+            mcap.add_channel(0, topic, encoding, metadata).map_err(|error| fail(&part, error))
+        };
+        let raw_channel = channel(RAW_TOPIC, "application/octet-stream", &metadata)?;
+        let event_channel = channel(EVENT_TOPIC, "json", &BTreeMap::new())?;
+        // A chunk of their own, so that the channels are on the disk at once.
+        mcap.flush().map_err(|error| fail(&part, error))?;
+        Ok(Self {
+            mcap,
+            path: path.to_owned(),
+            part,
+            raw_channel,
+            event_channel,
+            raw_count: 0,
+            event_count: 0,
+            chunk_start_ns: info.start_time_ns,
+        })
+    }
+
+    /// Appends bytes of the tracker, the first of which came at `host_time_ns`.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+        let (channel_id, sequence) = (self.raw_channel, self.raw_count);
+        self.raw_count = self.raw_count.wrapping_add(1);
+        self.message(channel_id, sequence, host_time_ns, bytes)
+    }
+
+    /// Appends an event.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
+        let (channel_id, sequence) = (self.event_channel, self.event_count);
+        self.event_count = self.event_count.wrapping_add(1);
+        let json = serde_json::json!({ "name": event.name }).to_string();
+        self.message(channel_id, sequence, event.host_time_ns, json.as_bytes())
+    }
+
+    fn message(&mut self, channel_id: u16, sequence: u32, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+        if time_ns.saturating_sub(self.chunk_start_ns) >= CHUNK_NS {
+            self.mcap.flush().map_err(|error| fail(&self.part, error))?;
+            self.chunk_start_ns = time_ns;
+        }
+        let header = MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns };
+        self.mcap.write_to_known_channel(&header, bytes).map_err(|error| fail(&self.part, error))
+    }
+
+    /// Writes the index, brings the file to the disk and gives it its name.
+    ///
+    /// # Errors
+    /// The file cannot be written, or not be renamed; the `.part` is left.
+    pub fn finish(mut self) -> Result<(), RecordingError> {
+        self.mcap.finish().map_err(|error| fail(&self.part, error))?;
+        let file = self.mcap.into_inner().into_inner().into_inner().map_err(io::Error::from);
+        file.and_then(|file| file.sync_all()).map_err(|error| fail(&self.part, error))?;
+        fs::rename(&self.part, &self.path).map_err(|error| fail(&self.path, error))
+    }
+}
+
+fn fail(path: &Path, error: impl std::fmt::Display) -> RecordingError {
+    RecordingError::Write { path: path.to_owned(), reason: error.to_string() }
+}

@@ -1,0 +1,363 @@
+//! From raw tracker bytes, through a recording and back, to poses.
+
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use bytes::BytesMut;
+use glam::{DQuat, DVec3};
+use insonify::pose::{Pose, TimedPose};
+use insonify::tracker::ascii_line::{self, Checksum, Decoder, LINE_LIMIT};
+use insonify::tracker::recording::{
+    Event, RecordingError, RecordingInfo, RecordingReader, RecordingSummary, RecordingWriter, poses, poses_of,
+};
+use insonify::tracker::{Protocol, Record};
+use proptest::prelude::*;
+
+const START_NS: u64 = 1_790_000_000_000_000_000;
+const PERIOD_NS: u64 = 16_666_667;
+
+fn info() -> RecordingInfo {
+    RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: "test board".into(),
+        scene: "none".into(),
+        start_time_ns: START_NS,
+    }
+}
+
+fn record(i: u32) -> Record {
+    let angle = f64::from(i) * 0.01;
+    let pose = Pose {
+        position_mm: DVec3::new(f64::from(i), -0.5 * f64::from(i), 80.0),
+        orientation: DQuat::from_rotation_y(angle),
+    };
+    Record { sequence: i, device_time_us: u64::from(i) * 16_667, pose }
+}
+
+/// A recording of `lines`, one message each, 60 a second.
+fn write(path: &Path, lines: &[String]) {
+    let mut writer = RecordingWriter::create(path, &info()).unwrap();
+    writer.event(&Event { host_time_ns: START_NS, name: "start".into() }).unwrap();
+    for (i, line) in lines.iter().enumerate() {
+        writer.raw(START_NS + i as u64 * PERIOD_NS, line.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+fn recording(count: u32) -> (tempfile::TempDir, std::path::PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("exam.mcap");
+    write(&path, &(0..count).map(|i| ascii_line::encode(&record(i))).collect::<Vec<_>>());
+    (dir, path)
+}
+
+fn read_bytes(bytes: &[u8]) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
+    let path = Path::new("memory.mcap");
+    poses_of(RecordingReader::from_source(Cursor::new(bytes), path)?, path)
+}
+
+#[test]
+fn a_recording_gives_back_its_poses_times_and_events() {
+    let (_dir, path) = recording(150);
+    assert!(!path.with_extension("mcap.part").exists());
+    let (found, summary) = poses(&path).unwrap();
+    assert_eq!(found.len(), 150);
+    for (i, timed) in found.iter().enumerate() {
+        let expected = record(i as u32);
+        assert_eq!(timed.host_time_ns, START_NS + i as u64 * PERIOD_NS);
+        assert_eq!(timed.device_time_us, expected.device_time_us);
+        assert!(timed.pose.position_mm.distance(expected.pose.position_mm) < 1e-4);
+        assert!(timed.pose.orientation.angle_between(expected.pose.orientation) < 1e-7);
+    }
+    assert!(summary.is_clean(), "{summary}");
+    assert_eq!((summary.messages, summary.records), (150, 150));
+    assert_eq!(summary.info, info());
+    assert_eq!(summary.events, [Event { host_time_ns: START_NS, name: "start".into() }]);
+    assert_eq!(summary.duration.as_nanos(), u128::from(149 * PERIOD_NS));
+}
+
+#[test]
+fn the_same_session_gives_the_same_file() {
+    let (_a, a) = recording(100);
+    let (_b, b) = recording(100);
+    assert_eq!(fs::read(a).unwrap(), fs::read(b).unwrap());
+}
+
+#[test]
+fn an_unfinished_recording_keeps_all_but_its_last_second() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("exam.mcap");
+    let mut writer = RecordingWriter::create(&path, &info()).unwrap();
+    for i in 0..150_u32 {
+        writer.raw(START_NS + u64::from(i) * PERIOD_NS, ascii_line::encode(&record(i)).as_bytes()).unwrap();
+    }
+    // What lies on the disk while the writer still runs is what a kill would leave.
+    let left = fs::read(dir.path().join("exam.mcap.part")).unwrap();
+    let (found, summary) = read_bytes(&left).unwrap();
+    assert_eq!(found.len(), 120);
+    let truncated = summary.damage.truncated.unwrap();
+    assert_eq!(truncated, format!("it ends at byte {}, between two records", left.len()));
+    assert!(!path.exists());
+}
+
+#[test]
+fn a_cut_recording_is_used_as_far_as_it_is_whole_and_says_so() {
+    let (_dir, path) = recording(300);
+    let bytes = fs::read(&path).unwrap();
+    let (found, summary) = read_bytes(&bytes[..bytes.len() / 2]).unwrap();
+    assert!((100..300).contains(&found.len()), "{}", found.len());
+    let text = summary.to_string();
+    assert!(text.contains(&format!("the file is not whole: it ends at byte {}", bytes.len() / 2)), "{text}");
+    assert!(!summary.is_clean());
+
+    let (found, summary) = read_bytes(&bytes[..bytes.len() - 1]).unwrap();
+    assert_eq!(found.len(), 300);
+    assert!(summary.damage.truncated.unwrap().ends_with("every message lies before that"));
+}
+
+#[test]
+fn every_cut_is_an_error_or_says_that_it_is_cut() {
+    let (_dir, path) = recording(70);
+    let bytes = fs::read(&path).unwrap();
+    let mut most = 0;
+    for length in 0..bytes.len() {
+        match read_bytes(&bytes[..length]) {
+            Ok((found, summary)) => {
+                assert!(summary.damage.truncated.is_some(), "cut at {length}");
+                assert!(found.len() >= most, "cut at {length}");
+                most = found.len();
+            }
+            Err(RecordingError::NotMcap { .. }) => assert!(length < 8, "cut at {length}"),
+            Err(RecordingError::NoTracker { .. } | RecordingError::NoPose { .. }) => assert_eq!(most, 0),
+            Err(other) => panic!("cut at {length}: {other}"),
+        }
+    }
+    assert_eq!(most, 70);
+}
+
+#[test]
+fn a_damaged_chunk_is_left_out_and_counted() {
+    let (_dir, path) = recording(180);
+    let mut bytes = fs::read(&path).unwrap();
+    let at = bytes.windows(5).position(|w| w == b"P,90,").unwrap();
+    bytes[at + 8] ^= 1;
+    let (found, summary) = read_bytes(&bytes).unwrap();
+    assert_eq!((found.len(), summary.damage.damaged, summary.missing_records), (120, 1, 60));
+    assert!(summary.to_string().contains("Chunk CRC failed"), "{summary}");
+}
+
+#[test]
+fn wrong_lines_are_counted_and_the_rest_is_used() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("noisy.mcap");
+    let mut lines: Vec<_> = (0..60).map(|i| ascii_line::encode(&record(i))).collect();
+    lines[10] = lines[10].replace("80.0000", "81.0000");
+    lines[20] = "boot v1.2\r\n".into();
+    lines[59].truncate(20);
+    write(&path, &lines);
+    let (found, summary) = poses(&path).unwrap();
+    assert_eq!((found.len(), summary.decode_errors, summary.missing_records), (57, 3, 2));
+    let offset: usize = lines[..10].iter().map(String::len).sum();
+    let text = summary.to_string();
+    for part in
+        [&format!("line at byte {offset} "), "has the checksum", "starts with `boot v1.2`", "ends after 20 bytes"]
+    {
+        assert!(text.contains(part), "{part} is not in {text}");
+    }
+}
+
+#[test]
+fn a_record_has_the_time_of_its_first_byte_and_time_never_runs_backward() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("cut.mcap");
+    let text: String = (0..4).map(|i| ascii_line::encode(&record(i))).collect();
+    let second = ascii_line::encode(&record(0)).len();
+    let mut writer = RecordingWriter::create(&path, &info()).unwrap();
+    let pieces = [(0, 0..second + 5), (10, second + 5..second + 9), (20, second + 9..text.len() - 9)];
+    for (time, range) in pieces {
+        writer.raw(START_NS + time, &text.as_bytes()[range]).unwrap();
+    }
+    writer.raw(START_NS + 5, &text.as_bytes()[text.len() - 9..]).unwrap();
+    writer.raw(START_NS + 6, ascii_line::encode(&record(4)).as_bytes()).unwrap();
+    writer.finish().unwrap();
+    let (found, summary) = poses(&path).unwrap();
+    let times: Vec<_> = found.iter().map(|p| p.host_time_ns - START_NS).collect();
+    assert_eq!(times, [0, 0, 20, 20]);
+    assert_eq!((summary.records, summary.time_reversals), (5, 1));
+}
+
+#[test]
+fn what_is_no_recording_gets_a_clear_error() {
+    let missing = poses(Path::new("/nonexistent/exam.mcap")).unwrap_err().to_string();
+    assert!(missing.contains("cannot read the recording /nonexistent/exam.mcap"), "{missing}");
+    for bytes in [&b""[..], b"\x89MCAP", b"time,x,y,z\n0,1,2,3\n"] {
+        let error = read_bytes(bytes).unwrap_err();
+        assert!(matches!(error, RecordingError::NotMcap { .. }), "{error}");
+        assert!(error.to_string().starts_with("memory.mcap is not a recording"), "{error}");
+    }
+}
+
+/// An MCAP file by other hands: `topic` with `metadata`, and one message.
+fn foreign(topic: &str, metadata: &[(&str, &str)], message: &[u8]) -> Vec<u8> {
+    let metadata = metadata.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let options = mcap::WriteOptions::new().compression(None).use_chunks(false);
+    let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+    let channel_id = writer.add_channel(0, topic, "application/octet-stream", &metadata).unwrap();
+    let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 5, publish_time: 5 };
+    writer.write_to_known_channel(&header, message).unwrap();
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
+#[test]
+fn the_metadata_is_checked() {
+    let good = [("protocol", "ascii-line"), ("start_time_ns", "5"), ("format_version", "1")];
+    let line = ascii_line::encode(&record(1));
+    let (found, _) = read_bytes(&foreign("/tracker/raw", &good, line.as_bytes())).unwrap();
+    assert_eq!(found.len(), 1, "files without chunks are read too");
+
+    let cases = [
+        ("/camera", good, "memory.mcap holds no tracker data: it has no channel /tracker/raw"),
+        (
+            "/tracker/raw",
+            [("protocol", "asci"), good[1], good[2]],
+            "unknown tracker protocol `asci`; known: ascii-line",
+        ),
+        ("/tracker/raw", [good[0], good[1], ("format_version", "2")], "`format_version` is `2`; it must be in 1..=1"),
+        ("/tracker/raw", [good[0], ("x", ""), good[2]], "`start_time_ns` is missing; it must be ns since 1970"),
+    ];
+    for (topic, metadata, message) in cases {
+        let error = read_bytes(&foreign(topic, &metadata, line.as_bytes())).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+    let error = read_bytes(&foreign("/tracker/raw", &good, b"noise\n")).unwrap_err().to_string();
+    assert!(error.contains("holds no whole pose: line at byte 0"), "{error}");
+}
+
+fn any_record() -> impl Strategy<Value = Record> {
+    let position = prop::array::uniform3(-1e5..1e5_f64);
+    let axis = prop::array::uniform3(-1.0..1.0_f64);
+    (any::<u32>(), any::<u64>(), position, axis, -4.0..4.0_f64).prop_map(
+        |(sequence, device_time_us, p, axis, angle)| {
+            let axis = DVec3::from_array(axis).normalize_or(DVec3::X);
+            let orientation = DQuat::from_axis_angle(axis, angle);
+            Record { sequence, device_time_us, pose: Pose { position_mm: DVec3::from_array(p), orientation } }
+        },
+    )
+}
+
+/// Everything that comes out of `bytes`, fed in pieces that end at `cuts`.
+fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, ascii_line::DecodeError>> {
+    let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
+    ends.push(bytes.len());
+    ends.sort_unstable();
+    let (mut decoder, mut buffer, mut out, mut start) =
+        (Decoder::new(Checksum::Required), BytesMut::new(), Vec::new(), 0);
+    for end in ends {
+        buffer.extend_from_slice(&bytes[start..end]);
+        start = end;
+        loop {
+            let before = buffer.len();
+            match decoder.decode(&mut buffer) {
+                Ok(Some(record)) => out.push(Ok(record)),
+                Ok(None) => break,
+                Err(error) => out.push(Err(error)),
+            }
+            assert!(buffer.len() < before, "no progress");
+        }
+        assert!(buffer.len() <= LINE_LIMIT);
+    }
+    out.extend(decoder.finish(&mut buffer).err().map(Err));
+    assert!(buffer.is_empty());
+    out
+}
+
+/// A piece of a stream: a line, or noise of every kind that a serial line has.
+fn any_piece() -> impl Strategy<Value = Vec<u8>> {
+    prop_oneof![
+        4 => any_record().prop_map(|r| ascii_line::encode(&r).into_bytes()),
+        1 => any_record().prop_map(|r| ascii_line::encode(&r).replace('\n', "\r\n").into_bytes()),
+        1 => prop::collection::vec(any::<u8>(), 0..40),
+        1 => prop::collection::vec(prop::sample::select(&b"P,*\n\r0.-"[..]), 0..40),
+        1 => (200..700_usize).prop_map(|n| vec![b'7'; n]),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_line_gives_back_its_record(record in any_record()) {
+        let line = ascii_line::encode(&record);
+        prop_assert!(line.len() <= LINE_LIMIT);
+        let found = Decoder::new(Checksum::Required).decode(&mut BytesMut::from(line.as_str())).unwrap().unwrap();
+        prop_assert_eq!((found.sequence, found.device_time_us), (record.sequence, record.device_time_us));
+        for (a, b) in found.pose.components().into_iter().zip(record.pose.components()).take(3) {
+            prop_assert!((a - b).abs() <= 5.1e-5);
+        }
+        for (a, b) in found.pose.components().into_iter().zip(record.pose.components()).skip(3) {
+            prop_assert!((a - b).abs() <= 2e-8);
+        }
+    }
+
+    #[test]
+    fn any_split_of_any_stream_gives_the_same(
+        pieces in prop::collection::vec(any_piece(), 0..12),
+        cuts in prop::collection::vec(any::<usize>(), 0..20),
+    ) {
+        let bytes = pieces.concat();
+        let whole = decode_in_pieces(&bytes, &[]);
+        prop_assert_eq!(&decode_in_pieces(&bytes, &cuts), &whole);
+        let every: Vec<_> = (0..bytes.len()).collect();
+        prop_assert_eq!(&decode_in_pieces(&bytes, &every), &whole);
+    }
+
+    #[test]
+    fn a_flipped_bit_never_passes_as_another_pose(record in any_record(), at in any::<usize>(), bit in 0..8_u8) {
+        let mut bytes = ascii_line::encode(&record).into_bytes();
+        let whole = decode_in_pieces(&bytes, &[]);
+        let at = at % bytes.len();
+        bytes[at] ^= 1 << bit;
+        for found in decode_in_pieces(&bytes, &[]).into_iter().flatten() {
+            prop_assert_eq!(Ok(found), whole[0].clone());
+        }
+    }
+
+    #[test]
+    fn arbitrary_bytes_are_no_recording(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        prop_assert!(read_bytes(&bytes).is_err());
+        let behind_magic = [mcap::MAGIC, &bytes].concat();
+        prop_assert!(read_bytes(&behind_magic).is_err());
+    }
+
+    #[test]
+    fn a_chunk_of_anything_without_checksum_never_panics(
+        head in prop::collection::vec(prop_oneof![Just(0_u8), Just(4), Just(5), Just(6), Just(9), Just(0xff), any()], 0..60),
+        size in prop_oneof![Just(None), any::<u64>().prop_map(Some)],
+    ) {
+        let mut chunk = [0_u8; 40];
+        chunk[16..24].copy_from_slice(&size.unwrap_or(head.len() as u64).to_le_bytes());
+        chunk[32..].copy_from_slice(&(head.len() as u64).to_le_bytes());
+        let length = (chunk.len() + head.len()) as u64;
+        let bytes = [mcap::MAGIC, &[6], &length.to_le_bytes(), &chunk, &head].concat();
+        prop_assert!(read_bytes(&bytes).is_err());
+    }
+
+    #[test]
+    fn a_damaged_recording_never_panics_nor_invents_poses(
+        flips in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6),
+    ) {
+        static RECORDING: std::sync::OnceLock<Vec<u8>> = std::sync::OnceLock::new();
+        let whole = RECORDING.get_or_init(|| fs::read(recording(90).1).unwrap());
+        let mut bytes = whole.clone();
+        for (at, value) in flips {
+            let at = at % bytes.len();
+            bytes[at] = value;
+        }
+        let (original, _) = read_bytes(whole).unwrap();
+        if let Ok((found, _)) = read_bytes(&bytes) {
+            prop_assert!(found.iter().all(|pose| original.contains(pose)));
+        }
+    }
+}
