@@ -1,1 +1,211 @@
-//! Analytic scenes.
+//! Shapes with known geometry, and the scenes of `assets/scenes` made of them.
+//!
+//! A probe at the origin with the identity as its orientation looks along +z, so image depth is scene z. All meshes
+//! are closed and face outward.
+
+use std::collections::HashMap;
+
+use glam::{Quat, Vec3};
+
+use super::{Mesh, Scene, Surface, TissueTable};
+
+/// A mesh with the name of its tissue: a surface that needs no tissue table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Name of the surface.
+    pub name: &'static str,
+    /// Name of its tissue.
+    pub tissue: &'static str,
+    /// Where parts overlap, the highest priority is the medium.
+    pub priority: i32,
+    /// The surface, mm.
+    pub mesh: Mesh,
+}
+
+/// A scene of `parts` in `background`; None where `tissues` lacks one of their tissues.
+pub fn scene(parts: Vec<Part>, tissues: &TissueTable, background: &str) -> Option<Scene> {
+    let surface = |part: Part| {
+        let Part { name, tissue, priority, mesh } = part;
+        Some(Surface { name: name.to_owned(), tissue: tissues.index_of(tissue)?, priority, mesh })
+    };
+    let surfaces = parts.into_iter().map(surface).collect::<Option<_>>()?;
+    let mut scene = Scene { tissues: tissues.clone(), background: tissues.index_of(background)?, surfaces };
+    scene.sort_by_priority();
+    Some(scene)
+}
+
+/// A box from `min_mm` to `max_mm`.
+pub fn cuboid(min_mm: Vec3, max_mm: Vec3) -> Mesh {
+    hexahedron(|corner| min_mm + (max_mm - min_mm) * corner)
+}
+
+/// A box from `min_mm` to `max_mm` whose face at least z is tilted about y by `tilt_deg` (within ±80°): at x = 0 it
+/// lies at `min_mm.z`, and deeper towards +x.
+pub fn oblique_slab(min_mm: Vec3, max_mm: Vec3, tilt_deg: f32) -> Mesh {
+    let slope = tilt_deg.clamp(-80.0, 80.0).to_radians().tan();
+    hexahedron(|corner| {
+        let mut point = min_mm + (max_mm - min_mm) * corner;
+        if corner.z == 0.0 {
+            point.z += slope * point.x;
+        }
+        point
+    })
+}
+
+/// A box of `size_mm` about `centre_mm`, turned by `rotation`.
+pub fn plate(centre_mm: Vec3, size_mm: Vec3, rotation: Quat) -> Mesh {
+    hexahedron(|corner| centre_mm + rotation * (size_mm * (corner - 0.5)))
+}
+
+/// Layers along z: each `(top, bottom)` becomes a box, the first over `half_width_mm` (x, y), each next one 1 mm
+/// narrower all round.
+///
+/// Let neighbours overlap and give the deeper one the higher priority: then no two faces coincide.
+pub fn slab_stack(half_width_mm: (f32, f32), layers_mm: &[(f32, f32)]) -> Vec<Mesh> {
+    let slab = |(inset, &(top, bottom)): (usize, &(f32, f32))| {
+        let (x, y) = (half_width_mm.0 - inset as f32, half_width_mm.1 - inset as f32);
+        cuboid(Vec3::new(-x, -y, top), Vec3::new(x, y, bottom))
+    };
+    layers_mm.iter().enumerate().map(slab).collect()
+}
+
+/// A sphere: an icosahedron of which each edge is halved `subdivisions` times (at most 7), all vertices on the sphere.
+///
+/// Facets lie inside the sphere by at most 0.40·radius / 4^subdivisions from one subdivision on.
+pub fn sphere(centre_mm: Vec3, radius_mm: f32, subdivisions: u32) -> Mesh {
+    let (mut directions, mut triangles) = icosahedron();
+    for _ in 0..subdivisions.min(7) {
+        let mut middle = HashMap::new();
+        let mut halve = |a: u32, b: u32| {
+            *middle.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                directions.push((directions[a as usize] + directions[b as usize]).normalize());
+                (directions.len() - 1) as u32
+            })
+        };
+        let split = |[a, b, c]: [u32; 3]| {
+            let [ab, bc, ca] = [halve(a, b), halve(b, c), halve(c, a)];
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        triangles = triangles.into_iter().flat_map(split).collect();
+    }
+    let vertices_mm = directions.into_iter().map(|d| centre_mm + (d * f64::from(radius_mm)).as_vec3()).collect();
+    Mesh { vertices_mm, triangles }
+}
+
+fn icosahedron() -> (Vec<glam::DVec3>, Vec<[u32; 3]>) {
+    let golden = 0.5 * (1.0 + 5f64.sqrt());
+    let mut directions = Vec::with_capacity(12);
+    // Three golden rectangles; four corners each.
+    for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
+        directions.push(glam::DVec3::new(s, golden * t, 0.0).normalize());
+    }
+    for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
+        directions.push(glam::DVec3::new(0.0, s, golden * t).normalize());
+    }
+    for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
+        directions.push(glam::DVec3::new(golden * t, 0.0, s).normalize());
+    }
+    // Neighbours are an edge apart; each triple of neighbours is a face, wound by its normal.
+    let edge = |a: usize, b: usize| directions[a].dot(directions[b]) > 0.4;
+    let mut triangles = Vec::with_capacity(20);
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if edge(a, b) && edge(b, c) && edge(c, a) {
+                    let outward = directions[a].dot(directions[b].cross(directions[c])) > 0.0;
+                    let [b, c] = if outward { [b, c] } else { [c, b] };
+                    triangles.push([a as u32, b as u32, c as u32]);
+                }
+            }
+        }
+    }
+    (directions, triangles)
+}
+
+/// A box whose corner (x, y, z each 0 or 1) lies at `at(corner)`.
+fn hexahedron(at: impl Fn(Vec3) -> Vec3) -> Mesh {
+    let bit = |i: u32, axis: u32| ((i >> axis) & 1) as f32;
+    let vertices_mm = (0..8).map(|i| at(Vec3::new(bit(i, 0), bit(i, 1), bit(i, 2)))).collect();
+    // Vertex i has its coordinates in bits 0 (x), 1 (y) and 2 (z).
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    Mesh { vertices_mm, triangles: quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect() }
+}
+
+/// A block of liver that the probe touches: fully developed speckle, a side wall left and right, a back wall at 120 mm.
+pub fn speckle_block() -> Vec<Part> {
+    let mesh = cuboid(Vec3::new(-60.0, -40.0, -20.0), Vec3::new(60.0, 40.0, 120.0));
+    vec![Part { name: "block", tissue: "liver", priority: 1, mesh }]
+}
+
+/// Radius of the sphere of [`cyst`], mm.
+pub const CYST_RADIUS_MM: f32 = 20.0;
+/// Centre of the sphere of [`cyst`], mm.
+pub const CYST_CENTRE_MM: Vec3 = Vec3::new(0.0, 0.0, 70.0);
+
+/// A sphere of fluid, to lie in a background of tissue.
+pub fn cyst() -> Vec<Part> {
+    vec![Part { name: "cyst", tissue: "amniotic_fluid", priority: 1, mesh: sphere(CYST_CENTRE_MM, CYST_RADIUS_MM, 5) }]
+}
+
+/// Layers of different speed and attenuation: fat from 10 mm, muscle from 35, liver from 75 at x = 0 (its face tilted
+/// by 10°) to 135, in it water from 105 to 115.
+pub fn slabs() -> Vec<Part> {
+    let mut stack = slab_stack((110.0, 40.0), &[(10.0, 40.0), (35.0, 110.0), (105.0, 115.0)]);
+    stack.insert(2, oblique_slab(Vec3::new(-108.5, -38.5, 75.0), Vec3::new(108.5, 38.5, 135.0), 10.0));
+    let labels = [("fat", "fat"), ("muscle", "muscle"), ("oblique liver", "liver"), ("water band", "water")];
+    let part = |((priority, (name, tissue)), mesh)| Part { name, tissue, priority, mesh };
+    (1..).zip(labels).zip(stack).map(part).collect()
+}
+
+/// A bone plate of 4 mm at a depth of 50 mm, from x = −40 to 10 mm, to lie in a background of tissue.
+pub fn bone_plate() -> Vec<Part> {
+    let mesh = plate(Vec3::new(-15.0, 0.0, 52.0), Vec3::new(50.0, 80.0, 4.0), Quat::IDENTITY);
+    vec![Part { name: "plate", tissue: "bone_adult", priority: 1, mesh }]
+}
+
+/// Makes the parts of a scene.
+pub type MakeParts = fn() -> Vec<Part>;
+
+/// The scenes of `assets/scenes`, by the stem of their file. `cargo run --example make_scenes` writes them.
+pub const SCENES: [(&str, MakeParts); 4] =
+    [("speckle_block", speckle_block), ("sphere", cyst), ("slabs", slabs), ("bone_plate", bone_plate)];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_are_closed_and_outward_with_their_volumes() {
+        let tilted = oblique_slab(Vec3::new(-10.0, -10.0, 5.0), Vec3::new(10.0, 10.0, 25.0), 30.0);
+        let turned = plate(Vec3::ONE, Vec3::new(1.0, 2.0, 3.0), Quat::from_rotation_x(0.7));
+        for (mesh, volume) in [(cuboid(Vec3::ZERO, Vec3::splat(3.0)), 27.0), (tilted, 8000.0), (turned, 6.0)] {
+            assert_eq!(mesh.unpaired_edges(), 0);
+            assert!((mesh.signed_volume_mm3() / volume - 1.0).abs() < 1e-5, "{}", mesh.signed_volume_mm3());
+        }
+    }
+
+    #[test]
+    fn a_sphere_of_20_mm_is_within_0_02_mm() {
+        for subdivisions in 1..=5 {
+            let mesh = sphere(CYST_CENTRE_MM, 20.0, subdivisions);
+            assert_eq!((mesh.unpaired_edges(), mesh.triangles.len()), (0, 20 << (2 * subdivisions)));
+            let radius = |v: Vec3| (v - CYST_CENTRE_MM).length();
+            assert!(mesh.vertices_mm.iter().all(|&v| (radius(v) - 20.0).abs() < 1e-5));
+            // A facet is deepest at the circumcentre; of a near-equilateral one that is the centroid.
+            let chord = mesh.corners_mm().map(|[a, b, c]| 20.0 - radius((a + b + c) / 3.0)).fold(0.0, f32::max);
+            assert!(chord < 0.4 * 20.0 / 4f32.powi(subdivisions as i32), "{subdivisions}: {chord}");
+            assert!(subdivisions < 5 || chord < 0.02, "{chord}");
+        }
+        let exact = 4.0 / 3.0 * std::f64::consts::PI * 8000.0;
+        let volume = sphere(CYST_CENTRE_MM, 20.0, 5).signed_volume_mm3();
+        assert!((volume / exact - 1.0).abs() < 1e-3, "{volume}");
+    }
+
+    #[test]
+    fn a_scene_of_parts_needs_their_tissues() {
+        let table = TissueTable::builtin().unwrap();
+        let found = scene(slabs(), &table, "gel").unwrap();
+        assert_eq!(table.names()[found.surfaces[3].tissue], "water");
+        assert!(scene(slabs(), &table, "jam").is_none());
+    }
+}

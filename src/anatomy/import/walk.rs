@@ -140,7 +140,7 @@ fn local_transform(node: &Node<'_>) -> Result<DMat4, String> {
         Transform::Decomposed { translation, rotation: [x, y, z, w], scale } => {
             let rotation = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
             let norm = rotation.length();
-            if !((norm - 1.0).abs() <= ROTATION_NORM_TOLERANCE) {
+            if !norm.is_finite() || (norm - 1.0).abs() > ROTATION_NORM_TOLERANCE {
                 return Err(format!("its rotation has norm {norm}; it must be a unit quaternion"));
             }
             let (scale, translation) = (Vec3::from(scale).as_dvec3(), Vec3::from(translation).as_dvec3());
