@@ -333,7 +333,7 @@ proptest! {
 
     #[test]
     fn a_chunk_of_anything_without_checksum_never_panics(
-        head in prop::collection::vec(prop_oneof![Just(0_u8), Just(4), Just(5), Just(6), Just(9), Just(0xff), any()], 0..60),
+        head in prop::collection::vec(prop_oneof![Just(0_u8), Just(4), Just(5), Just(6), Just(9), Just(0xff), any::<u8>()], 0..60),
         size in prop_oneof![Just(None), any::<u64>().prop_map(Some)],
     ) {
         let mut chunk = [0_u8; 40];

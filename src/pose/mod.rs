@@ -7,6 +7,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
 
+pub mod freehand;
 mod history;
 
 pub use history::{TimedPose, interpolate};

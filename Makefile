@@ -1,0 +1,34 @@
+# Everything a newcomer types. Each target brings the machine to where it works by scripts/setup.
+CARGO ?= cargo
+# rustup puts cargo here; a shell that was open before doesn't know.
+export PATH := $(PATH):$(HOME)/.cargo/bin
+# Extra arguments, as in: make demo ARGS="--out DIR"
+ARGS ?=
+
+.PHONY: help demo test bench setup clean
+
+help:
+	@echo 'make demo   play the recorded exam over the obstetric phantom: frames, contact sheet, video, times'
+	@echo 'make test   format, lints, all tests and documentation'
+	@echo 'make bench  measure frames, passes and set-up (criterion)'
+	@echo 'make setup  what the others do first; scripts/setup --help says more'
+	@echo 'make clean  remove what was built and rendered'
+
+demo: setup
+	$(CARGO) run --release -- demo $(ARGS)
+
+test: setup
+	$(CARGO) fmt --check
+	$(CARGO) clippy --release --all-targets -- -D warnings
+	$(CARGO) test --release
+	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --release --no-deps
+
+bench: setup
+	$(CARGO) bench $(ARGS)
+
+setup:
+	@scripts/setup
+
+clean:
+	$(CARGO) clean
+	rm -rf out

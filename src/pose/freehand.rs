@@ -1,0 +1,166 @@
+//! How a hand moves a probe: from view to view, with pauses and tremor.
+
+use glam::{DQuat, DVec3, EulerRot};
+
+/// RMS of the tremor of a hand that rests on the skin, mm in each direction (assumed).
+pub const TREMOR_MM: f64 = 0.3;
+
+/// RMS of the tremor about each axis, degrees (assumed).
+pub const TREMOR_DEG: f64 = 0.5;
+
+/// Band of the tremor, Hz: from slow drift to the physiological tremor of a hand.
+const TREMOR_BAND_HZ: (f64, f64) = (0.3, 9.0);
+
+/// Sinusoids that make up each component of the tremor.
+const TREMOR_PARTIALS: usize = 12;
+
+/// A view that a hand moves to, and stays at for a while.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waypoint {
+    /// When the hand arrives, s from the start.
+    pub arrive_s: f64,
+    /// When it leaves, s from the start.
+    pub leave_s: f64,
+    /// What it looks at, mm.
+    pub target_mm: DVec3,
+    /// Turns probe axes into scene axes.
+    pub orientation: DQuat,
+}
+
+/// What the hand looks at and how it holds the probe, `time_s` after the start. `waypoints` ascend in time.
+///
+/// Between two waypoints the target moves on a line and the probe turns on the shorter arc, both with least jerk
+/// (Flash & Hogan, J Neurosci 5:1688, 1985). None without waypoints.
+pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
+    let next = waypoints.partition_point(|w| w.arrive_s <= time_s);
+    let Some(from) = next.checked_sub(1).and_then(|i| waypoints.get(i)) else {
+        return waypoints.first().map(|w| (w.target_mm, w.orientation));
+    };
+    let Some(to) = waypoints.get(next).filter(|_| time_s > from.leave_s) else {
+        return Some((from.target_mm, from.orientation));
+    };
+    let s = minimum_jerk((time_s - from.leave_s) / (to.arrive_s - from.leave_s));
+    let orientation = from.orientation.slerp(to.orientation, s).normalize();
+    Some((from.target_mm.lerp(to.target_mm, s), orientation))
+}
+
+/// Part of the way done at part `t` of the time, 0..=1: velocity and acceleration vanish at both ends.
+pub fn minimum_jerk(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (10.0 + t * (-15.0 + t * 6.0))
+}
+
+/// Tremor of a hand: band-limited noise, the same for the same seed.
+#[derive(Debug, Clone)]
+pub struct Tremor {
+    /// Amplitude, angular frequency (rad/s) and phase of each partial of each of six components.
+    components: [[(f64, f64, f64); TREMOR_PARTIALS]; 6],
+}
+
+impl Tremor {
+    /// The tremor number `seed`.
+    pub fn new(seed: u64) -> Self {
+        let mut random = SplitMix64(seed);
+        let (low, high) = TREMOR_BAND_HZ;
+        let components = std::array::from_fn(|_| {
+            let mut partials: [_; TREMOR_PARTIALS] = std::array::from_fn(|i| {
+                // One frequency in each of equal parts of the band's logarithm; displacement falls as 1/f.
+                let part = (i as f64 + random.unit()) / TREMOR_PARTIALS as f64;
+                let frequency_hz = low * (high / low).powf(part);
+                (1.0 / frequency_hz, std::f64::consts::TAU * frequency_hz, std::f64::consts::TAU * random.unit())
+            });
+            let rms = partials.iter().map(|(a, ..)| 0.5 * a * a).sum::<f64>().sqrt();
+            partials.iter_mut().for_each(|(a, ..)| *a /= rms);
+            partials
+        });
+        Self { components }
+    }
+
+    /// Displacement (mm) and rotation, both in the probe frame, at `time_s`.
+    pub fn at(&self, time_s: f64) -> (DVec3, DQuat) {
+        let value =
+            |i: usize| self.components[i].iter().map(|(a, w, phase)| a * (w * time_s + phase).sin()).sum::<f64>();
+        let angle = |i| TREMOR_DEG.to_radians() * value(i);
+        let shift_mm = TREMOR_MM * DVec3::new(value(0), value(1), value(2));
+        (shift_mm, DQuat::from_euler(EulerRot::XYZ, angle(3), angle(4), angle(5)))
+    }
+}
+
+/// Steele, Lea & Flood's generator: the same numbers on each machine.
+#[derive(Debug, Clone)]
+struct SplitMix64(u64);
+
+impl SplitMix64 {
+    /// Uniform in 0..1.
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn waypoints() -> [Waypoint; 2] {
+        let second = DQuat::from_rotation_z(1.0);
+        [
+            Waypoint { arrive_s: 1.0, leave_s: 2.0, target_mm: DVec3::ZERO, orientation: DQuat::IDENTITY },
+            Waypoint { arrive_s: 4.0, leave_s: 5.0, target_mm: DVec3::X * 10.0, orientation: second },
+        ]
+    }
+
+    #[test]
+    fn rests_at_waypoints_and_is_half_way_at_half_time() {
+        let waypoints = waypoints();
+        for time_s in [0.0, 1.0, 1.5, 2.0] {
+            assert_eq!(view_at(&waypoints, time_s), Some((DVec3::ZERO, DQuat::IDENTITY)));
+        }
+        let (target, orientation) = view_at(&waypoints, 3.0).unwrap();
+        assert!((target.x - 5.0).abs() < 1e-12);
+        assert!(orientation.angle_between(DQuat::from_rotation_z(0.5)) < 1e-7);
+        assert_eq!(view_at(&waypoints, 9.0).unwrap().0, DVec3::X * 10.0);
+        assert_eq!(view_at(&[], 0.0), None);
+    }
+
+    #[test]
+    fn starts_and_stops_without_a_jolt() {
+        let waypoints = waypoints();
+        let x = |t: f64| view_at(&waypoints, t).unwrap().0.x;
+        let h = 1e-3;
+        let mut fastest: f64 = 0.0;
+        for i in 0..4000 {
+            let t = 1.0 + f64::from(i) * h;
+            let speed = (x(t + h) - x(t - h)) / (2.0 * h);
+            let acceleration = (x(t + h) - 2.0 * x(t) + x(t - h)) / (h * h);
+            fastest = fastest.max(speed);
+            // Least jerk over 10 mm in 2 s: peaks of 15/8·d/T and 10/√3·d/T².
+            assert!(speed >= -1e-9 && acceleration.abs() < 5.78 * 10.0 / 4.0, "{t}: {speed} {acceleration}");
+        }
+        assert!((fastest - 1.875 * 5.0).abs() < 0.01, "{fastest}");
+    }
+
+    #[test]
+    fn tremor_has_its_rms_and_is_the_same_for_the_same_seed() {
+        let samples = |seed| {
+            let tremor = Tremor::new(seed);
+            (0..6000).map(move |i| tremor.at(f64::from(i) / 60.0)).collect::<Vec<_>>()
+        };
+        let a = samples(7);
+        assert_eq!(a, samples(7));
+        assert_ne!(a, samples(8));
+        let rms =
+            |f: &dyn Fn(&(DVec3, DQuat)) -> f64| (a.iter().map(|s| f(s).powi(2)).sum::<f64>() / a.len() as f64).sqrt();
+        for axis in 0..3 {
+            let shift = rms(&|(shift, _)| shift[axis]);
+            assert!((shift - TREMOR_MM).abs() < 0.03, "{shift}");
+            let turn = rms(&|(_, turn)| 2.0 * turn.to_array()[axis]).to_degrees();
+            assert!((turn - TREMOR_DEG).abs() < 0.05, "{turn}");
+        }
+        let fastest = a.windows(2).map(|w| w[0].0.distance(w[1].0)).fold(0.0, f64::max);
+        assert!(fastest < 0.5, "a jump of {fastest} mm within a frame");
+    }
+}
