@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::pose::Pose;
-use crate::render::{Frame, FrameTimes, RenderSettings};
+use crate::render::{Frame, FrameTimes, Quality, RenderSettings};
 use crate::transducer::{Probe, ProbeKind, Sector};
 
 /// All that is needed to make a frame again, and how long it took. Serialises as the content of `frame.json`.
@@ -139,12 +139,11 @@ impl FrameRecord {
         sector: &Sector,
         adapter: AdapterRecord,
     ) -> Self {
-        let q = pose.orientation;
-        let (image, quality) = (settings.image, settings.quality);
+        let image = settings.image;
         Self {
             version: env!("CARGO_PKG_VERSION"),
-            pose: PoseRecord { position_mm: pose.position_mm.to_array(), orientation_wxyz: [q.w, q.x, q.y, q.z] },
-            quality: QualityRecord { rays: quality.rays, layers: quality.layers, seed: quality.seed },
+            pose: PoseRecord::from(pose),
+            quality: QualityRecord::from(&settings.quality),
             image: ImageRecord {
                 width: frame.width,
                 height: frame.height,
@@ -160,6 +159,19 @@ impl FrameRecord {
             times: TimesRecord::from(&frame.times),
             adapter,
         }
+    }
+}
+
+impl From<&Pose> for PoseRecord {
+    fn from(pose: &Pose) -> Self {
+        let q = pose.orientation;
+        Self { position_mm: pose.position_mm.to_array(), orientation_wxyz: [q.w, q.x, q.y, q.z] }
+    }
+}
+
+impl From<&Quality> for QualityRecord {
+    fn from(quality: &Quality) -> Self {
+        Self { rays: quality.rays, layers: quality.layers, seed: quality.seed }
     }
 }
 

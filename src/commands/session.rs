@@ -1,0 +1,72 @@
+//! What every rendering command needs: a device, a scene, a renderer.
+
+use insonify::anatomy::{Scene, phantom};
+use insonify::pose::Pose;
+use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::sink::frame_record::AdapterRecord;
+use insonify::station::{SceneSource, Station};
+
+use super::progress::Progress;
+use super::{Classify, Failure, cache};
+
+/// Frames in flight at most.
+const DEPTH: usize = 2;
+
+/// A device that renders.
+pub(crate) fn open_gpu() -> Result<Gpu, Failure> {
+    Gpu::new(&GpuOptions::default()).input()
+}
+
+/// The device's name and driver.
+pub(crate) fn adapter(gpu: &Gpu) -> AdapterRecord {
+    AdapterRecord { name: gpu.adapter_name().to_string(), driver: gpu.driver().to_string() }
+}
+
+/// The surfaces of a station, from its file or from the cache of generated scenes.
+pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
+    match &station.scene {
+        SceneSource::File(path) => Ok(station.load_scene_from(path)?),
+        SceneSource::ObstetricPhantom { scale } => {
+            let progress = Progress::new("phantom", 0);
+            let path = phantom::cached(&cache::directory()?, *scale, &|p| progress.set(p.done, p.total))?;
+            drop(progress);
+            Ok(station.load_scene_from(&path)?)
+        }
+    }
+}
+
+/// A renderer of `scene` for the station's probe.
+pub(crate) fn renderer(
+    gpu: &Gpu,
+    scene: &Scene,
+    station: &Station,
+    settings: &RenderSettings,
+) -> Result<Renderer, Failure> {
+    station.probe.validate().input()?;
+    settings.validate()?;
+    Renderer::new(gpu, scene, &station.probe, settings).other()
+}
+
+/// Renders `poses` in order, two in flight, and hands each frame to `each` with its index.
+pub(crate) fn render_all(
+    renderer: &mut Renderer,
+    poses: &[Pose],
+    mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let mut frame = Frame::default();
+    let mut done = 0;
+    for (submitted, pose) in poses.iter().enumerate() {
+        if submitted - done == DEPTH {
+            renderer.receive(&mut frame).other()?;
+            each(done, &frame)?;
+            done += 1;
+        }
+        renderer.submit(pose).other()?;
+    }
+    while done < poses.len() {
+        renderer.receive(&mut frame).other()?;
+        each(done, &frame)?;
+        done += 1;
+    }
+    Ok(())
+}
