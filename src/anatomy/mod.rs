@@ -3,7 +3,9 @@
 pub mod analytic;
 pub mod builtin;
 pub mod import;
+pub mod export;
 pub mod mesh;
+pub mod phantom;
 pub mod scene;
 pub mod tissue;
 

@@ -1,0 +1,276 @@
+//! Surfaces as a binary glTF file.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use thiserror::Error;
+
+use super::Mesh;
+
+/// A surface that carries the name of its tissue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelledSurface {
+    /// Name of the glTF node.
+    pub name: String,
+    /// Name of its tissue in the tissue table.
+    pub tissue: String,
+    /// Where closed surfaces overlap, the highest priority is the medium.
+    pub priority: i32,
+    /// The surface, scene frame, mm.
+    pub mesh: Mesh,
+}
+
+/// Why a scene could not be written.
+#[derive(Debug, Error)]
+pub enum ExportError {
+    /// The file could not be written.
+    #[error("cannot write {path}: {source}")]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// More bytes than the format's 32-bit lengths can tell.
+    #[error("{path} would hold {bytes} bytes; a .glb file holds less than 4 GiB")]
+    TooLarge {
+        /// File.
+        path: PathBuf,
+        /// Bytes of vertices and indices.
+        bytes: usize,
+    },
+    /// The JSON part could not be formed.
+    #[error("cannot form the JSON of {path}: {source}")]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: serde_json::Error,
+    },
+}
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_SHORT: u32 = 5123;
+const UNSIGNED_INT: u32 = 5125;
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+
+/// Writes `surfaces` to `path` as a .glb: one node a surface with `extras.tissue` and `extras.priority`, a material
+/// named after the tissue, metres. The same surfaces give the same bytes.
+///
+/// The file appears whole or not at all: it is written beside its place and renamed.
+///
+/// # Errors
+/// The file cannot be written, or would pass the format's 4 GiB.
+pub fn write_glb(surfaces: &[LabelledSurface], path: &Path) -> Result<(), ExportError> {
+    let io = |source| ExportError::Io { path: path.to_owned(), source };
+    let mut binary = Vec::new();
+    let mut document = Document::default();
+    for surface in surfaces {
+        document.add(surface, &mut binary);
+    }
+    let mut text = serde_json::to_vec(&document.finish(binary.len()))
+        .map_err(|source| ExportError::Json { path: path.to_owned(), source })?;
+    text.resize(text.len().next_multiple_of(4), b' ');
+
+    let total = 12 + 8 + text.len() + 8 + binary.len();
+    let lengths = [total, text.len(), binary.len()].map(u32::try_from);
+    let [Ok(total), Ok(text_length), Ok(binary_length)] = lengths else {
+        return Err(ExportError::TooLarge { path: path.to_owned(), bytes: binary.len() });
+    };
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut file = tempfile::Builder::new().prefix(".insonify-").suffix(".glb").tempfile_in(folder).map_err(io)?;
+    let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(io);
+    write(b"glTF")?;
+    write(&2u32.to_le_bytes())?;
+    write(&total.to_le_bytes())?;
+    write(&text_length.to_le_bytes())?;
+    write(b"JSON")?;
+    write(&text)?;
+    write(&binary_length.to_le_bytes())?;
+    write(b"BIN\0")?;
+    write(&binary)?;
+    share(file.as_file()).map_err(io)?;
+    file.persist(path).map_err(|e| io(e.error))?;
+    Ok(())
+}
+
+/// Gives a temporary file, which only its owner may read, the usual permissions.
+#[cfg(unix)]
+fn share(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn share(_: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[derive(Default)]
+struct Document {
+    nodes: Vec<Value>,
+    meshes: Vec<Value>,
+    accessors: Vec<Value>,
+    views: Vec<Value>,
+    materials: Vec<String>,
+}
+
+impl Document {
+    fn add(&mut self, surface: &LabelledSurface, binary: &mut Vec<u8>) {
+        let metres: Vec<[f32; 3]> = surface.mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
+        // glTF has no accessor of length zero: an empty surface is a node without a mesh.
+        if metres.is_empty() || surface.mesh.triangles.is_empty() {
+            self.nodes.push(json!({ "name": surface.name, "extras": extras(surface) }));
+            return;
+        }
+        let fold = |f: fn(f32, f32) -> f32| {
+            metres.iter().skip(1).fold(metres[0], |a, v| std::array::from_fn(|i| f(a[i], v[i])))
+        };
+        let positions = json!({
+            "bufferView": self.views.len(), "componentType": FLOAT, "count": metres.len(), "type": "VEC3",
+            "min": fold(f32::min), "max": fold(f32::max),
+        });
+        self.add_view(binary, ARRAY_BUFFER, metres.iter().flatten().flat_map(|x| x.to_le_bytes()));
+
+        let indices = surface.mesh.triangles.iter().flatten();
+        // The greatest 16-bit index is reserved for restarting primitives.
+        let short = metres.len() <= usize::from(u16::MAX);
+        let accessor = json!({
+            "bufferView": self.views.len(), "componentType": if short { UNSIGNED_SHORT } else { UNSIGNED_INT },
+            "count": 3 * surface.mesh.triangles.len(), "type": "SCALAR",
+        });
+        if short {
+            self.add_view(binary, ELEMENT_ARRAY_BUFFER, indices.flat_map(|&i| (i as u16).to_le_bytes()));
+        } else {
+            self.add_view(binary, ELEMENT_ARRAY_BUFFER, indices.flat_map(|i| i.to_le_bytes()));
+        }
+        let known = self.materials.iter().position(|m| *m == surface.tissue);
+        let material = known.unwrap_or_else(|| {
+            self.materials.push(surface.tissue.clone());
+            self.materials.len() - 1
+        });
+        self.nodes.push(json!({ "name": surface.name, "mesh": self.meshes.len(), "extras": extras(surface) }));
+        self.meshes.push(json!({ "name": surface.name, "primitives": [{
+            "attributes": { "POSITION": self.accessors.len() }, "indices": self.accessors.len() + 1,
+            "material": material, "mode": 4,
+        }]}));
+        self.accessors.extend([positions, accessor]);
+    }
+
+    fn add_view(&mut self, binary: &mut Vec<u8>, target: u32, bytes: impl Iterator<Item = u8>) {
+        let start = binary.len();
+        binary.extend(bytes);
+        self.views.push(json!({
+            "buffer": 0, "byteOffset": start, "byteLength": binary.len() - start, "target": target,
+        }));
+        binary.resize(binary.len().next_multiple_of(4), 0);
+    }
+
+    fn finish(self, bytes: usize) -> Value {
+        let materials: Vec<Value> = self.materials.iter().map(|name| material(name)).collect();
+        let roots: Vec<usize> = (0..self.nodes.len()).collect();
+        json!({
+            "asset": { "version": "2.0", "generator": concat!("insonify ", env!("CARGO_PKG_VERSION")) },
+            "scene": 0,
+            "scenes": [{ "nodes": roots }],
+            "nodes": self.nodes,
+            "meshes": self.meshes,
+            "materials": materials,
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{ "byteLength": bytes }],
+        })
+    }
+}
+
+fn extras(surface: &LabelledSurface) -> Value {
+    json!({ "tissue": surface.tissue, "priority": surface.priority })
+}
+
+fn material(tissue: &str) -> Value {
+    let [r, g, b, a] = tissue_colour(tissue).map(|c| f64::from(c) / 255.0);
+    json!({
+        "name": tissue,
+        "alphaMode": if a < 1.0 { "BLEND" } else { "OPAQUE" },
+        "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, a], "metallicFactor": 0.0, "roughnessFactor": 0.8 },
+    })
+}
+
+/// A colour to show `tissue` in, RGBA.
+pub fn tissue_colour(tissue: &str) -> [u8; 4] {
+    match tissue {
+        "skin" => [224, 172, 140, 110],
+        "fat" => [242, 214, 120, 110],
+        "fascia" => [230, 226, 214, 130],
+        "muscle" => [168, 60, 52, 160],
+        "soft_tissue_maternal" => [196, 128, 112, 110],
+        "uterus_wall" => [186, 92, 100, 130],
+        "cervix" => [160, 72, 88, 255],
+        "amniotic_fluid" => [92, 150, 214, 70],
+        "water" | "gel" => [120, 180, 220, 70],
+        "urine" => [222, 202, 72, 160],
+        "csf" => [110, 196, 226, 160],
+        "blood" => [190, 24, 36, 255],
+        "placenta" => [142, 44, 74, 255],
+        "cord_jelly" => [214, 208, 222, 160],
+        "vessel_wall" => [214, 132, 132, 255],
+        "brain" => [214, 176, 176, 255],
+        "choroid_plexus" => [196, 96, 130, 255],
+        "falx" => [238, 232, 208, 255],
+        "liver" => [130, 52, 40, 255],
+        "kidney" => [150, 66, 56, 255],
+        "spleen" => [112, 40, 64, 255],
+        "heart" => [176, 56, 60, 255],
+        "bowel" => [198, 142, 116, 255],
+        "lung_fetal" => [226, 160, 166, 255],
+        "lung_aerated" | "air" => [40, 44, 60, 255],
+        "cartilage" => [188, 214, 220, 255],
+        "bone_adult" => [236, 228, 206, 255],
+        "bone_fetal" => [250, 246, 232, 255],
+        "soft_tissue" => [218, 148, 128, 160],
+        _ => [160, 160, 160, 255],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn a_written_file_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.glb");
+        let mesh = Mesh {
+            vertices_mm: vec![Vec3::ZERO, Vec3::X * 10.0, Vec3::Y * 10.0, Vec3::Z * 10.0],
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        };
+        let surface = LabelledSurface { name: "a".into(), tissue: "brain".into(), priority: 7, mesh };
+        let empty = LabelledSurface { name: "b".into(), mesh: Mesh::default(), ..surface.clone() };
+        write_glb(&[surface, empty], &path).unwrap();
+        let glb = gltf::Gltf::open(&path).unwrap();
+        let node = glb.nodes().next().unwrap();
+        let extras: Value = serde_json::from_str(node.extras().as_ref().unwrap().get()).unwrap();
+        assert_eq!(extras, json!({ "tissue": "brain", "priority": 7 }));
+        let primitive = node.mesh().unwrap().primitives().next().unwrap();
+        assert_eq!(primitive.material().name(), Some("brain"));
+        let blob = glb.blob.clone().unwrap();
+        let reader = primitive.reader(|_| Some(&blob));
+        let positions: Vec<_> = reader.read_positions().unwrap().collect();
+        assert_eq!(positions[1], [0.01, 0.0, 0.0]);
+        let indices: Vec<_> = reader.read_indices().unwrap().into_u32().collect();
+        assert_eq!(indices, [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+    }
+
+    #[test]
+    fn a_missing_folder_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(matches!(write_glb(&[], &folder.path().join("no/t.glb")), Err(ExportError::Io { .. })));
+    }
+}

@@ -1,0 +1,67 @@
+//! Shape of the trunk: circles along a line in front of the spine.
+
+use glam::Vec3;
+
+use crate::anatomy::phantom::attitude::Attitude;
+use crate::anatomy::phantom::biometry::Biometry;
+use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep};
+
+/// Level of the stomach and the umbilical vein, where the abdominal circumference is measured: between T11 and T12.
+pub(in crate::anatomy::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
+/// Level where the cord enters.
+pub(in crate::anatomy::phantom) const NAVEL_LEVEL: f32 = 21.0;
+
+/// Level, radius at the skin relative to that of the abdomen.
+const PROFILE: [(f32, f32); 11] = [
+    (2.5, 0.42),
+    (5.0, 0.46),
+    (7.2, 0.60),
+    (9.5, 0.78),
+    (12.5, 0.88),
+    (15.5, 0.955),
+    (18.0, 1.0),
+    (20.5, 0.975),
+    (23.0, 0.87),
+    (25.5, 0.74),
+    (28.0, 0.56),
+];
+
+/// Skin behind the centres of the vertebral bodies, mm.
+const BACK_MM: f32 = 9.0;
+
+/// The knots of the trunk: centre and radius at the skin, mm.
+fn knots(biometry: &Biometry, attitude: &Attitude) -> Vec<(Vec3, f32)> {
+    let abdomen = biometry.abdominal_radius_mm();
+    PROFILE
+        .iter()
+        .map(|&(level, relative)| {
+            let radius = relative * abdomen;
+            (attitude.trunk(level, 0.0, radius - BACK_MM), radius)
+        })
+        .collect()
+}
+
+/// The trunk and neck up to `under_skin_mm` below the skin, fetal frame.
+pub(super) fn trunk(biometry: &Biometry, attitude: &Attitude, under_skin_mm: f32) -> Solid {
+    let line = catmull_rom(&knots(biometry, attitude), 8);
+    sweep(&line.into_iter().map(|(p, r)| (p, r - under_skin_mm)).collect::<Vec<_>>())
+}
+
+/// Radius of the trunk at the skin at `level`, mm.
+pub(super) fn trunk_radius(biometry: &Biometry, level: f32) -> f32 {
+    let i = PROFILE.partition_point(|&(l, _)| l < level).clamp(1, PROFILE.len() - 1);
+    let ((la, ra), (lb, rb)) = (PROFILE[i - 1], PROFILE[i]);
+    biometry.abdominal_radius_mm() * (ra + (rb - ra) * ((level - la) / (lb - la)).clamp(0.0, 1.0))
+}
+
+/// Centre of the trunk's circle at `level`, fetal frame.
+pub(in crate::anatomy::phantom) fn trunk_centre(attitude: &Attitude, level: f32) -> Vec3 {
+    let radius = trunk_radius(&Biometry::default(), level);
+    attitude.trunk(level, 0.0, radius - BACK_MM)
+}
+
+/// Where the cord enters the belly's skin, fetal frame.
+pub(in crate::anatomy::phantom) fn navel(attitude: &Attitude) -> Vec3 {
+    let radius = trunk_radius(&Biometry::default(), NAVEL_LEVEL);
+    attitude.trunk(NAVEL_LEVEL, 0.0, 2.0 * radius - BACK_MM)
+}

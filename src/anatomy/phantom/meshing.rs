@@ -1,0 +1,145 @@
+//! From a solid to a closed triangle mesh.
+//!
+//! The solid is sampled on a regular grid, first once a block and then fully where a block may hold the surface. Naive
+//! surface nets (`fast-surface-nets`) give a vertex to each cell that the surface passes; Newton steps along the
+//! gradient then put it on the surface, which takes the grid's staircase away.
+
+use fast_surface_nets::ndshape::RuntimeShape;
+use fast_surface_nets::{SurfaceNetsBuffer, surface_nets};
+use glam::{UVec3, Vec3};
+use rayon::prelude::*;
+
+use super::sdf::Solid;
+use crate::anatomy::Mesh;
+
+/// Cells along a block's edge.
+const BLOCK: u32 = 4;
+/// Cells kept free between the solid's box and the grid's border, so that surfaces close.
+const MARGIN_CELLS: f32 = 2.5;
+/// A block is left out where the distance at its centre exceeds its half diagonal this many times: solids are not
+/// exact distances, and some grow faster than one to one.
+const LIPSCHITZ: f32 = 3.0;
+/// Newton steps per vertex.
+const NEWTON_STEPS: usize = 4;
+
+/// Signed distances on a regular grid.
+struct Samples {
+    values: Vec<f32>,
+    size: UVec3,
+    origin: Vec3,
+    cell_mm: f32,
+}
+
+/// A closed mesh of `solid` with cells of `cell_mm`; empty where the solid holds no grid point.
+pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
+    let mut samples = Samples::of(solid, cell_mm);
+    samples.make_manifold();
+    let shape = RuntimeShape::<u32, 3>::new(samples.size.to_array());
+    let mut net = SurfaceNetsBuffer::default();
+    surface_nets(&samples.values, &shape, [0; 3], (samples.size - 1).to_array(), &mut net);
+    let vertices_mm =
+        net.positions.par_iter().map(|&p| project(solid, samples.origin + Vec3::from(p) * cell_mm, cell_mm)).collect();
+    let triangles = net.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    Mesh { vertices_mm, triangles }
+}
+
+/// Triangles that [`mesh`] would give, without finding the vertices.
+pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
+    let mut samples = Samples::of(solid, cell_mm);
+    samples.make_manifold();
+    let strides = samples.strides();
+    let crossings: usize = (0..3)
+        .map(|axis| {
+            let values = &samples.values;
+            // The grid's border is outside of the solid, so a wrapped neighbour never counts.
+            (0..values.len() - strides[axis])
+                .filter(|&i| (values[i] < 0.0) != (values[i + strides[axis]] < 0.0))
+                .count()
+        })
+        .sum();
+    2 * crossings
+}
+
+impl Samples {
+    fn of(solid: &Solid, cell_mm: f32) -> Self {
+        let bounds = solid.bounds().grown(MARGIN_CELLS * cell_mm);
+        let blocks = (bounds.size() / (cell_mm * BLOCK as f32)).ceil().max(Vec3::ONE).as_uvec3();
+        let size = blocks * BLOCK;
+        let origin = bounds.min;
+        let half_diagonal = 0.5 * BLOCK as f32 * cell_mm * 3f32.sqrt();
+        let layer = (size.x * size.y) as usize;
+        let mut values = vec![0.0; layer * size.z as usize];
+        values.par_chunks_mut(layer * BLOCK as usize).enumerate().for_each(|(bz, slab)| {
+            for by in 0..blocks.y {
+                for bx in 0..blocks.x {
+                    let first = UVec3::new(bx, by, bz as u32) * BLOCK;
+                    // Samples of a block span BLOCK - 1 cells.
+                    let centre = origin + (first.as_vec3() + 0.5 * (BLOCK - 1) as f32) * cell_mm;
+                    let at_centre = solid.distance_mm(centre);
+                    let near = at_centre.abs() < LIPSCHITZ * half_diagonal;
+                    for z in 0..BLOCK {
+                        for y in by * BLOCK..(by + 1) * BLOCK {
+                            let row = z as usize * layer + (y * size.x + first.x) as usize;
+                            for x in 0..BLOCK {
+                                let p = origin + UVec3::new(first.x + x, y, first.z + z).as_vec3() * cell_mm;
+                                slab[row + x as usize] = if near { solid.distance_mm(p) } else { at_centre };
+                            }
+                        }
+                    }
+                }
+            }
+        });
+        Self { values, size, origin, cell_mm }
+    }
+
+    fn strides(&self) -> [usize; 3] {
+        [1, self.size.x as usize, (self.size.x * self.size.y) as usize]
+    }
+
+    /// Moves samples over the surface until no square of four neighbours has its signs crossed like a chessboard:
+    /// there the net would join four sheets in one edge.
+    fn make_manifold(&mut self) {
+        let strides = self.strides();
+        let inside = -1e-3 * self.cell_mm;
+        loop {
+            let values = &self.values;
+            let last = values.len() - strides[2] - strides[1] - 1;
+            let crossed: Vec<usize> = (0..last)
+                .into_par_iter()
+                .flat_map_iter(|i| {
+                    [(0, 1), (0, 2), (1, 2)].into_iter().filter_map(move |(u, v)| {
+                        let square = [i, i + strides[u], i + strides[u] + strides[v], i + strides[v]];
+                        let s = square.map(|k| values[k] < 0.0);
+                        // Filling only ever adds to the inside, so this ends.
+                        (s[0] == s[2] && s[1] == s[3] && s[0] != s[1])
+                            .then(|| square.into_iter().filter(|&k| values[k] >= 0.0))
+                            .and_then(|outside| outside.min_by(|&a, &b| values[a].total_cmp(&values[b])))
+                    })
+                })
+                .collect();
+            if crossed.is_empty() {
+                return;
+            }
+            for k in crossed {
+                self.values[k] = inside;
+            }
+        }
+    }
+}
+
+/// The nearest point of the surface, as far as Newton steps within one cell find it.
+fn project(solid: &Solid, start: Vec3, cell_mm: f32) -> Vec3 {
+    let mut p = start;
+    for _ in 0..NEWTON_STEPS {
+        let d = solid.distance_mm(p);
+        if d.abs() < 1e-3 {
+            break;
+        }
+        let g = solid.gradient(p);
+        let step = g * (d / g.length_squared().max(0.04));
+        p -= step.clamp_length_max(0.5 * cell_mm);
+        // A vertex that leaves its cell's surroundings would fold the surface.
+        p = start + (p - start).clamp_length_max(0.9 * cell_mm);
+    }
+    p
+}

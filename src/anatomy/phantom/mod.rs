@@ -1,0 +1,131 @@
+//! The obstetric phantom: a pregnant belly at 22 weeks, made by signed-distance modelling.
+//!
+//! Frame of the scene: x mother's left, y cranial, z anterior, in mm, the origin at the centre of the uterine cavity.
+//! The fetus lies head down on its right side, its back to the mother's right, so that a probe on the belly meets the
+//! head's side: the midline is across the beam. The placenta is anterior, left and fundal.
+//!
+//! [`organs`] lists every closed surface as a solid, [`build`] meshes them, [`cached`] keeps the file, and
+//! [`landmarks()`] says where things are.
+//!
+//! An organ is one function in `fetus/` or `mother/` that gives [`Organ`]s; it takes its sizes from [`Biometry`] and
+//! its place from [`Attitude`]. A new organ is one more entry in its body's list.
+
+pub mod attitude;
+pub mod biometry;
+mod budget;
+mod cache;
+mod fetus;
+mod landmarks;
+mod meshing;
+mod mother;
+mod organ;
+pub mod sdf;
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use thiserror::Error;
+
+pub use attitude::Attitude;
+pub use biometry::Biometry;
+pub use cache::{CacheError, cached};
+pub use landmarks::{Landmarks, landmarks};
+pub use organ::{Body, Organ};
+
+pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
+
+/// Triangles of the fetus at scale 1.
+pub const FETUS_TRIANGLES: usize = 400_000;
+/// Triangles of the mother, with placenta, cord and fluid, at scale 1.
+pub const MOTHER_TRIANGLES: usize = 275_000;
+/// Least and greatest accepted scale.
+pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
+
+/// What to build.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhantomOptions {
+    /// Factor on the budgets of triangles, within [`SCALE_RANGE`].
+    pub scale: f64,
+}
+
+impl Default for PhantomOptions {
+    fn default() -> Self {
+        Self { scale: 1.0 }
+    }
+}
+
+/// How far a build is. Calls come from several threads; `done` never exceeds `total`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// Steps done.
+    pub done: usize,
+    /// Steps in all.
+    pub total: usize,
+}
+
+/// Why the phantom could not be built.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum PhantomError {
+    /// The scale is not a number in range.
+    #[error("the phantom's scale is {scale}; it must lie in {}..={}", SCALE_RANGE.start(), SCALE_RANGE.end())]
+    Scale {
+        /// Scale asked for.
+        scale: f64,
+    },
+    /// So few triangles that a rib or a vessel would fall apart.
+    #[error("the phantom's scale is {scale}; its finest parts need at least {least:.3}")]
+    ScaleTooSmall {
+        /// Scale asked for.
+        scale: f64,
+        /// Least scale that resolves every part.
+        least: f64,
+    },
+}
+
+/// Every surface of the phantom as a solid, the mother's first.
+pub fn organs() -> Vec<Organ> {
+    let biometry = Biometry::default();
+    let attitude = Attitude::curled(&biometry);
+    let mut organs = mother::organs(&attitude);
+    organs.extend(fetus::organs(&biometry, &attitude));
+    organs
+}
+
+/// Builds the phantom: closed, outward-facing surfaces in ascending priority, the same on each run. The fetus has
+/// [`FETUS_TRIANGLES`] and the mother [`MOTHER_TRIANGLES`] times the scale, within two percent. `progress` hears of
+/// every step and may be called from several threads.
+///
+/// # Errors
+/// A scale outside [`SCALE_RANGE`], or one so small that fine parts would be lost.
+pub fn build(
+    options: &PhantomOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Vec<PhantomSurface>, PhantomError> {
+    let scale = options.scale;
+    if !SCALE_RANGE.contains(&scale) {
+        return Err(PhantomError::Scale { scale });
+    }
+    let (mother, fetus): (Vec<Organ>, Vec<Organ>) = organs().into_iter().partition(|o| o.body == Body::Mother);
+    // One step a surface for its count, one for its mesh.
+    let total = 2 * (mother.len() + fetus.len());
+    let done = AtomicUsize::new(0);
+    let step = || progress(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+
+    let mut jobs = Vec::new();
+    for (organs, budget) in [(mother, MOTHER_TRIANGLES), (fetus, FETUS_TRIANGLES)] {
+        let triangles = (budget as f64 * scale).round() as usize;
+        let sizes = budget::cell_sizes_mm(&organs, triangles, &step)
+            .map_err(|least| PhantomError::ScaleTooSmall { scale, least: least as f64 / budget as f64 })?;
+        jobs.extend(organs.into_iter().zip(sizes));
+    }
+    let mut surfaces: Vec<PhantomSurface> = jobs
+        .par_iter()
+        .map(|(organ, cell_mm)| {
+            let mesh = meshing::mesh(&organ.solid, *cell_mm);
+            step();
+            PhantomSurface { name: organ.name.into(), tissue: organ.tissue.into(), priority: organ.priority, mesh }
+        })
+        .collect();
+    surfaces.sort_by_key(|s| s.priority);
+    Ok(surfaces)
+}

@@ -1,0 +1,58 @@
+//! Axis-aligned boxes.
+
+use glam::Vec3;
+
+/// An axis-aligned box, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Least corner.
+    pub min: Vec3,
+    /// Greatest corner.
+    pub max: Vec3,
+}
+
+impl Bounds {
+    /// The box with no point in it; its hull with any other is the other.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// A box far larger than any scene, for half-spaces.
+    pub const EVERYWHERE: Self = Self { min: Vec3::splat(-1.0e6), max: Vec3::splat(1.0e6) };
+
+    /// The box about `centre` that reaches `half` to each side.
+    pub fn around(centre: Vec3, half: Vec3) -> Self {
+        Self { min: centre - half, max: centre + half }
+    }
+
+    /// Grown by `margin` to every side.
+    pub fn grown(self, margin: f32) -> Self {
+        Self { min: self.min - margin, max: self.max + margin }
+    }
+
+    /// The least box that holds both.
+    pub fn hull(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// What both share, which may be empty.
+    pub fn overlap(self, other: Self) -> Self {
+        Self { min: self.min.max(other.min), max: self.max.min(other.max) }
+    }
+
+    /// Extent along the axes; not positive where the box is empty.
+    pub fn size(self) -> Vec3 {
+        self.max - self.min
+    }
+
+    /// Distance from `p` to the box, mm; zero inside.
+    pub fn distance_mm(self, p: Vec3) -> f32 {
+        (self.min - p).max(p - self.max).max(Vec3::ZERO).length()
+    }
+
+    /// The eight corners.
+    pub fn corners(self) -> [Vec3; 8] {
+        std::array::from_fn(|i| {
+            let pick = |bit: usize, lo: f32, hi: f32| if i >> bit & 1 == 0 { lo } else { hi };
+            Vec3::new(pick(0, self.min.x, self.max.x), pick(1, self.min.y, self.max.y), pick(2, self.min.z, self.max.z))
+        })
+    }
+}
