@@ -19,7 +19,7 @@ use super::output::thousands;
 use super::progress::Progress;
 use super::replay::RecordingReport;
 use super::timeline::Timeline;
-use super::{Classify, Failure, output, session};
+use super::{Failure, output, session};
 
 /// The station and the exam are part of the program, so that the demo runs from anywhere.
 const STATION: &str = include_str!("../../configs/obstetric.toml");
@@ -211,9 +211,9 @@ impl Stage {
     fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
         if !std::mem::replace(&mut self.warm, true) {
             // The driver compiles at the first dispatch: that frame's time is not one of a session.
-            self.renderer.render(pose, &mut self.frame).other()?;
+            self.renderer.render(pose, &mut self.frame)?;
         }
-        self.renderer.render(pose, &mut self.frame).other()?;
+        self.renderer.render(pose, &mut self.frame)?;
         self.times.push(&self.frame.times);
         self.overflowed += usize::from(self.frame.overflows > 0);
         Ok(&self.frame)

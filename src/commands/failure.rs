@@ -3,12 +3,14 @@
 use std::process::ExitCode;
 
 use insonify::anatomy::SceneError;
+use insonify::anatomy::exam::ExamError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::phantom::{CacheError, PhantomError};
-use insonify::render::SettingsError;
+use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::recording::RecordingError;
+use insonify::transducer::ProbeError;
 
 /// Why a command did not succeed.
 #[derive(Debug)]
@@ -92,6 +94,37 @@ impl From<CacheError> for Failure {
     }
 }
 
+impl From<ExamError> for Failure {
+    fn from(error: ExamError) -> Self {
+        match error {
+            ExamError::Recording(error) => error.into(),
+            error => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<GpuError> for Failure {
+    fn from(error: GpuError) -> Self {
+        match error {
+            // What the caller can mend: install a driver, ask for less.
+            GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } | GpuError::Limit { .. } => {
+                Self::Input(error.into())
+            }
+            _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Gpu(error) => error.into(),
+            RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
+            _ => Self::Other(error.into()),
+        }
+    }
+}
+
 impl From<ExportError> for Failure {
     fn from(error: ExportError) -> Self {
         Self::Other(error.into())
@@ -107,7 +140,7 @@ macro_rules! input_errors {
         }
     )*};
 }
-input_errors!(StationError, SceneError, SettingsError, PhantomError);
+input_errors!(StationError, SceneError, ProbeError, SettingsError, PhantomError);
 
 #[cfg(test)]
 mod tests {

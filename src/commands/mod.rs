@@ -2,6 +2,7 @@
 
 mod cache;
 mod demo;
+mod exam;
 mod failure;
 mod output;
 mod phantom;
@@ -49,6 +50,7 @@ enum Command {
     Render(render::Args),
     Replay(replay::Args),
     Phantom(phantom::Args),
+    Exam(exam::Args),
     Tissues(tissues::Args),
     StationKeys(station_keys::Args),
 }
@@ -61,6 +63,7 @@ impl Cli {
             Command::Render(args) => render::run(args),
             Command::Replay(args) => replay::run(args),
             Command::Phantom(args) => phantom::run(args),
+            Command::Exam(args) => exam::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::StationKeys(args) => station_keys::run(args),
         }

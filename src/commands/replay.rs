@@ -1,6 +1,7 @@
 //! `insonify replay`: a recording becomes frames and a video.
 
-use std::path::PathBuf;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
@@ -11,7 +12,7 @@ use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord, ProbeRecord, QualityRecord};
 use insonify::sink::png::{self, Effort};
 use insonify::sink::time_table::{SideBySide, StageTime};
-use insonify::sink::{FrameRate, TimeTable, Video, npy, write_json};
+use insonify::sink::{FrameRate, TimeTable, Video, npy, remove, write_json};
 use insonify::station::Station;
 use insonify::tracker::recording::{self, RecordingSummary};
 use serde::Serialize;
@@ -19,7 +20,7 @@ use serde::Serialize;
 use super::progress::Progress;
 use super::quality::{self, RaysLayers};
 use super::timeline::Timeline;
-use super::{Classify, Failure, output, session};
+use super::{Failure, output, session};
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
 ///
@@ -147,7 +148,7 @@ struct FrameEntry {
 
 impl<'a> RecordingReport<'a> {
     /// What `summary` says of the recording at `path`.
-    pub(crate) fn new(path: &std::path::Path, summary: &'a RecordingSummary) -> Self {
+    pub(crate) fn new(path: &Path, summary: &'a RecordingSummary) -> Self {
         Self {
             path: path.display().to_string(),
             device: &summary.info.device,
@@ -190,9 +191,16 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = session::load_scene(&station)?;
     let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
     // The driver compiles at the first dispatch: that frame's time is not one of a session.
-    renderer.render(&timeline.poses[start], &mut Frame::default()).other()?;
+    renderer.render(&timeline.poses[start], &mut Frame::default())?;
 
     let (width, height) = (renderer.sector().width, renderer.sector().height);
+    // What an earlier replay left must not be taken for this one's.
+    remove(&args.out.join("replay.json"))?;
+    let left = earlier_frames(&args.out, start..end);
+    if left > 0 {
+        let out = args.out.display();
+        eprintln!("warning: {out} holds {left} frames of an earlier replay that this one does not replace");
+    }
     let mut video = Video::create(&args.out.join("video"), width, height, rate)?;
     let mut times = TimeTable::default();
     let mut overflowed = 0;
@@ -257,6 +265,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("\n{}\n", SideBySide(&[(&name, &times)])))?;
     output::line(format!("video    {}", report.video.display()))?;
     output::line(format!("frames   {}", args.out.join("bmode").display()))
+}
+
+/// Frames below `out` that `frames` will not overwrite.
+fn earlier_frames(out: &Path, frames: Range<usize>) -> usize {
+    let files = ["bmode", "segmentation", "attenuation"].iter().filter_map(|map| std::fs::read_dir(out.join(map)).ok());
+    let numbers = files.flatten().flatten().filter_map(|file| file.path().file_stem()?.to_str()?.parse().ok());
+    numbers.filter(|number| !frames.contains(number)).count()
 }
 
 #[cfg(test)]

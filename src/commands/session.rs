@@ -2,24 +2,21 @@
 
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::render::{FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
 
 use super::progress::Progress;
-use super::{Classify, Failure, cache};
-
-/// Frames in flight at most.
-const DEPTH: usize = 2;
+use super::{Failure, cache};
 
 /// A device that renders.
 pub(crate) fn open_gpu() -> Result<Gpu, Failure> {
-    Gpu::new(&GpuOptions::default()).input()
+    Ok(Gpu::new(&GpuOptions::default())?)
 }
 
 /// The device's name and driver.
 pub(crate) fn adapter(gpu: &Gpu) -> AdapterRecord {
-    AdapterRecord { name: gpu.adapter_name().to_string(), driver: gpu.driver().to_string() }
+    AdapterRecord { name: gpu.adapter_name(), driver: gpu.driver() }
 }
 
 /// The surfaces of a station, from its file or from the cache of generated scenes.
@@ -42,9 +39,7 @@ pub(crate) fn renderer(
     station: &Station,
     settings: &RenderSettings,
 ) -> Result<Renderer, Failure> {
-    station.probe.validate().input()?;
-    settings.validate()?;
-    Renderer::new(gpu, scene, &station.probe, settings).other()
+    Ok(Renderer::new(gpu, scene, &station.probe, settings)?)
 }
 
 /// Renders `poses` in order, two in flight, and hands each frame to `each` with its index.
@@ -56,15 +51,15 @@ pub(crate) fn render_all(
     let mut frame = Frame::default();
     let mut done = 0;
     for (submitted, pose) in poses.iter().enumerate() {
-        if submitted - done == DEPTH {
-            renderer.receive(&mut frame).other()?;
+        if submitted - done == FRAMES_IN_FLIGHT {
+            renderer.receive(&mut frame)?;
             each(done, &frame)?;
             done += 1;
         }
-        renderer.submit(pose).other()?;
+        renderer.submit(pose)?;
     }
     while done < poses.len() {
-        renderer.receive(&mut frame).other()?;
+        renderer.receive(&mut frame)?;
         each(done, &frame)?;
         done += 1;
     }

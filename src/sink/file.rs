@@ -17,6 +17,17 @@ pub fn create_dir(path: &Path) -> Result<(), SinkError> {
     std::fs::create_dir_all(path).map_err(SinkError::io(path))
 }
 
+/// Removes a file, if it is there.
+///
+/// # Errors
+/// It is there and cannot be removed.
+pub fn remove(path: &Path) -> Result<(), SinkError> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        removed => removed.map_err(SinkError::io(path)),
+    }
+}
+
 /// An empty file beside `path`, to be written and then given to [`commit`].
 pub(crate) fn begin(path: &Path) -> Result<NamedTempFile, SinkError> {
     let directory = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::png::{self, Effort};
-use super::{FrameRecord, SinkError, create_dir, npy, write_json};
+use super::{FrameRecord, SinkError, create_dir, npy, remove, write_json};
 use crate::anatomy::TissueTable;
 use crate::render::Frame;
 
@@ -36,6 +36,8 @@ impl FrameFiles<'_> {
     /// A map that does not have the frame's size, or a file that cannot be written.
     pub fn write(&self, dir: &Path) -> Result<Vec<PathBuf>, SinkError> {
         create_dir(dir)?;
+        // Of an earlier frame: it must not vouch for files that are about to change.
+        remove(&dir.join("frame.json"))?;
         let Self { frame, tissues, record } = *self;
         let (width, height) = (frame.width, frame.height);
         let mut written = Vec::with_capacity(7);
@@ -138,6 +140,7 @@ mod tests {
         let adapter = AdapterRecord { name: String::new(), driver: String::new() };
         let sector = Sector::fit(&probe, 4, 3);
         let record = FrameRecord::new(&frame, &pose, &probe, &RenderSettings::default(), &sector, adapter);
+        std::fs::write(dir.path().join("frame.json"), "of an earlier frame").unwrap();
         let error = FrameFiles { frame: &frame, tissues: &tissues(), record: &record }.write(dir.path()).unwrap_err();
         assert!(error.to_string().contains("lines.npy"), "{error}");
         assert!(!dir.path().join("frame.json").exists());

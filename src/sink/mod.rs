@@ -20,7 +20,7 @@ mod file;
 
 pub use contact_sheet::ContactSheet;
 pub use error::SinkError;
-pub use file::{create_dir, write_json, write_with};
+pub use file::{create_dir, remove, write_json, write_with};
 pub use frame_files::FrameFiles;
 pub use frame_record::FrameRecord;
 pub use time_table::TimeTable;
