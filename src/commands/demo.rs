@@ -190,7 +190,6 @@ struct Stage {
     frame: Frame,
     times: TimeTable,
     overflowed: usize,
-    warm: bool,
 }
 
 impl Stage {
@@ -198,21 +197,10 @@ impl Stage {
         let quality = Quality { seed: station.settings.quality.seed, ..quality };
         let settings = RenderSettings { quality, ..station.settings };
         let renderer = session::renderer(gpu, scene, station, &settings)?;
-        Ok(Self {
-            renderer,
-            settings,
-            frame: Frame::default(),
-            times: TimeTable::default(),
-            overflowed: 0,
-            warm: false,
-        })
+        Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 
     fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
-        if !std::mem::replace(&mut self.warm, true) {
-            // The driver compiles at the first dispatch: that frame's time is not one of a session.
-            self.renderer.render(pose, &mut self.frame)?;
-        }
         self.renderer.render(pose, &mut self.frame)?;
         self.times.push(&self.frame.times);
         self.overflowed += usize::from(self.frame.overflows > 0);

@@ -83,8 +83,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = session::load_scene(&station)?;
     let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
     let mut frame = Frame::default();
-    // The driver compiles at the first dispatch: the times of a second frame are those of a session.
-    renderer.render(&pose, &mut frame)?;
     renderer.render(&pose, &mut frame)?;
     if frame.overflows > 0 {
         tracing::warn!("{} crossings or interactions did not fit the buffers and are missing", frame.overflows);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::render::{Frame, Quality};
+use insonify::render::Quality;
 use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord, ProbeRecord, QualityRecord};
 use insonify::sink::png::{self, Effort};
@@ -190,8 +190,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let gpu = session::open_gpu()?;
     let scene = session::load_scene(&station)?;
     let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
-    // The driver compiles at the first dispatch: that frame's time is not one of a session.
-    renderer.render(&timeline.poses[start], &mut Frame::default())?;
 
     let (width, height) = (renderer.sector().width, renderer.sector().height);
     // What an earlier replay left must not be taken for this one's.

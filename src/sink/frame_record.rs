@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::time_table::pass_totals;
 use crate::pose::Pose;
 use crate::render::{Frame, FrameTimes, Quality, RenderSettings};
 use crate::transducer::{Probe, ProbeKind, Sector};
@@ -107,7 +108,7 @@ pub struct ProbeRecord {
 pub struct TimesRecord {
     /// From the call until the frame lay in memory, ms.
     pub total_ms: f64,
-    /// GPU time of each pass, in order; empty where the device has no timestamps.
+    /// GPU time of each pass, in order, its runs added up; empty where the device has no timestamps.
     pub passes: Vec<PassRecord>,
 }
 
@@ -202,7 +203,7 @@ impl From<&Probe> for ProbeRecord {
 
 impl From<&FrameTimes> for TimesRecord {
     fn from(times: &FrameTimes) -> Self {
-        let passes = times.passes.iter().map(|p| PassRecord { name: p.name, ms: p.ms }).collect();
+        let passes = pass_totals(times).iter().map(|p| PassRecord { name: p.name, ms: p.ms }).collect();
         Self { total_ms: times.total_ms, passes }
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::render::FrameTimes;
+use crate::render::{FrameTimes, PassTime};
 
 /// Stage that holds what a frame took beyond its passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
@@ -38,13 +38,13 @@ pub struct StageTime {
 impl TimeTable {
     /// Adds a frame.
     pub fn push(&mut self, times: &FrameTimes) {
-        for pass in &times.passes {
-            self.stage(pass.name).push(pass.ms);
-        }
-        if !times.passes.is_empty() {
-            // Passes of two frames in flight overlap with the wait of the other, never with their own.
-            let passes_ms: f64 = times.passes.iter().map(|p| p.ms).sum();
+        let passes = pass_totals(times);
+        if !passes.is_empty() {
+            let passes_ms: f64 = passes.iter().map(|p| p.ms).sum();
             self.stage(OVERHEAD).push((times.total_ms - passes_ms).max(0.0));
+        }
+        for pass in passes {
+            self.stage(pass.name).push(pass.ms);
         }
         self.whole_ms.push(times.total_ms);
     }
@@ -54,11 +54,14 @@ impl TimeTable {
         self.whole_ms.len()
     }
 
-    /// Percentiles of each stage, in order, then of whole frames; empty if no frame was added.
+    /// Percentiles of each pass, in order, then of what is beyond them and of whole frames; empty if no frame was added.
     pub fn stages(&self) -> Vec<StageTime> {
-        let whole = std::iter::once((WHOLE_FRAME, &self.whole_ms));
-        let stages = self.stages.iter().map(|(name, times)| (*name, times)).chain(whole);
-        stages
+        let stages = || self.stages.iter().map(|(name, times)| (*name, times));
+        let passes = stages().filter(|(name, _)| *name != OVERHEAD);
+        let overhead = stages().filter(|(name, _)| *name == OVERHEAD);
+        passes
+            .chain(overhead)
+            .chain(std::iter::once((WHOLE_FRAME, &self.whole_ms)))
             .filter_map(|(stage, times)| {
                 let [p50_ms, p95_ms, max_ms] = percentiles(times, [50.0, 95.0, 100.0])?;
                 Some(StageTime { stage, count: times.len(), p50_ms, p95_ms, max_ms })
@@ -73,6 +76,18 @@ impl TimeTable {
         });
         &mut self.stages[index].1
     }
+}
+
+/// The passes of a frame in the order in which they first ran, each with the sum of its runs.
+pub fn pass_totals(times: &FrameTimes) -> Vec<PassTime> {
+    let mut totals: Vec<PassTime> = Vec::with_capacity(times.passes.len());
+    for pass in &times.passes {
+        match totals.iter_mut().find(|total| total.name == pass.name) {
+            Some(total) => total.ms += pass.ms,
+            None => totals.push(*pass),
+        }
+    }
+    totals
 }
 
 /// Percentiles (0..=100) of `values` by the nearest-rank definition: each is one of the values. None of no values.
@@ -124,7 +139,6 @@ impl fmt::Display for SideBySide<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::PassTime;
 
     fn times(total_ms: f64, passes: &[(&'static str, f64)]) -> FrameTimes {
         FrameTimes { total_ms, passes: passes.iter().map(|&(name, ms)| PassTime { name, ms }).collect() }
@@ -152,6 +166,14 @@ mod tests {
         let sum: f64 = stages[..3].iter().map(|s| s.p50_ms).sum();
         assert_eq!(sum, stages[3].p50_ms);
         assert!(stages.iter().all(|s| s.count == 3));
+    }
+
+    #[test]
+    fn runs_of_one_pass_add_up_within_a_frame() {
+        let mut table = TimeTable::default();
+        table.push(&times(20.0, &[("trace", 5.0), ("march", 2.0), ("trace", 6.0), ("march", 1.0)]));
+        let stages: Vec<_> = table.stages().iter().map(|s| (s.stage, s.count, s.p50_ms)).collect();
+        assert_eq!(stages, [("trace", 1, 11.0), ("march", 1, 3.0), (OVERHEAD, 1, 6.0), (WHOLE_FRAME, 1, 20.0)]);
     }
 
     #[test]
