@@ -2,6 +2,7 @@
 
 pub mod analytic;
 pub mod builtin;
+pub mod bvh;
 pub mod import;
 pub mod export;
 pub mod mesh;
@@ -9,6 +10,7 @@ pub mod phantom;
 pub mod scene;
 pub mod tissue;
 
+pub use bvh::{Bvh, BvhError};
 pub use mesh::Mesh;
 pub use scene::{Scene, SceneError, Surface};
 pub use tissue::{Tissue, TissueError, TissueTable};

@@ -62,14 +62,22 @@ impl Default for Quality {
 }
 
 /// All that a renderer is built for, beside scene and probe.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSettings {
     /// Image.
     pub image: ImageSettings,
     /// Paths.
     pub quality: Quality,
+    /// Paths that each sample of a layer is read from, at most `quality.rays`: a low-discrepancy subset.
+    pub paths_per_sample: u32,
     /// Whether frames carry the complex baseband lines.
     pub lines: bool,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self { image: ImageSettings::default(), quality: Quality::default(), paths_per_sample: 1, lines: false }
+    }
 }
 
 impl RenderSettings {
@@ -86,6 +94,7 @@ impl RenderSettings {
             ("image.tgc_db_per_cm", self.image.tgc_db_per_cm, 0.0, 100.0),
             ("quality.rays", f64::from(self.quality.rays), 1.0, 256.0),
             ("quality.layers", f64::from(self.quality.layers), 1.0, 33.0),
+            ("quality.paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
         ];
         for (key, value, min, max) in checks {
             if !(value >= min && value <= max) {

@@ -25,8 +25,10 @@ impl File {
         let bytes = read_file(path, u64::MAX).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
         let format = |reason: String| SceneError::Format { path: path.to_owned(), reason };
         check_header(&bytes).map_err(format)?;
-        let Gltf { document, mut blob } = Gltf::from_slice(&bytes).map_err(|e| format(e.to_string()))?;
+        let Gltf { document, mut blob } =
+            Gltf::from_slice_without_validation(&bytes).map_err(|e| format(e.to_string()))?;
         drop(bytes);
+        let document = validate(document).map_err(format)?;
         let buffers = document.buffers().map(|b| read_buffer(path, &b, &mut blob)).collect::<Result<Vec<_>, _>>()?;
         Ok(Self { path: path.to_owned(), document, buffers })
     }
@@ -52,6 +54,20 @@ fn check_header(bytes: &[u8]) -> Result<(), String> {
         Some(length) => Err(format!("truncated: its header promises {length} bytes, there are {}", bytes.len())),
         None => Err(format!("truncated: it ends after {} bytes, inside its header", bytes.len())),
     }
+}
+
+/// The document, its references within bounds.
+fn validate(document: Document) -> Result<Document, String> {
+    let root = document.into_json();
+    // The glTF crate's own validation looks at a primitive's positions before it checks that they exist.
+    let primitives = root.meshes.iter().enumerate().flat_map(|(m, mesh)| mesh.primitives.iter().map(move |p| (m, p)));
+    for (mesh, primitive) in primitives {
+        if let Some(index) = primitive.attributes.values().find(|index| index.value() >= root.accessors.len()) {
+            let (index, count) = (index.value(), root.accessors.len());
+            return Err(format!("mesh {mesh} refers to accessor {index} of {count}"));
+        }
+    }
+    Document::from_json(root).map_err(|e| e.to_string())
 }
 
 fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u8>>) -> Result<Vec<u8>, SceneError> {
@@ -90,12 +106,11 @@ fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u
 
 /// At most `limit` bytes of a regular file: a pipe or device might never end.
 fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    let file = fs::File::open(path)?;
-    let metadata = file.metadata()?;
-    if !metadata.is_file() {
+    // Before it is opened: opening a pipe waits for its other end.
+    if !fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
     }
     let mut bytes = Vec::new();
-    file.take(limit).read_to_end(&mut bytes)?;
+    fs::File::open(path)?.take(limit).read_to_end(&mut bytes)?;
     Ok(bytes)
 }

@@ -85,7 +85,7 @@ fn weld(
     for &index in indices {
         used[index as usize] = true;
     }
-    let mut index_at = HashMap::new();
+    let mut index_at = HashMap::with_capacity(used.iter().filter(|u| **u).count());
     let mut welded = vec![0; positions.len()];
     for (vertex, &position) in positions.iter().enumerate().filter(|(vertex, _)| used[*vertex]) {
         let mm = part.scene_mm(position);

@@ -1,0 +1,89 @@
+// Scatterers along the paths: complex baseband before the point-spread function.
+// In: segments. Out: complex [scanlines × row_samples], two samples a vector. Eight consecutive samples a thread.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> starts: array<f32>;
+@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> hints: array<u32>;
+@group(0) @binding(4) var<storage, read> layers: array<vec4<f32>>;
+// Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
+@group(0) @binding(5) var<storage, read> scatterer_gain: array<f32>;
+@group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
+
+const PAIRS: u32 = 4u;
+const LN_SILENT: f32 = -80.0;
+
+// The segment in hand.
+var<private> path: u32;
+var<private> at: u32;
+var<private> ends_mm: f32;
+var<private> s0: vec4<f32>;
+var<private> s1: vec4<f32>;
+var<private> s2: vec4<f32>;
+
+// Echo of the scatterer that the sample at `range_mm` of path `chosen` meets.
+fn scatter(chosen: u32, sample: u32) -> vec2<f32> {
+    let range_mm = (f32(sample) + 0.5) * params.sample_spacing_mm;
+    // A loop, not an `if`: software devices skip a loop that no thread enters.
+    loop {
+        if chosen == path && range_mm < ends_mm {
+            break;
+        }
+        let block = sample / HINT_BLOCK;
+        let hint = (hints[chosen * params.hint_words + block / 4u] >> (8u * (block & 3u))) & 255u;
+        at = select(hint, at, chosen == path);
+        path = chosen;
+        ends_mm = starts[path * STARTS + at + 1u];
+        while ends_mm <= range_mm {
+            at++;
+            ends_mm = starts[path * STARTS + at + 1u];
+        }
+        let slot = 3u * (path * SEGMENTS + at);
+        s0 = segments[slot];
+        s1 = segments[slot + 1u];
+        s2 = segments[slot + 2u];
+    }
+    let here = s0.xyz + s1.xyz * range_mm;
+    let cell = lattice_cell(here);
+    let bits = lattice_hash(cell);
+    // Where the scatterer lies on the path: its phase is exact, whichever sample meets its cell.
+    let ahead_mm = dot(scatterer_position(cell, bits.y) - here, s1.xyz) / max(dot(s1.xyz, s1.xyz), 1.0e-12);
+    let ln_amplitude = s0.w - s1.w * range_mm;
+    let strength = (s2.x + s2.y * normal_from_bytes(bits.z)) * exp(max(ln_amplitude, LN_SILENT));
+    let there = (bits.x >> 15u) < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SILENT;
+    let phase = -6.28318530718 * fract(params.phase_turns_per_mm * (range_mm + ahead_mm));
+    return select(0.0, strength, there) * vec2<f32>(cos(phase), sin(phase));
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let line = id.y;
+    let first = id.x * PAIRS * 2u;
+    if first >= params.row_samples {
+        return;
+    }
+    path = 0xffffffffu;
+    let gain = scatterer_gain[first / DEPTH_BLOCK] / sqrt(f32(params.paths_per_sample));
+    for (var pair = 0u; pair < PAIRS; pair++) {
+        let sample = first + 2u * pair;
+        var sum = vec4<f32>(0.0);
+        for (var e = 0u; e < params.layer_count; e++) {
+            let layer = params.layer_first + e;
+            let base = (e * params.scanlines + line) * params.rays;
+            let rotation = line * 0x9e3779b9u + layer * 0x85ebca6bu + params.seed;
+            let weight = sqrt(layers[layer].z);
+            for (var k = 0u; k < params.paths_per_sample; k++) {
+                // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long.
+                let turn = ((sample >> 1u) * params.paths_per_sample + k) * 2654435769u + rotation;
+                let chosen = base + (turn >> 16u) * params.rays / 65536u;
+                sum += weight * vec4<f32>(scatter(chosen, sample), scatter(chosen, sample + 1u));
+            }
+        }
+        let out = (line * params.row_samples + sample) / 2u;
+        if params.layer_first == 0u {
+            baseband[out] = gain * sum;
+        } else {
+            baseband[out] += gain * sum;
+        }
+    }
+}

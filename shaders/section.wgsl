@@ -1,0 +1,81 @@
+// The media along straight map rays: the cross-section of the surfaces, and the attenuation from the face on.
+// Out: for each map ray up to ENTRIES runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue], and
+// at every map_step_mm of its depth a word: the upper 24 bits of Σμ as f32, and the tissue in the lowest 8.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> triangles: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read> surface_tissue: array<u32>;
+@group(0) @binding(4) var<storage, read> map_rays: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> tissues: array<Tissue>;
+@group(0) @binding(6) var<storage, read_write> entries: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> entry_counts: array<u32>;
+@group(0) @binding(8) var<storage, read_write> overflows: array<atomic<u32>>;
+
+@group(0) @binding(9) var<storage, read_write> raster: array<u32>;
+
+const CROSSINGS: u32 = 160u;
+
+@compute @workgroup_size(32)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let ray = id.x;
+    if ray >= params.map_rays {
+        return;
+    }
+    let origin = scene_from_probe_point(map_rays[2u * ray].xyz);
+    let direction = normalize(scene_from_probe_vector(map_rays[2u * ray + 1u].xyz));
+    collect(origin, direction, -params.reach_mm, params.depth_mm);
+
+    var i = 0u;
+    while i < crossing_count && crossing_t[i] <= 0.0 {
+        i = cross_place(i);
+    }
+    var here = medium();
+    var start = 0.0;
+    var sum_np = 0.0;
+    var rate = 0.5 * tissues[here].attenuation_np_mm;
+    var count = 0u;
+    var lost = crossing_lost;
+    entries[ray * ENTRIES] = vec4<f32>(0.0, 0.0, rate, bitcast<f32>(TAG | here));
+    count = 1u;
+    while i < crossing_count {
+        let t = crossing_t[i];
+        i = cross_place(i);
+        let there = medium();
+        if there != here {
+            sum_np += rate * (t - start);
+            start = t;
+            here = there;
+            rate = 0.5 * tissues[here].attenuation_np_mm;
+            if count < ENTRIES {
+                entries[ray * ENTRIES + count] = vec4<f32>(start, sum_np, rate, bitcast<f32>(TAG | here));
+                count++;
+            } else {
+                lost++;
+            }
+        }
+    }
+    entry_counts[ray] = count;
+
+    var depth = 0u;
+    for (var run = 0u; run < count; run++) {
+        let entry = entries[ray * ENTRIES + run];
+        var end = 2.0 * params.depth_mm + 1.0;
+        if run + 1u < count {
+            end = entries[ray * ENTRIES + run + 1u].x;
+        }
+        let id = bitcast<u32>(entry.w) & TAG_MASK;
+        loop {
+            let at_mm = f32(depth) * params.map_step_mm;
+            if at_mm >= end || depth >= params.map_depths {
+                break;
+            }
+            let sum = entry.y + entry.z * (at_mm - entry.x);
+            raster[ray * params.map_depths + depth] = (bitcast<u32>(sum) & 0xffffff00u) | id;
+            depth++;
+        }
+    }
+    if lost > 0u {
+        atomicAdd(&overflows[0], lost);
+    }
+}

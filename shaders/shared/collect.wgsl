@@ -1,0 +1,104 @@
+// Every crossing of a straight ray, sorted. Sixty-four suit a locate, 128 a section.
+
+var<private> crossing_t: array<f32, CROSSINGS>;
+var<private> crossing_key: array<u32, CROSSINGS>;
+var<private> crossing_count: u32;
+var<private> crossing_lost: u32;
+
+// Keeps the crossings nearest to t_max when there are more than fit.
+fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
+    let reciprocal = safe_reciprocal(direction);
+    let octant = octant_mask(direction);
+    var stack: array<vec2<u32>, STACK_DEPTH>;
+    var depth = 0u;
+    var group = vec2<u32>(0u, 0x80000000u);
+    crossing_count = 0u;
+    crossing_lost = 0u;
+    loop {
+        var leaf = vec2<u32>(0u, 0u);
+        if (group.y & 0xff000000u) != 0u {
+            let bits = group.y;
+            let child = firstLeadingBit(bits);
+            group.y &= ~(1u << child);
+            if (group.y & 0xff000000u) != 0u && depth < STACK_DEPTH {
+                stack[depth] = group;
+                depth++;
+            }
+            let slot = (child - 24u) ^ (octant & 255u);
+            let before = countOneBits(bits & ~(0xffffffffu << slot));
+            let hits = intersect_node(group.x + before, origin, reciprocal, octant, t_min, t_max);
+            group = vec2<u32>(hits.child_base, (hits.children & 0xff000000u) | hits.inner);
+            leaf = vec2<u32>(hits.triangle_base, hits.children & 0x00ffffffu);
+        }
+        while leaf.y != 0u {
+            let offset = firstLeadingBit(leaf.y);
+            leaf.y &= ~(1u << offset);
+            let index = leaf.x + offset;
+            let hit = intersect_triangle(index, origin, direction);
+            if hit.facing != 0 && hit.t > t_min && hit.t <= t_max {
+                let surface = triangles[3u * index].w;
+                insert(hit.t, surface << 1u | select(0u, 1u, hit.facing > 0));
+            }
+        }
+        if (group.y & 0xff000000u) == 0u {
+            if depth == 0u {
+                break;
+            }
+            depth--;
+            group = stack[depth];
+        }
+    }
+}
+
+fn insert(t: f32, key: u32) {
+    var slot = crossing_count;
+    if slot == CROSSINGS {
+        crossing_lost++;
+        if t <= crossing_t[0] {
+            return;
+        }
+        // The farthest from t_max goes.
+        for (var i = 1u; i < CROSSINGS; i++) {
+            crossing_t[i - 1u] = crossing_t[i];
+            crossing_key[i - 1u] = crossing_key[i];
+        }
+        slot = CROSSINGS - 1u;
+    } else {
+        crossing_count++;
+    }
+    while slot > 0u && (crossing_t[slot - 1u] > t || (crossing_t[slot - 1u] == t && crossing_key[slot - 1u] > key)) {
+        crossing_t[slot] = crossing_t[slot - 1u];
+        crossing_key[slot] = crossing_key[slot - 1u];
+        slot--;
+    }
+    crossing_t[slot] = t;
+    crossing_key[slot] = key;
+}
+
+// Applies all crossings within TOUCH_MM of the one at `first`, and returns the index after them. A surface that is
+// entered and left at one place is a crease or a silhouette: it stays as it was.
+fn cross_place(first: u32) -> u32 {
+    let limit = crossing_t[first] + TOUCH_MM;
+    var end = first + 1u;
+    while end < crossing_count && crossing_t[end] <= limit {
+        end++;
+    }
+    for (var i = first; i < end; i++) {
+        let surface = crossing_key[i] >> 1u;
+        var entered = false;
+        var left = false;
+        for (var j = first; j < end; j++) {
+            if (crossing_key[j] >> 1u) == surface {
+                if (crossing_key[j] & 1u) != 0u {
+                    entered = true;
+                } else {
+                    left = true;
+                }
+            }
+        }
+        if entered != left {
+            set_inside(surface, entered);
+        }
+    }
+    return end;
+}

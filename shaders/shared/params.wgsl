@@ -1,0 +1,49 @@
+// What every pass may read of a frame: `Params` of src/render/params.rs, field by field.
+struct Params {
+    // Columns of scene_from_probe; w holds the translation's x, y, z relative to the tree's centre, mm.
+    lateral: vec4<f32>,
+    elevational: vec4<f32>,
+    axial: vec4<f32>,
+    scanlines: u32,
+    samples: u32,
+    rays: u32,
+    layer_first: u32,
+    layer_count: u32,
+    seed: u32,
+    paths_per_sample: u32,
+    lateral_half: u32,
+    axial_half: u32,
+    map_rays: u32,
+    width: u32,
+    height: u32,
+    // u32 words of a row of packed 8-bit pixels.
+    row_words: u32,
+    sample_spacing_mm: f32,
+    depth_mm: f32,
+    // Turns of baseband phase a mm of depth.
+    phase_turns_per_mm: f32,
+    aperture_mm: f32,
+    reach_mm: f32,
+    dynamic_range_db: f32,
+    gain_db: f32,
+    tgc_db_per_mm: f32,
+    // Radius of the face; a negative one stands for a linear face.
+    face_radius_mm: f32,
+    background: u32,
+    // Samples of a row in memory: a multiple of 16.
+    row_samples: u32,
+    hint_words: u32,
+    // Depths that a map ray is sampled at, one a pixel side.
+    map_depths: u32,
+    map_step_mm: f32,
+    padding: u32,
+}
+
+fn scene_from_probe_point(p: vec3<f32>) -> vec3<f32> {
+    let origin = vec3<f32>(params.lateral.w, params.elevational.w, params.axial.w);
+    return origin + scene_from_probe_vector(p);
+}
+
+fn scene_from_probe_vector(v: vec3<f32>) -> vec3<f32> {
+    return params.lateral.xyz * v.x + params.elevational.xyz * v.y + params.axial.xyz * v.z;
+}

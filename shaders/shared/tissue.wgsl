@@ -1,0 +1,24 @@
+// A tissue as the passes need it: `GpuTissue` of src/render/tables.rs.
+struct Tissue {
+    impedance_mrayl: f32,
+    // c/c₀: mm of path a mm of range.
+    speed_ratio: f32,
+    // Two-way attenuation of the amplitude, nepers a mm of path.
+    attenuation_np_mm: f32,
+    roughness: f32,
+    // Part of the lattice cells that hold a scatterer, in 1/131072.
+    scatterer_density: u32,
+    scatterer_mean: f32,
+    scatterer_deviation: f32,
+    thickness_mm: f32,
+    // Part of an interface echo that stays in phase over its thickness.
+    coherence: f32,
+    pad0: f32,
+    pad1: f32,
+    pad2: f32,
+}
+
+// Small integers travel as the low bits of a normal float: some devices flush denormals.
+const TAG: u32 = 0x40000000u;
+const TAG_MASK: u32 = 0xffffu;
+const TAG_DENSITY: u32 = 0x3ffffu;

@@ -1,0 +1,243 @@
+// Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
+// In: ray table, BVH, start membership. Out: for each path up to SEGMENTS straight segments, each with the echo of the
+// interface that it begins at. One thread a path: rays fastest, then scanlines, then layers.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> triangles: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read> surface_tissue: array<u32>;
+@group(0) @binding(4) var<storage, read> rays: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> layers: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> starts_inside: array<u32>;
+@group(0) @binding(7) var<storage, read_write> overflows: array<atomic<u32>>;
+@group(0) @binding(8) var<storage, read> tissues: array<Tissue>;
+// Range at which each segment starts, mm; after the last one, a range that none reaches.
+@group(0) @binding(9) var<storage, read_write> starts: array<f32>;
+// Three vectors a segment, all as lines over the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
+// [its step a mm of range | fall of ln amplitude a mm], [scatterer mean, deviation, density | tag, 0].
+@group(0) @binding(10) var<storage, read_write> segments: array<vec4<f32>>;
+// Amplitude and range (mm) of the echo of the interface that a segment begins at.
+@group(0) @binding(11) var<storage, read_write> echoes: array<vec2<f32>>;
+@group(0) @binding(12) var<storage, read_write> segment_counts: array<u32>;
+// Segment that holds the first sample of each block of HINT_BLOCK, four to a word.
+@group(0) @binding(13) var<storage, read_write> hints: array<u32>;
+
+// Reflections weaker than this (energy) are not followed: a path goes on with the weight of what is transmitted.
+const REFLECTION_FOLLOWED: f32 = 0.03;
+// Reflections that one path may take.
+const REFLECTIONS_MAX: u32 = 6u;
+// Energy that a very rough surface returns diffusely at normal incidence.
+const DIFFUSE: f32 = 0.02;
+// Surfaces that one path may cross, most of them without a change of medium.
+const PLACES_MAX: u32 = 192u;
+// ln of an amplitude that no display shows: 10⁻³⁴.
+const LN_SILENT: f32 = -80.0;
+
+// Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.
+fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
+    let slope = sqrt(max(-variance * log(max(1.0 - u, 1.0e-7)), 0.0));
+    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 1.0, 0.0), abs(n.x) > 0.7);
+    let tangent = normalize(cross(helper, n));
+    let bitangent = cross(n, tangent);
+    let angle = 6.28318530718 * v;
+    return normalize(n + slope * (cos(angle) * tangent + sin(angle) * bitangent));
+}
+
+// Mean square slope of the reflected rays that the aperture accepts, seen from `range_mm`.
+fn aperture_variance(range_mm: f32) -> f32 {
+    let half_angle = clamp(0.25 * params.aperture_mm / max(range_mm, 1.0), 0.06, 0.5);
+    return half_angle * half_angle;
+}
+
+// Part of the energy of a reflected beam that a surface of slope variance `variance` leaves within the aperture.
+fn acceptance(variance: f32, range_mm: f32) -> f32 {
+    let aperture = aperture_variance(range_mm);
+    return aperture / (aperture + variance);
+}
+
+// Part of an echo's pressure that returns: a Gaussian lobe about the facet, as wide as the aperture and the half of the
+// roughness below the facet together, and a diffuse floor.
+fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
+    let rough2 = roughness * roughness;
+    let lobe2 = aperture_variance(range_mm) + 0.5 * rough2;
+    let cos2 = max(cos_facet * cos_facet, 1.0e-6);
+    let tan2 = max(1.0 - cos2, 0.0) / cos2;
+    let specular = acceptance(0.5 * rough2, range_mm) * exp(-min(tan2 / lobe2, 80.0));
+    let diffuse = DIFFUSE * rough2 / (rough2 + 0.1) * cos2;
+    return sqrt(specular + diffuse);
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let line_rays = params.scanlines * params.rays;
+    let path = id.x;
+    if path >= line_rays * params.layer_count {
+        return;
+    }
+    let line_ray = path % line_rays;
+    let layer = params.layer_first + path / line_rays;
+    // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+    let layer_weight = layers[layer].z;
+    let weight_in_phase = layer_weight / f32(params.rays);
+    let weight_power = sqrt(weight_in_phase);
+
+    // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
+    let axis = 2u * (params.scanlines * params.rays + line_ray / params.rays);
+    let shift_start = scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz);
+    let shift_step = scene_from_probe_vector(rays[axis + 1u].xyz - rays[2u * line_ray + 1u].xyz);
+
+    for (var word = 0u; word < 8u; word++) {
+        inside[word] = starts_inside[path * 8u + word];
+    }
+    let ray = launch(path);
+    var origin = ray.origin;
+    var direction = ray.direction;
+    var range_mm = 0.0;
+    var ln_amplitude = 0.0;
+    var here = medium();
+    var bounce = 0u;
+    var reflections = 0u;
+    var echo = 0.0;
+    var echo_range_mm = 0.0;
+    var count = 0u;
+    var t_min = 0.0;
+    var open = true;
+    var lost = 0u;
+    var crossed = 0u;
+    loop {
+        // A segment begins here.
+        let tissue = tissues[here];
+        let at = path * SEGMENTS + count;
+        let step = direction * tissue.speed_ratio + shift_step;
+        let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
+        starts[path * STARTS + count] = range_mm;
+        segments[3u * at] = vec4<f32>(origin + shift_start + (shift_step - step) * range_mm, ln_amplitude + fall * range_mm);
+        segments[3u * at + 1u] = vec4<f32>(step, fall);
+        segments[3u * at + 2u] = vec4<f32>(
+            tissue.scatterer_mean, tissue.scatterer_deviation, bitcast<f32>(TAG | tissue.scatterer_density), 0.0);
+        echoes[at] = vec2<f32>(echo, echo_range_mm);
+        count++;
+        if !open || count == SEGMENTS {
+            if open {
+                lost++;
+            }
+            break;
+        }
+
+        // On to the next place where the medium changes.
+        var there = here;
+        var chosen = 0u;
+        var before = inside;
+        var done = false;
+        loop {
+            let left_mm = (params.depth_mm - range_mm) * tissue.speed_ratio;
+            let t = nearest(origin, direction, t_min, left_mm);
+            if t < 0.0 || left_mm <= 0.0 {
+                done = true;
+                break;
+            }
+            crossed++;
+            if crossed > PLACES_MAX {
+                lost++;
+                done = true;
+                break;
+            }
+            before = inside;
+            chosen = cross_place();
+            there = medium();
+            origin += direction * t;
+            range_mm += t / tissue.speed_ratio;
+            ln_amplitude -= tissue.attenuation_np_mm * t;
+            t_min = TOUCH_MM;
+            if there != here {
+                break;
+            }
+        }
+        if done {
+            break;
+        }
+
+        let key = place_key[chosen];
+        let index = key >> 1u;
+        let surface = triangles[3u * index].w;
+        var normal = cross(bitcast<vec3<f32>>(triangles[3u * index + 1u].xyz), bitcast<vec3<f32>>(triangles[3u * index + 2u].xyz));
+        normal = normal / max(length(normal), 1.0e-30);
+        if dot(normal, direction) > 0.0 {
+            normal = -normal;
+        }
+        let boundary = tissues[surface_tissue[surface]];
+        let beyond = tissues[there];
+        // Half of the roughness tilts the facet, half widens the lobe about it.
+        let variance = 0.5 * boundary.roughness * boundary.roughness;
+        var facet = normal;
+        if variance > 0.0 {
+            facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
+            if dot(facet, direction) > -0.02 {
+                facet = normal;
+            }
+        }
+        // What returns depends on the facet; what goes on follows the mean surface.
+        let cos_facet = clamp(-dot(facet, direction), 0.0, 1.0);
+        let cos_incident = clamp(-dot(normal, direction), 0.0, 1.0);
+        let speed_ratio = beyond.speed_ratio / tissue.speed_ratio;
+        let z1 = tissue.impedance_mrayl;
+        let z2 = beyond.impedance_mrayl;
+        let at_facet = interface_between(z1, z2, speed_ratio, cos_facet);
+        let split = interface_between(z1, z2, speed_ratio, cos_incident);
+
+        // The echo, spread over the interface's thickness at an offset that belongs to the place.
+        let offset = unit(lattice_hash(lattice_cell(origin) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
+        echo_range_mm = range_mm + offset * boundary.thickness_mm / tissue.speed_ratio;
+        let weight = mix(weight_power, weight_in_phase, boundary.coherence);
+        echo = at_facet.pressure_reflection * returning(cos_facet, boundary.roughness, range_mm) * weight
+            * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
+
+        // Reflect with probability R or go on; weak reflections are left to their weight.
+        let follow = split.energy_reflection >= REFLECTION_FOLLOWED;
+        let reflects = split.energy_reflection >= 1.0
+            || (follow && sample_unit(line_ray, layer, bounce, 0u) < split.energy_reflection);
+        if reflects {
+            inside = before;
+            reflections++;
+            open = reflections <= REFLECTIONS_MAX;
+            // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+            ln_amplitude += log(acceptance(boundary.roughness * boundary.roughness, range_mm));
+            var turned = direction + 2.0 * cos_facet * facet;
+            if dot(turned, normal) <= 0.0 {
+                turned = direction - 2.0 * dot(direction, normal) * normal;
+            }
+            direction = normalize(turned);
+        } else {
+            if !follow {
+                ln_amplitude += log(max(1.0 - split.energy_reflection, 1.0e-30));
+            }
+            here = there;
+            let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
+            if dot(bent, normal) < 0.0 {
+                direction = normalize(bent);
+            }
+        }
+        if !open {
+            ln_amplitude = 2.0 * LN_SILENT;
+        }
+        bounce++;
+    }
+    segment_counts[path] = count;
+    starts[path * STARTS + count] = 3.0e38;
+    var holds = 0u;
+    for (var word = 0u; word < params.hint_words; word++) {
+        var packed = 0u;
+        for (var i = 0u; i < 4u; i++) {
+            let sample = (word * 4u + i) * HINT_BLOCK;
+            let at_mm = (f32(sample) + 0.5) * params.sample_spacing_mm;
+            while starts[path * STARTS + holds + 1u] <= at_mm {
+                holds++;
+            }
+            packed |= holds << (8u * i);
+        }
+        hints[path * params.hint_words + word] = packed;
+    }
+    if lost + place_lost > 0u {
+        atomicAdd(&overflows[0], lost + place_lost);
+    }
+}

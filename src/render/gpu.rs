@@ -1,0 +1,131 @@
+//! The graphics device.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+/// Why no device could be had, or what it reported.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum GpuError {
+    /// No driver was found.
+    #[error(
+        "no GPU driver was found ({reason}). Install the driver of your GPU, or Mesa's software Vulkan: `sudo apt-get install mesa-vulkan-drivers libvulkan1` (scripts/setup does it)"
+    )]
+    NoAdapter {
+        /// What wgpu said.
+        reason: String,
+    },
+    /// The driver refused a device.
+    #[error("the driver of {adapter} refused a device: {reason}; update the driver")]
+    NoDevice {
+        /// Adapter.
+        adapter: String,
+        /// What wgpu said.
+        reason: String,
+    },
+    /// The device can't hold what the settings need.
+    #[error(
+        "{what} needs {needed} of {limit_name}, {adapter} offers {offered}: lower the rays, scanlines, samples or image size"
+    )]
+    Limit {
+        /// What doesn't fit.
+        what: &'static str,
+        /// Amount needed.
+        needed: u64,
+        /// Limit's name.
+        limit_name: &'static str,
+        /// Amount offered.
+        offered: u64,
+        /// Adapter.
+        adapter: String,
+    },
+    /// A shader or a pipeline was refused.
+    #[error("the device refused the pass `{pass}`: {reason}")]
+    Pipeline {
+        /// Pass.
+        pass: &'static str,
+        /// What wgpu said.
+        reason: String,
+    },
+    /// The device was lost or a map failed.
+    #[error("the GPU stopped answering: {reason}")]
+    Lost {
+        /// What wgpu said.
+        reason: String,
+    },
+}
+
+/// How the device is chosen.
+#[derive(Debug, Clone, Default)]
+pub struct GpuOptions {
+    /// Part of the adapter's name to choose it by, in any case; empty: the fastest kind.
+    pub adapter: String,
+}
+
+/// A device and its queue.
+#[derive(Debug, Clone)]
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+    pub(crate) timestamps: bool,
+}
+
+impl Gpu {
+    /// Opens a device: discrete before integrated before software, `WGPU_BACKEND` obeyed.
+    ///
+    /// # Errors
+    /// No driver (with the remedy), or a driver that refuses a device.
+    pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY);
+        let backends = descriptor.backends;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(backends));
+        let wanted = options.adapter.to_lowercase();
+        adapters.retain(|a| a.get_info().name.to_lowercase().contains(&wanted));
+        adapters.sort_by_key(|a| match a.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        });
+        let Some(adapter) = adapters.into_iter().next() else {
+            let reason = if wanted.is_empty() {
+                format!("backends tried: {backends:?}")
+            } else {
+                format!("no adapter's name contains `{}`", options.adapter)
+            };
+            return Err(GpuError::NoAdapter { reason });
+        };
+        let info = adapter.get_info();
+        let features = wgpu::Features::TIMESTAMP_QUERY & adapter.features();
+        let request = adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("insonify"),
+            required_features: features,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        });
+        let (device, queue) = pollster::block_on(request)
+            .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
+        device.on_uncaptured_error(Arc::new(|error| tracing::error!(%error, "the GPU reported an error")));
+        let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
+        Ok(Self { device, queue, info, timestamps })
+    }
+
+    /// Name of the adapter.
+    pub fn adapter_name(&self) -> String {
+        self.info.name.clone()
+    }
+
+    /// Driver and its version.
+    pub fn driver(&self) -> String {
+        format!("{} {} ({:?})", self.info.driver, self.info.driver_info, self.info.backend)
+    }
+
+    /// Whether the adapter is software on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+}

@@ -1,0 +1,102 @@
+//! The uniforms that every pass reads, `shaders/shared/params.wgsl` field by field.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::RenderSettings;
+use super::tables::{HINT_BLOCK, ROW_ALIGN, Tables};
+use crate::anatomy::{Bvh, Scene};
+use crate::pose::Pose;
+use crate::transducer::Probe;
+
+/// Uniforms of one dispatch.
+#[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(crate) struct Params {
+    pub(crate) lateral: [f32; 4],
+    pub(crate) elevational: [f32; 4],
+    pub(crate) axial: [f32; 4],
+    pub(crate) scanlines: u32,
+    pub(crate) samples: u32,
+    pub(crate) rays: u32,
+    pub(crate) layer_first: u32,
+    pub(crate) layer_count: u32,
+    pub(crate) seed: u32,
+    pub(crate) paths_per_sample: u32,
+    pub(crate) lateral_half: u32,
+    pub(crate) axial_half: u32,
+    pub(crate) map_rays: u32,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) row_words: u32,
+    pub(crate) sample_spacing_mm: f32,
+    pub(crate) depth_mm: f32,
+    pub(crate) phase_turns_per_mm: f32,
+    pub(crate) aperture_mm: f32,
+    pub(crate) reach_mm: f32,
+    pub(crate) dynamic_range_db: f32,
+    pub(crate) gain_db: f32,
+    pub(crate) tgc_db_per_mm: f32,
+    pub(crate) face_radius_mm: f32,
+    pub(crate) background: u32,
+    pub(crate) row_samples: u32,
+    pub(crate) hint_words: u32,
+    pub(crate) map_depths: u32,
+    pub(crate) map_step_mm: f32,
+    pub(crate) padding: u32,
+}
+
+impl Params {
+    /// Uniforms of a frame, but for its pose and its batch of layers.
+    pub(crate) fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings, tables: &Tables) -> Self {
+        let image = &settings.image;
+        Self {
+            lateral: [0.0; 4],
+            elevational: [0.0; 4],
+            axial: [0.0; 4],
+            scanlines: probe.scanlines,
+            samples: probe.samples,
+            rays: settings.quality.rays,
+            layer_first: 0,
+            layer_count: settings.quality.layers,
+            seed: settings.quality.seed,
+            paths_per_sample: settings.paths_per_sample.clamp(1, settings.quality.rays),
+            lateral_half: tables.lateral_half,
+            axial_half: tables.axial_half,
+            map_rays: tables.map_ray_count,
+            width: image.width,
+            height: image.height,
+            row_words: image.width.div_ceil(4),
+            sample_spacing_mm: probe.sample_spacing_mm() as f32,
+            depth_mm: probe.depth_mm as f32,
+            phase_turns_per_mm: probe.phase_turns_per_mm() as f32,
+            aperture_mm: probe.aperture_mm as f32,
+            reach_mm: 0.0,
+            dynamic_range_db: image.dynamic_range_db as f32,
+            gain_db: image.gain_db as f32,
+            tgc_db_per_mm: (image.tgc_db_per_cm / 10.0) as f32,
+            face_radius_mm: probe.face_radius_mm().map_or(-1.0, |r| r as f32),
+            background: scene.background as u32,
+            row_samples: probe.samples.div_ceil(ROW_ALIGN) * ROW_ALIGN,
+            hint_words: probe.samples.div_ceil(4 * HINT_BLOCK) + 1,
+            map_depths: tables.map_depths,
+            map_step_mm: tables.sector.pixel_mm as f32,
+            padding: 0,
+        }
+    }
+
+    /// Places the probe.
+    pub(crate) fn set_pose(&mut self, pose: &Pose, bvh: &Bvh, probe: &Probe) {
+        let origin = pose.position_mm - bvh.centre_mm;
+        let column = |axis: DVec3, translation: f64| {
+            let v = pose.transform_vector(axis);
+            [v.x as f32, v.y as f32, v.z as f32, translation as f32]
+        };
+        self.lateral = column(DVec3::X, origin.x);
+        self.elevational = column(DVec3::Y, origin.y);
+        self.axial = column(DVec3::Z, origin.z);
+        // From any point of the face back through the whole scene.
+        let face = probe.half_extent().max(1.0) * probe.face_radius_mm().unwrap_or(1.0).max(1.0);
+        self.reach_mm = (origin.length() + 2.0 * bvh.radius_mm + face + probe.elevational_height_mm) as f32;
+    }
+}

@@ -1,0 +1,60 @@
+//! WGSL sources: one file a pass, with the shared files it imports put before it.
+
+use super::tables::{CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, PULSE_PAD, SEGMENTS, STARTS};
+
+/// Sources of every pass. A test may damage one, to see the comparison with its twin fail.
+#[derive(Debug, Clone)]
+pub struct ShaderSet {
+    sources: Vec<(&'static str, String)>,
+    /// Whether the device checks every index; for tests.
+    pub bounds_checks: bool,
+}
+
+macro_rules! pass {
+    ($name:literal $(, $shared:literal)*) => {
+        ($name, concat!(
+            include_str!("../../shaders/shared/params.wgsl"),
+            $(include_str!(concat!("../../shaders/shared/", $shared, ".wgsl")),)*
+            include_str!(concat!("../../shaders/", $name, ".wgsl")),
+        ))
+    };
+}
+
+const PASSES: [(&str, &str); 9] = [
+    pass!("locate", "bvh", "surfaces", "collect", "launch"),
+    pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "launch"),
+    pass!("march", "tissue", "hash", "lattice"),
+    pass!("echo"),
+    pass!("lateral"),
+    pass!("detect"),
+    pass!("section", "tissue", "bvh", "surfaces", "collect"),
+    pass!("percentile"),
+    pass!("scan_convert", "tissue"),
+];
+
+impl Default for ShaderSet {
+    fn default() -> Self {
+        let constants = format!(
+            "const SEGMENTS: u32 = {SEGMENTS}u;\nconst ENTRIES: u32 = {ENTRIES}u;\nconst DEPTH_BLOCK: u32 = {DEPTH_BLOCK}u;\nconst CELL_MM: f32 = {CELL_MM:?};\nconst STARTS: u32 = {STARTS}u;\nconst HINT_BLOCK: u32 = {HINT_BLOCK}u;\nconst PULSE_PAD: i32 = {PULSE_PAD};\n"
+        );
+        Self { sources: PASSES.map(|(name, body)| (name, format!("{constants}{body}"))).to_vec(), bounds_checks: false }
+    }
+}
+
+impl ShaderSet {
+    /// Source of the pass `name`; empty for an unknown one.
+    pub(crate) fn source(&self, name: &str) -> &str {
+        self.sources.iter().find(|(n, _)| *n == name).map_or("", |(_, source)| source)
+    }
+
+    /// Replaces `from` by `to` in the pass `name`; false where it doesn't occur.
+    pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
+        match self.sources.iter_mut().find(|(n, source)| *n == name && source.contains(from)) {
+            Some((_, source)) => {
+                *source = source.replace(from, to);
+                true
+            }
+            None => false,
+        }
+    }
+}

@@ -1,0 +1,351 @@
+//! What is computed once, in f64, and uploaded: ray directions, beam kernels, the pulse, pixel positions, tissues.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::RenderSettings;
+use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
+use crate::anatomy::{Scene, Tissue};
+use crate::transducer::{Probe, Sector};
+
+/// Samples that share one lateral kernel and one scatterer gain.
+pub(crate) const DEPTH_BLOCK: u32 = 16;
+/// Straight segments that a path may have.
+pub(crate) const SEGMENTS: u32 = 24;
+/// Runs of one medium that a map ray may have.
+pub(crate) const ENTRIES: u32 = 96;
+/// Stride of a path's segment starts: one more than segments, for the range that none reaches.
+pub(crate) const STARTS: u32 = SEGMENTS + 4;
+/// Samples that share a hint of their segment.
+pub(crate) const HINT_BLOCK: u32 = 64;
+/// Rows of samples are padded to a multiple of this.
+pub(crate) const ROW_ALIGN: u32 = 16;
+/// Zeros before and after the pulse, so that four outputs share one loop.
+pub(crate) const PULSE_PAD: u32 = 6;
+/// Side of a cell of the scatterer lattice, mm.
+pub(crate) const CELL_MM: f64 = 0.15;
+/// Widest lateral kernel, scanlines to either side.
+const LATERAL_HALF_MAX: u32 = 32;
+/// Widest axial kernel, samples to either side.
+const AXIAL_HALF_MAX: u32 = 128;
+/// Part of scatterer cells in a density of 1, as the shader compares 17 bits.
+const DENSITY_ONE: f64 = 131072.0;
+
+/// `Tissue` of `shaders/shared/tissue.wgsl`.
+#[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(crate) struct GpuTissue {
+    pub(crate) impedance_mrayl: f32,
+    pub(crate) speed_ratio: f32,
+    pub(crate) attenuation_np_mm: f32,
+    pub(crate) roughness: f32,
+    pub(crate) scatterer_density: u32,
+    pub(crate) scatterer_mean: f32,
+    pub(crate) scatterer_deviation: f32,
+    pub(crate) thickness_mm: f32,
+    pub(crate) coherence: f32,
+    pub(crate) padding: [f32; 3],
+}
+
+impl GpuTissue {
+    fn new(tissue: &Tissue, probe: &Probe) -> Self {
+        // A sinc of the phase over the thickness, as the Gaussian of the same curvature: never negative.
+        let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * tissue.thickness_mm;
+        Self {
+            impedance_mrayl: tissue.impedance_mrayl() as f32,
+            speed_ratio: (tissue.speed_m_s / ASSUMED_SPEED_M_S) as f32,
+            attenuation_np_mm: (2.0 * tissue.attenuation_np_mm(probe.frequency_mhz)) as f32,
+            roughness: tissue.roughness as f32,
+            scatterer_density: (tissue.scatterer_density * DENSITY_ONE) as u32,
+            scatterer_mean: tissue.scatterer_mean as f32,
+            scatterer_deviation: tissue.scatterer_deviation as f32,
+            thickness_mm: tissue.thickness_mm as f32,
+            coherence: (-phase * phase / 6.0).exp() as f32,
+            padding: [0.0; 3],
+        }
+    }
+}
+
+/// Everything that doesn't change with the pose.
+#[derive(Debug, Clone)]
+pub(crate) struct Tables {
+    /// Origin and direction, two vectors each: every ray of every scanline, then every scanline's axis.
+    pub(crate) rays: Vec<[f32; 4]>,
+    /// Origin and direction of each map ray.
+    pub(crate) map_rays: Vec<[f32; 4]>,
+    pub(crate) map_ray_count: u32,
+    /// Depths that a map ray is sampled at, a pixel apart, from the face to beyond the deepest pixel.
+    pub(crate) map_depths: u32,
+    /// Elevational offset at the face (mm), its slope, weight, 0.
+    pub(crate) layers: Vec<[f32; 4]>,
+    pub(crate) tissues: Vec<GpuTissue>,
+    /// Tissue of each surface.
+    pub(crate) surface_tissue: Vec<u32>,
+    /// [blocks][2·lateral_half + 1], each block's sum 1.
+    pub(crate) lateral_kernels: Vec<f32>,
+    pub(crate) lateral_half: u32,
+    /// [2·axial_half + 1] between PULSE_PAD zeros, 1 at the peak.
+    pub(crate) pulse: Vec<f32>,
+    pub(crate) axial_half: u32,
+    /// [blocks].
+    pub(crate) scatterer_gain: Vec<f32>,
+    /// Scanline and sample of each pixel [height × 4·row_words].
+    pub(crate) pixels: Vec<[f32; 2]>,
+    /// 255 inside the sector [height × width].
+    pub(crate) mask: Vec<u8>,
+    pub(crate) sector: Sector,
+}
+
+impl Tables {
+    pub(crate) fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings) -> Self {
+        let sector = Sector::fit(probe, settings.image.width, settings.image.height);
+        let map_ray_count = map_ray_count(probe, &sector);
+        let (lateral_half, kernels) = lateral_kernels(probe);
+        let (axial_half, pulse) = pulse(probe);
+        let axial_gain = axial_speckle_gain(&pulse, probe.sample_spacing_mm());
+        let width = 2 * lateral_half as usize + 1;
+        let scatterer_gain = kernels
+            .chunks_exact(width)
+            .map(|kernel| {
+                let power: f64 = kernel.iter().map(|w| w * w).sum();
+                (1.0 / (power * axial_gain).sqrt()) as f32
+            })
+            .collect();
+        let (pixels, mask) = pixels(probe, &sector);
+        Self {
+            rays: rays(probe, settings.quality.rays),
+            map_rays: fan(probe, map_ray_count),
+            map_ray_count,
+            map_depths: (probe.depth_mm / sector.pixel_mm).ceil() as u32 + 2,
+            layers: layers(probe, settings.quality.layers),
+            tissues: scene.tissues.tissues().iter().map(|t| GpuTissue::new(t, probe)).collect(),
+            surface_tissue: scene.surfaces.iter().map(|s| s.tissue as u32).collect(),
+            lateral_kernels: kernels.iter().map(|&w| w as f32).collect(),
+            lateral_half,
+            pulse: padded(&pulse),
+            axial_half,
+            scatterer_gain,
+            pixels,
+            mask,
+            sector,
+        }
+    }
+}
+
+fn push_ray(into: &mut Vec<[f32; 4]>, (origin, direction): (DVec3, DVec3)) {
+    into.push(origin.as_vec3().extend(0.0).to_array());
+    into.push(direction.as_vec3().extend(0.0).to_array());
+}
+
+/// `count` rays spread evenly over the sector.
+fn fan(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
+    let mut table = Vec::with_capacity(2 * count as usize);
+    for i in 0..count {
+        let fraction = (f64::from(i) + 0.5) / f64::from(count);
+        push_ray(&mut table, probe.ray(probe.lateral_coordinate(fraction)));
+    }
+    table
+}
+
+/// Rays of all scanlines, spread evenly over each one's share of the sector, then the scanlines' axes.
+fn rays(probe: &Probe, rays_per_line: u32) -> Vec<[f32; 4]> {
+    let mut table = fan(probe, probe.scanlines * rays_per_line);
+    table.extend(fan(probe, probe.scanlines));
+    table
+}
+
+/// Map rays are no further apart than a pixel at the deepest arc.
+fn map_ray_count(probe: &Probe, sector: &Sector) -> u32 {
+    let arc_mm = probe.line_spacing_mm(probe.depth_mm) * f64::from(probe.scanlines);
+    ((arc_mm / sector.pixel_mm).ceil() as u32).clamp(1, 16384)
+}
+
+/// Gauss–Hermite nodes and weights over the elevational beam, so that layers integrate its Gaussian profile.
+///
+/// A layer is a plane of straight rays: the least-squares line, over the depth, of its node times the beam's width.
+fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
+    const STEPS: u32 = 64;
+    let at = |i: u32| {
+        let depth = probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS);
+        (depth, probe.elevational_sigma_mm(depth))
+    };
+    let n = f64::from(STEPS);
+    let mean = (0..STEPS).map(at).fold((0.0, 0.0), |m, (x, y)| (m.0 + x / n, m.1 + y / n));
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (x, y) in (0..STEPS).map(at) {
+        xy += (x - mean.0) * (y - mean.1);
+        xx += (x - mean.0).powi(2);
+    }
+    let slope = xy / xx;
+    let start = mean.1 - slope * mean.0;
+    gauss_hermite(count)
+        .into_iter()
+        .map(|(node, weight)| [(node * start) as f32, (node * slope) as f32, weight as f32, 0.0])
+        .collect()
+}
+
+/// Nodes (in standard deviations, ascending) and weights (sum 1) that integrate a standard normal exactly up to
+/// degree 2·count − 1: the roots of the probabilists' Hermite polynomial, by Newton's method
+/// (Press et al., *Numerical Recipes*, section 4.6).
+fn gauss_hermite(count: u32) -> Vec<(f64, f64)> {
+    let n = count as usize;
+    // Orthonormal Hermite functions keep the recurrence within range: p_k = He_k/√k!.
+    let evaluate = |x: f64| {
+        let (mut previous, mut current) = (0.0, 1.0);
+        for k in 0..n {
+            let k = k as f64;
+            let next = (x * current - k.sqrt() * previous) / (k + 1.0).sqrt();
+            (previous, current) = (current, next);
+        }
+        (current, previous)
+    };
+    // Every root lies between sign changes of a fine scan: they interlace no closer than 1/√n.
+    let reach = 2.0 * (count as f64).sqrt() + 2.0;
+    let steps = 4000;
+    let mut nodes = Vec::with_capacity(n);
+    let mut x0 = -reach;
+    let mut y0 = evaluate(x0).0;
+    for i in 1..=steps {
+        let x1 = -reach + 2.0 * reach * f64::from(i) / f64::from(steps);
+        let y1 = evaluate(x1).0;
+        if y0 == 0.0 || y0 * y1 < 0.0 {
+            let (mut low, mut high, sign) = (x0, x1, y0);
+            for _ in 0..80 {
+                let middle = 0.5 * (low + high);
+                if evaluate(middle).0 * sign > 0.0 { low = middle } else { high = middle }
+            }
+            let root = if y0 == 0.0 { x0 } else { 0.5 * (low + high) };
+            let previous = evaluate(root).1;
+            nodes.push((if root.abs() < 1e-9 { 0.0 } else { root }, 1.0 / (n as f64 * previous * previous)));
+        }
+        (x0, y0) = (x1, y1);
+    }
+    nodes
+}
+
+/// Half width and kernels of the lateral beam for each block of samples.
+fn lateral_kernels(probe: &Probe) -> (u32, Vec<f64>) {
+    let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
+    let sigma_lines = |block: u32| {
+        let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
+        let depth = (sample * probe.sample_spacing_mm()).min(probe.depth_mm);
+        probe.lateral_sigma_mm(depth) / probe.line_spacing_mm(depth).max(1e-9)
+    };
+    let widest = (0..blocks).map(sigma_lines).fold(0.0, f64::max);
+    let half = ((2.5 * widest).ceil() as u32).clamp(1, LATERAL_HALF_MAX).min(probe.scanlines.max(2) - 1).max(1);
+    let mut kernels = Vec::new();
+    for block in 0..blocks {
+        let sigma = sigma_lines(block).max(1e-3);
+        let kernel: Vec<f64> =
+            (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
+        let sum: f64 = kernel.iter().sum();
+        kernels.extend(kernel.iter().map(|w| w / sum));
+    }
+    (half, kernels)
+}
+
+/// Half width and envelope of the pulse in samples, 1 at its peak.
+fn pulse(probe: &Probe) -> (u32, Vec<f64>) {
+    let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
+    let half = ((4.0 * sigma).ceil() as u32).clamp(1, AXIAL_HALF_MAX);
+    let kernel =
+        (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
+    (half, kernel)
+}
+
+/// The pulse between zeros.
+fn padded(pulse: &[f64]) -> Vec<f32> {
+    let zeros = || std::iter::repeat_n(0.0, PULSE_PAD as usize);
+    zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
+}
+
+/// Power of unit scatterers after the pulse: the samples that one lattice cell spans carry one echo, so that they add in
+/// amplitude. The chance that two points of a ray x apart share a cell is averaged over all directions.
+fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
+    const STEPS: i32 = 24;
+    let shared = |distance: f64| {
+        let mut sum = 0.0;
+        for i in 0..STEPS {
+            for j in 0..STEPS {
+                // Directions spread evenly over one octant of the sphere.
+                let z = (f64::from(i) + 0.5) / f64::from(STEPS);
+                let angle = (f64::from(j) + 0.5) / f64::from(STEPS) * std::f64::consts::FRAC_PI_2;
+                let radius = (1.0 - z * z).sqrt();
+                sum += [radius * angle.cos(), radius * angle.sin(), z]
+                    .iter()
+                    .map(|n| (1.0 - distance * n / CELL_MM).max(0.0))
+                    .product::<f64>();
+            }
+        }
+        sum / f64::from(STEPS * STEPS)
+    };
+    let chances: Vec<f64> = (0..pulse.len()).map(|lag| shared(lag as f64 * spacing_mm)).collect();
+    let mut power = 0.0;
+    for (i, a) in pulse.iter().enumerate() {
+        for (j, b) in pulse.iter().enumerate() {
+            power += a * b * chances[i.abs_diff(j)];
+        }
+    }
+    power
+}
+
+/// Scanline and sample of every pixel, rows padded to whole words, and the mask.
+fn pixels(probe: &Probe, sector: &Sector) -> (Vec<[f32; 2]>, Vec<u8>) {
+    let stride = sector.width.div_ceil(4) * 4;
+    let mut places = Vec::with_capacity((stride * sector.height) as usize);
+    let mut mask = Vec::with_capacity((sector.width * sector.height) as usize);
+    for row in 0..sector.height {
+        for column in 0..stride {
+            let polar =
+                if column < sector.width { Sector::polar(probe, sector.pixel_centre_mm(column, row)) } else { None };
+            let place = polar.map_or([-1.0e9, -1.0e9], |(fraction, depth_mm)| {
+                let line = fraction * f64::from(probe.scanlines) - 0.5;
+                let sample = depth_mm / probe.sample_spacing_mm() - 0.5;
+                [line as f32, sample as f32]
+            });
+            places.push(place);
+            if column < sector.width {
+                mask.push(if polar.is_some() { 255 } else { 0 });
+            }
+        }
+    }
+    (places, mask)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_layers_are_the_textbook_nodes() {
+        let nodes = gauss_hermite(3);
+        let root3 = 3f64.sqrt();
+        for (got, want) in nodes.iter().zip([(-root3, 1.0 / 6.0), (0.0, 2.0 / 3.0), (root3, 1.0 / 6.0)]) {
+            assert!((got.0 - want.0).abs() < 1e-9 && (got.1 - want.1).abs() < 1e-9, "{got:?}");
+        }
+    }
+
+    #[test]
+    fn layer_weights_sum_to_one_and_reproduce_the_variance() {
+        for count in 1..=33 {
+            let nodes = gauss_hermite(count);
+            assert_eq!(nodes.len(), count as usize);
+            let sum: f64 = nodes.iter().map(|n| n.1).sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{count}: {sum}");
+            if count > 1 {
+                let variance: f64 = nodes.iter().map(|n| n.1 * n.0 * n.0).sum();
+                assert!((variance - 1.0).abs() < 1e-6, "{count}: {variance}");
+            }
+        }
+    }
+
+    #[test]
+    fn kernels_are_normalised() {
+        let (half, kernels) = lateral_kernels(&Probe::default());
+        for kernel in kernels.chunks_exact(2 * half as usize + 1) {
+            assert!((kernel.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+        let (half, kernel) = pulse(&Probe::default());
+        assert_eq!(kernel[half as usize], 1.0);
+    }
+}

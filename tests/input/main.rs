@@ -1,0 +1,9 @@
+//! What comes in from files: glTF scenes and station files, sound and broken.
+
+#![allow(clippy::unwrap_used, reason = "clippy exempts test functions, but not the helpers they share")]
+
+mod broken_gltf;
+mod builder;
+mod gltf_files;
+mod scenes;
+mod station_files;

@@ -1,0 +1,311 @@
+//! Station files, sound and wrong.
+
+use std::path::Path;
+
+use insonify::anatomy::TissueTable;
+use insonify::pose::Pose;
+use insonify::render::{ImageSettings, Quality};
+use insonify::station::{Accepts, KEYS, KeyDoc, SceneSource, Station, print_keys};
+use insonify::transducer::{Probe, ProbeKind};
+use proptest::prelude::*;
+
+const SCENE: &str = "[scene]\npath = 'a.glb'\n";
+
+fn parse(rest: &str) -> Result<Station, String> {
+    Station::parse(&format!("{SCENE}{rest}"), Path::new("/stations")).map_err(|e| e.to_string())
+}
+
+fn error(rest: &str) -> String {
+    parse(rest).unwrap_err()
+}
+
+#[test]
+fn only_the_scene_is_required() {
+    let station = parse("").unwrap();
+    assert_eq!(station.scene, SceneSource::File("/stations/a.glb".into()));
+    assert_eq!(station.probe, Probe::default());
+    assert_eq!((station.settings.image, station.settings.quality), (ImageSettings::default(), Quality::LQ));
+    assert_eq!((station.background.as_str(), station.default_pose), ("gel", None));
+    assert_eq!(station.tissues, TissueTable::builtin().unwrap());
+
+    let text = Station::parse("", Path::new("")).unwrap_err().to_string();
+    assert_eq!(text, "`scene.path` is missing: give a glTF file, or `phantom = \"obstetric\"` in `[scene]`");
+    let phantom = Station::parse("scene = { phantom = 'obstetric', phantom_scale = 0.25 }", Path::new("")).unwrap();
+    assert_eq!(phantom.scene, SceneSource::ObstetricPhantom { scale: 0.25 });
+}
+
+#[test]
+fn values_arrive_where_they_belong() {
+    let station = parse(
+        "background = 'water'\n[probe]\nkind = 'linear'\nwidth_mm = 38\nfrequency_mhz = 7.5\nscanlines = 128\n\
+         [image]\nheight = 500\ngain_db = -3\n[quality]\nrays = 32\nlayers = 3\nseed = 4294967295\n\
+         [pose]\nposition_mm = [1, 2.5, -3]\nquaternion = [0, 0, 1, 0]\n\
+         [tissues.liver]\nspeed_m_s = 1600\n\
+         [tissues.gallstone]\nspeed_m_s = 3000\ndensity_kg_m3 = 2000\nattenuation_db_cm_mhz = 5\n\
+         attenuation_exponent = 1\nroughness = 0.3",
+    )
+    .unwrap();
+    assert_eq!(station.background, "water");
+    assert_eq!(station.probe.kind, ProbeKind::Linear { width_mm: 38.0 });
+    assert_eq!((station.probe.frequency_mhz, station.probe.scanlines, station.probe.samples), (7.5, 128, 3072));
+    assert_eq!((station.settings.image.height, station.settings.image.gain_db), (500, -3.0));
+    assert_eq!(station.settings.quality, Quality { rays: 32, layers: 3, seed: u32::MAX });
+    let pose = Pose::from_components([1.0, 2.5, -3.0, 0.0, 0.0, 1.0, 0.0]).unwrap();
+    assert_eq!(station.default_pose, Some(pose));
+    let tissue = |name| &station.tissues.tissues()[station.tissues.index_of(name).unwrap()];
+    let builtin = TissueTable::builtin().unwrap();
+    let liver = &builtin.tissues()[builtin.index_of("liver").unwrap()];
+    assert_eq!((tissue("liver").speed_m_s, tissue("liver").density_kg_m3), (1600.0, liver.density_kg_m3));
+    assert_eq!((tissue("gallstone").roughness, tissue("gallstone").scatterer_density), (0.3, 0.0));
+    assert_eq!(station.tissues.names().len(), builtin.names().len() + 1);
+}
+
+#[test]
+fn unknown_names_suggest_the_nearest() {
+    for (rest, part) in [
+        (
+            "[probe]\ndepth = 100",
+            "unknown key `depth` in `[probe]` (did you mean `depth_mm`?); its keys are kind, radius_mm",
+        ),
+        ("[prob]\ndepth_mm = 100", "unknown table `[prob]` (did you mean `probe`?); tables are scene, probe"),
+        ("foo = 1", "unknown key `foo` in `[scene]`; its keys are path"),
+        ("[tissues.liver]\nspeed = 1500", "unknown key `speed` in `[tissues.liver]` (did you mean `speed_m_s`?)"),
+        ("background = 'liwer'", "`scene.background` names the unknown tissue `liwer` (did you mean `liver`?)"),
+        (
+            "[probe]\nkind = 'convexe'",
+            "`probe.kind` is \"convexe\"; it must be one of \"convex\", \"linear\", \"phased\" (did you mean `convex`?)",
+        ),
+        (
+            "[tissues.livr]\nspeed_m_s = 1500",
+            "`[tissues.livr]` is not a built-in tissue (did you mean `liver`?), so it must give density_kg_m3, attenuation_db_cm_mhz, attenuation_exponent, too",
+        ),
+    ] {
+        assert!(error(rest).contains(part), "{rest}: {}", error(rest));
+    }
+}
+
+#[test]
+fn wrong_types_and_values_name_the_key_the_value_and_the_range() {
+    for (rest, expected) in [
+        ("[probe]\ndepth_mm = nan", "`probe.depth_mm` is nan; it must be a number in 1..=500"),
+        ("[probe]\ndepth_mm = -inf", "`probe.depth_mm` is -inf; it must be a number in 1..=500"),
+        ("[probe]\ndepth_mm = 0", "`probe.depth_mm` is 0; it must be a number in 1..=500"),
+        ("[probe]\nfrequency_mhz = 1e9", "`probe.frequency_mhz` is 1000000000.0; it must be a number in 0.5..=40"),
+        ("[probe]\nscanlines = 0", "`probe.scanlines` is 0; it must be a whole number in 1..=1024"),
+        ("[probe]\nscanlines = 256.0", "`probe.scanlines` is 256.0; it must be a whole number in 1..=1024"),
+        ("[probe]\nkind = 3", "`probe.kind` is 3; it must be one of \"convex\", \"linear\", \"phased\""),
+        ("[image]\nwidth = '1386'", "`image.width` is \"1386\"; it must be a whole number in 16..=4096"),
+        ("[quality]\nseed = -1", "`quality.seed` is -1; it must be a whole number in 0..=4294967295"),
+        ("[pose]\nposition_mm = [1, 2]", "`pose.position_mm` is [1, 2]; it must be [3 numbers within ±100000]"),
+        (
+            "[pose]\nposition_mm = [1, nan, 2]",
+            "`pose.position_mm` is [1, nan, 2]; it must be [3 numbers within ±100000]",
+        ),
+        (
+            "[pose]\nquaternion = [1, 0, 0, 0.1]",
+            "[pose]: the pose's quaternion (qw,qx,qy,qz) has norm 1.004988; it must be 1 within 0.001",
+        ),
+        ("[tissues.liver]\nspeed_m_s = 0", "`tissues.liver.speed_m_s` is 0; it must be a number in 100..=10000"),
+        ("[tissues]\nliver = 3", "`tissues.liver` is 3; it must be a table"),
+        ("[[probe]]\n", "`probe` is [{}]; it must be a table"),
+    ] {
+        assert_eq!(error(rest), expected, "{rest}");
+    }
+    let text = Station::parse("[scene]\npath = ''", Path::new("")).unwrap_err().to_string();
+    assert_eq!(text, "`scene.path` is \"\"; it must be a path in quotes");
+}
+
+#[test]
+fn keys_that_do_not_apply_say_so() {
+    for (rest, expected) in [
+        ("[probe]\nwidth_mm = 40", "`probe.width_mm` does not apply: a convex probe has `radius_mm` and `fov_deg`"),
+        ("[probe]\nkind = 'linear'\nfov_deg = 40", "`probe.fov_deg` does not apply: a linear probe has `width_mm`"),
+        ("[probe]\nkind = 'phased'\nradius_mm = 40", "`probe.radius_mm` does not apply: a phased probe has `fov_deg`"),
+        ("phantom = 'obstetric'", "`scene.phantom` does not apply: `scene.path` is given, too; give one of the two"),
+        (
+            "phantom_scale = 1",
+            "`scene.phantom_scale` does not apply: it scales a generated phantom; `scene.path` names a file",
+        ),
+    ] {
+        assert_eq!(error(rest), expected, "{rest}");
+    }
+}
+
+#[test]
+fn files_that_cannot_be_read_are_named() {
+    let text = Station::load(Path::new("/no/such.toml")).unwrap_err().to_string();
+    assert!(text.starts_with("cannot read the station file /no/such.toml: No such file"), "{text}");
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s.toml");
+    std::fs::write(&path, "[scene]\npath = 'a.glb'\n[probe\n").unwrap();
+    let text = Station::load(&path).unwrap_err().to_string();
+    assert!(
+        text.starts_with(&format!("station file {}: not valid TOML: TOML parse error at line 3", path.display())),
+        "{text}"
+    );
+    std::fs::write(&path, [0xff, 0xfe]).unwrap();
+    assert!(Station::load(&path).unwrap_err().to_string().starts_with("cannot read the station file"));
+    std::fs::write(&path, SCENE).unwrap();
+    let station = Station::load(&path).unwrap();
+    assert_eq!(station.scene_file(), Some(dir.path().join("a.glb").as_path()));
+    let text = station.load_scene_from(station.scene_file().unwrap()).unwrap_err().to_string();
+    assert!(text.starts_with("cannot read the scene"), "{text}");
+}
+
+/// A station file with `doc`'s key set to `value`, and what that key needs to apply.
+fn with_key(doc: &KeyDoc, value: &str) -> String {
+    let needs = match doc.key {
+        "path" | "phantom" => return format!("[scene]\n{} = {value}", doc.key),
+        "phantom_scale" => return format!("[scene]\nphantom = 'obstetric'\nphantom_scale = {value}"),
+        "width_mm" => "kind = 'linear'\n",
+        _ => "",
+    };
+    let table = doc.table.replace("NAME", "liver");
+    if table == "scene" {
+        return format!("{SCENE}{} = {value}", doc.key);
+    }
+    format!("{SCENE}[{table}]\n{needs}{} = {value}", doc.key)
+}
+
+fn accepted(doc: &KeyDoc, value: &str) -> Result<Station, String> {
+    Station::parse(&with_key(doc, value), Path::new("")).map_err(|e| e.to_string())
+}
+
+#[test]
+fn documented_ranges_are_those_of_the_parser() {
+    for doc in KEYS {
+        let (inside, outside) = match doc.range {
+            Accepts::Number { min, max } => {
+                (vec![format!("{min:?}"), format!("{max:?}")], vec![min.next_down(), max.next_up()])
+            }
+            Accepts::Integer { min, max } => {
+                (vec![min.to_string(), max.to_string()], vec![(min - 1) as f64, (max + 1) as f64])
+            }
+            Accepts::OneOf(words) => (words.iter().map(|w| format!("'{w}'")).collect(), vec![]),
+            _ => continue,
+        };
+        for value in inside {
+            accepted(doc, &value).unwrap_or_else(|e| panic!("{}.{}: {e}", doc.table, doc.key));
+        }
+        for value in outside {
+            let text = match doc.range {
+                Accepts::Integer { .. } => format!("{value:.0}"),
+                _ => format!("{value:?}"),
+            };
+            let error = accepted(doc, &text).unwrap_err();
+            assert!(error.contains(doc.key) && error.contains(&doc.range.to_string()), "{error}");
+        }
+    }
+}
+
+#[test]
+fn the_types_behind_the_keys_are_no_wider() {
+    let mut checked = 0;
+    for doc in KEYS {
+        let (below, above) = match doc.range {
+            Accepts::Number { min, max } => (min.next_down(), max.next_up()),
+            Accepts::Integer { min, max } => (min as f64 - 1.0, max as f64 + 1.0),
+            _ => continue,
+        };
+        for value in [below, above] {
+            let refused = match doc.table {
+                "probe" => set_probe(doc.key, value).map(|probe| probe.validate().is_err()),
+                "image" | "quality" => refused_settings(doc.key, value),
+                "tissues.NAME" => Some(refused_tissue(doc.key, value)),
+                _ => None,
+            };
+            if let Some(refused) = refused {
+                assert!(refused, "{}.{} = {value}", doc.table, doc.key);
+                checked += 1;
+            }
+        }
+    }
+    assert_eq!(checked, 2 * (12 + 5 + 2 + 9));
+}
+
+fn set_probe(key: &str, value: f64) -> Option<Probe> {
+    let mut probe = Probe::default();
+    match key {
+        "radius_mm" => probe.kind = ProbeKind::Convex { radius_mm: value, fov_deg: 70.0 },
+        "fov_deg" => probe.kind = ProbeKind::Phased { fov_deg: value },
+        "width_mm" => probe.kind = ProbeKind::Linear { width_mm: value },
+        "frequency_mhz" => probe.frequency_mhz = value,
+        "fractional_bandwidth" => probe.fractional_bandwidth = value,
+        "depth_mm" => probe.depth_mm = value,
+        "scanlines" => probe.scanlines = value as u32,
+        "samples" => probe.samples = value as u32,
+        "focus_mm" => probe.focus_mm = value,
+        "aperture_mm" => probe.aperture_mm = value,
+        "elevational_height_mm" => probe.elevational_height_mm = value,
+        "elevational_focus_mm" => probe.elevational_focus_mm = value,
+        _ => return None,
+    }
+    Some(probe)
+}
+
+fn refused_settings(key: &str, value: f64) -> Option<bool> {
+    let mut settings = insonify::render::RenderSettings::default();
+    match key {
+        "width" => settings.image.width = value as u32,
+        "height" => settings.image.height = value as u32,
+        "rays" => settings.quality.rays = value as u32,
+        "layers" => settings.quality.layers = value as u32,
+        "dynamic_range_db" => settings.image.dynamic_range_db = value,
+        "gain_db" => settings.image.gain_db = value,
+        "tgc_db_per_cm" => settings.image.tgc_db_per_cm = value,
+        _ => return None,
+    }
+    Some(settings.validate().is_err())
+}
+
+fn refused_tissue(key: &str, value: f64) -> bool {
+    let table = TissueTable::builtin().unwrap();
+    let liver = &table.tissues()[table.index_of("liver").unwrap()];
+    let mut json = serde_json::to_value(liver).unwrap();
+    assert!(json.get(key).is_some(), "{key}");
+    json[key] = value.into();
+    TissueTable::new([("liver".to_owned(), serde_json::from_value(json).unwrap())]).is_err()
+}
+
+#[test]
+fn documented_defaults_are_those_of_the_parser() {
+    let default = parse("").unwrap();
+    // Words in place of a value say what happens without the key.
+    let is_value = |doc: &&KeyDoc| !["required", "none", "built-in"].iter().any(|word| doc.default.starts_with(word));
+    for doc in KEYS.iter().filter(is_value) {
+        let found = accepted(doc, doc.default).unwrap_or_else(|e| panic!("{}.{}: {e}", doc.table, doc.key));
+        match (doc.table, doc.key) {
+            ("scene", "phantom_scale") => assert_eq!(found.scene, SceneSource::ObstetricPhantom { scale: 1.0 }),
+            ("probe", "width_mm") => assert_eq!(found.probe, parse("[probe]\nkind = 'linear'").unwrap().probe),
+            ("pose", _) => assert_eq!(found.default_pose, parse("[pose]").unwrap().default_pose),
+            _ => assert_eq!(found, Station { path: found.path.clone(), scene: found.scene.clone(), ..default.clone() }),
+        }
+    }
+}
+
+#[test]
+fn every_key_is_printed() {
+    let mut text = String::new();
+    print_keys(&mut text).unwrap();
+    for doc in KEYS {
+        assert!(text.contains(doc.key) && text.contains(doc.meaning), "{}", doc.key);
+    }
+    assert!(text.contains("[tissues.NAME]") && text.contains("a number in 0.5..=40; default: 8.0"), "{text}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4 * ProptestConfig::default().cases, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_text_panics(text in "(\\[|\\]|=|\"|[a-z_.]{1,8}|[0-9.eE+-]{1,6}|\n| |scene|probe|tissues|path|nan|inf){0,30}") {
+        let _ = Station::parse(&text, Path::new(""));
+    }
+
+    #[test]
+    fn no_number_panics(index in 0..KEYS.len(), number in any::<f64>(), whole in any::<i64>(), is_whole in any::<bool>()) {
+        let text = if is_whole { whole.to_string() } else { format!("{number:?}").to_lowercase() };
+        if let Ok(station) = accepted(&KEYS[index], &text) {
+            prop_assert!(station.probe.validate().is_ok() && station.settings.validate().is_ok());
+        }
+    }
+}
