@@ -1,4 +1,6 @@
 //! From raw tracker bytes, through a recording and back, to poses.
+// clippy.toml allows these in test functions only, not in what they share.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fs;
 use std::io::Cursor;

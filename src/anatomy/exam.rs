@@ -1,0 +1,263 @@
+//! A simulated exam: a freehand sweep over the obstetric phantom, recorded as a tracker would send it.
+//!
+//! The probe's face stays pressed into the mother's skin while the hand moves between the standard views of
+//! [`KEY_FRAMES`], as a sonographer does at 22 weeks: head, heart, abdomen, spine, femur, placenta.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use thiserror::Error;
+
+use super::phantom::{self, Landmarks};
+use crate::pose::freehand::{Tremor, Waypoint, view_at};
+use crate::pose::{Pose, TimedPose};
+use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
+use crate::tracker::{Protocol, Record, ascii_line};
+
+/// Length of the exam, s.
+pub const DURATION_S: u32 = 24;
+
+/// Poses a second.
+pub const RATE_HZ: u32 = 60;
+
+/// The tremor of the exam in `assets/`.
+pub const SEED: u64 = 22;
+
+/// When the recorded exam starts: 1 January 2026, ns since 1970 (UTC). Fixed, so that the file is the same each time.
+pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
+
+/// From a measurement to its first byte on the host, ns.
+const LATENCY_NS: u64 = 2_000_000;
+
+/// How deep the centre of the face is pressed into the skin, mm.
+const PRESS_MM: f64 = 2.5;
+
+/// When the hand rests at a standard view, s from the start, and the view's name.
+pub const KEY_FRAMES: [(&str, f64); 6] =
+    [("head", 4.0), ("heart", 8.4), ("abdomen", 11.7), ("spine", 15.9), ("femur", 19.4), ("placenta", 23.2)];
+
+/// Why an exam could not be made.
+#[derive(Debug, Error)]
+pub enum ExamError {
+    /// The line from a view's target through the probe meets no skin.
+    #[error("no skin is found {time_s:.2} s after the start, from {target_mm} mm along {direction}")]
+    NoSkin {
+        /// Time from the start, s.
+        time_s: f64,
+        /// What the probe looks at, mm.
+        target_mm: DVec3,
+        /// Where the probe should be from there.
+        direction: DVec3,
+    },
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// Writes the exam number `seed` over the phantom to `path`: the same bytes each time. Key frames are events.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
+    let poses = sweep(&phantom::landmarks(), phantom_skin(), seed)?;
+    let info = RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: "simulated hand".to_owned(),
+        scene: "obstetric phantom".to_owned(),
+        start_time_ns: START_TIME_NS,
+    };
+    let mut events = KEY_FRAMES.into_iter().map(|(name, time_s)| {
+        let host_time_ns = START_TIME_NS + (time_s * 1e9).round() as u64;
+        Event { host_time_ns, name: name.to_owned() }
+    });
+    let mut next = events.next();
+    let mut writer = RecordingWriter::create(path, &info)?;
+    for (sequence, timed) in (0..).zip(&poses) {
+        while let Some(event) = next.take_if(|event| event.host_time_ns <= timed.host_time_ns) {
+            writer.event(&event)?;
+            next = events.next();
+        }
+        let record = Record { sequence, device_time_us: timed.device_time_us, pose: timed.pose };
+        writer.raw(timed.host_time_ns, ascii_line::encode(&record).as_bytes())?;
+    }
+    Ok(writer.finish()?)
+}
+
+/// Poses of the exam number `seed`, [`RATE_HZ`] a second over [`DURATION_S`].
+///
+/// `skin` gives the point where a line from inside the body (mm) along a unit direction leaves the skin.
+///
+/// # Errors
+/// `skin` finds none.
+pub fn sweep(
+    landmarks: &Landmarks,
+    skin: impl Fn(DVec3, DVec3) -> Option<DVec3>,
+    seed: u64,
+) -> Result<Vec<TimedPose>, ExamError> {
+    let waypoints = waypoints(landmarks);
+    let tremor = Tremor::new(seed);
+    let pose = |i: u32| {
+        let time_s = f64::from(i) / f64::from(RATE_HZ);
+        let (target_mm, orientation) = view_at(&waypoints, time_s).unwrap_or_default();
+        let (shift, turn) = tremor.at(time_s);
+        let orientation = (orientation * turn).normalize();
+        // The hand slides on the skin; what is left of the tremor along the beam is pressure.
+        let target_mm = target_mm + orientation * DVec3::new(shift.x, shift.y, 0.0);
+        let into_body = orientation * DVec3::Z;
+        let contact = skin(target_mm, -into_body);
+        let contact = contact.ok_or(ExamError::NoSkin { time_s, target_mm, direction: -into_body })?;
+        let device_time_us = u64::from(i) * 1_000_000 / u64::from(RATE_HZ);
+        Ok(TimedPose {
+            host_time_ns: START_TIME_NS + device_time_us * 1000 + LATENCY_NS,
+            device_time_us,
+            pose: Pose { position_mm: contact + into_body * (PRESS_MM + shift.z), orientation },
+        })
+    };
+    (0..=DURATION_S * RATE_HZ).map(pose).collect()
+}
+
+/// The standard views. Each is given by what is looked at, where the probe is from there, and where the last scanlines
+/// lie.
+fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
+    let view = |arrive_s, leave_s, target_mm: DVec3, up: DVec3, lateral: DVec3| {
+        let orientation = Pose::looking(target_mm, -up, lateral).orientation;
+        Waypoint { arrive_s, leave_s, target_mm, orientation }
+    };
+    let d = |v: &Vec3| v.as_dvec3();
+    let (head, vertex, left) = (d(&landmarks.head_centre_mm), d(&landmarks.head_vertex), d(&landmarks.fetus_left));
+    let face = d(&landmarks.head_face);
+    let (heart, heart_cranial) = (d(&landmarks.heart_centre_mm), d(&landmarks.heart_cranial));
+    let (abdomen, cranial) = (d(&landmarks.abdomen_centre_mm), d(&landmarks.abdomen_cranial));
+    let ventral = d(&landmarks.abdomen_ventral);
+    // From the fetus' left, where the mother's belly is; its planes across the body hold left and ventral.
+    let heart_up = across(left, heart_cranial);
+    let abdomen_up = across(left, cranial);
+    // The spine from the left and behind, along its thoracic and lumbar part.
+    let [spine_top, spine_end] = [3, 5].map(|i: usize| d(&landmarks.spine_mm[i]));
+    let spine_up = across(abdomen_up * 0.8 - ventral * 0.6, spine_top - spine_end);
+    let [hip, knee] = landmarks.left_femur_mm.map(|p| d(&p));
+    let femur_up = across(DVec3::Z, knee - hip);
+    let (placenta, placenta_up) = (d(&landmarks.placenta_centre_mm), d(&landmarks.placenta_outward));
+    vec![
+        view(0.0, 0.4, head + vertex * 14.0, left, face),
+        view(2.6, 5.0, head, left, face),
+        view(7.4, 9.0, heart, heart_up, heart_up.cross(heart_cranial)),
+        view(10.6, 12.4, abdomen, abdomen_up, ventral),
+        view(14.9, 16.6, 0.5 * (spine_top + spine_end), spine_up, spine_top - spine_end),
+        view(18.5, 20.2, 0.5 * (hip + knee), femur_up, knee - hip),
+        view(22.3, f64::from(DURATION_S), placenta, placenta_up, DVec3::X),
+    ]
+}
+
+/// The part of `direction` across `axis`, unit length.
+fn across(direction: DVec3, axis: DVec3) -> DVec3 {
+    direction.reject_from(axis).normalize_or(DVec3::Z)
+}
+
+/// Where a line from inside the phantom leaves its skin.
+pub fn phantom_skin() -> impl Fn(DVec3, DVec3) -> Option<DVec3> {
+    /// Longer than from any point of the body to its skin, mm.
+    const REACH_MM: u32 = 400;
+    let skin = phantom::organs().into_iter().find(|organ| organ.name == "skin");
+    move |from: DVec3, direction: DVec3| {
+        let skin = &skin.as_ref()?.solid;
+        let outside = |t: f64| skin.distance_mm((from + direction * t).as_vec3()) > 0.0;
+        let mut far = f64::from((1..REACH_MM).find(|&t| outside(f64::from(t)))?);
+        let mut near = far - 1.0;
+        for _ in 0..30 {
+            let middle = 0.5 * (near + far);
+            if outside(middle) { far = middle } else { near = middle }
+        }
+        (far > 1.0).then(|| from + direction * far)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::interpolate;
+    use crate::tracker::recording::poses;
+
+    fn exam() -> Vec<TimedPose> {
+        sweep(&phantom::landmarks(), phantom_skin(), SEED).unwrap()
+    }
+
+    fn key_pose(exam: &[TimedPose], name: &str) -> Pose {
+        let time_s = KEY_FRAMES.iter().find(|(n, _)| *n == name).unwrap().1;
+        interpolate(exam, START_TIME_NS + (time_s * 1e9) as u64, 100_000_000).unwrap()
+    }
+
+    /// Distance of `point` from the image plane, and its depth on the central scanline, mm.
+    fn seen(pose: &Pose, point: Vec3) -> (f64, f64) {
+        let probe = pose.orientation.conjugate() * (point.as_dvec3() - pose.position_mm);
+        (probe.y.abs(), probe.z)
+    }
+
+    #[test]
+    fn the_face_stays_pressed_into_the_skin() {
+        let skin = phantom::organs().into_iter().find(|o| o.name == "skin").unwrap().solid;
+        for timed in exam() {
+            let depth = -skin.distance_mm(timed.pose.position_mm.as_vec3());
+            assert!((0.5..4.5).contains(&depth), "{depth} mm deep at {:?}", timed.pose.position_mm);
+            let inward = -skin.normal(timed.pose.position_mm.as_vec3()).as_dvec3();
+            let tilt = (timed.pose.orientation * DVec3::Z).angle_between(inward).to_degrees();
+            assert!(tilt < 50.0, "the probe is tilted by {tilt} degrees against the skin");
+        }
+    }
+
+    #[test]
+    fn moves_as_a_hand_can() {
+        let exam = exam();
+        assert_eq!(exam.len(), 1441);
+        for pair in exam.windows(2) {
+            let seconds = (pair[1].host_time_ns - pair[0].host_time_ns) as f64 * 1e-9;
+            let speed = pair[0].pose.position_mm.distance(pair[1].pose.position_mm) / seconds;
+            let turn = pair[0].pose.orientation.angle_between(pair[1].pose.orientation).to_degrees() / seconds;
+            assert!(speed < 160.0 && turn < 90.0, "{speed} mm/s, {turn} degrees/s at {}", pair[0].device_time_us);
+        }
+    }
+
+    #[test]
+    fn key_frames_are_the_standard_views() {
+        let (exam, l) = (exam(), phantom::landmarks());
+        let plane = |name: &str| key_pose(&exam, name).orientation * DVec3::Y;
+        let tilt = |name, normal: Vec3| plane(name).dot(normal.as_dvec3().normalize()).abs().acos().to_degrees();
+        let targets = [
+            ("head", l.head_centre_mm),
+            ("heart", l.heart_centre_mm),
+            ("abdomen", l.abdomen_centre_mm),
+            ("spine", l.spine_mm[4]),
+            ("femur", l.left_femur_mm[0]),
+            ("femur", l.left_femur_mm[1]),
+            ("placenta", l.placenta_centre_mm),
+        ];
+        for (name, target) in targets {
+            let (off_plane, depth) = seen(&key_pose(&exam, name), target);
+            assert!(off_plane < 3.0, "{name}: {off_plane} mm off the plane");
+            assert!((15.0..140.0).contains(&depth), "{name}: {depth} mm deep");
+        }
+        for (name, normal) in [("head", l.head_vertex), ("heart", l.heart_cranial), ("abdomen", l.abdomen_cranial)] {
+            assert!(tilt(name, normal) < 3.0, "{name} is tilted by {}", tilt(name, normal));
+        }
+        let head = key_pose(&exam, "head");
+        let midline = (head.orientation.conjugate() * l.head_face.as_dvec3()).normalize();
+        assert!(midline.x > 0.99, "the midline lies across the beam: {midline}");
+        let femur = key_pose(&exam, "femur").orientation.conjugate()
+            * (l.left_femur_mm[1] - l.left_femur_mm[0]).as_dvec3().normalize();
+        assert!(femur.x.abs() > 0.99, "the femur lies across the beam: {femur}");
+    }
+
+    #[test]
+    fn the_recorded_exam_is_what_the_command_makes() {
+        let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/exams/obstetric_sweep.mcap");
+        let dir = tempfile::tempdir().unwrap();
+        let made = dir.path().join("exam.mcap");
+        write(&made, SEED).unwrap();
+        let (found, summary) = poses(&made).unwrap();
+        assert!(summary.is_clean() && found.len() == 1441, "{summary}");
+        assert!(summary.duration.as_secs_f64() >= 20.0);
+        assert_eq!(summary.events.len(), KEY_FRAMES.len());
+        let same = std::fs::read(&made).unwrap() == std::fs::read(&committed).unwrap_or_default();
+        assert!(same, "{} is out of date: run `insonify exam --out` it", committed.display());
+    }
+}
