@@ -70,7 +70,7 @@ fn cuts() -> Vec<Cut> {
         trunk("bladder", l.fetal_bladder_mm, (l.spine_mm[6] - l.spine_mm[7]).normalize()),
         Cut {
             name: "fetus_sagittal",
-            centre: l.abdomen_centre_mm * 0.5 + l.head_centre_mm * 0.5 + Vec3::new(12.0, 8.0, 0.0),
+            centre: l.head_centre_mm + l.head_face * 18.0 - l.head_vertex * 38.0,
             right: l.head_face.cross(l.fetus_left).cross(l.fetus_left) * -1.0,
             up: l.head_vertex,
             half_mm: [95.0, 110.0],

@@ -92,8 +92,8 @@ impl Attitude {
             scene_from_fetus: scene_from_fetus(),
             fetus_from_head,
             legs: [
-                leg(1.0, Vec3::new(0.10, 0.60, 0.80), Vec3::new(-0.12, -0.96, -0.24), Vec3::new(0.05, 0.35, 0.93)),
-                leg(-1.0, Vec3::new(-0.06, 0.66, 0.75), Vec3::new(0.10, -0.98, -0.12), Vec3::new(0.25, 0.40, 0.88)),
+                leg(1.0, Vec3::new(0.0, 0.60, 0.80), Vec3::new(-0.24, -0.92, -0.34), Vec3::new(-0.12, 0.36, 0.92)),
+                leg(-1.0, Vec3::new(-0.12, 0.66, 0.75), Vec3::new(0.07, -0.97, -0.22), Vec3::new(0.10, 0.48, 0.86)),
             ],
             arms: [
                 arm(1.0, Vec3::new(0.12, -0.42, 0.86), Vec3::new(-0.36, 0.72, 0.58), Vec3::new(-0.15, 0.90, 0.30)),
@@ -134,7 +134,7 @@ impl Attitude {
 
 /// Head down, ventral to the mother's left, left side up; tilted so that the trunk lies deeper than the head.
 fn scene_from_fetus() -> Isometry {
-    let lie = Isometry::from_axes(Vec3::new(-1.0, 0.0, -10.0), Vec3::NEG_Y, Vec3::X);
+    let lie = Isometry::from_axes(Vec3::new(-5.0, 0.0, -11.0), Vec3::NEG_Y, Vec3::X);
     let tilt = Quat::from_rotation_x(-5.5f32.to_radians());
     Isometry { rotation: (tilt * lie.rotation).normalize(), ..lie }
 }

@@ -139,7 +139,7 @@ fn project(solid: &Solid, start: Vec3, cell_mm: f32) -> Vec3 {
         let step = g * (d / g.length_squared().max(0.04));
         p -= step.clamp_length_max(0.5 * cell_mm);
         // A vertex that leaves its cell's surroundings would fold the surface.
-        p = start + (p - start).clamp_length_max(0.9 * cell_mm);
+        p = start + (p - start).clamp_length_max(0.7 * cell_mm);
     }
     p
 }

@@ -44,8 +44,8 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-const BLADDER_LEVEL: f32 = 25.0;
-const BLADDER_VENTRAL_MM: f32 = 21.0;
+const BLADDER_LEVEL: f32 = 26.3;
+const BLADDER_VENTRAL_MM: f32 = 18.0;
 
 /// Centre of the bladder, fetal frame.
 pub(in crate::anatomy::phantom) fn bladder_centre(attitude: &Attitude) -> Vec3 {
@@ -71,7 +71,7 @@ fn stomach(attitude: &Attitude) -> Solid {
 /// Coils of small bowel between liver and bladder.
 fn bowel(attitude: &Attitude) -> Solid {
     let coils = (0..3).map(|row| {
-        let level = 20.3 + 1.15 * row as f32;
+        let level = 21.2 + 1.35 * row as f32;
         let knots: Vec<(Vec3, f32)> = (0..9)
             .map(|i| {
                 let left = -14.0 + 3.5 * i as f32;
@@ -90,7 +90,7 @@ pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
     let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
     // In the plane of the circumference the vein runs backward and turns to the right like a hockey stick.
     let vein = tube(&[
-        at(NAVEL_LEVEL, 0.0, 43.0, 1.6),
+        at(NAVEL_LEVEL, 0.0, 41.5, 1.6),
         at(19.6, 0.3, 38.5, 1.7),
         at(18.2, 0.3, 31.0, 1.75),
         at(17.9, -0.8, 24.5, 1.8),
@@ -100,10 +100,10 @@ pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
     let arteries = [1.0, -1.0].map(|side| {
         tube(&[
             at(25.3, 8.0 * side, 9.0, 0.9),
-            at(25.6, 7.2 * side, 17.0, 0.9),
-            at(24.4, 6.6 * side, 26.0, 0.9),
-            at(22.4, 2.4 * side, 37.0, 0.9),
-            at(NAVEL_LEVEL, 1.5 * side, 42.5, 0.9),
+            at(26.6, 7.2 * side, 15.0, 0.9),
+            at(25.4, 6.4 * side, 23.5, 0.9),
+            at(23.2, 2.6 * side, 34.5, 0.9),
+            at(NAVEL_LEVEL, 1.5 * side, 41.0, 0.9),
         ])
     });
     std::iter::once(vein).chain(arteries).collect()

@@ -25,7 +25,7 @@ pub(super) fn cranium(biometry: &Biometry, margin_mm: f32) -> Solid {
 pub(super) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
     let v = Vec3::new;
     let cheek = ellipsoid(v(7.5, -23.0, 17.0), v(11.0, 12.0, 12.0)).with_mirror_image();
-    let jaw = sweep(&[(v(0.0, -33.0, 24.0), 5.2), (v(0.0, -28.0, 12.0), 9.0), (v(0.0, -24.0, -4.0), 11.0)]);
+    let jaw = sweep(&[(v(0.0, -33.0, 24.0), 5.2), (v(0.0, -28.0, 12.0), 9.0), (v(0.0, -23.0, -4.0), 13.0)]);
     let lips = ellipsoid(v(0.0, -26.5, 27.0), v(6.5, 4.5, 5.0));
     let nose = sweep(&[(v(0.0, -11.0, 30.5), 2.4), (v(0.0, -16.5, 34.0), 2.8), (v(0.0, -19.0, 33.0), 3.2)]);
     let lids = sphere(v(11.0, -12.5, 25.5), 6.6).with_mirror_image();
@@ -75,8 +75,8 @@ fn bones() -> Solid {
         (v(0.0, -32.5, 25.5), 1.3),
         (v(6.0, -31.5, 23.0), 1.3),
         (v(11.5, -29.5, 14.0), 1.3),
-        (v(15.5, -26.0, 5.0), 1.4),
-        (v(17.5, -19.0, 1.0), 1.1),
+        (v(14.8, -26.0, 5.0), 1.4),
+        (v(16.2, -19.5, 1.5), 1.1),
     ]);
     let petrous = round_cone(v(19.5, -17.0, -5.0), v(6.5, -18.5, 2.0), 2.4, 1.5);
     let sphenoid = round_cone(v(20.0, -13.5, 13.0), v(4.5, -16.0, 6.0), 0.9, 1.6);

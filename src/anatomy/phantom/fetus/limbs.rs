@@ -44,7 +44,7 @@ fn foot(biometry: &Biometry, leg: &Leg, size: f32) -> Solid {
             v(0.7 * x, -6.2, 17.0 * scale),
             v(x, -7.0, (25.0 - 0.5 * (i as f32 - 1.5).powi(2)) * scale),
             2.4 * size,
-            1.6 * size,
+            1.9 * size,
         )
     });
     smooth_union(std::iter::once(core).chain(toes), 1.6).placed(sole(leg))
@@ -165,7 +165,7 @@ fn foot_bones(biometry: &Biometry, leg: &Leg) -> Solid {
     let rods = (0..5).map(|i| {
         let x = 2.0 * (i as f32 - 2.0);
         let (root, head, tip) =
-            (v(0.55 * x, -4.5, 7.0 * scale), v(0.85 * x, -6.4, 16.5 * scale), v(x, -7.0, 23.0 * scale));
+            (v(0.55 * x, -4.2, 7.0 * scale), v(0.8 * x, -5.8, 16.0 * scale), v(0.92 * x, -6.6, 22.5 * scale));
         union([
             round_cone(root, root.lerp(head, 0.86), 0.8, 0.7),
             round_cone(head.lerp(tip, 0.12), head.lerp(tip, 0.8), 0.7, 0.65),
@@ -187,18 +187,13 @@ fn girdles(attitude: &Attitude) -> Solid {
         ]);
         let ischium = tube(&[(at(27.2, 8.0, 8.0), 1.2), (at(28.2, 7.0, 9.0), 1.2)]);
         let shoulder = attitude.arms[i].shoulder;
+        // Between the ribs and the skin.
+        let neck = shoulder.lerp(at(9.0, 12.5, 0.0), 0.3);
+        let (inner, tip) = (at(9.4, 8.6, -3.8), at(12.2, 10.6, -3.1));
         let blade = union([
-            tube(&[
-                (shoulder.lerp(at(9.0, 14.0, -3.5), 0.25), 1.0),
-                (at(8.6, 14.5, -3.2), 0.9),
-                (at(9.4, 8.5, -4.6), 0.8),
-            ]),
-            tube(&[(at(9.4, 8.5, -4.6), 0.8), (at(12.2, 10.5, -3.8), 0.8)]),
-            tube(&[
-                (shoulder.lerp(at(9.0, 14.0, -3.5), 0.3), 0.9),
-                (at(10.6, 13.5, -2.8), 0.8),
-                (at(12.2, 10.5, -3.8), 0.8),
-            ]),
+            tube(&[(neck, 1.0), (at(8.8, 12.3, -0.6), 0.9), (inner, 0.8)]),
+            tube(&[(inner, 0.8), (at(10.8, 9.4, -4.0), 0.8), (tip, 0.8)]),
+            tube(&[(neck, 0.9), (at(10.6, 13.6, -0.4), 0.8), (tip, 0.8)]),
         ]);
         let clavicle = tube(&[
             (shoulder.lerp(at(8.0, 2.0, 18.0), 0.15), 0.85),

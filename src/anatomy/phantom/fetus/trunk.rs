@@ -9,7 +9,7 @@ use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep};
 /// Level of the stomach and the umbilical vein, where the abdominal circumference is measured: between T11 and T12.
 pub(in crate::anatomy::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
 /// Level where the cord enters.
-pub(in crate::anatomy::phantom) const NAVEL_LEVEL: f32 = 21.0;
+pub(in crate::anatomy::phantom) const NAVEL_LEVEL: f32 = 21.2;
 
 /// Level, radius at the skin relative to that of the abdomen.
 const PROFILE: [(f32, f32); 11] = [

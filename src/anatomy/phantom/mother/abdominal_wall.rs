@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::organ;
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, ellipsoid, plate, rounded_box, smooth_union, union};
+use crate::anatomy::phantom::sdf::{Solid, ellipsoid, half_space, plate, rounded_box, smooth_union, union};
 
 /// Height of the belly's skin above the origin, mm.
 pub(in crate::anatomy::phantom) const BELLY_TOP_MM: f32 = 86.0;
@@ -44,9 +44,9 @@ fn muscles(under_fat: &Solid) -> Solid {
     let outer = under_fat.grown(-FASCIA_MM);
     let inner = under_fat.grown(-(FASCIA_MM + MUSCLE_MM));
     // In pregnancy the recti part: the linea alba is wide.
-    let linea_alba = plate(Vec3::ZERO, Vec3::X, 6.0);
+    let linea_alba = plate(Vec3::ZERO, Vec3::X, 4.0);
     let semilunaris = plate(Vec3::new(76.0, 0.0, 0.0), Vec3::new(0.94, 0.0, -0.34), 2.5).with_mirror_image();
-    let front = crate::anatomy::phantom::sdf::half_space(Vec3::new(0.0, 0.0, -20.0), Vec3::NEG_Z);
+    let front = half_space(Vec3::new(0.0, 0.0, -20.0), Vec3::NEG_Z);
     let gaps = union([linea_alba, semilunaris]).intersect(front);
-    outer.subtract(inner).smooth_subtract(gaps, 5.0)
+    outer.subtract(inner).smooth_subtract(gaps, 4.0)
 }

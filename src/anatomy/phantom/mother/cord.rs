@@ -10,10 +10,10 @@ use crate::anatomy::phantom::fetus;
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{catmull_rom, sweep, union};
 
-const CORD_RADIUS_MM: f32 = 5.0;
+const CORD_RADIUS_MM: f32 = 5.2;
 const VEIN_RADIUS_MM: f32 = 1.9;
 const ARTERY_RADIUS_MM: f32 = 1.15;
-const VESSEL_WALL_MM: f32 = 0.45;
+const VESSEL_WALL_MM: f32 = 0.35;
 /// Length of one turn of the vessels.
 const PITCH_MM: f32 = 24.0;
 
@@ -25,16 +25,17 @@ fn centre_line(attitude: &Attitude) -> Vec<Vec3> {
     let knots = [
         start - away * 6.0,
         start + away * 2.0,
-        start + away * 9.0 + Vec3::new(4.0, -3.0, 0.0),
-        Vec3::new(49.0, 8.0, 6.0),
-        Vec3::new(50.0, -8.0, -6.0),
-        Vec3::new(46.0, -4.0, -22.0),
-        Vec3::new(47.0, 12.0, -24.0),
-        Vec3::new(51.0, 16.0, -10.0),
-        Vec3::new(49.0, 2.0, 2.0) + Vec3::new(-11.0, -3.0, -5.0),
-        Vec3::new(36.0, -10.0, -16.0),
-        Vec3::new(24.0, 0.0, -16.0),
-        navel + ventral * 7.0 + Vec3::new(0.0, -9.0, 0.0),
+        start + away * 4.0 + Vec3::new(11.0, -5.0, -1.0),
+        Vec3::new(40.0, 26.0, 7.0),
+        Vec3::new(48.0, 10.0, 4.0),
+        Vec3::new(50.0, -6.0, -6.0),
+        Vec3::new(47.0, -3.0, -22.0),
+        Vec3::new(47.0, 13.0, -25.0),
+        Vec3::new(51.0, 17.0, -10.0),
+        Vec3::new(39.0, 4.0, -3.0),
+        Vec3::new(28.0, 2.0, -9.0),
+        Vec3::new(19.0, 11.0, -12.0),
+        navel + ventral * 8.0 + Vec3::new(0.0, -4.0, 0.0),
         navel + ventral * 2.0,
         navel - ventral * 5.0,
     ];
@@ -66,8 +67,8 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let vessels = |grown: f32| {
         union([
             sweep(&winding(&line, 1.7, 0.0, VEIN_RADIUS_MM + grown)),
-            sweep(&winding(&line, 2.8, 0.36 * TAU, ARTERY_RADIUS_MM + grown)),
-            sweep(&winding(&line, 2.8, 0.64 * TAU, ARTERY_RADIUS_MM + grown)),
+            sweep(&winding(&line, 3.0, 0.35 * TAU, ARTERY_RADIUS_MM + grown)),
+            sweep(&winding(&line, 3.0, 0.65 * TAU, ARTERY_RADIUS_MM + grown)),
         ])
     };
     vec![

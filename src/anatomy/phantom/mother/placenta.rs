@@ -9,7 +9,7 @@ use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 
 /// From the cavity's centre to the placenta's middle, in units of the cavity's half axes.
-const TOWARDS: Vec3 = Vec3::new(0.46, 0.46, 0.76);
+const TOWARDS: Vec3 = Vec3::new(0.34, 0.44, 0.83);
 
 const RADIUS_MM: f32 = 72.0;
 const THICKNESS_MM: f32 = 26.0;

@@ -32,9 +32,9 @@ pub(in crate::anatomy::phantom) fn cavity() -> Solid {
 pub(super) fn organs() -> Vec<Organ> {
     let cavity = cavity();
     let bottom = Vec3::new(0.0, -100.0, -6.0);
-    let os = Vec3::new(0.0, -140.0, -32.0);
+    let os = Vec3::new(0.0, -130.0, -27.0);
     let neck = round_cone(bottom, os, 17.0, 13.0);
-    let wall = smooth_union([cavity.grown(WALL_MM), round_cone(bottom, bottom.lerp(os, 0.3), 18.0, 15.0)], 12.0);
+    let wall = smooth_union([cavity.grown(WALL_MM), round_cone(bottom, bottom.lerp(os, 0.3), 18.0, 14.0)], 12.0);
     // A plug of mucus in a closed canal.
     let canal = sweep(&[(bottom.lerp(os, 0.25), 1.1), (bottom.lerp(os, 0.6), 1.6), (os, 1.2)]);
     let lips = smooth_union(
