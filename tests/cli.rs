@@ -126,7 +126,9 @@ fn one_frame_is_written_with_all_its_maps() {
     assert!(segmentation.iter().zip(&mask).all(|(&tissue, &mask)| (tissue > 0) == (mask == 255)));
 
     let json: Value = serde_json::from_slice(&read("frame.json")).unwrap();
-    assert_eq!(json["quality"], serde_json::json!({ "rays": 2, "layers": 1, "seed": 7 }));
+    for (key, value) in [("rays", 2), ("layers", 1), ("seed", 7)] {
+        assert_eq!(json["quality"][key], value, "{key}");
+    }
     assert_eq!(json["pose"]["orientation_wxyz"], serde_json::json!([1.0, 0.0, 0.0, 0.0]));
     assert_eq!(json["overflows"], 0);
     assert!(json["times"]["total_ms"].as_f64().unwrap() > 0.0);
@@ -215,13 +217,13 @@ fn poses_and_arguments_that_cannot_be_used_are_refused() {
     let dir = directory();
     let station = station(&dir, SMALL);
     let pose = |pose: &str| render(&dir, &station, &["--pose", pose]);
-    refused(&pose("nan,0,0,1,0,0,0"), &["--pose", "x is NaN"]);
+    refused(&pose("nan,0,0,1,0,0,0"), &["--pose", "`x` is NaN"]);
     refused(&pose("0,0,0,1,0,0,inf"), &["qz"]);
     refused(&pose("0,0,0,1,1,0,0"), &["norm"]);
     refused(&pose("0,0,0,0,0,0,0"), &["norm"]);
     refused(&pose("0,0,0,1,0,0"), &["seven numbers"]);
     refused(&pose("0,0,0,1,0,0,0,0"), &["seven numbers"]);
-    refused(&pose("-1e9,0,0,1,0,0,0"), &["x", "-1000000000 mm"]);
+    refused(&pose("-1e9,0,0,1,0,0,0"), &["`x` is -1000000000 mm"]);
     refused(&pose(""), &["seven numbers"]);
     refused(&render(&dir, &station, &[]), &["--pose", "station.toml"]);
     for quality in ["0x1", "1x0", "mq", "1000x1", "8"] {

@@ -3,8 +3,9 @@
 pub mod analytic;
 pub mod builtin;
 pub mod bvh;
-pub mod import;
+pub mod exam;
 pub mod export;
+pub mod import;
 pub mod mesh;
 pub mod phantom;
 pub mod scene;

@@ -239,7 +239,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         station: &args.station,
         adapter: session::adapter(&gpu),
         probe: ProbeRecord::from(&station.probe),
-        quality: QualityRecord::from(&settings.quality),
+        quality: QualityRecord::from(&settings),
         fps: rate.fps(),
         rendered: end - start,
         held: timeline.held_in(start..end),

@@ -48,6 +48,8 @@ pub struct QualityRecord {
     pub layers: u32,
     /// Seed.
     pub seed: u32,
+    /// Paths that each sample of a layer is read from.
+    pub paths_per_sample: u32,
 }
 
 /// The image and how it lies in the probe frame.
@@ -144,7 +146,7 @@ impl FrameRecord {
         Self {
             version: env!("CARGO_PKG_VERSION"),
             pose: PoseRecord::from(pose),
-            quality: QualityRecord::from(&settings.quality),
+            quality: QualityRecord::from(settings),
             image: ImageRecord {
                 width: frame.width,
                 height: frame.height,
@@ -170,9 +172,10 @@ impl From<&Pose> for PoseRecord {
     }
 }
 
-impl From<&Quality> for QualityRecord {
-    fn from(quality: &Quality) -> Self {
-        Self { rays: quality.rays, layers: quality.layers, seed: quality.seed }
+impl From<&RenderSettings> for QualityRecord {
+    fn from(settings: &RenderSettings) -> Self {
+        let Quality { rays, layers, seed } = settings.quality;
+        Self { rays, layers, seed, paths_per_sample: settings.paths_per_sample }
     }
 }
 
