@@ -44,7 +44,7 @@ pub(crate) struct Args {
     out: PathBuf,
 
     /// Frames per second of the exam, 0.1..=1000
-    #[arg(long, value_name = "FPS", default_value_t = 15.0)]
+    #[arg(long, value_name = "FPS", default_value_t = 15.0, allow_negative_numbers = true)]
     fps: f64,
 
     /// Print what times.json holds

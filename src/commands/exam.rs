@@ -21,7 +21,7 @@ pub(crate) struct Args {
     out: PathBuf,
 
     /// Seed of the hand's tremor, 0..=18446744073709551615
-    #[arg(long, value_name = "N", default_value_t = exam::SEED)]
+    #[arg(long, value_name = "N", default_value_t = exam::SEED, allow_negative_numbers = true)]
     seed: u64,
 
     /// Print what was recorded as JSON

@@ -22,7 +22,7 @@ pub(crate) struct Args {
     out: PathBuf,
 
     /// Number of triangles over that of the full phantom, 0.01..=20
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     scale: f64,
 
     /// Print the table of surfaces as JSON

@@ -32,7 +32,7 @@ pub(crate) struct Args {
     quality: Option<RaysLayers>,
 
     /// Seed of every random choice, 0..=4294967295 [default: the station's own]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u32>,
 
     /// Directory to write to; made if missing

@@ -44,11 +44,11 @@ pub(crate) struct Args {
     quality: Option<RaysLayers>,
 
     /// Seed of every random choice, 0..=4294967295 [default: the station's own]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u32>,
 
     /// Frames per second of the recording, 0.1..=1000
-    #[arg(long, value_name = "FPS", default_value_t = 20.0)]
+    #[arg(long, value_name = "FPS", default_value_t = 20.0, allow_negative_numbers = true)]
     fps: f64,
 
     /// Only these frames: a..b (b not included), a.. or ..b
