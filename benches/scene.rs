@@ -1,4 +1,4 @@
-//! What happens before the first frame: the phantom at a tenth of its triangles, its file, and the tree over it.
+//! What happens before the first frame: the phantom at a quarter of its triangles, its file, and the tree over it.
 //!
 //! `cargo bench --bench scene`
 
@@ -14,14 +14,14 @@ use insonify::anatomy::phantom::{PhantomOptions, build};
 use insonify::anatomy::{Bvh, TissueTable, import};
 
 /// Triangles over those of the full phantom.
-const SCALE: f64 = 0.1;
+const SCALE: f64 = 0.25;
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     let mut group = criterion.benchmark_group("scene");
     group.sample_size(10).measurement_time(Duration::from_secs(20));
     let options = PhantomOptions { scale: SCALE };
-    group.bench_function("phantom at scale 0.1", |bencher| {
+    group.bench_function("phantom at scale 0.25", |bencher| {
         bencher.iter(|| build(&options, &|_| {}).expect("the phantom"));
     });
 
