@@ -1,1 +1,27 @@
-//! sink
+//! Where frames go: images, arrays, videos and contact sheets on disk.
+//!
+//! Every file is written under a temporary name beside its target and renamed when it is whole, so that a reader never
+//! sees half of one. Every error names the file.
+
+pub mod colour;
+pub mod contact_sheet;
+pub mod frame_files;
+pub mod frame_record;
+pub mod mp4;
+pub mod npy;
+pub mod png;
+pub mod time_table;
+pub mod video;
+pub mod y4m;
+
+mod canvas;
+mod error;
+mod file;
+
+pub use contact_sheet::ContactSheet;
+pub use error::SinkError;
+pub use file::{create_dir, remove, write_json, write_with};
+pub use frame_files::FrameFiles;
+pub use frame_record::FrameRecord;
+pub use time_table::TimeTable;
+pub use video::{FrameRate, Video};

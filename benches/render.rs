@@ -1,0 +1,70 @@
+//! Whole frames at the paper's parameters over the obstetric phantom, at low and high quality, and the time of each pass.
+//!
+//! `cargo bench --bench render`. The poses are those of the recorded exam, so that no single view decides. After each
+//! benchmark the passes are printed from the device's timestamps.
+
+// A benchmark that cannot be set up has nothing to measure.
+#![allow(clippy::expect_used)]
+
+use std::path::{Path, PathBuf};
+
+use criterion::Criterion;
+use etcetera::BaseStrategy;
+use insonify::anatomy::{Scene, phantom};
+use insonify::pose::Pose;
+use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
+use insonify::sink::TimeTable;
+use insonify::sink::time_table::SideBySide;
+use insonify::station::Station;
+use insonify::tracker::recording;
+
+/// Poses, spread over the exam.
+const POSES: usize = 12;
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let station = Station::load(&root.join("configs/obstetric.toml")).expect("the obstetric station");
+    let scene = scene(&station);
+    let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
+    let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
+    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
+    println!("{} ({}), {} triangles", gpu.adapter_name(), gpu.driver(), scene.triangle_count());
+
+    for (name, quality) in [("LQ", Quality::LQ), ("HQ", Quality::HQ)] {
+        let settings = RenderSettings { quality, ..station.settings };
+        let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &settings).expect("a renderer");
+        whole_frames(&mut criterion, name, &mut renderer, &poses);
+    }
+    criterion.final_summary();
+}
+
+/// Measures frames from the call until all maps lie in memory.
+fn whole_frames(criterion: &mut Criterion, name: &str, renderer: &mut Renderer, poses: &[Pose]) {
+    let mut frame = Frame::default();
+    let mut times = TimeTable::default();
+    let mut next = poses.iter().cycle();
+    let mut group = criterion.benchmark_group("frame");
+    group.sample_size(20);
+    group.bench_function(name, |bencher| {
+        bencher.iter(|| {
+            let pose = next.next().expect("poses in a cycle");
+            renderer.render(pose, &mut frame).expect("a frame");
+            times.push(&frame.times);
+        });
+    });
+    group.finish();
+    if times.frames() > 0 {
+        println!("{}\n", SideBySide(&[(name, &times)]));
+    }
+}
+
+/// The station's phantom, from the cache that the program uses.
+fn scene(station: &Station) -> Scene {
+    let cache = std::env::var_os("INSONIFY_CACHE").map(PathBuf::from).or_else(|| {
+        let strategy = etcetera::choose_base_strategy().ok()?;
+        Some(strategy.cache_dir().join("insonify"))
+    });
+    let path = phantom::cached(&cache.expect("a cache directory"), 1.0, &|_| {}).expect("the phantom");
+    station.load_scene_from(&path).expect("the phantom's scene")
+}

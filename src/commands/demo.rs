@@ -1,0 +1,259 @@
+//! `insonify demo`: a recorded exam over the obstetric phantom, to look at.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Parser;
+use insonify::anatomy::Scene;
+use insonify::pose::Pose;
+use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
+use insonify::sink::contact_sheet::{Map, Panel};
+use insonify::sink::frame_record::AdapterRecord;
+use insonify::sink::time_table::{SideBySide, StageTime};
+use insonify::sink::{ContactSheet, FrameFiles, FrameRate, FrameRecord, TimeTable, Video, png, write_json};
+use insonify::station::Station;
+use insonify::tracker::recording::{Event, RecordingReader, poses_of};
+use serde::Serialize;
+
+use super::output::thousands;
+use super::progress::Progress;
+use super::replay::RecordingReport;
+use super::timeline::Timeline;
+use super::{Failure, output, session};
+
+/// The station and the exam are part of the program, so that the demo runs from anywhere.
+const STATION: &str = include_str!("../../configs/obstetric.toml");
+const EXAM: &[u8] = include_bytes!("../../assets/exams/obstetric_sweep.mcap");
+const EXAM_NAME: &str = "obstetric_sweep.mcap";
+
+/// Rows of the contact sheet at most.
+const KEY_FRAMES_MAX: usize = 6;
+/// Frames behind the times at HQ.
+const HQ_FRAMES: usize = 20;
+/// Width of an image in the contact sheet, pixels.
+const PANEL_WIDTH: u32 = 520;
+
+/// Show what insonify does: a recorded exam over a fetus of 22 weeks becomes frames, a video and a contact sheet.
+///
+/// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Directory to write to; made if missing
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    out: PathBuf,
+
+    /// Frames per second of the exam, 0.1..=1000
+    #[arg(long, value_name = "FPS", default_value_t = 15.0, allow_negative_numbers = true)]
+    fps: f64,
+
+    /// Print what times.json holds
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Files:
+  contact_sheet.png           key frames: LQ | HQ | segmentation | attenuation
+  exam.mp4 or exam.y4m        the exam at LQ; MP4 where ffmpeg is on the PATH, else uncompressed (1.4 MB a frame)
+  key_frames/NN_name/         each key frame at HQ with its maps, and lq.png
+  times.json                  p50, p95 and max of each stage, LQ and HQ
+
+Examples:
+  insonify demo
+  insonify demo --out /tmp/demo --fps 5";
+
+/// A frame of the exam that the contact sheet shows.
+struct KeyFrame {
+    name: String,
+    time_s: f64,
+    pose: Pose,
+}
+
+/// What the demo did.
+#[derive(Serialize)]
+struct Report<'a> {
+    version: &'static str,
+    adapter: AdapterRecord,
+    triangles: usize,
+    surfaces: usize,
+    exam: RecordingReport<'a>,
+    fps: f64,
+    frames_lq: usize,
+    frames_hq: usize,
+    key_frames: Vec<String>,
+    overflowed: usize,
+    times_lq: Vec<StageTime>,
+    times_hq: Vec<StageTime>,
+    wall_s: f64,
+    video: PathBuf,
+    contact_sheet: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let started = Instant::now();
+    let rate = FrameRate::new(args.fps)?;
+    let station = Station::parse(STATION, Path::new("configs"))?;
+    let exam_path = Path::new(EXAM_NAME);
+    let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
+    let timeline = Timeline::new(&poses, rate);
+    let keys = key_frames(&summary.events, &timeline);
+
+    let gpu = session::open_gpu()?;
+    let scene = session::load_scene(&station)?;
+    let mut lq = Stage::new(&gpu, &scene, &station, Quality::LQ)?;
+    let mut hq = Stage::new(&gpu, &scene, &station, Quality::HQ)?;
+    let sector = *lq.renderer.sector();
+
+    let mut video = Video::create(&args.out.join("exam"), sector.width, sector.height, rate)?;
+    let frames = timeline.poses.len();
+    let progress = Progress::new("exam at LQ", frames);
+    for (i, pose) in timeline.poses.iter().enumerate() {
+        video.push(&lq.render(pose)?.bmode)?;
+        progress.set(i + 1, frames);
+    }
+    drop(progress);
+    let video = video.finish()?;
+
+    let mut sheet = ContactSheet {
+        title: format!(
+            "insonify {}   obstetric phantom, {} triangles   LQ: 1 ray x 1 layer   HQ: 32 rays x 3 layers",
+            env!("CARGO_PKG_VERSION"),
+            thousands(scene.triangle_count())
+        ),
+        rows: Vec::new(),
+        sector: &sector,
+        depth_mm: station.probe.depth_mm,
+        tissues: &scene.tissues,
+        panel_width: PANEL_WIDTH,
+    };
+    let progress = Progress::new("key frames", HQ_FRAMES.max(keys.len()));
+    for (i, key) in keys.iter().enumerate() {
+        let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, file_name(&key.name)));
+        let row = key_frame(key, &directory, &mut lq, &mut hq, &sheet, &station, &gpu)?;
+        sheet.rows.push(row);
+        progress.set(i + 1, HQ_FRAMES.max(keys.len()));
+    }
+    let more = HQ_FRAMES.saturating_sub(keys.len());
+    for i in 0..more {
+        // Spread over the exam, so that the times are not those of a few good views.
+        hq.render(&timeline.poses[(2 * i + 1) * frames / (2 * more)])?;
+        progress.set(keys.len() + i + 1, HQ_FRAMES.max(keys.len()));
+    }
+    drop(progress);
+    let contact_sheet = args.out.join("contact_sheet.png");
+    sheet.write(&contact_sheet)?;
+
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION"),
+        adapter: session::adapter(&gpu),
+        triangles: scene.triangle_count(),
+        surfaces: scene.surfaces.len(),
+        exam: RecordingReport::new(exam_path, &summary),
+        fps: rate.fps(),
+        frames_lq: lq.times.frames(),
+        frames_hq: hq.times.frames(),
+        key_frames: keys.iter().map(|k| k.name.clone()).collect(),
+        overflowed: lq.overflowed + hq.overflowed,
+        times_lq: lq.times.stages(),
+        times_hq: hq.times.stages(),
+        wall_s: started.elapsed().as_secs_f64(),
+        video,
+        contact_sheet,
+    };
+    let times = args.out.join("times.json");
+    write_json(&times, &report)?;
+    if report.overflowed > 0 {
+        tracing::warn!("{} frames have crossings or interactions that did not fit the buffers", report.overflowed);
+    }
+    if args.json {
+        return output::json(&report);
+    }
+    let triangles = thousands(report.triangles);
+    output::line(format!("device         {} ({})", report.adapter.name, report.adapter.driver))?;
+    output::line(format!("scene          obstetric phantom: {triangles} triangles in {} surfaces", report.surfaces))?;
+    output::line(format!("exam           {EXAM_NAME}: {summary}"))?;
+    output::line(format!("rendered       {} frames at LQ, {} at HQ", report.frames_lq, report.frames_hq))?;
+    output::line(format!("\n{}\n", SideBySide(&[("LQ", &lq.times), ("HQ", &hq.times)])))?;
+    output::line(format!("look here      {}", report.contact_sheet.display()))?;
+    let hint = if report.video.extension().is_some_and(|e| e == "y4m") { " (for an MP4: install ffmpeg)" } else { "" };
+    output::line(format!("video          {}{hint}", report.video.display()))?;
+    output::line(format!("key frames     {}", args.out.join("key_frames").display()))?;
+    output::line(format!("times          {}", times.display()))
+}
+
+/// A renderer with its frame and times.
+struct Stage {
+    renderer: Renderer,
+    settings: RenderSettings,
+    frame: Frame,
+    times: TimeTable,
+    overflowed: usize,
+}
+
+impl Stage {
+    fn new(gpu: &Gpu, scene: &Scene, station: &Station, quality: Quality) -> Result<Self, Failure> {
+        let quality = Quality { seed: station.settings.quality.seed, ..quality };
+        let settings = RenderSettings { quality, ..station.settings };
+        let renderer = session::renderer(gpu, scene, station, &settings)?;
+        Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
+    }
+
+    fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
+        self.renderer.render(pose, &mut self.frame)?;
+        self.times.push(&self.frame.times);
+        self.overflowed += usize::from(self.frame.overflows > 0);
+        Ok(&self.frame)
+    }
+}
+
+/// Renders a key frame at both qualities, writes its files and returns its row of the sheet.
+fn key_frame(
+    key: &KeyFrame,
+    directory: &Path,
+    lq: &mut Stage,
+    hq: &mut Stage,
+    sheet: &ContactSheet<'_>,
+    station: &Station,
+    gpu: &Gpu,
+) -> Result<Vec<Panel>, Failure> {
+    let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
+    let low = lq.render(&key.pose)?;
+    let lq_panel = sheet.panel(caption(&format!("{:.1} s  {}  LQ", key.time_s, key.name), low), low, bmode)?;
+    png::write_grey(&directory.join("lq.png"), low.width, low.height, &low.bmode, png::Effort::Small)?;
+    let high = hq.render(&key.pose)?;
+    let row = vec![
+        lq_panel,
+        sheet.panel(caption("HQ", high), high, bmode)?,
+        sheet.panel("segmentation", high, Map::Segmentation)?,
+        sheet.panel(format!("attenuation, 1 = {:.3}", high.attenuation_p98), high, Map::Attenuation)?,
+    ];
+    let (adapter, sector) = (session::adapter(gpu), hq.renderer.sector());
+    let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, sector, adapter);
+    FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;
+    Ok(row)
+}
+
+fn caption(text: &str, frame: &Frame) -> String {
+    format!("{text}  {:.0} ms", frame.times.total_ms)
+}
+
+/// The exam's events, each with the pose of its nearest frame; without events, frames spread over the exam.
+fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
+    let key = |name: String, frame: usize| {
+        let pose = *timeline.poses.get(frame)?;
+        Some(KeyFrame { name, time_s: timeline.seconds(frame), pose })
+    };
+    if events.is_empty() {
+        let frames = timeline.poses.len();
+        return (0..4).filter_map(|i| key(format!("view {}", i + 1), (2 * i + 1) * frames / 8)).collect();
+    }
+    let named = events.iter().take(KEY_FRAMES_MAX);
+    named.filter_map(|event| key(event.name.clone(), timeline.nearest(event.host_time_ns))).collect()
+}
+
+/// A name as part of a path: letters, digits and `_`.
+fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect()
+}

@@ -1,0 +1,157 @@
+//! What a command that did not succeed tells the shell.
+
+use std::process::ExitCode;
+
+use insonify::anatomy::SceneError;
+use insonify::anatomy::exam::ExamError;
+use insonify::anatomy::export::ExportError;
+use insonify::anatomy::phantom::{CacheError, PhantomError};
+use insonify::render::{GpuError, RenderError, SettingsError};
+use insonify::sink::SinkError;
+use insonify::station::StationError;
+use insonify::tracker::recording::RecordingError;
+use insonify::transducer::ProbeError;
+
+/// Why a command did not succeed.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// What was asked for cannot be done as asked: exit code 2.
+    Input(anyhow::Error),
+    /// Anything else: exit code 1.
+    Other(anyhow::Error),
+    /// Nobody reads the output any more (`insonify … | head`): no fault of ours.
+    OutputClosed,
+}
+
+/// Sorts errors without a type of their own here into those of the input and others.
+pub(crate) trait Classify<T> {
+    /// An error of what was asked for.
+    fn input(self) -> Result<T, Failure>;
+    /// Any other error.
+    fn other(self) -> Result<T, Failure>;
+}
+
+impl<T, E: Into<anyhow::Error>> Classify<T> for Result<T, E> {
+    fn input(self) -> Result<T, Failure> {
+        self.map_err(|e| Failure::Input(e.into()))
+    }
+
+    fn other(self) -> Result<T, Failure> {
+        self.map_err(|e| Failure::Other(e.into()))
+    }
+}
+
+impl Failure {
+    /// Prints one paragraph to stderr and gives the exit code.
+    pub(crate) fn report(self) -> ExitCode {
+        let (error, code) = match self {
+            Self::Input(error) => (error, 2),
+            Self::Other(error) => (error, 1),
+            Self::OutputClosed => return ExitCode::SUCCESS,
+        };
+        eprintln!("error: {}", paragraph(&error));
+        ExitCode::from(code)
+    }
+}
+
+/// An error and its causes in one paragraph; a cause that the message before it already tells is left out.
+fn paragraph(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for message in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = message;
+        } else if !text.contains(&message) {
+            text = format!("{text}: {message}");
+        }
+    }
+    text
+}
+
+impl From<SinkError> for Failure {
+    fn from(error: SinkError) -> Self {
+        match error {
+            SinkError::FrameRate { .. } => Self::Input(error.into()),
+            _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        match error {
+            RecordingError::Write { .. } => Self::Other(error.into()),
+            _ => Self::Input(error.into()),
+        }
+    }
+}
+
+impl From<CacheError> for Failure {
+    fn from(error: CacheError) -> Self {
+        match error {
+            CacheError::Build(error) => error.into(),
+            _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<ExamError> for Failure {
+    fn from(error: ExamError) -> Self {
+        match error {
+            ExamError::Recording(error) => error.into(),
+            error => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<GpuError> for Failure {
+    fn from(error: GpuError) -> Self {
+        match error {
+            // What the caller can mend: install a driver, ask for less.
+            GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } | GpuError::Limit { .. } => {
+                Self::Input(error.into())
+            }
+            _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Gpu(error) => error.into(),
+            RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
+            _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<ExportError> for Failure {
+    fn from(error: ExportError) -> Self {
+        Self::Other(error.into())
+    }
+}
+
+macro_rules! input_errors {
+    ($($error:ty),*) => {$(
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::Input(error.into())
+            }
+        }
+    )*};
+}
+input_errors!(StationError, SceneError, ProbeError, SettingsError, PhantomError);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        let path = std::path::PathBuf::from("a.toml");
+        let source = std::io::Error::other("gone");
+        let error = anyhow::Error::new(StationError::Io { path, source });
+        assert_eq!(paragraph(&error), "cannot read the station file a.toml: gone");
+        assert_eq!(paragraph(&error.context("no demo")), "no demo: cannot read the station file a.toml: gone");
+    }
+}

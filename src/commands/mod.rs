@@ -1,0 +1,71 @@
+//! One file a subcommand, each a few calls into the library.
+
+mod cache;
+mod demo;
+mod exam;
+mod failure;
+mod output;
+mod phantom;
+mod progress;
+mod quality;
+mod render;
+mod replay;
+mod session;
+mod station_keys;
+mod timeline;
+mod tissues;
+
+use clap::{Parser, Subcommand};
+
+pub(crate) use failure::{Classify, Failure};
+
+/// A real-time ultrasound simulator: the pose of a probe becomes B-mode frames with segmentation, attenuation and mask.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 110, after_help = AFTER_HELP)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+
+    /// Say more on stderr; twice for everything. RUST_LOG, where set, decides instead.
+    #[arg(long, short, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  insonify demo                                          a recorded exam over a fetus, to look at in out/demo
+  insonify render configs/sphere.toml --out out/sphere   one frame with its maps
+  insonify station-keys                                  what a station file may say
+
+Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, no GPU driver); 1 other failures.
+
+Environment:
+  INSONIFY_CACHE   where generated scenes are kept (default: insonify/ in the user's cache directory)
+  WGPU_BACKEND     which graphics interface to use: vulkan, metal, dx12 or gl
+  RUST_LOG         what to log to stderr, for example insonify=debug";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Render(render::Args),
+    Replay(replay::Args),
+    Phantom(phantom::Args),
+    Exam(exam::Args),
+    Tissues(tissues::Args),
+    StationKeys(station_keys::Args),
+}
+
+impl Cli {
+    /// Runs the subcommand.
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        match &self.command {
+            Command::Demo(args) => demo::run(args),
+            Command::Render(args) => render::run(args),
+            Command::Replay(args) => replay::run(args),
+            Command::Phantom(args) => phantom::run(args),
+            Command::Exam(args) => exam::run(args),
+            Command::Tissues(args) => tissues::run(args),
+            Command::StationKeys(args) => station_keys::run(args),
+        }
+    }
+}

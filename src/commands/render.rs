@@ -1,0 +1,101 @@
+//! `insonify render`: one frame with its maps.
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::pose::Pose;
+use insonify::render::Frame;
+use insonify::sink::{FrameFiles, FrameRecord};
+use insonify::station::Station;
+use serde::Serialize;
+
+use super::quality::RaysLayers;
+use super::{Classify, Failure, output, session};
+
+/// Render one frame: bmode.png, segmentation.png with tissues.json, attenuation.npy, mask.png, lines.npy, frame.json.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Station file (TOML); `insonify station-keys` lists its keys
+    station: PathBuf,
+
+    /// Pose of the probe in the scene: x,y,z,qw,qx,qy,qz [default: the station's own]
+    ///
+    /// x, y, z: centre of the probe's face in mm, within ±100000. qw, qx, qy, qz: a unit quaternion (norm 1 ± 0.001) that
+    /// turns probe axes into scene axes. The probe's z axis looks into the body, x runs along the scanlines' fan, y across.
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pose: Option<Pose>,
+
+    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the station's own]
+    #[arg(long, value_name = "QUALITY")]
+    quality: Option<RaysLayers>,
+
+    /// Seed of every random choice, 0..=4294967295 [default: the station's own]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u32>,
+
+    /// Directory to write to; made if missing
+    #[arg(long, value_name = "DIR", default_value = "out/render")]
+    out: PathBuf,
+
+    /// Print what frame.json holds, and the files, as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Files:
+  bmode.png         8-bit grey levels, 0 outside the sector
+  segmentation.png  8-bit tissue numbers; tissues.json says number -> name, 0 is outside the sector
+  attenuation.npy   float32 [height, width]: one-way attenuation over its 98th percentile, 0..1
+  mask.png          255 inside the sector
+  lines.npy         complex64 [scanlines, samples]: baseband before TGC and compression
+  frame.json        pose, settings, pixel size, times, adapter
+
+Examples:
+  insonify render configs/sphere.toml --out out/sphere
+  insonify render configs/obstetric.toml --pose 0,-40,80,0,1,0,0 --quality hq --seed 7 --out out/head";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    record: &'a FrameRecord,
+    files: Vec<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let station = Station::load(&args.station)?;
+    let pose = args.pose.or(station.default_pose).ok_or_else(|| {
+        let station = args.station.display();
+        anyhow!("no pose: give --pose x,y,z,qw,qx,qy,qz, or a [pose] with position_mm and quaternion in {station}")
+    });
+    let pose = pose.input()?;
+    let mut settings = station.settings;
+    settings.lines = true;
+    let seed = args.seed.unwrap_or(settings.quality.seed);
+    settings.quality = match args.quality {
+        Some(quality) => quality.with_seed(seed),
+        None => insonify::render::Quality { seed, ..settings.quality },
+    };
+    let gpu = session::open_gpu()?;
+    let scene = session::load_scene(&station)?;
+    let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
+    let mut frame = Frame::default();
+    renderer.render(&pose, &mut frame)?;
+    if frame.overflows > 0 {
+        tracing::warn!("{} crossings or interactions did not fit the buffers and are missing", frame.overflows);
+    }
+    let adapter = session::adapter(&gpu);
+    let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, renderer.sector(), adapter);
+    let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
+    if args.json {
+        return output::json(&Report { record: &record, files });
+    }
+    let (w, h, ms) = (frame.width, frame.height, frame.times.total_ms);
+    let (rays, layers) = (settings.quality.rays, settings.quality.layers);
+    let adapter = &record.adapter;
+    output::line(format!("{w} x {h} pixels, {rays} rays x {layers} layers in {ms:.1} ms on {}", adapter.name))?;
+    files.iter().try_for_each(|file| output::line(file.display()))
+}

@@ -1,0 +1,67 @@
+//! What every rendering command needs: a device, a scene, a renderer.
+
+use insonify::anatomy::{Scene, phantom};
+use insonify::pose::Pose;
+use insonify::render::{FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::sink::frame_record::AdapterRecord;
+use insonify::station::{SceneSource, Station};
+
+use super::progress::Progress;
+use super::{Failure, cache};
+
+/// A device that renders.
+pub(crate) fn open_gpu() -> Result<Gpu, Failure> {
+    Ok(Gpu::new(&GpuOptions::default())?)
+}
+
+/// The device's name and driver.
+pub(crate) fn adapter(gpu: &Gpu) -> AdapterRecord {
+    AdapterRecord { name: gpu.adapter_name(), driver: gpu.driver() }
+}
+
+/// The surfaces of a station, from its file or from the cache of generated scenes.
+pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
+    match &station.scene {
+        SceneSource::File(path) => Ok(station.load_scene_from(path)?),
+        SceneSource::ObstetricPhantom { scale } => {
+            let progress = Progress::new("phantom", 0);
+            let path = phantom::cached(&cache::directory()?, *scale, &|p| progress.set(p.done, p.total))?;
+            drop(progress);
+            Ok(station.load_scene_from(&path)?)
+        }
+    }
+}
+
+/// A renderer of `scene` for the station's probe.
+pub(crate) fn renderer(
+    gpu: &Gpu,
+    scene: &Scene,
+    station: &Station,
+    settings: &RenderSettings,
+) -> Result<Renderer, Failure> {
+    Ok(Renderer::new(gpu, scene, &station.probe, settings)?)
+}
+
+/// Renders `poses` in order, two in flight, and hands each frame to `each` with its index.
+pub(crate) fn render_all(
+    renderer: &mut Renderer,
+    poses: &[Pose],
+    mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let mut frame = Frame::default();
+    let mut done = 0;
+    for (submitted, pose) in poses.iter().enumerate() {
+        if submitted - done == FRAMES_IN_FLIGHT {
+            renderer.receive(&mut frame)?;
+            each(done, &frame)?;
+            done += 1;
+        }
+        renderer.submit(pose)?;
+    }
+    while done < poses.len() {
+        renderer.receive(&mut frame)?;
+        each(done, &frame)?;
+        done += 1;
+    }
+    Ok(())
+}

@@ -1,0 +1,41 @@
+//! `insonify tissues`: the built-in tissue table.
+
+use clap::Parser;
+use insonify::anatomy::builtin::sourced_tissues;
+
+use super::{Classify, Failure, output};
+
+/// List the built-in tissues with their acoustic properties; --json adds ranges and sources.
+#[derive(Debug, Parser)]
+pub(crate) struct Args {
+    /// Print every property with its value, published range, source, and whether it is assumed, as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let tissues = sourced_tissues().other()?;
+    if args.json {
+        return output::json(&tissues);
+    }
+    let heads = ["m/s", "kg/m3", "MRayl", "dB/cm/MHz", "exponent"];
+    let [speed, density, impedance, attenuation, exponent] = heads;
+    output::line(format!(
+        "{:22} {speed:>7} {density:>7} {impedance:>8} {attenuation:>10} {exponent:>8}  echogenicity",
+        "tissue"
+    ))?;
+    for (name, sourced) in &tissues {
+        let t = sourced.tissue();
+        output::line(format!(
+            "{name:22} {:>7.0} {:>7.1} {:>8.4} {:>10.4} {:>8.2}  {}",
+            t.speed_m_s,
+            t.density_kg_m3,
+            t.impedance_mrayl(),
+            t.attenuation_db_cm_mhz,
+            t.attenuation_exponent,
+            sourced.echogenicity
+        ))?;
+    }
+    output::line("Sources and ranges: insonify tissues --json")
+}

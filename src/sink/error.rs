@@ -1,0 +1,90 @@
+//! Why something could not be written.
+
+use std::path::PathBuf;
+use std::process::ExitStatus;
+
+use thiserror::Error;
+
+/// Why a file could not be written.
+#[derive(Debug, Error)]
+pub enum SinkError {
+    /// The operating system refused.
+    #[error("cannot write {path}: {source}")]
+    Io {
+        /// File or directory.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The image could not be encoded.
+    #[error("cannot encode {path}: {source}")]
+    Image {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: image::ImageError,
+    },
+    /// The values could not be written as JSON.
+    #[error("cannot write {path} as JSON: {source}")]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: serde_json::Error,
+    },
+    /// The data does not have the size that its shape asks for.
+    #[error("{path} would hold {found} values; its shape {shape:?} asks for {expected}")]
+    Shape {
+        /// File.
+        path: PathBuf,
+        /// Rows, columns.
+        shape: [usize; 2],
+        /// Product of the shape.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// A frame rate that no video can have.
+    #[error("a video cannot run at {fps} frames a second; it must lie in 0.1..=1000")]
+    FrameRate {
+        /// Value given.
+        fps: f64,
+    },
+    /// The encoder could not be started or talked to.
+    #[error("cannot run `{program}`: {source}")]
+    Spawn {
+        /// Program.
+        program: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The encoder gave up.
+    #[error("`{program}` failed while writing {path} ({status}): {stderr}")]
+    Encoder {
+        /// Program.
+        program: PathBuf,
+        /// Video.
+        path: PathBuf,
+        /// How it ended.
+        status: ExitStatus,
+        /// What it said, its last 2000 characters.
+        stderr: String,
+    },
+}
+
+impl SinkError {
+    /// Wraps an I/O error with the path it happened at.
+    pub(crate) fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { path, source }
+    }
+}
+
+/// Checks that `found` values fill `shape`.
+pub(crate) fn check_shape(path: &std::path::Path, shape: [usize; 2], found: usize) -> Result<(), SinkError> {
+    let expected = shape[0].saturating_mul(shape[1]);
+    if expected == found {
+        return Ok(());
+    }
+    Err(SinkError::Shape { path: path.to_owned(), shape, expected, found })
+}

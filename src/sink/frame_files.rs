@@ -1,0 +1,148 @@
+//! One frame as a directory of files that other programs read.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::png::{self, Effort};
+use super::{FrameRecord, SinkError, create_dir, npy, remove, write_json};
+use crate::anatomy::TissueTable;
+use crate::render::Frame;
+
+/// A frame and what belongs to it.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameFiles<'a> {
+    /// The frame.
+    pub frame: &'a Frame,
+    /// What its segmentation numbers mean.
+    pub tissues: &'a TissueTable,
+    /// How it was made.
+    pub record: &'a FrameRecord,
+}
+
+impl FrameFiles<'_> {
+    /// Writes the frame into `dir`, which is made if missing, and returns the files in the order written:
+    ///
+    /// | file | content |
+    /// |---|---|
+    /// | `bmode.png` | 8-bit grey levels |
+    /// | `segmentation.png` | 8-bit tissue numbers |
+    /// | `tissues.json` | number → name; 0 is `outside` |
+    /// | `attenuation.npy` | float32 [height, width], 0..=1 |
+    /// | `mask.png` | 255 inside the sector |
+    /// | `lines.npy` | complex64 [scanlines, samples], baseband; only if the frame carries its lines |
+    /// | `frame.json` | the record; written last, so that its presence says that the rest is whole |
+    ///
+    /// # Errors
+    /// A map that does not have the frame's size, or a file that cannot be written.
+    pub fn write(&self, dir: &Path) -> Result<Vec<PathBuf>, SinkError> {
+        create_dir(dir)?;
+        // Of an earlier frame: it must not vouch for files that are about to change.
+        remove(&dir.join("frame.json"))?;
+        let Self { frame, tissues, record } = *self;
+        let (width, height) = (frame.width, frame.height);
+        let mut written = Vec::with_capacity(7);
+        let mut file = |name: &str| {
+            written.push(dir.join(name));
+            dir.join(name)
+        };
+        png::write_grey(&file("bmode.png"), width, height, &frame.bmode, Effort::Small)?;
+        png::write_grey(&file("segmentation.png"), width, height, &frame.segmentation, Effort::Small)?;
+        write_json(&file("tissues.json"), &tissue_numbers(tissues))?;
+        npy::write_f32(&file("attenuation.npy"), [height as usize, width as usize], &frame.attenuation)?;
+        png::write_grey(&file("mask.png"), width, height, &frame.mask, Effort::Small)?;
+        if !frame.lines.is_empty() {
+            let shape = [record.probe.scanlines as usize, record.probe.samples as usize];
+            npy::write_complex64(&file("lines.npy"), shape, &frame.lines)?;
+        }
+        write_json(&file("frame.json"), record)?;
+        Ok(written)
+    }
+}
+
+/// Names by segmentation number, 0 included.
+pub fn tissue_numbers(tissues: &TissueTable) -> BTreeMap<usize, &str> {
+    let names = tissues.names().iter().map(String::as_str);
+    std::iter::once("outside").chain(names).enumerate().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Pose;
+    use crate::render::{PassTime, RenderSettings};
+    use crate::sink::frame_record::AdapterRecord;
+    use crate::transducer::{Probe, Sector};
+
+    fn frame() -> Frame {
+        let mut frame = Frame { width: 4, height: 3, attenuation_p98: 0.5, ..Frame::default() };
+        frame.bmode = (0..12).map(|i| i * 20).collect();
+        frame.segmentation = vec![0, 1, 2, 2, 0, 1, 1, 1, 2, 2, 2, 0];
+        frame.attenuation = (0u8..12).map(|i| f32::from(i) / 12.0).collect();
+        frame.mask = frame.segmentation.iter().map(|&s| if s > 0 { 255 } else { 0 }).collect();
+        frame.lines = vec![[1.0, -1.0]; 10];
+        frame.times.total_ms = 21.5;
+        frame.times.passes = vec![PassTime { name: "march", ms: 12.25 }];
+        frame
+    }
+
+    fn tissues() -> TissueTable {
+        let tissue = crate::anatomy::Tissue {
+            speed_m_s: 1540.0,
+            density_kg_m3: 1000.0,
+            attenuation_db_cm_mhz: 0.5,
+            attenuation_exponent: 1.0,
+            scatterer_density: 0.0,
+            scatterer_mean: 0.0,
+            scatterer_deviation: 0.0,
+            roughness: 0.0,
+            thickness_mm: 0.0,
+        };
+        TissueTable::new([("liver".to_owned(), tissue.clone()), ("blood".to_owned(), tissue)]).unwrap()
+    }
+
+    #[test]
+    fn every_file_holds_what_it_promises() {
+        let dir = tempfile::tempdir().unwrap();
+        let frame = frame();
+        let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
+        let pose = Pose::from_components([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]).unwrap();
+        let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into() };
+        let sector = Sector::fit(&probe, 4, 3);
+        let record = FrameRecord::new(&frame, &pose, &probe, &RenderSettings::default(), &sector, adapter);
+        let files = FrameFiles { frame: &frame, tissues: &tissues(), record: &record };
+        let written = files.write(&dir.path().join("new")).unwrap();
+        let read = |name: &str| std::fs::read(dir.path().join("new").join(name)).unwrap();
+        assert_eq!(written.len(), 7);
+        assert!(written.iter().all(|p| p.is_file()));
+        assert_eq!(image::load_from_memory(&read("segmentation.png")).unwrap().into_bytes(), frame.segmentation);
+        assert_eq!(image::load_from_memory(&read("mask.png")).unwrap().into_bytes(), frame.mask);
+        let names: BTreeMap<usize, String> = serde_json::from_slice(&read("tissues.json")).unwrap();
+        assert_eq!(names, [(0, "outside".into()), (1, "blood".into()), (2, "liver".into())].into());
+        let attenuation = read("attenuation.npy");
+        let npy = npyz::NpyFile::new(&attenuation[..]).unwrap();
+        assert_eq!(npy.shape(), &[3, 4]);
+        assert_eq!(npy.into_vec::<f32>().unwrap(), frame.attenuation);
+        assert_eq!(npyz::NpyFile::new(&read("lines.npy")[..]).unwrap().shape(), &[2, 5]);
+        let json: serde_json::Value = serde_json::from_slice(&read("frame.json")).unwrap();
+        assert_eq!(json["pose"]["position_mm"], serde_json::json!([1.0, 2.0, 3.0]));
+        assert_eq!(json["pose"]["orientation_wxyz"], serde_json::json!([0.0, 1.0, 0.0, 0.0]));
+        assert_eq!(json["times"]["passes"][0]["name"], "march");
+        assert_eq!((&json["probe"]["kind"], &json["probe"]["width_mm"]), (&"convex".into(), &serde_json::Value::Null));
+        assert_eq!(json["adapter"]["driver"], "Mesa");
+    }
+
+    #[test]
+    fn a_map_of_the_wrong_size_is_an_error() {
+        let dir = tempfile::tempdir().unwrap();
+        let frame = Frame { lines: vec![[0.0; 2]; 9], ..frame() };
+        let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
+        let pose = Pose::from_components([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+        let adapter = AdapterRecord { name: String::new(), driver: String::new() };
+        let sector = Sector::fit(&probe, 4, 3);
+        let record = FrameRecord::new(&frame, &pose, &probe, &RenderSettings::default(), &sector, adapter);
+        std::fs::write(dir.path().join("frame.json"), "of an earlier frame").unwrap();
+        let error = FrameFiles { frame: &frame, tissues: &tissues(), record: &record }.write(dir.path()).unwrap_err();
+        assert!(error.to_string().contains("lines.npy"), "{error}");
+        assert!(!dir.path().join("frame.json").exists());
+    }
+}

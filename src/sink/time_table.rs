@@ -1,0 +1,198 @@
+//! Percentiles of frame times, stage by stage.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::render::{FrameTimes, PassTime};
+
+/// Stage that holds what a frame took beyond its passes.
+pub const OVERHEAD: &str = "upload, submit, read back";
+
+/// Stage that holds whole frames.
+pub const WHOLE_FRAME: &str = "whole frame";
+
+/// Times of many frames. Frames of one table have the same passes.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TimeTable {
+    /// Stages in the order in which they first came, each with its times in ms.
+    stages: Vec<(&'static str, Vec<f64>)>,
+    whole_ms: Vec<f64>,
+}
+
+/// Percentiles of one stage.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StageTime {
+    /// A pass, [`OVERHEAD`] or [`WHOLE_FRAME`].
+    pub stage: &'static str,
+    /// Times behind the percentiles.
+    pub count: usize,
+    /// Median, ms.
+    pub p50_ms: f64,
+    /// 95th percentile, ms.
+    pub p95_ms: f64,
+    /// Longest, ms.
+    pub max_ms: f64,
+}
+
+impl TimeTable {
+    /// Adds a frame.
+    pub fn push(&mut self, times: &FrameTimes) {
+        let passes = pass_totals(times);
+        if !passes.is_empty() {
+            let passes_ms: f64 = passes.iter().map(|p| p.ms).sum();
+            self.stage(OVERHEAD).push((times.total_ms - passes_ms).max(0.0));
+        }
+        for pass in passes {
+            self.stage(pass.name).push(pass.ms);
+        }
+        self.whole_ms.push(times.total_ms);
+    }
+
+    /// Frames added.
+    pub fn frames(&self) -> usize {
+        self.whole_ms.len()
+    }
+
+    /// Percentiles of each pass, in order, then of what is beyond them and of whole frames; empty if no frame was added.
+    pub fn stages(&self) -> Vec<StageTime> {
+        let stages = || self.stages.iter().map(|(name, times)| (*name, times));
+        let passes = stages().filter(|(name, _)| *name != OVERHEAD);
+        let overhead = stages().filter(|(name, _)| *name == OVERHEAD);
+        passes
+            .chain(overhead)
+            .chain(std::iter::once((WHOLE_FRAME, &self.whole_ms)))
+            .filter_map(|(stage, times)| {
+                let [p50_ms, p95_ms, max_ms] = percentiles(times, [50.0, 95.0, 100.0])?;
+                Some(StageTime { stage, count: times.len(), p50_ms, p95_ms, max_ms })
+            })
+            .collect()
+    }
+
+    fn stage(&mut self, name: &'static str) -> &mut Vec<f64> {
+        let index = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
+            self.stages.push((name, Vec::new()));
+            self.stages.len() - 1
+        });
+        &mut self.stages[index].1
+    }
+}
+
+/// The passes of a frame in the order in which they first ran, each with the sum of its runs.
+pub fn pass_totals(times: &FrameTimes) -> Vec<PassTime> {
+    let mut totals: Vec<PassTime> = Vec::with_capacity(times.passes.len());
+    for pass in &times.passes {
+        match totals.iter_mut().find(|total| total.name == pass.name) {
+            Some(total) => total.ms += pass.ms,
+            None => totals.push(*pass),
+        }
+    }
+    totals
+}
+
+/// Percentiles (0..=100) of `values` by the nearest-rank definition: each is one of the values. None of no values.
+pub fn percentiles<const N: usize>(values: &[f64], percents: [f64; N]) -> Option<[f64; N]> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    Some(percents.map(|percent| {
+        let rank = (percent / 100.0 * sorted.len() as f64).ceil() as usize;
+        sorted[rank.saturating_sub(1).min(last)]
+    }))
+}
+
+/// Tables side by side, each with a heading, as text for people: a line a stage, p50 and p95 in ms.
+pub struct SideBySide<'a>(pub &'a [(&'a str, &'a TimeTable)]);
+
+impl fmt::Display for SideBySide<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let tables: Vec<_> = self.0.iter().map(|(_, table)| table.stages()).collect();
+        let mut names: Vec<&str> = Vec::new();
+        for stage in tables.iter().flatten().map(|s| s.stage).filter(|s| *s != OVERHEAD && *s != WHOLE_FRAME) {
+            if !names.contains(&stage) {
+                names.push(stage);
+            }
+        }
+        names.extend([OVERHEAD, WHOLE_FRAME]);
+        let width = names.iter().map(|n| n.len()).max().unwrap_or(0);
+        write!(f, "{:width$}", "ms")?;
+        for (heading, _) in self.0 {
+            write!(f, "  {:>9} {:>9}", format!("{heading} p50"), format!("{heading} p95"))?;
+        }
+        for name in names {
+            let cells: Vec<_> = tables.iter().map(|t| t.iter().find(|s| s.stage == name)).collect();
+            if cells.iter().all(Option::is_none) {
+                continue;
+            }
+            write!(f, "\n{name:width$}")?;
+            for cell in cells {
+                match cell {
+                    Some(s) => write!(f, "  {:>9.2} {:>9.2}", s.p50_ms, s.p95_ms)?,
+                    None => write!(f, "  {:>9} {:>9}", "-", "-")?,
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(total_ms: f64, passes: &[(&'static str, f64)]) -> FrameTimes {
+        FrameTimes { total_ms, passes: passes.iter().map(|&(name, ms)| PassTime { name, ms }).collect() }
+    }
+
+    #[test]
+    fn percentiles_are_values_that_occurred() {
+        let values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!(percentiles(&values, [0.0, 50.0, 95.0, 100.0]), Some([1.0, 50.0, 95.0, 100.0]));
+        assert_eq!(percentiles(&[7.0], [5.0, 95.0]), Some([7.0, 7.0]));
+        assert_eq!(percentiles(&[1.0, 2.0, 3.0], [50.0]), Some([2.0]));
+        assert_eq!(percentiles(&[], [50.0]), None);
+    }
+
+    #[test]
+    fn stages_add_up_to_whole_frames() {
+        let mut table = TimeTable::default();
+        for _ in 0..3 {
+            table.push(&times(20.0, &[("trace", 5.0), ("march", 11.0)]));
+        }
+        let stages = table.stages();
+        let names: Vec<_> = stages.iter().map(|s| s.stage).collect();
+        assert_eq!(names, ["trace", "march", OVERHEAD, WHOLE_FRAME]);
+        assert_eq!(stages[2].p50_ms, 4.0);
+        let sum: f64 = stages[..3].iter().map(|s| s.p50_ms).sum();
+        assert_eq!(sum, stages[3].p50_ms);
+        assert!(stages.iter().all(|s| s.count == 3));
+    }
+
+    #[test]
+    fn runs_of_one_pass_add_up_within_a_frame() {
+        let mut table = TimeTable::default();
+        table.push(&times(20.0, &[("trace", 5.0), ("march", 2.0), ("trace", 6.0), ("march", 1.0)]));
+        let stages: Vec<_> = table.stages().iter().map(|s| (s.stage, s.count, s.p50_ms)).collect();
+        assert_eq!(stages, [("trace", 1, 11.0), ("march", 1, 3.0), (OVERHEAD, 1, 6.0), (WHOLE_FRAME, 1, 20.0)]);
+    }
+
+    #[test]
+    fn devices_without_timestamps_still_have_whole_frames() {
+        let mut table = TimeTable::default();
+        table.push(&times(20.0, &[]));
+        assert_eq!(table.stages().len(), 1);
+        assert!(TimeTable::default().stages().is_empty());
+    }
+
+    #[test]
+    fn tables_with_different_passes_stand_side_by_side() {
+        let (mut low, mut high) = (TimeTable::default(), TimeTable::default());
+        low.push(&times(20.0, &[("trace", 5.0)]));
+        high.push(&times(60.0, &[("trace", 25.0), ("layers", 4.0)]));
+        let text = SideBySide(&[("LQ", &low), ("HQ", &high)]).to_string();
+        let layers = text.lines().find(|l| l.starts_with("layers")).unwrap();
+        assert_eq!(layers.split_whitespace().collect::<Vec<_>>(), ["layers", "-", "-", "4.00", "4.00"]);
+        assert!(text.lines().last().unwrap().starts_with(WHOLE_FRAME));
+        assert!(text.lines().next().unwrap().contains("HQ p95"));
+    }
+}

@@ -1,0 +1,100 @@
+//! A video of frames, in the best format that this machine can write.
+
+use std::path::{Path, PathBuf};
+
+use super::SinkError;
+use super::mp4::{self, Mp4Writer};
+use super::y4m::Y4mWriter;
+
+/// Frames a second, as the fraction that video containers hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRate {
+    /// Frames ...
+    pub numerator: u32,
+    /// ... in this many seconds.
+    pub denominator: u32,
+}
+
+impl FrameRate {
+    /// The rate nearest to `fps`, in thousandths, in lowest terms.
+    ///
+    /// # Errors
+    /// `fps` outside 0.1..=1000, NaN included.
+    pub fn new(fps: f64) -> Result<Self, SinkError> {
+        if !(0.1..=1000.0).contains(&fps) {
+            return Err(SinkError::FrameRate { fps });
+        }
+        let thousandths = (fps * 1000.0).round() as u32;
+        let (mut a, mut b) = (thousandths, 1000);
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        Ok(Self { numerator: thousandths / a, denominator: 1000 / a })
+    }
+
+    /// Frames a second.
+    pub fn fps(self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.denominator)
+    }
+}
+
+/// A growing video of grey frames: MP4 where `ffmpeg` is found, else Y4M.
+pub enum Video {
+    /// Through `ffmpeg`.
+    Mp4(Mp4Writer),
+    /// Uncompressed.
+    Y4m(Y4mWriter),
+}
+
+impl Video {
+    /// Opens `stem` + `.mp4` if `ffmpeg` is on the PATH, else `stem` + `.y4m`.
+    ///
+    /// # Errors
+    /// The file cannot be created, or `ffmpeg` cannot be started.
+    pub fn create(stem: &Path, width: u32, height: u32, rate: FrameRate) -> Result<Self, SinkError> {
+        match mp4::find_ffmpeg() {
+            Some(program) => {
+                Mp4Writer::create(&program, &stem.with_extension("mp4"), width, height, rate).map(Self::Mp4)
+            }
+            None => Y4mWriter::create(&stem.with_extension("y4m"), width, height, rate).map(Self::Y4m),
+        }
+    }
+
+    /// Appends a frame, `grey` [height × width].
+    ///
+    /// # Errors
+    /// `grey` does not have that size, the disk is full, or `ffmpeg` gave up.
+    pub fn push(&mut self, grey: &[u8]) -> Result<(), SinkError> {
+        match self {
+            Self::Mp4(writer) => writer.push(grey),
+            Self::Y4m(writer) => writer.push(grey),
+        }
+    }
+
+    /// Completes the video and returns its path.
+    ///
+    /// # Errors
+    /// As [`Video::push`].
+    pub fn finish(self) -> Result<PathBuf, SinkError> {
+        match self {
+            Self::Mp4(writer) => writer.finish(),
+            Self::Y4m(writer) => writer.finish(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_rates_are_in_lowest_terms() {
+        let pair = |fps| FrameRate::new(fps).map(|r| (r.numerator, r.denominator));
+        assert_eq!(pair(15.0).unwrap(), (15, 1));
+        assert_eq!(pair(29.97).unwrap(), (2997, 100));
+        assert_eq!(pair(0.1).unwrap(), (1, 10));
+        for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+            assert!(pair(fps).is_err(), "{fps}");
+        }
+    }
+}

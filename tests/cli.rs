@@ -1,0 +1,392 @@
+//! The program as a shell sees it: exit codes, messages, files.
+
+// Helpers are outside of tests for clippy; a failing one fails its test.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use glam::{DQuat, DVec3, Vec3};
+use insonify::anatomy::analytic::cuboid;
+use insonify::anatomy::export::{LabelledSurface, write_glb};
+use insonify::pose::Pose;
+use insonify::sink::write_json;
+use insonify::tracker::recording::{Event, RecordingInfo, RecordingWriter};
+use insonify::tracker::{Protocol, Record, ascii_line};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SMALL: &str = "[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n";
+
+fn insonify(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Asserts that a command was refused: exit code 2, no panic, and a message that holds every one of `words`.
+#[track_caller]
+fn refused(output: &Output, words: &[&str]) {
+    let message = stderr(output);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(output.stdout.is_empty(), "stdout holds results only");
+    for word in words {
+        assert!(message.contains(word), "`{word}` is missing: {message}");
+    }
+}
+
+#[track_caller]
+fn succeeded(output: &Output) {
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A directory with `scene.glb`, a box of liver below the probe at the origin.
+fn directory() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    scene(&dir.path().join("scene.glb"), "liver");
+    dir
+}
+
+fn scene(path: &Path, tissue: &str) {
+    let mesh = cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 90.0));
+    let surface = LabelledSurface { name: "block".into(), tissue: tissue.into(), priority: 1, mesh };
+    write_glb(&[surface], path).unwrap();
+}
+
+/// A station file in `dir` with `[scene]` and `rest`.
+fn station(dir: &TempDir, rest: &str) -> PathBuf {
+    let path = dir.path().join("station.toml");
+    std::fs::write(&path, format!("[scene]\npath = \"scene.glb\"\n{rest}")).unwrap();
+    path
+}
+
+fn render(dir: &TempDir, station: &Path, more: &[&str]) -> Output {
+    let out = dir.path().join("out");
+    insonify(&[&["render", text(station), "--out", text(&out)], more].concat())
+}
+
+const ORIGIN: [&str; 2] = ["--pose", "0,0,0,1,0,0,0"];
+
+/// A recording of two seconds over the box, 60 poses a second.
+fn recording(path: &Path) {
+    let start_time_ns = 1_790_000_000_000_000_000;
+    let info =
+        RecordingInfo { protocol: Protocol::AsciiLine, device: "test".into(), scene: "box".into(), start_time_ns };
+    let mut writer = RecordingWriter::create(path, &info).unwrap();
+    for i in 0..121u32 {
+        let time_ns = start_time_ns + u64::from(i) * 1_000_000_000 / 60;
+        let pose = Pose { position_mm: DVec3::X * f64::from(i) * 0.1, orientation: DQuat::IDENTITY };
+        let record = Record { sequence: i, device_time_us: u64::from(i) * 16_667, pose };
+        writer.raw(time_ns, ascii_line::encode(&record).as_bytes()).unwrap();
+        if i == 60 {
+            writer.event(&Event { host_time_ns: time_ns, name: "middle".into() }).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn one_frame_is_written_with_all_its_maps() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let first = render(&dir, &station, &[&ORIGIN[..], &["--quality", "2x1", "--seed", "7", "--json"]].concat());
+    succeeded(&first);
+    let out = dir.path().join("out");
+    let read = |name: &str| std::fs::read(out.join(name)).unwrap();
+    let size = |name: &str| {
+        let image = image::load_from_memory(&read(name)).unwrap();
+        assert_eq!(image.color(), image::ColorType::L8, "{name}");
+        (image.width(), image.height())
+    };
+    for name in ["bmode.png", "segmentation.png", "mask.png"] {
+        assert_eq!(size(name), (160, 120), "{name}");
+    }
+    let attenuation = read("attenuation.npy");
+    let npy = npyz::NpyFile::new(&attenuation[..]).unwrap();
+    assert_eq!(npy.shape(), &[120, 160]);
+    let values: Vec<f32> = npy.into_vec().unwrap();
+    assert!(values.iter().all(|v| (0.0..=1.0).contains(v)));
+    let lines = read("lines.npy");
+    let npy = npyz::NpyFile::new(&lines[..]).unwrap();
+    assert_eq!((npy.shape(), npy.dtype().descr().contains("c8")), (&[32, 256][..], true));
+
+    let names: Value = serde_json::from_slice(&read("tissues.json")).unwrap();
+    assert_eq!(names["0"], "outside");
+    let segmentation = image::load_from_memory(&read("segmentation.png")).unwrap().into_bytes();
+    let mask = image::load_from_memory(&read("mask.png")).unwrap().into_bytes();
+    let mut seen: Vec<&str> = segmentation.iter().map(|n| names[n.to_string()].as_str().unwrap()).collect();
+    seen.sort_unstable();
+    seen.dedup();
+    assert_eq!(seen, ["gel", "liver", "outside"]);
+    assert!(segmentation.iter().zip(&mask).all(|(&tissue, &mask)| (tissue > 0) == (mask == 255)));
+
+    let json: Value = serde_json::from_slice(&read("frame.json")).unwrap();
+    for (key, value) in [("rays", 2), ("layers", 1), ("seed", 7)] {
+        assert_eq!(json["quality"][key], value, "{key}");
+    }
+    assert_eq!(json["pose"]["orientation_wxyz"], serde_json::json!([1.0, 0.0, 0.0, 0.0]));
+    assert_eq!(json["overflows"], 0);
+    assert!(json["times"]["total_ms"].as_f64().unwrap() > 0.0);
+    let printed: Value = serde_json::from_slice(&first.stdout).unwrap();
+    assert_eq!((&printed["image"], printed["files"].as_array().unwrap().len()), (&json["image"], 7));
+
+    // The same command gives the same bytes.
+    let again = render(&dir, &station, &[&ORIGIN[..], &["--quality", "2x1", "--seed", "7"]].concat());
+    succeeded(&again);
+    assert_eq!((read("lines.npy"), read("attenuation.npy")), (lines, attenuation));
+}
+
+#[test]
+fn the_sphere_of_configs_renders_without_further_arguments() {
+    let dir = tempfile::tempdir().unwrap();
+    succeeded(&insonify(&["render", "configs/sphere.toml", "--out", text(dir.path())]));
+    let image = image::open(dir.path().join("bmode.png")).unwrap().into_luma8();
+    assert_eq!(image.dimensions(), (1386, 1000));
+    let mean = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>| {
+        let count = f64::from((columns.len() * rows.len()) as u32);
+        let sum: u32 = rows
+            .flat_map(|y| columns.clone().map(move |x| (x, y)))
+            .map(|(x, y)| u32::from(image.get_pixel(x, y).0[0]))
+            .sum();
+        f64::from(sum) / count
+    };
+    // The cyst at 70 mm is darker than the liver beside it at the same depth.
+    let (cyst, liver) = (mean(660..726, 450..530), mean(400..466, 450..530));
+    assert!(liver > cyst + 20.0, "liver {liver}, cyst {cyst}");
+}
+
+#[test]
+fn stations_that_cannot_be_used_are_refused() {
+    let dir = directory();
+    refused(&insonify(&["render", "no/such/station.toml"]), &["no/such/station.toml"]);
+    let wrong = [
+        ("[probe]\ndept_mm = 150", "dept_mm"),
+        ("[prob]\ndepth_mm = 150", "prob"),
+        ("[probe]\ndepth_mm = 0", "depth_mm"),
+        ("[probe]\ndepth_mm = nan", "depth_mm"),
+        ("[probe]\ndepth_mm = \"deep\"", "depth_mm"),
+        ("[probe]\nsamples = 1000000000", "samples"),
+        ("[probe]\nscanlines = 0", "scanlines"),
+        ("[probe]\nkind = \"conve\"", "convex"),
+        ("[probe]\nfov_deg = 400", "fov_deg"),
+        ("[image]\nwidth = 0", "width"),
+        ("[image]\nheight = 100000", "height"),
+        ("[image]\ndynamic_range_db = -1", "dynamic_range_db"),
+        ("[quality]\nrays = 0", "rays"),
+        ("[quality]\nlayers = 1000", "layers"),
+        ("[pose]\nposition_mm = [0, 0]", "position_mm"),
+        ("[tissues.liver]\nspeed_m_s = 0", "speed_m_s"),
+        ("[tissues.steel]\nspeed_m_s = 5900", "steel"),
+        ("[probe", "TOML"),
+    ];
+    for (rest, word) in wrong {
+        refused(&render(&dir, &station(&dir, rest), &ORIGIN), &["station.toml", word]);
+    }
+    let path = dir.path().join("station.toml");
+    std::fs::write(&path, "[scene]\npath = \"scene.glb\"\nbackground = \"watr\"\n").unwrap();
+    refused(&render(&dir, &path, &ORIGIN), &["watr", "water"]);
+    std::fs::write(&path, "[probe]\n").unwrap();
+    refused(&render(&dir, &path, &ORIGIN), &["scene"]);
+}
+
+#[test]
+fn scenes_that_cannot_be_used_are_refused() {
+    let dir = directory();
+    let path = dir.path().join("scene.glb");
+    let station = station(&dir, SMALL);
+    let whole = std::fs::read(&path).unwrap();
+    for length in [0, 3, 12, 40, whole.len() / 2, whole.len() - 1] {
+        std::fs::write(&path, &whole[..length]).unwrap();
+        refused(&render(&dir, &station, &ORIGIN), &["scene.glb"]);
+    }
+    std::fs::write(&path, "this is no scene, but it is text of some length").unwrap();
+    refused(&render(&dir, &station, &ORIGIN), &["scene.glb"]);
+    scene(&path, "livr");
+    refused(&render(&dir, &station, &ORIGIN), &["scene.glb", "block", "livr", "liver"]);
+    std::fs::remove_file(&path).unwrap();
+    refused(&render(&dir, &station, &ORIGIN), &["scene.glb"]);
+}
+
+#[test]
+fn poses_and_arguments_that_cannot_be_used_are_refused() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let pose = |pose: &str| render(&dir, &station, &["--pose", pose]);
+    refused(&pose("nan,0,0,1,0,0,0"), &["--pose", "`x` is NaN"]);
+    refused(&pose("0,0,0,1,0,0,inf"), &["qz"]);
+    refused(&pose("0,0,0,1,1,0,0"), &["norm"]);
+    refused(&pose("0,0,0,0,0,0,0"), &["norm"]);
+    refused(&pose("0,0,0,1,0,0"), &["seven numbers"]);
+    refused(&pose("0,0,0,1,0,0,0,0"), &["seven numbers"]);
+    refused(&pose("-1e9,0,0,1,0,0,0"), &["`x` is -1000000000 mm"]);
+    refused(&pose(""), &["seven numbers"]);
+    refused(&render(&dir, &station, &[]), &["--pose", "station.toml"]);
+    for quality in ["0x1", "1x0", "mq", "1000x1", "8"] {
+        refused(&render(&dir, &station, &[&ORIGIN[..], &["--quality", quality]].concat()), &["--quality", quality]);
+    }
+    refused(&render(&dir, &station, &[&ORIGIN[..], &["--seed", "-1"]].concat()), &["--seed"]);
+    refused(&render(&dir, &station, &["--poes", "0,0,0,1,0,0,0"]), &["--pose"]);
+    refused(&insonify(&["rendre"]), &["render"]);
+    refused(&insonify(&["phantom", "--out", text(&dir.path().join("p.glb")), "--scale", "nan"]), &["scale", "NaN"]);
+    refused(&insonify(&["demo", "--out", text(dir.path()), "--fps", "0"]), &["frames a second"]);
+}
+
+#[test]
+fn a_missing_driver_is_refused_with_the_remedy() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(["render", text(&station), ORIGIN[0], ORIGIN[1]]);
+    command
+        .env("WGPU_BACKEND", "vulkan")
+        .env("VK_DRIVER_FILES", "/nonexistent")
+        .env("VK_ICD_FILENAMES", "/nonexistent");
+    refused(&command.output().unwrap(), &["no GPU driver", "mesa-vulkan-drivers"]);
+}
+
+#[test]
+fn a_directory_that_cannot_be_written_is_another_failure() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let file = dir.path().join("out");
+    std::fs::write(&file, "in the way").unwrap();
+    let output = render(&dir, &station, &ORIGIN);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(stderr(&output).contains(text(&file)) && !stderr(&output).contains("panicked"));
+}
+
+#[test]
+fn a_recording_becomes_frames_and_a_video() {
+    let dir = directory();
+    let (station, exam, out) = (station(&dir, SMALL), dir.path().join("exam.mcap"), dir.path().join("frames"));
+    recording(&exam);
+    let replay = |more: &[&str]| {
+        let output =
+            insonify(&[&["replay", text(&exam), text(&station), "--out", text(&out), "--json"], more].concat());
+        succeeded(&output);
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (report, stderr(&output))
+    };
+    let (report, _) = replay(&["--fps", "10", "--frames", "3..8", "--maps"]);
+    assert_eq!((&report["rendered"], &report["held"], &report["overflowed"]), (&5.into(), &0.into(), &0.into()));
+    assert_eq!(report["recording"]["clean"], true);
+    let names = |map: &str| {
+        let mut names: Vec<_> = std::fs::read_dir(out.join(map)).unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("bmode"), ["00003.png", "00004.png", "00005.png", "00006.png", "00007.png"]);
+    assert_eq!((names("segmentation").len(), names("attenuation").len()), (5, 5));
+    assert!(out.join("mask.png").is_file() && out.join("tissues.json").is_file());
+    let file: Value = serde_json::from_slice(&std::fs::read(out.join("replay.json")).unwrap()).unwrap();
+    assert_eq!(file["frames"][0]["index"], 3);
+    assert!((file["frames"][0]["pose"]["position_mm"][0].as_f64().unwrap() - 1.8).abs() < 1e-3);
+    // Uncompressed video holds the very frames; an ffmpeg on the PATH makes an MP4 instead.
+    let video = PathBuf::from(report["video"].as_str().unwrap());
+    if video.extension().is_some_and(|e| e == "y4m") {
+        let mut decoder = y4m::decode(std::fs::File::open(&video).unwrap()).unwrap();
+        let png = image::open(out.join("bmode/00003.png")).unwrap().into_bytes();
+        assert_eq!(decoder.read_frame().unwrap().get_y_plane(), &png[..]);
+    } else {
+        assert!(std::fs::metadata(&video).unwrap().len() > 0);
+    }
+
+    // What an earlier replay left behind is said.
+    let (_, warning) = replay(&["--fps", "10", "--frames", "..2"]);
+    assert!(warning.contains("15 frames of an earlier replay"), "{warning}");
+}
+
+#[test]
+fn a_truncated_recording_is_used_as_far_as_it_is_whole() {
+    let dir = directory();
+    let (station, exam, out) = (station(&dir, SMALL), dir.path().join("exam.mcap"), dir.path().join("frames"));
+    recording(&exam);
+    let whole = std::fs::read(&exam).unwrap();
+    std::fs::write(&exam, &whole[..whole.len() * 2 / 3]).unwrap();
+    let output = insonify(&["replay", text(&exam), text(&station), "--out", text(&out), "--fps", "5", "--json"]);
+    succeeded(&output);
+    assert!(stderr(&output).contains("exam.mcap") && stderr(&output).contains("not whole"), "{}", stderr(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["recording"]["clean"], false);
+    assert!(report["recording"]["truncated"].is_string());
+    let rendered = report["rendered"].as_u64().unwrap();
+    assert!((1..11).contains(&rendered), "{rendered}");
+}
+
+#[test]
+fn recordings_that_cannot_be_used_are_refused() {
+    let dir = directory();
+    let (station, exam) = (station(&dir, SMALL), dir.path().join("exam.mcap"));
+    let out = dir.path().join("frames");
+    let replay =
+        |more: &[&str]| insonify(&[&["replay", text(&exam), text(&station), "--out", text(&out)], more].concat());
+    refused(&replay(&[]), &["exam.mcap"]);
+    std::fs::write(&exam, "").unwrap();
+    refused(&replay(&[]), &["exam.mcap"]);
+    write_json(&exam, &"a text of more than eight characters").unwrap();
+    refused(&replay(&[]), &["exam.mcap"]);
+    recording(&exam);
+    refused(&replay(&["--fps", "10", "--frames", "500.."]), &["--frames", "500", "21"]);
+    refused(&replay(&["--frames", "8..3"]), &["--frames"]);
+    refused(&replay(&["--fps", "-5"]), &["-5 frames a second"]);
+    let whole = std::fs::read(&exam).unwrap();
+    std::fs::write(&exam, &whole[..60]).unwrap();
+    refused(&replay(&[]), &["exam.mcap"]);
+    assert!(!out.exists(), "nothing is written before the input is known to be good");
+}
+
+#[test]
+fn tables_are_printed_for_people_and_machines() {
+    let tissues = insonify(&["tissues", "--json"]);
+    succeeded(&tissues);
+    let json: Value = serde_json::from_slice(&tissues.stdout).unwrap();
+    assert!(json["liver"]["speed_m_s"]["value"].as_f64().unwrap() > 1500.0);
+    let keys = insonify(&["station-keys"]);
+    succeeded(&keys);
+    let keys = String::from_utf8(keys.stdout).unwrap();
+    assert!(keys.contains("depth_mm") && keys.contains("dynamic_range_db"));
+}
+
+#[test]
+fn help_suffices() {
+    for (command, words) in [
+        ("demo", ["contact_sheet.png", "--fps", "Examples:"]),
+        ("render", ["x,y,z,qw,qx,qy,qz", "segmentation.png", "1..=256"]),
+        ("replay", ["truncated", "a..b", "Example:"]),
+        ("phantom", ["--scale", "0.01..=20", "Example:"]),
+        ("exam", ["--seed", "obstetric_sweep.mcap", "Example"]),
+        ("tissues", ["--json", "ranges", "sources"]),
+        ("station-keys", ["default", "range", "unit"]),
+    ] {
+        let output = insonify(&[command, "--help"]);
+        succeeded(&output);
+        let help = String::from_utf8(output.stdout).unwrap();
+        for word in words {
+            assert!(help.contains(word), "{command}: `{word}` is missing: {help}");
+        }
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_reader_that_leaves_early_is_no_panic() {
+    use std::process::Stdio;
+    let mut child = Command::new(env!("CARGO_BIN_EXE_insonify"))
+        .args(["tissues", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+    assert_eq!(output.status.code(), Some(0));
+}
