@@ -44,7 +44,7 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-const BLADDER_LEVEL: f32 = 26.3;
+const BLADDER_LEVEL: f32 = 27.2;
 const BLADDER_VENTRAL_MM: f32 = 18.0;
 
 /// Centre of the bladder, fetal frame.
@@ -75,7 +75,7 @@ fn bowel(attitude: &Attitude) -> Solid {
         let knots: Vec<(Vec3, f32)> = (0..9)
             .map(|i| {
                 let left = -14.0 + 3.5 * i as f32;
-                let ventral = if i % 2 == 0 { 17.0 } else { 30.0 } - 2.2 * row as f32;
+                let ventral = if i % 2 == 0 { 17.0 } else { 33.0 } - 2.2 * row as f32;
                 (attitude.trunk(level + 0.2 * (i % 3) as f32, left * (1.0 - 0.14 * row as f32), ventral), 2.5)
             })
             .collect();
@@ -100,8 +100,8 @@ pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
     let arteries = [1.0, -1.0].map(|side| {
         tube(&[
             at(25.3, 8.0 * side, 9.0, 0.9),
-            at(26.6, 7.2 * side, 15.0, 0.9),
-            at(25.4, 6.4 * side, 23.5, 0.9),
+            at(27.2, 7.0 * side, 14.0, 0.9),
+            at(26.4, 6.6 * side, 22.5, 0.9),
             at(23.2, 2.6 * side, 34.5, 0.9),
             at(NAVEL_LEVEL, 1.5 * side, 41.0, 0.9),
         ])

@@ -23,10 +23,9 @@ fn centre_line(attitude: &Attitude) -> Vec<Vec3> {
     let navel = attitude.scene_point(fetus::navel(attitude));
     let ventral = attitude.scene_vector(attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z));
     let knots = [
-        start - away * 6.0,
+        start - away * 5.0,
         start + away * 2.0,
-        start + away * 4.0 + Vec3::new(11.0, -5.0, -1.0),
-        Vec3::new(40.0, 26.0, 7.0),
+        start + away * 8.0,
         Vec3::new(48.0, 10.0, 4.0),
         Vec3::new(50.0, -6.0, -6.0),
         Vec3::new(47.0, -3.0, -22.0),
@@ -73,7 +72,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     };
     vec![
         organ("cord", "cord_jelly", 70, 1.1, 4.0, jelly),
-        organ("cord_vessel_walls", "vessel_wall", 72, 0.85, 1.6, vessels(VESSEL_WALL_MM)),
-        organ("cord_vessels", "blood", 74, 0.8, 1.5, vessels(0.0)),
+        organ("cord_vessel_walls", "vessel_wall", 72, 0.75, 1.6, vessels(VESSEL_WALL_MM)),
+        organ("cord_vessels", "blood", 74, 0.7, 1.5, vessels(0.0)),
     ]
 }
