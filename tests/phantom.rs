@@ -1,5 +1,7 @@
 //! The obstetric phantom as others see it: meshes, sizes, fit, file.
 
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
