@@ -34,9 +34,9 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     let bladder = at(BLADDER_LEVEL, v(0.0, 0.0, BLADDER_VENTRAL_MM), v(5.0, 6.0, 5.2));
     vec![
         organ("fetal_bowel", "bowel", 108, 0.95, 2.6, bowel(attitude).smooth_intersect(cavity, 1.5)),
-        organ("liver", "liver", 110, 0.95, 3.0, liver),
+        organ("liver", "liver", 110, 0.95, 5.0, liver),
         organ("spleen", "spleen", 111, 0.8, 2.6, spleen),
-        organ("kidneys", "kidney", 112, 0.75, 2.6, kidneys),
+        organ("kidneys", "kidney", 112, 0.75, 3.5, kidneys),
         organ("renal_pelves", "urine", 114, 0.5, 1.2, pelves),
         organ("gall_bladder", "urine", 114, 0.55, 1.6, gall),
         organ("stomach", "amniotic_fluid", 115, 0.65, 2.4, stomach(attitude)),

@@ -72,8 +72,8 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         ])
     };
     vec![
-        organ("cord", "cord_jelly", 70, 1.1, 4.0, jelly),
-        organ("cord_vessel_walls", "vessel_wall", 72, 0.75, 1.6, vessels(VESSEL_WALL_MM)),
-        organ("cord_vessels", "blood", 74, 0.7, 1.5, vessels(0.0)),
+        organ("cord", "cord_jelly", 70, 1.1, 5.0, jelly),
+        organ("cord_vessel_walls", "vessel_wall", 72, 0.75, 2.0, vessels(VESSEL_WALL_MM)),
+        organ("cord_vessels", "blood", 74, 0.7, 1.9, vessels(0.0)),
     ]
 }

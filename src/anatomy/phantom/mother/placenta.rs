@@ -117,7 +117,7 @@ pub(super) fn organs() -> Vec<Organ> {
     });
     let blood = vessels.chain(lakes).collect::<Vec<_>>();
     vec![
-        organ("placenta", "placenta", 60, 1.8, 6.0, placenta()),
-        organ("placental_vessels", "blood", 64, 0.9, 1.6, union(blood)),
+        organ("placenta", "placenta", 60, 1.8, 9.0, placenta()),
+        organ("placental_vessels", "blood", 64, 0.9, 1.8, union(blood)),
     ]
 }
