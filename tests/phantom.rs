@@ -1,5 +1,7 @@
 //! The obstetric phantom as others see it: meshes, sizes, fit, file.
 
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
@@ -12,7 +14,7 @@ use insonify::anatomy::phantom::{
 };
 
 /// Small enough to be quick; fine parts are then at their coarsest.
-const SMALL: f64 = 0.3;
+const SMALL: f64 = 0.18;
 
 fn full() -> &'static [PhantomSurface] {
     static FULL: OnceLock<Vec<PhantomSurface>> = OnceLock::new();
@@ -64,11 +66,16 @@ fn vertices_lie_on_the_modelled_surfaces() {
 
 #[test]
 fn volumes_of_meshes_match_solids_at_both_scales() {
+    let mut off = Vec::new();
     for (fine, coarse) in full().iter().zip(small()) {
         assert_eq!(fine.name, coarse.name);
         let (a, b) = (fine.mesh.signed_volume_mm3(), coarse.mesh.signed_volume_mm3());
-        assert!(b / a > 0.6 && b / a < 1.15, "{}: {a:.0} mm³ fine, {b:.0} mm³ coarse", fine.name);
+        // Coarse meshes cut corners, most where an organ is about a cell thick.
+        if !(0.6..1.15).contains(&(b / a)) {
+            off.push(format!("{}: {a:.0} mm³ fine, {b:.0} mm³ coarse", fine.name));
+        }
     }
+    assert!(off.is_empty(), "{off:?}");
 }
 
 #[test]

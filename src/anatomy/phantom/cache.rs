@@ -8,7 +8,7 @@ use super::{PhantomError, PhantomOptions, Progress, build};
 use crate::anatomy::export::{ExportError, write_glb};
 
 /// Raised whenever the generator's output changes, so that an old file is not taken for a new one.
-const GENERATOR: &str = "obstetric-1";
+const GENERATOR: &str = "obstetric-4";
 
 /// Why the phantom's file could not be had.
 #[derive(Debug, Error)]

@@ -143,3 +143,39 @@ fn project(solid: &Solid, start: Vec3, cell_mm: f32) -> Vec3 {
     }
     p
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anatomy::phantom::sdf::{capsule, sphere, union};
+
+    #[test]
+    fn a_ball_has_its_volume_and_its_count() {
+        let ball = sphere(Vec3::new(3.0, -2.0, 1.0), 10.0);
+        let mesh = mesh(&ball, 0.8);
+        let exact = 4.0 / 3.0 * std::f64::consts::PI * 1000.0;
+        assert!((mesh.signed_volume_mm3() / exact - 1.0).abs() < 0.01);
+        assert_eq!(mesh.triangles.len(), count_triangles(&ball, 0.8));
+        assert!(mesh.vertices_mm.iter().all(|&v| ball.distance_mm(v).abs() < 2e-3));
+    }
+
+    #[test]
+    fn sheets_that_meet_in_a_cell_share_no_edge() {
+        // Rods that cross at a thread's distance, in every phase to the grid.
+        for i in 0..40 {
+            let shift = Vec3::new(0.13, 0.29, 0.37) * i as f32;
+            let a = capsule(shift, shift + Vec3::new(10.0, 10.0, 1.0), 1.1);
+            let b = capsule(shift + Vec3::new(0.0, 10.0, 2.3), shift + Vec3::new(10.0, 0.0, 2.6), 1.1);
+            let both = union([a, b]);
+            let mesh = mesh(&both, 1.0);
+            assert_eq!(mesh.triangles.len(), count_triangles(&both, 1.0));
+            let mut edges = std::collections::HashMap::new();
+            for &[a, b, c] in &mesh.triangles {
+                for edge in [[a, b], [b, c], [c, a]] {
+                    *edges.entry(edge).or_insert(0) += 1;
+                }
+            }
+            assert!(edges.iter().all(|(&[a, b], &n)| n == 1 && edges.get(&[b, a]) == Some(&1)), "shift {i}");
+        }
+    }
+}

@@ -112,11 +112,16 @@ pub fn build(
     let step = || progress(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
 
     let mut jobs = Vec::new();
+    let mut least_scale = 0.0f64;
     for (organs, budget) in [(mother, MOTHER_TRIANGLES), (fetus, FETUS_TRIANGLES)] {
         let triangles = (budget as f64 * scale).round() as usize;
-        let sizes = budget::cell_sizes_mm(&organs, triangles, &step)
-            .map_err(|least| PhantomError::ScaleTooSmall { scale, least: least as f64 / budget as f64 })?;
-        jobs.extend(organs.into_iter().zip(sizes));
+        match budget::cell_sizes_mm(&organs, triangles, &step) {
+            Ok(sizes) => jobs.extend(organs.into_iter().zip(sizes)),
+            Err(least) => least_scale = least_scale.max(least as f64 / budget as f64),
+        }
+    }
+    if least_scale > 0.0 {
+        return Err(PhantomError::ScaleTooSmall { scale, least: least_scale });
     }
     let mut surfaces: Vec<PhantomSurface> = jobs
         .par_iter()

@@ -34,9 +34,9 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     let bladder = at(BLADDER_LEVEL, v(0.0, 0.0, BLADDER_VENTRAL_MM), v(5.0, 6.0, 5.2));
     vec![
         organ("fetal_bowel", "bowel", 108, 0.95, 2.6, bowel(attitude).smooth_intersect(cavity, 1.5)),
-        organ("liver", "liver", 110, 0.95, 3.0, liver),
+        organ("liver", "liver", 110, 0.95, 5.0, liver),
         organ("spleen", "spleen", 111, 0.8, 2.6, spleen),
-        organ("kidneys", "kidney", 112, 0.75, 2.6, kidneys),
+        organ("kidneys", "kidney", 112, 0.75, 3.5, kidneys),
         organ("renal_pelves", "urine", 114, 0.5, 1.2, pelves),
         organ("gall_bladder", "urine", 114, 0.55, 1.6, gall),
         organ("stomach", "amniotic_fluid", 115, 0.65, 2.4, stomach(attitude)),
@@ -44,7 +44,7 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-const BLADDER_LEVEL: f32 = 26.3;
+const BLADDER_LEVEL: f32 = 27.2;
 const BLADDER_VENTRAL_MM: f32 = 18.0;
 
 /// Centre of the bladder, fetal frame.
@@ -75,7 +75,7 @@ fn bowel(attitude: &Attitude) -> Solid {
         let knots: Vec<(Vec3, f32)> = (0..9)
             .map(|i| {
                 let left = -14.0 + 3.5 * i as f32;
-                let ventral = if i % 2 == 0 { 17.0 } else { 30.0 } - 2.2 * row as f32;
+                let ventral = if i % 2 == 0 { 17.0 } else { 33.0 } - 2.2 * row as f32;
                 (attitude.trunk(level + 0.2 * (i % 3) as f32, left * (1.0 - 0.14 * row as f32), ventral), 2.5)
             })
             .collect();
@@ -100,8 +100,8 @@ pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
     let arteries = [1.0, -1.0].map(|side| {
         tube(&[
             at(25.3, 8.0 * side, 9.0, 0.9),
-            at(26.6, 7.2 * side, 15.0, 0.9),
-            at(25.4, 6.4 * side, 23.5, 0.9),
+            at(27.2, 7.0 * side, 14.0, 0.9),
+            at(26.4, 6.6 * side, 22.5, 0.9),
             at(23.2, 2.6 * side, 34.5, 0.9),
             at(NAVEL_LEVEL, 1.5 * side, 41.0, 0.9),
         ])

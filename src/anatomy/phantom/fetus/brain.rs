@@ -19,12 +19,12 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     let inside = head::cranium(biometry, -biometry.skull_thickness_mm);
     let brain = brain(biometry);
     vec![
-        organ("subarachnoid_space", "csf", 142, 0.95, 3.5, place(inside.clone())),
-        organ("brain", "brain", 144, 0.85, 3.0, place(brain.clone())),
-        organ("falx", "falx", 148, 0.55, 0.9, place(falx(&inside))),
-        organ("ventricles", "csf", 150, 0.55, 1.6, place(ventricles(&inside))),
-        organ("choroid_plexus", "choroid_plexus", 152, 0.5, 1.6, place(choroid_plexus())),
-        organ("cerebellum", "brain", 151, 0.7, 2.5, place(cerebellum())),
+        organ("subarachnoid_space", "csf", 142, 0.95, 6.0, place(inside.clone())),
+        organ("brain", "brain", 144, 0.85, 5.0, place(brain.clone())),
+        organ("falx", "falx", 148, 0.55, 1.1, place(falx(&inside))),
+        organ("ventricles", "csf", 150, 0.55, 2.0, place(ventricles(&inside))),
+        organ("choroid_plexus", "choroid_plexus", 152, 0.5, 1.9, place(choroid_plexus())),
+        organ("cerebellum", "brain", 151, 0.7, 3.2, place(cerebellum())),
     ]
 }
 

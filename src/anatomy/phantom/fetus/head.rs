@@ -39,8 +39,8 @@ pub(super) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
 pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     let place = |solid: Solid| solid.placed(attitude.fetus_from_head);
     vec![
-        organ("skull", "bone_fetal", 140, 0.85, 3.5, place(cranium(biometry, 0.0))),
-        organ("face_and_skull_base", "bone_fetal", 154, 0.6, 1.5, place(bones())),
+        organ("skull", "calvaria_fetal", 140, 0.85, 6.0, place(cranium(biometry, 0.0))),
+        organ("face_and_skull_base", "bone_fetal", 154, 0.6, 1.7, place(bones())),
         organ("eyes", "csf", 156, 0.6, 1.8, place(eyes(5.0))),
         organ("lenses", "cartilage", 158, 0.4, 0.9, place(lenses())),
     ]

@@ -45,9 +45,9 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         lobe(-6.2, -3.7, v(3.7, 3.2, 3.1)),
     ];
     vec![
-        organ("heart", "heart", 118, 0.75, 2.6, muscle.placed(place)),
+        organ("heart", "heart", 118, 0.75, 3.5, muscle.placed(place)),
         organ("heart_chambers", "blood", 120, 0.55, 1.6, union(chambers).placed(place)),
-        organ("fetal_vessels", "blood", 116, 0.55, 1.5, vessels(attitude)),
+        organ("fetal_vessels", "blood", 116, 0.55, 1.9, vessels(attitude)),
     ]
 }
 

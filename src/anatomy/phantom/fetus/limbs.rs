@@ -143,10 +143,10 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
         small.push(hand_bones(arm));
     }
     vec![
-        organ("cartilage", "cartilage", 122, 0.8, 2.6, union(ends)),
-        organ("long_bones", "bone_fetal", 124, 0.6, 1.3, union(shafts)),
-        organ("hand_and_foot_bones", "bone_fetal", 126, 0.5, 0.95, union(small)),
-        organ("limb_girdles", "bone_fetal", 128, 0.6, 1.25, girdles(attitude)),
+        organ("cartilage", "cartilage", 122, 0.8, 3.2, union(ends)),
+        organ("long_bones", "bone_fetal", 124, 0.6, 1.6, union(shafts)),
+        organ("hand_and_foot_bones", "bone_fetal", 126, 0.5, 1.05, union(small)),
+        organ("limb_girdles", "bone_fetal", 128, 0.6, 1.15, girdles(attitude)),
     ]
 }
 

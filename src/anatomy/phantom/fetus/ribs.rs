@@ -44,5 +44,5 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
             .placed(crate::anatomy::phantom::sdf::Isometry { translation: at, ..frame })
     });
     let cage: Vec<_> = ribs.collect();
-    vec![organ("ribs", "bone_fetal", 136, 0.55, 1.15, union(cage.into_iter().chain(sternum)))]
+    vec![organ("ribs", "bone_fetal", 136, 0.55, 1.05, union(cage.into_iter().chain(sternum)))]
 }

@@ -16,5 +16,5 @@ pub(super) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
 pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
     let outline = outline(biometry, attitude);
     let body = outline.grown(-biometry.skin_thickness_mm);
-    vec![organ("fetal_skin", "skin", 100, 1.2, 3.2, outline), organ("fetal_body", "soft_tissue", 102, 1.3, 3.0, body)]
+    vec![organ("fetal_skin", "skin", 100, 1.2, 5.0, outline), organ("fetal_body", "soft_tissue", 102, 1.3, 5.0, body)]
 }

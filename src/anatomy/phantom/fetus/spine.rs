@@ -21,9 +21,9 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     };
     // At 22 weeks the cord ends at about L3; the sac goes on to the sacrum.
     vec![
-        organ("spinal_canal", "csf", 130, 0.75, 2.2, tube(0.2, 26.0, 2.5)),
-        organ("spinal_cord", "brain", 132, 0.6, 1.4, tube(0.2, 21.5, 1.35)),
-        organ("vertebrae", "bone_fetal", 134, 0.5, 1.3, vertebrae(attitude)),
+        organ("spinal_canal", "csf", 130, 0.75, 2.8, tube(0.2, 26.0, 2.5)),
+        organ("spinal_cord", "brain", 132, 0.6, 1.8, tube(0.2, 21.5, 1.35)),
+        organ("vertebrae", "bone_fetal", 134, 0.5, 1.4, vertebrae(attitude)),
     ]
 }
 

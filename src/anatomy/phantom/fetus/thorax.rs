@@ -31,7 +31,7 @@ pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
         sweep(&[line(10.8, 0.0, 9.0, 1.0), line(11.8, -4.6, 10.2, 0.8)]),
     ]);
     vec![
-        organ("lungs", "lung_fetal", 106, 0.9, 3.0, lungs),
+        organ("lungs", "lung_fetal", 106, 0.9, 5.0, lungs),
         organ("trachea", "amniotic_fluid", 117, 0.55, 1.2, trachea),
     ]
 }

@@ -34,7 +34,7 @@ pub(super) fn organs() -> Vec<Organ> {
         organ("skin", "skin", 10, 7.0, 30.0, torso.clone()),
         organ("subcutaneous_fat", "fat", 12, 7.0, 30.0, torso.grown(-SKIN_MM)),
         organ("abdominal_fascia", "fascia", 14, 6.5, 30.0, under_fat.clone()),
-        organ("abdominal_muscles", "muscle", 16, 4.5, 9.0, muscles(&under_fat)),
+        organ("abdominal_muscles", "muscle", 16, 4.5, 10.0, muscles(&under_fat)),
         organ("abdominal_interior", "soft_tissue_maternal", 18, 7.0, 30.0, interior()),
     ]
 }

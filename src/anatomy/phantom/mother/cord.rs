@@ -11,8 +11,8 @@ use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{catmull_rom, sweep, union};
 
 const CORD_RADIUS_MM: f32 = 5.2;
-const VEIN_RADIUS_MM: f32 = 1.9;
-const ARTERY_RADIUS_MM: f32 = 1.15;
+const VEIN_RADIUS_MM: f32 = 1.8;
+const ARTERY_RADIUS_MM: f32 = 1.05;
 const VESSEL_WALL_MM: f32 = 0.35;
 /// Length of one turn of the vessels.
 const PITCH_MM: f32 = 24.0;
@@ -23,17 +23,17 @@ fn centre_line(attitude: &Attitude) -> Vec<Vec3> {
     let navel = attitude.scene_point(fetus::navel(attitude));
     let ventral = attitude.scene_vector(attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z));
     let knots = [
-        start - away * 6.0,
+        start - away * 5.0,
         start + away * 2.0,
-        start + away * 4.0 + Vec3::new(11.0, -5.0, -1.0),
-        Vec3::new(40.0, 26.0, 7.0),
-        Vec3::new(48.0, 10.0, 4.0),
-        Vec3::new(50.0, -6.0, -6.0),
-        Vec3::new(47.0, -3.0, -22.0),
-        Vec3::new(47.0, 13.0, -25.0),
-        Vec3::new(51.0, 17.0, -10.0),
-        Vec3::new(39.0, 4.0, -3.0),
-        Vec3::new(28.0, 2.0, -9.0),
+        start + away * 8.0,
+        Vec3::new(38.0, 13.0, 7.0),
+        Vec3::new(45.0, 2.0, 1.0),
+        Vec3::new(47.0, -8.0, -9.0),
+        Vec3::new(45.0, -3.0, -23.0),
+        Vec3::new(44.0, 12.0, -27.0),
+        Vec3::new(47.0, 16.0, -13.0),
+        Vec3::new(36.0, 6.0, -8.0),
+        Vec3::new(27.0, 2.0, -10.0),
         Vec3::new(19.0, 11.0, -12.0),
         navel + ventral * 8.0 + Vec3::new(0.0, -4.0, 0.0),
         navel + ventral * 2.0,
@@ -66,14 +66,14 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     // Vessels begin and end inside placenta and fetus.
     let vessels = |grown: f32| {
         union([
-            sweep(&winding(&line, 1.7, 0.0, VEIN_RADIUS_MM + grown)),
-            sweep(&winding(&line, 3.0, 0.35 * TAU, ARTERY_RADIUS_MM + grown)),
-            sweep(&winding(&line, 3.0, 0.65 * TAU, ARTERY_RADIUS_MM + grown)),
+            sweep(&winding(&line, 1.9, 0.0, VEIN_RADIUS_MM + grown)),
+            sweep(&winding(&line, 3.2, 0.35 * TAU, ARTERY_RADIUS_MM + grown)),
+            sweep(&winding(&line, 3.2, 0.65 * TAU, ARTERY_RADIUS_MM + grown)),
         ])
     };
     vec![
-        organ("cord", "cord_jelly", 70, 1.1, 4.0, jelly),
-        organ("cord_vessel_walls", "vessel_wall", 72, 0.85, 1.6, vessels(VESSEL_WALL_MM)),
-        organ("cord_vessels", "blood", 74, 0.8, 1.5, vessels(0.0)),
+        organ("cord", "cord_jelly", 70, 1.1, 5.0, jelly),
+        organ("cord_vessel_walls", "vessel_wall", 72, 0.75, 2.0, vessels(VESSEL_WALL_MM)),
+        organ("cord_vessels", "blood", 74, 0.7, 1.9, vessels(0.0)),
     ]
 }

@@ -10,7 +10,7 @@ use crate::anatomy::phantom::sdf::{Solid, capsule, ellipsoid, round_cone, rounde
 pub(super) fn organs() -> Vec<Organ> {
     vec![
         organ("maternal_pelvis", "bone_adult", 30, 3.4, 7.0, pelvis()),
-        organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 6.0, lumbar_vertebrae()),
+        organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 8.0, lumbar_vertebrae()),
     ]
 }
 

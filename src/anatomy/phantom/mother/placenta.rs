@@ -38,10 +38,27 @@ pub(in crate::anatomy::phantom) fn centre() -> (Vec3, Vec3) {
     (wall - outward * (0.5 * THICKNESS_MM), outward)
 }
 
-/// Where the cord enters, on the fetal side, and the direction away from the placenta.
+/// Where the cord enters, on the fetal side, and the direction away from the placenta. Off the middle, to the left
+/// and caudal, where the fluid is.
 pub(super) fn insertion() -> (Vec3, Vec3) {
-    let (wall, outward) = seat();
-    (wall - outward * (THICKNESS_MM - 0.5), -outward)
+    let (wall, _) = seat();
+    let cavity = uterus::cavity();
+    let beside = wall + INSERTION_OFFSET;
+    let on_fetal_side = under_wall(&cavity, beside, fetal_side_mm(beside.distance(wall)) - 0.5);
+    (on_fetal_side, -cavity.normal(on_fetal_side))
+}
+
+/// From the placenta's middle to the cord's insertion, about, mm.
+const INSERTION_OFFSET: Vec3 = Vec3::new(22.0, -22.0, 0.0);
+
+/// Thickness of the placenta at `along` from its middle, lobes left out, mm.
+fn fetal_side_mm(along: f32) -> f32 {
+    THICKNESS_MM * (1.0 - (along / RADIUS_MM).powi(2)).max(0.0).sqrt()
+}
+
+/// The point near `p` that lies `depth_mm` under the wall.
+fn under_wall(cavity: &Solid, p: Vec3, depth_mm: f32) -> Vec3 {
+    (0..8).fold(p, |p, _| p - cavity.normal(p) * (cavity.distance_mm(p) + depth_mm))
 }
 
 /// The placenta, from just within the wall to its fetal side.
@@ -71,26 +88,21 @@ pub(in crate::anatomy::phantom) fn placenta() -> Solid {
 /// Placenta, its lakes of blood and the vessels on the chorionic plate.
 pub(super) fn organs() -> Vec<Organ> {
     let (wall, outward) = seat();
+    let (root, _) = insertion();
+    let cavity = uterus::cavity();
     let across = outward.any_orthonormal_vector();
     let tangent = |angle: f32| across * angle.cos() + outward.cross(across) * angle.sin();
-    let cavity = uterus::cavity();
-    // A point at `along` from the middle, `depth` under the wall.
-    let at = move |angle: f32, along: f32, depth: f32| {
-        let mut p = wall + tangent(angle) * along - outward * depth;
-        for _ in 0..6 {
-            p -= cavity.normal(p) * (cavity.distance_mm(p) + depth);
-        }
-        p
-    };
-    let fetal_side = |along: f32| THICKNESS_MM * (1.0 - (along / RADIUS_MM).powi(2)).max(0.0).sqrt();
-    let vessels = (0..6).map(|i| {
-        let angle = TAU * i as f32 / 6.0 + 0.3;
-        let knots: Vec<_> = [0.0f32, 9.0, 20.0, 33.0, 46.0]
-            .into_iter()
-            .enumerate()
-            .map(|(k, along)| {
-                let bend = 0.25 * (k as f32 * 1.7 + i as f32).sin();
-                (at(angle + bend, along, fetal_side(along) - 3.0), 1.9 - 0.22 * k as f32)
+    let vessels = (0..7).map(|i| {
+        let angle = TAU * i as f32 / 7.0 + 0.3;
+        let rim = wall + tangent(angle) * 54.0;
+        let knots: Vec<(Vec3, f32)> = (0..=5)
+            .map(|k| {
+                let t = 0.2 * k as f32;
+                let sway = tangent(angle + 0.25 * TAU) * (3.0 * (7.0 * t + i as f32).sin() * t * (1.0 - t) * 4.0);
+                let above = root.lerp(rim, t) + sway;
+                // The middle of the placenta is `seat`: depth counts from there.
+                let along = under_wall(&cavity, above, 0.0).distance(wall);
+                (under_wall(&cavity, above, (fetal_side_mm(along) - 3.2).max(2.0)), 1.9 - 1.1 * t)
             })
             .collect();
         sweep(&catmull_rom(&knots, 5))
@@ -98,12 +110,14 @@ pub(super) fn organs() -> Vec<Organ> {
     let lakes = (0..5).map(|i| {
         let angle = TAU * i as f32 / 5.0 + 0.9;
         let along = [24.0f32, 38.0, 16.0, 45.0, 31.0][i];
-        let (a, b) =
-            (at(angle, along, 0.35 * fetal_side(along)), at(angle + 0.16, along + 2.0, 0.5 * fetal_side(along)));
-        sweep(&[(a, 2.6), (b, 1.9)])
+        let at = |angle: f32, along: f32, part: f32| {
+            under_wall(&cavity, wall + tangent(angle) * along, part * fetal_side_mm(along))
+        };
+        sweep(&[(at(angle, along, 0.35), 2.6), (at(angle + 0.16, along + 2.0, 0.5), 1.9)])
     });
+    let blood = vessels.chain(lakes).collect::<Vec<_>>();
     vec![
-        organ("placenta", "placenta", 60, 1.8, 6.0, placenta()),
-        organ("placental_vessels", "blood", 64, 0.9, 1.8, union(vessels.chain(lakes))),
+        organ("placenta", "placenta", 60, 1.8, 9.0, placenta()),
+        organ("placental_vessels", "blood", 64, 0.9, 1.8, union(blood)),
     ]
 }

@@ -42,9 +42,9 @@ pub(super) fn organs() -> Vec<Organ> {
         5.0,
     );
     vec![
-        organ("uterus", "uterus_wall", 40, 2.6, 12.0, wall),
+        organ("uterus", "uterus_wall", 40, 2.6, 18.0, wall),
         organ("cervix", "cervix", 42, 2.2, 8.0, lips),
         organ("cervical_canal", "csf", 44, 0.9, 1.4, canal),
-        organ("amniotic_cavity", "amniotic_fluid", 50, 2.4, 12.0, cavity),
+        organ("amniotic_cavity", "amniotic_fluid", 50, 2.4, 18.0, cavity),
     ]
 }

@@ -57,3 +57,95 @@ impl Solid {
         Vec3::new(d(Vec3::X * STEP_MM), d(Vec3::Y * STEP_MM), d(Vec3::Z * STEP_MM)) / (2.0 * STEP_MM)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest departure of the slope from one on the surface, over rays from the middle.
+    fn slope_error(solid: &Solid) -> f32 {
+        let centre = 0.5 * (solid.bounds().min + solid.bounds().max);
+        (0..200)
+            .map(|i| {
+                let (s, c) = (i as f32 * 2.4).sin_cos();
+                let z = 1.0 - 2.0 * (i as f32 + 0.5) / 200.0;
+                let direction = Vec3::new(c, s, 0.0) * (1.0 - z * z).sqrt() + Vec3::Z * z;
+                let (mut inside, mut outside) = (0.0, solid.bounds().size().length());
+                for _ in 0..40 {
+                    let middle = 0.5 * (inside + outside);
+                    if solid.distance_mm(centre + direction * middle) < 0.0 {
+                        inside = middle
+                    } else {
+                        outside = middle
+                    }
+                }
+                (solid.gradient(centre + direction * inside).length() - 1.0).abs()
+            })
+            .fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn primitives_are_distances_at_their_surface() {
+        let solids = [
+            sphere(Vec3::ONE, 3.0),
+            ellipsoid(Vec3::ZERO, Vec3::new(20.0, 7.0, 3.0)),
+            round_cone(Vec3::ZERO, Vec3::new(9.0, 2.0, 1.0), 4.0, 2.0),
+            rounded_box(Vec3::ZERO, Vec3::new(8.0, 5.0, 4.0), 2.0),
+            sweep(&catmull_rom(&[(Vec3::ZERO, 3.0), (Vec3::X * 4.0, 4.0), (Vec3::X * 8.0, 2.0)], 4)),
+        ];
+        for (i, solid) in solids.iter().enumerate() {
+            // Edges between faces round off the central difference a little.
+            assert!(slope_error(solid) < 0.02, "solid {i}: slope off by {}", slope_error(solid));
+        }
+    }
+
+    #[test]
+    fn distances_of_balls_and_rods_are_exact() {
+        let rod = capsule(Vec3::ZERO, Vec3::X * 10.0, 2.0);
+        assert!((rod.distance_mm(Vec3::new(5.0, 5.0, 0.0)) - 3.0).abs() < 1e-5);
+        assert!((rod.distance_mm(Vec3::new(14.0, 0.0, 0.0)) - 2.0).abs() < 1e-5);
+        assert!((rod.distance_mm(Vec3::new(5.0, 0.0, 0.0)) + 2.0).abs() < 1e-5);
+        // A ball within the other makes no cone.
+        let nested = round_cone(Vec3::ZERO, Vec3::X, 5.0, 2.0);
+        assert!((nested.distance_mm(Vec3::Y * 7.0) - 2.0).abs() < 1e-5);
+        let ring = torus(Vec3::ZERO, 10.0, 2.0);
+        assert!((ring.distance_mm(Vec3::new(0.0, 0.0, 10.0)) + 2.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_union_is_the_least_of_its_parts_everywhere() {
+        // Deep parts behind shallow ones, whose boxes overlap: boxes must not hide them.
+        let parts = [
+            capsule(Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), 1.0),
+            sphere(Vec3::new(4.0, 4.0, 0.0), 5.0),
+            ellipsoid(Vec3::new(-6.0, 0.0, 2.0), Vec3::new(4.0, 8.0, 3.0)),
+        ];
+        let all = union(parts.clone());
+        for i in 0..4000 {
+            let at = |k: i32, m: i32| ((i * k) % m) as f32 / m as f32 * 30.0 - 15.0;
+            let p = Vec3::new(at(7, 97), at(13, 89), at(29, 83));
+            let least = parts.iter().map(|s| s.distance_mm(p)).fold(f32::MAX, f32::min);
+            let d = all.distance_mm(p);
+            assert!((d < 0.0) == (least < 0.0), "sign at {p}");
+            assert!(least > 0.0 || d == least, "{d} for {least} at {p}");
+        }
+    }
+
+    #[test]
+    fn isometries_undo_and_chain() {
+        let a = Isometry::from_axes(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, 1.0, 1.0), Vec3::X);
+        let b = Isometry::from_axes(Vec3::new(-4.0, 0.0, 1.0), Vec3::new(1.0, 2.0, 0.3), Vec3::Z);
+        let p = Vec3::new(0.3, -7.0, 2.0);
+        assert!((a.local_point(a.point(p)) - p).length() < 1e-5);
+        assert!((a.then(&b).point(p) - a.point(b.point(p))).length() < 1e-5);
+    }
+
+    #[test]
+    fn a_mirror_image_is_symmetric_and_bounded() {
+        let both = capsule(Vec3::new(2.0, 0.0, 0.0), Vec3::new(9.0, 3.0, 1.0), 1.5).with_mirror_image();
+        let p = Vec3::new(6.0, 1.0, 0.5);
+        assert_eq!(both.distance_mm(p), both.distance_mm(p.with_x(-p.x)));
+        assert!((both.bounds().min.x + both.bounds().max.x).abs() < 1e-6);
+        assert!(both.distance_mm(Vec3::new(-5.5, 1.5, 0.5)) < 0.0);
+    }
+}
