@@ -1,6 +1,6 @@
 // Axial pulse, envelope, TGC and log compression.
 // In: focused baseband, two samples a vector. Out: grey level 0..=255 of each sample as f32, four a vector, and the
-// pulse-shaped baseband where it is wanted. Four samples a thread.
+// pulse-shaped baseband where it is wanted. Eight samples a thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
 // Envelope of the pulse with PULSE_PAD zeros before and after it.
@@ -24,42 +24,55 @@ fn slider_db(depth_mm: f32) -> f32 {
     return mix(low, high, place - f32(below));
 }
 
+// Grey levels of four samples, and the samples where they are wanted.
+fn finish(row: u32, first: u32, a: vec4<f32>, b: vec4<f32>) {
+    let power = vec4<f32>(dot(a.xy, a.xy), dot(a.zw, a.zw), dot(b.xy, b.xy), dot(b.zw, b.zw));
+    let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(i32(first))) * params.sample_spacing_mm;
+    // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
+    let level_db = 3.01029995664 * log2(max(power, vec4<f32>(1.0e-37)))
+        + params.gain_db + params.tgc_db_per_mm * depth_mm + slider_db(depth_mm.x);
+    polar[(row + first) >> 2u] = 255.0 * clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
+    if KEEP_LINES {
+        lines[(row + first) >> 1u] = a;
+        lines[((row + first) >> 1u) + 1u] = b;
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let first = i32(id.x * 4u);
+    let first = i32(id.x * 8u);
     if first >= i32(params.row_samples) {
         return;
     }
     let row = id.y * params.row_samples;
     let half = i32(params.axial_half);
-    // Pairs of samples that reach any of the four, the first of them even; beyond the row's ends the pulse meets nothing.
+    // Pairs of samples that reach any of the eight, the first of them even; beyond the row's ends the pulse meets nothing.
     let even = (half + 1) & ~1;
     let last = i32(params.samples) - 1;
     var a = vec4<f32>(0.0);
     var b = vec4<f32>(0.0);
-    for (var step = 0; step <= even + 2; step++) {
-        let at = first - even + 2 * step;
+    var c = vec4<f32>(0.0);
+    var d = vec4<f32>(0.0);
+    // Taps for the second sample of the pair in hand and those before it; the next pair's move up by two.
+    var near = vec4<f32>(0.0);
+    var far = vec4<f32>(0.0);
+    var farthest = 0.0;
+    for (var step = 0; step <= 2 * even + 6; step += 2) {
+        let at = first - even + step;
         var pair = focused[(row + u32(clamp(at, 0, i32(params.row_samples) - 2))) >> 1u];
-        pair = select(vec4<f32>(0.0), pair, vec4<bool>(at >= 0 && at <= last, at >= 0 && at <= last,
-            at + 1 >= 0 && at + 1 <= last, at + 1 >= 0 && at + 1 <= last));
-        // tap(half + d) weights a sample d after the output.
-        let d = 2 * step - even + half + PULSE_PAD;
-        let w0 = tap(d + 1);
-        let w1 = tap(d);
-        let w2 = tap(d - 1);
-        let w3 = tap(d - 2);
-        let w4 = tap(d - 3);
-        a += vec4<f32>(pair.xy * w1 + pair.zw * w0, pair.xy * w2 + pair.zw * w1);
-        b += vec4<f32>(pair.xy * w3 + pair.zw * w2, pair.xy * w4 + pair.zw * w3);
+        let first_there = at >= 0 && at <= last;
+        let second_there = at + 1 >= 0 && at + 1 <= last;
+        pair = select(vec4<f32>(0.0), pair, vec4<bool>(first_there, first_there, second_there, second_there));
+        // tap(half + PULSE_PAD + d) weights a sample d after the output.
+        let index = step - even + half + PULSE_PAD;
+        farthest = far.z;
+        far = vec4<f32>(near.zw, far.xy);
+        near = vec4<f32>(tap(index + 1), tap(index), near.xy);
+        a += vec4<f32>(pair.xy * near.y + pair.zw * near.x, pair.xy * near.z + pair.zw * near.y);
+        b += vec4<f32>(pair.xy * near.w + pair.zw * near.z, pair.xy * far.x + pair.zw * near.w);
+        c += vec4<f32>(pair.xy * far.y + pair.zw * far.x, pair.xy * far.z + pair.zw * far.y);
+        d += vec4<f32>(pair.xy * far.w + pair.zw * far.z, pair.xy * farthest + pair.zw * far.w);
     }
-    let power = vec4<f32>(dot(a.xy, a.xy), dot(a.zw, a.zw), dot(b.xy, b.xy), dot(b.zw, b.zw));
-    let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(first)) * params.sample_spacing_mm;
-    // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
-    let level_db = 3.01029995664 * log2(max(power, vec4<f32>(1.0e-37)))
-        + params.gain_db + params.tgc_db_per_mm * depth_mm + slider_db(depth_mm.x);
-    polar[(row + u32(first)) >> 2u] = 255.0 * clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
-    if KEEP_LINES {
-        lines[(row + u32(first)) >> 1u] = a;
-        lines[((row + u32(first)) >> 1u) + 1u] = b;
-    }
+    finish(row, u32(first), a, b);
+    finish(row, u32(first) + 4u, c, d);
 }

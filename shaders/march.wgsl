@@ -21,9 +21,8 @@ var<private> s0: vec4<f32>;
 var<private> s1: vec4<f32>;
 var<private> s2: vec4<f32>;
 
-// Echo of the scatterer that the sample at `range_mm` of path `chosen` meets.
-fn scatter(chosen: u32, sample: u32) -> vec2<f32> {
-    let range_mm = (f32(sample) + 0.5) * params.sample_spacing_mm;
+// Loads the segment of path `chosen` that holds a sample.
+fn seek(chosen: u32, sample: u32, range_mm: f32) {
     // A loop, not an `if`: software devices skip a loop that no thread enters.
     loop {
         if chosen == path && range_mm < ends_mm {
@@ -43,6 +42,10 @@ fn scatter(chosen: u32, sample: u32) -> vec2<f32> {
         s1 = segments[slot + 1u];
         s2 = segments[slot + 2u];
     }
+}
+
+// Echo of the scatterer that the segment in hand meets at `range_mm`.
+fn scatter(range_mm: f32) -> vec2<f32> {
     let here = s0.xyz + s1.xyz * range_mm;
     let cell = lattice_cell(here);
     let bits = lattice_hash(cell);
@@ -67,6 +70,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let gain = scatterer_gain[block >> 2u][block & 3u] / sqrt(f32(params.paths_per_sample));
     for (var pair = 0u; pair < PAIRS; pair++) {
         let sample = first + 2u * pair;
+        let range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
         var sum = vec4<f32>(0.0);
         for (var e = 0u; e < params.layer_count; e++) {
             let layer = params.layer_first + e;
@@ -74,10 +78,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let rotation = line * 0x9e3779b9u + layer * 0x85ebca6bu + params.seed;
             let weight = sqrt(layers[layer].z);
             for (var k = 0u; k < params.paths_per_sample; k++) {
-                // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long.
+                // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long, share a segment.
                 let turn = ((sample >> 1u) * params.paths_per_sample + k) * 2654435769u + rotation;
                 let chosen = base + ((turn >> 16u) * params.rays >> 16u);
-                sum += weight * vec4<f32>(scatter(chosen, sample), scatter(chosen, sample + 1u));
+                seek(chosen, sample, range_mm);
+                sum += weight * vec4<f32>(scatter(range_mm), scatter(range_mm + params.sample_spacing_mm));
             }
         }
         let out = (line * params.row_samples + sample) >> 1u;

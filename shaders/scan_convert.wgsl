@@ -1,7 +1,9 @@
-// From scanlines to pixels: B-mode, segmentation and attenuation in one pass. Four pixels of a row a thread.
+// From scanlines to pixels: B-mode, segmentation and attenuation in one pass. Four pixels of a row, a word, a thread;
+// words outside the sector have no thread and stay zero.
 
 @group(0) @binding(0) var<uniform> params: Params;
-// Scanline and sample of two pixels' centres, counted from the first ones' centres; a negative depth lies outside.
+// Scanline and sample of two pixels' centres, counted from the first ones' centres, for each word that meets the
+// sector; a negative depth lies outside.
 @group(0) @binding(1) var<storage, read> pixels: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> polar: array<f32>;
 @group(0) @binding(3) var<storage, read> raster: array<u32>;
@@ -10,6 +12,8 @@
 @group(0) @binding(6) var<storage, read_write> bmode: array<u32>;
 @group(0) @binding(7) var<storage, read_write> segmentation: array<u32>;
 @group(0) @binding(8) var<storage, read_write> attenuation: array<vec4<f32>>;
+// Where in the image each of those words lies.
+@group(0) @binding(9) var<storage, read> words: array<u32>;
 
 const OUTSIDE: f32 = -1.0e8;
 const LN_SILENT: f32 = -80.0;
@@ -23,22 +27,22 @@ struct Pixel {
 fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
     let line = clamp(place.x, 0.0, f32(params.scanlines - 1u));
     let sample = clamp(place.y, 0.0, f32(params.samples - 1u));
-    let sample0 = u32(sample);
+    let sample0 = u32(i32(sample));
     let sample1 = min(sample0 + 1u, params.samples - 1u);
-    let row0 = u32(line) * params.row_samples;
-    let row1 = min(u32(line) + 1u, params.scanlines - 1u) * params.row_samples;
+    let row0 = u32(i32(line)) * params.row_samples;
+    let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
     let along = fract(sample);
     let a = mix(polar[row0 + sample0], polar[row0 + sample1], along);
     let b = mix(polar[row1 + sample0], polar[row1 + sample1], along);
-    let grey = u32(mix(a, b, fract(line)) + 0.5);
+    let grey = u32(i32(mix(a, b, fract(line)) + 0.5));
 
     let depth_mm = max((place.y + 0.5) * params.sample_spacing_mm, 0.0);
     let fraction = max((place.x + 0.5) / f32(params.scanlines), 0.0);
-    let ray = min(u32(fraction * f32(params.map_rays)), params.map_rays - 1u);
-    let step = min(u32(depth_mm / params.map_step_mm), params.map_depths - 2u);
+    let ray = min(u32(i32(fraction * f32(params.map_rays))), params.map_rays - 1u);
+    let step = min(u32(i32(depth_mm / params.map_step_mm)), params.map_depths - 2u);
     let before = raster[ray * params.map_depths + step];
     let after = raster[ray * params.map_depths + step + 1u];
-    let beyond_mm = depth_mm - f32(step) * params.map_step_mm;
+    let beyond_mm = depth_mm - f32(i32(step)) * params.map_step_mm;
     let sum0 = bitcast<f32>(before & 0xffffff00u);
     let sum1 = bitcast<f32>(after & 0xffffff00u);
     var sum = mix(sum0, sum1, clamp(beyond_mm / params.map_step_mm, 0.0, 1.0));
@@ -66,33 +70,20 @@ fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
     return Pixel(select(0u, grey, inside), select(0u, tissue + 1u, inside), select(0.0, level, inside));
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(128)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= params.row_words {
+    if id.x >= params.sector_words {
         return;
     }
-    let word = id.y * params.row_words + id.x;
-    let left = pixels[2u * word];
-    let right = pixels[2u * word + 1u];
+    let left = pixels[2u * id.x];
+    let right = pixels[2u * id.x + 1u];
+    let word = words[id.x];
     let p = percentile[0];
-    // Nothing to do where all four lie outside; a loop, so that software devices skip it.
-    var grey = 0u;
-    var tissues4 = 0u;
-    var levels = vec4<f32>(0.0);
-    loop {
-        if max(max(left.y, left.w), max(right.y, right.w)) < OUTSIDE {
-            break;
-        }
-        let p0 = convert(left.xy, p);
-        let p1 = convert(left.zw, p);
-        let p2 = convert(right.xy, p);
-        let p3 = convert(right.zw, p);
-        grey = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
-        tissues4 = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;
-        levels = vec4<f32>(p0.level, p1.level, p2.level, p3.level);
-        break;
-    }
-    attenuation[word] = levels;
-    bmode[word] = grey;
-    segmentation[word] = tissues4;
+    let p0 = convert(left.xy, p);
+    let p1 = convert(left.zw, p);
+    let p2 = convert(right.xy, p);
+    let p3 = convert(right.zw, p);
+    attenuation[word] = vec4<f32>(p0.level, p1.level, p2.level, p3.level);
+    bmode[word] = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
+    segmentation[word] = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;
 }

@@ -46,6 +46,21 @@ fn octant_mask(direction: vec3<f32>) -> u32 {
         | select(0x01010101u, 0u, direction.z < 0.0);
 }
 
+// The bits of the child whose bytes lie at `shift`, if the ray meets its box.
+fn child_mask(
+    shift: u32, child_bits: u32, bit_index: u32, scale: vec3<f32>, base: vec3<f32>,
+    low_x: u32, high_x: u32, low_y: u32, high_y: u32, low_z: u32, high_z: u32,
+    t_min: f32, t_max: f32,
+) -> u32 {
+    // By way of i32: many devices convert signed integers only.
+    let low = vec3<f32>(vec3<i32>(vec3<u32>(low_x, low_y, low_z) >> vec3<u32>(shift) & vec3<u32>(255u))) * scale + base;
+    let high = vec3<f32>(vec3<i32>(vec3<u32>(high_x, high_y, high_z) >> vec3<u32>(shift) & vec3<u32>(255u))) * scale + base;
+    let near = max(max(low.x, low.y), max(low.z, t_min));
+    let far = min(min(high.x, high.y), min(high.z, t_max));
+    let bits = ((child_bits >> shift) & 255u) << ((bit_index >> shift) & 255u);
+    return select(0u, bits, near <= far + 1.0e-4);
+}
+
 // Children of one half of a node (four of eight) that the ray meets between t_min and t_max, as bits of a hit mask.
 fn half_node_mask(
     meta4: u32, octant: u32, scale: vec3<f32>, base: vec3<f32>,
@@ -56,17 +71,11 @@ fn half_node_mask(
     let inner_mask = (inner >> 4u) * 0xffu;
     let bit_index = (meta4 ^ (octant & inner_mask)) & 0x1f1f1f1fu;
     let child_bits = (meta4 >> 5u) & 0x07070707u;
-    var mask = 0u;
-    for (var shift = 0u; shift < 32u; shift += 8u) {
-        let low = vec3<f32>(vec3<u32>(low_x, low_y, low_z) >> vec3<u32>(shift) & vec3<u32>(255u)) * scale + base;
-        let high = vec3<f32>(vec3<u32>(high_x, high_y, high_z) >> vec3<u32>(shift) & vec3<u32>(255u)) * scale + base;
-        let near = max(max(low.x, low.y), max(low.z, t_min));
-        let far = min(min(high.x, high.y), min(high.z, t_max));
-        if near <= far + 1.0e-4 {
-            mask |= ((child_bits >> shift) & 255u) << ((bit_index >> shift) & 255u);
-        }
-    }
-    return mask;
+    // Unrolled: software devices pay for every turn of a loop.
+    return child_mask(0u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max)
+        | child_mask(8u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max)
+        | child_mask(16u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max)
+        | child_mask(24u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max);
 }
 
 struct NodeHits {

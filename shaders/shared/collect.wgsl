@@ -35,9 +35,13 @@ fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
             leaf.y &= ~(1u << offset);
             let index = leaf.x + offset;
             let hit = intersect_triangle(index, origin, direction);
-            if hit.facing != 0 && hit.t > t_min && hit.t <= t_max {
-                let surface = triangles[3u * index].w;
-                insert(hit.t, surface << 1u | select(0u, 1u, hit.facing > 0));
+            // A loop, not an `if`: software devices skip a loop that no thread enters.
+            loop {
+                if hit.facing == 0 || hit.t <= t_min || hit.t > t_max {
+                    break;
+                }
+                insert(hit.t, triangles[3u * index].w << 1u | select(0u, 1u, hit.facing > 0));
+                break;
             }
         }
         if (group.y & 0xff000000u) == 0u {

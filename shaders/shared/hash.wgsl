@@ -15,7 +15,7 @@ fn pcg3d(key: vec3<u32>) -> vec3<u32> {
 
 // 24 bits as a number in 0..1, exact in f32.
 fn unit(bits: u32) -> f32 {
-    return f32(bits >> 8u) * 5.9604644775390625e-8;
+    return f32(i32(bits >> 8u)) * 5.9604644775390625e-8;
 }
 
 // Generators of Kronecker sequences, 2³² times the golden ratio's and the square roots' of 2, 3, 7, 11, 13, 19, 22, 29, 31,

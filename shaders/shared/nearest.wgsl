@@ -39,31 +39,17 @@ fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f
             let index = leaf.x + offset;
             let hit = intersect_triangle(index, origin, direction);
             let limit = select(best + TOUCH_MM, t_max, place_count == 0u);
-            if hit.facing != 0 && hit.t > t_min && hit.t <= limit {
+            // A loop, not an `if`: software devices skip a loop that no thread enters.
+            loop {
+                if hit.facing == 0 || hit.t <= t_min || hit.t > limit {
+                    break;
+                }
+                if hit.t < best - TOUCH_MM {
+                    place_count = 0u;
+                }
                 best = min(best, hit.t);
-                keep_within(best + TOUCH_MM);
-                // One edge or corner hit again says nothing new: keep the first triangle of its surface and side.
-                let key = index << 1u | select(0u, 1u, hit.facing > 0);
-                let surface = triangles[3u * index].w;
-                var known = false;
-                for (var i = 0u; i < place_count; i++) {
-                    if place_surface(i) == surface && ((place_key[i] ^ key) & 1u) == 0u {
-                        known = true;
-                        if triangles[3u * index + 1u].w < triangles[3u * (place_key[i] >> 1u) + 1u].w {
-                            place_key[i] = key;
-                        }
-                    }
-                }
-                if known {
-                    continue;
-                }
-                if place_count < PLACE_HITS {
-                    place_t[place_count] = hit.t;
-                    place_key[place_count] = key;
-                    place_count++;
-                } else {
-                    place_lost++;
-                }
+                keep(hit.t, index << 1u | select(0u, 1u, hit.facing > 0), best + TOUCH_MM);
+                break;
             }
         }
         if (group.y & 0xff000000u) == 0u {
@@ -77,14 +63,28 @@ fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f
     return select(-1.0, best, place_count > 0u);
 }
 
-// Forgets crossings beyond `limit`.
-fn keep_within(limit: f32) {
+// Adds a crossing to the place, and forgets those beyond `limit`. An edge or a corner that is hit again says nothing
+// new: of one surface and side the first triangle is kept.
+fn keep(t: f32, key: u32, limit: f32) {
     var kept = 0u;
+    var known = false;
     for (var i = 0u; i < place_count; i++) {
         if place_t[i] <= limit {
+            let same = place_surface(i) == triangles[3u * (key >> 1u)].w && ((place_key[i] ^ key) & 1u) == 0u;
+            let first = triangles[3u * (key >> 1u) + 1u].w < triangles[3u * (place_key[i] >> 1u) + 1u].w;
             place_t[kept] = place_t[i];
-            place_key[kept] = place_key[i];
+            place_key[kept] = select(place_key[i], key, same && first);
+            known = known || same;
             kept++;
+        }
+    }
+    if !known {
+        if kept < PLACE_HITS {
+            place_t[kept] = t;
+            place_key[kept] = key;
+            kept++;
+        } else {
+            place_lost++;
         }
     }
     place_count = kept;

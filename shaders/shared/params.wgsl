@@ -36,7 +36,8 @@ struct Params {
     // Depths that a map ray is sampled at, one a pixel side.
     map_depths: u32,
     map_step_mm: f32,
-    padding: u32,
+    // Words of packed pixels that meet the sector.
+    sector_words: u32,
     // Gain at eight depths from the face to depth_mm, dB: the sliders.
     sliders_db: array<vec4<f32>, 2>,
 }

@@ -43,7 +43,7 @@ pub(crate) struct Params {
     pub(crate) hint_words: u32,
     pub(crate) map_depths: u32,
     pub(crate) map_step_mm: f32,
-    pub(crate) padding: u32,
+    pub(crate) sector_words: u32,
     pub(crate) sliders_db: [f32; 8],
 }
 
@@ -82,7 +82,7 @@ impl Params {
             hint_words: probe.samples.div_ceil(4 * HINT_BLOCK) + 1,
             map_depths: tables.map_depths,
             map_step_mm: tables.sector.pixel_mm as f32,
-            padding: 0,
+            sector_words: tables.sector_words.len() as u32,
             sliders_db: image.tgc_sliders_db.map(|db| db as f32),
         }
     }

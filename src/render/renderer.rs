@@ -102,11 +102,11 @@ impl Renderer {
         ];
         let keep = [("KEEP_LINES", if settings.lines { 1.0 } else { 0.0 })];
         let image_passes = vec![
-            pass("lateral", samples_by(4), &[])?,
-            pass("detect", samples_by(4), &keep)?,
+            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
+            pass("detect", samples_by(8), &keep)?,
             pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
             pass("percentile", [1, 1, 1], &[])?,
-            pass("scan_convert", [params.row_words.div_ceil(64), params.height, 1], &[])?,
+            pass("scan_convert", [params.sector_words.div_ceil(128), 1, 1], &[])?,
         ];
         let mut names = Vec::new();
         for _ in 0..plan.batches {

@@ -26,6 +26,7 @@ pub(crate) struct Buffers {
     pulse: wgpu::Buffer,
     scatterer_gain: wgpu::Buffer,
     pixels: wgpu::Buffer,
+    sector_words: wgpu::Buffer,
     pub(crate) starts_inside: wgpu::Buffer,
     pub(crate) overflows: wgpu::Buffer,
     pub(crate) starts: wgpu::Buffer,
@@ -94,6 +95,8 @@ impl Buffers {
             gpu.queue.write_buffer(&buffer, 0, bytes);
             buffer
         };
+        let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
+        let sector_pixels: Vec<[f32; 2]> = tables.sector_words.iter().flat_map(word_pixels).collect();
         let surface_tissue: Vec<u32> = if scene.surfaces.is_empty() { vec![0] } else { tables.surface_tissue.clone() };
         Ok(Self {
             params: gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -112,7 +115,8 @@ impl Buffers {
             lateral_kernels: filled("lateral kernels", bytemuck::cast_slice(&tables.lateral_kernels))?,
             pulse: uniform("pulse", bytemuck::cast_slice(&tables.pulse), 16 * PULSE_QUADS),
             scatterer_gain: uniform("scatterer gain", bytemuck::cast_slice(&tables.scatterer_gain), 16 * BLOCK_QUADS),
-            pixels: filled("pixels", bytemuck::cast_slice(&tables.pixels))?,
+            pixels: filled("pixels", bytemuck::cast_slice(&sector_pixels))?,
+            sector_words: filled("sector words", bytemuck::cast_slice(&tables.sector_words))?,
             starts_inside: empty("start membership", paths * 32)?,
             overflows: empty("overflows", 16)?,
             starts: empty("segment starts", paths * u64::from(STARTS) * 4)?,
@@ -196,6 +200,7 @@ impl Buffers {
                 (&self.bmode, write),
                 (&self.segmentation, write),
                 (&self.attenuation, write),
+                (&self.sector_words, read),
             ],
             _ => Vec::new(),
         }

@@ -26,14 +26,16 @@ pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
 pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);
 /// Rows of samples are padded to a multiple of this.
 pub(crate) const ROW_ALIGN: u32 = 16;
-/// Zeros before and after the pulse, so that four outputs share one loop.
-pub(crate) const PULSE_PAD: u32 = 6;
+/// Zeros before and after the pulse, so that eight outputs share one loop.
+pub(crate) const PULSE_PAD: u32 = 8;
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
 /// Widest lateral kernel, scanlines to either side.
 const LATERAL_HALF_MAX: u32 = 32;
 /// Widest axial kernel, samples to either side.
 const AXIAL_HALF_MAX: u32 = 128;
+/// A pixel whose sample lies below this is outside the sector.
+const OUTSIDE: f32 = -1.0e8;
 /// Part of scatterer cells in a density of 1, as the shader compares 17 bits.
 const DENSITY_ONE: f64 = 131072.0;
 
@@ -97,6 +99,8 @@ pub(crate) struct Tables {
     pub(crate) scatterer_gain: Vec<f32>,
     /// Scanline and sample of each pixel [height × 4·row_words].
     pub(crate) pixels: Vec<[f32; 2]>,
+    /// Words of four pixels that meet the sector: index of each in the image.
+    pub(crate) sector_words: Vec<u32>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Vec<u8>,
     pub(crate) sector: Sector,
@@ -118,6 +122,8 @@ impl Tables {
             })
             .collect();
         let (pixels, mask) = pixels(probe, &sector);
+        let inside = |word: &[[f32; 2]]| word.iter().any(|pixel| pixel[1] > OUTSIDE);
+        let sector_words = (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
         Self {
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
@@ -132,6 +138,7 @@ impl Tables {
             axial_half,
             scatterer_gain,
             pixels,
+            sector_words,
             mask,
             sector,
         }
@@ -304,7 +311,7 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<[f32; 2]>, Vec<u8>) {
         for column in 0..stride {
             let polar =
                 if column < sector.width { Sector::polar(probe, sector.pixel_centre_mm(column, row)) } else { None };
-            let place = polar.map_or([-1.0e9, -1.0e9], |(fraction, depth_mm)| {
+            let place = polar.map_or([2.0 * OUTSIDE; 2], |(fraction, depth_mm)| {
                 let line = fraction * f64::from(probe.scanlines) - 0.5;
                 let sample = depth_mm / probe.sample_spacing_mm() - 0.5;
                 [line as f32, sample as f32]
