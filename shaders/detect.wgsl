@@ -25,7 +25,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var a = vec4<f32>(0.0);
     var b = vec4<f32>(0.0);
     for (var at = low; at <= high; at += 2) {
-        let pair = focused[(row + u32(at)) / 2u];
+        // A row of odd length ends in the middle of a pair.
+        let pair = focused[(row + u32(at)) / 2u]
+            * select(vec4<f32>(1.0), vec4<f32>(1.0, 1.0, 0.0, 0.0), at + 1 == i32(params.samples));
         // pulse[centre + d] weights a sample d after the output.
         let d = at - first + half + PULSE_PAD;
         let w0 = pulse[d + 1];
