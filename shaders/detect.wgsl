@@ -15,7 +15,7 @@ fn tap(index: i32) -> f32 {
     return pulse[u32(index) >> 2u][u32(index) & 3u];
 }
 
-// Level of the sliders at a depth, dB: straight lines between them. Four samples share it.
+// Level of the sliders at a depth, dB: straight lines between them.
 fn slider_db(depth_mm: f32) -> f32 {
     let place = clamp(7.0 * depth_mm / params.depth_mm, 0.0, 7.0);
     let below = min(u32(place), 6u);
@@ -30,7 +30,8 @@ fn finish(row: u32, first: u32, a: vec4<f32>, b: vec4<f32>) {
     let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(i32(first))) * params.sample_spacing_mm;
     // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
     let level_db = 3.01029995664 * log2(max(power, vec4<f32>(1.0e-37)))
-        + params.gain_db + params.tgc_db_per_mm * depth_mm + slider_db(depth_mm.x);
+        + params.gain_db + params.tgc_db_per_mm * depth_mm
+        + mix(vec4<f32>(slider_db(depth_mm.x)), vec4<f32>(slider_db(depth_mm.w)), vec4<f32>(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0));
     polar[(row + first) >> 2u] = 255.0 * clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
     if KEEP_LINES {
         lines[(row + first) >> 1u] = a;

@@ -27,6 +27,8 @@
 const REFLECTION_FOLLOWED: f32 = 0.05;
 // Reflections that one path may take.
 const REFLECTIONS_MAX: u32 = 6u;
+// Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
+const OFF_THE_GRID_MM: f32 = 0.0077;
 // Energy that a very rough surface returns diffusely at normal incidence.
 const DIFFUSE: f32 = 0.02;
 // Surfaces that one path may cross, most of them without a change of medium.
@@ -190,7 +192,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let split = interface_between(z1, z2, speed_ratio, cos_incident);
 
         // The echo, spread over the interface's thickness at an offset that belongs to the place.
-        let offset = unit(lattice_hash(lattice_cell(origin) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
+        let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
         echo_range_mm = range_mm + offset * thickness_mm / tissue.speed_ratio;
         let weight = mix(weight_power, weight_in_phase, coherence);
         echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight

@@ -8,10 +8,13 @@ mod renderer;
 mod resources;
 mod settings;
 mod shaders;
+mod snapshot;
 mod tables;
+pub mod twin;
 
 pub use frame::{Frame, FrameTimes, PassTime};
 pub use gpu::{Gpu, GpuError, GpuOptions};
 pub use renderer::{FRAMES_IN_FLIGHT, RenderError, Renderer};
 pub use settings::{ImageSettings, Quality, RenderSettings, SettingsError};
 pub use shaders::ShaderSet;
+pub use snapshot::Snapshot;

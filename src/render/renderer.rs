@@ -42,22 +42,28 @@ pub enum RenderError {
     /// `receive` with the ring empty.
     #[error("no frame is in flight; submit a pose before receiving")]
     RingEmpty,
+    /// A snapshot of a frame whose layers are rendered in turns.
+    #[error("a snapshot holds one batch of layers, these settings need {batches}: lower the rays or layers")]
+    Batches {
+        /// Batches needed.
+        batches: u32,
+    },
 }
 
 /// Renders frames of one scene with one probe and one set of settings.
 #[derive(Debug)]
 pub struct Renderer {
-    gpu: Gpu,
-    bvh: Bvh,
+    pub(super) gpu: Gpu,
+    pub(super) bvh: Bvh,
     probe: Probe,
-    params: Params,
-    tables: Tables,
-    plan: BatchPlan,
-    buffers: Buffers,
-    path_passes: Vec<Pass>,
-    image_passes: Vec<Pass>,
+    pub(super) params: Params,
+    pub(super) tables: Tables,
+    pub(super) plan: BatchPlan,
+    pub(super) buffers: Buffers,
+    pub(super) path_passes: Vec<Pass>,
+    pub(super) image_passes: Vec<Pass>,
     slots: Vec<Slot>,
-    in_flight: VecDeque<(usize, Instant)>,
+    pub(super) in_flight: VecDeque<(usize, Instant)>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
@@ -159,15 +165,8 @@ impl Renderer {
         self.receive(frame)
     }
 
-    /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received.
-    ///
-    /// # Errors
-    /// A full ring.
-    pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
-        if self.in_flight.len() == FRAMES_IN_FLIGHT {
-            return Err(RenderError::RingFull);
-        }
-        let started = Instant::now();
+    /// Places the probe: uploads the uniforms of every batch.
+    pub(super) fn place(&mut self, pose: &Pose) {
         self.params.set_pose(pose, &self.bvh, &self.probe);
         let layers = self.params.layer_count;
         for batch in 0..self.plan.batches {
@@ -178,7 +177,18 @@ impl Renderer {
             self.uniforms[at..at + size_of::<Params>()].copy_from_slice(bytemuck::bytes_of(&params));
         }
         self.gpu.queue.write_buffer(&self.buffers.params, 0, &self.uniforms);
+    }
 
+    /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received.
+    ///
+    /// # Errors
+    /// A full ring.
+    pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
+        if self.in_flight.len() == FRAMES_IN_FLIGHT {
+            return Err(RenderError::RingFull);
+        }
+        let started = Instant::now();
+        self.place(pose);
         let slot = &self.slots[self.next_slot];
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });

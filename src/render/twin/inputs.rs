@@ -1,0 +1,254 @@
+//! What the passes read of a frame: pose, probe, scene and settings as the device has them, widened to f64.
+
+use glam::{DMat3, DVec3, Vec3, Vec4};
+
+use crate::anatomy::Bvh;
+use crate::render::params::Params;
+use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables};
+
+/// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Where it leaves the face, mm.
+    pub origin_mm: DVec3,
+    /// Where it goes.
+    pub direction: DVec3,
+}
+
+/// An elevational layer: a plane of straight rays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Layer {
+    /// Elevational offset at the face, mm.
+    pub offset_mm: f64,
+    /// Elevational offset a mm of ray.
+    pub slope: f64,
+    /// Part of the beam's energy; all layers' sum is 1.
+    pub weight: f64,
+}
+
+/// A tissue as the passes need it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Medium {
+    /// Characteristic impedance, MRayl.
+    pub impedance_mrayl: f64,
+    /// c/c₀: mm of path a mm of range.
+    pub speed_ratio: f64,
+    /// Two-way attenuation of the amplitude, nepers a mm of path.
+    pub attenuation_np_mm: f64,
+    /// RMS slope of the microfacets of its surfaces.
+    pub roughness: f64,
+    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
+    pub scatterer_density: u32,
+    /// Mean amplitude of a scatterer.
+    pub scatterer_mean: f64,
+    /// Standard deviation of that amplitude.
+    pub scatterer_deviation: f64,
+    /// Thickness of the transition at its surfaces, mm.
+    pub thickness_mm: f64,
+    /// Part of an interface's echo that stays in phase over its thickness, 0..=1.
+    pub coherence: f64,
+}
+
+impl From<&GpuTissue> for Medium {
+    fn from(tissue: &GpuTissue) -> Self {
+        Self {
+            impedance_mrayl: tissue.impedance_mrayl.into(),
+            speed_ratio: tissue.speed_ratio.into(),
+            attenuation_np_mm: tissue.attenuation_np_mm.into(),
+            roughness: tissue.roughness.into(),
+            scatterer_density: tissue.scatterer_density,
+            scatterer_mean: tissue.scatterer_mean.into(),
+            scatterer_deviation: tissue.scatterer_deviation.into(),
+            thickness_mm: tissue.thickness_mm.into(),
+            coherence: tissue.coherence.into(),
+        }
+    }
+}
+
+/// A triangle of the scene, relative to the tree's centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Triangle {
+    /// First corner, mm.
+    pub corner_mm: DVec3,
+    /// Second corner minus the first, mm.
+    pub edge1_mm: DVec3,
+    /// Third corner minus the first, mm.
+    pub edge2_mm: DVec3,
+    /// Reach beyond the edges, mm a mm of distance from the ray's origin.
+    pub tolerance: f64,
+    /// Index of its surface; of surfaces that overlap the highest is the medium.
+    pub surface: u32,
+    /// Index of the triangle in the scene.
+    pub index: u32,
+}
+
+/// Everything that the passes of one frame read.
+///
+/// Scene coordinates are relative to the tree's centre, mm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inputs {
+    /// Rotation from the probe frame.
+    pub scene_from_probe: DMat3,
+    /// Centre of the probe's face, mm.
+    pub probe_mm: DVec3,
+    /// Scanlines.
+    pub scanlines: usize,
+    /// Samples of a scanline. Sample j lies at range (j + ½)·spacing.
+    pub samples: usize,
+    /// Distance of samples, mm of range.
+    pub sample_spacing_mm: f64,
+    /// Deepest range, mm.
+    pub depth_mm: f64,
+    /// Turns of the baseband's phase a mm of range: 2f/c₀.
+    pub phase_turns_per_mm: f64,
+    /// Rays of a scanline and layer.
+    pub rays_per_line: usize,
+    /// Paths that each sample of a layer is read from.
+    pub paths_per_sample: usize,
+    /// Seed of every random choice.
+    pub seed: u32,
+    /// Widest active aperture, mm.
+    pub aperture_mm: f64,
+    /// A distance from the face that leads out of the whole scene, mm.
+    pub reach_mm: f64,
+    /// Rays [scanlines × rays_per_line].
+    pub rays: Vec<Ray>,
+    /// Axis of each scanline.
+    pub axes: Vec<Ray>,
+    /// Layers.
+    pub layers: Vec<Layer>,
+    /// Triangles of the scene.
+    pub triangles: Vec<Triangle>,
+    /// Index of each surface's tissue.
+    pub surface_tissue: Vec<usize>,
+    /// Tissues.
+    pub media: Vec<Medium>,
+    /// Index of the tissue outside of all surfaces.
+    pub background: usize,
+    /// Gain of the scatterers of each block of `depth_block` samples: their speckle has the power of one scatterer.
+    pub scatterer_gain: Vec<f64>,
+    /// Lateral beam of each block of `depth_block` samples, from −half to +half scanlines.
+    pub lateral_kernels: Vec<Vec<f64>>,
+    /// Samples that share a lateral beam and a gain.
+    pub depth_block: usize,
+    /// Envelope of the pulse, from −half to +half samples, 1 at its peak.
+    pub pulse: Vec<f64>,
+    /// Levels from black to white, dB.
+    pub dynamic_range_db: f64,
+    /// Level added everywhere, dB.
+    pub gain_db: f64,
+    /// Time-gain compensation, dB a mm of range.
+    pub tgc_db_per_mm: f64,
+    /// Gain at eight depths from the face to the full depth, dB.
+    pub sliders_db: [f64; 8],
+    /// Radius of the face, mm: 0 for a phased array, none for a linear one.
+    pub face_radius_mm: Option<f64>,
+    /// Straight rays of the maps.
+    pub map_rays: Vec<Ray>,
+    /// Depths that a map ray is sampled at.
+    pub map_depths: usize,
+    /// Distance of those depths, mm.
+    pub map_step_mm: f64,
+    /// Image width, pixels.
+    pub width: usize,
+    /// Image height, pixels.
+    pub height: usize,
+    /// Scanline and sample of each pixel's centre, counted from the first ones' centres [height × width]; None outside.
+    pub pixels: Vec<Option<[f64; 2]>>,
+}
+
+impl Inputs {
+    pub(crate) fn new(params: &Params, tables: &Tables, bvh: &Bvh) -> Self {
+        let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
+        let rays = |table: &[[f32; 4]]| {
+            table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
+        };
+        let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
+        let mut line_rays = rays(&tables.rays);
+        let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
+        let layer = |l: &[f32; 4]| Layer { offset_mm: l[0].into(), slope: l[1].into(), weight: l[2].into() };
+        let triangles = bvh.triangles.iter().map(|t| Triangle {
+            corner_mm: Vec3::from(t.corner).as_dvec3(),
+            edge1_mm: Vec3::from(t.edge1).as_dvec3(),
+            edge2_mm: Vec3::from(t.edge2).as_dvec3(),
+            tolerance: t.tolerance.into(),
+            surface: t.surface,
+            index: t.triangle,
+        });
+        let stride = 4 * params.row_words as usize;
+        let place = |p: &[f32; 2]| (p[1] > -1.0e8).then_some([p[0].into(), p[1].into()]);
+        let pixels = tables.pixels.chunks_exact(stride).flat_map(|row| row[..params.width as usize].iter().map(place));
+        Self {
+            scene_from_probe: DMat3::from_cols(
+                vector(params.lateral),
+                vector(params.elevational),
+                vector(params.axial),
+            ),
+            probe_mm: DVec3::new(params.lateral[3].into(), params.elevational[3].into(), params.axial[3].into()),
+            scanlines: params.scanlines as usize,
+            samples: params.samples as usize,
+            sample_spacing_mm: params.sample_spacing_mm.into(),
+            depth_mm: params.depth_mm.into(),
+            phase_turns_per_mm: params.phase_turns_per_mm.into(),
+            rays_per_line: params.rays as usize,
+            paths_per_sample: params.paths_per_sample as usize,
+            seed: params.seed,
+            aperture_mm: params.aperture_mm.into(),
+            reach_mm: params.reach_mm.into(),
+            rays: line_rays,
+            axes,
+            layers: tables.layers.iter().map(layer).collect(),
+            triangles: triangles.collect(),
+            surface_tissue: tables.surface_tissue.iter().map(|&t| t as usize).collect(),
+            media: tables.tissues.iter().map(Medium::from).collect(),
+            background: params.background as usize,
+            scatterer_gain: wide(&tables.scatterer_gain),
+            lateral_kernels: tables
+                .lateral_kernels
+                .chunks_exact(2 * tables.lateral_half as usize + 1)
+                .map(wide)
+                .collect(),
+            depth_block: DEPTH_BLOCK as usize,
+            pulse: wide(&tables.pulse[PULSE_PAD as usize..tables.pulse.len() - PULSE_PAD as usize]),
+            dynamic_range_db: params.dynamic_range_db.into(),
+            gain_db: params.gain_db.into(),
+            tgc_db_per_mm: params.tgc_db_per_mm.into(),
+            sliders_db: params.sliders_db.map(f64::from),
+            face_radius_mm: (params.face_radius_mm >= 0.0).then_some(params.face_radius_mm.into()),
+            map_rays: rays(&tables.map_rays),
+            map_depths: params.map_depths as usize,
+            map_step_mm: params.map_step_mm.into(),
+            width: params.width as usize,
+            height: params.height as usize,
+            pixels: pixels.collect(),
+        }
+    }
+
+    /// Paths of a frame.
+    pub fn paths(&self) -> usize {
+        self.rays.len() * self.layers.len()
+    }
+
+    /// Range of a sample, mm.
+    pub fn range_mm(&self, sample: usize) -> f64 {
+        (sample as f64 + 0.5) * self.sample_spacing_mm
+    }
+
+    /// A ray of the probe frame in the scene, its direction of length 1.
+    pub fn in_scene(&self, ray: &Ray) -> Ray {
+        Ray {
+            origin_mm: self.probe_mm + self.scene_from_probe * ray.origin_mm,
+            direction: (self.scene_from_probe * ray.direction).normalize(),
+        }
+    }
+
+    /// The first ray of a path in the scene: its scanline's, moved to its elevational layer.
+    pub fn launch(&self, path: usize) -> Ray {
+        let ray = self.rays[path % self.rays.len()];
+        let layer = self.layers[path / self.rays.len()];
+        self.in_scene(&Ray {
+            origin_mm: ray.origin_mm + DVec3::Y * layer.offset_mm,
+            direction: ray.direction + DVec3::Y * layer.slope,
+        })
+    }
+}

@@ -1,0 +1,66 @@
+//! Scatterers along the paths: complex baseband before the point-spread function.
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::trace::{LN_SILENT, Segment, segment_at};
+use super::{Inputs, Path, lattice};
+
+/// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
+///
+/// A sample meets the scatterer of the lattice cell that the path is in at its range. Layers add in power (weight √w):
+/// they are independent parts of the beam.
+pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
+    let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
+    (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
+}
+
+fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVec2 {
+    let count = inputs.paths_per_sample;
+    let gain = inputs.scatterer_gain[sample / inputs.depth_block] / (count as f64).sqrt();
+    let mut sum = DVec2::ZERO;
+    for (number, layer) in inputs.layers.iter().enumerate() {
+        let first = (number * inputs.scanlines + line) * inputs.rays_per_line;
+        for k in 0..count {
+            let path = first + turn(inputs, line, number, sample, k);
+            // Two samples share a segment: that of the first.
+            let segment = segment_at(&paths[path], inputs.range_mm(sample & !1));
+            sum += layer.weight.sqrt() * scatter(inputs, &paths[path].segments[segment], inputs.range_mm(sample));
+        }
+    }
+    gain * sum
+}
+
+/// Which of a scanline's rays carries the `k`-th echo of `sample`: they take turns in a low-discrepancy order, two
+/// samples each.
+fn turn(inputs: &Inputs, line: usize, layer: usize, sample: usize, k: usize) -> usize {
+    let rotation = (line as u32)
+        .wrapping_mul(0x9e37_79b9)
+        .wrapping_add((layer as u32).wrapping_mul(0x85eb_ca6b))
+        .wrapping_add(inputs.seed);
+    let index = ((sample / 2) * inputs.paths_per_sample + k) as u32;
+    let turn = index.wrapping_mul(2_654_435_769).wrapping_add(rotation);
+    (turn >> 16) as usize * inputs.rays_per_line / 65536
+}
+
+/// Echo of the scatterer that a segment meets at `range_mm`.
+fn scatter(inputs: &Inputs, segment: &Segment, range_mm: f64) -> DVec2 {
+    let here = segment.scatterer_mm(range_mm);
+    let cell = lattice::cell(here);
+    let [presence, place, amplitude] = lattice::hash(cell);
+    let ln_amplitude = segment.ln_amplitude(range_mm);
+    if presence >> 15 >= segment.scatterer_density || ln_amplitude <= LN_SILENT {
+        return DVec2::ZERO;
+    }
+    // The scatterer's own range sets the phase, whichever sample meets its cell.
+    let ahead_mm = (lattice::scatterer_mm(cell, place) - here).dot(segment.step) / segment.step.length_squared();
+    let strength = segment.scatterer_mean + segment.scatterer_deviation * lattice::normal(amplitude);
+    strength * ln_amplitude.exp() * inputs.carrier(range_mm + ahead_mm)
+}
+
+impl Inputs {
+    /// Baseband phase of an echo at `range_mm`: e^(−i2k₀z) for 2k₀ = 2π·2f/c₀.
+    pub fn carrier(&self, range_mm: f64) -> DVec2 {
+        DVec2::from_angle(-std::f64::consts::TAU * (self.phase_turns_per_mm * range_mm).fract())
+    }
+}

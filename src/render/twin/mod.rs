@@ -1,0 +1,47 @@
+//! The f64 CPU twin of every WGSL pass: what each pass means, in the plainest code, and what it is tested against.
+//!
+//! A twin reads the values that the device gets, f32 widened to f64, so that the two differ by rounding only. It hits
+//! triangles by brute force: it shares no tree with the device. Paths are in the device's order: rays fastest, then
+//! scanlines, then layers. Samples are `[scanlines × samples]`, without the device's padding.
+//!
+//! ```text
+//! locate → trace → march → echo → lateral → detect ┐
+//!                              section → percentile ┴→ scan_convert
+//! ```
+
+mod detect;
+mod echo;
+pub mod hash;
+mod inputs;
+mod lateral;
+pub mod lattice;
+mod locate;
+mod march;
+mod percentile;
+mod scan_convert;
+mod section;
+mod surfaces;
+mod trace;
+
+pub use detect::{Detected, detect};
+pub use echo::echo;
+pub use inputs::{Inputs, Layer, Medium, Ray, Triangle};
+pub use lateral::lateral;
+pub use locate::locate;
+pub use march::march;
+pub use percentile::percentile;
+pub use scan_convert::{Maps, scan_convert};
+pub use section::{RasterPoint, Run, Sections, section};
+pub use surfaces::Membership;
+pub use trace::{Path, Segment, segment_at, trace};
+
+/// All passes, from a pose to the maps of a frame.
+pub fn frame(inputs: &Inputs) -> Maps {
+    let paths = trace(inputs, &locate(inputs));
+    let mut baseband = march(inputs, &paths);
+    echo(inputs, &paths, &mut baseband);
+    let detected = detect(inputs, &lateral(inputs, &baseband));
+    let sections = section(inputs);
+    let percentile_np = percentile(inputs, &sections.runs);
+    scan_convert(inputs, &detected.grey, &sections.raster, percentile_np)
+}

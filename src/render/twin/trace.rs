@@ -1,0 +1,315 @@
+//! Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::surfaces::{Crossing, Membership, TOUCH_MM, crossings, places};
+use super::{Inputs, Medium, Ray, hash, lattice};
+use crate::acoustics::interface::{Interface, interface};
+use crate::render::tables::SEGMENTS;
+
+/// Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
+const OFF_THE_GRID_MM: f64 = 0.0077;
+/// Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
+/// the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
+const REFLECTION_FOLLOWED: f64 = 0.05;
+/// Reflections that one path may take.
+const REFLECTIONS_MAX: u32 = 6;
+/// Energy that a very rough surface returns diffusely at normal incidence.
+const DIFFUSE: f64 = 0.02;
+/// Surfaces that one path may cross, most of them without a change of medium.
+const PLACES_MAX: u32 = 192;
+/// ln of an amplitude that no display shows: 10⁻³⁴.
+pub(super) const LN_SILENT: f64 = -80.0;
+
+/// A straight stretch of a path in one medium. What varies along it is a line over the range ρ, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment {
+    /// Range at which it begins, mm.
+    pub start_mm: f64,
+    /// Where scatterers are read at ρ = 0, mm.
+    pub origin_mm: DVec3,
+    /// How far that place moves a mm of range.
+    pub step: DVec3,
+    /// ln of the amplitude at ρ = 0, two-way.
+    pub ln_amplitude_at_zero: f64,
+    /// Fall of it a mm of range.
+    pub fall_np_mm: f64,
+    /// Mean amplitude of the medium's scatterers.
+    pub scatterer_mean: f64,
+    /// Standard deviation of that amplitude.
+    pub scatterer_deviation: f64,
+    /// Part of the lattice's cells that hold one, in 1/131072.
+    pub scatterer_density: u32,
+    /// Amplitude of the echo of the interface at which the segment begins.
+    pub echo: f64,
+    /// Range of that echo, mm.
+    pub echo_range_mm: f64,
+}
+
+impl Segment {
+    /// Where scatterers are read at `range_mm`, mm.
+    pub fn scatterer_mm(&self, range_mm: f64) -> DVec3 {
+        self.origin_mm + self.step * range_mm
+    }
+
+    /// ln of the amplitude at `range_mm`, two-way.
+    pub fn ln_amplitude(&self, range_mm: f64) -> f64 {
+        self.ln_amplitude_at_zero - self.fall_np_mm * range_mm
+    }
+}
+
+/// One path: its segments, nearest first; at least one.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Path {
+    /// Segments.
+    pub segments: Vec<Segment>,
+}
+
+/// Index of the segment that holds `range_mm`.
+pub fn segment_at(path: &Path, range_mm: f64) -> usize {
+    path.segments.partition_point(|segment| segment.start_mm <= range_mm).saturating_sub(1)
+}
+
+/// Follows every path through the scene, from the surfaces it starts inside `[paths]`.
+///
+/// Where the medium changes, the interface's echo returns, and the path reflects with probability R or goes on refracted
+/// (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
+pub fn trace(inputs: &Inputs, starts_inside: &[Membership]) -> Vec<Path> {
+    (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, starts_inside[path]).run()).collect()
+}
+
+/// A path under way.
+struct Tracer<'a> {
+    inputs: &'a Inputs,
+    line_ray: usize,
+    layer: usize,
+    /// From the path to its scanline's axis at the face, mm, and how that changes a mm of range.
+    shift: (DVec3, DVec3),
+    inside: Membership,
+    ray: Ray,
+    range_mm: f64,
+    ln_amplitude: f64,
+    bounce: u32,
+}
+
+/// Where a path meets a change of medium.
+struct Meeting<'a> {
+    /// What the path was inside before.
+    before: Membership,
+    crossing: Crossing<'a>,
+    /// Index of the tissue beyond.
+    there: usize,
+}
+
+impl<'a> Tracer<'a> {
+    fn new(inputs: &'a Inputs, path: usize, inside: Membership) -> Self {
+        let line_ray = path % inputs.rays.len();
+        // Scatterers are read on the scanline's axis, whatever ray carries the echo.
+        let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
+        let to_axis = |a: DVec3, b: DVec3| inputs.scene_from_probe * (a - b);
+        Self {
+            inputs,
+            line_ray,
+            layer: path / inputs.rays.len(),
+            shift: (to_axis(axis.origin_mm, ray.origin_mm), to_axis(axis.direction, ray.direction)),
+            inside,
+            ray: inputs.launch(path),
+            range_mm: 0.0,
+            ln_amplitude: 0.0,
+            bounce: 0,
+        }
+    }
+
+    fn run(mut self) -> Path {
+        let media = &self.inputs.media;
+        let mut path = Path::default();
+        let mut here = self.inside.medium(self.inputs);
+        let (mut echo, mut echo_range_mm) = (0.0, 0.0);
+        let (mut crossed, mut reflections) = (0, 0);
+        loop {
+            path.segments.push(self.segment(&media[here], echo, echo_range_mm));
+            if reflections > REFLECTIONS_MAX || path.segments.len() == SEGMENTS as usize {
+                return path;
+            }
+            let Some(meeting) = self.next_change(here, &mut crossed) else { return path };
+            let (tissue, beyond) = (&media[here], &media[meeting.there]);
+            let boundary = boundary(tissue, beyond);
+            let triangle = meeting.crossing.triangle;
+            let outward = triangle.edge1_mm.cross(triangle.edge2_mm).normalize();
+            let normal = if outward.dot(self.ray.direction) > 0.0 { -outward } else { outward };
+            let facet = self.facet(normal, boundary.roughness);
+
+            // What returns depends on the facet; what goes on follows the mean surface.
+            let cos_facet = (-facet.dot(self.ray.direction)).clamp(0.0, 1.0);
+            let at_facet = between(tissue, beyond, cos_facet);
+            (echo, echo_range_mm) = self.echo(&at_facet, cos_facet, tissue, &boundary, triangle.surface);
+
+            let cos_incident = (-normal.dot(self.ray.direction)).clamp(0.0, 1.0);
+            let split = between(tissue, beyond, cos_incident);
+            let accepted = self.acceptance(boundary.roughness * boundary.roughness);
+            let follow = split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
+            let chance = hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, 0);
+            if split.energy_reflection >= 1.0 || (follow && chance < split.energy_reflection) {
+                self.inside = meeting.before;
+                reflections += 1;
+                // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+                self.ln_amplitude += accepted.ln();
+                self.reflect(facet, normal);
+            } else {
+                if !follow {
+                    self.ln_amplitude += (1.0 - split.energy_reflection).max(1.0e-30).ln();
+                }
+                here = meeting.there;
+                self.refract(normal, cos_incident, split.cos_transmitted, beyond.speed_ratio / tissue.speed_ratio);
+            }
+            if reflections > REFLECTIONS_MAX {
+                self.ln_amplitude = 2.0 * LN_SILENT;
+            }
+            self.bounce += 1;
+        }
+    }
+
+    /// The segment that begins here.
+    fn segment(&self, tissue: &Medium, echo: f64, echo_range_mm: f64) -> Segment {
+        let step = self.ray.direction * tissue.speed_ratio;
+        let fall_np_mm = tissue.attenuation_np_mm * tissue.speed_ratio;
+        Segment {
+            start_mm: self.range_mm,
+            origin_mm: self.ray.origin_mm - step * self.range_mm + self.shift.0,
+            step: step + self.shift.1,
+            ln_amplitude_at_zero: self.ln_amplitude + fall_np_mm * self.range_mm,
+            fall_np_mm,
+            scatterer_mean: tissue.scatterer_mean,
+            scatterer_deviation: tissue.scatterer_deviation,
+            scatterer_density: tissue.scatterer_density,
+            echo,
+            echo_range_mm,
+        }
+    }
+
+    /// Moves on to the next place where the medium changes, across surfaces that a higher one hides; None where the path
+    /// runs out of depth before.
+    fn next_change(&mut self, here: usize, crossed: &mut u32) -> Option<Meeting<'a>> {
+        let tissue = self.inputs.media[here];
+        // An interface just left is not met again.
+        let t_min_mm = if self.bounce == 0 { 0.0 } else { TOUCH_MM };
+        let left_mm = (self.inputs.depth_mm - self.range_mm) * tissue.speed_ratio;
+        let ahead = crossings(self.inputs, &self.ray, t_min_mm, left_mm + TOUCH_MM);
+        let mut gone_mm = 0.0;
+        let mut met = None;
+        for place in places(&ahead) {
+            let t_mm = place[0].t_mm;
+            *crossed += 1;
+            if t_mm > left_mm || *crossed > PLACES_MAX {
+                break;
+            }
+            let before = self.inside;
+            self.inside.cross(place);
+            gone_mm = t_mm;
+            let there = self.inside.medium(self.inputs);
+            if there != here {
+                // The interface is the highest surface's; of its triangles the first.
+                let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));
+                met = place.iter().max_by_key(order).map(|&crossing| Meeting { before, crossing, there });
+                break;
+            }
+        }
+        self.ray.origin_mm += self.ray.direction * gone_mm;
+        self.range_mm += gone_mm / tissue.speed_ratio;
+        self.ln_amplitude -= tissue.attenuation_np_mm * gone_mm;
+        met
+    }
+
+    /// A microfacet of a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness tilts the facet,
+    /// half widens the lobe about it.
+    fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
+        let variance = 0.5 * roughness * roughness;
+        if variance <= 0.0 {
+            return n;
+        }
+        let random =
+            |dim| hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, dim);
+        let slope = (-variance * (1.0 - random(1)).max(1.0e-7).ln()).max(0.0).sqrt();
+        let helper = if n.x.abs() > 0.7 { DVec3::Y } else { DVec3::X };
+        let tangent = helper.cross(n).normalize();
+        let (sin, cos) = (std::f64::consts::TAU * random(2)).sin_cos();
+        let facet = (n + slope * (cos * tangent + sin * n.cross(tangent))).normalize();
+        // A facet that the path would meet from behind.
+        if facet.dot(self.ray.direction) > -0.02 { n } else { facet }
+    }
+
+    /// Amplitude and range (mm) of the echo of an interface met here.
+    fn echo(
+        &self,
+        at_facet: &Interface,
+        cos_facet: f64,
+        tissue: &Medium,
+        boundary: &Medium,
+        surface: u32,
+    ) -> (f64, f64) {
+        // Spread over the interface's thickness at an offset that belongs to the place.
+        let salt = (surface as i32 + 1).wrapping_mul(7919);
+        let offset =
+            hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
+        let range_mm = self.range_mm + offset * boundary.thickness_mm / tissue.speed_ratio;
+        // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+        let in_phase = self.inputs.layers[self.layer].weight / self.inputs.rays_per_line as f64;
+        let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
+        let arriving = if self.ln_amplitude > LN_SILENT { self.ln_amplitude.exp() } else { 0.0 };
+        (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)
+    }
+
+    /// Part of an echo's pressure that returns: a Gaussian lobe about the facet, as wide as the aperture and the half of
+    /// the roughness below the facet together, and a diffuse floor.
+    fn returning(&self, cos_facet: f64, roughness: f64) -> f64 {
+        let rough2 = roughness * roughness;
+        let cos2 = (cos_facet * cos_facet).max(1.0e-6);
+        let tan2 = (1.0 - cos2) / cos2;
+        let lobe2 = self.aperture_variance() + 0.5 * rough2;
+        let specular = self.acceptance(0.5 * rough2) * (-(tan2 / lobe2).min(80.0)).exp();
+        let diffuse = DIFFUSE * rough2 / (rough2 + 0.1) * cos2;
+        (specular + diffuse).sqrt()
+    }
+
+    /// Part of the energy of a reflected beam that a surface of slope variance `variance` leaves within the aperture.
+    fn acceptance(&self, variance: f64) -> f64 {
+        self.aperture_variance() / (self.aperture_variance() + variance)
+    }
+
+    /// Mean square slope of the reflected rays that the aperture accepts.
+    fn aperture_variance(&self) -> f64 {
+        (0.25 * self.inputs.aperture_mm / self.range_mm.max(1.0)).clamp(0.06, 0.5).powi(2)
+    }
+
+    /// Turns back at the facet, or at the mean surface where the facet would lead through it.
+    fn reflect(&mut self, facet: DVec3, normal: DVec3) {
+        let direction = self.ray.direction;
+        let mirrored = |n: DVec3| direction - 2.0 * direction.dot(n) * n;
+        let turned = mirrored(facet);
+        self.ray.direction = if turned.dot(normal) > 0.0 { turned } else { mirrored(normal) }.normalize();
+    }
+
+    /// Goes on by Snell's law; `speed_ratio` is c₂/c₁.
+    fn refract(&mut self, normal: DVec3, cos_incident: f64, cos_transmitted: f64, speed_ratio: f64) {
+        let bent = speed_ratio * self.ray.direction + (speed_ratio * cos_incident - cos_transmitted) * normal;
+        if bent.dot(normal) < 0.0 {
+            self.ray.direction = bent.normalize();
+        }
+    }
+}
+
+/// What an interface is like: as rough and as thick as the rougher and the thicker of its two sides.
+fn boundary(tissue: &Medium, beyond: &Medium) -> Medium {
+    Medium {
+        roughness: tissue.roughness.max(beyond.roughness),
+        thickness_mm: tissue.thickness_mm.max(beyond.thickness_mm),
+        coherence: tissue.coherence.min(beyond.coherence),
+        ..*tissue
+    }
+}
+
+/// The interface of two media, at an angle.
+fn between(from: &Medium, to: &Medium, cos_incident: f64) -> Interface {
+    interface(from.impedance_mrayl, to.impedance_mrayl, from.speed_ratio, to.speed_ratio, cos_incident)
+}

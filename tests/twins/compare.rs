@@ -1,0 +1,250 @@
+//! Each pass on the device against its twin, given the device's own output of the pass before.
+//!
+//! Tolerances are those of f32 (2⁻²⁴ = 6·10⁻⁸ of a number) carried through each pass. What is discrete may fall the
+//! other way where f32 and f64 disagree about a tie (the lattice cell of a sample, a triangle at an edge, Russian
+//! roulette): such outliers are counted, and their fraction is bounded.
+
+use glam::DVec2;
+use insonify::render::Snapshot;
+use insonify::render::twin::{self, Path, Segment};
+
+pub(crate) const PASSES: [&str; 9] =
+    ["locate", "trace", "march", "echo", "lateral", "detect", "section", "percentile", "scan_convert"];
+
+/// One rounding of f32, relative.
+const ROUNDING: f64 = 1.0 / 16_777_216.0;
+
+/// A pass that doesn't do what its twin does.
+#[derive(Debug)]
+#[allow(dead_code, reason = "read by `Debug` in a failing test")]
+pub(crate) struct Mismatch {
+    pub(crate) pass: &'static str,
+    pub(crate) what: &'static str,
+    pub(crate) outliers: usize,
+    pub(crate) of: usize,
+    pub(crate) allowed: f64,
+    pub(crate) first: usize,
+}
+
+/// Errors of one output, over its tolerance.
+struct Tally {
+    pass: &'static str,
+    what: &'static str,
+    allowed: f64,
+    count: usize,
+    outliers: usize,
+    first: usize,
+    worst: f64,
+}
+
+impl Tally {
+    /// Accepts up to `allowed` (a fraction) of outliers.
+    fn new(pass: &'static str, what: &'static str, allowed: f64) -> Self {
+        Self { pass, what, allowed, count: 0, outliers: 0, first: 0, worst: 0.0 }
+    }
+
+    /// `error` over its tolerance; above 1, or NaN, is an outlier.
+    fn add(&mut self, error: f64) {
+        if error <= 1.0 {
+            self.worst = self.worst.max(error);
+        } else {
+            self.first = if self.outliers == 0 { self.count } else { self.first };
+            self.outliers += 1;
+        }
+        self.count += 1;
+    }
+
+    fn finish(self) -> Result<(), Mismatch> {
+        let Self { pass, what, allowed, count, outliers, first, worst } = self;
+        println!("{pass:12} {what:24} {outliers:4} outliers of {count:6}, others within {worst:.3} of the tolerance");
+        // One tie may fall the other way however few there are.
+        if count > 0 && outliers as f64 <= (allowed * count as f64).max(if allowed > 0.0 { 1.0 } else { 0.0 }) {
+            Ok(())
+        } else {
+            Err(Mismatch { pass, what, outliers, of: count, allowed, first })
+        }
+    }
+}
+
+/// Compares one pass with its twin.
+pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
+    match pass {
+        "locate" => locate(s),
+        "trace" => trace(s).and_then(|()| hints(s)),
+        "march" => march(s),
+        "echo" => echo(s),
+        "lateral" => lateral(s),
+        "detect" => detect(s),
+        "section" => section(s),
+        "percentile" => percentile(s),
+        "scan_convert" => scan_convert(s),
+        _ => panic!("no pass is called {pass}"),
+    }
+}
+
+fn locate(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut tally = Tally::new("locate", "surfaces", 0.005);
+    for (device, twin) in s.starts_inside.iter().zip(twin::locate(&s.inputs)) {
+        tally.add(if *device == twin { 0.0 } else { f64::NAN });
+    }
+    tally.finish()
+}
+
+fn trace(s: &Snapshot) -> Result<(), Mismatch> {
+    let twins = twin::trace(&s.inputs, &s.starts_inside);
+    // An edge, a facet or a roulette that falls the other way makes another path from there on.
+    let mut tally = Tally::new("trace", "paths", 0.01);
+    for (device, twin) in s.paths.iter().zip(&twins) {
+        let pairs = device.segments.iter().zip(&twin.segments);
+        let worst =
+            pairs.map(|(a, b)| segment_error(s, a, b)).fold(0.0, |worst: f64, e| if e > worst { e } else { worst });
+        tally.add(if device.segments.len() == twin.segments.len() { worst } else { f64::NAN });
+    }
+    tally.finish()
+}
+
+fn segment_error(s: &Snapshot, device: &Segment, twin: &Segment) -> f64 {
+    // Coordinates and ranges reach 300 mm: a rounding is 2·10⁻⁵ mm, a few add up, and an oblique surface stretches them.
+    let depth = s.inputs.depth_mm;
+    let ends = [device.start_mm, depth];
+    let place = ends.map(|r| (device.scatterer_mm(r) - twin.scatterer_mm(r)).length()).into_iter().fold(0.0, f64::max);
+    let level = ends.map(|r| (device.ln_amplitude(r) - twin.ln_amplitude(r)).abs()).into_iter().fold(0.0, f64::max);
+    // Echoes below 10⁻⁶ (−120 dB) are compared with that.
+    let echo = (device.echo - twin.echo).abs() / twin.echo.abs().max(1.0e-6);
+    let same = device.scatterer_density == twin.scatterer_density
+        && device.scatterer_mean == twin.scatterer_mean
+        && device.scatterer_deviation == twin.scatterer_deviation;
+    let errors = [
+        (device.start_mm - twin.start_mm).abs() / 1.0e-3,
+        place / 1.0e-2,
+        level / 1.0e-3,
+        echo / 1.0e-3,
+        (device.echo_range_mm - twin.echo_range_mm).abs() / 1.0e-3,
+        if same { 0.0 } else { 2.0 },
+    ];
+    errors.into_iter().fold(0.0, |worst, e| if e <= worst { worst } else { e })
+}
+
+/// A hint names the segment that holds the first sample of its block.
+fn hints(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut tally = Tally::new("trace", "hints", 0.0);
+    let blocks = s.hints.len() / s.paths.len();
+    for (path, hints) in s.paths.iter().zip(s.hints.chunks_exact(blocks)) {
+        for (block, &hint) in hints.iter().enumerate().take(s.inputs.samples.div_ceil(s.hint_block)) {
+            let range_mm = s.inputs.range_mm(block * s.hint_block);
+            let near = |mm: f64| holds(path, hint.into(), range_mm + mm);
+            tally.add(if near(0.0) || near(1.0e-4) || near(-1.0e-4) { 0.0 } else { f64::NAN });
+        }
+    }
+    tally.finish()
+}
+
+fn holds(path: &Path, segment: usize, range_mm: f64) -> bool {
+    twin::segment_at(path, range_mm) == segment
+}
+
+/// Adds the errors of complex rows, each relative to the greatest magnitude within eight samples.
+fn add_rows(tally: &mut Tally, s: &Snapshot, device: &[DVec2], twin: &[DVec2], tolerance: f64) {
+    let n = s.inputs.samples;
+    for (device, twin) in device.chunks_exact(n).zip(twin.chunks_exact(n)) {
+        for i in 0..n {
+            let near = &twin[i.saturating_sub(8)..(i + 9).min(n)];
+            let scale = near.iter().map(|v| v.length()).fold(1.0e-33, f64::max);
+            tally.add((device[i] - twin[i]).length() / (scale * tolerance));
+        }
+    }
+}
+
+/// Error of a phase: a range is rounded a few times on the device, and each mm of it is many turns.
+fn phase_tolerance(s: &Snapshot) -> f64 {
+    let reach_mm = s.inputs.depth_mm + s.inputs.probe_mm.length();
+    std::f64::consts::TAU * s.inputs.phase_turns_per_mm * 4.0 * ROUNDING * reach_mm + 1.0e-5
+}
+
+fn march(s: &Snapshot) -> Result<(), Mismatch> {
+    // A sample within 10⁻⁵ mm of a face of its lattice cell (0.15 mm) may fall into the neighbour.
+    let mut tally = Tally::new("march", "scatterers", 0.005);
+    add_rows(&mut tally, s, &s.scattered, &twin::march(&s.inputs, &s.paths), phase_tolerance(s));
+    tally.finish()
+}
+
+fn echo(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut twin = s.scattered.clone();
+    twin::echo(&s.inputs, &s.paths, &mut twin);
+    // Only samples that an echo falls on; one in a thousand may fall on the neighbour.
+    let mut tally = Tally::new("echo", "samples with echoes", 0.005);
+    for ((before, device), twin) in s.scattered.iter().zip(&s.baseband).zip(&twin) {
+        if before != device || before != twin {
+            let scale = before.length() + (*twin - *before).length();
+            tally.add((*device - *twin).length() / (scale * phase_tolerance(s)));
+        }
+    }
+    tally.finish()
+}
+
+fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut tally = Tally::new("lateral", "focused baseband", 0.0);
+    add_rows(&mut tally, s, &s.focused, &twin::lateral(&s.inputs, &s.baseband), 1.0e-5);
+    tally.finish()
+}
+
+fn detect(s: &Snapshot) -> Result<(), Mismatch> {
+    let twin = twin::detect(&s.inputs, &s.focused);
+    let mut tally = Tally::new("detect", "lines", 0.0);
+    add_rows(&mut tally, s, &s.lines, &twin.lines, 1.0e-5);
+    tally.finish()?;
+    // A null of the speckle is a difference of large numbers: a few are darker or lighter.
+    let mut tally = Tally::new("detect", "grey", 0.005);
+    for (device, twin) in s.grey.iter().zip(&twin.grey) {
+        tally.add((device - twin).abs() / 0.01);
+    }
+    tally.finish()
+}
+
+fn section(s: &Snapshot) -> Result<(), Mismatch> {
+    let twin = twin::section(&s.inputs);
+    let mut tally = Tally::new("section", "runs", 0.01);
+    for (device, twin) in s.sections.runs.iter().zip(&twin.runs) {
+        let pairs = device.iter().zip(twin);
+        let error = pairs.map(|(a, b)| {
+            let same = a.tissue == b.tissue && a.rate_np_mm == b.rate_np_mm;
+            let start = (a.start_mm - b.start_mm).abs() / 1.0e-3;
+            let sum = (a.sum_np - b.sum_np).abs() / (1.0e-4 + 1.0e-5 * b.sum_np);
+            if same { start.max(sum) } else { 2.0 }
+        });
+        let worst = error.fold(0.0, f64::max);
+        tally.add(if device.len() == twin.len() { worst } else { f64::NAN });
+    }
+    tally.finish()?;
+    let mut tally = Tally::new("section", "raster", 0.005);
+    for (device, twin) in s.sections.raster.iter().zip(&twin.raster) {
+        // The word keeps 16 bits of the number's 24.
+        let tolerance = 1.0e-4 + twin.sum_np / 32768.0;
+        let same = device.tissue == twin.tissue;
+        tally.add(if same { (device.sum_np - twin.sum_np).abs() / tolerance } else { f64::NAN });
+    }
+    tally.finish()
+}
+
+fn percentile(s: &Snapshot) -> Result<(), Mismatch> {
+    let twin = twin::percentile(&s.inputs, &s.sections.runs);
+    let mut tally = Tally::new("percentile", "Σμ", 0.0);
+    tally.add((s.percentile_np - twin).abs() / (1.0e-5 + 1.0e-4 * twin));
+    tally.finish()
+}
+
+fn scan_convert(s: &Snapshot) -> Result<(), Mismatch> {
+    let twin = twin::scan_convert(&s.inputs, &s.grey, &s.sections.raster, s.percentile_np);
+    // The nearest level, or its neighbour at a tie.
+    let mut grey = Tally::new("scan_convert", "B-mode", 0.0);
+    let mut tissue = Tally::new("scan_convert", "segmentation", 0.001);
+    let mut level = Tally::new("scan_convert", "attenuation", 0.001);
+    for i in 0..s.inputs.pixels.len() {
+        grey.add((f64::from(s.bmode[i]) - twin.grey[i]).abs() / 0.51);
+        tissue.add(if s.segmentation[i] == twin.segmentation[i] { 0.0 } else { f64::NAN });
+        level.add((s.attenuation[i] - twin.attenuation[i]).abs() / 1.0e-4);
+    }
+    grey.finish()?;
+    tissue.finish()?;
+    level.finish()
+}

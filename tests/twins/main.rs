@@ -1,0 +1,156 @@
+//! Every pass on the device against its f64 twin on the CPU; and that a damaged pass doesn't pass.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod compare;
+mod scenes;
+
+use compare::{PASSES, compare};
+use insonify::render::{Frame, ShaderSet, twin};
+use scenes::{RENDERED, cases, nested};
+
+#[test]
+fn every_pass_is_its_twin() {
+    let mut wrong = Vec::new();
+    for case in RENDERED.iter() {
+        println!("--- {}", case.name);
+        assert_eq!(case.snapshot.overflows, 0, "{}", case.name);
+        wrong.extend(PASSES.iter().filter_map(|pass| compare(pass, &case.snapshot).err()).map(|e| (case.name, e)));
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn a_snapshot_is_the_frame() {
+    for case in RENDERED.iter() {
+        assert_eq!(case.frame.bmode, case.snapshot.bmode, "{}", case.name);
+        assert_eq!(case.frame.segmentation, case.snapshot.segmentation, "{}", case.name);
+        let levels: Vec<f64> = case.frame.attenuation.iter().map(|&a| a.into()).collect();
+        assert_eq!(levels, case.snapshot.attenuation, "{}", case.name);
+        let lines: Vec<_> = case.frame.lines.iter().map(|&[re, im]| glam::DVec2::new(re.into(), im.into())).collect();
+        assert_eq!(lines, case.snapshot.lines, "{}", case.name);
+    }
+}
+
+#[test]
+fn from_pose_to_image_the_twins_show_the_same() {
+    for case in RENDERED.iter() {
+        let twin = twin::frame(&case.snapshot.inputs);
+        let inside: Vec<usize> = (0..twin.grey.len()).filter(|&i| case.frame.mask[i] == 255).collect();
+        let mut errors: Vec<f64> =
+            inside.iter().map(|&i| (f64::from(case.frame.bmode[i]) - twin.grey[i]).abs()).collect();
+        errors.sort_by(f64::total_cmp);
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        let p99 = errors[errors.len() * 99 / 100];
+        let mean_level = inside.iter().map(|&i| twin.grey[i]).sum::<f64>() / errors.len() as f64;
+        let other = inside.iter().filter(|&&i| case.frame.segmentation[i] != twin.segmentation[i]).count();
+        let level = inside.iter().map(|&i| (f64::from(case.frame.attenuation[i]) - twin.attenuation[i]).abs());
+        let level = level.sum::<f64>() / errors.len() as f64;
+        println!(
+            "{}: grey {mean_level:.1}, off by {mean:.3}, p99 {p99:.2}; {other} pixels of another tissue; attenuation off by {level:.1e}",
+            case.name
+        );
+        assert!(mean_level > 20.0, "{}: a black image proves nothing", case.name);
+        assert!(mean < 1.0 && p99 < 4.0, "{}: mean {mean}, p99 {p99}", case.name);
+        assert!((other as f64) < 0.005 * inside.len() as f64, "{}: {other} pixels", case.name);
+        assert!(level < 1.0e-3, "{}: {level}", case.name);
+    }
+}
+
+/// One damage to each pass: what is wrong, the pass, the source and what replaces it.
+type Damages = &'static [(&'static str, &'static str, &'static str, &'static str)];
+
+/// Passes are compared on the device's own inputs, so that one renderer shows a damage to each of them at once.
+const DAMAGES: [Damages; 3] = [
+    &[
+        (
+            "surfaces are never left",
+            "locate",
+            "select(inside[word] & ~bit, inside[word] | bit, value)",
+            "inside[word] | bit",
+        ),
+        ("Fresnel without the cosine beyond", "trace", "let b = z1 * cos_transmitted;", "let b = z1;"),
+        ("sign of the phase", "march", "-6.28318530718", "6.28318530718"),
+        ("an echo overwrites its sample", "echo", "+= echo.x", "= echo.x"),
+        (
+            "the beam is off by a scanline",
+            "lateral",
+            "kernels[kernel + min(tap, half)]",
+            "kernels[kernel + min(tap + 1, half)]",
+        ),
+        ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *"),
+        ("priority ignored", "section", "firstLeadingBit(inside[word])", "firstTrailingBit(inside[word])"),
+        ("another percentile", "percentile", "BRIGHTEST_PART: f32 = 0.02", "BRIGHTEST_PART: f32 = 0.05"),
+        ("segmentation off by one", "scan_convert", "tissue + 1u", "tissue + 2u"),
+    ],
+    &[
+        ("inside out", "locate", "select(0u, 1u, hit.facing > 0)", "select(1u, 0u, hit.facing > 0)"),
+        (
+            "one-way attenuation",
+            "trace",
+            "ln_amplitude -= tissue.attenuation_np_mm * t",
+            "ln_amplitude -= 0.5 * tissue.attenuation_np_mm * t",
+        ),
+        ("phase of the sample, not of its scatterer", "march", "(range_mm + ahead_mm)", "(range_mm)"),
+        ("echoes a sample too deep", "echo", "u32(sample)]", "min(u32(sample) + 1u, params.samples - 1u)]"),
+        ("weights not renormalised at the edges", "lateral", "1.0 / max(total, 1.0e-30)", "1.0"),
+        (
+            "the pulse a sample late",
+            "detect",
+            "pair.xy * near.z + pair.zw * near.y",
+            "pair.xy * near.y + pair.zw * near.x",
+        ),
+        ("two-way attenuation in the map", "section", "0.5 * tissues[here]", "tissues[here]"),
+        ("a fan's area as a rectangle's", "percentile", "t * (0.5 * t + params.face_radius_mm)", "t"),
+        ("nearest sample", "scan_convert", "fract(sample)", "0.0"),
+    ],
+    &[
+        ("crossings beyond the face count", "locate", "-params.reach_mm, 0.0", "-params.reach_mm, params.depth_mm"),
+        ("sound speed ignored in travel time", "trace", "range_mm += t / tissue.speed_ratio", "range_mm += t"),
+        ("layers add in amplitude", "march", "sqrt(layers[layer].z)", "layers[layer].z"),
+        ("carrier f/c in place of 2f/c", "echo", "params.phase_turns_per_mm", "0.5 * params.phase_turns_per_mm"),
+        ("one side of the beam", "lateral", "var tap = -half;", "var tap = 0;"),
+        ("decibels of power as of amplitude", "detect", "3.01029995664", "6.02059991328"),
+        ("attenuation from the face in each run", "section", "rate * (t - start)", "rate * t"),
+        ("depth beyond the runs forgotten", "percentile", "f32(params.map_rays)", "f32(params.scanlines)"),
+        ("attenuation not normalised", "scan_convert", "percentile[0]", "0.0"),
+    ],
+];
+
+#[test]
+fn a_damaged_pass_is_caught() {
+    let case = nested();
+    let mut missed = Vec::new();
+    for damages in DAMAGES {
+        let mut shaders = ShaderSet::default();
+        for (what, pass, from, to) in damages {
+            assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage ({what})");
+        }
+        let snapshot = case.renderer(&shaders).snapshot(&case.pose).unwrap();
+        let passed = damages.iter().filter(|(_, pass, ..)| compare(pass, &snapshot).is_ok());
+        missed.extend(passed.map(|(what, pass, ..)| format!("{pass}: {what}")));
+    }
+    assert!(missed.is_empty(), "not caught: {missed:#?}");
+}
+
+#[test]
+fn frames_are_the_same_bit_for_bit() {
+    for case in [cases().swap_remove(0), nested()] {
+        let rendered = RENDERED.iter().find(|r| r.name == case.name).unwrap();
+        // Another renderer, with every index checked: no pass reads or writes beyond its buffers.
+        let mut checked = ShaderSet::default();
+        checked.bounds_checks = true;
+        let mut renderer = case.renderer(&checked);
+        let mut frame = Frame::default();
+        for run in 0..2 {
+            renderer.render(&case.pose, &mut frame).unwrap();
+            let bits = |frame: &Frame| -> Vec<u32> {
+                let lines = frame.lines.iter().flatten();
+                lines.chain(&frame.attenuation).map(|v| v.to_bits()).chain([frame.attenuation_p98.to_bits()]).collect()
+            };
+            assert!(bits(&frame) == bits(&rendered.frame), "{}, run {run}", case.name);
+            assert!(frame.bmode == rendered.frame.bmode, "{}, run {run}", case.name);
+            assert!(frame.segmentation == rendered.frame.segmentation, "{}, run {run}", case.name);
+        }
+    }
+}
