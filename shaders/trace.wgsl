@@ -27,6 +27,8 @@
 const REFLECTION_FOLLOWED: f32 = 0.05;
 // Reflections that one path may take.
 const REFLECTIONS_MAX: u32 = 6u;
+// ln of the two-way amplitude at which a path ends: 10⁻¹³.
+const LN_GIVEN_UP: f32 = -30.0;
 // Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
 const OFF_THE_GRID_MM: f32 = 0.0077;
 // Energy that a very rough surface returns diffusely at normal incidence.
@@ -224,6 +226,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 direction = normalize(bent);
             }
         }
+        // Nothing that far down is ever shown: −260 dB.
+        open = open && ln_amplitude > LN_GIVEN_UP;
         if !open {
             ln_amplitude = 2.0 * LN_SILENT;
         }

@@ -10,6 +10,7 @@ use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
 use insonify::sink::contact_sheet::{Map, Panel};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::time_table::{SideBySide, StageTime};
+use insonify::sink::video::halved;
 use insonify::sink::{ContactSheet, FrameFiles, FrameRate, FrameRecord, TimeTable, Video, png, write_json};
 use insonify::station::Station;
 use insonify::tracker::recording::{Event, RecordingReader, poses_of};
@@ -44,7 +45,7 @@ pub(crate) struct Args {
     out: PathBuf,
 
     /// Frames per second of the exam, 0.1..=1000
-    #[arg(long, value_name = "FPS", default_value_t = 15.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "FPS", default_value_t = 10.0, allow_negative_numbers = true)]
     fps: f64,
 
     /// Print what times.json holds
@@ -55,7 +56,7 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Files:
   contact_sheet.png           key frames: LQ | HQ | segmentation | attenuation
-  exam.mp4 or exam.y4m        the exam at LQ; MP4 where ffmpeg is on the PATH, else uncompressed (1.4 MB a frame)
+  exam.mp4 or exam.y4m        the exam at LQ, half size; MP4 where ffmpeg is on the PATH, else uncompressed (0.35 MB a frame)
   key_frames/NN_name/         each key frame at HQ with its maps, and lq.png
   times.json                  p50, p95 and max of each stage, LQ and HQ
 
@@ -106,11 +107,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut hq = Stage::new(&gpu, &scene, &station, Quality::HQ)?;
     let sector = *lq.renderer.sector();
 
-    let mut video = Video::create(&args.out.join("exam"), sector.width, sector.height, rate)?;
+    // Half the size: uncompressed video of the full frames would take a third of a gigabyte.
+    let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
     let frames = timeline.poses.len();
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
-        video.push(&lq.render(pose)?.bmode)?;
+        let frame = lq.render(pose)?;
+        video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
         progress.set(i + 1, frames);
     }
     drop(progress);

@@ -11,7 +11,7 @@ use crate::transducer::{Probe, Sector};
 /// Samples that share one lateral kernel and one scatterer gain.
 pub(crate) const DEPTH_BLOCK: u32 = 16;
 /// Straight segments that a path may have.
-pub(crate) const SEGMENTS: u32 = 24;
+pub(crate) const SEGMENTS: u32 = 40;
 /// Runs of one medium that a map ray may have.
 pub(crate) const ENTRIES: u32 = 96;
 /// Stride of a path's segment starts: one more than segments, for the range that none reaches.

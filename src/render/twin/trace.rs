@@ -8,6 +8,8 @@ use super::{Inputs, Medium, Ray, hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
 use crate::render::tables::SEGMENTS;
 
+/// ln of the two-way amplitude at which a path ends: 10⁻¹³.
+const LN_GIVEN_UP: f64 = -30.0;
 /// Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
 const OFF_THE_GRID_MM: f64 = 0.0077;
 /// Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
@@ -127,9 +129,10 @@ impl<'a> Tracer<'a> {
         let mut here = self.inside.medium(self.inputs);
         let (mut echo, mut echo_range_mm) = (0.0, 0.0);
         let (mut crossed, mut reflections) = (0, 0);
+        let mut open = true;
         loop {
             path.segments.push(self.segment(&media[here], echo, echo_range_mm));
-            if reflections > REFLECTIONS_MAX || path.segments.len() == SEGMENTS as usize {
+            if !open || path.segments.len() == SEGMENTS as usize {
                 return path;
             }
             let Some(meeting) = self.next_change(here, &mut crossed) else { return path };
@@ -163,8 +166,9 @@ impl<'a> Tracer<'a> {
                 here = meeting.there;
                 self.refract(normal, cos_incident, split.cos_transmitted, beyond.speed_ratio / tissue.speed_ratio);
             }
-            if reflections > REFLECTIONS_MAX {
+            if reflections > REFLECTIONS_MAX || self.ln_amplitude <= LN_GIVEN_UP {
                 self.ln_amplitude = 2.0 * LN_SILENT;
+                open = false;
             }
             self.bounce += 1;
         }
