@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut frame = Frame::default();
     renderer.render(&pose, &mut frame)?;
     if frame.overflows > 0 {
-        tracing::warn!("{} crossings or interactions did not fit the buffers and are missing", frame.overflows);
+        tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
     }
     let adapter = session::adapter(&gpu);
     let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, renderer.sector(), adapter);
