@@ -1,0 +1,9 @@
+//! The renderer against closed forms of acoustics, on scenes whose geometry is known exactly.
+//!
+//! Everything is measured on frames: lines, maps and grey levels. Nothing inside the renderer is read.
+
+#![allow(clippy::unwrap_used, reason = "clippy exempts test functions, but not the helpers they share")]
+
+mod bench;
+mod interfaces;
+mod refraction;

@@ -1,0 +1,102 @@
+//! Directions of refracted paths against Snell's law.
+
+use glam::{DMat3, DQuat, DVec3, Vec3};
+use insonify::acoustics::ASSUMED_SPEED_M_S;
+use insonify::anatomy::{Tissue, analytic};
+use insonify::pose::Pose;
+
+use super::bench::{Bench, Rig, at, linear, silent, small};
+
+/// Specimens stand on a grid, so that none is far from the scene's centre.
+const PITCH: f64 = 90.0;
+const ROW: usize = 6;
+/// Where a ray enters the second medium.
+const ENTRY_MM: f64 = 20.0;
+
+fn pose(specimen: usize) -> Pose {
+    at(PITCH * (specimen % ROW) as f64, PITCH * (specimen / ROW) as f64, 0.0)
+}
+
+/// The box of `size` whose upper face holds `point` at its middle and has the normal −z turned by `rotation`.
+fn facing(point: DVec3, size: f64, rotation: DQuat) -> insonify::anatomy::Mesh {
+    let centre = point + rotation * DVec3::new(0.0, 0.0, 0.5 * size);
+    analytic::plate(centre.as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
+}
+
+#[test]
+fn refracted_paths_follow_snell_within_0_05_degrees() {
+    // Speeds in m/s, angle of incidence in degrees, and where the plane falls away to, about the beam.
+    let cases = [
+        (1450.0, 1578.0, 20.0, 0.0),
+        (1450.0, 1578.0, 45.0, 30.0),
+        (1480.0, 4080.0, 15.0, 180.0),
+        (1480.0, 4080.0, 20.0, 75.0),
+        (1578.0, 1450.0, 50.0, 250.0),
+        (1540.0, 1500.0, 5.0, 90.0),
+        (1600.0, 343.0, 40.0, 120.0),
+        (1480.0, 1600.0, 60.0, 300.0),
+    ];
+    // Three planes in different directions, met by the same path.
+    let tilts = [(35.0, 20.0), (30.0, 140.0), (40.0, 260.0)];
+    let turned = |(tilt, about): (f64, f64)| {
+        DQuat::from_rotation_z(f64::to_radians(about)) * DQuat::from_rotation_y(f64::to_radians(tilt))
+    };
+    let snell = |c1: f64, c2: f64, rotation: DQuat| {
+        let normal = rotation * DVec3::NEG_Z;
+        let cos_incident = -normal.z;
+        let along = DVec3::Z + cos_incident * normal;
+        let sin2 = (c2 / c1).powi(2) * along.length_squared();
+        assert!(sin2 < 1.0);
+        (c2 / c1) * along - (1.0 - sin2).sqrt() * normal
+    };
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let mut planes = Vec::new();
+    for (i, (c1, c2, incidence, azimuth)) in cases.into_iter().enumerate() {
+        let rotation = turned((incidence, azimuth));
+        let direction = snell(c1, c2, rotation);
+        // Impedances near intromission: every path goes on.
+        let cos_t = -direction.dot(rotation * DVec3::NEG_Z);
+        let z2 = 1.1 * 1.5 * cos_t / incidence.to_radians().cos();
+        let first = bench.tissue(silent(c1, 1.5));
+        let second = bench.tissue(silent(c2, z2));
+        let plane = bench.tissue(Tissue { roughness: 0.5, ..silent(c2, 1.2 * z2) });
+        for (k, &tilt) in tilts.iter().enumerate() {
+            let foot = pose(tilts.len() * i + k).position_mm;
+            let entry = foot + DVec3::new(0.0, 0.0, ENTRY_MM);
+            bench.add(first, 0, analytic::plate((foot + 10.0 * DVec3::Z).as_vec3(), Vec3::splat(60.0), glam::Quat::IDENTITY));
+            bench.add(second, 1, facing(entry, 45.0, rotation));
+            // A plane some 12 mm on, tilted against the path.
+            let about_path = DQuat::from_rotation_arc(DVec3::Z, direction) * turned(tilt);
+            let point = entry + 12.0 * direction;
+            bench.add(plane, 2, facing(point, 20.0, about_path));
+            planes.push((point - entry, about_path * DVec3::NEG_Z));
+        }
+    }
+    let mut rig = Rig::new(&bench.scene(), &linear(1, 1.0, 8192, 120.0), &small(1, 1));
+    let mut worst = 0.0_f64;
+    for (i, (c1, c2, incidence, azimuth)) in cases.into_iter().enumerate() {
+        let mut normals = [DVec3::ZERO; 3];
+        let mut parts = [0.0; 3];
+        for k in 0..3 {
+            let specimen = 3 * i + k;
+            let frame = rig.frame(&pose(specimen));
+            let entered = ENTRY_MM * ASSUMED_SPEED_M_S / c1;
+            let echoes = rig.echoes(&frame, 0, 1e-9);
+            let plane = echoes.iter().find(|e| e.peak_mm > entered + 2.0).unwrap();
+            let path_mm = (plane.range_mm(1.0) - entered) * c2 / ASSUMED_SPEED_M_S;
+            let (point, normal) = planes[specimen];
+            // The path ends on the plane: normal · direction · path = normal · point.
+            normals[k] = normal;
+            parts[k] = normal.dot(point) / path_mm;
+        }
+        let measured = DMat3::from_cols_array_2d(&normals.map(|n| n.to_array())).transpose().inverse()
+            * DVec3::from_array(parts);
+        let want = snell(c1, c2, turned((incidence, azimuth)));
+        // A direction solved from three lengths is a unit vector only if all three are right.
+        assert!((measured.length() - 1.0).abs() < 5e-4, "{}", measured.length());
+        let off = measured.angle_between(want).to_degrees();
+        worst = worst.max(off);
+        assert!(off <= 0.05, "{c1} → {c2} m/s at {incidence}°: {off}° off");
+    }
+    println!("largest departure from Snell: {worst:.5}°");
+}
