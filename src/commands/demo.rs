@@ -168,7 +168,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let times = args.out.join("times.json");
     write_json(&times, &report)?;
     if report.overflowed > 0 {
-        tracing::warn!("in {} frames a few paths met more interfaces than are kept, and go on in the last medium", report.overflowed);
+        tracing::warn!(
+            "in {} frames a few paths met more interfaces than are kept, and go on in the last medium",
+            report.overflowed
+        );
     }
     if args.json {
         return output::json(&report);

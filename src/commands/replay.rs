@@ -226,7 +226,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let wall_s = started.elapsed().as_secs_f64();
     write_json(&args.out.join("tissues.json"), &tissue_numbers(&scene.tissues))?;
     if overflowed > 0 {
-        tracing::warn!("in {overflowed} frames a few paths met more interfaces than are kept, and go on in the last medium");
+        tracing::warn!(
+            "in {overflowed} frames a few paths met more interfaces than are kept, and go on in the last medium"
+        );
     }
     let entry = |index: usize| FrameEntry {
         index,

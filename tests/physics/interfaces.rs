@@ -174,11 +174,7 @@ fn echoes_decay_on_both_ways() {
         let mut bench = Bench::new(silent(1540.0, 1.0));
         let wall = bench.tissue(silent(1540.0, 1.8));
         for (i, (alpha, exponent)) in media.into_iter().enumerate() {
-            let lossy = Tissue {
-                attenuation_db_cm_mhz: alpha,
-                attenuation_exponent: exponent,
-                ..silent(1540.0, 1.6)
-            };
+            let lossy = Tissue { attenuation_db_cm_mhz: alpha, attenuation_exponent: exponent, ..silent(1540.0, 1.6) };
             let lossy = bench.tissue(lossy);
             for (k, &depth) in depths.iter().enumerate() {
                 let x = PITCH * (depths.len() * i + k) as f64;

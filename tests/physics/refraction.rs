@@ -63,7 +63,11 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
         for (k, &tilt) in tilts.iter().enumerate() {
             let foot = pose(tilts.len() * i + k).position_mm;
             let entry = foot + DVec3::new(0.0, 0.0, ENTRY_MM);
-            bench.add(first, 0, analytic::plate((foot + 10.0 * DVec3::Z).as_vec3(), Vec3::splat(60.0), glam::Quat::IDENTITY));
+            bench.add(
+                first,
+                0,
+                analytic::plate((foot + 10.0 * DVec3::Z).as_vec3(), Vec3::splat(60.0), glam::Quat::IDENTITY),
+            );
             bench.add(second, 1, facing(entry, 45.0, rotation));
             // A plane some 12 mm on, tilted against the path.
             let about_path = DQuat::from_rotation_arc(DVec3::Z, direction) * turned(tilt);
@@ -89,8 +93,8 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
             normals[k] = normal;
             parts[k] = normal.dot(point) / path_mm;
         }
-        let measured = DMat3::from_cols_array_2d(&normals.map(|n| n.to_array())).transpose().inverse()
-            * DVec3::from_array(parts);
+        let measured =
+            DMat3::from_cols_array_2d(&normals.map(|n| n.to_array())).transpose().inverse() * DVec3::from_array(parts);
         let want = snell(c1, c2, turned((incidence, azimuth)));
         // A direction solved from three lengths is a unit vector only if all three are right.
         assert!((measured.length() - 1.0).abs() < 5e-4, "{}", measured.length());
