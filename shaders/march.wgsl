@@ -52,10 +52,12 @@ fn scatter(range_mm: f32) -> vec2<f32> {
     // Where the scatterer lies on the path: its phase is exact, whichever sample meets its cell.
     let ahead_mm = dot(scatterer_position(cell, bits.y) - here, s1.xyz) / max(dot(s1.xyz, s1.xyz), 1.0e-12);
     let ln_amplitude = s0.w - s1.w * range_mm;
-    let strength = (s2.x + s2.y * normal_from_bytes(bits.z)) * exp(max(ln_amplitude, LN_SILENT));
+    let strength = (vec2<f32>(s2.x, 0.0) + s2.y * scatterer_deviate(bits.z)) * exp(max(ln_amplitude, LN_SILENT));
     let there = (bits.x >> 15u) < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SILENT;
     let phase = -6.28318530718 * fract(params.phase_turns_per_mm * (range_mm + ahead_mm));
-    return select(0.0, strength, there) * vec2<f32>(cos(phase), sin(phase));
+    let turn = vec2<f32>(cos(phase), sin(phase));
+    let echo = vec2<f32>(strength.x * turn.x - strength.y * turn.y, strength.x * turn.y + strength.y * turn.x);
+    return select(vec2<f32>(0.0), echo, there);
 }
 
 @compute @workgroup_size(64)

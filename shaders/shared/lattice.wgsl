@@ -16,8 +16,10 @@ fn scatterer_position(cell: vec3<i32>, bits: u32) -> vec3<f32> {
     return (vec3<f32>(cell) + offset * (1.0 / 1024.0)) * CELL_MM;
 }
 
-// A nearly normal number of mean 0 and deviation 1: the sum of four bytes.
-fn normal_from_bytes(bits: u32) -> f32 {
-    let sum = (bits & 255u) + ((bits >> 8u) & 255u) + ((bits >> 16u) & 255u) + (bits >> 24u);
-    return (f32(i32(sum)) - 510.0) * 0.006765875;
+// A complex number of mean 0 and mean square 1, nearly Gaussian: in each part the sum of four nibbles. It stands for the
+// many scatterers of a real cell, so that speckle is fully developed however few cells a pulse meets.
+fn scatterer_deviate(bits: u32) -> vec2<f32> {
+    let pairs = (bits & 0x0f0f0f0fu) + ((bits >> 4u) & 0x0f0f0f0fu);
+    let sums = vec2<u32>(pairs + (pairs >> 8u), (pairs >> 16u) + (pairs >> 24u)) & vec2<u32>(255u);
+    return (vec2<f32>(vec2<i32>(sums)) - 30.0) * 0.07669649888;
 }

@@ -1,6 +1,6 @@
 //! The scatterer lattice, fixed in the scene: a pure hash of a cell, so that nothing repeats and nothing is stored.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::hash::pcg3d;
 use crate::render::tables::CELL_MM;
@@ -27,16 +27,26 @@ pub fn scatterer_mm(cell: [i32; 3], bits: u32) -> DVec3 {
     (corner + DVec3::new(offset(0), offset(10), offset(20))) * f64::from(CELL_F32_MM)
 }
 
-/// A nearly normal number of mean 0 and deviation 1: the sum of four bytes (Irwin–Hall).
-pub fn normal(bits: u32) -> f64 {
-    let sum: i32 = bits.to_le_bytes().into_iter().map(i32::from).sum();
-    // Four times the variance of a byte, (256² − 1)/12.
-    f64::from(sum - 510) / (4.0f64 * 65535.0 / 12.0).sqrt()
+/// A complex number of mean 0 and mean square 1, nearly Gaussian: in each part the sum of four nibbles (Irwin–Hall).
+///
+/// It stands for the many scatterers of a real cell, so that speckle is fully developed however few cells a pulse meets.
+pub fn scatterer_deviate(bits: u32) -> DVec2 {
+    let sum = |from: u32| (0..4).map(|i| f64::from((bits >> (from + 4 * i)) & 15)).sum::<f64>();
+    // Four times the variance of a nibble, (16² − 1)/12, in each of two parts.
+    (DVec2::new(sum(0), sum(16)) - 30.0) / (2.0f64 * 4.0 * 255.0 / 12.0).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn amplitudes_have_no_mean_and_a_deviation_of_one() {
+        let all = || (0..1 << 16).map(|i: u32| scatterer_deviate(i | (i.reverse_bits())));
+        let mean = all().sum::<DVec2>() / 65536.0;
+        let square = all().map(|v| v * v).sum::<DVec2>() / 65536.0;
+        assert!(mean.length() < 1e-9 && (square - 0.5).length() < 1e-9, "{mean} {square}");
+    }
 
     #[test]
     fn scatterers_lie_in_their_cells() {

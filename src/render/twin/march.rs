@@ -54,8 +54,10 @@ fn scatter(inputs: &Inputs, segment: &Segment, range_mm: f64) -> DVec2 {
     }
     // The scatterer's own range sets the phase, whichever sample meets its cell.
     let ahead_mm = (lattice::scatterer_mm(cell, place) - here).dot(segment.step) / segment.step.length_squared();
-    let strength = segment.scatterer_mean + segment.scatterer_deviation * lattice::normal(amplitude);
-    strength * ln_amplitude.exp() * inputs.carrier(range_mm + ahead_mm)
+    let strength =
+        DVec2::new(segment.scatterer_mean, 0.0) + segment.scatterer_deviation * lattice::scatterer_deviate(amplitude);
+    // Complex numbers multiply as vectors rotate.
+    ln_amplitude.exp() * strength.rotate(inputs.carrier(range_mm + ahead_mm))
 }
 
 impl Inputs {
