@@ -99,6 +99,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var direction = ray.direction;
     var range_mm = 0.0;
     var ln_amplitude = 0.0;
+    // Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    var ln_scatter = 0.0;
     var here = medium();
     var bounce = 0u;
     var reflections = 0u;
@@ -116,7 +118,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let step = direction * tissue.speed_ratio + shift_step;
         let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
         starts[path * STARTS + count] = range_mm;
-        segments[3u * at] = vec4<f32>(origin + shift_start + (shift_step - step) * range_mm, ln_amplitude + fall * range_mm);
+        segments[3u * at] = vec4<f32>(origin + shift_start + (shift_step - step) * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
         segments[3u * at + 1u] = vec4<f32>(step, fall);
         segments[3u * at + 2u] = vec4<f32>(
             tissue.scatterer_mean, tissue.scatterer_deviation, bitcast<f32>(TAG | tissue.scatterer_density), 0.0);
@@ -211,14 +213,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             open = reflections <= REFLECTIONS_MAX;
             // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
             ln_amplitude += log(accepted);
+            ln_scatter += 0.5 * log(max(split.energy_reflection, 1.0e-30));
             var turned = direction + 2.0 * cos_facet * facet;
             if dot(turned, normal) <= 0.0 {
                 turned = direction - 2.0 * dot(direction, normal) * normal;
             }
             direction = normalize(turned);
         } else {
-            if !follow {
-                ln_amplitude += log(max(1.0 - split.energy_reflection, 1.0e-30));
+            let ln_passed = log(max(1.0 - split.energy_reflection, 1.0e-30));
+            if follow {
+                ln_scatter += 0.5 * ln_passed;
+            } else {
+                ln_amplitude += ln_passed;
             }
             here = there;
             let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;

@@ -92,6 +92,8 @@ struct Tracer<'a> {
     ray: Ray,
     range_mm: f64,
     ln_amplitude: f64,
+    /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    ln_scatter: f64,
     bounce: u32,
 }
 
@@ -119,6 +121,7 @@ impl<'a> Tracer<'a> {
             ray: inputs.launch(path),
             range_mm: 0.0,
             ln_amplitude: 0.0,
+            ln_scatter: 0.0,
             bounce: 0,
         }
     }
@@ -158,10 +161,14 @@ impl<'a> Tracer<'a> {
                 reflections += 1;
                 // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
                 self.ln_amplitude += accepted.ln();
+                self.ln_scatter += 0.5 * split.energy_reflection.max(1.0e-30).ln();
                 self.reflect(facet, normal);
             } else {
-                if !follow {
-                    self.ln_amplitude += (1.0 - split.energy_reflection).max(1.0e-30).ln();
+                let ln_passed = (1.0 - split.energy_reflection).max(1.0e-30).ln();
+                if follow {
+                    self.ln_scatter += 0.5 * ln_passed;
+                } else {
+                    self.ln_amplitude += ln_passed;
                 }
                 here = meeting.there;
                 self.refract(normal, cos_incident, split.cos_transmitted, beyond.speed_ratio / tissue.speed_ratio);
@@ -182,7 +189,7 @@ impl<'a> Tracer<'a> {
             start_mm: self.range_mm,
             origin_mm: self.ray.origin_mm - step * self.range_mm + self.shift.0,
             step: step + self.shift.1,
-            ln_amplitude_at_zero: self.ln_amplitude + fall_np_mm * self.range_mm,
+            ln_amplitude_at_zero: self.ln_amplitude + self.ln_scatter + fall_np_mm * self.range_mm,
             fall_np_mm,
             scatterer_mean: tissue.scatterer_mean,
             scatterer_deviation: tissue.scatterer_deviation,
