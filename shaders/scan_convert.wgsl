@@ -24,21 +24,13 @@ struct Pixel {
     level: f32,
 }
 
-fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
-    let line = clamp(place.x, 0.0, f32(params.scanlines - 1u));
-    let sample = clamp(place.y, 0.0, f32(params.samples - 1u));
-    let sample0 = u32(i32(sample));
-    let sample1 = min(sample0 + 1u, params.samples - 1u);
-    let row0 = u32(i32(line)) * params.row_samples;
-    let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
-    let along = fract(sample);
-    let a = mix(polar[row0 + sample0], polar[row0 + sample1], along);
-    let b = mix(polar[row1 + sample0], polar[row1 + sample1], along);
-    let grey = u32(i32(mix(a, b, fract(line)) + 0.5));
+// One-way Σμ and tissue of a map ray at a depth.
+struct Section {
+    sum_np: f32,
+    tissue: u32,
+}
 
-    let depth_mm = max((place.y + 0.5) * params.sample_spacing_mm, 0.0);
-    let fraction = max((place.x + 0.5) / f32(params.scanlines), 0.0);
-    let ray = min(u32(i32(fraction * f32(params.map_rays))), params.map_rays - 1u);
+fn section_at(ray: u32, depth_mm: f32) -> Section {
     let step = min(u32(i32(depth_mm / params.map_step_mm)), params.map_depths - 2u);
     let before = raster[ray * params.map_depths + step];
     let after = raster[ray * params.map_depths + step + 1u];
@@ -64,6 +56,30 @@ fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
         tissue = select(tissue, after & 255u, beyond_mm > boundary_mm);
         break;
     }
+    return Section(sum, tissue);
+}
+
+fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
+    let line = clamp(place.x, 0.0, f32(params.scanlines - 1u));
+    let sample = clamp(place.y, 0.0, f32(params.samples - 1u));
+    let sample0 = u32(i32(sample));
+    let sample1 = min(sample0 + 1u, params.samples - 1u);
+    let row0 = u32(i32(line)) * params.row_samples;
+    let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
+    let along = fract(sample);
+    let a = mix(polar[row0 + sample0], polar[row0 + sample1], along);
+    let b = mix(polar[row1 + sample0], polar[row1 + sample1], along);
+    let grey = u32(i32(mix(a, b, fract(line)) + 0.5));
+
+    let depth_mm = max((place.y + 0.5) * params.sample_spacing_mm, 0.0);
+    // Between two map rays, and half a ray beyond the last ones, Σμ is linear; the tissue is the nearer one's.
+    let across = (place.x + 0.5) / f32(params.scanlines) * f32(params.map_rays) - 0.5;
+    let first = min(u32(i32(max(across, 0.0))), max(params.map_rays, 2u) - 2u);
+    let part = clamp(across - f32(i32(first)), -0.5, 1.5);
+    let one = section_at(first, depth_mm);
+    let next = section_at(min(first + 1u, params.map_rays - 1u), depth_mm);
+    let sum = max(mix(one.sum_np, next.sum_np, part), 0.0);
+    let tissue = select(one.tissue, next.tissue, part >= 0.5);
     let ln_level = percentile_np - sum;
     let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
     let inside = place.y > OUTSIDE;

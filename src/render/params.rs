@@ -81,7 +81,7 @@ impl Params {
             row_samples: probe.samples.div_ceil(ROW_ALIGN) * ROW_ALIGN,
             hint_words: probe.samples.div_ceil(4 * HINT_BLOCK) + 1,
             map_depths: tables.map_depths,
-            map_step_mm: tables.sector.pixel_mm as f32,
+            map_step_mm: tables.map_step_mm as f32,
             sector_words: tables.sector_words.len() as u32,
             sliders_db: image.tgc_sliders_db.map(|db| db as f32),
         }

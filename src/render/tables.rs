@@ -36,6 +36,9 @@ const LATERAL_HALF_MAX: u32 = 32;
 const AXIAL_HALF_MAX: u32 = 128;
 /// A pixel whose sample lies below this is outside the sector.
 const OUTSIDE: f32 = -1.0e8;
+/// Least steps of the maps over the depth, however few pixels the image has: where an oblique boundary cuts between two
+/// map rays, Σμ is off by a part of their distance.
+const MAP_STEPS_MIN: f64 = 1000.0;
 /// Part of scatterer cells in a density of 1, as the shader compares 17 bits.
 const DENSITY_ONE: f64 = 131072.0;
 
@@ -82,8 +85,10 @@ pub(crate) struct Tables {
     /// Origin and direction of each map ray.
     pub(crate) map_rays: Vec<[f32; 4]>,
     pub(crate) map_ray_count: u32,
-    /// Depths that a map ray is sampled at, a pixel apart, from the face to beyond the deepest pixel.
+    /// Depths that a map ray is sampled at, `map_step_mm` apart, from the face to beyond the deepest pixel.
     pub(crate) map_depths: u32,
+    /// Distance of those depths, and at the most of neighbouring map rays, mm.
+    pub(crate) map_step_mm: f64,
     /// Elevational offset at the face (mm), its slope, weight, 0.
     pub(crate) layers: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<GpuTissue>,
@@ -109,7 +114,8 @@ pub(crate) struct Tables {
 impl Tables {
     pub(crate) fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings) -> Self {
         let sector = Sector::fit(probe, settings.image.width, settings.image.height);
-        let map_ray_count = map_ray_count(probe, &sector);
+        let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
+        let map_ray_count = map_ray_count(probe, map_step_mm);
         let (lateral_half, kernels) = lateral_kernels(probe);
         let (axial_half, pulse) = pulse(probe);
         let axial_gain = axial_speckle_gain(&pulse, probe.sample_spacing_mm());
@@ -128,7 +134,8 @@ impl Tables {
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
             map_ray_count,
-            map_depths: (probe.depth_mm / sector.pixel_mm).ceil() as u32 + 2,
+            map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
+            map_step_mm,
             layers: layers(probe, settings.quality.layers),
             tissues: scene.tissues.tissues().iter().map(|t| GpuTissue::new(t, probe)).collect(),
             surface_tissue: scene.surfaces.iter().map(|s| s.tissue as u32).collect(),
@@ -167,10 +174,10 @@ fn rays(probe: &Probe, rays_per_line: u32) -> Vec<[f32; 4]> {
     table
 }
 
-/// Map rays are no further apart than a pixel at the deepest arc.
-fn map_ray_count(probe: &Probe, sector: &Sector) -> u32 {
+/// Map rays are no further apart than a step at the deepest arc.
+fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
     let arc_mm = probe.line_spacing_mm(probe.depth_mm) * f64::from(probe.scanlines);
-    ((arc_mm / sector.pixel_mm).ceil() as u32).clamp(1, 16384)
+    ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
 }
 
 /// Gauss–Hermite nodes and weights over the elevational beam, so that layers integrate its Gaussian profile.

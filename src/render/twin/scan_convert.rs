@@ -13,16 +13,14 @@ pub struct Maps {
     pub attenuation: Vec<f64>,
 }
 
-/// Reads every pixel off the scanlines (bilinear) and off the map rays (nearest ray, exact between its depths).
+/// Reads every pixel off the scanlines (bilinear) and off the map rays (Σμ linear between two rays,
+/// the tissue of the nearer one; exact between their depths).
 pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], percentile_np: f64) -> Maps {
     let count = inputs.pixels.len();
     let mut maps = Maps { grey: vec![0.0; count], segmentation: vec![0; count], attenuation: vec![0.0; count] };
     for (pixel, place) in inputs.pixels.iter().enumerate() {
         if let Some([line, sample]) = *place {
-            let fraction = (line + 0.5) / inputs.scanlines as f64;
-            let map_ray = ((fraction * inputs.map_rays.len() as f64) as usize).min(inputs.map_rays.len() - 1);
-            let on_ray = &raster[map_ray * inputs.map_depths..(map_ray + 1) * inputs.map_depths];
-            let point = between(inputs, on_ray, (sample + 0.5) * inputs.sample_spacing_mm);
+            let point = across(inputs, raster, line, (sample + 0.5) * inputs.sample_spacing_mm);
             maps.grey[pixel] = bilinear(inputs, grey, line, sample);
             maps.segmentation[pixel] = point.tissue as u8 + 1;
             maps.attenuation[pixel] = (percentile_np - point.sum_np).min(0.0).exp();
@@ -40,6 +38,19 @@ fn bilinear(inputs: &Inputs, grey: &[f64], line: f64, sample: f64) -> f64 {
         mix(row[sample as usize], row[(sample as usize + 1).min(inputs.samples - 1)], sample.fract())
     };
     mix(along(line as usize), along((line as usize + 1).min(inputs.scanlines - 1)), line.fract())
+}
+
+/// The medium and Σμ at a depth of a scanline, between two map rays or half a ray beyond the last ones.
+fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> RasterPoint {
+    let count = inputs.map_rays.len();
+    let place = (line + 0.5) / inputs.scanlines as f64 * count as f64 - 0.5;
+    let first = (place.max(0.0) as usize).min(count.max(2) - 2);
+    let part = (place - first as f64).clamp(-0.5, 1.5);
+    let on_ray =
+        |ray: usize| between(inputs, &raster[ray * inputs.map_depths..(ray + 1) * inputs.map_depths], depth_mm);
+    let (one, next) = (on_ray(first), on_ray((first + 1).min(count - 1)));
+    let sum_np = (one.sum_np + (next.sum_np - one.sum_np) * part).max(0.0);
+    RasterPoint { sum_np, tissue: if part >= 0.5 { next.tissue } else { one.tissue } }
 }
 
 /// The medium and Σμ between two depths of a map ray. Where two tissues meet between them, the Σμ at both depths says
