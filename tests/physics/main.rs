@@ -2,8 +2,15 @@
 //!
 //! Everything is measured on frames: lines, maps and grey levels. Nothing inside the renderer is read.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts test functions, but not the helpers they share")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 
 mod bench;
+mod in_place;
 mod interfaces;
+mod maps;
+mod mistakes;
+mod points;
+mod reflections;
 mod refraction;
+mod sizes;
+mod speckle;

@@ -1,0 +1,192 @@
+//! Mirrors, critical angles, and which surface is the medium where several lie in one place.
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+use insonify::acoustics::ASSUMED_SPEED_M_S;
+use insonify::anatomy::{Scene, analytic};
+
+use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
+
+#[test]
+fn a_mirror_shows_what_faces_it_at_the_folded_range() {
+    // A sheet of air at 45° turns the beam sideways, a plate stands across it; all behind the mirror is dark.
+    let mut bench = Bench::new(silent(1480.0, 1.5));
+    let air = bench.tissue(silent(343.0, 0.0004));
+    let wall = bench.tissue(silent(1480.0, 1.7));
+    let turned = Quat::from_rotation_y(45f32.to_radians());
+    bench.add(
+        air,
+        1,
+        analytic::plate(Vec3::new(0.0, 0.0, 40.0) + turned * (5.0 * Vec3::Z), Vec3::new(40.0, 40.0, 10.0), turned),
+    );
+    let sideways = (DQuat::from_rotation_y(45f64.to_radians()) * DVec3::NEG_Z).x;
+    let side = sideways.signum();
+    bench.add(
+        wall,
+        1,
+        analytic::plate(Vec3::new((side * 30.0) as f32, 0.0, 40.0), Vec3::new(10.0, 30.0, 30.0), Quat::IDENTITY),
+    );
+    let mut rig = Rig::new(&bench.scene(), &linear(5, 4.0, 2048, 100.0), &small(1, 1));
+    let frame = rig.frame(&at(0.0, 0.0, 0.0));
+    let r: f64 = 0.2 / 3.2;
+    let to_range = ASSUMED_SPEED_M_S / 1480.0;
+    for line in 0..5 {
+        // Down to the mirror, then across to the wall's face at 25 mm.
+        let x = 4.0 * (f64::from(line) - 2.0);
+        let mirror = 40.0 - x;
+        let seen = rig.echoes(&frame, line, 1e-4).into_iter().find(|e| e.peak_mm > (mirror + 5.0) * to_range).unwrap();
+        let want = (40.0 - x + 25.0 - side * x) * to_range;
+        assert!((seen.range_mm(1.0) - want).abs() < 1e-3, "{line}: {} {want}", seen.range_mm(1.0));
+        assert_part(seen.amplitude, r, 2e-3, "mirrored");
+    }
+}
+
+#[test]
+fn reverberation_between_plates_repeats_at_their_distance() {
+    // Two plates 10 mm apart: probe → far → near → far → probe comes 10 mm behind the far one.
+    let (water, metal) = (1.5, 12.0);
+    let mut bench = Bench::new(silent(1540.0, water));
+    let plate = bench.tissue(silent(1540.0, metal));
+    bench.add(plate, 1, slab(0.0, 20.0, 20.0, 21.0));
+    bench.add(plate, 1, slab(0.0, 20.0, 31.0, 60.0));
+    let mut rig = Rig::new(&bench.scene(), &linear(32, 0.5, 2048, 50.0), &small(128, 1));
+    let frame = rig.frame(&at(0.0, 0.0, 0.0));
+    let r: f64 = (metal - water) / (metal + water);
+    let passed = (1.0 - r * r).powi(2);
+    let spacing = rig.probe.sample_spacing_mm();
+    let mean = |range: f64| {
+        let turn = rig.probe.phase_turns_per_mm() * range * std::f64::consts::TAU;
+        let sample = (range / spacing) as usize;
+        let real = |l| {
+            let s = rig.line(&frame, l)[sample];
+            f64::from(s[0]) * turn.cos() - f64::from(s[1]) * turn.sin()
+        };
+        (0..32).map(real).sum::<f64>() / 32.0
+    };
+    assert_part(mean(31.0 + 1e-6), passed * r, 0.06, "far plate");
+    assert_part(mean(41.0 + 1e-6), passed * r.powi(3), 0.15, "its repetition");
+}
+
+#[test]
+fn nothing_passes_beyond_the_critical_angle() {
+    // Water to bone: total from 21.27°. A plate lies behind, under either angle.
+    let mut bench = Bench::new(silent(1480.0, 1.48));
+    let bone = bench.tissue(silent(4080.0, 3.0));
+    let wall = bench.tissue(silent(4080.0, 3.4));
+    for (i, degrees) in [15.0_f32, 22.0, 30.0, 60.0].into_iter().enumerate() {
+        let foot = Vec3::new(0.0, 80.0 * i as f32, 20.0);
+        let turned = Quat::from_rotation_y(degrees.to_radians());
+        bench.add(bone, 1, analytic::plate(foot + turned * (15.0 * Vec3::Z), Vec3::new(50.0, 50.0, 30.0), turned));
+        bench.add(wall, 2, analytic::plate(foot + turned * (25.0 * Vec3::Z), Vec3::new(45.0, 45.0, 9.0), turned));
+    }
+    let mut rig = Rig::new(&bench.scene(), &linear(1, 0.1, 1024, 80.0), &small(64, 1));
+    for i in 0..4 {
+        let frame = rig.frame(&at(0.0, 80.0 * f64::from(i), 0.0));
+        let strongest = |from_mm: f64| {
+            let line = rig.line(&frame, 0);
+            let from = (from_mm / rig.probe.sample_spacing_mm()) as usize;
+            line[from..].iter().map(|&s| magnitude(s)).fold(0.0, f64::max)
+        };
+        assert!(strongest(0.0) > 0.0);
+        // The interface lies at 20.8 mm of range.
+        assert_eq!(strongest(22.5) > 0.0, i == 0, "{i}: {}", strongest(22.5));
+    }
+}
+
+/// Media along the middle line of the image: tissue and depth of its first pixel.
+fn column(rig: &mut Rig, z: f64) -> Vec<(u8, f64)> {
+    let frame = rig.frame(&at(0.0, 0.0, z));
+    let sector = rig.sector();
+    let mut runs: Vec<(u8, f64)> = Vec::new();
+    for row in 0..frame.height {
+        let label = frame.segmentation[(row * frame.width + frame.width / 2) as usize];
+        if label > 0 && runs.last().is_none_or(|r| r.0 + 1 != label) {
+            runs.push((label - 1, sector.pixel_centre_mm(0, row).y));
+        }
+    }
+    runs
+}
+
+fn rig(scene: &Scene) -> Rig {
+    let mut settings = small(1, 1);
+    (settings.image.width, settings.image.height) = (64, 500);
+    Rig::new(scene, &linear(8, 0.5, 2048, 50.0), &settings)
+}
+
+/// Asserts media and echoes of a scene from a probe at z, both as (tissue, depth); tissue i has 1.5 + 0.1·i MRayl.
+#[track_caller]
+fn assert_media(rig: &mut Rig, z: f64, want: &[(u8, f64)]) {
+    let runs = column(rig, z);
+    assert_eq!(runs.len(), want.len(), "{runs:?}");
+    for (run, want) in runs.iter().zip(want) {
+        assert!(run.0 == want.0 && (run.1 - (want.1 - z).max(0.0)).abs() < 0.11, "{runs:?}");
+    }
+    let frame = rig.frame(&at(0.0, 0.0, z));
+    let echoes = rig.echoes(&frame, 3, 1e-4);
+    assert_eq!(echoes.len(), want.len() - 1, "{echoes:?}");
+    let impedance = |tissue: u8| 1.5 + 0.1 * f64::from(tissue);
+    let mut passed = 1.0;
+    for (echo, pair) in echoes.iter().zip(want.windows(2)) {
+        let (z1, z2) = (impedance(pair[0].0), impedance(pair[1].0));
+        let r = (z2 - z1) / (z2 + z1);
+        assert_part(echo.amplitude, passed * r.abs(), 1e-3, "echo");
+        assert!((echo.range_mm(r) - (pair[1].1 - z)).abs() < 1e-3, "{echo:?}");
+        passed *= 1.0 - r * r;
+    }
+}
+
+fn bench() -> Bench {
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    for i in 1..5 {
+        bench.tissue(silent(1540.0, 1.5 + 0.1 * f64::from(i)));
+    }
+    bench
+}
+
+#[test]
+fn overlapping_surfaces_give_the_medium_to_the_highest_priority() {
+    let mut b = bench();
+    b.add(1, 1, slab(0.0, 20.0, 10.0, 30.0));
+    b.add(2, 3, slab(0.0, 19.0, 20.0, 40.0));
+    // Lower than both: seen only where it sticks out.
+    b.add(3, 0, slab(0.0, 18.0, 15.0, 45.0));
+    // Wholly within a higher one: never seen.
+    b.add(4, 2, slab(0.0, 17.0, 25.0, 35.0));
+    let mut rig = rig(&b.scene());
+    let media = [(0, 0.0), (1, 10.0), (2, 20.0), (3, 40.0), (0, 45.0)];
+    assert_media(&mut rig, 0.0, &media);
+    // A probe that starts inside one, two, three and four of them.
+    assert_media(&mut rig, 12.0, &media[1..]);
+    assert_media(&mut rig, 17.0, &media[1..]);
+    assert_media(&mut rig, 22.0, &media[2..]);
+    assert_media(&mut rig, 27.0, &media[2..]);
+    assert_media(&mut rig, 42.0, &media[3..]);
+}
+
+#[test]
+fn nested_spheres_show_shell_after_shell() {
+    let mut b = bench();
+    for (i, radius) in [18.0, 12.0, 6.0].into_iter().enumerate() {
+        b.add(i + 1, i as i32, analytic::sphere(Vec3::new(0.0, 0.0, 22.0), radius, 6));
+    }
+    let media = column(&mut rig(&b.scene()), 0.0);
+    let want = [(0, 0.0), (1, 4.0), (2, 10.0), (3, 16.0), (2, 28.0), (1, 34.0), (0, 40.0)];
+    assert_eq!(media.len(), want.len(), "{media:?}");
+    assert!(media.iter().zip(&want).all(|(m, w)| m.0 == w.0 && (m.1 - w.1).abs() < 0.15), "{media:?}");
+}
+
+#[test]
+fn touching_surfaces_make_one_interface_or_none() {
+    // The lower priority first and the other way round; equal tissues; a third face in the same plane.
+    for (first, second) in [(1, 2), (2, 1)] {
+        let mut b = bench();
+        b.add(1, first, slab(0.0, 20.0, 10.0, 20.0));
+        b.add(3, second, slab(0.0, 20.0, 20.0, 30.0));
+        b.add(3, second, slab(0.0, 20.0, 30.0, 40.0));
+        b.add(2, 0, slab(0.0, 20.0, 20.0, 45.0));
+        let media = [(0, 0.0), (1, 10.0), (3, 20.0), (2, 40.0), (0, 45.0)];
+        let mut rig = rig(&b.scene());
+        assert_media(&mut rig, 0.0, &media);
+        assert_media(&mut rig, 15.0, &media[1..]);
+        assert_media(&mut rig, 25.0, &media[2..]);
+    }
+}

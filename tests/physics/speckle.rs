@@ -1,0 +1,190 @@
+//! Speckle of a homogeneous block: its statistics, its level, its decay, and that it never repeats.
+
+use glam::{DQuat, DVec3, Vec3};
+use insonify::acoustics::attenuation::attenuation_db_mm;
+use insonify::anatomy::{Scene, Tissue, analytic};
+use insonify::pose::Pose;
+use insonify::render::Frame;
+use insonify::transducer::Probe;
+
+use super::bench::{Bench, Rig, at, linear, magnitude, silent, small};
+
+/// A block of `tissue` that the probe stands in, so that no face is seen.
+pub(crate) fn block(tissue: Tissue) -> Scene {
+    let mut bench = Bench::new(tissue);
+    bench.add(0, 1, analytic::cuboid(Vec3::splat(-300.0), Vec3::splat(300.0)));
+    bench.scene()
+}
+
+/// A tissue whose every lattice cell holds a scatterer.
+pub(crate) fn grainy(mean: f64, deviation: f64) -> Tissue {
+    Tissue { scatterer_density: 1.0, scatterer_mean: mean, scatterer_deviation: deviation, ..silent(1540.0, 1.6) }
+}
+
+fn tilted() -> Pose {
+    Pose { position_mm: DVec3::new(3.0, 4.0, 5.0), orientation: DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.9) }
+}
+
+fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = values.fold((0u32, 0.0), |(n, s), v| (n + 1, s + v * v));
+    sum / f64::from(count)
+}
+
+/// Envelope of the scanlines, without those whose beam the sector's edge cuts.
+fn envelope(rig: &Rig, frame: &Frame, bands: usize) -> Vec<Vec<Vec<f64>>> {
+    let length = rig.probe.samples as usize / bands;
+    let lines = 4..rig.probe.scanlines - 4;
+    let part = |band: usize, line: u32| {
+        rig.line(frame, line)[band * length..][..length].iter().map(|&s| magnitude(s)).collect()
+    };
+    (0..bands).map(|band| lines.clone().map(|line| part(band, line)).collect()).collect()
+}
+
+/// Largest distance between the distribution of `sample` and a Rayleigh distribution of its own power, times √n:
+/// 1.358 is the limit at a significance of 0.05 (Kolmogorov and Smirnov).
+fn kolmogorov_smirnov(mut sample: Vec<f64>) -> f64 {
+    let power = mean_square(sample.iter().copied());
+    sample.sort_by(f64::total_cmp);
+    let n = sample.len() as f64;
+    let distance = |(i, v): (usize, &f64)| {
+        let rayleigh = 1.0 - (-v * v / power).exp();
+        (rayleigh - i as f64 / n).abs().max((rayleigh - (i + 1) as f64 / n).abs())
+    };
+    sample.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()
+}
+
+#[test]
+fn speckle_is_fully_developed_and_of_the_tissues_level() {
+    let tissue = grainy(0.0, 0.01);
+    let scene = block(tissue);
+    for (rays, layers) in [(1, 1), (32, 3)] {
+        let mut rig = Rig::new(&scene, &Probe::default(), &small(rays, layers));
+        for pose in [at(0.0, 0.0, 0.0), tilted()] {
+            let frame = rig.frame(&pose);
+            let mut sample = Vec::new();
+            for (band, lines) in envelope(&rig, &frame, 12).into_iter().enumerate() {
+                let all = || lines.iter().flatten().copied();
+                let power = mean_square(all());
+                let level_db = 10.0 * (power / 1e-4).log10();
+                let mean = all().sum::<f64>() / (lines.len() * lines[0].len()) as f64;
+                let snr = mean / (power - mean * mean).sqrt();
+                println!("{rays}×{layers}, band {band}: {level_db:+.2} dB, SNR {snr:.3}");
+                assert!(level_db.abs() <= 0.5, "{level_db} dB off");
+                assert!((snr - 1.913).abs() <= 0.05, "SNR {snr}");
+                // A millimetre of depth and ten lines apart, samples are independent.
+                let few = lines.iter().skip(band % 10).step_by(10).flat_map(|l| l.iter().step_by(20));
+                sample.extend(few.map(|v| v / power.sqrt()));
+            }
+            let statistic = kolmogorov_smirnov(sample);
+            println!("{rays}×{layers}: Kolmogorov–Smirnov {statistic:.3}");
+            assert!(statistic <= 1.358, "Kolmogorov–Smirnov {statistic}");
+        }
+    }
+}
+
+#[test]
+fn the_statistics_above_tell_other_textures_apart() {
+    // One cell in twenty holds a scatterer: far from fully developed.
+    let sparse = Tissue { scatterer_density: 0.05, ..grainy(0.0, 0.01) };
+    let mut rig = Rig::new(&block(sparse), &Probe::default(), &small(1, 1));
+    let frame = rig.frame(&at(0.0, 0.0, 0.0));
+    let lines = envelope(&rig, &frame, 1).remove(0);
+    let few = lines.iter().step_by(5).flat_map(|l| l.iter().step_by(20).copied());
+    assert!(kolmogorov_smirnov(few.collect()) > 5.0);
+}
+
+#[test]
+fn the_level_follows_density_mean_and_deviation() {
+    for (density, mean, deviation) in [(0.5, 0.0, 0.02), (0.8, 0.01, 0.01), (0.3, -0.02, 0.005)] {
+        let tissue = Tissue { scatterer_density: density, ..grainy(mean, deviation) };
+        let mut rig = Rig::new(&block(tissue), &Probe::default(), &small(1, 1));
+        let frame = rig.frame(&tilted());
+        let power = mean_square(envelope(&rig, &frame, 1)[0].iter().flatten().copied());
+        let stated = density * (mean * mean + deviation * deviation);
+        let off = 10.0 * (power / stated).log10();
+        println!("{density} {mean} {deviation}: {off:+.2} dB");
+        assert!(off.abs() <= 0.5, "{off} dB");
+    }
+}
+
+#[test]
+fn speckle_behind_a_strong_interface_has_passed_it_twice() {
+    // Followed by chance: the power of all paths together is that of the part that passes, on both ways.
+    for impedance in [1.9, 3.0, 7.8] {
+        let grain = Tissue { density_kg_m3: impedance * 1e6 / 1540.0, ..grainy(0.0, 0.01) };
+        let mut bench = Bench::new(silent(1540.0, 1.5));
+        let grain = bench.tissue(grain);
+        bench.add(grain, 1, analytic::cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 200.0)));
+        let mut rig = Rig::new(&bench.scene(), &linear(128, 0.3, 2048, 100.0), &small(64, 1));
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        let power = mean_square(envelope(&rig, &frame, 4)[1..].iter().flatten().flatten().copied());
+        let passed = 1.0 - ((impedance - 1.5) / (impedance + 1.5)).powi(2);
+        let off = 20.0 * (power.sqrt() / (0.01 * passed)).log10();
+        println!("behind {impedance} MRayl: {off:+.2} dB");
+        assert!(off.abs() <= 0.5, "{off} dB");
+    }
+}
+
+#[test]
+fn speckle_decays_at_twice_the_one_way_loss() {
+    for (alpha, exponent) in [(0.5, 1.0), (0.3, 1.1)] {
+        let lossy = Tissue { attenuation_db_cm_mhz: alpha, attenuation_exponent: exponent, ..grainy(0.0, 0.01) };
+        let mut rig = Rig::new(&block(lossy), &Probe::default(), &small(1, 1));
+        // Four places a frame each: more independent grains.
+        let bands = 96;
+        let mut power = vec![0.0; bands];
+        for place in 0..4 {
+            let frame = rig.frame(&at(0.0, 12.0 * f64::from(place), 0.0));
+            for (sum, lines) in power.iter_mut().zip(envelope(&rig, &frame, bands)) {
+                *sum += mean_square(lines.into_iter().flatten());
+            }
+        }
+        let depth_cm = |band: usize| 15.0 * (band as f64 + 0.5) / bands as f64;
+        let points: Vec<_> = power.iter().enumerate().map(|(b, p)| (depth_cm(b), 10.0 * p.log10())).collect();
+        let n = bands as f64;
+        let (x, y) = points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+        let xx: f64 = points.iter().map(|p| (p.0 - x).powi(2)).sum();
+        let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / xx;
+        let left = points.iter().map(|p| (p.1 - y - slope * (p.0 - x)).powi(2)).sum::<f64>();
+        let error = (left / (n - 2.0) / xx).sqrt();
+        let want = -2.0 * 10.0 * attenuation_db_mm(alpha, exponent, 8.0);
+        println!("{slope:.4} ± {error:.4} dB/cm, expected {want:.4}");
+        assert!(3.0 * error < 0.01 * want.abs(), "too few grains to tell: ± {error}");
+        assert!((slope / want - 1.0).abs() <= 0.01, "{slope} dB/cm, expected {want}");
+    }
+}
+
+#[test]
+fn speckle_never_repeats() {
+    // Autocorrelation of the complex lines over every lag along a line, and over every distance across.
+    let mut rig = Rig::new(&block(grainy(0.0, 0.01)), &linear(256, 0.3, 2048, 100.0), &small(1, 1));
+    let frame = rig.frame(&at(0.0, 0.0, 0.0));
+    let samples = rig.probe.samples as usize;
+    let lines: Vec<&[[f32; 2]]> = (0..256).map(|l| rig.line(&frame, l)).collect();
+    let product = |a: &[[f32; 2]], b: &[[f32; 2]]| {
+        a.iter().zip(b).fold((0.0, 0.0), |(re, im), (a, b)| {
+            let [ar, ai, br, bi] = [a[0], a[1], b[0], b[1]].map(f64::from);
+            (re + ar * br + ai * bi, im + ai * br - ar * bi)
+        })
+    };
+    let correlation = |pairs: &mut dyn Iterator<Item = (&[[f32; 2]], &[[f32; 2]])>| {
+        let (mut sum, mut power) = ((0.0, 0.0), (0.0, 0.0));
+        for (a, b) in pairs {
+            let p = product(a, b);
+            sum = (sum.0 + p.0, sum.1 + p.1);
+            power = (power.0 + product(a, a).0, power.1 + product(b, b).0);
+        }
+        f64::hypot(sum.0, sum.1) / (power.0 * power.1).sqrt()
+    };
+    assert!(correlation(&mut lines.iter().map(|l| (&l[..samples - 1], &l[1..]))) > 0.8);
+    // Beyond 0.8 mm of depth, twice the pulse and a cell together, and half of the block at most.
+    let along = (16..samples / 2)
+        .map(|lag| correlation(&mut lines.iter().step_by(4).map(|l| (&l[..samples - lag], &l[lag..]))))
+        .fold(0.0, f64::max);
+    // Beyond twelve lines, 3.6 mm: the widest beam.
+    let across = (12..128)
+        .map(|lag| correlation(&mut (0..256 - lag).step_by(2).map(|l| (lines[l], lines[l + lag]))))
+        .fold(0.0, f64::max);
+    println!("highest side peaks: {along:.3} along, {across:.3} across");
+    assert!(along < 0.06 && across < 0.06, "{along} {across}");
+}
