@@ -31,7 +31,7 @@ fn finish(row: u32, first: u32, a: vec4<f32>, b: vec4<f32>) {
     // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
     let level_db = 3.01029995664 * log2(max(power, vec4<f32>(1.0e-37)))
         + params.gain_db + params.tgc_db_per_mm * depth_mm
-        + mix(vec4<f32>(slider_db(depth_mm.x)), vec4<f32>(slider_db(depth_mm.w)), vec4<f32>(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0));
+        + vec4<f32>(slider_db(depth_mm.x), slider_db(depth_mm.y), slider_db(depth_mm.z), slider_db(depth_mm.w));
     polar[(row + first) >> 2u] = 255.0 * clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
     if KEEP_LINES {
         lines[(row + first) >> 1u] = a;
