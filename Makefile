@@ -1,7 +1,7 @@
 # Everything a newcomer types. Each target brings the machine to where it works by scripts/setup.
 CARGO ?= cargo
 # rustup puts cargo here; a shell that was open before doesn't know.
-export PATH := $(PATH):$(HOME)/.cargo/bin
+export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 

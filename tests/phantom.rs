@@ -287,7 +287,7 @@ fn the_media_at_the_landmarks_are_the_organs_they_name() {
         }
     }
     let from = met.iter().rposition(|&t| t == "brain").unwrap();
-    let outward = ["brain", "csf", "bone_fetal", "soft_tissue", "skin", "amniotic_fluid"];
+    let outward = ["brain", "csf", "calvaria_fetal", "soft_tissue", "skin", "amniotic_fluid"];
     assert_eq!(met[from..from + 6], outward);
     assert_eq!(tissue(l.belly_top_mm - Vec3::Z), Some("skin"));
     assert_eq!(tissue(l.belly_top_mm + Vec3::Z), None);

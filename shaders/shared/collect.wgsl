@@ -1,4 +1,4 @@
-// Every crossing of a straight ray, sorted. Sixty-four suit a locate, 128 a section.
+// Every crossing of a straight ray, sorted: up to CROSSINGS, a constant of each pass.
 
 var<private> crossing_t: array<f32, CROSSINGS>;
 var<private> crossing_key: array<u32, CROSSINGS>;

@@ -33,7 +33,7 @@ struct Params {
     // Samples of a row in memory: a multiple of 16.
     row_samples: u32,
     hint_words: u32,
-    // Depths that a map ray is sampled at, one a pixel side.
+    // Depths that a map ray is sampled at, map_step_mm apart.
     map_depths: u32,
     map_step_mm: f32,
     // Words of packed pixels that meet the sector.

@@ -231,7 +231,7 @@ pub fn tissue_colour(tissue: &str) -> [u8; 4] {
         "lung_aerated" | "air" => [40, 44, 60, 255],
         "cartilage" => [188, 214, 220, 255],
         "bone_adult" => [236, 228, 206, 255],
-        "bone_fetal" => [250, 246, 232, 255],
+        "bone_fetal" | "calvaria_fetal" => [250, 246, 232, 255],
         "soft_tissue" => [218, 148, 128, 160],
         _ => [160, 160, 160, 255],
     }

@@ -19,7 +19,7 @@ use serde::Serialize;
 use super::output::thousands;
 use super::progress::Progress;
 use super::replay::RecordingReport;
-use super::timeline::Timeline;
+use super::timeline::{Timeline, check_length};
 use super::{Failure, output, session};
 
 /// The station and the exam are part of the program, so that the demo runs from anywhere.
@@ -98,6 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::parse(STATION, Path::new("configs"))?;
     let exam_path = Path::new(EXAM_NAME);
     let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
+    check_length(&poses, rate)?;
     let timeline = Timeline::new(&poses, rate);
     let keys = key_frames(&summary.events, &timeline);
 

@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use super::progress::Progress;
 use super::quality::{self, RaysLayers};
-use super::timeline::Timeline;
+use super::timeline::{Timeline, check_length};
 use super::{Failure, output, session};
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
@@ -174,6 +174,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if !summary.is_clean() {
         eprintln!("warning: {}: {summary}", args.recording.display());
     }
+    check_length(&poses, rate)?;
     let timeline = Timeline::new(&poses, rate);
     let frames = timeline.poses.len();
     let end = args.frames.end.unwrap_or(frames).min(frames);

@@ -3,6 +3,8 @@
 use insonify::pose::{Pose, TimedPose, interpolate};
 use insonify::sink::FrameRate;
 
+use super::failure::Failure;
+
 /// Longest time without a pose that is bridged: what the probe did in a longer one is not known.
 pub(crate) const GAP_LIMIT_NS: u64 = 250_000_000;
 
@@ -15,6 +17,24 @@ pub(crate) struct Timeline {
     pub(crate) times_ns: Vec<u64>,
     /// Which frames lie in gaps.
     held: Vec<bool>,
+}
+
+/// Most frames of a session: a day at ten a second.
+const FRAMES_MAX: u128 = 1_000_000;
+
+/// Refuses poses that would make more frames than a session can have: a wrong clock, most likely.
+pub(crate) fn check_length(poses: &[TimedPose], rate: FrameRate) -> Result<(), Failure> {
+    let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(()) };
+    let span_ns = u128::from(last.host_time_ns.saturating_sub(first.host_time_ns));
+    let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
+    if frames > FRAMES_MAX {
+        return Err(Failure::Input(anyhow::anyhow!(
+            "the recording's host times span {:.0} s: {frames} frames at {:.1} a second, at most {FRAMES_MAX} are rendered; is a time stamp wrong?",
+            span_ns as f64 * 1e-9,
+            rate.fps()
+        )));
+    }
+    Ok(())
 }
 
 impl Timeline {

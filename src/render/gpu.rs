@@ -1,6 +1,6 @@
 //! The graphics device.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
 
@@ -69,6 +69,8 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     pub(crate) timestamps: bool,
+    /// The first error that the device reported outside of any call.
+    fault: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -109,9 +111,21 @@ impl Gpu {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
-        device.on_uncaptured_error(Arc::new(|error| tracing::error!(%error, "the GPU reported an error")));
+        let fault = Arc::new(Mutex::new(None));
+        let reported = fault.clone();
+        device.on_uncaptured_error(Arc::new(move |error| {
+            reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
+        }));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
-        Ok(Self { device, queue, info, timestamps })
+        Ok(Self { device, queue, info, timestamps, fault })
+    }
+
+    /// Fails if the device reported an error since it was opened: what it computes can't be trusted.
+    pub(crate) fn check(&self) -> Result<(), GpuError> {
+        match self.fault.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            Some(reason) => Err(GpuError::Lost { reason: reason.clone() }),
+            None => Ok(()),
+        }
     }
 
     /// Name of the adapter.

@@ -12,8 +12,9 @@ use super::readback::Slot;
 use super::resources::{BatchPlan, Buffers, PARAMS_STRIDE, Pass};
 use super::settings::SettingsError;
 use super::shaders::ShaderSet;
-use super::tables::Tables;
+use super::tables::{TISSUES_MAX, Tables};
 use super::{Frame, RenderSettings};
+use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, BvhError, Scene};
 use crate::pose::Pose;
 use crate::transducer::{Probe, ProbeError, Sector};
@@ -36,6 +37,17 @@ pub enum RenderError {
     /// A setting is outside its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// Indices that the shaders can't follow.
+    #[error("the scene can't be rendered: {what}")]
+    Scene {
+        /// What is wrong.
+        what: String,
+    },
+    /// No pixel's centre lies inside the sector.
+    #[error(
+        "the sector is thinner than a pixel of the image: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
+    )]
+    SectorTooThin,
     /// `submit` with the ring full.
     #[error("{FRAMES_IN_FLIGHT} frames are in flight; receive one before the next is submitted")]
     RingFull,
@@ -93,7 +105,11 @@ impl Renderer {
     ) -> Result<Self, RenderError> {
         probe.validate()?;
         settings.validate()?;
+        check_scene(scene, &bvh)?;
         let tables = Tables::new(scene, probe, settings);
+        if tables.sector_words.is_empty() {
+            return Err(RenderError::SectorTooThin);
+        }
         let params = Params::new(scene, probe, settings, &tables);
         let plan = BatchPlan::new(probe.scanlines, settings.quality.rays, settings.quality.layers);
         let buffers = Buffers::new(gpu, scene, &bvh, &tables, &params, &plan, settings.lines)?;
@@ -223,6 +239,7 @@ impl Renderer {
             };
         };
         result.map_err(|e| lost(e.to_string()))?;
+        self.gpu.check()?;
         frame.width = self.params.width;
         frame.height = self.params.height;
         self.slots[index].read(frame)?;
@@ -230,5 +247,24 @@ impl Renderer {
         frame.mask.extend_from_slice(&self.tables.mask);
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
         Ok(())
+    }
+}
+
+/// Checks every index that the shaders follow unchecked.
+fn check_scene(scene: &Scene, bvh: &Bvh) -> Result<(), RenderError> {
+    let (surfaces, tissues) = (scene.surfaces.len(), scene.tissues.tissues().len());
+    let fail = |what: String| Err(RenderError::Scene { what });
+    if surfaces > SURFACES_MAX {
+        return fail(format!("{surfaces} surfaces; at most {SURFACES_MAX} are traced"));
+    }
+    if tissues > TISSUES_MAX as usize {
+        return fail(format!("{tissues} tissues; at most {TISSUES_MAX} are numbered"));
+    }
+    if let Some(index) = scene.surfaces.iter().map(|s| s.tissue).chain([scene.background]).find(|&i| i >= tissues) {
+        return fail(format!("tissue {index} of a table of {tissues}"));
+    }
+    match bvh.triangles.iter().find(|t| t.surface as usize >= surfaces) {
+        Some(triangle) => fail(format!("its BVH names surface {} of {surfaces}", triangle.surface)),
+        None => Ok(()),
     }
 }

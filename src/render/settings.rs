@@ -103,7 +103,7 @@ impl RenderSettings {
             ("image.tgc_db_per_cm", self.image.tgc_db_per_cm, 0.0, 100.0),
             ("quality.rays", f64::from(self.quality.rays), 1.0, 256.0),
             ("quality.layers", f64::from(self.quality.layers), 1.0, 33.0),
-            ("quality.paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
+            ("paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
         ];
         let sliders = self.image.tgc_sliders_db.iter().map(|&db| ("image.tgc_sliders_db", db, -100.0, 100.0));
         for (key, value, min, max) in checks.into_iter().chain(sliders) {

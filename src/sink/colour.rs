@@ -30,7 +30,7 @@ const VIRIDIS: [u32; 256] = [
 ];
 
 /// Colours of the tissues that the tables here know: fluids blue and black, soft tissue red and brown, bone ivory.
-const TISSUES: [(&str, u32); 31] = [
+const TISSUES: [(&str, u32); 32] = [
     ("water", 0x1a5fb4),
     ("gel", 0x3584e4),
     ("amniotic_fluid", 0x14386b),
@@ -60,6 +60,7 @@ const TISSUES: [(&str, u32); 31] = [
     ("cartilage", 0xb4d8a8),
     ("bone_adult", 0xe3d9b8),
     ("bone_fetal", 0xfffbe6),
+    ("calvaria_fetal", 0xf2e6c2),
     ("fascia", 0xc8c0c8),
     ("soft_tissue_maternal", 0x5e3a32),
 ];

@@ -7,7 +7,7 @@ use crate::pose::Pose;
 use crate::render::{Frame, FrameTimes, Quality, RenderSettings};
 use crate::transducer::{Probe, ProbeKind, Sector};
 
-/// All that is needed to make a frame again, and how long it took. Serialises as the content of `frame.json`.
+/// What a frame was made with: pose, quality, image, probe, device. The station file holds scene and tissues.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameRecord {
     /// Version of insonify.
@@ -69,6 +69,8 @@ pub struct ImageRecord {
     pub gain_db: f64,
     /// Time-gain compensation, dB a cm.
     pub tgc_db_per_cm: f64,
+    /// Gain at eight depths from the face to the full depth, dB.
+    pub tgc_sliders_db: [f64; 8],
 }
 
 /// The probe, under the keys of a station file's `[probe]`.
@@ -155,6 +157,7 @@ impl FrameRecord {
                 dynamic_range_db: image.dynamic_range_db,
                 gain_db: image.gain_db,
                 tgc_db_per_cm: image.tgc_db_per_cm,
+                tgc_sliders_db: image.tgc_sliders_db,
             },
             probe: ProbeRecord::from(probe),
             attenuation_p98: frame.attenuation_p98,

@@ -91,7 +91,7 @@ const fn doc(
 pub const KEYS: &[KeyDoc] = &[
     doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
     doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
-    doc("scene", "phantom_scale", "", "1.0", number(0.01, 20.0), "triangles of the phantom over those of the full one"),
+    doc("scene", "phantom_scale", "", "1.0", number(0.01, 20.0), "triangles of the phantom over those of the full one; below about 0.18 its finest parts are lost and it is refused"),
     doc("scene", "background", "", "\"gel\"", Accepts::Text("the name of a tissue"), "tissue outside of every surface"),
 
     doc("probe", "kind", "", "\"convex\"", Accepts::OneOf(&["convex", "linear", "phased"]), "shape of the face"),
