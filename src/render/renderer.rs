@@ -43,11 +43,6 @@ pub enum RenderError {
         /// What is wrong.
         what: String,
     },
-    /// No pixel's centre lies inside the sector.
-    #[error(
-        "the sector is thinner than a pixel of the image: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
-    )]
-    SectorTooThin,
     /// `submit` with the ring full.
     #[error("{FRAMES_IN_FLIGHT} frames are in flight; receive one before the next is submitted")]
     RingFull,
@@ -108,7 +103,9 @@ impl Renderer {
         check_scene(scene, &bvh)?;
         let tables = Tables::new(scene, probe, settings);
         if tables.sector_words.is_empty() {
-            return Err(RenderError::SectorTooThin);
+            tracing::warn!(
+                "the sector is thinner than a pixel and the image stays black: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
+            );
         }
         let params = Params::new(scene, probe, settings, &tables);
         let plan = BatchPlan::new(probe.scanlines, settings.quality.rays, settings.quality.layers);
