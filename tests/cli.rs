@@ -12,7 +12,7 @@ use insonify::anatomy::export::{LabelledSurface, write_glb};
 use insonify::pose::Pose;
 use insonify::sink::write_json;
 use insonify::tracker::recording::{Event, RecordingInfo, RecordingWriter};
-use insonify::tracker::{Protocol, Record, ascii_line};
+use insonify::tracker::{Protocol, ascii_line};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -84,8 +84,7 @@ fn recording(path: &Path) {
     for i in 0..121u32 {
         let time_ns = start_time_ns + u64::from(i) * 1_000_000_000 / 60;
         let pose = Pose { position_mm: DVec3::X * f64::from(i) * 0.1, orientation: DQuat::IDENTITY };
-        let record = Record { sequence: i, device_time_us: u64::from(i) * 16_667, pose };
-        writer.raw(time_ns, ascii_line::encode(&record).as_bytes()).unwrap();
+        writer.raw(time_ns, ascii_line::encode(i, u64::from(i) * 16_667, &pose).as_bytes()).unwrap();
         if i == 60 {
             writer.event(&Event { host_time_ns: time_ns, name: "middle".into() }).unwrap();
         }

@@ -12,7 +12,7 @@ use super::phantom::{self, Landmarks};
 use crate::pose::freehand::{Tremor, Waypoint, view_at};
 use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
-use crate::tracker::{Protocol, Record, ascii_line};
+use crate::tracker::{Protocol, ascii_line};
 
 /// Length of the exam, s.
 pub const DURATION_S: u32 = 24;
@@ -77,8 +77,8 @@ pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
             writer.event(&event)?;
             next = events.next();
         }
-        let record = Record { sequence, device_time_us: timed.device_time_us, pose: timed.pose };
-        writer.raw(timed.host_time_ns, ascii_line::encode(&record).as_bytes())?;
+        let line = ascii_line::encode(sequence, timed.device_time_us, &timed.pose);
+        writer.raw(timed.host_time_ns, line.as_bytes())?;
     }
     Ok(writer.finish()?)
 }

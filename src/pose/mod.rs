@@ -9,8 +9,12 @@ use thiserror::Error;
 
 pub mod freehand;
 mod history;
+mod reading;
+mod tracking;
 
 pub use history::{TimedPose, interpolate};
+pub use reading::{Measurement, Reading};
+pub use tracking::TrackingState;
 
 /// Largest accepted departure of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;

@@ -7,6 +7,7 @@ pub mod colour;
 pub mod contact_sheet;
 pub mod frame_files;
 pub mod frame_record;
+pub mod live;
 pub mod mp4;
 pub mod npy;
 pub mod png;

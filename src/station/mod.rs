@@ -7,6 +7,7 @@
 mod error;
 mod keys;
 mod parse;
+mod values;
 
 use std::path::{Path, PathBuf};
 

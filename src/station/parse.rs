@@ -5,7 +5,8 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::keys::{Accepts, KeyDoc, of_table};
+use super::keys::Accepts;
+use super::values::{Values, section, take, wrong_type};
 use super::{SceneSource, Station, StationError};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::pose::Pose;
@@ -41,126 +42,6 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
         let suggestion = did_you_mean(name, tissues.names().iter().map(String::as_str));
         StationError::UnknownTissue { tissue: name.to_owned(), suggestion }
     })
-}
-
-/// The checked values of one table.
-struct Values {
-    table: String,
-    values: Table,
-}
-
-impl Values {
-    /// Checks each key of `values` by its documentation.
-    fn check(table: &str, values: Table) -> Result<Self, StationError> {
-        for (key, value) in &values {
-            let Some(doc) = of_table(table).find(|doc| doc.key == key) else {
-                return Err(StationError::UnknownKey {
-                    table: table.to_owned(),
-                    key: key.clone(),
-                    suggestion: did_you_mean(key, of_table(table).map(|doc| doc.key)),
-                    known: of_table(table).map(|doc| doc.key).collect::<Vec<_>>().join(", "),
-                });
-            };
-            check_value(table, doc, value)?;
-        }
-        Ok(Self { table: table.to_owned(), values })
-    }
-
-    fn has(&self, key: &str) -> bool {
-        self.values.contains_key(key)
-    }
-
-    fn text(&self, key: &str) -> Option<&str> {
-        self.values.get(key)?.as_str()
-    }
-
-    fn number(&self, key: &str) -> Option<f64> {
-        number(self.values.get(key)?)
-    }
-
-    /// A whole number; checking saw to it that it is in its range, which u32 holds.
-    fn integer(&self, key: &str) -> Option<u32> {
-        u32::try_from(self.values.get(key)?.as_integer()?).ok()
-    }
-
-    fn numbers<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
-        let numbers: Vec<f64> = self.values.get(key)?.as_array()?.iter().filter_map(number).collect();
-        numbers.try_into().ok()
-    }
-
-    /// Overwrites `target` where the key is given.
-    fn set(&self, key: &str, target: &mut f64) {
-        *target = self.number(key).unwrap_or(*target);
-    }
-
-    fn set_integer(&self, key: &str, target: &mut u32) {
-        *target = self.integer(key).unwrap_or(*target);
-    }
-
-    /// An error for the first of `keys` that is given.
-    fn refuse(&self, keys: &[&str], reason: &str) -> Result<(), StationError> {
-        match keys.iter().find(|key| self.has(key)) {
-            Some(key) => {
-                Err(StationError::NotApplicable { key: format!("{}.{key}", self.table), reason: reason.to_owned() })
-            }
-            None => Ok(()),
-        }
-    }
-}
-
-/// Takes a table out of the file; an absent one is None.
-fn take(root: &mut Table, name: &str) -> Result<Option<Table>, StationError> {
-    match root.remove(name) {
-        None => Ok(None),
-        Some(Value::Table(table)) => Ok(Some(table)),
-        Some(other) => Err(wrong_type(name.to_owned(), &other, Accepts::Table)),
-    }
-}
-
-/// The checked values of a table; an absent one is empty.
-fn section(root: &mut Table, name: &str) -> Result<Values, StationError> {
-    Values::check(name, take(root, name)?.unwrap_or_default())
-}
-
-fn number(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
-}
-
-fn wrong_type(key: String, found: &Value, accepts: Accepts) -> StationError {
-    StationError::WrongType { key, found: shown(found), accepts }
-}
-
-/// A value as TOML, tables and long texts by their type.
-fn shown(value: &Value) -> String {
-    let text = value.to_string();
-    if value.is_table() || text.chars().count() > 60 { format!("a {}", value.type_str()) } else { text }
-}
-
-fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationError> {
-    let key = || format!("{table}.{}", doc.key);
-    let wrong = || wrong_type(key(), value, doc.range);
-    let mut suggestion = String::new();
-    let accepted = match doc.range {
-        // Written so that NaN is refused.
-        Accepts::Number { min, max } => (min..=max).contains(&number(value).ok_or_else(wrong)?),
-        Accepts::Integer { min, max } => (min..=max).contains(&value.as_integer().ok_or_else(wrong)?),
-        Accepts::Numbers { count, limit } => {
-            let array = value.as_array().ok_or_else(wrong)?;
-            let numbers = array.iter().map(number).collect::<Option<Vec<_>>>().ok_or_else(wrong)?;
-            numbers.len() == count && numbers.iter().all(|n| n.abs() <= limit)
-        }
-        Accepts::OneOf(words) => {
-            let word = value.as_str().ok_or_else(wrong)?;
-            suggestion = did_you_mean(word, words.iter().copied());
-            words.contains(&word)
-        }
-        Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
-        Accepts::Table => value.is_table(),
-    };
-    if accepted {
-        return Ok(());
-    }
-    Err(StationError::Range { key: key(), found: shown(value), accepts: doc.range, suggestion })
 }
 
 fn scene(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {

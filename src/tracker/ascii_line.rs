@@ -200,7 +200,7 @@ fn parse(line: &[u8], checksum: Checksum) -> Result<Record, Reason> {
     for (i, component) in components.iter_mut().enumerate() {
         *component = number(fields[i + 2], FIELDS[i + 2], "a decimal number")?;
     }
-    Ok(Record { sequence, device_time_us, pose: Pose::from_components(components)? })
+    Ok(Record::pose(sequence, device_time_us, Pose::from_components(components)?))
 }
 
 fn check(body: &[u8], digits: &[u8]) -> Result<(), Reason> {
@@ -230,10 +230,9 @@ fn quote(bytes: &[u8]) -> String {
     format!("{}{more}", bytes[..bytes.len().min(QUOTE_LIMIT)].escape_ascii())
 }
 
-/// The line of `record`, line feed included: positions to 0.1 µm, quaternions to 1e-8, as a board would print them.
-pub fn encode(record: &Record) -> String {
-    let [x, y, z, qw, qx, qy, qz] = record.pose.components();
-    let Record { sequence, device_time_us, .. } = record;
+/// The line of a pose, line feed included: positions to 0.1 µm, quaternions to 1e-8, as a board would print them.
+pub fn encode(sequence: u32, device_time_us: u64, pose: &Pose) -> String {
+    let [x, y, z, qw, qx, qy, qz] = pose.components();
     let body = format!(",{sequence},{device_time_us},{x:.4},{y:.4},{z:.4},{qw:.8},{qx:.8},{qy:.8},{qz:.8}");
     format!("P{body}*{:02X}\n", xor(body.as_bytes()))
 }
@@ -255,8 +254,8 @@ mod tests {
     #[test]
     fn decodes_a_line_checked_by_hand() {
         let record = first(LINE, Checksum::Required).unwrap().unwrap();
-        assert_eq!((record.sequence, record.device_time_us), (7, 1000));
-        assert_eq!(record.pose.components(), [1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]);
+        let pose = Pose::from_components([1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]).unwrap();
+        assert_eq!(record, Record::pose(7, 1000, pose));
         let padded = "\r\n\nP, 7,1000, 1.50,-2,80.25,1,0,0,0\r\n";
         assert_eq!(first(padded, Checksum::Optional).unwrap(), Some(record));
     }

@@ -18,20 +18,38 @@ use std::str::FromStr;
 use bytes::BytesMut;
 use thiserror::Error;
 
-use crate::pose::Pose;
+use crate::pose::{Pose, Reading};
 
 pub mod ascii_line;
+pub mod driver;
 pub mod recording;
 
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Counter of the device; it wraps at 2³².
-    pub sequence: u32,
-    /// Clock of the device, µs from its own origin.
-    pub device_time_us: u64,
-    /// Pose of the probe in the tracker's frame; for recordings made over a scene, that scene's frame.
-    pub pose: Pose,
+    /// Station, port handle or tool of the device; 0 where its protocol knows only one.
+    pub sensor: u16,
+    /// Counter of the device, where it has one; it wraps at 2³².
+    pub sequence: Option<u32>,
+    /// Clock of the device, µs from its own origin, where it has one.
+    pub device_time_us: Option<u64>,
+    /// Buttons or switches held, a bit each from the lowest.
+    pub buttons: u32,
+    /// What was measured, in the tracker's frame; for recordings made over a scene, in that scene's frame.
+    pub reading: Reading,
+}
+
+impl Record {
+    /// A pose of the only sensor of a device that has a counter and a clock.
+    pub fn pose(sequence: u32, device_time_us: u64, pose: Pose) -> Self {
+        Self {
+            sensor: 0,
+            sequence: Some(sequence),
+            device_time_us: Some(device_time_us),
+            buttons: 0,
+            reading: Reading::Pose(pose),
+        }
+    }
 }
 
 /// A wire format.

@@ -9,7 +9,7 @@ use std::time::Duration;
 use bytes::BytesMut;
 
 use super::{Damage, Entry, Event, RecordingError, RecordingInfo, RecordingReader};
-use crate::pose::TimedPose;
+use crate::pose::{Reading, TimedPose};
 use crate::tracker::{DecodeError, Record};
 
 /// Most decode errors that are described; all are counted.
@@ -35,6 +35,8 @@ pub struct RecordingSummary {
     /// Records whose device counter stands still or runs backward: repeated, or the device started anew. Their poses
     /// are used.
     pub sequence_reversals: u64,
+    /// Records that hold no pose: the sensor was out of view, or the device knows no position.
+    pub without_pose: u64,
     /// Poses left out since their host time lies before that of an earlier one.
     pub time_reversals: u64,
     /// Events.
@@ -65,6 +67,7 @@ impl fmt::Display for RecordingSummary {
             (self.decode_errors, "pieces of the tracker's stream are no record"),
             (self.missing_records, "records missing by the tracker's counter"),
             (self.sequence_reversals, "records whose counter does not rise"),
+            (self.without_pose, "records without a pose"),
             (self.time_reversals, "poses left out since their time runs backward"),
         ];
         for (count, what) in counted {
@@ -171,6 +174,7 @@ impl Collector {
             decode_errors_first: Vec::new(),
             missing_records: 0,
             sequence_reversals: 0,
+            without_pose: 0,
             time_reversals: 0,
             events: Vec::new(),
             damage: Damage::default(),
@@ -180,19 +184,27 @@ impl Collector {
     }
 
     fn record(&mut self, host_time_ns: u64, record: Record) {
-        let Record { sequence, device_time_us, pose } = record;
         self.summary.records += 1;
-        if let Some(last) = self.sequence.replace(sequence) {
+        let last = std::mem::replace(&mut self.sequence, record.sequence);
+        if let (Some(last), Some(sequence)) = (last, record.sequence) {
             // The counter wraps: what looks like more than half of its range forward is a step back.
             match sequence.wrapping_sub(last) {
                 step @ 1..=0x7fff_ffff => self.summary.missing_records += u64::from(step - 1),
                 _ => self.summary.sequence_reversals += 1,
             }
         }
+        let Reading::Pose(pose) = record.reading else {
+            self.summary.without_pose += 1;
+            return;
+        };
         if self.poses.last().is_some_and(|last| host_time_ns < last.host_time_ns) {
             self.summary.time_reversals += 1;
         } else {
-            self.poses.push(TimedPose { host_time_ns, device_time_us, pose });
+            self.poses.push(TimedPose {
+                host_time_ns,
+                device_time_us: record.device_time_us.unwrap_or(host_time_ns / 1000),
+                pose,
+            });
         }
     }
 

@@ -1,0 +1,147 @@
+//! What a live station shows, and what comes back from those who watch.
+//!
+//! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`](std::sync::Arc) that the presenter
+//! reuses once all sinks have dropped it: a sink that keeps a frame for long makes the presenter take another one.
+
+use std::time::Duration;
+
+use crate::pose::{Pose, TrackingState};
+use crate::render::ImageSettings;
+
+use super::SinkError;
+
+/// Which picture a frame shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FrameSource {
+    /// The generator's, of this frame.
+    Enhanced,
+    /// The generator's of an earlier frame, whose pose is nearly this one's.
+    HeldEnhanced,
+    /// The rendered one.
+    #[default]
+    LowQuality,
+}
+
+/// When a frame passed each stage, since the session began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FrameTimeline {
+    /// First byte of the tracker's record that the pose comes from; none without a tracker.
+    pub first_byte: Option<Duration>,
+    /// The pose was sampled.
+    pub sampled: Duration,
+    /// The render was submitted.
+    pub submitted: Duration,
+    /// The rendered frame lay in memory.
+    pub rendered: Duration,
+    /// The generator began and ended; none where none ran on this frame.
+    pub inference: Option<(Duration, Duration)>,
+    /// Handed to the sinks.
+    pub presented: Duration,
+}
+
+/// Settings that can be changed while a station runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LiveSettings {
+    /// Gain, dynamic range and TGC; width and height stay.
+    pub image: ImageSettings,
+    /// Depth of the image, mm.
+    pub depth_mm: f64,
+    /// Focal depth, mm.
+    pub focus_mm: f64,
+    /// Rays per scanline and layer.
+    pub rays: u32,
+    /// Elevational layers.
+    pub layers: u32,
+    /// Whether the picture stands still.
+    pub frozen: bool,
+    /// Whether the generator may run.
+    pub enhance: bool,
+}
+
+/// One frame as it is shown. All maps are row-major, the first row nearest to the probe.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PresentedFrame {
+    /// Counts the presented frames from 0.
+    pub number: u64,
+    /// Which picture `image` is.
+    pub source: FrameSource,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Side of a pixel, mm.
+    pub pixel_mm: f64,
+    /// Grey levels shown [height × width].
+    pub image: Vec<u8>,
+    /// Tissue numbers [height × width]; 0 outside the sector.
+    pub segmentation: Vec<u8>,
+    /// One-way attenuation over its 98th percentile [height × width].
+    pub attenuation: Vec<f32>,
+    /// 255 inside the sector [height × width].
+    pub mask: Vec<u8>,
+    /// `scene_from_probe`; none before the first pose.
+    pub pose: Option<Pose>,
+    /// How far the pose can be trusted.
+    pub tracking: TrackingState,
+    /// When it passed each stage.
+    pub timeline: FrameTimeline,
+    /// Settings it was made with.
+    pub settings: LiveSettings,
+    /// Name of the generator tier at work; none on low quality.
+    pub tier: Option<String>,
+    /// What went wrong lately and should be told to whoever watches.
+    pub notice: Option<String>,
+}
+
+/// Something a watcher asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Control {
+    /// Lets the picture stand still, or go on.
+    Freeze(bool),
+    /// Gain, dB.
+    GainDb(f64),
+    /// Dynamic range, dB.
+    DynamicRangeDb(f64),
+    /// TGC, dB/cm.
+    TgcDbPerCm(f64),
+    /// One of the eight sliders.
+    TgcSlider {
+        /// 0..8 from the face down.
+        index: usize,
+        /// Its gain, dB.
+        db: f64,
+    },
+    /// Depth of the image, mm.
+    DepthMm(f64),
+    /// Focal depth, mm.
+    FocusMm(f64),
+    /// Rays per scanline × layers.
+    Quality {
+        /// Rays per scanline and layer.
+        rays: u32,
+        /// Elevational layers.
+        layers: u32,
+    },
+    /// Whether the generator may run.
+    Enhance(bool),
+    /// Ends the session.
+    Quit,
+}
+
+/// Takes frames, on a thread of its own: a slow sink drops frames, counted under its name, and delays nobody.
+pub trait LiveSink: Send {
+    /// Name under which its drops and errors are counted.
+    fn name(&self) -> &str;
+
+    /// Shows or stores one frame.
+    ///
+    /// # Errors
+    /// The frame could not be taken. The station says so and goes on; a sink that fails again and again is closed.
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError>;
+
+    /// Ends: what is buffered is brought to where it belongs.
+    ///
+    /// # Errors
+    /// What could not be finished.
+    fn finish(self: Box<Self>) -> Result<(), SinkError>;
+}

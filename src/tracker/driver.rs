@@ -1,0 +1,41 @@
+//! What a device needs beside the decoding of its stream: commands that start it, questions, patience, resets.
+//!
+//! A driver does no input or output and knows no clock: whoever owns the port calls it with the time since the session
+//! began, and so every exchange can be tested without a device and without waiting.
+
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+
+use super::{DecodeError, Protocol, Record};
+
+/// Speaks with one device.
+///
+/// The owner of the port calls [`start`](Self::start) once it is open, then [`transmit`](Self::transmit) until it has
+/// nothing to send, after every piece of input and at [`wake_at`](Self::wake_at). All received bytes are appended to
+/// one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
+pub trait Driver: Send {
+    /// Format of the records, which decides the decoder of a replay.
+    fn protocol(&self) -> Protocol;
+
+    /// Begins anew with a device of unknown state. `attempt` is 0 at first and rises by one with each time that the
+    /// device stayed silent; from attempt to attempt a driver resets harder.
+    fn start(&mut self, now: Duration, attempt: u32);
+
+    /// The next bytes to send, or none for now.
+    fn transmit(&mut self, now: Duration) -> Option<Bytes>;
+
+    /// When to call [`transmit`](Self::transmit) although nothing was received; none where that isn't needed.
+    fn wake_at(&self) -> Option<Duration>;
+
+    /// How long the device may be silent before it is started anew; longer while it resets.
+    fn patience(&self) -> Duration;
+
+    /// Takes the next record from the front of `buffer`, as [`super::Decoder::decode`] does, and advances the exchange
+    /// by whatever else lies in it.
+    ///
+    /// # Errors
+    /// Bytes that are no record or no reply that was expected; an error that the device reports. They are removed, and
+    /// the next call goes on behind them.
+    fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
+}
