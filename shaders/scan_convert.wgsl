@@ -2,9 +2,9 @@
 // words outside the sector have no thread and stay zero.
 
 @group(0) @binding(0) var<uniform> params: Params;
-// Scanline and sample of two pixels' centres, counted from the first ones' centres, for each word that meets the
-// sector; a negative depth lies outside.
-@group(0) @binding(1) var<storage, read> pixels: array<vec4<f32>>;
+// Fractions of the sector's width (the lowest ACROSS_BITS bits) and depth of four pixels' centres, for each word that
+// meets the sector; all ones lie outside.
+@group(0) @binding(1) var<storage, read> pixels: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> polar: array<f32>;
 @group(0) @binding(3) var<storage, read> raster: array<u32>;
 @group(0) @binding(4) var<storage, read> percentile: array<f32>;
@@ -15,7 +15,9 @@
 // Where in the image each of those words lies.
 @group(0) @binding(9) var<storage, read> words: array<u32>;
 
-const OUTSIDE: f32 = -1.0e8;
+const OUTSIDE: u32 = 0xffffffffu;
+const ACROSS_SCALE: f32 = 1.0 / f32((1u << ACROSS_BITS) - 2u);
+const DEPTH_SCALE: f32 = 1.0 / f32((1u << (32u - ACROSS_BITS)) - 2u);
 const LN_SILENT: f32 = -80.0;
 
 struct Pixel {
@@ -30,21 +32,31 @@ struct Section {
     tissue: u32,
 }
 
+fn raster_sum(word: u32) -> f32 {
+    return bitcast<f32>((word & 0xfffffe00u) >> 1u);
+}
+
 fn section_at(ray: u32, depth_mm: f32) -> Section {
     let step = min(u32(i32(depth_mm / params.map_step_mm)), params.map_depths - 2u);
-    let before = raster[ray * params.map_depths + step];
-    let after = raster[ray * params.map_depths + step + 1u];
+    let at = ray * params.map_depths + step;
+    let before = raster[at];
     let beyond_mm = depth_mm - f32(i32(step)) * params.map_step_mm;
-    let sum0 = bitcast<f32>(before & 0xffffff00u);
-    let sum1 = bitcast<f32>(after & 0xffffff00u);
-    var sum = mix(sum0, sum1, clamp(beyond_mm / params.map_step_mm, 0.0, 1.0));
+    let rate0 = 0.5 * tissues[before & 255u].attenuation_np_mm;
+    let sum0 = raster_sum(before);
+    var sum = sum0 + rate0 * beyond_mm;
     var tissue = before & 255u;
-    // Between two tissues: Σμ says where the one ends. A loop, not an `if`: software devices skip a loop that no thread enters.
+    // A boundary lies before the next depth. A loop, not an `if`: software devices skip a loop that no thread enters.
     loop {
-        if tissue == (after & 255u) {
+        if (before & 256u) != 0u {
             break;
         }
-        let rate0 = 0.5 * tissues[before & 255u].attenuation_np_mm;
+        let after = raster[at + 1u];
+        let sum1 = raster_sum(after);
+        if tissue == (after & 255u) {
+            sum = mix(sum0, sum1, clamp(beyond_mm / params.map_step_mm, 0.0, 1.0));
+            break;
+        }
+        // Between two tissues: Σμ says where the one ends.
         let rate1 = 0.5 * tissues[after & 255u].attenuation_np_mm;
         let contrast = rate0 - rate1;
         // Tissues that attenuate alike don't say: halfway is within half a pixel.
@@ -59,9 +71,11 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     return Section(sum, tissue);
 }
 
-fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
-    let line = clamp(place.x, 0.0, f32(params.scanlines - 1u));
-    let sample = clamp(place.y, 0.0, f32(params.samples - 1u));
+fn convert(place: u32, percentile_np: f32) -> Pixel {
+    let across = f32(i32(place & ((1u << ACROSS_BITS) - 1u))) * ACROSS_SCALE;
+    let depth = f32(i32(place >> ACROSS_BITS)) * DEPTH_SCALE;
+    let line = clamp(across * f32(params.scanlines) - 0.5, 0.0, f32(params.scanlines - 1u));
+    let sample = clamp(depth * f32(params.samples) - 0.5, 0.0, f32(params.samples - 1u));
     let sample0 = u32(i32(sample));
     let sample1 = min(sample0 + 1u, params.samples - 1u);
     let row0 = u32(i32(line)) * params.row_samples;
@@ -71,18 +85,18 @@ fn convert(place: vec2<f32>, percentile_np: f32) -> Pixel {
     let b = mix(polar[row1 + sample0], polar[row1 + sample1], along);
     let grey = u32(i32(mix(a, b, fract(line)) + 0.5));
 
-    let depth_mm = max((place.y + 0.5) * params.sample_spacing_mm, 0.0);
+    let depth_mm = depth * params.depth_mm;
     // Between two map rays, and half a ray beyond the last ones, Σμ is linear; the tissue is the nearer one's.
-    let across = (place.x + 0.5) / f32(params.scanlines) * f32(params.map_rays) - 0.5;
-    let first = min(u32(i32(max(across, 0.0))), max(params.map_rays, 2u) - 2u);
-    let part = clamp(across - f32(i32(first)), -0.5, 1.5);
+    let ray = across * f32(params.map_rays) - 0.5;
+    let first = min(u32(i32(max(ray, 0.0))), max(params.map_rays, 2u) - 2u);
+    let part = clamp(ray - f32(i32(first)), -0.5, 1.5);
     let one = section_at(first, depth_mm);
     let next = section_at(min(first + 1u, params.map_rays - 1u), depth_mm);
     let sum = max(mix(one.sum_np, next.sum_np, part), 0.0);
     let tissue = select(one.tissue, next.tissue, part >= 0.5);
     let ln_level = percentile_np - sum;
     let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
-    let inside = place.y > OUTSIDE;
+    let inside = place != OUTSIDE;
     return Pixel(select(0u, grey, inside), select(0u, tissue + 1u, inside), select(0.0, level, inside));
 }
 
@@ -91,14 +105,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= params.sector_words {
         return;
     }
-    let left = pixels[2u * id.x];
-    let right = pixels[2u * id.x + 1u];
+    let places = pixels[id.x];
     let word = words[id.x];
     let p = percentile[0];
-    let p0 = convert(left.xy, p);
-    let p1 = convert(left.zw, p);
-    let p2 = convert(right.xy, p);
-    let p3 = convert(right.zw, p);
+    let p0 = convert(places.x, p);
+    let p1 = convert(places.y, p);
+    let p2 = convert(places.z, p);
+    let p3 = convert(places.w, p);
     attenuation[word] = vec4<f32>(p0.level, p1.level, p2.level, p3.level);
     bmode[word] = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
     segmentation[word] = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;

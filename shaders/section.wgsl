@@ -1,6 +1,7 @@
 // The media along straight map rays: the cross-section of the surfaces, and the attenuation from the face on.
 // Out: for each map ray up to ENTRIES runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue], and
-// at every map_step_mm of its depth a word: the upper 24 bits of Σμ as f32, and the tissue in the lowest 8.
+// at every map_step_mm of its depth a word: Σμ as f32 without its sign and lowest 8 bits, a bit that says that the run
+// reaches the next depth, and the tissue in the lowest 8.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -71,7 +72,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 break;
             }
             let sum = entry.y + entry.z * (at_mm - entry.x);
-            raster[ray * params.map_depths + depth] = (bitcast<u32>(sum) & 0xffffff00u) | id;
+            let whole = select(0u, 256u, at_mm + params.map_step_mm < end);
+            raster[ray * params.map_depths + depth] = (bitcast<u32>(max(sum, 0.0)) << 1u & 0xfffffe00u) | whole | id;
             depth++;
         }
     }

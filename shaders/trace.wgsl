@@ -33,6 +33,8 @@ const LN_GIVEN_UP: f32 = -30.0;
 const OFF_THE_GRID_MM: f32 = 0.0077;
 // Energy that a very rough surface returns diffusely at normal incidence.
 const DIFFUSE: f32 = 0.02;
+// Crossings at one place.
+const CROSSINGS: u32 = 16u;
 // Surfaces that one path may cross, most of them without a change of medium.
 const PLACES_MAX: u32 = 192u;
 // ln of an amplitude that no display shows: 10⁻³⁴.
@@ -70,6 +72,23 @@ fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     let specular = acceptance(0.5 * rough2, range_mm) * exp(-min(tan2 / lobe2, 80.0));
     let diffuse = DIFFUSE * rough2 / (rough2 + 0.1) * cos2;
     return sqrt(specular + diffuse);
+}
+
+// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
+fn place_interface() -> u32 {
+    var chosen = 0u;
+    var chosen_surface = 0u;
+    var chosen_triangle = 0xffffffffu;
+    for (var i = 0u; i < crossing_count; i++) {
+        let surface = crossing_surface(i);
+        let triangle = triangles[3u * (crossing_key[i] >> 1u) + 1u].w;
+        if surface > chosen_surface || (surface == chosen_surface && triangle < chosen_triangle) {
+            chosen = crossing_key[i] >> 1u;
+            chosen_surface = surface;
+            chosen_triangle = triangle;
+        }
+    }
+    return chosen;
 }
 
 @compute @workgroup_size(64)
@@ -149,8 +168,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 done = true;
                 break;
             }
+            // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
+            crossing_count = 1u;
+            crossing_t[0] = t;
+            crossing_key[0] = nearest_key;
+            while nearest_crowded {
+                collect(origin, direction, max(t_min, t - TOUCH_MM), min(t + TOUCH_MM, left_mm));
+                lost += crossing_lost;
+                nearest_crowded = false;
+            }
             before = inside;
-            chosen = cross_place();
+            cross_place(0u);
+            chosen = place_interface();
             there = medium();
             origin += direction * t;
             range_mm += t / tissue.speed_ratio;
@@ -164,8 +193,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             break;
         }
 
-        let key = place_key[chosen];
-        let index = key >> 1u;
+        let index = chosen;
         let surface = triangles[3u * index].w;
         var normal = cross(bitcast<vec3<f32>>(triangles[3u * index + 1u].xyz), bitcast<vec3<f32>>(triangles[3u * index + 2u].xyz));
         normal = normal / max(length(normal), 1.0e-30);
@@ -254,7 +282,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         hints[path * params.hint_words + word] = packed;
     }
-    if lost + place_lost > 0u {
-        atomicAdd(&overflows[0], lost + place_lost);
+    if lost > 0u {
+        atomicAdd(&overflows[0], lost);
     }
 }

@@ -1,11 +1,12 @@
 // Every crossing of a straight ray, sorted: up to CROSSINGS, a constant of each pass.
 
 var<private> crossing_t: array<f32, CROSSINGS>;
+// Triangle in leaf order, and its facing in the lowest bit: 1 where the ray enters.
 var<private> crossing_key: array<u32, CROSSINGS>;
 var<private> crossing_count: u32;
 var<private> crossing_lost: u32;
 
-// Keeps the crossings nearest to t_max when there are more than fit.
+// Crossings in (t_min, t_max]; those beyond CROSSINGS are lost and counted.
 fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
     let reciprocal = safe_reciprocal(direction);
     let octant = octant_mask(direction);
@@ -35,14 +36,15 @@ fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
             leaf.y &= ~(1u << offset);
             let index = leaf.x + offset;
             let hit = intersect_triangle(index, origin, direction);
-            // A loop, not an `if`: software devices skip a loop that no thread enters.
-            loop {
-                if hit.facing == 0 || hit.t <= t_min || hit.t > t_max {
-                    break;
-                }
-                insert(hit.t, triangles[3u * index].w << 1u | select(0u, 1u, hit.facing > 0));
-                break;
+            // Appended here and sorted at the end: software devices run all of a loop's body for every thread.
+            let there = hit.facing != 0 && hit.t > t_min && hit.t <= t_max;
+            let room = crossing_count < CROSSINGS;
+            if there && room {
+                crossing_t[crossing_count] = hit.t;
+                crossing_key[crossing_count] = index << 1u | select(0u, 1u, hit.facing > 0);
             }
+            crossing_count += select(0u, 1u, there && room);
+            crossing_lost += select(0u, 1u, there && !room);
         }
         if (group.y & 0xff000000u) == 0u {
             if depth == 0u {
@@ -52,31 +54,27 @@ fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
             group = stack[depth];
         }
     }
+    sort_crossings();
 }
 
-fn insert(t: f32, key: u32) {
-    var slot = crossing_count;
-    if slot == CROSSINGS {
-        crossing_lost++;
-        if t <= crossing_t[0] {
-            return;
+// By distance, then by key: insertion, since a traversal finds them nearly in order.
+fn sort_crossings() {
+    for (var i = 1u; i < crossing_count; i++) {
+        let t = crossing_t[i];
+        let key = crossing_key[i];
+        var slot = i;
+        while slot > 0u && (crossing_t[slot - 1u] > t || (crossing_t[slot - 1u] == t && crossing_key[slot - 1u] > key)) {
+            crossing_t[slot] = crossing_t[slot - 1u];
+            crossing_key[slot] = crossing_key[slot - 1u];
+            slot--;
         }
-        // The farthest from t_max goes.
-        for (var i = 1u; i < CROSSINGS; i++) {
-            crossing_t[i - 1u] = crossing_t[i];
-            crossing_key[i - 1u] = crossing_key[i];
-        }
-        slot = CROSSINGS - 1u;
-    } else {
-        crossing_count++;
+        crossing_t[slot] = t;
+        crossing_key[slot] = key;
     }
-    while slot > 0u && (crossing_t[slot - 1u] > t || (crossing_t[slot - 1u] == t && crossing_key[slot - 1u] > key)) {
-        crossing_t[slot] = crossing_t[slot - 1u];
-        crossing_key[slot] = crossing_key[slot - 1u];
-        slot--;
-    }
-    crossing_t[slot] = t;
-    crossing_key[slot] = key;
+}
+
+fn crossing_surface(i: u32) -> u32 {
+    return triangles[3u * (crossing_key[i] >> 1u)].w;
 }
 
 // Applies all crossings within TOUCH_MM of the one at `first`, and returns the index after them. A surface that is
@@ -88,11 +86,11 @@ fn cross_place(first: u32) -> u32 {
         end++;
     }
     for (var i = first; i < end; i++) {
-        let surface = crossing_key[i] >> 1u;
+        let surface = crossing_surface(i);
         var entered = false;
         var left = false;
         for (var j = first; j < end; j++) {
-            if (crossing_key[j] >> 1u) == surface {
+            if crossing_surface(j) == surface {
                 if (crossing_key[j] & 1u) != 0u {
                     entered = true;
                 } else {

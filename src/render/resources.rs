@@ -96,7 +96,7 @@ impl Buffers {
             buffer
         };
         let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
-        let sector_pixels: Vec<[f32; 2]> = tables.sector_words.iter().flat_map(word_pixels).collect();
+        let sector_pixels: Vec<u32> = tables.sector_words.iter().flat_map(word_pixels).collect();
         let surface_tissue: Vec<u32> = if scene.surfaces.is_empty() { vec![0] } else { tables.surface_tissue.clone() };
         Ok(Self {
             params: gpu.device.create_buffer(&wgpu::BufferDescriptor {

@@ -153,7 +153,7 @@ impl Renderer {
             .collect();
         let raster = raster[..inputs.map_rays.len() * inputs.map_depths]
             .iter()
-            .map(|word| RasterPoint { sum_np: real(word & 0xffff_ff00), tissue: (word & 0xff) as usize })
+            .map(|word| RasterPoint { sum_np: real((word & 0xffff_fe00) >> 1), tissue: (word & 0xff) as usize })
             .collect();
         let (width, stride) = (inputs.width, 4 * self.params.row_words as usize);
         let cropped = |bytes: &[u8]| bytes.chunks_exact(stride).flat_map(|r| r[..width].to_vec()).collect::<Vec<_>>();

@@ -34,8 +34,13 @@ pub(crate) const CELL_MM: f64 = 0.15;
 const LATERAL_HALF_MAX: u32 = 32;
 /// Widest axial kernel, samples to either side.
 const AXIAL_HALF_MAX: u32 = 128;
-/// A pixel whose sample lies below this is outside the sector.
-const OUTSIDE: f32 = -1.0e8;
+/// Tiles that the image is converted by.
+const TILE_ROWS: u32 = 16;
+const TILE_WORDS: u32 = 4;
+/// A pixel's place in one word: its fraction of the sector's width in the lower bits, of its depth in the upper.
+pub(crate) const ACROSS_BITS: u32 = 15;
+/// The word of a pixel outside the sector.
+pub(crate) const OUTSIDE: u32 = u32::MAX;
 /// Least steps of the maps over the depth, however few pixels the image has: where an oblique boundary cuts between two
 /// map rays, Σμ is off by a part of their distance.
 const MAP_STEPS_MIN: f64 = 1000.0;
@@ -102,9 +107,9 @@ pub(crate) struct Tables {
     pub(crate) axial_half: u32,
     /// [blocks].
     pub(crate) scatterer_gain: Vec<f32>,
-    /// Scanline and sample of each pixel [height × 4·row_words].
-    pub(crate) pixels: Vec<[f32; 2]>,
-    /// Words of four pixels that meet the sector: index of each in the image.
+    /// Packed place of each pixel [height × 4·row_words].
+    pub(crate) pixels: Vec<u32>,
+    /// Words of four pixels that meet the sector, tile by tile: index of each in the image.
     pub(crate) sector_words: Vec<u32>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Vec<u8>,
@@ -128,8 +133,12 @@ impl Tables {
             })
             .collect();
         let (pixels, mask) = pixels(probe, &sector);
-        let inside = |word: &[[f32; 2]]| word.iter().any(|pixel| pixel[1] > OUTSIDE);
-        let sector_words = (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
+        let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
+        let mut sector_words: Vec<u32> =
+            (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
+        let row_words = settings.image.width.div_ceil(4);
+        // Tile by tile: pixels near each other read the same part of the scanlines and of the maps.
+        sector_words.sort_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
         Self {
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
@@ -309,8 +318,8 @@ fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
     power
 }
 
-/// Scanline and sample of every pixel, rows padded to whole words, and the mask.
-fn pixels(probe: &Probe, sector: &Sector) -> (Vec<[f32; 2]>, Vec<u8>) {
+/// Place of every pixel, rows padded to whole words, and the mask.
+fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     let stride = sector.width.div_ceil(4) * 4;
     let mut places = Vec::with_capacity((stride * sector.height) as usize);
     let mut mask = Vec::with_capacity((sector.width * sector.height) as usize);
@@ -318,18 +327,33 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<[f32; 2]>, Vec<u8>) {
         for column in 0..stride {
             let polar =
                 if column < sector.width { Sector::polar(probe, sector.pixel_centre_mm(column, row)) } else { None };
-            let place = polar.map_or([2.0 * OUTSIDE; 2], |(fraction, depth_mm)| {
-                let line = fraction * f64::from(probe.scanlines) - 0.5;
-                let sample = depth_mm / probe.sample_spacing_mm() - 0.5;
-                [line as f32, sample as f32]
-            });
-            places.push(place);
+            places.push(polar.map_or(OUTSIDE, |(across, depth_mm)| pack_place(across, depth_mm / probe.depth_mm)));
             if column < sector.width {
                 mask.push(if polar.is_some() { 255 } else { 0 });
             }
         }
     }
     (places, mask)
+}
+
+/// Fractions of the sector's width and depth, in one word: to 1/65,534 of the width and 1/262,140 of the depth.
+fn pack_place(across: f64, depth: f64) -> u32 {
+    let (across_max, depth_max) = place_scales();
+    let across = (across.clamp(0.0, 1.0) * across_max).round() as u32;
+    let depth = (depth.clamp(0.0, 1.0) * depth_max).round() as u32;
+    across | depth << ACROSS_BITS
+}
+
+/// The fractions of a packed place; none outside the sector.
+pub(crate) fn unpack_place(word: u32) -> Option<[f64; 2]> {
+    let (across_max, depth_max) = place_scales();
+    let across = word & ((1 << ACROSS_BITS) - 1);
+    (word != OUTSIDE).then(|| [f64::from(across) / across_max, f64::from(word >> ACROSS_BITS) / depth_max])
+}
+
+/// Codes of a fraction of 1: one less than the bits hold, so that no place is [`OUTSIDE`].
+fn place_scales() -> (f64, f64) {
+    (f64::from((1u32 << ACROSS_BITS) - 2), f64::from((1u32 << (32 - ACROSS_BITS)) - 2))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3, Vec3, Vec4};
 
 use crate::anatomy::Bvh;
 use crate::render::params::Params;
-use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables};
+use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables, unpack_place};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -176,7 +176,10 @@ impl Inputs {
             index: t.triangle,
         });
         let stride = 4 * params.row_words as usize;
-        let place = |p: &[f32; 2]| (p[1] > -1.0e8).then_some([p[0].into(), p[1].into()]);
+        let place = |&word: &u32| {
+            let [across, depth] = unpack_place(word)?;
+            Some([across * f64::from(params.scanlines) - 0.5, depth * f64::from(params.samples) - 0.5])
+        };
         let pixels = tables.pixels.chunks_exact(stride).flat_map(|row| row[..params.width as usize].iter().map(place));
         Self {
             scene_from_probe: DMat3::from_cols(
