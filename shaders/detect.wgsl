@@ -1,12 +1,12 @@
 // Axial pulse, envelope, TGC and log compression.
-// In: focused baseband, two samples a vector. Out: grey level 0..=255 of each sample as f32, four a vector, and the
-// pulse-shaped baseband where it is wanted. Eight samples a thread.
+// In: focused baseband, two samples a vector. Out: grey levels 0..=65535 of each sample and the one after it in a word,
+// so that scan conversion reads both at once, and the pulse-shaped baseband where it is wanted. Eight samples a thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
 // Envelope of the pulse with PULSE_PAD zeros before and after it.
 @group(0) @binding(1) var<uniform> pulse: array<vec4<f32>, PULSE_QUADS>;
 @group(0) @binding(2) var<storage, read> focused: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> polar: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> polar: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> lines: array<vec4<f32>>;
 
 override KEEP_LINES: bool = false;
@@ -24,19 +24,23 @@ fn slider_db(depth_mm: f32) -> f32 {
     return mix(low, high, place - f32(below));
 }
 
-// Grey levels of four samples, and the samples where they are wanted.
-fn finish(row: u32, first: u32, a: vec4<f32>, b: vec4<f32>) {
-    let power = vec4<f32>(dot(a.xy, a.xy), dot(a.zw, a.zw), dot(b.xy, b.xy), dot(b.zw, b.zw));
+// Grey levels 0..=1 of four samples from their powers.
+fn levels(first: u32, power: vec4<f32>) -> vec4<f32> {
     let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(i32(first))) * params.sample_spacing_mm;
     // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
     let level_db = 3.01029995664 * log2(max(power, vec4<f32>(1.0e-37)))
         + params.gain_db + params.tgc_db_per_mm * depth_mm
         + vec4<f32>(slider_db(depth_mm.x), slider_db(depth_mm.y), slider_db(depth_mm.z), slider_db(depth_mm.w));
-    polar[(row + first) >> 2u] = 255.0 * clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
-    if KEEP_LINES {
-        lines[(row + first) >> 1u] = a;
-        lines[((row + first) >> 1u) + 1u] = b;
-    }
+    return clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
+}
+
+fn powers(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
+    return vec4<f32>(dot(a.xy, a.xy), dot(a.zw, a.zw), dot(b.xy, b.xy), dot(b.zw, b.zw));
+}
+
+// Each of four levels with the one after it.
+fn pairs(level: vec4<f32>, next: f32) -> vec4<u32> {
+    return vec4<u32>(pack2x16unorm(level.xy), pack2x16unorm(level.yz), pack2x16unorm(level.zw), pack2x16unorm(vec2<f32>(level.w, next)));
 }
 
 @compute @workgroup_size(64)
@@ -47,18 +51,21 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let row = id.y * params.row_samples;
     let half = i32(params.axial_half);
-    // Pairs of samples that reach any of the eight, the first of them even; beyond the row's ends the pulse meets nothing.
+    // Pairs of samples that reach any of the nine, the first of them even; beyond the row's ends the pulse meets nothing.
     let even = (half + 1) & ~1;
     let last = i32(params.samples) - 1;
     var a = vec4<f32>(0.0);
     var b = vec4<f32>(0.0);
     var c = vec4<f32>(0.0);
     var d = vec4<f32>(0.0);
+    // The first sample of the next thread.
+    var e = vec2<f32>(0.0);
     // Taps for the second sample of the pair in hand and those before it; the next pair's move up by two.
     var near = vec4<f32>(0.0);
     var far = vec4<f32>(0.0);
     var farthest = 0.0;
-    for (var step = 0; step <= 2 * even + 6; step += 2) {
+    var beyond = 0.0;
+    for (var step = 0; step <= 2 * even + 8; step += 2) {
         let at = first - even + step;
         var pair = focused[(row + u32(clamp(at, 0, i32(params.row_samples) - 2))) >> 1u];
         let first_there = at >= 0 && at <= last;
@@ -66,6 +73,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         pair = select(vec4<f32>(0.0), pair, vec4<bool>(first_there, first_there, second_there, second_there));
         // tap(half + PULSE_PAD + d) weights a sample d after the output.
         let index = step - even + half + PULSE_PAD;
+        beyond = far.w;
         farthest = far.z;
         far = vec4<f32>(near.zw, far.xy);
         near = vec4<f32>(tap(index + 1), tap(index), near.xy);
@@ -73,7 +81,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         b += vec4<f32>(pair.xy * near.w + pair.zw * near.z, pair.xy * far.x + pair.zw * near.w);
         c += vec4<f32>(pair.xy * far.y + pair.zw * far.x, pair.xy * far.z + pair.zw * far.y);
         d += vec4<f32>(pair.xy * far.w + pair.zw * far.z, pair.xy * farthest + pair.zw * far.w);
+        e += pair.xy * beyond + pair.zw * farthest;
     }
-    finish(row, u32(first), a, b);
-    finish(row, u32(first) + 4u, c, d);
+    let low = levels(u32(first), powers(a, b));
+    let high = levels(u32(first) + 4u, powers(c, d));
+    let next = levels(u32(first) + 8u, vec4<f32>(dot(e, e))).x;
+    let out = (row + u32(first)) >> 2u;
+    polar[out] = pairs(low, high.x);
+    polar[out + 1u] = pairs(high, next);
+    if KEEP_LINES {
+        lines[2u * out] = a;
+        lines[2u * out + 1u] = b;
+        lines[2u * out + 2u] = c;
+        lines[2u * out + 3u] = d;
+    }
 }

@@ -20,8 +20,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let echo = echoes[path * SEGMENTS + i];
                 let sample = echo.y / params.sample_spacing_mm;
                 if echo.x != 0.0 && sample >= 0.0 && sample < f32(params.samples) {
-                    let phase = -6.28318530718 * fract(params.phase_turns_per_mm * echo.y);
-                    baseband[line * params.row_samples + u32(sample)] += echo.x * vec2<f32>(cos(phase), sin(phase));
+                    baseband[line * params.row_samples + u32(sample)] += echo.x * phasor(-params.phase_turns_per_mm * echo.y);
                 }
             }
         }

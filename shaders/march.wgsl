@@ -1,5 +1,5 @@
 // Scatterers along the paths: complex baseband before the point-spread function.
-// In: segments. Out: complex [scanlines × row_samples], two samples a vector. Eight consecutive samples a thread.
+// In: segments. Out: complex [scanlines × row_samples], two samples a vector. Sixteen consecutive samples a thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
@@ -10,7 +10,9 @@
 @group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
 @group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
 
-const PAIRS: u32 = 4u;
+const PAIRS: u32 = 8u;
+// One path a scanline: its samples need no choice among paths.
+override SINGLE_PATH: bool = false;
 const LN_SILENT: f32 = -80.0;
 
 // The segment in hand.
@@ -54,10 +56,29 @@ fn scatter(range_mm: f32) -> vec2<f32> {
     let ln_amplitude = s0.w - s1.w * range_mm;
     let strength = (vec2<f32>(s2.x, 0.0) + s2.y * scatterer_deviate(bits.z)) * exp(max(ln_amplitude, LN_SILENT));
     let there = (bits.x >> 15u) < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SILENT;
-    let phase = -6.28318530718 * fract(params.phase_turns_per_mm * (range_mm + ahead_mm));
-    let turn = vec2<f32>(cos(phase), sin(phase));
+    let turn = phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm));
     let echo = vec2<f32>(strength.x * turn.x - strength.y * turn.y, strength.x * turn.y + strength.y * turn.x);
     return select(vec2<f32>(0.0), echo, there);
+}
+
+// The only path of a scanline, stretch by stretch: software devices run a loop's body once whether a thread enters it
+// or not, so that the search stands outside of the loop over samples.
+fn march_single(line: u32, first: u32, gain: f32) {
+    let last = min(first + 2u * PAIRS, params.row_samples);
+    var sample = first;
+    while sample < last {
+        var range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
+        seek(line, sample, range_mm);
+        loop {
+            baseband[(line * params.row_samples + sample) >> 1u] =
+                gain * vec4<f32>(scatter(range_mm), scatter(range_mm + params.sample_spacing_mm));
+            sample += 2u;
+            range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
+            if sample >= last || range_mm >= ends_mm {
+                break;
+            }
+        }
+    }
 }
 
 @compute @workgroup_size(64)
@@ -70,6 +91,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     path = 0xffffffffu;
     let block = first >> BLOCK_SHIFT;
     let gain = scatterer_gain[block >> 2u][block & 3u] / sqrt(f32(params.paths_per_sample));
+    if SINGLE_PATH {
+        march_single(line, first, gain * sqrt(layers[params.layer_first].z));
+        return;
+    }
     for (var pair = 0u; pair < PAIRS; pair++) {
         let sample = first + 2u * pair;
         let range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;

@@ -5,7 +5,7 @@
 // Fractions of the sector's width (the lowest ACROSS_BITS bits) and depth of four pixels' centres, for each word that
 // meets the sector; all ones lie outside.
 @group(0) @binding(1) var<storage, read> pixels: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> polar: array<f32>;
+@group(0) @binding(2) var<storage, read> polar: array<u32>;
 @group(0) @binding(3) var<storage, read> raster: array<u32>;
 @group(0) @binding(4) var<storage, read> percentile: array<f32>;
 @group(0) @binding(5) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
@@ -77,13 +77,13 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     let line = clamp(across * f32(params.scanlines) - 0.5, 0.0, f32(params.scanlines - 1u));
     let sample = clamp(depth * f32(params.samples) - 0.5, 0.0, f32(params.samples - 1u));
     let sample0 = u32(i32(sample));
-    let sample1 = min(sample0 + 1u, params.samples - 1u);
     let row0 = u32(i32(line)) * params.row_samples;
     let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
     let along = fract(sample);
-    let a = mix(polar[row0 + sample0], polar[row0 + sample1], along);
-    let b = mix(polar[row1 + sample0], polar[row1 + sample1], along);
-    let grey = u32(i32(mix(a, b, fract(line)) + 0.5));
+    // A word holds a sample and the next; behind the last one `along` is 0.
+    let a = unpack2x16unorm(polar[row0 + sample0]);
+    let b = unpack2x16unorm(polar[row1 + sample0]);
+    let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
 
     let depth_mm = depth * params.depth_mm;
     // Between two map rays, and half a ray beyond the last ones, Σμ is linear; the tissue is the nearer one's.

@@ -113,10 +113,12 @@ impl Renderer {
         let pass = |name, groups, constants: &[(&str, f64)]| Pass::new(gpu, shaders, &buffers, name, groups, constants);
         let paths = params.scanlines * params.rays * plan.layers_per_batch;
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
+        let single_path = settings.quality.rays == 1 && settings.quality.layers == 1;
+        let single = [("SINGLE_PATH", f64::from(u8::from(single_path)))];
         let path_passes = vec![
             pass("locate", [paths.div_ceil(64), 1, 1], &[])?,
             pass("trace", [paths.div_ceil(64), 1, 1], &[])?,
-            pass("march", samples_by(8), &[])?,
+            pass("march", samples_by(16), &single)?,
             pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?,
         ];
         let keep = [("KEEP_LINES", if settings.lines { 1.0 } else { 0.0 })];

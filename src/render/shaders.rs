@@ -1,8 +1,8 @@
 //! WGSL sources: one file a pass, with the shared files it imports put before it.
 
 use super::tables::{
-    ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYERS_MAX, PULSE_PAD, PULSE_QUADS, SEGMENTS, STARTS,
-    TISSUES_MAX,
+    ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYERS_MAX, PULSE_PAD, PULSE_QUADS, SEGMENTS,
+    STARTS, TISSUES_MAX,
 };
 
 /// Sources of every pass. A test may damage one, to see the comparison with its twin fail.
@@ -26,8 +26,8 @@ macro_rules! pass {
 const PASSES: [(&str, &str); 9] = [
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
-    pass!("march", "tissue", "hash", "lattice"),
-    pass!("echo"),
+    pass!("march", "tissue", "hash", "lattice", "phasor"),
+    pass!("echo", "phasor"),
     pass!("lateral"),
     pass!("detect"),
     pass!("section", "tissue", "bvh", "surfaces", "collect"),

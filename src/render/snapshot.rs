@@ -169,7 +169,10 @@ impl Renderer {
             baseband: complex(baseband),
             focused: complex(focused),
             lines: if lines.len() >= focused.len() { complex(lines) } else { Vec::new() },
-            grey: polar.chunks_exact(rows.1).flat_map(|row| row[..rows.0].iter().map(|&w| real(w))).collect(),
+            grey: polar
+                .chunks_exact(rows.1)
+                .flat_map(|row| row[..rows.0].iter().map(|&w| f64::from(w & 0xffff) / 257.0))
+                .collect(),
             sections: Sections { runs, raster },
             percentile_np: real(percentile[0]),
             bmode: cropped(bytemuck::cast_slice(bmode)),

@@ -70,7 +70,7 @@ const DAMAGES: [Damages; 3] = [
             "inside[word] | bit",
         ),
         ("Fresnel without the cosine beyond", "trace", "let b = z1 * cos_transmitted;", "let b = z1;"),
-        ("sign of the phase", "march", "-6.28318530718", "6.28318530718"),
+        ("sign of the phase", "march", "phasor(-params", "phasor(params"),
         ("an echo overwrites its sample", "echo", "+= echo.x", "= echo.x"),
         (
             "the beam is off by a scanline",
