@@ -123,8 +123,8 @@ impl Calibration {
     /// # Errors
     /// A file that cannot be read, or as [`parse`](Self::parse); each names the file.
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
+        let text =
+            std::fs::read_to_string(path).map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
         Self::parse(&text)
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
     }
@@ -254,7 +254,8 @@ mod tests {
     use super::*;
 
     fn whole() -> Calibration {
-        let pose = |x: f64, angle| Pose { position_mm: DVec3::new(x, -2.5, 1e-3), orientation: DQuat::from_rotation_y(angle) };
+        let pose =
+            |x: f64, angle| Pose { position_mm: DVec3::new(x, -2.5, 1e-3), orientation: DQuat::from_rotation_y(angle) };
         Calibration {
             scene_from_tracker: Some(Fitted { value: pose(10.0, 0.3), rms_mm: Some(0.61) }),
             sensor_from_probe: Some(Fitted::known(pose(-4.0, 1.3))),
@@ -282,7 +283,8 @@ mod tests {
     #[test]
     fn the_documented_file_is_read() {
         let docs = include_str!("calibration.rs").lines().skip_while(|l| !l.contains("```toml")).skip(1);
-        let text: String = docs.take_while(|l| !l.contains("```")).map(|l| l[3..].trim_start().to_owned() + "\n").collect();
+        let text: String =
+            docs.take_while(|l| !l.contains("```")).map(|l| l[3..].trim_start().to_owned() + "\n").collect();
         let found = Calibration::parse(&text).unwrap();
         assert_eq!(found.stylus_tip_mm.unwrap().value, DVec3::Z * 120.0);
         assert_eq!(found.scene_from_tracker.unwrap().rms_mm, Some(0.6));

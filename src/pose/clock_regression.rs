@@ -46,6 +46,8 @@ pub struct ClockRegression {
     /// Samples that do not agree with those before.
     doubtful: [Sample; CONFIRMED],
     doubtful_count: usize,
+    /// Doubtful samples with ticks in a row.
+    doubts: usize,
 }
 
 impl ClockRegression {
@@ -67,8 +69,15 @@ impl ClockRegression {
         };
         let Some(doubt) = doubt else {
             self.doubtful_count = 0;
+            self.doubts = 0;
             return Timing::At(self.accept(sample));
         };
+        self.doubts = if ticks.is_some() { self.doubts + 1 } else { 0 };
+        if self.doubts >= WINDOW {
+            // Nothing known is right any more: the device changed its rate, for example.
+            self.restart();
+            return Timing::Jumped(self.accept(sample));
+        }
         if !self.agrees_with_doubtful(&sample) {
             self.doubtful_count = 0;
         }
@@ -98,11 +107,19 @@ impl ClockRegression {
         self.doubtful_count = 0;
     }
 
-    /// Whether `sample` goes on from the last doubtful one.
+    /// Whether `sample` goes on from the doubtful ones at the device's pace. What piled up in a stalled transport comes
+    /// all at once, and does not.
     fn agrees_with_doubtful(&self, sample: &Sample) -> bool {
-        let Some(before) = self.doubtful_count.checked_sub(1).map(|i| self.doubtful[i]) else { return true };
-        let rises = if sample.ticks.is_some() { sample.host_ns >= before.host_ns } else { sample.host_ns > before.host_ns };
-        rises && sample.host_ns - before.host_ns <= OUTLIER_NS
+        let doubtful = &self.doubtful[..self.doubtful_count];
+        let (Some(first), Some(before)) = (doubtful.first(), doubtful.last()) else { return true };
+        let (Some(ticks), Some(first_ticks)) = (sample.ticks, first.ticks) else {
+            return sample.host_ns > before.host_ns && sample.host_ns - before.host_ns <= OUTLIER_NS;
+        };
+        let pace = self.fit(ticks).map_or(0.0, |fit| fit.ns_per_tick);
+        let least_ns = 0.5 * pace * ticks.saturating_sub(first_ticks) as f64;
+        sample.host_ns >= before.host_ns
+            && sample.host_ns - before.host_ns <= OUTLIER_NS
+            && (sample.host_ns - first.host_ns) as f64 >= least_ns
     }
 
     fn accept(&mut self, sample: Sample) -> u64 {
@@ -145,9 +162,8 @@ impl ClockRegression {
         let n = self.filled as f64;
         let (sum_x, sum_y) = points.clone().fold((0.0, 0.0), |(x, y), p| (x + p.0, y + p.1));
         let (mean_x, mean_y) = (sum_x / n, sum_y / n);
-        let (xx, xy) = points.fold((0.0, 0.0), |(xx, xy), (x, y)| {
-            (xx + (x - mean_x) * (x - mean_x), xy + (x - mean_x) * (y - mean_y))
-        });
+        let (xx, xy) = points
+            .fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + (x - mean_x) * (x - mean_x), xy + (x - mean_x) * (y - mean_y)));
         if !(xx > 0.0 && xy > 0.0) {
             return None;
         }
@@ -217,11 +233,29 @@ mod tests {
         for i in 0..40 {
             clock.push(START_NS + i * PERIOD_NS, Some(i));
         }
-        let late = time(clock.push(START_NS + 40 * PERIOD_NS + 100_000_000, Some(40)));
-        assert!(late - (START_NS + 40 * PERIOD_NS) < 20_000_000);
-        assert_eq!(clock.push(START_NS + 41 * PERIOD_NS + 600_000_000, Some(41)), Timing::Outlier);
-        let next = time(clock.push(START_NS + 42 * PERIOD_NS, Some(42)));
-        assert!(next.abs_diff(START_NS + 42 * PERIOD_NS) < 20_000_000 && next > late);
+        let made = |i: u64| START_NS + i * PERIOD_NS;
+        // Held up for 100 ms; what follows comes with it.
+        let mut last = 0;
+        for i in 40..60 {
+            let at = time(clock.push(made(i).max(made(40) + 100_000_000), Some(i)));
+            assert!(at.abs_diff(made(i)) < 50_000_000 && at > last, "{i}");
+            last = at;
+        }
+        // Held up for 0.6 s: too old to be used, and no jump of a clock.
+        let arrived = made(60) + 600_000_000;
+        let found: Vec<_> = (60..100).map(|i| clock.push(made(i).max(arrived), Some(i))).collect();
+        assert_eq!(found.iter().position(|t| matches!(t, Timing::At(_))), Some(6), "{found:?}");
+        assert!(found[6..].iter().all(|t| matches!(t, Timing::At(_))), "{found:?}");
+    }
+
+    #[test]
+    fn a_device_that_changes_its_rate_is_followed() {
+        let mut clock = ClockRegression::default();
+        (0..30).for_each(|i| drop(clock.push(START_NS + i * 10 * PERIOD_NS, Some(i))));
+        let changed = START_NS + 30 * 10 * PERIOD_NS;
+        let found: Vec<_> = (0..200).map(|i| clock.push(changed + i * PERIOD_NS, Some(30 + i))).collect();
+        let at = time(found[199]);
+        assert!(at.abs_diff(changed + 199 * PERIOD_NS) < 1000, "{found:?}");
     }
 
     #[test]

@@ -94,7 +94,8 @@ fn data_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     let mut is_first = true;
     lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).filter(move |(_, line)| {
-        let is_head = std::mem::take(&mut is_first) && line.split(',').all(|field| field.trim().parse::<f64>().is_err());
+        let is_head =
+            std::mem::take(&mut is_first) && line.split(',').all(|field| field.trim().parse::<f64>().is_err());
         !is_head
     })
 }

@@ -85,8 +85,7 @@ impl OneEuro {
         let position_mm = filtered.pose.position_mm.lerp(pose.position_mm, smoothing(cutoff_hz, dt_s));
         let cutoff_hz = c.rotation_min_cutoff_hz + c.rotation_beta * angular_velocity_rad_s.length().to_degrees();
         // slerp of glam aligns the signs.
-        let orientation =
-            filtered.pose.orientation.slerp(pose.orientation, smoothing(cutoff_hz, dt_s)).normalize();
+        let orientation = filtered.pose.orientation.slerp(pose.orientation, smoothing(cutoff_hz, dt_s)).normalize();
         let motion = Motion { pose: Pose { position_mm, orientation }, velocity_mm_s, angular_velocity_rad_s };
         self.state = Some((pose, motion));
         motion
@@ -107,8 +106,13 @@ mod tests {
     use super::*;
     use crate::pose::transform::angle_between;
 
-    const CUTOFFS: Cutoffs =
-        Cutoffs { min_cutoff_hz: 2.0, beta: 0.1, rotation_min_cutoff_hz: 2.0, rotation_beta: 0.1, speed_cutoff_hz: 2.0 };
+    const CUTOFFS: Cutoffs = Cutoffs {
+        min_cutoff_hz: 2.0,
+        beta: 0.1,
+        rotation_min_cutoff_hz: 2.0,
+        rotation_beta: 0.1,
+        speed_cutoff_hz: 2.0,
+    };
     const DT_S: f64 = 1.0 / 60.0;
 
     fn pose(x: f64, angle: f64) -> Pose {
@@ -119,7 +123,10 @@ mod tests {
     fn a_constant_pose_passes_and_a_step_is_approached() {
         let mut filter = OneEuro::new(CUTOFFS);
         for _ in 0..10 {
-            assert_eq!(filter.push(pose(3.0, 0.5), DT_S), Motion::at_rest(pose(3.0, 0.5)));
+            let motion = filter.push(pose(3.0, 0.5), DT_S);
+            assert!(motion.pose.position_mm.distance(DVec3::X * 3.0) < 1e-12);
+            assert!(angle_between(motion.pose.orientation, pose(3.0, 0.5).orientation) < 1e-12);
+            assert!(motion.velocity_mm_s.length() < 1e-9 && motion.angular_velocity_rad_s.length() < 1e-9);
         }
         let mut last = 3.0;
         for _ in 0..200 {

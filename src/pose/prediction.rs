@@ -28,8 +28,7 @@ mod tests {
     #[test]
     fn goes_on_at_constant_velocity() {
         let pose = Pose { position_mm: DVec3::new(1.0, 2.0, 3.0), orientation: DQuat::from_rotation_x(0.3) };
-        let motion =
-            Motion { pose, velocity_mm_s: DVec3::X * 100.0, angular_velocity_rad_s: DVec3::X * 2.0 };
+        let motion = Motion { pose, velocity_mm_s: DVec3::X * 100.0, angular_velocity_rad_s: DVec3::X * 2.0 };
         let later = predict(&motion, 0.03);
         assert!(later.position_mm.distance(DVec3::new(4.0, 2.0, 3.0)) < 1e-12);
         assert!(later.orientation.angle_between(DQuat::from_rotation_x(0.36)) < 1e-7);

@@ -83,10 +83,6 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self {
-            filter: FilterSettings::default(),
-            calibration: Calibration::default(),
-            initial_pose: Pose::IDENTITY,
-        }
+        Self { filter: FilterSettings::default(), calibration: Calibration::default(), initial_pose: Pose::IDENTITY }
     }
 }

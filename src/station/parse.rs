@@ -35,17 +35,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let default_pose = pose(&mut root)?;
     let filter = filter::settings(&section(&mut root, "filter")?);
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
-    Ok(Station {
-        scene,
-        background,
-        probe,
-        settings,
-        tissues,
-        default_pose,
-        filter,
-        calibration,
-        path: dir.to_owned(),
-    })
+    Ok(Station { scene, background, probe, settings, tissues, default_pose, filter, calibration, path: dir.to_owned() })
 }
 
 /// Index of the background tissue `name`.
