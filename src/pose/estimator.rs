@@ -247,3 +247,6 @@ fn is_valid(reading: &Reading) -> bool {
         Reading::OutOfView => true,
     }
 }
+
+#[cfg(test)]
+mod tests;
