@@ -9,6 +9,9 @@ pub const OUTLIER_NS: u64 = 500_000_000;
 /// A measurement farther than this from its expected time was held up, or a clock jumped, ns. It does not tilt the line.
 const HELD_UP_NS: u64 = 50_000_000;
 
+/// After so long in doubt everything is begun anew, ns.
+const PATIENCE_NS: u64 = 1_000_000_000;
+
 /// So many samples make a line that is trusted to know that.
 const TRUSTED: usize = 8;
 
@@ -52,8 +55,8 @@ pub struct ClockRegression {
     /// Samples that do not agree with those before.
     doubtful: [Sample; CONFIRMED],
     doubtful_count: usize,
-    /// Doubtful samples with ticks in a row.
-    doubts: usize,
+    /// Host time of the first of the doubtful samples with ticks.
+    doubtful_since_ns: Option<u64>,
 }
 
 impl ClockRegression {
@@ -73,14 +76,16 @@ impl ClockRegression {
         let is_doubtful = not_rising || apart_ns > OUTLIER_NS || (apart_ns > HELD_UP_NS && self.filled >= TRUSTED);
         if !is_doubtful {
             self.doubtful_count = 0;
-            self.doubts = 0;
+            self.doubtful_since_ns = None;
             return Timing::At(self.accept(sample));
         }
-        self.doubts = if ticks.is_some() { self.doubts + 1 } else { 0 };
-        if self.doubts >= WINDOW {
-            // Nothing known is right any more: the device changed its rate, for example.
-            self.restart();
-            return Timing::Jumped(self.accept(sample));
+        if ticks.is_some() {
+            let since_ns = *self.doubtful_since_ns.get_or_insert(host_ns);
+            if host_ns.saturating_sub(since_ns) > PATIENCE_NS {
+                // Nothing known is right any more: the device changed its rate, for example.
+                self.restart();
+                return Timing::Jumped(self.accept(sample));
+            }
         }
         if !self.agrees_with_doubtful(&sample) {
             self.doubtful_count = 0;
@@ -113,6 +118,7 @@ impl ClockRegression {
         }
         self.last_time_ns = self.last_time_ns.saturating_sub(by_ns);
         self.doubtful_count = 0;
+        self.doubtful_since_ns = None;
     }
 
     /// Whether `sample` goes on from the doubtful ones at the device's pace. What piled up in a stalled transport comes
@@ -259,8 +265,9 @@ mod tests {
         // Held up for 0.6 s: too old to be used, and no jump of a clock.
         let arrived = made(60) + 600_000_000;
         let found: Vec<_> = (60..100).map(|i| clock.push(made(i).max(arrived), Some(i))).collect();
-        assert_eq!(found.iter().position(|t| matches!(t, Timing::At(_))), Some(6), "{found:?}");
-        for (i, timing) in (60..100).zip(&found).skip(6) {
+        let used = found.iter().position(|t| matches!(t, Timing::At(_))).unwrap();
+        assert!((6..=8).contains(&used), "{found:?}");
+        for (i, timing) in (60..100).zip(&found).skip(used) {
             let at = time(*timing);
             assert!(at.abs_diff(made(i)) < 60_000_000 && at > last, "{i}: {found:?}");
             last = at;
