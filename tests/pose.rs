@@ -94,7 +94,7 @@ fn a_recorded_stream_with_dropouts_is_followed_and_its_gaps_are_shown() {
     let mut next = measurements(&path).into_iter().peekable();
     let mut seen = Vec::new();
     let mut worst_mm: f64 = 0.0;
-    for frame in 0..450_u64 {
+    for frame in 0..=450_u64 {
         let now_ns = START_NS + 33_333_333 * frame;
         while let Some(measurement) = next.next_if(|m| m.host_time_ns <= now_ns) {
             estimator.push(&measurement);
@@ -237,7 +237,7 @@ fn landmarks_and_a_pivot_make_one_file_that_a_station_uses() {
         "{text}"
     );
 
-    let wobble = |i: usize, p: DVec3| p + DVec3::X * if i % 2 == 0 { 0.5 } else { -0.5 };
+    let wobble = |i: usize, p: DVec3| p + DVec3::X * if i.is_multiple_of(2) { 0.5 } else { -0.5 };
     let text = succeeded(&calibrate("landmarks", &landmarks(dir.path(), wobble), &["--out", out_text]));
     assert!(text.contains("RMS residual 0.") && text.contains("right side"), "{text}");
     let json = succeeded(&calibrate("landmarks", &landmarks(dir.path(), |_, p| p), &["--out", out_text, "--json"]));

@@ -240,7 +240,7 @@ impl Transform {
 impl Stylus {
     fn tip(self) -> Result<Fitted<DVec3>, CalibrationError> {
         let tip = DVec3::from_array(self.tip_mm);
-        if !(tip.abs().max_element() <= POSITION_LIMIT_MM) || !tip.is_finite() {
+        if !tip.is_finite() || tip.abs().max_element() > POSITION_LIMIT_MM {
             return Err(CalibrationError::Tip { tip_mm: self.tip_mm });
         }
         Ok(Fitted { value: tip, rms_mm: self.rms_mm })

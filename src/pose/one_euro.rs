@@ -70,7 +70,7 @@ impl OneEuro {
             self.state = Some((pose, motion));
             return motion;
         };
-        if !(dt_s > 0.0) {
+        if dt_s.is_nan() || dt_s <= 0.0 {
             return filtered;
         }
         let c = &self.cutoffs;

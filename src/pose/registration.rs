@@ -24,6 +24,9 @@ const SCALE_TOLERANCE: f64 = 1.25;
 /// A mirror image must fit so many times better, and by so many mm, to be believed.
 const MIRRORED: (f64, f64) = (2.0, 1.0);
 
+/// Steps after which the singular values are given up; a few are enough.
+const SVD_STEPS: usize = 1000;
+
 /// One landmark in both frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointPair {
@@ -97,6 +100,9 @@ pub enum RegistrationError {
         /// Tracker over scene.
         ratio: f64,
     },
+    /// The singular values did not converge.
+    #[error("the landmarks could not be fitted: the singular values of their covariance did not converge")]
+    Unsolved,
     /// The mirror image fits.
     #[error(
         "the tracker's points are a mirror image of the scene's (RMS {mirrored_rms_mm:.2} mm mirrored, {rms_mm:.2} mm as they are): an axis of the tracker is reversed, or left and right landmarks are swapped"
@@ -135,11 +141,8 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     }
 
     let covariance = centred().fold(zero, |sum, (s, t)| sum + s * t.transpose()) / n;
-    let svd = covariance.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
-        // Asked for above; without them no rotation is known.
-        return Err(RegistrationError::Scale { ratio });
-    };
+    let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS).ok_or(RegistrationError::Unsolved)?;
+    let (u, v_t) = svd.u.zip(svd.v_t).ok_or(RegistrationError::Unsolved)?;
     // The last singular value is the least; its axis is reversed where the best fit is a mirror image.
     let handedness = (u * v_t).determinant().signum();
     let orthogonal = |sign: f64| u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
@@ -165,7 +168,7 @@ fn vector(v: DVec3) -> Vector3<f64> {
 fn check(number: usize, pair: &PointPair) -> Result<(), RegistrationError> {
     let names = ["x", "y", "z", "tx", "ty", "tz"];
     let values = pair.scene_mm.to_array().into_iter().chain(pair.tracker_mm.to_array());
-    match names.into_iter().zip(values).find(|(_, value)| !(value.abs() <= POSITION_LIMIT_MM)) {
+    match names.into_iter().zip(values).find(|(_, value)| !value.is_finite() || value.abs() > POSITION_LIMIT_MM) {
         Some((name, value)) => Err(RegistrationError::Coordinate { number, name, value }),
         None => Ok(()),
     }
