@@ -117,8 +117,11 @@ impl Estimator {
             Timing::At(time_ns) => time_ns,
             Timing::Jumped(time_ns) => {
                 self.counters.clock_jumps += 1;
+                // How old what was known is by the new time, nobody knows.
                 self.newest = None;
                 self.last_now_ns = None;
+                self.history.clear();
+                self.tracking.forget();
                 time_ns
             }
         };

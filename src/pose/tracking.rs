@@ -56,6 +56,12 @@ impl TrackingClock {
         self.resting = false;
     }
 
+    /// Nothing that was seen counts any more.
+    pub fn forget(&mut self) {
+        self.interrupted();
+        self.last_ns = None;
+    }
+
     /// A host clock was set back by `by_ns`.
     pub fn set_back(&mut self, by_ns: u64) {
         self.last_ns = self.last_ns.map(|last| last.saturating_sub(by_ns));

@@ -299,6 +299,20 @@ fn a_tracker_that_dies_as_the_clock_is_set_back_is_still_lost() {
 }
 
 #[test]
+fn a_sensor_out_of_view_as_the_clock_jumps_is_lost() {
+    let mut estimator = estimator();
+    (0..100).for_each(|i| estimator.push(&measurement(i, at(0.0))));
+    for i in 100..110 {
+        let host_time_ns = time(i) - 3_600_000 * MS;
+        estimator.push(&Measurement { host_time_ns, ..measurement(i, Reading::OutOfView) });
+    }
+    let now_ns = time(110) - 3_600_000 * MS;
+    let estimate = estimator.sample(now_ns, now_ns);
+    assert_eq!((estimate.state, estimate.scene_from_probe), (TrackingState::Lost, None));
+    assert_eq!((estimator.counters().clock_jumps, estimator.counters().out_of_view), (1, 8));
+}
+
+#[test]
 fn spikes_are_not_shown_and_jumps_are() {
     let mut estimator = estimator();
     let x = |i: u64| match i {
