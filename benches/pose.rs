@@ -49,7 +49,7 @@ fn main() {
     });
     let pairs: Vec<_> = (0..8)
         .map(|i| {
-            let scene_mm = 100.0 * pose_at(f64::from(i)).orientation * DVec3::Z;
+            let scene_mm = pose_at(f64::from(i)).orientation * (100.0 * DVec3::Z);
             PointPair { scene_mm, tracker_mm: pose_at(0.4).transform_point(scene_mm) }
         })
         .collect();
