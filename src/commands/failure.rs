@@ -6,6 +6,7 @@ use insonify::anatomy::SceneError;
 use insonify::anatomy::exam::ExamError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::phantom::{CacheError, PhantomError};
+use insonify::pose::CalibrationError;
 use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
 use insonify::station::StationError;
@@ -140,7 +141,7 @@ macro_rules! input_errors {
         }
     )*};
 }
-input_errors!(StationError, SceneError, ProbeError, SettingsError, PhantomError);
+input_errors!(StationError, SceneError, ProbeError, SettingsError, PhantomError, CalibrationError);
 
 #[cfg(test)]
 mod tests {

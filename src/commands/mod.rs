@@ -1,6 +1,7 @@
 //! One file a subcommand, each a few calls into the library.
 
 mod cache;
+mod calibrate;
 mod demo;
 mod exam;
 mod failure;
@@ -51,6 +52,7 @@ enum Command {
     Replay(replay::Args),
     Phantom(phantom::Args),
     Exam(exam::Args),
+    Calibrate(calibrate::Args),
     Tissues(tissues::Args),
     StationKeys(station_keys::Args),
 }
@@ -64,6 +66,7 @@ impl Cli {
             Command::Replay(args) => replay::run(args),
             Command::Phantom(args) => phantom::run(args),
             Command::Exam(args) => exam::run(args),
+            Command::Calibrate(args) => calibrate::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::StationKeys(args) => station_keys::run(args),
         }

@@ -3,18 +3,46 @@
 //! The **probe frame** has its origin at the centre of the transducer's face, `z` into the body,
 //! `x` lateral (towards the last scanline) and `y` elevational, right-handed. The **scene frame** is that
 //! of the glTF file, in mm (glTF metres × 1000).
+//!
+//! A live pose comes this way: measurement → order by the device's counter and clock ([`stream_order`]) → time on the
+//! host's clock ([`clock_regression`]) → `scene_from_tracker · tracker_from_sensor · sensor_from_probe`
+//! ([`calibration`]) → [`jump_gate`] → filter ([`one_euro`]) → history ([`ring`]) → [`prediction`] to the time of
+//! display, with a [`TrackingState`]. [`Estimator`] joins them. Calibrations come from [`registration`] and [`pivot`].
 
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
 
+pub mod calibration;
+pub mod clock_regression;
+pub mod counters;
+pub mod csv;
 pub mod freehand;
+pub mod jump_gate;
+pub mod landmark;
+pub mod one_euro;
+pub mod pivot;
+pub mod prediction;
+pub mod rates;
+pub mod registration;
+pub mod ring;
+pub mod settings;
+pub mod stream_order;
+pub mod stuck;
+pub mod tracking;
+
+mod estimator;
 mod history;
 mod reading;
-mod tracking;
+mod transform;
 
+pub use calibration::{Calibration, CalibrationError, CalibrationSource, Fitted};
+pub use counters::Counters;
+pub use estimator::{Estimate, Estimator};
 pub use history::{TimedPose, interpolate};
 pub use reading::{Measurement, Reading};
+pub use settings::{FilterSettings, Settings};
 pub use tracking::TrackingState;
+pub use transform::{angle_between, rotation_vector};
 
 /// Largest accepted departure of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
@@ -57,7 +85,7 @@ pub enum PoseError {
     },
 }
 
-/// `scene_from_probe`: where the probe is in the scene.
+/// `scene_from_probe`: where the probe is in the scene. Other rigid transforms use it, too, each named `a_from_b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Centre of the transducer's face in the scene, mm.

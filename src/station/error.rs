@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::Accepts;
 use crate::anatomy::{SceneError, TissueError};
-use crate::pose::PoseError;
+use crate::pose::{CalibrationError, PoseError};
 use crate::render::SettingsError;
 use crate::transducer::ProbeError;
 
@@ -129,4 +129,10 @@ pub enum StationError {
     /// Not a pose.
     #[error("[pose]: {0}")]
     Pose(#[from] PoseError),
+    /// A `sensor_from_probe` that is no pose.
+    #[error("[calibration] sensor_from_probe: {0}")]
+    SensorFromProbe(PoseError),
+    /// A calibration file that cannot be used.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
 }

@@ -4,7 +4,9 @@
 //! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
 //! the probe's kind is an error that names the key and what would be right.
 
+mod calibration;
 mod error;
+mod filter;
 mod keys;
 mod parse;
 mod values;
@@ -12,7 +14,7 @@ mod values;
 use std::path::{Path, PathBuf};
 
 use crate::anatomy::{Scene, TissueTable, import};
-use crate::pose::Pose;
+use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
 use crate::transducer::Probe;
 
@@ -46,6 +48,10 @@ pub struct Station {
     pub tissues: TissueTable,
     /// Pose used when none is given.
     pub default_pose: Option<Pose>,
+    /// How the poses of a live tracker are filtered and predicted, and when they are stale.
+    pub filter: FilterSettings,
+    /// Where tracker, sensor and probe are; the file is not opened by parsing.
+    pub calibration: CalibrationSource,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }
@@ -79,6 +85,18 @@ impl Station {
             SceneSource::File(path) => Some(path),
             SceneSource::ObstetricPhantom { .. } => None,
         }
+    }
+
+    /// Settings of a live tracker's estimator; reads the calibration file, if the station names one.
+    ///
+    /// # Errors
+    /// As [`CalibrationSource::load`].
+    pub fn pose_settings(&self) -> Result<pose::Settings, StationError> {
+        Ok(pose::Settings {
+            filter: self.filter,
+            calibration: self.calibration.load()?,
+            initial_pose: self.default_pose.unwrap_or(Pose::IDENTITY),
+        })
     }
 
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.

@@ -1,0 +1,128 @@
+//! `insonify calibrate pivot`: a stylus turned about its tip shows where the tip is.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use clap::{Parser, ValueEnum};
+use insonify::pose::pivot::{Pivot, calibrate};
+use insonify::pose::{Calibration, Fitted, Pose, csv};
+use insonify::tracker::recording;
+use serde::Serialize;
+
+use super::super::{Classify, Failure, output};
+use super::{OutputArgs, write};
+
+/// First bytes of a recording.
+const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+
+/// Find the tip of a stylus, or the centre of a probe's face, in the frame of its sensor.
+///
+/// Rest the tip in a dimple and tilt the stylus to all sides while the tracker is recorded. POSES is that recording
+/// (.mcap), or lines `x,y,z,qw,qx,qy,qz` of the sensor's poses in the tracker's frame (mm, unit quaternion). With
+/// --of probe the probe was turned about the centre of its face.
+#[derive(Debug, Parser)]
+pub(crate) struct Args {
+    /// Poses of the pivoting sensor (MCAP recording or CSV)
+    poses: PathBuf,
+
+    /// What was turned about its tip
+    #[arg(long, value_enum, default_value_t = Of::Stylus)]
+    of: Of,
+
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+enum Of {
+    /// Its tip goes to [stylus] tip_mm
+    Stylus,
+    /// The centre of its face goes to [sensor_from_probe] position_mm; the quaternion there stays
+    Probe,
+}
+
+#[derive(Serialize)]
+struct Report {
+    tip_mm: [f64; 3],
+    pivot_mm: [f64; 3],
+    rms_mm: f64,
+    max_mm: f64,
+    tip_error_mm: f64,
+    condition: f64,
+    turn_deg: f64,
+    poses: usize,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let poses = read(&args.poses)?;
+    let found = calibrate(&poses).with_context(|| args.poses.display().to_string()).input()?;
+    let Pivot { rms_mm, max_mm, tip_error_mm, condition, turn_deg, .. } = found;
+    if rms_mm > args.output.max_rms {
+        let (path, limit) = (args.poses.display(), args.output.max_rms);
+        return Err(Failure::Input(anyhow!(
+            "{path}: the tip moved by {rms_mm:.2} mm RMS (at most {max_mm:.2} mm) about the pivot, more than --max-rms {limit}; did it slip, or does the recording hold more than the pivoting?"
+        )));
+    }
+    if let Some(out) = &args.output.out {
+        write(out, |calibration| set(calibration, args.of, &found))?;
+    }
+    let (tip, pivot) = (found.tip_mm, found.pivot_mm);
+    if args.output.json {
+        return output::json(&Report {
+            tip_mm: tip.to_array(),
+            pivot_mm: pivot.to_array(),
+            rms_mm,
+            max_mm,
+            tip_error_mm,
+            condition,
+            turn_deg,
+            poses: found.poses,
+        });
+    }
+    output::line(format!("tip in the sensor's frame     [{:.3}, {:.3}, {:.3}] mm", tip.x, tip.y, tip.z))?;
+    output::line(format!("pivot in the tracker's frame  [{:.3}, {:.3}, {:.3}] mm", pivot.x, pivot.y, pivot.z))?;
+    output::line(format!("residual                      RMS {rms_mm:.3} mm, at most {max_mm:.3} mm"))?;
+    output::line(format!("standard error of the tip     {tip_error_mm:.3} mm"))?;
+    output::line(format!(
+        "condition number              {condition:.1}; turned by {turn_deg:.0}° over {} poses",
+        found.poses
+    ))?;
+    args.output.out.as_ref().map_or(Ok(()), |out| output::line(out.display()))
+}
+
+fn set(calibration: &mut Calibration, of: Of, found: &Pivot) {
+    let rms_mm = Some(found.rms_mm);
+    match of {
+        Of::Stylus => calibration.stylus_tip_mm = Some(Fitted { value: found.tip_mm, rms_mm }),
+        Of::Probe => {
+            let orientation = calibration.sensor_from_probe.map(|f| f.value.orientation);
+            if orientation.is_none() {
+                eprintln!(
+                    "warning: a pivot doesn't show how the probe is turned: its axes are taken to be the sensor's"
+                );
+            }
+            let orientation = orientation.unwrap_or(Pose::IDENTITY.orientation);
+            let value = Pose { position_mm: found.tip_mm, orientation };
+            calibration.sensor_from_probe = Some(Fitted { value, rms_mm });
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
+    let cannot_read = || format!("cannot read the poses {}", path.display());
+    let mut head = Vec::new();
+    let file = File::open(path).with_context(cannot_read).input()?;
+    file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head).with_context(cannot_read).input()?;
+    if head == MCAP_MAGIC {
+        let (poses, summary) = recording::poses(path)?;
+        if !summary.is_clean() {
+            eprintln!("warning: {}: {summary}", path.display());
+        }
+        return Ok(poses.into_iter().map(|p| p.pose).collect());
+    }
+    let text = std::fs::read_to_string(path).with_context(cannot_read).input()?;
+    csv::poses(&text).with_context(|| path.display().to_string()).input()
+}

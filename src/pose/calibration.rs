@@ -1,0 +1,340 @@
+//! Where tracker, sensor and probe are to each other, and the file that says so.
+//!
+//! A calibration file is TOML. Every table is optional but at least the version must be there; an unknown key is an
+//! error. Lengths are in mm; a quaternion is `[qw, qx, qy, qz]`, a unit one.
+//!
+//! ```toml
+//! version = 1
+//!
+//! [scene_from_tracker]               # from `insonify calibrate landmarks`
+//! position_mm = [10.0, 0.0, -5.0]    # the tracker's origin in the scene
+//! quaternion = [1.0, 0.0, 0.0, 0.0]  # turns tracker axes into scene axes
+//! rms_mm = 0.6                       # how well the landmarks fitted, for people
+//!
+//! [sensor_from_probe]                # how the sensor is mounted on the probe
+//! position_mm = [0.0, 0.0, 42.0]     # the centre of the probe's face in the sensor's frame
+//! quaternion = [1.0, 0.0, 0.0, 0.0]  # turns probe axes into sensor axes
+//!
+//! [stylus]                           # from `insonify calibrate pivot`
+//! tip_mm = [0.0, 0.0, 120.0]         # the tip in the frame of the stylus' sensor
+//! rms_mm = 0.2
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{POSITION_LIMIT_MM, Pose, PoseError};
+
+/// Version of the file's format; a reader refuses any other.
+pub const CALIBRATION_VERSION: u32 = 1;
+
+/// Why a calibration cannot be used.
+#[derive(Debug, Error)]
+pub enum CalibrationError {
+    /// The file could not be read.
+    #[error("cannot read the calibration file {path}: {source}")]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// Something is wrong in the file.
+    #[error("calibration file {path}: {source}")]
+    InFile {
+        /// File.
+        path: PathBuf,
+        /// What.
+        source: Box<CalibrationError>,
+    },
+    /// Not TOML, an unknown key, or a value of another type.
+    #[error("{reason}")]
+    Syntax {
+        /// The parser's message with line and column.
+        reason: String,
+    },
+    /// Another version of the format.
+    #[error("`version` is {found}; this program reads version {CALIBRATION_VERSION}")]
+    Version {
+        /// Version found.
+        found: i64,
+    },
+    /// A transform that is no pose.
+    #[error("[{table}]: {source}")]
+    Pose {
+        /// Its table.
+        table: &'static str,
+        /// What is wrong.
+        source: PoseError,
+    },
+    /// A tip that cannot be.
+    #[error("`stylus.tip_mm` is {tip_mm:?}; it must be three numbers within ±{POSITION_LIMIT_MM} mm")]
+    Tip {
+        /// Value found.
+        tip_mm: [f64; 3],
+    },
+    /// The same transform in two places.
+    #[error("`sensor_from_probe` is given twice: in the station file and in {path}; remove one of them")]
+    Twice {
+        /// The calibration file.
+        path: PathBuf,
+    },
+}
+
+/// What has been calibrated; a part that has not is None.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Calibration {
+    /// Where the tracker is; without it tracker and scene are one frame.
+    pub scene_from_tracker: Option<Fitted<Pose>>,
+    /// How the sensor is mounted on the probe; without it they are one frame.
+    pub sensor_from_probe: Option<Fitted<Pose>>,
+    /// Tip of the stylus in the frame of its sensor, mm.
+    pub stylus_tip_mm: Option<Fitted<DVec3>>,
+}
+
+/// A value and how well it fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fitted<T> {
+    /// The value.
+    pub value: T,
+    /// RMS of what the fit left over, mm; none where it was not fitted.
+    pub rms_mm: Option<f64>,
+}
+
+impl<T> Fitted<T> {
+    /// A value that was not fitted but is known.
+    pub fn known(value: T) -> Self {
+        Self { value, rms_mm: None }
+    }
+}
+
+impl Calibration {
+    /// `scene_from_probe` of a measured `tracker_from_sensor`.
+    pub fn scene_from_probe(&self, tracker_from_sensor: Pose) -> Pose {
+        let value = |fitted: Option<Fitted<Pose>>| fitted.map_or(Pose::IDENTITY, |f| f.value);
+        value(self.scene_from_tracker) * tracker_from_sensor * value(self.sensor_from_probe)
+    }
+
+    /// Reads the calibration file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or as [`parse`](Self::parse); each names the file.
+    pub fn load(path: &Path) -> Result<Self, CalibrationError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text)
+            .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
+    }
+
+    /// A calibration from the text of its file.
+    ///
+    /// # Errors
+    /// Text that is not TOML, another version, an unknown key, a value of another type, a transform that is no pose.
+    pub fn parse(text: &str) -> Result<Self, CalibrationError> {
+        let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: e.to_string().trim().to_owned() };
+        // The version first: what another version says must not be called wrong.
+        let Version { version } = toml::from_str(text).map_err(syntax)?;
+        if version != i64::from(CALIBRATION_VERSION) {
+            return Err(CalibrationError::Version { found: version });
+        }
+        let file: File = toml::from_str(text).map_err(syntax)?;
+        let pose = |table, transform: Option<Transform>| transform.map(|t| t.pose(table)).transpose();
+        Ok(Self {
+            scene_from_tracker: pose("scene_from_tracker", file.scene_from_tracker)?,
+            sensor_from_probe: pose("sensor_from_probe", file.sensor_from_probe)?,
+            stylus_tip_mm: file.stylus.map(|stylus| stylus.tip()).transpose()?,
+        })
+    }
+
+    /// The text of its file.
+    pub fn to_toml(&self) -> String {
+        let file = File {
+            version: CALIBRATION_VERSION,
+            scene_from_tracker: self.scene_from_tracker.map(Transform::of),
+            sensor_from_probe: self.sensor_from_probe.map(Transform::of),
+            stylus: self.stylus_tip_mm.map(|tip| Stylus { tip_mm: tip.value.to_array(), rms_mm: tip.rms_mm }),
+        };
+        let head = "# Lengths in mm, quaternions [qw, qx, qy, qz]; written by `insonify calibrate`.\n";
+        // Numbers and tables with fixed names: TOML holds them all.
+        toml::to_string(&file).map(|body| format!("{head}{body}")).unwrap_or_default()
+    }
+}
+
+/// A station's `[calibration]`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CalibrationSource {
+    /// The calibration file.
+    pub path: Option<PathBuf>,
+    /// How the sensor is mounted on the probe, where the station file says it.
+    pub sensor_from_probe: Option<Pose>,
+}
+
+impl CalibrationSource {
+    /// Reads the file, if there is one, and adds what the station says.
+    ///
+    /// # Errors
+    /// As [`Calibration::load`]; `sensor_from_probe` in both places.
+    pub fn load(&self) -> Result<Calibration, CalibrationError> {
+        let mut calibration = self.path.as_deref().map(Calibration::load).transpose()?.unwrap_or_default();
+        if let Some(pose) = self.sensor_from_probe {
+            if let (Some(path), Some(_)) = (&self.path, calibration.sensor_from_probe) {
+                return Err(CalibrationError::Twice { path: path.clone() });
+            }
+            calibration.sensor_from_probe = Some(Fitted::known(pose));
+        }
+        Ok(calibration)
+    }
+}
+
+#[derive(Deserialize)]
+struct Version {
+    version: i64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    version: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scene_from_tracker: Option<Transform>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sensor_from_probe: Option<Transform>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stylus: Option<Stylus>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Transform {
+    position_mm: [f64; 3],
+    quaternion: [f64; 4],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rms_mm: Option<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stylus {
+    tip_mm: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rms_mm: Option<f64>,
+}
+
+impl Transform {
+    fn of(fitted: Fitted<Pose>) -> Self {
+        let [x, y, z, qw, qx, qy, qz] = fitted.value.components();
+        Self { position_mm: [x, y, z], quaternion: [qw, qx, qy, qz], rms_mm: fitted.rms_mm }
+    }
+
+    fn pose(self, table: &'static str) -> Result<Fitted<Pose>, CalibrationError> {
+        let ([x, y, z], [qw, qx, qy, qz]) = (self.position_mm, self.quaternion);
+        let value = Pose::from_components([x, y, z, qw, qx, qy, qz])
+            .map_err(|source| CalibrationError::Pose { table, source })?;
+        Ok(Fitted { value, rms_mm: self.rms_mm })
+    }
+}
+
+impl Stylus {
+    fn tip(self) -> Result<Fitted<DVec3>, CalibrationError> {
+        let tip = DVec3::from_array(self.tip_mm);
+        if !tip.is_finite() || tip.abs().max_element() > POSITION_LIMIT_MM {
+            return Err(CalibrationError::Tip { tip_mm: self.tip_mm });
+        }
+        Ok(Fitted { value: tip, rms_mm: self.rms_mm })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    fn whole() -> Calibration {
+        let pose =
+            |x: f64, angle| Pose { position_mm: DVec3::new(x, -2.5, 1e-3), orientation: DQuat::from_rotation_y(angle) };
+        Calibration {
+            scene_from_tracker: Some(Fitted { value: pose(10.0, 0.3), rms_mm: Some(0.61) }),
+            sensor_from_probe: Some(Fitted::known(pose(-4.0, 1.3))),
+            stylus_tip_mm: Some(Fitted { value: DVec3::new(0.0, 1.0, 120.0), rms_mm: Some(0.2) }),
+        }
+    }
+
+    #[test]
+    fn a_file_gives_back_its_calibration() {
+        for calibration in [whole(), Calibration::default(), Calibration { scene_from_tracker: None, ..whole() }] {
+            let found = Calibration::parse(&calibration.to_toml()).unwrap();
+            assert_eq!(found.stylus_tip_mm, calibration.stylus_tip_mm);
+            for (a, b) in [
+                (found.scene_from_tracker, calibration.scene_from_tracker),
+                (found.sensor_from_probe, calibration.sensor_from_probe),
+            ] {
+                assert_eq!(a.map(|f| f.rms_mm), b.map(|f| f.rms_mm));
+                let (Some(a), Some(b)) = (a, b) else { continue };
+                assert!(a.value.position_mm == b.value.position_mm);
+                assert!(a.value.orientation.angle_between(b.value.orientation) < 1e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn the_documented_file_is_read() {
+        let docs = include_str!("calibration.rs").lines().skip_while(|l| !l.contains("```toml")).skip(1);
+        let text: String =
+            docs.take_while(|l| !l.contains("```")).map(|l| l[3..].trim_start().to_owned() + "\n").collect();
+        let found = Calibration::parse(&text).unwrap();
+        assert_eq!(found.stylus_tip_mm.unwrap().value, DVec3::Z * 120.0);
+        assert_eq!(found.scene_from_tracker.unwrap().rms_mm, Some(0.6));
+    }
+
+    #[test]
+    fn frames_are_chained_in_their_order() {
+        let calibration = whole();
+        let tracker_from_sensor = Pose { position_mm: DVec3::X, orientation: DQuat::from_rotation_z(1.0) };
+        let scene_from_probe = calibration.scene_from_probe(tracker_from_sensor);
+        let by_hand = calibration.scene_from_tracker.unwrap().value.transform_point(
+            tracker_from_sensor.transform_point(calibration.sensor_from_probe.unwrap().value.position_mm),
+        );
+        assert!(scene_from_probe.position_mm.distance(by_hand) < 1e-12);
+        assert_eq!(Calibration::default().scene_from_probe(tracker_from_sensor), tracker_from_sensor);
+    }
+
+    #[test]
+    fn wrong_files_say_what_is_wrong() {
+        let transform = "position_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
+        for (text, part) in [
+            ("".to_owned(), "missing field `version`"),
+            ("version = 2\nfuture = true".to_owned(), "`version` is 2; this program reads version 1"),
+            ("version = 1\nscene_from_traker = 3".to_owned(), "unknown field `scene_from_traker`, expected one of"),
+            (format!("version = 1\n[sensor_from_probe]\n{transform}scale = 2"), "unknown field `scale`"),
+            ("version = 1\n[stylus]\ntip_mm = [1, 2]".to_owned(), "line 3"),
+            ("version = 1\n[stylus]\ntip_mm = [1, 2, nan]".to_owned(), "`stylus.tip_mm` is [1.0, 2.0, NaN]"),
+            ("version = 1\n[stylus".to_owned(), "TOML parse error at line 2"),
+            (
+                "version = 1\n[scene_from_tracker]\nposition_mm = [0, 0, 0]\nquaternion = [1, 1, 0, 0]".to_owned(),
+                "[scene_from_tracker]: the pose's quaternion (qw,qx,qy,qz) has norm 1.414",
+            ),
+        ] {
+            let found = Calibration::parse(&text).unwrap_err().to_string();
+            assert!(found.contains(part), "{found}");
+        }
+        let found = Calibration::load(Path::new("/no/such.toml")).unwrap_err().to_string();
+        assert!(found.starts_with("cannot read the calibration file /no/such.toml"), "{found}");
+    }
+
+    #[test]
+    fn a_station_adds_its_own_but_not_twice() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("c.toml");
+        let pose = Pose { position_mm: DVec3::Z, ..Pose::IDENTITY };
+        let source = CalibrationSource { path: Some(path.clone()), sensor_from_probe: Some(pose) };
+        std::fs::write(&path, Calibration { sensor_from_probe: None, ..whole() }.to_toml()).unwrap();
+        assert_eq!(source.load().unwrap().sensor_from_probe, Some(Fitted::known(pose)));
+        std::fs::write(&path, whole().to_toml()).unwrap();
+        assert!(source.load().unwrap_err().to_string().contains("given twice"));
+        assert_eq!(CalibrationSource::default().load().unwrap(), Calibration::default());
+    }
+}

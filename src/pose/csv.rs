@@ -1,0 +1,145 @@
+//! Points and poses as lines of comma-separated numbers.
+//!
+//! Empty lines and lines that begin with `#` are passed over, and a first line of column names is. Errors name the
+//! line.
+
+use glam::DVec3;
+use thiserror::Error;
+
+use super::registration::PointPair;
+use super::{Pose, PoseError};
+
+/// Why a text holds no points or poses.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum CsvError {
+    /// A line that isn't what was expected.
+    #[error("line {line}: expected {expected}, found `{found}`")]
+    Line {
+        /// From 1.
+        line: usize,
+        /// What would be right.
+        expected: &'static str,
+        /// The line, its first 80 characters.
+        found: String,
+    },
+    /// Numbers that are no pose.
+    #[error("line {line}: {source}")]
+    Pose {
+        /// From 1.
+        line: usize,
+        /// What is wrong.
+        source: PoseError,
+    },
+    /// No line with numbers.
+    #[error("there is no line with {expected}")]
+    Empty {
+        /// What was expected.
+        expected: &'static str,
+    },
+}
+
+/// A landmark with its name, if it has one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPair {
+    /// Its name, or its number from 1.
+    pub name: String,
+    /// Where it is.
+    pub pair: PointPair,
+}
+
+const PAIR: &str = "`x,y,z,tx,ty,tz` and perhaps `,name` (mm; first the scene's point, then the tracker's)";
+const POSE: &str = "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)";
+
+/// Landmarks from lines `x,y,z,tx,ty,tz[,name]`: the point in the scene, and the same point by the tracker, mm.
+///
+/// # Errors
+/// A line that is no pair, or none at all.
+pub fn pairs(text: &str) -> Result<Vec<NamedPair>, CsvError> {
+    let mut pairs = Vec::new();
+    for (line, content) in data_lines(text) {
+        let wrong = || CsvError::Line { line, expected: PAIR, found: shown(content) };
+        let fields: Vec<_> = content.splitn(7, ',').map(str::trim).collect();
+        let (numbers, name) = fields.split_at_checked(6).ok_or_else(wrong)?;
+        let mut values = [0.0; 6];
+        for (value, field) in values.iter_mut().zip(numbers) {
+            *value = field.parse().map_err(|_| wrong())?;
+        }
+        let [x, y, z, tx, ty, tz] = values;
+        let name = name.first().map(|n| n.trim_matches('"').trim()).filter(|n| !n.is_empty());
+        let name = name.map_or_else(|| (pairs.len() + 1).to_string(), str::to_owned);
+        let pair = PointPair { scene_mm: DVec3::new(x, y, z), tracker_mm: DVec3::new(tx, ty, tz) };
+        pairs.push(NamedPair { name, pair });
+    }
+    if pairs.is_empty() { Err(CsvError::Empty { expected: PAIR }) } else { Ok(pairs) }
+}
+
+/// Poses from lines `x,y,z,qw,qx,qy,qz`, mm and a unit quaternion.
+///
+/// # Errors
+/// A line that is no pose, or none at all.
+pub fn poses(text: &str) -> Result<Vec<Pose>, CsvError> {
+    let mut poses = Vec::new();
+    for (line, content) in data_lines(text) {
+        poses.push(content.parse().map_err(|source| match source {
+            PoseError::Syntax { .. } => CsvError::Line { line, expected: POSE, found: shown(content) },
+            source => CsvError::Pose { line, source },
+        })?);
+    }
+    if poses.is_empty() { Err(CsvError::Empty { expected: POSE }) } else { Ok(poses) }
+}
+
+/// Lines with data and their numbers from 1.
+fn data_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    let mut is_first = true;
+    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).filter(move |(_, line)| {
+        let is_head =
+            std::mem::take(&mut is_first) && line.split(',').all(|field| field.trim().parse::<f64>().is_err());
+        !is_head
+    })
+}
+
+fn shown(line: &str) -> String {
+    line.chars().take(80).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn pairs_have_names_or_numbers() {
+        let text = "\u{feff}x,y,z,tx,ty,tz,name\r\n# belly\r\n1,2,3,4,5,6,\"navel\"\r\n\r\n-1.5, 2e1, 3,4,5,6\r\n7,8,9,1,2,3,left, upper\r\n";
+        let found = pairs(text).unwrap();
+        let names: Vec<_> = found.iter().map(|p| p.name.as_str()).collect();
+        assert_eq!(names, ["navel", "2", "left, upper"]);
+        assert_eq!(found[1].pair.scene_mm, DVec3::new(-1.5, 20.0, 3.0));
+        assert_eq!(found[0].pair.tracker_mm, DVec3::new(4.0, 5.0, 6.0));
+    }
+
+    #[test]
+    fn wrong_lines_are_named() {
+        let error = |text| pairs(text).unwrap_err().to_string();
+        assert_eq!(error("1,2,3,4,5,6\n1,2,3\n"), format!("line 2: expected {PAIR}, found `1,2,3`"));
+        assert!(error("1,2,3,4,5,six").starts_with("line 1: expected `x,y,z,tx,ty,tz`"));
+        assert!(error("x,y\nx,y\n").starts_with("line 2"), "one line of names only");
+        assert!(error("# nothing\n\n").starts_with("there is no line with `x,y,z,tx,ty,tz`"));
+        let error = |text| poses(text).unwrap_err().to_string();
+        assert!(error("x,y,z,qw,qx,qy,qz\n1,2,3,2,0,0,0").starts_with("line 2: the pose's quaternion"));
+        assert!(error("1,2,3").starts_with("line 1: expected `x,y,z,qw,qx,qy,qz`"));
+        assert!(error("nan,2,3,1,0,0,0").contains("component `x` is NaN"));
+        assert_eq!(poses("1,2,3,1,0,0,0\n").unwrap()[0].position_mm, DVec3::new(1.0, 2.0, 3.0));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn no_text_panics(text in "([0-9.,-]{0,20}|\n|,|name|#|é|\"|nan|inf| ){0,30}") {
+            let _ = (pairs(&text), poses(&text));
+        }
+    }
+}

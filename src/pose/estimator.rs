@@ -1,0 +1,255 @@
+//! From the measurements of a live tracker to the probe's pose at a time of display.
+
+use super::clock_regression::{ClockRegression, Timing};
+use super::counters::Counters;
+use super::jump_gate::{Gate, JumpGate};
+use super::one_euro::{Motion, OneEuro};
+use super::prediction::{horizon_s, predict};
+use super::rates::RateIntegrator;
+use super::ring::PoseRing;
+use super::settings::Settings;
+use super::stream_order::{Place, StreamOrder};
+use super::stuck::StuckWatch;
+use super::tracking::{TrackingClock, TrackingState};
+use super::{Measurement, Pose, QUATERNION_NORM_TOLERANCE, Reading, TimedPose};
+
+/// Poses kept, a second at 60 a second: what a display that lags is shown from.
+const HISTORY: usize = 64;
+
+/// A gap of more than this starts the filter anew, s.
+const FILTER_GAP_S: f64 = 0.5;
+
+/// `now` may fall by this much between two samples without a clock having been set back, ns.
+const NOW_JITTER_NS: u64 = 20_000_000;
+
+/// Where the probe is, as far as is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Filtered and predicted; none before the first measurement and once it is lost.
+    pub scene_from_probe: Option<Pose>,
+    /// How far it can be trusted.
+    pub state: TrackingState,
+    /// When the first byte of the newest measurement in it reached the host, ns since 1970 (UTC).
+    pub first_byte_ns: Option<u64>,
+    /// How far it was predicted beyond the newest measurement, ms.
+    pub predicted_ms: f64,
+    /// The sensor's readings have been exactly equal for long although its clock runs.
+    pub stuck: bool,
+}
+
+/// Turns the measurements of one sensor into poses.
+///
+/// Measurements are pushed as they come; [`sample`](Self::sample) asks for the pose at any time. Both take times of the
+/// host's clock, ns since 1970 (UTC). Nothing is allocated after [`new`](Self::new), and no input makes it panic.
+#[derive(Debug, Clone)]
+pub struct Estimator {
+    settings: Settings,
+    order: StreamOrder,
+    clock: ClockRegression,
+    gate: JumpGate,
+    filter: OneEuro,
+    rates: RateIntegrator,
+    stuck: StuckWatch,
+    tracking: TrackingClock,
+    history: PoseRing,
+    counters: Counters,
+    /// The newest motion.
+    motion: Option<Motion>,
+    /// Regressed and raw time of the newest measurement.
+    newest: Option<(u64, u64)>,
+    /// `now` of the last sample.
+    last_now_ns: Option<u64>,
+}
+
+impl Estimator {
+    /// An estimator that has seen nothing.
+    pub fn new(settings: Settings) -> Self {
+        let filter = &settings.filter;
+        Self {
+            order: StreamOrder::default(),
+            clock: ClockRegression::default(),
+            gate: JumpGate::new(filter.max_speed_mm_s, filter.max_speed_deg_s),
+            filter: OneEuro::new(filter.cutoffs()),
+            rates: RateIntegrator::new(settings.initial_pose, filter.puck_mm_s, filter.puck_deg_s),
+            stuck: StuckWatch::new(filter.stuck_ms),
+            tracking: TrackingClock::new(filter.held_ms, filter.stale_ms, filter.lost_ms),
+            history: PoseRing::new(HISTORY),
+            counters: Counters::default(),
+            motion: None,
+            newest: None,
+            last_now_ns: None,
+            settings,
+        }
+    }
+
+    /// What happened so far.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Takes the next measurement. Whatever cannot be used is dropped and counted.
+    ///
+    /// A puck says nothing while it rests: push zero [`Reading::Rates`] once its device is open, and it is tracked from
+    /// then on, at the initial pose.
+    pub fn push(&mut self, measurement: &Measurement) {
+        self.counters.measurements += 1;
+        if !is_valid(&measurement.reading) {
+            self.counters.invalid += 1;
+            return;
+        }
+        let ticks = match self.order.push(measurement) {
+            Place::Duplicate => return self.counters.duplicates += 1,
+            Place::Late => return self.counters.out_of_order += 1,
+            Place::Restarted { ticks } => {
+                self.counters.device_restarts += 1;
+                self.clock.restart();
+                ticks
+            }
+            Place::Next { ticks, missing, clock_stalled } => {
+                self.counters.missing += u64::from(missing);
+                self.counters.clock_stalls += u64::from(clock_stalled);
+                ticks
+            }
+        };
+        let time_ns = match self.clock.push(measurement.host_time_ns, ticks) {
+            Timing::NotRising => return self.counters.time_not_rising += 1,
+            Timing::Outlier => return self.counters.time_outliers += 1,
+            Timing::At(time_ns) => time_ns,
+            Timing::Jumped(time_ns) => {
+                self.counters.clock_jumps += 1;
+                // How old what was known is by the new time, nobody knows.
+                self.newest = None;
+                self.last_now_ns = None;
+                self.history.clear();
+                self.tracking.forget();
+                time_ns
+            }
+        };
+        if let Reading::OutOfView = measurement.reading {
+            self.counters.out_of_view += 1;
+            self.tracking.interrupted();
+            return;
+        }
+        self.counters.stuck += u64::from(
+            !matches!(measurement.reading, Reading::Rates { .. }) && self.stuck.push(&measurement.reading, time_ns),
+        );
+        // Seconds since the last one that was used; none at first and behind a jump of the clock.
+        let dt_s = self.newest.map(|(last_ns, _)| time_ns.saturating_sub(last_ns) as f64 * 1e-9);
+        let Some(motion) = self.motion_of(&measurement.reading, time_ns, dt_s) else { return };
+        self.counters.used += 1;
+        self.motion = Some(motion);
+        self.newest = Some((time_ns, measurement.host_time_ns));
+        let device_time_us = measurement.device_time_us.unwrap_or(time_ns / 1000);
+        self.history.push(TimedPose { host_time_ns: time_ns, device_time_us, pose: motion.pose });
+        let resting = matches!(measurement.reading, Reading::Rates { .. }) && self.rates.is_resting();
+        self.tracking.seen(time_ns, resting);
+    }
+
+    /// The device is gone: a puck that rested is no longer tracked, one that was pushed is let go.
+    pub fn disconnected(&mut self) {
+        self.tracking.interrupted();
+        self.rates.release();
+        if let Some(motion) = &mut self.motion {
+            *motion = Motion::at_rest(motion.pose);
+        }
+    }
+
+    /// Brings a puck back to the initial pose.
+    pub fn home(&mut self) {
+        self.rates.home();
+    }
+
+    /// The pose to show at `display_ns`, as known at `now_ns`.
+    ///
+    /// A time behind the newest measurement is predicted, by [`FilterSettings::prediction_ms`](super::FilterSettings)
+    /// at most; one before it is interpolated.
+    pub fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
+        let now_ns = self.host_now(now_ns);
+        let state = self.tracking.at(now_ns);
+        let mut estimate = Estimate {
+            scene_from_probe: None,
+            state,
+            first_byte_ns: self.newest.map(|(_, raw_ns)| raw_ns),
+            predicted_ms: 0.0,
+            stuck: self.stuck.is_stuck() && state <= TrackingState::Held,
+        };
+        let (Some((newest_ns, _)), Some(motion)) = (self.newest, &self.motion) else { return estimate };
+        if state == TrackingState::Lost {
+            return estimate;
+        }
+        let horizon_s = horizon_s(newest_ns, display_ns, self.settings.filter.prediction_ms);
+        let earlier = if display_ns < newest_ns { self.history.at(display_ns) } else { None };
+        estimate.predicted_ms = horizon_s * 1e3;
+        estimate.scene_from_probe = Some(earlier.unwrap_or_else(|| predict(motion, horizon_s)));
+        estimate
+    }
+
+    /// The probe's motion by a reading; None where it is a spike.
+    fn motion_of(&mut self, reading: &Reading, time_ns: u64, dt_s: Option<f64>) -> Option<Motion> {
+        let calibration = &self.settings.calibration;
+        let pose = match *reading {
+            Reading::Pose(tracker_from_sensor) => calibration.scene_from_probe(tracker_from_sensor),
+            Reading::Orientation(orientation) => {
+                let turned = calibration.scene_from_probe(Pose { orientation, ..Pose::IDENTITY });
+                Pose { position_mm: self.settings.initial_pose.position_mm, ..turned }
+            }
+            Reading::Rates { translation, rotation } => {
+                return Some(self.rates.push(translation, rotation, dt_s.unwrap_or(0.0)));
+            }
+            Reading::OutOfView => return None,
+        };
+        let Ok(pose) = Pose::from_components(pose.components()) else {
+            self.counters.invalid += 1;
+            return None;
+        };
+        if dt_s.is_none_or(|dt_s| dt_s > FILTER_GAP_S) {
+            self.gate.reset();
+            self.filter.reset();
+        }
+        // f64 holds ns since 1970 to 0.2 µs in seconds.
+        match self.gate.push(pose, time_ns as f64 * 1e-9) {
+            Gate::Passed => {}
+            Gate::Spike => {
+                self.counters.spikes += 1;
+                return None;
+            }
+            Gate::Jumped => {
+                self.counters.jumps += 1;
+                self.filter.reset();
+            }
+        }
+        Some(self.filter.push(pose, dt_s.unwrap_or(0.0)))
+    }
+
+    /// `now` on a clock that never falls: where the host's was set back, all times known so far are set back, too.
+    fn host_now(&mut self, now_ns: u64) -> u64 {
+        let last_ns = self.last_now_ns.unwrap_or(now_ns);
+        let back_ns = last_ns.saturating_sub(now_ns);
+        if back_ns > NOW_JITTER_NS {
+            self.counters.clock_jumps += 1;
+            self.clock.set_back(back_ns);
+            self.tracking.set_back(back_ns);
+            self.history.set_back(back_ns);
+            self.gate.reset();
+            self.newest = self.newest.map(|(a, b)| (a.saturating_sub(back_ns), b.saturating_sub(back_ns)));
+            self.last_now_ns = Some(now_ns);
+            return now_ns;
+        }
+        let now_ns = now_ns.max(last_ns);
+        self.last_now_ns = Some(now_ns);
+        now_ns
+    }
+}
+
+fn is_valid(reading: &Reading) -> bool {
+    let is_unit = |q: glam::DQuat| q.is_finite() && (q.length() - 1.0).abs() <= QUATERNION_NORM_TOLERANCE;
+    match reading {
+        Reading::Pose(pose) => Pose::from_components(pose.components()).is_ok(),
+        Reading::Orientation(orientation) => is_unit(*orientation),
+        Reading::Rates { translation, rotation } => translation.is_finite() && rotation.is_finite(),
+        Reading::OutOfView => true,
+    }
+}
+
+#[cfg(test)]
+mod tests;

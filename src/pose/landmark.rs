@@ -1,0 +1,132 @@
+//! A landmark touched with a stylus: its tip held still for a while.
+
+use glam::DVec3;
+use thiserror::Error;
+
+use super::Pose;
+
+/// When a tip counts as held still.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StillSettings {
+    /// Poses that are averaged.
+    pub samples: usize,
+    /// Largest accepted distance of any of them from their mean, mm.
+    pub tolerance_mm: f64,
+    /// Poses after which it is given up.
+    pub patience: usize,
+}
+
+impl Default for StillSettings {
+    /// A second of poses at 60 a second within 1 mm, half a minute of patience.
+    fn default() -> Self {
+        Self { samples: 60, tolerance_mm: 1.0, patience: 1800 }
+    }
+}
+
+/// A touched landmark in the tracker's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touched {
+    /// Mean of the tip, mm.
+    pub tracker_mm: DVec3,
+    /// RMS distance of the tip from it, mm.
+    pub rms_mm: f64,
+}
+
+/// Why a landmark could not be taken.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum LandmarkError {
+    /// It ended before the tip was still.
+    #[error("the tracker gave {found} poses only; {needed} of a still tip are needed (is the sensor in view?)")]
+    Ended {
+        /// Poses given.
+        found: usize,
+        /// Poses needed.
+        needed: usize,
+    },
+    /// It never was still.
+    #[error(
+        "the tip moved by {best_mm:.2} mm from its mean at best in {poses} poses; hold it within {tolerance_mm} mm for {samples} poses"
+    )]
+    Unsteady {
+        /// Smallest spread found, mm.
+        best_mm: f64,
+        /// Poses looked at.
+        poses: usize,
+        /// Accepted spread, mm.
+        tolerance_mm: f64,
+        /// Poses needed.
+        samples: usize,
+    },
+}
+
+/// Averages the tip over the first stretch of `tracker_from_sensor` in which it is held still.
+///
+/// The poses may come from a live tracker or a recording; no more are taken than are needed. `tip_mm` is in the
+/// sensor's frame.
+///
+/// # Errors
+/// The poses end, or the patience does, before the tip is held still.
+pub fn touch(
+    tracker_from_sensor: impl IntoIterator<Item = Pose>,
+    tip_mm: DVec3,
+    settings: &StillSettings,
+) -> Result<Touched, LandmarkError> {
+    let needed = settings.samples.max(1);
+    let mut tips: Vec<DVec3> = Vec::with_capacity(needed);
+    let (mut found, mut best_mm) = (0, f64::INFINITY);
+    for pose in tracker_from_sensor.into_iter().take(settings.patience.max(needed)) {
+        if tips.len() == needed {
+            tips.remove(0);
+        }
+        tips.push(pose.transform_point(tip_mm));
+        found += 1;
+        if tips.len() < needed {
+            continue;
+        }
+        let mean = tips.iter().sum::<DVec3>() / needed as f64;
+        let spread_mm = tips.iter().map(|tip| tip.distance(mean)).fold(0.0, f64::max);
+        best_mm = best_mm.min(spread_mm);
+        if spread_mm <= settings.tolerance_mm {
+            let squares: f64 = tips.iter().map(|tip| tip.distance_squared(mean)).sum();
+            return Ok(Touched { tracker_mm: mean, rms_mm: (squares / needed as f64).sqrt() });
+        }
+    }
+    if found < settings.patience {
+        return Err(LandmarkError::Ended { found, needed });
+    }
+    Err(LandmarkError::Unsteady { best_mm, poses: found, tolerance_mm: settings.tolerance_mm, samples: needed })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    fn pose(x: f64) -> Pose {
+        Pose { position_mm: DVec3::X * x, orientation: DQuat::from_rotation_y(0.5) }
+    }
+
+    #[test]
+    fn waits_until_the_tip_rests_and_takes_no_more() {
+        let settings = StillSettings { samples: 10, tolerance_mm: 0.5, patience: 100 };
+        let approach = (0..30).map(|i| 90.0 - 3.0 * f64::from(i));
+        let rest = (0..50).map(|i| if i % 2 == 0 { 0.1 } else { -0.1 });
+        let mut poses = approach.chain(rest).map(pose);
+        let tip = DVec3::new(0.0, 5.0, 100.0);
+        let found = touch(&mut poses, tip, &settings).unwrap();
+        assert!(found.tracker_mm.distance(pose(0.0).transform_point(tip)) < 1e-9);
+        assert!((found.rms_mm - 0.1).abs() < 1e-9);
+        assert_eq!(poses.count(), 40);
+    }
+
+    #[test]
+    fn says_why_there_is_no_landmark() {
+        let settings = StillSettings { samples: 10, tolerance_mm: 0.5, patience: 50 };
+        let error = touch((0..5).map(|_| pose(0.0)), DVec3::Z, &settings).unwrap_err();
+        assert_eq!(error, LandmarkError::Ended { found: 5, needed: 10 });
+        let mut moving = (0..).map(|i| pose(2.0 * f64::from(i)));
+        let error = touch(&mut moving, DVec3::Z, &settings).unwrap_err().to_string();
+        assert!(error.starts_with("the tip moved by 9.00 mm from its mean at best in 50 poses"), "{error}");
+    }
+}

@@ -1,0 +1,196 @@
+//! The One-Euro filter of Casiez, Roussel & Vogel (CHI 2012), for poses.
+//!
+//! A low-pass filter whose cutoff rises with the speed: still hands see no jitter, moving ones no lag. Position and
+//! rotation have a filter each. The speed is that of the raw poses, as in the authors' own code: measured from the
+//! filtered pose it would hold the filter's lag, too, and could not be used for prediction.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::Pose;
+use super::transform::rotation_vector;
+
+/// How a pose moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// The pose.
+    pub pose: Pose,
+    /// Its velocity, mm/s.
+    pub velocity_mm_s: DVec3,
+    /// Its angular velocity in the frame that the pose is given in (not in that of the probe), rad/s.
+    pub angular_velocity_rad_s: DVec3,
+}
+
+impl Motion {
+    /// A pose at rest.
+    pub fn at_rest(pose: Pose) -> Self {
+        Self { pose, velocity_mm_s: DVec3::ZERO, angular_velocity_rad_s: DVec3::ZERO }
+    }
+}
+
+/// Cutoff frequencies of the filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cutoffs {
+    /// Of the position at rest, Hz.
+    pub min_cutoff_hz: f64,
+    /// What is added to it for the speed, Hz a mm/s.
+    pub beta: f64,
+    /// Of the rotation at rest, Hz.
+    pub rotation_min_cutoff_hz: f64,
+    /// What is added to it for the angular speed, Hz a degree/s.
+    pub rotation_beta: f64,
+    /// Of both speeds, Hz.
+    pub speed_cutoff_hz: f64,
+}
+
+/// The filter of one stream of poses.
+#[derive(Debug, Clone)]
+pub struct OneEuro {
+    cutoffs: Cutoffs,
+    /// The last raw pose and the last filtered one.
+    state: Option<(Pose, Motion)>,
+}
+
+impl OneEuro {
+    /// A filter that has seen nothing.
+    pub fn new(cutoffs: Cutoffs) -> Self {
+        Self { cutoffs, state: None }
+    }
+
+    /// Forgets what it has seen; the next pose passes as it is, at rest.
+    pub fn reset(&mut self) {
+        self.state = None;
+    }
+
+    /// Filters the pose `dt_s` after the last one. Where `dt_s` isn't greater than 0 the last motion is returned.
+    pub fn push(&mut self, pose: Pose, dt_s: f64) -> Motion {
+        let Some((raw, filtered)) = self.state else {
+            let motion = Motion::at_rest(pose);
+            self.state = Some((pose, motion));
+            return motion;
+        };
+        if dt_s.is_nan() || dt_s <= 0.0 {
+            return filtered;
+        }
+        let c = &self.cutoffs;
+        let speed_part = smoothing(c.speed_cutoff_hz, dt_s);
+        let velocity = (pose.position_mm - raw.position_mm) / dt_s;
+        let velocity_mm_s = filtered.velocity_mm_s.lerp(velocity, speed_part);
+        // The shorter arc: q and −q are one rotation.
+        let angular_velocity = rotation_vector(pose.orientation * raw.orientation.conjugate()) / dt_s;
+        let angular_velocity_rad_s = filtered.angular_velocity_rad_s.lerp(angular_velocity, speed_part);
+
+        let cutoff_hz = c.min_cutoff_hz + c.beta * velocity_mm_s.length();
+        let position_mm = filtered.pose.position_mm.lerp(pose.position_mm, smoothing(cutoff_hz, dt_s));
+        let cutoff_hz = c.rotation_min_cutoff_hz + c.rotation_beta * angular_velocity_rad_s.length().to_degrees();
+        // slerp of glam aligns the signs.
+        let orientation = filtered.pose.orientation.slerp(pose.orientation, smoothing(cutoff_hz, dt_s)).normalize();
+        let motion = Motion { pose: Pose { position_mm, orientation }, velocity_mm_s, angular_velocity_rad_s };
+        self.state = Some((pose, motion));
+        motion
+    }
+}
+
+/// Part of the way to the new value that a low-pass filter of `cutoff_hz` goes in `dt_s`: α = 1/(1 + τ/dt), τ = 1/(2πf).
+pub fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
+    let tau_s = 1.0 / (TAU * cutoff_hz);
+    dt_s / (dt_s + tau_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::pose::transform::angle_between;
+
+    const CUTOFFS: Cutoffs = Cutoffs {
+        min_cutoff_hz: 2.0,
+        beta: 0.1,
+        rotation_min_cutoff_hz: 2.0,
+        rotation_beta: 0.1,
+        speed_cutoff_hz: 2.0,
+    };
+    const DT_S: f64 = 1.0 / 60.0;
+
+    fn pose(x: f64, angle: f64) -> Pose {
+        Pose { position_mm: DVec3::X * x, orientation: DQuat::from_rotation_z(angle) }
+    }
+
+    #[test]
+    fn a_constant_pose_passes_and_a_step_is_approached() {
+        let mut filter = OneEuro::new(CUTOFFS);
+        for _ in 0..10 {
+            let motion = filter.push(pose(3.0, 0.5), DT_S);
+            assert!(motion.pose.position_mm.distance(DVec3::X * 3.0) < 1e-12);
+            assert!(angle_between(motion.pose.orientation, pose(3.0, 0.5).orientation) < 1e-12);
+            assert!(motion.velocity_mm_s.length() < 1e-9 && motion.angular_velocity_rad_s.length() < 1e-9);
+        }
+        let mut last = 3.0;
+        for _ in 0..200 {
+            let x = filter.push(pose(4.0, 0.5), DT_S).pose.position_mm.x;
+            assert!(x >= last && x <= 4.0);
+            last = x;
+        }
+        assert!(last > 3.999);
+    }
+
+    #[test]
+    fn steady_motion_lags_by_the_time_constant_and_shows_its_speed() {
+        let (speed, turn) = (50.0, 0.6);
+        let mut filter = OneEuro::new(CUTOFFS);
+        let mut motion = Motion::at_rest(pose(0.0, 0.0));
+        for i in 0..300 {
+            motion = filter.push(pose(speed * DT_S * f64::from(i), turn * DT_S * f64::from(i)), DT_S);
+        }
+        assert!((motion.velocity_mm_s.x - speed).abs() < 1e-6 && (motion.angular_velocity_rad_s.z - turn).abs() < 1e-6);
+        let tau_s = |cutoff_hz: f64| 1.0 / (TAU * cutoff_hz);
+        let lag_s = 299.0 * DT_S - motion.pose.position_mm.x / speed;
+        assert!((lag_s - tau_s(2.0 + 0.1 * speed)).abs() < 1e-6, "{lag_s}");
+        let lag_rad = angle_between(motion.pose.orientation, pose(0.0, turn * DT_S * 299.0).orientation);
+        assert!((lag_rad / turn - tau_s(2.0 + 0.1 * turn.to_degrees())).abs() < 1e-6, "{lag_rad}");
+    }
+
+    #[test]
+    fn time_that_stands_still_changes_nothing() {
+        let mut filter = OneEuro::new(CUTOFFS);
+        let first = filter.push(pose(0.0, 0.0), DT_S);
+        for dt_s in [0.0, -1.0, f64::NAN] {
+            assert_eq!(filter.push(pose(9.0, 1.0), dt_s), first);
+        }
+    }
+
+    #[test]
+    fn half_turns_stay_rotations() {
+        let mut filter = OneEuro::new(CUTOFFS);
+        for i in 0..100 {
+            let angle = if i % 2 == 0 { 0.0 } else { std::f64::consts::PI };
+            let motion = filter.push(pose(0.0, angle), DT_S);
+            assert!(motion.pose.orientation.is_normalized() && motion.angular_velocity_rad_s.is_finite());
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn signs_of_quaternions_make_no_difference(
+            poses in prop::collection::vec((-50.0..50.0_f64, -9.0..9.0_f64, any::<bool>(), 1e-6..0.5_f64), 1..60),
+        ) {
+            let (mut plain, mut mixed) = (OneEuro::new(CUTOFFS), OneEuro::new(CUTOFFS));
+            for (x, angle, negate, dt_s) in poses {
+                let p = pose(x, angle);
+                let q = Pose { orientation: if negate { -p.orientation } else { p.orientation }, ..p };
+                let (a, b) = (plain.push(p, dt_s), mixed.push(q, dt_s));
+                prop_assert!(a.pose.orientation.is_normalized() && b.pose.position_mm.is_finite());
+                prop_assert!((a.pose.position_mm.x).abs() <= 50.0);
+                prop_assert_eq!(a.velocity_mm_s, b.velocity_mm_s);
+                let apart = angle_between(a.pose.orientation, b.pose.orientation);
+                // At exactly half a turn either way round is right.
+                prop_assert!(apart < 1e-6 || (a.angular_velocity_rad_s + b.angular_velocity_rad_s).length() < 1e-3);
+            }
+        }
+    }
+}

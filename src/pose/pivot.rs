@@ -1,0 +1,193 @@
+//! Where the tip of a stylus is in the frame of its sensor: it is turned about its tip, which rests in one place.
+//!
+//! Every pose (R, t) puts the tip at the pivot: R·tip + t = pivot. Without the pivot, which is the mean of the left
+//! side: (R − R̄)·tip = −(t − t̄), linear least squares with three unknowns ("algebraic two-step" in Yaniv, Which pivot
+//! calibration?, SPIE 9415, 2015).
+
+use glam::{DMat3, DVec3};
+use nalgebra::{Matrix3, Vector3};
+use thiserror::Error;
+
+use super::Pose;
+use super::transform::angle_between;
+
+/// Fewer poses are refused.
+const LEAST_POSES: usize = 10;
+
+/// Smallest accepted turn between the two poses that are farthest apart, degrees.
+const LEAST_TURN_DEG: f64 = 30.0;
+
+/// Largest accepted condition number.
+const CONDITION_LIMIT: f64 = 25.0;
+
+/// A calibrated tip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pivot {
+    /// The tip in the frame of the sensor, mm.
+    pub tip_mm: DVec3,
+    /// Where it rested in the tracker's frame, mm.
+    pub pivot_mm: DVec3,
+    /// RMS distance of the tip from the pivot, mm.
+    pub rms_mm: f64,
+    /// Largest such distance, mm.
+    pub max_mm: f64,
+    /// Standard error of the tip in its least certain direction, mm, if the poses' errors are independent.
+    pub tip_error_mm: f64,
+    /// Condition number of the problem; 1 is best, reached by turns of all kinds.
+    pub condition: f64,
+    /// Largest turn between two poses, degrees (from pose to pose through the set, at least half of the true largest).
+    pub turn_deg: f64,
+    /// Poses used.
+    pub poses: usize,
+}
+
+/// Why a tip cannot be found.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum PivotError {
+    /// Too few poses.
+    #[error("{found} poses are too few: a pivot calibration needs at least {LEAST_POSES}, better a few hundred")]
+    TooFew {
+        /// Poses given.
+        found: usize,
+    },
+    /// Too little turned.
+    #[error(
+        "the stylus was turned by {turn_deg:.1}° only; tilt it by at least {LEAST_TURN_DEG}° to all sides while its tip rests"
+    )]
+    TooLittleTurn {
+        /// Largest turn, degrees.
+        turn_deg: f64,
+    },
+    /// Turned about one axis.
+    #[error(
+        "the stylus was turned about nearly one axis (condition number {condition:.0}, at most {CONDITION_LIMIT}): the tip's place along it is unknown; tilt it to all sides"
+    )]
+    OneAxis {
+        /// Condition number.
+        condition: f64,
+    },
+}
+
+/// Finds the tip from `tracker_from_sensor` of a stylus that is turned about it.
+///
+/// # Errors
+/// Fewer than ten poses, turned by less than 30°, or about nearly one axis only.
+pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
+    let poses = tracker_from_sensor;
+    if poses.len() < LEAST_POSES {
+        return Err(PivotError::TooFew { found: poses.len() });
+    }
+    let turn_deg = widest_turn(poses).to_degrees();
+    if turn_deg < LEAST_TURN_DEG {
+        return Err(PivotError::TooLittleTurn { turn_deg });
+    }
+    let n = poses.len() as f64;
+    let rotation = |p: &Pose| -> Matrix3<f64> { DMat3::from_quat(p.orientation).to_cols_array_2d().into() };
+    let translation = |p: &Pose| Vector3::from(p.position_mm.to_array());
+    let mean_r = poses.iter().map(rotation).sum::<Matrix3<f64>>() / n;
+    let mean_t = poses.iter().map(translation).sum::<Vector3<f64>>() / n;
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for pose in poses {
+        let r = rotation(pose) - mean_r;
+        normal += r.transpose() * r;
+        right -= r.transpose() * (translation(pose) - mean_t);
+    }
+    // The normal matrix's condition is the square of the problem's, of which at most 25 is accepted: nothing is lost.
+    let eigen = normal.symmetric_eigen();
+    let (least, most) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
+    let condition = if least > 0.0 { (most / least).sqrt() } else { f64::INFINITY };
+    if condition > CONDITION_LIMIT {
+        return Err(PivotError::OneAxis { condition });
+    }
+    let tip = eigen.eigenvectors * (eigen.eigenvectors.transpose() * right).component_div(&eigen.eigenvalues);
+    let tip_mm = DVec3::from_array(tip.into());
+    let pivot_mm = DVec3::from_array((mean_r * tip + mean_t).into());
+    let distance = |p: &Pose| p.transform_point(tip_mm).distance(pivot_mm);
+    let squares: f64 = poses.iter().map(|p| distance(p).powi(2)).sum();
+    // Three equations a pose, six unknowns.
+    let deviation_mm = (squares / (3.0 * n - 6.0)).sqrt();
+    Ok(Pivot {
+        tip_mm,
+        pivot_mm,
+        rms_mm: (squares / n).sqrt(),
+        max_mm: poses.iter().map(distance).fold(0.0, f64::max),
+        tip_error_mm: deviation_mm / least.sqrt(),
+        condition,
+        turn_deg,
+        poses: poses.len(),
+    })
+}
+
+/// The farthest pose from the first, then the farthest from that one: at least half of the largest turn there is, rad.
+fn widest_turn(poses: &[Pose]) -> f64 {
+    let farthest = |from: &Pose| {
+        let angles = poses.iter().map(|p| (angle_between(from.orientation, p.orientation), p));
+        angles.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let second = poses.first().and_then(farthest).and_then(|(_, p)| farthest(p));
+    second.map_or(0.0, |(angle, _)| angle)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use glam::DQuat;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const TIP: DVec3 = DVec3::new(3.0, -8.0, 145.0);
+    const PIVOT: DVec3 = DVec3::new(210.0, -90.0, 40.0);
+
+    /// A stylus that circles about its pivot, tilted by up to `tilt`, and spun by up to `spin`, rad.
+    fn circling(count: usize, tilt: f64, spin: f64) -> Vec<Pose> {
+        let pose = |i: usize| {
+            let part = i as f64 / count as f64;
+            let axis = DVec3::new((5.0 * TAU * part).cos(), (5.0 * TAU * part).sin(), 0.0);
+            let lean = DQuat::from_axis_angle(axis, tilt * (0.3 + 0.7 * part));
+            let orientation = lean * DQuat::from_rotation_z(spin * (3.0 * TAU * part).sin());
+            Pose { position_mm: PIVOT - orientation * TIP, orientation }
+        };
+        (0..count).map(pose).collect()
+    }
+
+    #[test]
+    fn exact_poses_give_the_tip_and_the_pivot() {
+        let found = calibrate(&circling(200, 0.6, 0.5)).unwrap();
+        assert!(found.tip_mm.distance(TIP) < 1e-9 && found.pivot_mm.distance(PIVOT) < 1e-9, "{found:?}");
+        assert!(found.rms_mm < 1e-9 && found.condition < 10.0 && found.turn_deg > 60.0, "{found:?}");
+    }
+
+    #[test]
+    fn too_little_turn_and_one_axis_are_refused() {
+        assert_eq!(calibrate(&circling(9, 0.6, 0.5)), Err(PivotError::TooFew { found: 9 }));
+        let little = calibrate(&circling(200, 0.1, 0.0)).unwrap_err();
+        assert!(matches!(little, PivotError::TooLittleTurn { turn_deg } if turn_deg < 12.0), "{little}");
+        let spun = calibrate(&circling(200, 0.0, 1.5)).unwrap_err();
+        assert!(spun.to_string().contains("about nearly one axis"), "{spun}");
+        let still = calibrate(&[circling(1, 0.6, 0.0)[0]; 50]).unwrap_err();
+        assert!(matches!(still, PivotError::TooLittleTurn { .. }), "{still}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn noise_moves_the_tip_by_about_its_standard_error(
+            noise in prop::collection::vec(prop::array::uniform3(-0.5..0.5_f64), 300),
+            signs in prop::collection::vec(any::<bool>(), 300),
+        ) {
+            let mut poses = circling(300, 0.6, 0.5);
+            for ((pose, noise), negate) in poses.iter_mut().zip(noise).zip(signs) {
+                pose.position_mm += DVec3::from_array(noise);
+                pose.orientation = if negate { -pose.orientation } else { pose.orientation };
+            }
+            let found = calibrate(&poses).unwrap();
+            // Uniform noise of ±0.5 mm on three axes has an RMS of 0.5 mm.
+            prop_assert!((found.rms_mm - 0.5).abs() < 0.06, "{:?}", found);
+            prop_assert!(found.tip_mm.distance(TIP) < 6.0 * found.tip_error_mm, "{:?}", found);
+            prop_assert!(found.tip_error_mm < 0.2, "{:?}", found);
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! Where the tracker is in the scene: a rigid fit of paired points.
+//!
+//! Least squares by singular values (Kabsch, Acta Cryst A 32:922, 1976; Arun, Huang & Blostein, IEEE PAMI 9:698, 1987;
+//! with the proper rotation of Umeyama, IEEE PAMI 13:376, 1991). The same rotation as Horn's by quaternions.
+
+use glam::{DMat3, DQuat, DVec3};
+use nalgebra::{Matrix3, Vector3};
+use thiserror::Error;
+
+use super::{POSITION_LIMIT_MM, Pose};
+
+/// Points are collinear if their second extent is less than this part of the first.
+const COLLINEAR: f64 = 0.05;
+
+/// Points are coplanar if their third extent is less than this part of the first.
+const COPLANAR: f64 = 0.05;
+
+/// Points are one point if their RMS distance from their centre is less than this, mm.
+const LEAST_EXTENT_MM: f64 = 5.0;
+
+/// Accepted ratio of distances between tracker and scene, either way.
+const SCALE_TOLERANCE: f64 = 1.25;
+
+/// A mirror image must fit so many times better, and by so many mm, to be believed.
+const MIRRORED: (f64, f64) = (2.0, 1.0);
+
+/// Steps after which the singular values are given up; a few are enough.
+const SVD_STEPS: usize = 1000;
+
+/// One landmark in both frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointPair {
+    /// In the scene, mm.
+    pub scene_mm: DVec3,
+    /// The same point as the tracker measures it, mm.
+    pub tracker_mm: DVec3,
+}
+
+/// A fitted transform.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Registration {
+    /// The rigid transform with the least sum of squared residuals.
+    pub scene_from_tracker: Pose,
+    /// Fiducial registration error: RMS of the residuals, mm.
+    pub rms_mm: f64,
+    /// Distance of each landmark from its transformed measurement, mm, in the order of the pairs.
+    pub residuals_mm: Vec<f64>,
+    /// All landmarks lie near one plane: a tracker with a mirrored axis would not be noticed.
+    pub coplanar: bool,
+}
+
+/// Why points cannot be registered.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum RegistrationError {
+    /// Fewer than three pairs.
+    #[error("{found} landmarks are too few: a rigid fit needs at least 3, better 6 or more around the field of view")]
+    TooFew {
+        /// Pairs given.
+        found: usize,
+    },
+    /// A coordinate that is not finite, or out of range.
+    #[error(
+        "coordinate `{name}` of landmark {number} is {value}; it must be a number within ±{POSITION_LIMIT_MM} mm (is the unit wrong?)"
+    )]
+    Coordinate {
+        /// From 1.
+        number: usize,
+        /// One of x y z (scene), tx ty tz (tracker).
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// All points are one point.
+    #[error(
+        "the {frame}'s landmarks lie within {extent_mm:.2} mm (RMS) of one point; spread them over at least {LEAST_EXTENT_MM} mm, better over the whole field"
+    )]
+    OnePoint {
+        /// `scene` or `tracker`.
+        frame: &'static str,
+        /// RMS distance from their centre, mm.
+        extent_mm: f64,
+    },
+    /// All points lie on one line.
+    #[error(
+        "the {frame}'s landmarks lie on one line ({length_mm:.1} mm long, {width_mm:.2} mm wide, RMS): the turn about it is unknown; add one well beside it"
+    )]
+    Collinear {
+        /// `scene` or `tracker`.
+        frame: &'static str,
+        /// RMS extent along the line, mm.
+        length_mm: f64,
+        /// RMS extent across it, mm.
+        width_mm: f64,
+    },
+    /// Distances differ.
+    #[error(
+        "distances between the tracker's points are {ratio:.4} times those between the scene's: is a unit wrong (cm 0.1, inches 0.0394, m 0.001), or are landmarks mixed up?"
+    )]
+    Scale {
+        /// Tracker over scene.
+        ratio: f64,
+    },
+    /// The singular values did not converge.
+    #[error("the landmarks could not be fitted: the singular values of their covariance did not converge")]
+    Unsolved,
+    /// The mirror image fits.
+    #[error(
+        "the tracker's points are a mirror image of the scene's (RMS {mirrored_rms_mm:.2} mm mirrored, {rms_mm:.2} mm as they are): an axis of the tracker is reversed, or left and right landmarks are swapped"
+    )]
+    Mirrored {
+        /// RMS residual of the proper fit, mm.
+        rms_mm: f64,
+        /// RMS residual of the mirrored fit, mm.
+        mirrored_rms_mm: f64,
+    },
+}
+
+/// Fits `scene_from_tracker` to landmarks.
+///
+/// # Errors
+/// Fewer than three pairs, coordinates out of range, landmarks on one point or one line, distances that differ by more
+/// than a quarter, or points of which the mirror image fits much better.
+pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> {
+    if pairs.len() < 3 {
+        return Err(RegistrationError::TooFew { found: pairs.len() });
+    }
+    pairs.iter().enumerate().try_for_each(|(i, pair)| check(i + 1, pair))?;
+    let n = pairs.len() as f64;
+    let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;
+    let tracker_mean = pairs.iter().map(|p| p.tracker_mm).sum::<DVec3>() / n;
+    let centred = || pairs.iter().map(|p| (vector(p.scene_mm - scene_mean), vector(p.tracker_mm - tracker_mean)));
+
+    let zero = Matrix3::<f64>::zeros();
+    let scene_spread = centred().fold(zero, |sum, (s, _)| sum + s * s.transpose()) / n;
+    let tracker_spread = centred().fold(zero, |sum, (_, t)| sum + t * t.transpose()) / n;
+    let scene_extent = extent("scene", &scene_spread)?;
+    let tracker_extent = extent("tracker", &tracker_spread)?;
+    let ratio = (tracker_spread.trace() / scene_spread.trace()).sqrt();
+    if !(1.0 / SCALE_TOLERANCE..=SCALE_TOLERANCE).contains(&ratio) {
+        return Err(RegistrationError::Scale { ratio });
+    }
+
+    let covariance = centred().fold(zero, |sum, (s, t)| sum + s * t.transpose()) / n;
+    let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS).ok_or(RegistrationError::Unsolved)?;
+    let (u, v_t) = svd.u.zip(svd.v_t).ok_or(RegistrationError::Unsolved)?;
+    // The last singular value is the least; its axis is reversed where the best fit is a mirror image.
+    let handedness = (u * v_t).determinant().signum();
+    let orthogonal = |sign: f64| u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+    let rms_of = |r: Matrix3<f64>| (centred().map(|(s, t)| (s - r * t).norm_squared()).sum::<f64>() / n).sqrt();
+    let rotation = orthogonal(handedness);
+    let (rms_mm, mirrored_rms_mm) = (rms_of(rotation), rms_of(orthogonal(-handedness)));
+    if rms_mm > MIRRORED.0 * mirrored_rms_mm && rms_mm - mirrored_rms_mm > MIRRORED.1 {
+        return Err(RegistrationError::Mirrored { rms_mm, mirrored_rms_mm });
+    }
+
+    let columns: [[f64; 3]; 3] = rotation.into();
+    let orientation = DQuat::from_mat3(&DMat3::from_cols_array_2d(&columns)).normalize();
+    let scene_from_tracker = Pose { position_mm: scene_mean - orientation * tracker_mean, orientation };
+    let residual = |p: &PointPair| p.scene_mm.distance(scene_from_tracker.transform_point(p.tracker_mm));
+    let coplanar = [scene_extent, tracker_extent].iter().any(|e| e[2] < COPLANAR * e[0]);
+    Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
+}
+
+fn vector(v: DVec3) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+fn check(number: usize, pair: &PointPair) -> Result<(), RegistrationError> {
+    let names = ["x", "y", "z", "tx", "ty", "tz"];
+    let values = pair.scene_mm.to_array().into_iter().chain(pair.tracker_mm.to_array());
+    match names.into_iter().zip(values).find(|(_, value)| !value.is_finite() || value.abs() > POSITION_LIMIT_MM) {
+        Some((name, value)) => Err(RegistrationError::Coordinate { number, name, value }),
+        None => Ok(()),
+    }
+}
+
+/// RMS extents along the principal axes, mm, descending; refused where a rigid fit would be free.
+fn extent(frame: &'static str, spread: &Matrix3<f64>) -> Result<[f64; 3], RegistrationError> {
+    let mut extents: [f64; 3] = spread.symmetric_eigenvalues().into();
+    extents.sort_by(|a, b| b.total_cmp(a));
+    let extents = extents.map(|variance| variance.max(0.0).sqrt());
+    let [length_mm, width_mm, _] = extents;
+    let extent_mm = spread.trace().max(0.0).sqrt();
+    if extent_mm < LEAST_EXTENT_MM {
+        return Err(RegistrationError::OnePoint { frame, extent_mm });
+    }
+    if width_mm < COLLINEAR * length_mm {
+        return Err(RegistrationError::Collinear { frame, length_mm, width_mm });
+    }
+    Ok(extents)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::pose::transform::angle_between;
+
+    /// Landmarks about a belly, mm.
+    const SCENE: [[f64; 3]; 6] = [
+        [0.0, 0.0, 80.0],
+        [-120.0, 10.0, 20.0],
+        [118.0, -6.0, 22.0],
+        [3.0, 140.0, 35.0],
+        [-4.0, -130.0, 30.0],
+        [60.0, 70.0, 61.0],
+    ];
+
+    fn pairs(tracker: impl Fn(DVec3) -> DVec3) -> Vec<PointPair> {
+        SCENE.map(|p| PointPair { scene_mm: p.into(), tracker_mm: tracker(p.into()) }).to_vec()
+    }
+
+    fn any_pose() -> impl Strategy<Value = Pose> {
+        let three = || prop::array::uniform3(-1.0..1.0_f64).prop_map(DVec3::from_array);
+        (three(), three(), -4.0..4.0_f64).prop_map(|(p, axis, angle)| Pose {
+            position_mm: 1000.0 * p,
+            orientation: DQuat::from_axis_angle(axis.normalize_or(DVec3::X), angle),
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn exact_landmarks_give_back_their_transform(truth in any_pose(), count in 3..=6_usize) {
+            let found = register(&pairs(|p| truth.inverse().transform_point(p))[..count]).unwrap();
+            prop_assert!(found.rms_mm < 1e-9);
+            prop_assert!(found.scene_from_tracker.position_mm.distance(truth.position_mm) < 1e-8);
+            prop_assert!(angle_between(found.scene_from_tracker.orientation, truth.orientation) < 1e-9);
+            prop_assert_eq!(found.coplanar, count == 3);
+        }
+
+        #[test]
+        fn no_other_transform_fits_better(
+            truth in any_pose(),
+            noise in prop::array::uniform6(prop::array::uniform3(-3.0..3.0_f64)),
+            shift in prop::array::uniform3(-0.5..0.5_f64),
+            turn in prop::array::uniform3(-0.01..0.01_f64),
+        ) {
+            let mut pairs = pairs(|p| truth.inverse().transform_point(p));
+            pairs.iter_mut().zip(noise).for_each(|(p, n)| p.tracker_mm += DVec3::from_array(n));
+            let found = register(&pairs).unwrap();
+            let sum = |pose: Pose| pairs.iter().map(|p| p.scene_mm.distance_squared(pose.transform_point(p.tracker_mm))).sum::<f64>();
+            let fit = found.scene_from_tracker;
+            let turned = DQuat::from_scaled_axis(turn.into()) * fit.orientation;
+            let other = Pose { position_mm: fit.position_mm + DVec3::from_array(shift), orientation: turned };
+            prop_assert!(sum(fit) <= sum(other) + 1e-9);
+            prop_assert!((found.rms_mm - (sum(fit) / 6.0).sqrt()).abs() < 1e-9);
+            prop_assert!((found.rms_mm - (found.residuals_mm.iter().map(|r| r * r).sum::<f64>() / 6.0).sqrt()).abs() < 1e-9);
+        }
+
+        #[test]
+        fn a_mirrored_tracker_is_refused(truth in any_pose(), axis in 0..3_usize) {
+            let mirrored = pairs(|p| {
+                let mut q = truth.inverse().transform_point(p);
+                q[axis] = -q[axis];
+                q
+            });
+            let error = register(&mirrored).unwrap_err();
+            prop_assert!(matches!(error, RegistrationError::Mirrored { mirrored_rms_mm, .. } if mirrored_rms_mm < 1e-9), "{error}");
+        }
+
+        #[test]
+        fn nothing_panics(points in prop::collection::vec(prop::array::uniform6(prop_oneof![
+            Just(0.0), Just(1.0), Just(f64::NAN), Just(f64::MAX), -1e5..1e5_f64, any::<f64>(),
+        ]), 0..8)) {
+            let pair = |[a, b, c, d, e, f]: [f64; 6]| PointPair { scene_mm: DVec3::new(a, b, c), tracker_mm: DVec3::new(d, e, f) };
+            if let Ok(found) = register(&points.into_iter().map(pair).collect::<Vec<_>>()) {
+                prop_assert!(found.rms_mm.is_finite() && found.scene_from_tracker.orientation.is_normalized());
+            }
+        }
+    }
+
+    #[test]
+    fn one_wrong_landmark_has_the_largest_residual() {
+        let mut pairs = pairs(|p| p);
+        pairs[3].tracker_mm.x += 20.0;
+        let found = register(&pairs).unwrap();
+        let worst = (0..6).max_by(|a, b| found.residuals_mm[*a].total_cmp(&found.residuals_mm[*b]));
+        assert_eq!(worst, Some(3), "{found:?}");
+        assert!((3.0..10.0).contains(&found.rms_mm));
+    }
+
+    #[test]
+    fn what_cannot_be_fitted_is_refused_by_its_name() {
+        let refusal = |points: &[PointPair]| register(points).unwrap_err().to_string();
+        assert!(refusal(&pairs(|p| p)[..2]).starts_with("2 landmarks are too few"));
+        let line = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: DVec3::X * p.scene_mm.x, ..p });
+        assert!(refusal(&line.collect::<Vec<_>>()).starts_with("the scene's landmarks lie on one line"));
+        assert!(refusal(&pairs(|_| DVec3::ONE)).starts_with("the tracker's landmarks lie within 0.00 mm"));
+        let inches = refusal(&pairs(|p| p / 25.4));
+        assert!(inches.contains("lie within") || inches.contains("are 0.0394 times"), "{inches}");
+        assert!(refusal(&pairs(|p| p * 0.1)).contains("are 0.1000 times"));
+        let mut nan = pairs(|p| p);
+        nan[4].tracker_mm.y = f64::NAN;
+        assert!(refusal(&nan).starts_with("coordinate `ty` of landmark 5 is NaN"), "{}", refusal(&nan));
+    }
+
+    #[test]
+    fn noise_on_coplanar_landmarks_is_no_mirror_image() {
+        let flat: Vec<_> = SCENE
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                let scene_mm = DVec3::new(p[0], p[1], 0.0);
+                let wobble = if i % 2 == 0 { 0.4 } else { -0.4 };
+                PointPair { scene_mm: scene_mm + DVec3::Z * wobble, tracker_mm: scene_mm - DVec3::Z * wobble }
+            })
+            .collect();
+        let found = register(&flat).unwrap();
+        assert!(found.coplanar && found.rms_mm < 1.0);
+    }
+}

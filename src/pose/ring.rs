@@ -1,0 +1,103 @@
+//! The latest poses.
+
+use std::collections::VecDeque;
+
+use super::{Pose, TimedPose, interpolate};
+
+/// A history of fixed capacity, ascending in time; the oldest pose makes room for the newest.
+#[derive(Debug, Clone)]
+pub struct PoseRing {
+    poses: VecDeque<TimedPose>,
+    capacity: usize,
+}
+
+impl PoseRing {
+    /// An empty history of `capacity` poses (at least one). Nothing is allocated later.
+    pub fn new(capacity: usize) -> Self {
+        let capacity = capacity.max(1);
+        Self { poses: VecDeque::with_capacity(capacity), capacity }
+    }
+
+    /// Appends a pose. One that is not later than the newest begins a new history.
+    pub fn push(&mut self, pose: TimedPose) {
+        if self.poses.back().is_some_and(|newest| pose.host_time_ns <= newest.host_time_ns) {
+            self.poses.clear();
+        }
+        if self.poses.len() == self.capacity {
+            self.poses.pop_front();
+        }
+        self.poses.push_back(pose);
+    }
+
+    /// The newest pose.
+    pub fn newest(&self) -> Option<&TimedPose> {
+        self.poses.back()
+    }
+
+    /// Poses held.
+    pub fn len(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.poses.is_empty()
+    }
+
+    /// Forgets all poses.
+    pub fn clear(&mut self) {
+        self.poses.clear();
+    }
+
+    /// Moves all poses `by_ns` to earlier times, as a host clock that was set back did.
+    pub fn set_back(&mut self, by_ns: u64) {
+        self.poses.iter_mut().for_each(|p| p.host_time_ns = p.host_time_ns.saturating_sub(by_ns));
+    }
+
+    /// The pose at a time between the oldest and the newest, as [`interpolate`]; before the oldest it is the oldest's.
+    /// None behind the newest and in an empty history.
+    pub fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
+        let poses: &[TimedPose] = self.poses.make_contiguous();
+        let oldest = poses.first()?;
+        if host_time_ns <= oldest.host_time_ns {
+            return Some(oldest.pose);
+        }
+        interpolate(poses, host_time_ns, u64::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn pose(host_time_ns: u64) -> TimedPose {
+        let pose = Pose { position_mm: DVec3::X * host_time_ns as f64, ..Pose::IDENTITY };
+        TimedPose { host_time_ns, device_time_us: 0, pose }
+    }
+
+    #[test]
+    fn keeps_the_latest_and_interpolates_between_them() {
+        let mut ring = PoseRing::new(4);
+        let room = ring.poses.capacity();
+        assert_eq!((ring.at(5), ring.is_empty()), (None, true));
+        (1..=9).for_each(|t| ring.push(pose(10 * t)));
+        assert_eq!((ring.len(), ring.poses.capacity()), (4, room));
+        assert_eq!(ring.at(75).unwrap().position_mm.x, 75.0);
+        assert_eq!(ring.at(1).unwrap().position_mm.x, 60.0);
+        assert_eq!(ring.at(90).unwrap().position_mm.x, 90.0);
+        assert_eq!(ring.at(91), None);
+    }
+
+    #[test]
+    fn time_that_does_not_rise_begins_anew() {
+        let mut ring = PoseRing::new(4);
+        ring.push(pose(20));
+        ring.push(pose(30));
+        ring.set_back(15);
+        assert_eq!(ring.newest().unwrap().host_time_ns, 15);
+        ring.push(pose(15));
+        assert_eq!((ring.len(), ring.at(15).unwrap().position_mm.x), (1, 15.0));
+    }
+}

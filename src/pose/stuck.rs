@@ -1,0 +1,70 @@
+//! Sensors that stand too still: a real one has noise, so equal readings for long may mean that the device hangs.
+
+use super::Reading;
+
+/// Fewer equal readings than this show nothing, however far apart.
+const LEAST_READINGS: u32 = 20;
+
+/// Watches for readings that are exactly equal.
+#[derive(Debug, Clone)]
+pub struct StuckWatch {
+    limit_ns: u64,
+    last: Option<Reading>,
+    /// Time of the first of the equal readings.
+    since_ns: u64,
+    readings: u32,
+    stuck: bool,
+}
+
+impl StuckWatch {
+    /// Readings are stuck once they are equal for `limit_ms`; 0 never.
+    pub fn new(limit_ms: f64) -> Self {
+        Self { limit_ns: (limit_ms * 1e6) as u64, last: None, since_ns: 0, readings: 0, stuck: false }
+    }
+
+    /// Takes a reading with its time. True where the readings begin to be stuck with this one.
+    pub fn push(&mut self, reading: &Reading, time_ns: u64) -> bool {
+        if self.limit_ns == 0 {
+            return false;
+        }
+        if self.last.as_ref() != Some(reading) || time_ns < self.since_ns {
+            *self = Self { last: Some(*reading), since_ns: time_ns, readings: 1, stuck: false, ..*self };
+            return false;
+        }
+        self.readings = self.readings.saturating_add(1);
+        let was_stuck = self.stuck;
+        self.stuck = self.readings >= LEAST_READINGS && time_ns - self.since_ns >= self.limit_ns;
+        self.stuck && !was_stuck
+    }
+
+    /// Whether the readings are stuck.
+    pub fn is_stuck(&self) -> bool {
+        self.stuck
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    #[test]
+    fn equal_readings_are_stuck_once_until_one_differs() {
+        let mut watch = StuckWatch::new(1000.0);
+        let still = Reading::Orientation(DQuat::IDENTITY);
+        let began: Vec<u64> = (0..200).filter(|i| watch.push(&still, i * 10_000_000)).collect();
+        assert_eq!((began, watch.is_stuck()), (vec![100], true));
+        assert!(!watch.push(&Reading::Orientation(DQuat::from_rotation_x(1e-9)), 2_000_000_000));
+        assert!(!watch.is_stuck());
+    }
+
+    #[test]
+    fn a_few_rare_readings_show_nothing_and_zero_switches_it_off() {
+        let still = Reading::Orientation(DQuat::IDENTITY);
+        let mut watch = StuckWatch::new(1000.0);
+        assert!((0..19).all(|i| !watch.push(&still, i * 1_000_000_000)));
+        let mut off = StuckWatch::new(0.0);
+        assert!((0..1000).all(|i| !off.push(&still, i * 1_000_000_000)));
+    }
+}
