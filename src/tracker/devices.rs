@@ -161,7 +161,11 @@ pub fn latency_hint(port: &SerialDevice) -> Option<String> {
 /// The system doesn't tell.
 #[cfg(feature = "hid")]
 pub fn hid_devices() -> io::Result<Vec<HidDevice>> {
-    let api = hidapi::HidApi::new().map_err(io::Error::other)?;
+    Ok(listed(&hidapi::HidApi::new().map_err(io::Error::other)?))
+}
+
+#[cfg(feature = "hid")]
+fn listed(api: &hidapi::HidApi) -> Vec<HidDevice> {
     let mut found: Vec<HidDevice> = Vec::new();
     for device in api.device_list() {
         let path = device.path().to_string_lossy().into_owned();
@@ -180,7 +184,7 @@ pub fn hid_devices() -> io::Result<Vec<HidDevice>> {
         found.push(HidDevice { path, usb, space_mouse: puck });
     }
     found.sort_by(|a, b| a.path.cmp(&b.path));
-    Ok(found)
+    found
 }
 
 /// Opens a HID device, the first SpaceMouse where none is named, and says what it is.
@@ -195,9 +199,9 @@ pub(super) fn open_hid(name: Option<&PortName>) -> io::Result<(hidapi::HidDevice
         None => io::Error::new(io::ErrorKind::NotFound, "no SpaceMouse is plugged in"),
         Some(name) => missing("HID device", name),
     };
-    let device = hid_devices()?.into_iter().find(wanted).ok_or_else(none)?;
+    let api = hidapi::HidApi::new().map_err(io::Error::other)?;
+    let device = listed(&api).into_iter().find(wanted).ok_or_else(none)?;
     let path = std::ffi::CString::new(device.path.clone()).map_err(io::Error::other)?;
-    let api = hidapi::HidApi::new_without_enumerate().map_err(io::Error::other)?;
     let hint = if cfg!(target_os = "linux") { "; a udev rule must let users read it" } else { "" };
     let opened = api.open_path(&path).map_err(|error| {
         io::Error::other(format!("cannot open {} ({}): {error}{hint}", device.path, device.usb.id()))

@@ -39,6 +39,13 @@ pub trait Driver: Send {
     /// the next call goes on behind them.
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
 
+    /// Ends a message of a transport that has messages, or the stream: what is left in `buffer` is part of a record at
+    /// most.
+    ///
+    /// # Errors
+    /// There was a part of a record. It is removed.
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError>;
+
     /// What is to be done to a serial line before the next [`transmit`](Self::transmit); called until it is none, and of
     /// no effect on other transports.
     fn line(&mut self, _now: Duration) -> Option<Line> {
@@ -123,5 +130,9 @@ impl Driver for Passive {
         let record = self.decoder.decode(buffer)?;
         self.heard |= record.is_some();
         Ok(record)
+    }
+
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.decoder.finish(buffer)
     }
 }

@@ -123,6 +123,19 @@ impl Protocol {
         }
     }
 
+    /// The sensor that a device's driver asks for where the station names none; none where it needs no number.
+    pub fn first_sensor(self) -> Option<u16> {
+        match self {
+            Self::AsciiLine => None,
+            Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
+        }
+    }
+
+    /// Speed of the serial port that devices come with, baud.
+    pub fn usual_baud(self) -> u32 {
+        115_200
+    }
+
     /// A driver of a device that speaks this.
     pub fn driver(self, options: &DeviceOptions) -> Box<dyn Driver> {
         let polhemus = |model| Box::new(PolhemusDriver::new(model, options));

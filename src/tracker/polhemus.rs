@@ -138,4 +138,8 @@ impl Driver for PolhemusDriver {
         self.heard |= record.is_some() && self.script.is_empty();
         Ok(record)
     }
+
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.decoder.finish(buffer)
+    }
 }

@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::arrival::ArrivalTimes;
 use super::clock::{host_time_ns, nanoseconds};
-use super::driver::Driver;
+use super::driver::{Driver, Passive};
 use super::recording::RecordingError;
 use super::settings::Settings;
 use super::transport::{Port, Received};
@@ -180,8 +180,10 @@ struct Session {
     /// Bytes not decoded yet.
     buffer: BytesMut,
     arrivals: ArrivalTimes,
-    /// When the last record came, or the device was started.
+    /// When the last record came, or the port was opened.
     heard: Duration,
+    /// From when on the device's silence counts: as `heard`, or when it was started anew.
+    patient_from: Duration,
     /// Restarts since the last record.
     attempt: u32,
     retry: Duration,
@@ -199,11 +201,13 @@ impl Session {
             return Err(TrackerError::Mismatch { protocol: protocol.name(), transport: transport.name() });
         }
         let port = Port::new(transport)?;
+        let mut sensor = settings.device.sensor;
         // A recorded device can't be spoken to.
         let driver: Box<dyn Driver> = if let Port::Recording(recording) = &port {
             protocol = recording.protocol();
-            Box::new(super::driver::Passive::new(protocol, settings.device.silence))
+            Box::new(Passive::new(protocol, settings.device.silence))
         } else {
+            sensor = sensor.or(protocol.first_sensor());
             protocol.driver(&settings.device)
         };
         Ok(Self {
@@ -212,13 +216,14 @@ impl Session {
             listener,
             cancel,
             axis_map: settings.axis_map,
-            sensor: settings.device.sensor,
+            sensor,
             told: 0,
             started: Instant::now(),
             started_ns: host_time_ns(),
             buffer: BytesMut::with_capacity(8192),
             arrivals: ArrivalTimes::default(),
             heard: Duration::ZERO,
+            patient_from: Duration::ZERO,
             attempt: 0,
             retry: RETRY[0],
             summary: SessionSummary::default(),
@@ -269,26 +274,38 @@ impl Session {
         self.summary.connections += 1;
         self.told = 0;
         self.event(TrackerEvent::Connected { port });
+        self.heard = self.now();
         self.restart();
-        match self.listen().await {
-            Ok(over) => over,
-            Err(error) => Over::Lost(error.to_string()),
-        }
+        let over = self.listen().await.unwrap_or_else(|error| Over::Lost(error.to_string()));
+        self.finish();
+        over
     }
 
-    /// Starts the device; what came before is of no use.
+    /// Starts the device; a part of a record that came before is of no use.
     fn restart(&mut self) {
-        self.heard = self.now();
-        self.buffer.clear();
-        self.driver.start(self.heard, self.attempt);
+        self.finish();
+        self.patient_from = self.now();
+        self.driver.start(self.patient_from, self.attempt);
+    }
+
+    /// Ends a message, or the stream.
+    fn finish(&mut self) {
+        let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
+        if let Err(error) = self.driver.finish(&mut self.buffer) {
+            self.wrong(first_byte_ns, error);
+        }
     }
 
     async fn listen(&mut self) -> io::Result<Over> {
         let mut piece = BytesMut::new();
         loop {
+            // A recording that is taken at once never rests where the token would be looked at.
+            if self.cancel.is_cancelled() {
+                return Ok(Over::Cancelled);
+            }
             self.speak().await?;
             let patience = self.driver.patience().saturating_mul(self.attempt.saturating_add(1).min(PATIENCE_LIMIT));
-            let silent_at = self.heard + patience;
+            let silent_at = self.patient_from + patience;
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
             piece.clear();
             tokio::select! {
@@ -302,7 +319,8 @@ impl Session {
                 () = sleep_until(self.started + wake_at) => {}
             }
             let now = self.now();
-            if now >= self.heard + patience {
+            // A record that has just come has moved it.
+            if now >= self.patient_from + patience {
                 let for_ = now - self.heard;
                 self.attempt = self.attempt.saturating_add(1);
                 self.summary.silences += 1;
@@ -310,7 +328,11 @@ impl Session {
                 if self.attempt > 1 && self.port.wakes() {
                     return Ok(Over::Lost(format!("nothing heard for {:.1} s", for_.as_secs_f64())));
                 }
-                self.restart();
+                if self.port.wakes() {
+                    self.restart();
+                } else {
+                    self.patient_from = now;
+                }
             }
         }
     }
@@ -347,15 +369,22 @@ impl Session {
                     if error.is_report() {
                         self.alive(now);
                     }
-                    self.summary.decode_errors += 1;
-                    self.listener.event(first_byte_ns, &TrackerEvent::DecodeError(error));
+                    self.wrong(first_byte_ns, error);
                 }
             }
         }
+        if self.port.has_messages() {
+            self.finish();
+        }
+    }
+
+    fn wrong(&mut self, host_time_ns: u64, error: DecodeError) {
+        self.summary.decode_errors += 1;
+        self.listener.event(host_time_ns, &TrackerEvent::DecodeError(error));
     }
 
     fn alive(&mut self, now: Duration) {
-        self.heard = now;
+        (self.heard, self.patient_from) = (now, now);
         self.attempt = 0;
         self.retry = RETRY[0];
     }

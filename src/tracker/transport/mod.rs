@@ -147,6 +147,16 @@ impl Port {
         }
     }
 
+    /// Whether what it receives at once is a message that stands by itself.
+    pub(super) fn has_messages(&self) -> bool {
+        match self {
+            #[cfg(feature = "hid")]
+            Self::Hid(_) => true,
+            Self::Udp(_) => true,
+            _ => false,
+        }
+    }
+
     /// Whether it may come back after an error.
     pub(super) fn returns(&self) -> bool {
         !matches!(self, Self::Recording(_))
