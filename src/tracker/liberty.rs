@@ -11,7 +11,7 @@
 //! | 8.. | the items of the output list, little-endian |
 //!
 //! insonify asks for [`OUTPUT_LIST`]: the device's clock (ms), its frame counter, the distortion level, x y z (cm) and
-//! the quaternion w x y z, 48 bytes. A frame has no checksum: what guards it is its head and the quaternion's norm.
+//! the quaternion w x y z, 40 bytes. A frame has no checksum: what guards it is its head and the quaternion's norm.
 
 use bytes::{Buf, Bytes, BytesMut};
 use thiserror::Error;
@@ -334,7 +334,7 @@ mod tests {
 
     /// Made with Python's `struct` from the layout: station 2, 123456 ms, frame 7890, distortion 3,
     /// (10.5, −20.25, 30.125) cm, quaternion (0.5, 0.5, −0.5, 0.5).
-    const FRAME: [u8; 56] = *b"LY\x02C \x00\x30\x00\x40\xe2\x01\x00\xd2\x1e\x00\x00\x03\x00\x00\x00\x00\x00\x28\x41\
+    const FRAME: [u8; 48] = *b"LY\x02C \x00\x28\x00\x40\xe2\x01\x00\xd2\x1e\x00\x00\x03\x00\x00\x00\x00\x00\x28\x41\
                                \x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\x00\x00\x00\xbf\
                                \x00\x00\x00\x3f";
 
@@ -405,7 +405,7 @@ mod tests {
         let text = liberty(&faulty)[0].clone().unwrap_err().to_string();
         assert!(text.contains("error `I` to command `C`: a fault of the source"), "{text}");
         let text = liberty(&CAPTURED)[0].clone().unwrap_err().to_string();
-        assert_eq!(text, "a payload of 34 bytes; the output list gives 48");
+        assert_eq!(text, "a payload of 34 bytes; the output list gives 40");
         let text = liberty(&[b'x'; 70])[0].clone().unwrap_err().to_string();
         assert_eq!(text, "64 bytes are no frame; one starts with `LY` and the number of a station");
     }

@@ -133,7 +133,10 @@ impl Protocol {
 
     /// Speed of the serial port that devices come with, baud.
     pub fn usual_baud(self) -> u32 {
-        115_200
+        match self.name() {
+            "ndi" => 9600,
+            _ => 115_200,
+        }
     }
 
     /// A driver of a device that speaks this.

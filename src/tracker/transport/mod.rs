@@ -14,6 +14,8 @@ mod mock;
 mod recording;
 #[cfg(feature = "serial")]
 mod serial;
+#[cfg(test)]
+pub(super) mod pipe;
 mod tcp;
 mod udp;
 
@@ -46,6 +48,8 @@ pub(super) enum Port {
     Hid(hid::HidPort),
     Mock(Box<mock::MockPort>),
     Recording(Box<recording::RecordingPort>),
+    #[cfg(test)]
+    Pipe(pipe::PipePort),
 }
 
 impl Port {
@@ -82,6 +86,8 @@ impl Port {
             Self::Hid(port) => port.open().await,
             Self::Mock(port) => port.open(),
             Self::Recording(port) => Ok(port.name()),
+            #[cfg(test)]
+            Self::Pipe(port) => port.open(),
         }
     }
 
@@ -98,6 +104,8 @@ impl Port {
             Self::Hid(port) => port.receive(piece).await,
             Self::Mock(port) => port.receive(piece).await,
             Self::Recording(port) => port.receive(piece).await,
+            #[cfg(test)]
+            Self::Pipe(port) => port.receive(piece).await,
         }
     }
 
@@ -107,6 +115,8 @@ impl Port {
             #[cfg(feature = "serial")]
             Self::Serial(port) => port.send(bytes).await,
             Self::Tcp(port) => port.send(bytes).await,
+            #[cfg(test)]
+            Self::Pipe(port) => port.send(bytes).await,
             _ => Ok(()),
         }
     }
@@ -132,6 +142,8 @@ impl Port {
             Self::Udp(port) => port.close(),
             #[cfg(feature = "hid")]
             Self::Hid(port) => port.close(),
+            #[cfg(test)]
+            Self::Pipe(port) => port.close(),
         }
     }
 
@@ -143,6 +155,8 @@ impl Port {
             #[cfg(feature = "hid")]
             Self::Hid(_) => true,
             Self::Tcp(_) => true,
+            #[cfg(test)]
+            Self::Pipe(_) => true,
             Self::None | Self::Udp(_) | Self::Mock(_) | Self::Recording(_) => false,
         }
     }

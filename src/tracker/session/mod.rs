@@ -10,13 +10,16 @@ use thiserror::Error;
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 use tokio_util::sync::CancellationToken;
 
-use super::arrival::ArrivalTimes;
-use super::clock::{host_time_ns, nanoseconds};
-use super::driver::{Driver, Passive};
-use super::recording::RecordingError;
-use super::settings::Settings;
-use super::transport::{Port, Received};
-use super::{AxisMap, DecodeError, Record};
+use crate::tracker::arrival::ArrivalTimes;
+use crate::tracker::clock::{host_time_ns, nanoseconds};
+use crate::tracker::driver::{Driver, Passive};
+use crate::tracker::recording::RecordingError;
+use crate::tracker::settings::Settings;
+use crate::tracker::transport::{Port, Received};
+use crate::tracker::{AxisMap, DecodeError, Record};
+
+#[cfg(test)]
+mod tests;
 
 /// First and longest pause before a port is opened again; it doubles in between.
 const RETRY: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(2)];
