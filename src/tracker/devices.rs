@@ -15,8 +15,7 @@ const SPACE_MOUSE_VENDORS: [u16; 2] = [0x046d, 0x256f];
 const MULTI_AXIS: (u16, u16) = (1, 8);
 
 /// Products of vendor 256F that call themselves so and are no pucks: keyboards, mice, receivers of these.
-const NO_PUCKS: [u16; 11] =
-    [0xc650, 0xc651, 0xc654, 0xc655, 0xc656, 0xc657, 0xc658, 0xc664, 0xc665, 0xc668, 0xc62c];
+const NO_PUCKS: [u16; 11] = [0xc650, 0xc651, 0xc654, 0xc655, 0xc656, 0xc657, 0xc658, 0xc664, 0xc665, 0xc668, 0xc62c];
 
 /// What a USB device says that it is.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -224,8 +223,7 @@ mod tests {
 
     #[test]
     fn a_slow_latency_timer_is_worth_a_hint() {
-        let mut port =
-            SerialDevice { path: "/dev/ttyUSB3".into(), by_id: None, usb: None, latency_timer_ms: Some(16) };
+        let mut port = SerialDevice { path: "/dev/ttyUSB3".into(), by_id: None, usb: None, latency_timer_ms: Some(16) };
         let hint = latency_hint(&port).unwrap();
         assert!(hint.contains("16 ms") && hint.contains("devices/ttyUSB3/latency_timer"), "{hint}");
         for fine in [None, Some(1)] {

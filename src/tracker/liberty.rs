@@ -329,8 +329,7 @@ mod tests {
         0xb6, 0x40, 0x4c, 0x40, 0x28, 0xc0, 0xc9, 0x3f, 0x7e, 0x3f, 0xc9, 0x6a, 0xf6, 0xc2, 0x4d, 0x21, 0x36, 0x40,
         0x96, 0xb6, 0xd0, 0x41, 0x0d, 0x0a,
     ];
-    const CAPTURED_ITEMS: &[Item] =
-        &[Item::FrameCount, Item::Timestamp, Item::Position, Item::Angles, Item::LineEnd];
+    const CAPTURED_ITEMS: &[Item] = &[Item::FrameCount, Item::Timestamp, Item::Position, Item::Angles, Item::LineEnd];
 
     /// Made with Python's `struct` from the layout: station 2, 123456 ms, frame 7890, distortion 3,
     /// (10.5, −20.25, 30.125) cm, quaternion (0.5, 0.5, −0.5, 0.5).

@@ -68,8 +68,10 @@ impl FromStr for Schedule {
             let seconds = seconds.trim().parse::<f64>().ok().filter(|s| (0.01..=86_400.0).contains(s))?;
             Some((act, Duration::from_secs_f64(seconds)))
         };
-        let acts: Result<_, _> =
-            text.split(',').map(|part| act(part).ok_or_else(|| ScheduleError { text: part.trim().to_owned() })).collect();
+        let acts: Result<_, _> = text
+            .split(',')
+            .map(|part| act(part).ok_or_else(|| ScheduleError { text: part.trim().to_owned() }))
+            .collect();
         Ok(Self { acts: acts? })
     }
 }
@@ -192,8 +194,7 @@ impl Board {
             8.0 * wave(2, 0.07) + 2.0 * wave(3, 0.37),
             1.5 * wave(4, 0.19),
         );
-        let degrees =
-            DVec3::new(8.0 * wave(5, 0.13), 9.0 * wave(6, 0.09) + 2.0 * wave(7, 0.31), 6.0 * wave(8, 0.05));
+        let degrees = DVec3::new(8.0 * wave(5, 0.13), 9.0 * wave(6, 0.09) + 2.0 * wave(7, 0.31), 6.0 * wave(8, 0.05));
         let mut turn = DQuat::from_scaled_axis(degrees * std::f64::consts::PI / 180.0);
         if act == Act::Jump {
             let random = |i: u64| fraction(mix(seed ^ self.acts_begun << 16 ^ i));
@@ -291,7 +292,9 @@ mod tests {
     fn a_schedule_is_read_and_written() {
         let text = "move 10, hold 2.5, jump 1, drop 0.5, corrupt 1, unplug 3";
         assert_eq!(text.parse::<Schedule>().unwrap().to_string(), text);
-        for (wrong, part) in [("", ""), ("mve 1", "mve 1"), ("move 1, hold", "hold"), ("move -1", "move -1"), ("move 1,", "")] {
+        for (wrong, part) in
+            [("", ""), ("mve 1", "mve 1"), ("move 1, hold", "hold"), ("move -1", "move -1"), ("move 1,", "")]
+        {
             assert_eq!(wrong.parse::<Schedule>(), Err(ScheduleError { text: part.into() }));
         }
     }

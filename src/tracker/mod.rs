@@ -32,6 +32,7 @@ pub mod fastrak;
 mod framing;
 pub mod liberty;
 pub mod mock;
+mod monitor;
 pub mod polhemus;
 pub mod recording;
 mod session;
@@ -40,6 +41,7 @@ mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
 pub use clock::host_time_ns;
+pub use monitor::{Monitor, Report, SessionState};
 pub use session::{Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn};
 pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
@@ -98,8 +100,7 @@ pub struct UnknownProtocol {
 
 impl Protocol {
     /// Every protocol.
-    pub const ALL: [Self; 5] =
-        [Self::AsciiLine, Self::FastrakAscii, Self::FastrakBinary, Self::Liberty, Self::Patriot];
+    pub const ALL: [Self; 5] = [Self::AsciiLine, Self::FastrakAscii, Self::FastrakBinary, Self::Liberty, Self::Patriot];
 
     /// The name that recordings and station files use.
     pub fn name(self) -> &'static str {

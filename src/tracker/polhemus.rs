@@ -106,9 +106,7 @@ impl Driver for PolhemusDriver {
             say(Bytes::from_static(self.model.reset()), self.options.reset_delay);
         }
         let setup = match self.model {
-            Model::Fastrak(format) => {
-                fastrak::setup(format, self.options.sensor.unwrap_or(1), self.options.hemisphere)
-            }
+            Model::Fastrak(format) => fastrak::setup(format, self.options.sensor.unwrap_or(1), self.options.hemisphere),
             Model::Liberty(_) => liberty::setup(self.options.hemisphere),
         };
         for command in setup {

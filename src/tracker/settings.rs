@@ -135,7 +135,9 @@ pub enum PortName {
 
 /// A text that names no port.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("`{text}` is no port: expected a path, or `vendor:product` or `vendor:product:serial` as in 0403:6001:A50285BI")]
+#[error(
+    "`{text}` is no port: expected a path, or `vendor:product` or `vendor:product:serial` as in 0403:6001:A50285BI"
+)]
 pub struct PortNameError {
     /// What was given.
     pub text: String,

@@ -194,11 +194,7 @@ struct Session {
 }
 
 impl Session {
-    fn new(
-        settings: &Settings,
-        listener: Box<dyn Listener>,
-        cancel: CancellationToken,
-    ) -> Result<Self, TrackerError> {
+    fn new(settings: &Settings, listener: Box<dyn Listener>, cancel: CancellationToken) -> Result<Self, TrackerError> {
         let (transport, mut protocol) = (&settings.transport, settings.protocol);
         if !transport.carries(protocol) {
             return Err(TrackerError::Mismatch { protocol: protocol.name(), transport: transport.name() });

@@ -14,7 +14,7 @@ use crate::tracker::transport::pipe::PipePort;
 use crate::tracker::{Protocol, Speed, Transport, ascii_line, mock};
 
 #[path = "../../../tests/trackers/polhemus.rs"]
-#[allow(clippy::unwrap_used, clippy::panic, missing_docs, dead_code)]
+#[allow(clippy::unwrap_used, clippy::panic, missing_docs, unreachable_pub, dead_code)]
 mod polhemus;
 use polhemus::{Kind, Polhemus};
 

@@ -11,11 +11,11 @@ use super::settings::Transport;
 #[cfg(feature = "hid")]
 mod hid;
 mod mock;
+#[cfg(test)]
+pub(super) mod pipe;
 mod recording;
 #[cfg(feature = "serial")]
 mod serial;
-#[cfg(test)]
-pub(super) mod pipe;
 mod tcp;
 mod udp;
 

@@ -24,9 +24,8 @@ impl TcpPort {
     }
 
     pub(super) async fn open(&mut self) -> io::Result<String> {
-        let fail = |error: io::Error| {
-            io::Error::new(error.kind(), format!("cannot connect to {}: {error}", self.address))
-        };
+        let fail =
+            |error: io::Error| io::Error::new(error.kind(), format!("cannot connect to {}: {error}", self.address));
         let connecting = timeout(CONNECT_TIMEOUT, TcpStream::connect(&self.address));
         let late = |_| io::Error::new(io::ErrorKind::TimedOut, "no answer in 5 s");
         let stream = connecting.await.map_err(late).and_then(|connected| connected).map_err(fail)?;

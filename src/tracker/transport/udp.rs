@@ -20,9 +20,8 @@ impl UdpPort {
     }
 
     pub(super) async fn open(&mut self) -> io::Result<String> {
-        let fail = |error: io::Error| {
-            io::Error::new(error.kind(), format!("cannot listen on UDP {}: {error}", self.address))
-        };
+        let fail =
+            |error: io::Error| io::Error::new(error.kind(), format!("cannot listen on UDP {}: {error}", self.address));
         let socket = UdpSocket::bind(self.address).await.map_err(fail)?;
         let address = socket.local_addr()?;
         self.socket = Some(socket);
