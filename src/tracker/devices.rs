@@ -1,5 +1,6 @@
 //! Serial ports and HID devices of this machine.
 
+#[cfg(any(feature = "serial", feature = "hid"))]
 use std::io;
 use std::path::Path;
 

@@ -104,6 +104,11 @@ impl Transport {
         }
     }
 
+    /// Whether devices that speak `protocol` say nothing while nothing moves, as pucks do.
+    pub(super) fn may_rest(protocol: Protocol) -> bool {
+        HID.contains(&protocol.name())
+    }
+
     /// Whether trackers that speak `protocol` are reached this way.
     pub fn carries(&self, protocol: Protocol) -> bool {
         let name = protocol.name();

@@ -55,8 +55,10 @@ impl Board for Lines {
 }
 
 enum Order {
-    /// Sends the first bytes of the next record, and is unplugged.
-    UnplugWithin(usize),
+    /// Sends only the first bytes of the next record and then no more; answers with the bytes sent in all.
+    Cut(usize, mpsc::Sender<usize>),
+    /// Is gone.
+    Unplug,
     /// Flips bits of one byte in each of the next records.
     Damage(usize),
     /// Says nothing for a while; what would have been said is gone.
@@ -99,10 +101,11 @@ impl Terminal {
 /// The board's loop. It holds the near end open, too, as a terminal without readers would report errors.
 fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::Receiver<Order>) {
     let (mut far, start) = (File::from(master), Instant::now());
-    let (mut unplug, mut damage, mut mute_until) = (None, 0, Duration::ZERO);
+    let (mut cut, mut damage, mut mute_until, mut sent) = (None, 0, Duration::ZERO, 0);
     loop {
         match orders.recv_timeout(Duration::from_millis(1)) {
-            Ok(Order::UnplugWithin(length)) => unplug = Some(length),
+            Ok(Order::Cut(length, answer)) => cut = Some((length, answer)),
+            Ok(Order::Unplug) => return,
             Ok(Order::Damage(records)) => damage = records,
             Ok(Order::Mute(time)) => mute_until = start.elapsed() + time,
             Err(mpsc::RecvTimeoutError::Timeout) => {}
@@ -116,11 +119,11 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
             if start.elapsed() < mute_until {
                 continue;
             }
-            if let Some(length) = unplug {
-                // The reader must get the half record before the terminal is gone.
-                far.write_all(&record[..length]).unwrap();
-                std::thread::sleep(Duration::from_millis(20));
-                return;
+            if let Some((length, answer)) = cut.take() {
+                sent += far.write(&record[..length]).unwrap();
+                answer.send(sent).unwrap();
+                mute_until = Duration::MAX;
+                continue;
             }
             if damage > 0 {
                 damage -= 1;
@@ -128,7 +131,7 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
                 record[at] ^= 0xff;
             }
             // A terminal that nobody reads fills up.
-            let _ = far.write(&record);
+            sent += far.write(&record).unwrap_or(0);
         }
     }
     drop(slave);
@@ -217,7 +220,11 @@ fn a_device_unplugged_within_a_record_is_found_again_where_it_comes_back() {
     let terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
     let live = Live::start(&serial(&link, Protocol::Liberty));
     live.ear.more_records(20);
-    terminal.order(Order::UnplugWithin(17));
+    let (answer, sent) = mpsc::channel();
+    terminal.order(Order::Cut(17, answer));
+    let sent = sent.recv().unwrap();
+    live.ear.wait("the half record", |heard| (heard.bytes.len() == sent).then_some(()));
+    terminal.order(Order::Unplug);
     terminal.join();
     let reason = live.ear.nth_event(1, disconnected);
     // The half record is told of before the port is.

@@ -14,7 +14,7 @@ use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
 use crate::tracker::driver::{Driver, Passive};
 use crate::tracker::recording::RecordingError;
-use crate::tracker::settings::Settings;
+use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
 use crate::tracker::{AxisMap, DecodeError, Record};
 
@@ -29,6 +29,9 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A silent device gets up to so many times its patience, since each restart may itself take long.
 const PATIENCE_LIMIT: u32 = 8;
+
+/// Longest rest of the loop, so that no time is beyond the clock's range.
+const REST_LIMIT: Duration = Duration::from_secs(3600);
 
 /// Hears what one tracker says, on the tracker's own thread. It must not block.
 pub trait Listener: Send {
@@ -173,6 +176,8 @@ struct Session {
     listener: Box<dyn Listener>,
     cancel: CancellationToken,
     axis_map: AxisMap,
+    /// Whether the device's silence means nothing.
+    may_rest: bool,
     /// The sensor of the station, or the first one heard.
     sensor: Option<u16>,
     /// Others that were told of on this connection, a bit each.
@@ -215,6 +220,7 @@ impl Session {
             listener,
             cancel,
             axis_map: settings.axis_map,
+            may_rest: Transport::may_rest(protocol),
             sensor,
             told: 0,
             started: Instant::now(),
@@ -303,9 +309,9 @@ impl Session {
                 return Ok(Over::Cancelled);
             }
             self.speak().await?;
-            let patience = self.driver.patience().saturating_mul(self.attempt.saturating_add(1).min(PATIENCE_LIMIT));
-            let silent_at = self.patient_from + patience;
+            let silent_at = self.patient_from.saturating_add(self.patience());
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
+            let wake_at = wake_at.min(self.now() + REST_LIMIT);
             piece.clear();
             tokio::select! {
                 // What has come counts before the clock: after a pause of the whole machine nobody was silent.
@@ -319,7 +325,7 @@ impl Session {
             }
             let now = self.now();
             // A record that has just come has moved it.
-            if now >= self.patient_from + patience {
+            if now >= self.patient_from.saturating_add(self.patience()) {
                 let for_ = now - self.heard;
                 self.attempt = self.attempt.saturating_add(1);
                 self.summary.silences += 1;
@@ -334,6 +340,14 @@ impl Session {
                 }
             }
         }
+    }
+
+    /// How long the device may be silent now.
+    fn patience(&self) -> Duration {
+        if self.may_rest {
+            return Duration::MAX;
+        }
+        self.driver.patience().saturating_mul(self.attempt.saturating_add(1).min(PATIENCE_LIMIT))
     }
 
     /// Sends what the driver has to say.

@@ -11,7 +11,7 @@ use super::*;
 use crate::pose::{Pose, Reading};
 use crate::tracker::recording::{RecordingInfo, RecordingWriter};
 use crate::tracker::transport::pipe::PipePort;
-use crate::tracker::{Protocol, Speed, Transport, ascii_line, mock};
+use crate::tracker::{Protocol, Speed, ascii_line, mock};
 
 #[path = "../../../tests/trackers/polhemus.rs"]
 #[allow(clippy::unwrap_used, clippy::panic, missing_docs, unreachable_pub, dead_code)]
@@ -348,4 +348,12 @@ async fn another_sensor_is_left_out_and_told_of_once() {
     assert_eq!(heard.events[1].1, TrackerEvent::OtherSensor { sensor: 2, used: 1 });
     let text = format!("{:?}", heard.events[3].1);
     assert!(text.contains("Incomplete { length: 9 }"), "{text}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_device_that_may_rest_is_not_started_anew() {
+    let (mut session, heard, cancel) = session(&mock("drop 86400"));
+    session.may_rest = true;
+    let summary = run_for(session, cancel, Duration::from_secs(3 * 3600)).await;
+    assert_eq!((names(&heard.lock().unwrap()), summary.silences), (vec!["connected"], 0));
 }
