@@ -182,7 +182,8 @@ struct Line {
 
 impl Line {
     fn new(report: &Report, time_s: f64) -> Self {
-        let last = report.last.as_ref();
+        // A pose of long ago must not look like one of now.
+        let last = report.last.as_ref().filter(|_| report.records > 0);
         let (mut position_mm, mut quaternion, mut rates) = (None, None, None);
         match last.map(|record| record.reading) {
             Some(Reading::Pose(pose)) => {

@@ -2,7 +2,9 @@
 //!
 //! Decoders are sans-IO: they take bytes from a buffer that somebody else fills (a serial port, a socket, a
 //! recording) and give records. A recording holds the raw bytes and the name of their [`Protocol`], so that a replay
-//! runs through the decoder that a live session would use.
+//! runs through the decoder that a live session would use. A [driver](driver::Driver) speaks with the device, without
+//! input or output, too. A session ([`spawn`]) joins a transport, a driver and a [`Listener`] on a thread of its own, and
+//! goes on whatever the hardware does.
 //!
 //! # Adding a protocol
 //! 1. Write `src/tracker/NAME.rs` with a decoder whose `decode(&mut BytesMut) -> Result<Option<Record>, DecodeError>`
@@ -10,7 +12,8 @@
 //!    would be right.
 //! 2. Add a variant to [`Protocol`] (with its name in [`Protocol::ALL`] and [`Protocol::name`]), to [`Decoder`] and to
 //!    [`DecodeError`]; the compiler then shows each `match` to extend.
-//! 3. Give it the property tests of `tests/recording.rs`: round trip or known frames, any split of the stream gives
+//! 3. Let [`Protocol::driver`] make its driver: [`driver::Passive`] where the device speaks by itself.
+//! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames, any split of the stream gives
 //!    the same records, arbitrary bytes never panic and always make progress.
 
 use std::str::FromStr;

@@ -158,7 +158,7 @@ impl std::fmt::Display for TrackerEvent {
             Self::Connected { port } => write!(f, "connected to {port}"),
             Self::Disconnected { reason, retry } => write!(f, "{reason}; trying again in {:.2} s", seconds(retry)),
             Self::Silent { for_, attempt } => {
-                write!(f, "no record for {:.1} s; the tracker is started anew (attempt {attempt})", seconds(for_))
+                write!(f, "no record for {:.1} s (attempt {attempt} to wake the tracker)", seconds(for_))
             }
             Self::DecodeError(error) => write!(f, "{error}"),
             Self::OtherSensor { sensor, used } => {

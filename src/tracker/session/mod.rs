@@ -61,7 +61,8 @@ pub enum TrackerEvent {
         /// When it will be tried again.
         retry: Duration,
     },
-    /// No record came for longer than the device may be silent; it is started anew.
+    /// No record came for longer than the device may be silent. It is started anew: at first on the open port, then on
+    /// one that is opened again, and reset where its driver can. A mock, a recording and datagrams are only waited for.
     Silent {
         /// For how long.
         for_: Duration,
