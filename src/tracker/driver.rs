@@ -51,6 +51,11 @@ pub trait Driver: Send {
     fn line(&mut self, _now: Duration) -> Option<Line> {
         None
     }
+
+    /// The last bytes to send before the port is closed.
+    fn stop(&mut self) -> Option<Bytes> {
+        None
+    }
 }
 
 /// Something done to a serial line itself.

@@ -122,6 +122,10 @@ impl Driver for PolhemusDriver {
         None
     }
 
+    fn stop(&mut self) -> Option<Bytes> {
+        Some(Bytes::from_static(self.model.stop()))
+    }
+
     fn wake_at(&self) -> Option<Duration> {
         self.script.front().map(|(at, _)| *at)
     }

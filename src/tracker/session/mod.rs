@@ -27,6 +27,9 @@ const RETRY: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(2)
 /// A port that takes a command no faster than this is stuck.
 const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 
+/// How long the end of a session waits for its last bytes to be taken.
+const STOP_TIMEOUT: Duration = Duration::from_millis(200);
+
 /// A silent device gets up to so many times its patience, since each restart may itself take long.
 const PATIENCE_LIMIT: u32 = 8;
 
@@ -246,6 +249,12 @@ impl Session {
                 () = cancel.cancelled() => Over::Cancelled,
                 over = self.connection() => over,
             };
+            if matches!(over, Over::Cancelled)
+                && let Some(bytes) = self.driver.stop()
+            {
+                // A device that can't be told any more goes on; that is no reason to stay.
+                let _ = timeout(STOP_TIMEOUT, self.port.send(&bytes)).await;
+            }
             self.port.close();
             let reason = match over {
                 Over::Cancelled => break,

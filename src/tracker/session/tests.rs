@@ -252,8 +252,9 @@ async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
         loop {
             let record = device.lock().unwrap().say(epoch.elapsed());
             let Some(record) = record else { break };
+            // The host has hung up; what it said before is still to be read.
             if stream.write_all(&record).await.is_err() {
-                return;
+                break;
             }
         }
     }
@@ -286,6 +287,8 @@ async fn a_polhemus_device_is_set_up_and_streams_millimetres() {
         device.lock().unwrap().state.streaming = true;
         let (session, heard, cancel) = piped(&device, protocol, Duration::from_secs(20));
         run_for(session, cancel, Duration::from_secs(3)).await;
+        sleep(Duration::from_millis(50)).await;
+        assert!(!device.lock().unwrap().state.streaming, "it is told to stop");
         let (device, heard) = (device.lock().unwrap(), heard.lock().unwrap());
         assert_eq!((device.resets, device.refused.as_slice()), (0, [].as_slice()), "{protocol:?}");
         assert_eq!(device.state.hemisphere.as_deref(), Some("0,0,1"));
