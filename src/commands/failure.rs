@@ -10,6 +10,7 @@ use insonify::pose::CalibrationError;
 use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
 use insonify::station::StationError;
+use insonify::tracker::TrackerError;
 use insonify::tracker::recording::RecordingError;
 use insonify::transducer::ProbeError;
 
@@ -81,6 +82,15 @@ impl From<RecordingError> for Failure {
     fn from(error: RecordingError) -> Self {
         match error {
             RecordingError::Write { .. } => Self::Other(error.into()),
+            _ => Self::Input(error.into()),
+        }
+    }
+}
+
+impl From<TrackerError> for Failure {
+    fn from(error: TrackerError) -> Self {
+        match error {
+            TrackerError::Thread(_) => Self::Other(error.into()),
             _ => Self::Input(error.into()),
         }
     }

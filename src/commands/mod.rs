@@ -15,6 +15,7 @@ mod session;
 mod station_keys;
 mod timeline;
 mod tissues;
+mod trackers;
 
 use clap::{Parser, Subcommand};
 
@@ -36,6 +37,7 @@ const AFTER_HELP: &str = "\
 Examples:
   insonify demo                                          a recorded exam over a fetus, to look at in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
+  insonify trackers                                      serial ports and HID devices to read a tracker from
   insonify station-keys                                  what a station file may say
 
 Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, no GPU driver); 1 other failures.
@@ -54,6 +56,7 @@ enum Command {
     Exam(exam::Args),
     Calibrate(calibrate::Args),
     Tissues(tissues::Args),
+    Trackers(trackers::Args),
     StationKeys(station_keys::Args),
 }
 
@@ -68,6 +71,7 @@ impl Cli {
             Command::Exam(args) => exam::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Tissues(args) => tissues::run(args),
+            Command::Trackers(args) => trackers::run(args),
             Command::StationKeys(args) => station_keys::run(args),
         }
     }

@@ -96,6 +96,14 @@ pub enum StationError {
         /// Why, and what applies.
         reason: String,
     },
+    /// A text that is not what its key takes.
+    #[error("`{key}`: {reason}")]
+    Text {
+        /// Key with its table.
+        key: String,
+        /// What is wrong with it, and what would be right.
+        reason: String,
+    },
     /// The background is no tissue.
     #[error("`scene.background` names the unknown tissue `{tissue}`{suggestion}")]
     UnknownTissue {

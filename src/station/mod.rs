@@ -9,6 +9,7 @@ mod error;
 mod filter;
 mod keys;
 mod parse;
+mod tracker_table;
 mod values;
 
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use std::path::{Path, PathBuf};
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
+use crate::tracker;
 use crate::transducer::Probe;
 
 pub use error::StationError;
@@ -52,6 +54,8 @@ pub struct Station {
     pub filter: FilterSettings,
     /// Where tracker, sensor and probe are; the file is not opened by parsing.
     pub calibration: CalibrationSource,
+    /// Where live poses come from.
+    pub tracker: tracker::Settings,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

@@ -20,7 +20,7 @@ const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mh
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
         text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
-    let tables = ["scene", "probe", "image", "quality", "pose", "filter", "calibration", "tissues"];
+    let tables = ["scene", "probe", "image", "quality", "pose", "filter", "calibration", "tissues", "tracker"];
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
         let suggestion = did_you_mean(table, tables);
         return Err(StationError::UnknownTable { table: table.clone(), suggestion, known: tables.join(", ") });
@@ -35,7 +35,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let default_pose = pose(&mut root)?;
     let filter = filter::settings(&section(&mut root, "filter")?);
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
-    Ok(Station { scene, background, probe, settings, tissues, default_pose, filter, calibration, path: dir.to_owned() })
+    let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
+    Ok(Station { scene, background, probe, settings, tissues, default_pose, filter, calibration, path: dir.to_owned(), tracker })
 }
 
 /// Index of the background tissue `name`.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use super::{DecodeError, Protocol, Record};
+use super::{DecodeError, Decoder, Protocol, Record};
 
 /// Speaks with one device.
 ///
@@ -38,4 +38,106 @@ pub trait Driver: Send {
     /// Bytes that are no record or no reply that was expected; an error that the device reports. They are removed, and
     /// the next call goes on behind them.
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
+
+    /// Ends a message of a transport that has messages, or the stream: what is left in `buffer` is part of a record at
+    /// most.
+    ///
+    /// # Errors
+    /// There was a part of a record. It is removed.
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError>;
+
+    /// What is to be done to a serial line before the next [`transmit`](Self::transmit); called until it is none, and of
+    /// no effect on other transports.
+    fn line(&mut self, _now: Duration) -> Option<Line> {
+        None
+    }
+
+    /// The last bytes to send before the port is closed.
+    fn stop(&mut self) -> Option<Bytes> {
+        None
+    }
+}
+
+/// Something done to a serial line itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Line {
+    /// Holds it in break for a quarter of a second.
+    Break,
+    /// Another speed, baud.
+    Speed(u32),
+}
+
+/// What drivers need to know of a station.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceOptions {
+    /// Which of a device's sensors is used; none for the first that is heard, where the device needs a number its first.
+    pub sensor: Option<u16>,
+    /// Axis [x, y, z] of the source that points to the half space where the sensor is (Polhemus).
+    pub hemisphere: [f64; 3],
+    /// How long a device takes to start after a reset.
+    pub reset_delay: Duration,
+    /// How long a device that streams may be silent.
+    pub silence: Duration,
+}
+
+impl Default for DeviceOptions {
+    fn default() -> Self {
+        Self {
+            sensor: None,
+            hemisphere: [0.0, 0.0, 1.0],
+            reset_delay: Duration::from_secs(20),
+            silence: Duration::from_secs(2),
+        }
+    }
+}
+
+/// Patience with a device that has just been opened: opening its port restarts an Arduino, which takes two seconds.
+const START_PATIENCE: Duration = Duration::from_secs(5);
+
+/// The driver of a device that speaks by itself: it only listens.
+pub struct Passive {
+    protocol: Protocol,
+    decoder: Decoder,
+    silence: Duration,
+    heard: bool,
+}
+
+impl Passive {
+    /// A driver that lets the device be silent for `silence` once it has spoken.
+    pub fn new(protocol: Protocol, silence: Duration) -> Self {
+        Self { protocol, decoder: protocol.decoder(), silence, heard: false }
+    }
+}
+
+impl Driver for Passive {
+    fn protocol(&self) -> Protocol {
+        self.protocol
+    }
+
+    fn start(&mut self, _: Duration, _: u32) {
+        self.decoder = self.protocol.decoder();
+        self.heard = false;
+    }
+
+    fn transmit(&mut self, _: Duration) -> Option<Bytes> {
+        None
+    }
+
+    fn wake_at(&self) -> Option<Duration> {
+        None
+    }
+
+    fn patience(&self) -> Duration {
+        if self.heard { self.silence } else { self.silence.max(START_PATIENCE) }
+    }
+
+    fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        let record = self.decoder.decode(buffer)?;
+        self.heard |= record.is_some();
+        Ok(record)
+    }
+
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.decoder.finish(buffer)
+    }
 }

@@ -2,7 +2,9 @@
 //!
 //! Decoders are sans-IO: they take bytes from a buffer that somebody else fills (a serial port, a socket, a
 //! recording) and give records. A recording holds the raw bytes and the name of their [`Protocol`], so that a replay
-//! runs through the decoder that a live session would use.
+//! runs through the decoder that a live session would use. A [driver](driver::Driver) speaks with the device, without
+//! input or output, too. A session ([`spawn`]) joins a transport, a driver and a [`Listener`] on a thread of its own, and
+//! goes on whatever the hardware does.
 //!
 //! # Adding a protocol
 //! 1. Write `src/tracker/NAME.rs` with a decoder whose `decode(&mut BytesMut) -> Result<Option<Record>, DecodeError>`
@@ -10,7 +12,8 @@
 //!    would be right.
 //! 2. Add a variant to [`Protocol`] (with its name in [`Protocol::ALL`] and [`Protocol::name`]), to [`Decoder`] and to
 //!    [`DecodeError`]; the compiler then shows each `match` to extend.
-//! 3. Give it the property tests of `tests/recording.rs`: round trip or known frames, any split of the stream gives
+//! 3. Let [`Protocol::driver`] make its driver: [`driver::Passive`] where the device speaks by itself.
+//! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames, any split of the stream gives
 //!    the same records, arbitrary bytes never panic and always make progress.
 
 use std::str::FromStr;
@@ -19,10 +22,31 @@ use bytes::BytesMut;
 use thiserror::Error;
 
 use crate::pose::{Pose, Reading};
+use driver::{DeviceOptions, Driver, Passive};
+use polhemus::{Model, PolhemusDriver};
 
+mod arrival;
 pub mod ascii_line;
+mod axis_map;
+mod clock;
+pub mod devices;
 pub mod driver;
+pub mod fastrak;
+mod framing;
+pub mod liberty;
+pub mod mock;
+mod monitor;
+pub mod polhemus;
 pub mod recording;
+mod session;
+mod settings;
+mod transport;
+
+pub use axis_map::{AxisMap, AxisMapError};
+pub use clock::host_time_ns;
+pub use monitor::{Monitor, Report, SessionState};
+pub use session::{Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn};
+pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +81,14 @@ impl Record {
 pub enum Protocol {
     /// Lines of [`ascii_line`], checksum required.
     AsciiLine,
+    /// Text records of [`fastrak`].
+    FastrakAscii,
+    /// Binary records of [`fastrak`].
+    FastrakBinary,
+    /// Frames of [`liberty`], from a LIBERTY.
+    Liberty,
+    /// Frames of [`liberty`], from a PATRIOT.
+    Patriot,
 }
 
 /// A name that no protocol has.
@@ -71,12 +103,16 @@ pub struct UnknownProtocol {
 
 impl Protocol {
     /// Every protocol.
-    pub const ALL: [Self; 1] = [Self::AsciiLine];
+    pub const ALL: [Self; 5] = [Self::AsciiLine, Self::FastrakAscii, Self::FastrakBinary, Self::Liberty, Self::Patriot];
 
     /// The name that recordings and station files use.
     pub fn name(self) -> &'static str {
         match self {
             Self::AsciiLine => "ascii-line",
+            Self::FastrakAscii => "fastrak-ascii",
+            Self::FastrakBinary => "fastrak-binary",
+            Self::Liberty => "liberty",
+            Self::Patriot => "patriot",
         }
     }
 
@@ -84,6 +120,38 @@ impl Protocol {
     pub fn decoder(self) -> Decoder {
         match self {
             Self::AsciiLine => Decoder::AsciiLine(ascii_line::Decoder::new(ascii_line::Checksum::Required)),
+            Self::FastrakAscii => Decoder::Fastrak(fastrak::Decoder::new(fastrak::Format::Ascii)),
+            Self::FastrakBinary => Decoder::Fastrak(fastrak::Decoder::new(fastrak::Format::Binary)),
+            Self::Liberty => Decoder::Liberty(liberty::Decoder::new(liberty::Device::Liberty)),
+            Self::Patriot => Decoder::Liberty(liberty::Decoder::new(liberty::Device::Patriot)),
+        }
+    }
+
+    /// The sensor that a device's driver asks for where the station names none; none where it needs no number.
+    pub fn first_sensor(self) -> Option<u16> {
+        match self {
+            Self::AsciiLine => None,
+            Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
+        }
+    }
+
+    /// Speed of the serial port that devices come with, baud.
+    pub fn usual_baud(self) -> u32 {
+        match self.name() {
+            "ndi" => 9600,
+            _ => 115_200,
+        }
+    }
+
+    /// A driver of a device that speaks this.
+    pub fn driver(self, options: &DeviceOptions) -> Box<dyn Driver> {
+        let polhemus = |model| Box::new(PolhemusDriver::new(model, options));
+        match self {
+            Self::AsciiLine => Box::new(Passive::new(self, options.silence)),
+            Self::FastrakAscii => polhemus(Model::Fastrak(fastrak::Format::Ascii)),
+            Self::FastrakBinary => polhemus(Model::Fastrak(fastrak::Format::Binary)),
+            Self::Liberty => polhemus(Model::Liberty(liberty::Device::Liberty)),
+            Self::Patriot => polhemus(Model::Liberty(liberty::Device::Patriot)),
         }
     }
 }
@@ -105,6 +173,23 @@ pub enum DecodeError {
     /// Of an ASCII line.
     #[error(transparent)]
     AsciiLine(#[from] ascii_line::DecodeError),
+    /// Of a FASTRAK.
+    #[error(transparent)]
+    Fastrak(#[from] fastrak::DecodeError),
+    /// Of a LIBERTY or PATRIOT.
+    #[error(transparent)]
+    Liberty(#[from] liberty::DecodeError),
+}
+
+impl DecodeError {
+    /// Whether the device itself reports something, in a frame that is whole: it is there and speaks.
+    pub fn is_report(&self) -> bool {
+        match self {
+            Self::Fastrak(error) => matches!(error.reason, fastrak::Reason::Device { .. }),
+            Self::Liberty(error) => matches!(error.reason, liberty::Reason::Device { .. }),
+            _ => false,
+        }
+    }
 }
 
 /// The decoder of one stream.
@@ -112,6 +197,10 @@ pub enum DecodeError {
 pub enum Decoder {
     /// ASCII lines.
     AsciiLine(ascii_line::Decoder),
+    /// Records of a FASTRAK.
+    Fastrak(fastrak::Decoder),
+    /// Frames of a LIBERTY or PATRIOT.
+    Liberty(liberty::Decoder),
 }
 
 impl Decoder {
@@ -124,6 +213,8 @@ impl Decoder {
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         match self {
             Self::AsciiLine(decoder) => Ok(decoder.decode(buffer)?),
+            Self::Fastrak(decoder) => Ok(decoder.decode(buffer)?),
+            Self::Liberty(decoder) => Ok(decoder.decode(buffer)?),
         }
     }
 
@@ -134,6 +225,8 @@ impl Decoder {
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match self {
             Self::AsciiLine(decoder) => Ok(decoder.finish(buffer)?),
+            Self::Fastrak(decoder) => Ok(decoder.finish(buffer)?),
+            Self::Liberty(decoder) => Ok(decoder.finish(buffer)?),
         }
     }
 }

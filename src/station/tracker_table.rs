@@ -1,0 +1,214 @@
+//! The table `[tracker]`.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::str::FromStr;
+use std::time::Duration;
+
+use super::StationError;
+use super::values::Values;
+use crate::pose::Pose;
+use crate::tracker::driver::DeviceOptions;
+use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
+
+/// Keys that only some transports have.
+const TRANSPORTS_OF: [(&str, &[&str]); 15] = [
+    ("protocol", &["serial", "tcp", "udp", "hid", "mock"]),
+    ("port", &["serial", "hid"]),
+    ("baud", &["serial"]),
+    ("address", &["tcp", "udp"]),
+    ("sensor", &["serial", "tcp", "udp", "hid", "recording"]),
+    ("silence_ms", &["serial", "tcp", "udp", "hid", "mock", "recording"]),
+    ("reset_delay_ms", &["serial", "tcp"]),
+    ("hemisphere", &["serial", "tcp"]),
+    ("axis_map", &["hid", "recording"]),
+    ("recording", &["recording"]),
+    ("speed", &["recording"]),
+    ("repeat", &["recording"]),
+    ("schedule", &["mock"]),
+    ("rate_hz", &["mock"]),
+    ("seed", &["mock"]),
+];
+
+/// The settings of a tracker; a mock moves about `default_pose`, and paths start at `dir`.
+pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) -> Result<Settings, StationError> {
+    let name = values.text("transport").unwrap_or("none");
+    for (key, transports) in TRANSPORTS_OF {
+        if !transports.contains(&name) {
+            let reason = format!("`tracker.transport` is \"{name}\"; it is for {}", transports.join(", "));
+            values.refuse(&[key], &reason)?;
+        }
+    }
+    let defaults = Settings::default();
+    let protocol = match (values.text("protocol"), name) {
+        (Some(_), _) => text(values, "protocol", defaults.protocol)?,
+        (None, "hid") => parsed("protocol", "spacemouse")?,
+        (None, "none" | "mock" | "recording") => Protocol::AsciiLine,
+        (None, _) => {
+            let names = Protocol::ALL.map(Protocol::name).join(", ");
+            return Err(missing("protocol", &format!("what the tracker speaks, one of {names}")));
+        }
+    };
+    let transport = transport(name, protocol, values, default_pose, dir)?;
+    if !transport.carries(protocol) {
+        let reason = format!("trackers that speak `{}` aren't reached by transport `{name}`", protocol.name());
+        return Err(StationError::Text { key: "tracker.protocol".to_owned(), reason });
+    }
+    let mut device = DeviceOptions::default();
+    device.sensor = values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok());
+    device.silence = milliseconds(values, "silence_ms", device.silence);
+    device.reset_delay = milliseconds(values, "reset_delay_ms", device.reset_delay);
+    device.hemisphere = values.numbers("hemisphere").unwrap_or(device.hemisphere);
+    Ok(Settings { transport, protocol, device, axis_map: text(values, "axis_map", defaults.axis_map)? })
+}
+
+fn transport(
+    name: &str,
+    protocol: Protocol,
+    values: &Values,
+    default_pose: Option<Pose>,
+    dir: &Path,
+) -> Result<Transport, StationError> {
+    Ok(match name {
+        "serial" => Transport::Serial {
+            port: parsed("port", values.text("port").ok_or_else(|| missing("port", "which serial port"))?)?,
+            baud: values.integer("baud").unwrap_or(protocol.usual_baud()),
+        },
+        "tcp" => {
+            let address = values.text("address").ok_or_else(|| missing("address", "the tracker's host:port"))?;
+            match address.rsplit_once(':') {
+                Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => {}
+                _ => return Err(not_an_address(address)),
+            }
+            Transport::Tcp { address: address.to_owned() }
+        }
+        "udp" => {
+            let address = values.text("address").unwrap_or("127.0.0.1:4242");
+            Transport::Udp { address: SocketAddr::from_str(address).map_err(|_| not_an_address(address))? }
+        }
+        "hid" => Transport::Hid { device: values.text("port").map(|port| parsed("port", port)).transpose()? },
+        "mock" => {
+            let mut mock = mock::Settings::default();
+            mock.around = default_pose.unwrap_or(mock.around);
+            values.set("rate_hz", &mut mock.rate_hz);
+            values.set_integer("seed", &mut mock.seed);
+            mock.schedule = text(values, "schedule", mock.schedule)?;
+            Transport::Mock(mock)
+        }
+        "recording" => {
+            let path = values.text("recording").ok_or_else(|| missing("recording", "which recording to play"))?;
+            let factor = values.number("speed").unwrap_or(1.0);
+            let speed = if factor > 0.0 { Speed::Factor(factor) } else { Speed::AtOnce };
+            let repeat = values.text("repeat") == Some("yes");
+            if repeat && speed == Speed::AtOnce {
+                values.refuse(&["repeat"], "`tracker.speed` is 0: it would never rest")?;
+            }
+            Transport::Recording { path: dir.join(path), speed, repeat }
+        }
+        _ => Transport::None,
+    })
+}
+
+fn milliseconds(values: &Values, key: &str, default: Duration) -> Duration {
+    values.number(key).map_or(default, |ms| Duration::from_secs_f64(ms / 1000.0))
+}
+
+fn text<T: FromStr<Err: std::fmt::Display>>(values: &Values, key: &str, default: T) -> Result<T, StationError> {
+    values.text(key).map_or(Ok(default), |text| parsed(key, text))
+}
+
+fn parsed<T: FromStr<Err: std::fmt::Display>>(key: &str, text: &str) -> Result<T, StationError> {
+    let wrong = |error: T::Err| StationError::Text { key: format!("tracker.{key}"), reason: error.to_string() };
+    text.parse().map_err(wrong)
+}
+
+fn missing(key: &str, needed: &str) -> StationError {
+    StationError::Missing { key: format!("tracker.{key}"), needed: needed.to_owned() }
+}
+
+fn not_an_address(text: &str) -> StationError {
+    let reason = format!("`{text}` is no address; it must be host:port (for udp an IP address and a port)");
+    StationError::Text { key: "tracker.address".to_owned(), reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::super::Station;
+    use super::*;
+    use crate::tracker::PortName;
+
+    fn read(table: &str) -> Result<Settings, String> {
+        let text = format!("[scene]\npath = \"a.glb\"\n[pose]\nposition_mm = [1, 2, 3]\n{table}");
+        Station::parse(&text, Path::new("/st")).map(|station| station.tracker).map_err(|error| error.to_string())
+    }
+
+    fn transport_of(table: &str) -> Transport {
+        read(&format!("[tracker]\n{table}")).unwrap().transport
+    }
+
+    #[test]
+    fn each_transport_is_read() {
+        assert_eq!(read("").unwrap(), Settings::default());
+        let port = PortName::Usb { vendor: 0x403, product: 0x6001, serial: None };
+        assert_eq!(
+            transport_of("transport = \"serial\"\nport = \"0403:6001\"\nprotocol = \"liberty\""),
+            Transport::Serial { port, baud: 115_200 }
+        );
+        assert_eq!(
+            transport_of("transport = \"tcp\"\naddress = \"tracker.local:5000\"\nprotocol = \"ascii-line\""),
+            Transport::Tcp { address: "tracker.local:5000".into() }
+        );
+        assert_eq!(
+            transport_of("transport = \"udp\"\nprotocol = \"ascii-line\""),
+            Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 4242)) }
+        );
+        assert_eq!(
+            transport_of("transport = \"recording\"\nrecording = \"a.mcap\"\nspeed = 0"),
+            Transport::Recording { path: PathBuf::from("/st/a.mcap"), speed: Speed::AtOnce, repeat: false }
+        );
+        let Transport::Mock(mock) = transport_of("transport = \"mock\"\nschedule = \"hold 1\"\nseed = 9") else {
+            panic!("no mock");
+        };
+        assert_eq!((mock.around.position_mm.x, mock.schedule.to_string(), mock.seed), (1.0, "hold 1".into(), 9));
+    }
+
+    #[test]
+    fn options_are_read() {
+        let table = "[tracker]\ntransport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"fastrak-binary\"\nsensor = 2\n\
+                     silence_ms = 500\nreset_delay_ms = 100\nhemisphere = [0, -1, 0]";
+        let device = read(table).unwrap().device;
+        let expected = DeviceOptions {
+            sensor: Some(2),
+            silence: Duration::from_millis(500),
+            reset_delay: Duration::from_millis(100),
+            hemisphere: [0.0, -1.0, 0.0],
+        };
+        assert_eq!(device, expected);
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        let cases = [
+            ("transport = \"serail\"", "(did you mean `serial`?)"),
+            ("transport = \"serial\"\nprotocol = \"liberty\"", "`tracker.port` is missing"),
+            ("transport = \"serial\"\nport = \"/dev/x\"", "`tracker.protocol` is missing"),
+            (
+                "transport = \"serial\"\nport = \"/dev/x\"\nprotocol = \"librety\"",
+                "`tracker.protocol`: unknown tracker protocol `librety`",
+            ),
+            ("transport = \"serial\"\nport = \"zz:1\"\nprotocol = \"liberty\"", "`tracker.port`: `zz:1` is no port"),
+            ("transport = \"udp\"\nprotocol = \"liberty\"", "aren't reached by transport `udp`"),
+            ("transport = \"tcp\"\naddress = \"host\"\nprotocol = \"liberty\"", "`host` is no address"),
+            ("transport = \"mock\"\nport = \"/dev/x\"", "`tracker.port` does not apply"),
+            ("baud = 9600", "`tracker.baud` does not apply: `tracker.transport` is \"none\""),
+            ("transport = \"mock\"\nschedule = \"dance 3\"", "`tracker.schedule`: `dance 3` is no part"),
+            ("transport = \"recording\"\nrecording = \"a\"\nspeed = 0\nrepeat = \"yes\"", "it would never rest"),
+        ];
+        for (table, message) in cases {
+            let error = read(&format!("[tracker]\n{table}")).unwrap_err();
+            assert!(error.contains(message), "{table}: {error}");
+        }
+    }
+}

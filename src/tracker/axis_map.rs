@@ -1,0 +1,112 @@
+//! Which axis of a puck moves the probe along which.
+
+use std::fmt;
+use std::str::FromStr;
+
+use glam::DVec3;
+use thiserror::Error;
+
+use super::Record;
+use crate::pose::Reading;
+
+const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// For each of the axes x, y, z, rx, ry, rz of the outcome, the axis of the device and its sign. Written as
+/// `x, -z, y, rx, -rz, ry`. A push stays a push and a turn a turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisMap {
+    /// Index into the six axes of the device, and ±1.
+    axes: [(usize, f64); 6],
+}
+
+/// A text that is no axis map.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error(
+    "`{text}` is no axis map: expected three of x, y, z, then three of rx, ry, rz, each once, with a `-` where the sign turns"
+)]
+pub struct AxisMapError {
+    /// What was given.
+    pub text: String,
+}
+
+impl Default for AxisMap {
+    /// Every axis as the device has it.
+    fn default() -> Self {
+        Self { axes: [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0), (4, 1.0), (5, 1.0)] }
+    }
+}
+
+impl AxisMap {
+    /// The record with its rates on other axes; records of other kinds stay.
+    pub fn apply(&self, mut record: Record) -> Record {
+        if let Reading::Rates { translation, rotation } = &mut record.reading {
+            let [x, y, z] = translation.to_array();
+            let [rx, ry, rz] = rotation.to_array();
+            let device = [x, y, z, rx, ry, rz];
+            let axis = |i: usize| device[self.axes[i].0] * self.axes[i].1;
+            *translation = DVec3::new(axis(0), axis(1), axis(2));
+            *rotation = DVec3::new(axis(3), axis(4), axis(5));
+        }
+        record
+    }
+}
+
+impl FromStr for AxisMap {
+    type Err = AxisMapError;
+
+    fn from_str(text: &str) -> Result<Self, AxisMapError> {
+        let error = || AxisMapError { text: text.to_owned() };
+        let mut axes = [(0, 0.0); 6];
+        let mut used = [false; 6];
+        let mut words = text.split(',').map(str::trim);
+        for (i, axis) in axes.iter_mut().enumerate() {
+            let word = words.next().ok_or_else(error)?;
+            let (name, sign) = word.strip_prefix('-').map_or((word, 1.0), |name| (name, -1.0));
+            let from = NAMES.iter().position(|n| *n == name.trim()).ok_or_else(error)?;
+            // A push that turns, or one axis for two, is a slip.
+            if from / 3 != i / 3 || std::mem::replace(&mut used[from], true) {
+                return Err(error());
+            }
+            *axis = (from, sign);
+        }
+        if words.next().is_some() { Err(error()) } else { Ok(Self { axes }) }
+    }
+}
+
+impl fmt::Display for AxisMap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, (from, sign)) in self.axes.iter().enumerate() {
+            let comma = if i == 0 { "" } else { ", " };
+            write!(f, "{comma}{}{}", if *sign < 0.0 { "-" } else { "" }, NAMES[*from])?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moves_axes_and_turns_signs() {
+        let map: AxisMap = "x, -z, y, rx, -rz,ry".parse().unwrap();
+        let rates = |translation, rotation| Record {
+            sensor: 0,
+            sequence: None,
+            device_time_us: None,
+            buttons: 0,
+            reading: Reading::Rates { translation, rotation },
+        };
+        let found = map.apply(rates(DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.4, 0.5, 0.6)));
+        assert_eq!(found, rates(DVec3::new(0.1, -0.3, 0.2), DVec3::new(0.4, -0.6, 0.5)));
+        assert_eq!(map.to_string().parse(), Ok(map));
+        assert_eq!(AxisMap::default().to_string(), "x, y, z, rx, ry, rz");
+    }
+
+    #[test]
+    fn refuses_what_is_no_map() {
+        for text in ["", "x,y,z", "x,x,z,rx,ry,rz", "rx,y,z,x,ry,rz", "x,y,z,rx,ry,rz,x", "x,y,w,rx,ry,rz"] {
+            assert!(text.parse::<AxisMap>().is_err(), "{text}");
+        }
+    }
+}

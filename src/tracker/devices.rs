@@ -1,0 +1,235 @@
+//! Serial ports and HID devices of this machine.
+
+#[cfg(any(feature = "serial", feature = "hid"))]
+use std::io;
+use std::path::Path;
+
+use serde::Serialize;
+
+#[cfg(any(feature = "serial", feature = "hid"))]
+use super::settings::PortName;
+
+/// Vendors of SpaceMouse pucks.
+const SPACE_MOUSE_VENDORS: [u16; 2] = [0x046d, 0x256f];
+
+/// Usage page and usage of a multi-axis controller.
+const MULTI_AXIS: (u16, u16) = (1, 8);
+
+/// Products of vendor 256F that call themselves so and are no pucks: keyboards, mice, receivers of these.
+const NO_PUCKS: [u16; 11] = [0xc650, 0xc651, 0xc654, 0xc655, 0xc656, 0xc657, 0xc658, 0xc664, 0xc665, 0xc668, 0xc62c];
+
+/// What a USB device says that it is.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct UsbIdentity {
+    /// Vendor.
+    pub vendor: u16,
+    /// Product.
+    pub product: u16,
+    /// Serial number.
+    pub serial: Option<String>,
+    /// Vendor and product, for people.
+    pub name: Option<String>,
+}
+
+impl UsbIdentity {
+    /// The id that a station file takes: `vendor:product:serial`.
+    pub fn id(&self) -> String {
+        let ids = format!("{:04x}:{:04x}", self.vendor, self.product);
+        self.serial.as_ref().map_or_else(|| ids.clone(), |serial| format!("{ids}:{serial}"))
+    }
+}
+
+/// A serial port.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SerialDevice {
+    /// Its path, which may change when it is plugged in again.
+    pub path: String,
+    /// Its path by id, which stays (Linux).
+    pub by_id: Option<String>,
+    /// The USB device behind it.
+    pub usb: Option<UsbIdentity>,
+    /// How long an FTDI adapter holds bytes back, ms (Linux).
+    pub latency_timer_ms: Option<u32>,
+}
+
+/// A HID device.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct HidDevice {
+    /// Its path.
+    pub path: String,
+    /// What it is.
+    pub usb: UsbIdentity,
+    /// Whether it is a puck that insonify reads.
+    pub space_mouse: bool,
+}
+
+/// Whether a HID device is a SpaceMouse puck.
+pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
+    SPACE_MOUSE_VENDORS.contains(&vendor)
+        && (usage_page, usage) == MULTI_AXIS
+        && !(vendor == 0x256f && NO_PUCKS.contains(&product))
+}
+
+/// Every serial port, by path.
+///
+/// # Errors
+/// The system doesn't tell.
+#[cfg(feature = "serial")]
+pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
+    use tokio_serial::SerialPortType;
+
+    // Without sysfs, as in some containers, there are no ports to be found.
+    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
+        return Ok(Vec::new());
+    }
+    let ports = tokio_serial::available_ports().map_err(io::Error::from)?;
+    let mut found: Vec<_> = ports
+        .into_iter()
+        .map(|port| SerialDevice {
+            by_id: by_id(&port.port_name),
+            latency_timer_ms: latency_timer_ms(&port.port_name),
+            usb: match port.port_type {
+                SerialPortType::UsbPort(usb) => Some(UsbIdentity {
+                    vendor: usb.vid,
+                    product: usb.pid,
+                    serial: usb.serial_number,
+                    name: joined(usb.manufacturer.as_deref(), usb.product.as_deref()),
+                }),
+                _ => None,
+            },
+            path: port.port_name,
+        })
+        .collect();
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(found)
+}
+
+/// The present path of a port.
+#[cfg(feature = "serial")]
+pub(super) fn serial_path(name: &PortName) -> io::Result<String> {
+    if let PortName::Path(path) = name {
+        return Ok(path.clone());
+    }
+    let is_it =
+        |port: &SerialDevice| port.usb.as_ref().is_some_and(|u| name.is(u.vendor, u.product, u.serial.as_deref()));
+    let port = serial_ports()?.into_iter().find(is_it);
+    port.map(|port| port.path).ok_or_else(|| missing("serial port", name))
+}
+
+#[cfg(any(feature = "serial", feature = "hid"))]
+fn missing(kind: &str, name: &PortName) -> io::Error {
+    io::Error::new(io::ErrorKind::NotFound, format!("no {kind} is {name}; `insonify trackers` lists those there are"))
+}
+
+#[cfg(any(feature = "serial", feature = "hid"))]
+fn joined(vendor: Option<&str>, product: Option<&str>) -> Option<String> {
+    let words: Vec<_> = [vendor, product].into_iter().flatten().map(str::trim).filter(|w| !w.is_empty()).collect();
+    (!words.is_empty()).then(|| words.join(" "))
+}
+
+/// The link in `/dev/serial/by-id` that leads to `path`.
+#[cfg(feature = "serial")]
+fn by_id(path: &str) -> Option<String> {
+    let target = std::fs::canonicalize(path).ok()?;
+    let links = std::fs::read_dir("/dev/serial/by-id").ok()?;
+    let mut links = links.flatten().map(|link| link.path());
+    links.find(|link| std::fs::canonicalize(link).is_ok_and(|t| t == target)).map(|link| link.display().to_string())
+}
+
+/// The latency timer of an FTDI adapter.
+#[cfg(feature = "serial")]
+fn latency_timer_ms(path: &str) -> Option<u32> {
+    let name = Path::new(path).file_name()?;
+    let file = Path::new("/sys/bus/usb-serial/devices").join(name).join("latency_timer");
+    std::fs::read_to_string(file).ok()?.trim().parse().ok()
+}
+
+/// What to do about an adapter that holds bytes back for more than 1 ms; none where it doesn't.
+pub fn latency_hint(port: &SerialDevice) -> Option<String> {
+    let timer = port.latency_timer_ms.filter(|ms| *ms > 1)?;
+    let name = Path::new(&port.path).file_name()?.to_string_lossy().into_owned();
+    Some(format!(
+        "{} holds bytes back for up to {timer} ms (FTDI latency timer). Set it to 1 ms: \
+         echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer",
+        port.path
+    ))
+}
+
+/// Every HID device, by path.
+///
+/// # Errors
+/// The system doesn't tell.
+#[cfg(feature = "hid")]
+pub fn hid_devices() -> io::Result<Vec<HidDevice>> {
+    Ok(listed(&hidapi::HidApi::new().map_err(io::Error::other)?))
+}
+
+#[cfg(feature = "hid")]
+fn listed(api: &hidapi::HidApi) -> Vec<HidDevice> {
+    let mut found: Vec<HidDevice> = Vec::new();
+    for device in api.device_list() {
+        let path = device.path().to_string_lossy().into_owned();
+        let puck = is_space_mouse(device.vendor_id(), device.product_id(), device.usage_page(), device.usage());
+        // A device is listed once for each of its usages.
+        if let Some(known) = found.iter_mut().find(|known| known.path == path) {
+            known.space_mouse |= puck;
+            continue;
+        }
+        let usb = UsbIdentity {
+            vendor: device.vendor_id(),
+            product: device.product_id(),
+            serial: device.serial_number().filter(|serial| !serial.is_empty()).map(str::to_owned),
+            name: joined(device.manufacturer_string(), device.product_string()),
+        };
+        found.push(HidDevice { path, usb, space_mouse: puck });
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    found
+}
+
+/// Opens a HID device, the first SpaceMouse where none is named, and says what it is.
+#[cfg(feature = "hid")]
+pub(super) fn open_hid(name: Option<&PortName>) -> io::Result<(hidapi::HidDevice, String)> {
+    let wanted = |device: &HidDevice| match name {
+        None => device.space_mouse,
+        Some(PortName::Path(path)) => device.path == *path,
+        Some(usb) => usb.is(device.usb.vendor, device.usb.product, device.usb.serial.as_deref()),
+    };
+    let none = || match name {
+        None => io::Error::new(io::ErrorKind::NotFound, "no SpaceMouse is plugged in"),
+        Some(name) => missing("HID device", name),
+    };
+    let api = hidapi::HidApi::new().map_err(io::Error::other)?;
+    let device = listed(&api).into_iter().find(wanted).ok_or_else(none)?;
+    let path = std::ffi::CString::new(device.path.clone()).map_err(io::Error::other)?;
+    let hint = if cfg!(target_os = "linux") { "; a udev rule must let users read it" } else { "" };
+    let opened = api.open_path(&path).map_err(|error| {
+        io::Error::other(format!("cannot open {} ({}): {error}{hint}", device.path, device.usb.id()))
+    })?;
+    Ok((opened, device.usb.name.map_or(device.path.clone(), |name| format!("{name} at {}", device.path))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pucks_are_told_from_what_comes_with_them() {
+        assert!(is_space_mouse(0x256f, 0xc635, 1, 8));
+        assert!(is_space_mouse(0x046d, 0xc626, 1, 8));
+        assert!(!is_space_mouse(0x256f, 0xc635, 1, 6), "its keyboard");
+        assert!(!is_space_mouse(0x256f, 0xc650, 1, 8));
+        assert!(!is_space_mouse(0x1234, 0xc635, 1, 8));
+    }
+
+    #[test]
+    fn a_slow_latency_timer_is_worth_a_hint() {
+        let mut port = SerialDevice { path: "/dev/ttyUSB3".into(), by_id: None, usb: None, latency_timer_ms: Some(16) };
+        let hint = latency_hint(&port).unwrap();
+        assert!(hint.contains("16 ms") && hint.contains("devices/ttyUSB3/latency_timer"), "{hint}");
+        for fine in [None, Some(1)] {
+            port.latency_timer_ms = fine;
+            assert_eq!(latency_hint(&port), None);
+        }
+    }
+}

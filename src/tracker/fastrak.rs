@@ -1,0 +1,386 @@
+//! Polhemus FASTRAK: ASCII and binary records (FASTRAK user manual, rev. G).
+//!
+//! Both begin with `'0'`, the station `'1'..='4'` and an error character (a space where all is well).
+//!
+//! | format | output list | bytes | content |
+//! |---|---|---|---|
+//! | [`Format::Ascii`] | `2,4,1` | 47 | head, six fields of 7 characters: x y z (cm), azimuth, elevation, roll (degrees), CR LF |
+//! | [`Format::Binary`] | `2,11,0` | 32 | head, f32 x y z (cm), f32 quaternion w x y z, a space; little-endian |
+//!
+//! A binary record has no checksum: what guards it is its head, its last byte and the norm of its quaternion.
+
+use bytes::{Buf, Bytes, BytesMut};
+use glam::{DQuat, EulerRot};
+use thiserror::Error;
+
+use super::Record;
+use super::framing::{f32_at, next_head, noise};
+use crate::pose::{Pose, PoseError, Reading};
+
+/// Length of an ASCII record, bytes.
+pub const ASCII_LENGTH: usize = 47;
+
+/// Length of a binary record, bytes.
+pub const BINARY_LENGTH: usize = 32;
+
+/// Stations that a FASTRAK has.
+pub const STATIONS: u16 = 4;
+
+const HEAD: usize = 3;
+const FIELD: usize = 7;
+const FIELDS: [&str; 6] = ["x", "y", "z", "azimuth", "elevation", "roll"];
+const MM_PER_CM: f64 = 10.0;
+
+/// How records are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Text of fixed width.
+    Ascii,
+    /// IEEE floats.
+    Binary,
+}
+
+/// Bytes that are no record.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("FASTRAK, byte {offset} of the stream: {reason}")]
+pub struct DecodeError {
+    /// Where they start, bytes from the start of the stream.
+    pub offset: u64,
+    /// What is wrong with them.
+    pub reason: Reason,
+}
+
+/// What is wrong with a record.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum Reason {
+    /// No head.
+    #[error("{length} bytes are no record; one starts with `0`, a station 1 to 4, and a space or a letter")]
+    Noise {
+        /// Bytes passed over.
+        length: usize,
+    },
+    /// The device says that something is wrong with it.
+    #[error("station {station} reports error `{code}`; the BIT table of the FASTRAK manual says what that is")]
+    Device {
+        /// Station, 1..=4.
+        station: u16,
+        /// The record's error character.
+        code: char,
+    },
+    /// A binary record that doesn't end in a space.
+    #[error("the record ends in {found:#04x} where a space must be; is the output list `2,11,0`?")]
+    End {
+        /// Byte found.
+        found: u8,
+    },
+    /// A line of another length.
+    #[error("a line of {length} bytes; a record has {ASCII_LENGTH}; is the output list `2,4,1`?")]
+    LineLength {
+        /// Its length with its line feed, or how much of it was passed over.
+        length: usize,
+    },
+    /// A field that is no number.
+    #[error("field `{name}` is `{text}`; it must be a decimal number in 7 characters")]
+    Field {
+        /// Field.
+        name: &'static str,
+        /// What was found, escaped.
+        text: String,
+    },
+    /// Numbers, but no pose.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// The stream ended within a record.
+    #[error("the stream ends after {length} bytes of a record")]
+    Incomplete {
+        /// Bytes there were.
+        length: usize,
+    },
+}
+
+/// Decoder of one stream, in centimetres.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    format: Format,
+    offset: u64,
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream.
+    pub fn new(format: Format) -> Self {
+        Self { format, offset: 0 }
+    }
+
+    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
+    ///
+    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than
+    /// 64 bytes.
+    ///
+    /// # Errors
+    /// Bytes that are no record, and what the device reports. They are removed up to what may be the next record.
+    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        match self.format {
+            Format::Ascii => self.line(buffer),
+            Format::Binary => self.binary(buffer),
+        }
+    }
+
+    /// Ends the stream.
+    ///
+    /// # Errors
+    /// A part of a record is left. It is removed.
+    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        match buffer.len() {
+            0 => Ok(()),
+            length => Err(self.reject(buffer, length, Reason::Incomplete { length })),
+        }
+    }
+
+    fn binary(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        if buffer.is_empty() {
+            return Ok(None);
+        }
+        if !plausible(buffer) {
+            return match noise(buffer, HEAD, plausible) {
+                Some(length) => Err(self.reject(buffer, length, Reason::Noise { length })),
+                None => Ok(None),
+            };
+        }
+        let Some(frame) = buffer.get(..BINARY_LENGTH) else { return Ok(None) };
+        match binary(frame) {
+            Ok(record) => {
+                self.remove(buffer, BINARY_LENGTH);
+                Ok(Some(record))
+            }
+            Err(reason) => {
+                // A device that reports an error frames it well.
+                let whole = matches!(reason, Reason::Device { .. });
+                let length = if whole { BINARY_LENGTH } else { next_head(frame, plausible) };
+                Err(self.reject(buffer, length, reason))
+            }
+        }
+    }
+
+    fn line(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        let window = &buffer[..buffer.len().min(ASCII_LENGTH)];
+        // Without a line feed in its place the record is taken for one all the same: the next one starts behind it.
+        let length = match window.iter().position(|&b| b == b'\n') {
+            Some(at) => at + 1,
+            None if window.len() == ASCII_LENGTH => ASCII_LENGTH,
+            None => return Ok(None),
+        };
+        match text(&window[..length]) {
+            Ok(record) => {
+                self.remove(buffer, length);
+                Ok(Some(record))
+            }
+            Err(reason) => Err(self.reject(buffer, length, reason)),
+        }
+    }
+
+    fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
+        let offset = self.offset;
+        self.remove(buffer, length);
+        DecodeError { offset, reason }
+    }
+
+    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
+        buffer.advance(length);
+        self.offset += length as u64;
+    }
+}
+
+/// Whether `bytes` start like a record, as far as they go.
+fn plausible(bytes: &[u8]) -> bool {
+    let third = |b: &u8| *b == b' ' || b.is_ascii_alphabetic();
+    bytes.first().is_none_or(|b| *b == b'0')
+        && bytes.get(1).is_none_or(|b| (b'1'..=b'4').contains(b))
+        && bytes.get(2).is_none_or(third)
+}
+
+fn binary(frame: &[u8]) -> Result<Record, Reason> {
+    match frame[BINARY_LENGTH - 1] {
+        b' ' => {}
+        found => return Err(Reason::End { found }),
+    }
+    let station = station(frame)?;
+    let mut components = [0.0; 7];
+    for (i, component) in components.iter_mut().enumerate() {
+        *component = f32_at(frame, HEAD + 4 * i);
+    }
+    for centimetres in &mut components[..3] {
+        *centimetres *= MM_PER_CM;
+    }
+    Ok(record(station, Pose::from_components(components)?))
+}
+
+fn text(line: &[u8]) -> Result<Record, Reason> {
+    let length = line.len();
+    if length != ASCII_LENGTH || !line.ends_with(b"\r\n") {
+        return Err(Reason::LineLength { length });
+    }
+    if !plausible(line) {
+        return Err(Reason::Noise { length });
+    }
+    let station = station(line)?;
+    let mut values = [0.0_f64; FIELDS.len()];
+    for ((value, name), field) in values.iter_mut().zip(FIELDS).zip(line[HEAD..].chunks_exact(FIELD)) {
+        let number = std::str::from_utf8(field).ok().and_then(|text| text.trim().parse().ok());
+        *value = number.ok_or_else(|| Reason::Field { name, text: field.escape_ascii().to_string() })?;
+    }
+    let [x, y, z, azimuth, elevation, roll] = values;
+    let q = orientation(azimuth, elevation, roll);
+    let pose = Pose::from_components([x * MM_PER_CM, y * MM_PER_CM, z * MM_PER_CM, q.w, q.x, q.y, q.z])?;
+    Ok(record(station, pose))
+}
+
+/// The station of a record without error.
+fn station(head: &[u8]) -> Result<u16, Reason> {
+    let station = u16::from(head[1] - b'0');
+    match head[2] {
+        b' ' => Ok(station),
+        code => Err(Reason::Device { station, code: char::from(code) }),
+    }
+}
+
+fn record(station: u16, pose: Pose) -> Record {
+    Record { sensor: station, sequence: None, device_time_us: None, buttons: 0, reading: Reading::Pose(pose) }
+}
+
+/// The rotation of azimuth about z, then elevation about the new y, then roll about the new x, degrees.
+pub(super) fn orientation(azimuth: f64, elevation: f64, roll: f64) -> DQuat {
+    DQuat::from_euler(EulerRot::ZYX, azimuth.to_radians(), elevation.to_radians(), roll.to_radians())
+}
+
+/// The commands that make `station` stream in `format`, in centimetres; to be sent one after the other, each with a pause.
+pub fn setup(format: Format, station: u16, hemisphere: [f64; 3]) -> Vec<Bytes> {
+    let [x, y, z] = hemisphere;
+    let (list, letter) = match format {
+        Format::Ascii => ("2,4,1", "F"),
+        Format::Binary => ("2,11,0", "f"),
+    };
+    let commands = [
+        format!("l{station},1\r"),
+        "u".to_owned(),
+        format!("H{station},{x},{y},{z}\r"),
+        format!("O{station},{list}\r"),
+        letter.to_owned(),
+        "C".to_owned(),
+    ];
+    commands.into_iter().map(Bytes::from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Made with Python's `struct` from the layout in the manual: station 1, (10.5, −20.25, 30.125) cm,
+    /// quaternion (0.5, 0.5, −0.5, 0.5).
+    const BINARY: [u8; 32] = *b"01 \x00\x00\x28\x41\x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\
+                                \x00\x00\x00\xbf\x00\x00\x00\x3f ";
+
+    /// Written by hand after the manual's example of a record: station 2, azimuth 90°.
+    const LINE: &str = "02   10.50 -20.25  30.12  90.00   0.00   0.00\r\n";
+
+    fn pose(record: Record) -> Pose {
+        match record.reading {
+            Reading::Pose(pose) => pose,
+            other => panic!("no pose: {other:?}"),
+        }
+    }
+
+    fn all(format: Format, bytes: &[u8]) -> Vec<Result<Record, Reason>> {
+        let (mut decoder, mut buffer, mut out) = (Decoder::new(format), BytesMut::from(bytes), Vec::new());
+        loop {
+            match decoder.decode(&mut buffer) {
+                Ok(Some(record)) => out.push(Ok(record)),
+                Ok(None) => break,
+                Err(error) => out.push(Err(error.reason)),
+            }
+        }
+        assert!(buffer.len() < 64);
+        out
+    }
+
+    #[test]
+    fn a_binary_record_made_from_the_manual() {
+        let found = all(Format::Binary, &BINARY);
+        let record = found[0].clone().unwrap();
+        assert_eq!((found.len(), record.sensor, record.sequence), (1, 1, None));
+        assert_eq!(pose(record).components(), [105.0, -202.5, 301.25, 0.5, 0.5, -0.5, 0.5]);
+    }
+
+    #[test]
+    fn an_ascii_record_in_the_manuals_format() {
+        assert_eq!(LINE.len(), ASCII_LENGTH);
+        let record = all(Format::Ascii, LINE.as_bytes())[0].clone().unwrap();
+        assert_eq!(record.sensor, 2);
+        let found = pose(record);
+        assert!(found.position_mm.distance(glam::DVec3::new(105.0, -202.5, 301.2)) < 1e-9);
+        // Azimuth 90° turns the sensor's x axis to the source's y.
+        assert!((found.orientation * glam::DVec3::X).distance(glam::DVec3::Y) < 1e-12);
+    }
+
+    #[test]
+    fn angles_turn_about_z_then_y_then_x() {
+        let expected = DQuat::from_rotation_z(0.3) * DQuat::from_rotation_y(-0.4) * DQuat::from_rotation_x(1.1);
+        let found = orientation(0.3_f64.to_degrees(), -0.4_f64.to_degrees(), 1.1_f64.to_degrees());
+        assert!(found.angle_between(expected) < 1e-7);
+    }
+
+    #[test]
+    fn a_damaged_record_costs_itself_only() {
+        for at in 0..BINARY_LENGTH {
+            let mut stream = [BINARY; 4].concat();
+            stream[BINARY_LENGTH + at] ^= 0x80;
+            let good = all(Format::Binary, &stream).into_iter().filter(|r| r.as_ref().is_ok_and(|r| r.sensor == 1));
+            assert!(good.count() >= 3, "byte {at}");
+        }
+        for at in 0..ASCII_LENGTH {
+            let mut stream = LINE.repeat(4).into_bytes();
+            stream[ASCII_LENGTH + at] = if at % 2 == 0 { b'\n' } else { 0xff };
+            let good = all(Format::Ascii, &stream).into_iter().filter(Result::is_ok).count();
+            assert!(good >= 3, "byte {at}: {good}");
+        }
+    }
+
+    #[test]
+    fn lost_bytes_cost_two_records_at_most() {
+        for lost in 1..BINARY_LENGTH {
+            let mut stream = [BINARY; 5].concat();
+            stream.drain(BINARY_LENGTH + 3..BINARY_LENGTH + 3 + lost.min(BINARY_LENGTH - 3));
+            let good = all(Format::Binary, &stream).into_iter().filter(Result::is_ok).count();
+            assert!(good >= 4, "{lost} bytes lost: {good} records");
+        }
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        let mut broken = BINARY;
+        broken[2] = b'a';
+        assert_eq!(all(Format::Binary, &broken), [Err(Reason::Device { station: 1, code: 'a' })]);
+        let cases = [
+            ("hello\r\n".to_owned(), "a line of 7 bytes; a record has 47"),
+            (LINE.replace("90.00", "9O.00"), "field `azimuth` is `  9O.00`"),
+            (LINE.replace("90.00", "  nan"), "field `azimuth`"),
+            (LINE.replace("02 ", "05 "), "47 bytes are no record"),
+            (LINE.replace("02 ", "02S"), "station 2 reports error `S`"),
+        ];
+        for (line, message) in cases {
+            let text = all(Format::Ascii, line.as_bytes())[0].clone().unwrap_err().to_string();
+            assert!(text.contains(message) || text.contains("pose component"), "{text}");
+        }
+        let mut decoder = Decoder::new(Format::Ascii);
+        let mut rest = BytesMut::from(&LINE[..20]);
+        assert_eq!(decoder.decode(&mut rest), Ok(None));
+        let error = decoder.finish(&mut rest).unwrap_err();
+        assert_eq!(error.to_string(), "FASTRAK, byte 0 of the stream: the stream ends after 20 bytes of a record");
+    }
+
+    #[test]
+    fn commands_end_with_streaming() {
+        let text = |format| setup(format, 2, [0.0, 0.0, 1.0]).concat();
+        assert_eq!(text(Format::Binary), b"l2,1\ruH2,0,0,1\rO2,2,11,0\rfC");
+        assert_eq!(text(Format::Ascii), b"l2,1\ruH2,0,0,1\rO2,2,4,1\rFC");
+    }
+}

@@ -1,0 +1,54 @@
+//! Frames of a known length behind a head: finding the next one in a damaged stream.
+//!
+//! What is removed depends only on the bytes of the stream, never on how it was cut up: a search looks at a window of
+//! fixed length, and what might be the start of a head at its end counts as one.
+
+/// Most bytes of noise that one error covers.
+pub(super) const NOISE_LIMIT: usize = 64;
+
+/// Where in `window[1..]` the next head may start; `plausible` is asked about what is there of it. The whole window where
+/// none does.
+pub(super) fn next_head(window: &[u8], plausible: impl Fn(&[u8]) -> bool) -> usize {
+    (1..window.len()).find(|&start| plausible(&window[start..])).unwrap_or(window.len())
+}
+
+/// How many bytes at the front of `buffer`, which is not a head, are noise; None asks for more bytes.
+pub(super) fn noise(buffer: &[u8], head_length: usize, plausible: impl Fn(&[u8]) -> bool) -> Option<usize> {
+    let window = &buffer[..buffer.len().min(NOISE_LIMIT)];
+    let start = next_head(window, &plausible);
+    // Near the window's end a head can't be told from noise before more has come, unless the window is full.
+    (window.len() == NOISE_LIMIT || start + head_length <= window.len()).then_some(start)
+}
+
+/// The little-endian number at `at`, or 0 where the slice is too short, which its callers rule out.
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
+}
+
+/// As [`u32_at`].
+pub(super) fn f32_at(bytes: &[u8], at: usize) -> f64 {
+    f64::from(f32::from_bits(u32_at(bytes, at)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A head is `AB`.
+    fn plausible(bytes: &[u8]) -> bool {
+        bytes[0] == b'A' && bytes.get(1).is_none_or(|&b| b == b'B')
+    }
+
+    #[test]
+    fn noise_ends_at_a_head_however_the_stream_is_cut() {
+        assert_eq!(noise(b"xxAB", 2, plausible), Some(2));
+        assert_eq!(noise(b"xxA", 2, plausible), None);
+        assert_eq!(noise(b"xx", 2, plausible), None);
+        let mut long = [b'x'; 100];
+        assert_eq!(noise(&long, 2, plausible), Some(NOISE_LIMIT));
+        long[NOISE_LIMIT - 1] = b'A';
+        for length in NOISE_LIMIT..100 {
+            assert_eq!(noise(&long[..length], 2, plausible), Some(NOISE_LIMIT - 1), "of {length}");
+        }
+    }
+}

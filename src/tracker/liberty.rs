@@ -1,0 +1,416 @@
+//! Polhemus LIBERTY and PATRIOT: binary frames.
+//!
+//! | offset | field |
+//! |---|---|
+//! | 0..2 | `LY` (LIBERTY) or `PA` (PATRIOT) |
+//! | 2 | u8 station, from 1 |
+//! | 3 | u8 command that asked for the frame, `C` where it is streamed |
+//! | 4 | u8 error: 0 or a space where all is well |
+//! | 5 | reserved |
+//! | 6..8 | u16 length of the payload |
+//! | 8.. | the items of the output list, little-endian |
+//!
+//! insonify asks for [`OUTPUT_LIST`]: the device's clock (ms), its frame counter, the distortion level, x y z (cm) and
+//! the quaternion w x y z, 40 bytes. A frame has no checksum: what guards it is its head and the quaternion's norm.
+
+use bytes::{Buf, Bytes, BytesMut};
+use thiserror::Error;
+
+use super::Record;
+use super::framing::{f32_at, next_head, noise, u32_at};
+use crate::pose::{Pose, PoseError, Reading};
+
+/// Output list that the driver asks for.
+pub const OUTPUT_LIST: &[Item] =
+    &[Item::Timestamp, Item::FrameCount, Item::Distortion, Item::ExtendedPosition, Item::Quaternion];
+
+const HEAD: usize = 8;
+const MM_PER_CM: f64 = 10.0;
+
+/// Which device speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Device {
+    /// Up to 16 stations, 240 Hz.
+    Liberty,
+    /// Up to 2 stations, 60 Hz.
+    Patriot,
+}
+
+impl Device {
+    fn tag(self) -> [u8; 2] {
+        match self {
+            Self::Liberty => *b"LY",
+            Self::Patriot => *b"PA",
+        }
+    }
+
+    /// Stations that it can have.
+    pub fn stations(self) -> u16 {
+        match self {
+            Self::Liberty => 16,
+            Self::Patriot => 2,
+        }
+    }
+}
+
+/// One item of an output list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Item {
+    /// 0: a space.
+    Space = 0,
+    /// 1: CR LF.
+    LineEnd = 1,
+    /// 2: x y z, 3 × f32.
+    Position = 2,
+    /// 3: the same with extended precision in ASCII; 3 × f32, too.
+    ExtendedPosition = 3,
+    /// 4: azimuth, elevation, roll, 3 × f32, degrees.
+    Angles = 4,
+    /// 7: quaternion w x y z, 4 × f32.
+    Quaternion = 7,
+    /// 8: u32, ms.
+    Timestamp = 8,
+    /// 9: u32.
+    FrameCount = 9,
+    /// 10: stylus button, u32.
+    Stylus = 10,
+    /// 11: i32, 0 where nothing metallic is near.
+    Distortion = 11,
+}
+
+impl Item {
+    fn length(self) -> usize {
+        match self {
+            Self::Space => 1,
+            Self::LineEnd => 2,
+            Self::Timestamp | Self::FrameCount | Self::Stylus | Self::Distortion => 4,
+            Self::Position | Self::ExtendedPosition | Self::Angles => 12,
+            Self::Quaternion => 16,
+        }
+    }
+}
+
+/// Bytes that are no record.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("LIBERTY or PATRIOT, byte {offset} of the stream: {reason}")]
+pub struct DecodeError {
+    /// Where they start, bytes from the start of the stream.
+    pub offset: u64,
+    /// What is wrong with them.
+    pub reason: Reason,
+}
+
+/// What is wrong with a frame.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum Reason {
+    /// No head.
+    #[error("{length} bytes are no frame; one starts with `{expected}` and the number of a station")]
+    Noise {
+        /// Bytes passed over.
+        length: usize,
+        /// Tag of the device.
+        expected: String,
+    },
+    /// The device says that something is wrong.
+    #[error("station {station} reports error {code} to command `{command}`: {meaning}")]
+    Device {
+        /// Station.
+        station: u16,
+        /// Command that it answers.
+        command: char,
+        /// The frame's error, as a character where it is one.
+        code: String,
+        /// What that is.
+        meaning: &'static str,
+    },
+    /// A payload of another length.
+    #[error("a payload of {found} bytes; the output list gives {expected}")]
+    Length {
+        /// Length that the head gives.
+        found: usize,
+        /// Length of the output list.
+        expected: usize,
+    },
+    /// Numbers, but no pose.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// The stream ended within a frame.
+    #[error("the stream ends after {length} bytes of a frame")]
+    Incomplete {
+        /// Bytes there were.
+        length: usize,
+    },
+}
+
+/// Decoder of one stream, in centimetres.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    device: Device,
+    items: &'static [Item],
+    payload: usize,
+    offset: u64,
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream of [`OUTPUT_LIST`].
+    pub fn new(device: Device) -> Self {
+        Self::with_items(device, OUTPUT_LIST)
+    }
+
+    /// A decoder of frames with another output list; without an orientation in it, that is none.
+    pub fn with_items(device: Device, items: &'static [Item]) -> Self {
+        Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: 0 }
+    }
+
+    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
+    ///
+    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than
+    /// a frame or 64 bytes.
+    ///
+    /// # Errors
+    /// Bytes that are no record, and what the device reports. They are removed up to what may be the next frame.
+    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        loop {
+            if buffer.is_empty() {
+                return Ok(None);
+            }
+            let device = self.device;
+            let plausible = |bytes: &[u8]| plausible(device, bytes);
+            if !plausible(buffer) {
+                return match noise(buffer, HEAD, plausible) {
+                    Some(length) => {
+                        let expected = device.tag().escape_ascii().to_string();
+                        Err(self.reject(buffer, length, Reason::Noise { length, expected }))
+                    }
+                    None => Ok(None),
+                };
+            }
+            let Some(head) = buffer.get(..HEAD) else { return Ok(None) };
+            let payload = usize::from(u16::from_le_bytes([head[6], head[7]]));
+            let streamed = matches!(head[3], b'C' | b'P');
+            let well = matches!(head[4], 0 | b' ');
+            if !streamed || payload != self.payload {
+                // The length of an answer isn't trusted: were it damaged, it would swallow good frames.
+                let (length, reason) = match (well, streamed) {
+                    (false, _) => (HEAD, report(head)),
+                    (true, true) => {
+                        let reason = Reason::Length { found: payload, expected: self.payload };
+                        (next_head(head, plausible), reason)
+                    }
+                    (true, false) => {
+                        self.remove(buffer, HEAD);
+                        continue;
+                    }
+                };
+                return Err(self.reject(buffer, length, reason));
+            }
+            let Some(frame) = buffer.get(..HEAD + payload) else { return Ok(None) };
+            if !well {
+                let reason = report(frame);
+                return Err(self.reject(buffer, HEAD + payload, reason));
+            }
+            return match self.record(frame) {
+                Ok(record) => {
+                    self.remove(buffer, HEAD + payload);
+                    Ok(Some(record))
+                }
+                Err(reason) => {
+                    let length = next_head(frame, plausible);
+                    Err(self.reject(buffer, length, reason))
+                }
+            };
+        }
+    }
+
+    /// Ends the stream.
+    ///
+    /// # Errors
+    /// A part of a frame is left. It is removed.
+    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        match buffer.len() {
+            0 => Ok(()),
+            length => Err(self.reject(buffer, length, Reason::Incomplete { length })),
+        }
+    }
+
+    fn record(&self, frame: &[u8]) -> Result<Record, Reason> {
+        let mut record = Record {
+            sensor: u16::from(frame[2]),
+            sequence: None,
+            device_time_us: None,
+            buttons: 0,
+            reading: Reading::OutOfView,
+        };
+        let (mut position_cm, mut orientation) = (None, None);
+        let mut at = HEAD;
+        for item in self.items {
+            let number = |i: usize| f32_at(frame, at + 4 * i);
+            match item {
+                Item::Position | Item::ExtendedPosition => position_cm = Some([number(0), number(1), number(2)]),
+                Item::Quaternion => orientation = Some([number(0), number(1), number(2), number(3)]),
+                Item::Angles => {
+                    let q = super::fastrak::orientation(number(0), number(1), number(2));
+                    orientation = Some([q.w, q.x, q.y, q.z]);
+                }
+                Item::Timestamp => record.device_time_us = Some(u64::from(u32_at(frame, at)) * 1000),
+                Item::FrameCount => record.sequence = Some(u32_at(frame, at)),
+                Item::Stylus => record.buttons = u32_at(frame, at),
+                Item::Distortion | Item::Space | Item::LineEnd => {}
+            }
+            at += item.length();
+        }
+        let [x, y, z] = position_cm.unwrap_or_default().map(|centimetres| centimetres * MM_PER_CM);
+        let [qw, qx, qy, qz] = orientation.unwrap_or([1.0, 0.0, 0.0, 0.0]);
+        record.reading = Reading::Pose(Pose::from_components([x, y, z, qw, qx, qy, qz])?);
+        Ok(record)
+    }
+
+    fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
+        let offset = self.offset;
+        self.remove(buffer, length);
+        DecodeError { offset, reason }
+    }
+
+    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
+        buffer.advance(length);
+        self.offset += length as u64;
+    }
+}
+
+/// Whether `bytes` start like a frame of `device`, as far as they go.
+fn plausible(device: Device, bytes: &[u8]) -> bool {
+    let tag = device.tag();
+    let stations = 1..=device.stations();
+    bytes.iter().zip(tag).all(|(a, b)| *a == b)
+        // An answer to a command may name all stations (0xff) or none.
+        && bytes.get(2).is_none_or(|&s| stations.contains(&u16::from(s)) || s == 0 || s == 0xff)
+        && bytes.get(3).is_none_or(|c| c.is_ascii_alphabetic() || c.is_ascii_control())
+}
+
+fn report(frame: &[u8]) -> Reason {
+    let code = match frame[4] {
+        letter if letter.is_ascii_graphic() => format!("`{}`", char::from(letter)),
+        number => number.to_string(),
+    };
+    let meaning = match frame[4] {
+        1 => "it doesn't know the command",
+        2 => "it has no such station",
+        3 => "a parameter is outside its range",
+        b'A'..=b'Z' | b'a'..=b'z' => "a fault of the source or a sensor; the BIT table of its manual says which",
+        _ => "its manual says what that is",
+    };
+    Reason::Device { station: u16::from(frame[2]), command: char::from(frame[3]), code, meaning }
+}
+
+/// The commands that make the device stream [`OUTPUT_LIST`] in centimetres, binary; to be sent one after the other.
+pub fn setup(hemisphere: [f64; 3]) -> Vec<Bytes> {
+    let [x, y, z] = hemisphere;
+    let list: Vec<String> = OUTPUT_LIST.iter().map(|item| (*item as u8).to_string()).collect();
+    let commands = [
+        "F1\r".to_owned(),
+        "U1\r".to_owned(),
+        format!("O*,{}\r", list.join(",")),
+        format!("H*,{x},{y},{z}\r"),
+        "C\r".to_owned(),
+    ];
+    commands.into_iter().map(Bytes::from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// A frame that a LIBERTY sent, from a public script that reads one
+    /// (a comment there: `b'LY\x01C \x00"\x00...'`): output list 9,8,2,4,1.
+    const CAPTURED: [u8; 42] = [
+        0x4c, 0x59, 0x01, 0x43, 0x20, 0x00, 0x22, 0x00, 0xe6, 0xe0, 0x03, 0x00, 0x13, 0x29, 0x10, 0x00, 0xc0, 0x3c,
+        0xb6, 0x40, 0x4c, 0x40, 0x28, 0xc0, 0xc9, 0x3f, 0x7e, 0x3f, 0xc9, 0x6a, 0xf6, 0xc2, 0x4d, 0x21, 0x36, 0x40,
+        0x96, 0xb6, 0xd0, 0x41, 0x0d, 0x0a,
+    ];
+    const CAPTURED_ITEMS: &[Item] = &[Item::FrameCount, Item::Timestamp, Item::Position, Item::Angles, Item::LineEnd];
+
+    /// Made with Python's `struct` from the layout: station 2, 123456 ms, frame 7890, distortion 3,
+    /// (10.5, −20.25, 30.125) cm, quaternion (0.5, 0.5, −0.5, 0.5).
+    const FRAME: [u8; 48] = *b"LY\x02C \x00\x28\x00\x40\xe2\x01\x00\xd2\x1e\x00\x00\x03\x00\x00\x00\x00\x00\x28\x41\
+                               \x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\x00\x00\x00\xbf\
+                               \x00\x00\x00\x3f";
+
+    fn all(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Record, Reason>> {
+        let (mut buffer, mut out) = (BytesMut::from(bytes), Vec::new());
+        loop {
+            match decoder.decode(&mut buffer) {
+                Ok(Some(record)) => out.push(Ok(record)),
+                Ok(None) => return out,
+                Err(error) => out.push(Err(error.reason)),
+            }
+        }
+    }
+
+    fn liberty(bytes: &[u8]) -> Vec<Result<Record, Reason>> {
+        all(&mut Decoder::new(Device::Liberty), bytes)
+    }
+
+    #[test]
+    fn a_frame_of_a_real_liberty() {
+        let found = all(&mut Decoder::with_items(Device::Liberty, CAPTURED_ITEMS), &CAPTURED);
+        let record = found[0].clone().unwrap();
+        // 254182 frames at 240 Hz are the 1059.091 s of its clock: the order of the two is right.
+        assert_eq!((record.sensor, record.sequence, record.device_time_us), (1, Some(254_182), Some(1_059_091_000)));
+        let Reading::Pose(pose) = record.reading else { panic!("no pose") };
+        assert!(pose.position_mm.distance(DVec3::new(56.949, -26.289, 9.932)) < 1e-3, "{pose:?}");
+        let expected = super::super::fastrak::orientation(-123.208, 2.845_8, 26.089);
+        assert!(pose.orientation.angle_between(expected) < 1e-4);
+    }
+
+    #[test]
+    fn a_frame_of_the_drivers_output_list() {
+        let record = liberty(&FRAME)[0].clone().unwrap();
+        assert_eq!((record.sensor, record.sequence, record.device_time_us), (2, Some(7890), Some(123_456_000)));
+        let pose = Pose::from_components([105.0, -202.5, 301.25, 0.5, 0.5, -0.5, 0.5]).unwrap();
+        assert_eq!(record.reading, Reading::Pose(pose));
+        let mut patriot = FRAME;
+        patriot[..2].copy_from_slice(b"PA");
+        assert_eq!(all(&mut Decoder::new(Device::Patriot), &patriot), [Ok(record)]);
+    }
+
+    #[test]
+    fn a_damaged_frame_costs_itself_only() {
+        for at in 0..FRAME.len() {
+            let mut stream = [FRAME; 14].concat();
+            stream[FRAME.len() + at] ^= 0x80;
+            let good = liberty(&stream).into_iter().filter(|r| r.as_ref().is_ok_and(|r| r.sensor == 2)).count();
+            assert!(good >= 13, "byte {at}: {good}");
+        }
+        for lost in 1..FRAME.len() - 3 {
+            let mut stream = [FRAME; 5].concat();
+            stream.drain(FRAME.len() + 3..FRAME.len() + 3 + lost);
+            let good = liberty(&stream).into_iter().filter(Result::is_ok).count();
+            assert!(good >= 3, "{lost} bytes lost: {good}");
+        }
+    }
+
+    #[test]
+    fn answers_are_passed_over_and_errors_told() {
+        let mut answer = b"LY\x01O\x00\x00\x00\x00".to_vec();
+        answer.extend(FRAME);
+        assert_eq!(liberty(&answer).len(), 1);
+        let refused = liberty(b"LY\x01O\x03\x00\x00\x00");
+        let text = refused[0].clone().unwrap_err().to_string();
+        assert_eq!(text, "station 1 reports error 3 to command `O`: a parameter is outside its range");
+        let mut faulty = FRAME;
+        faulty[4] = b'I';
+        let text = liberty(&faulty)[0].clone().unwrap_err().to_string();
+        assert!(text.contains("error `I` to command `C`: a fault of the source"), "{text}");
+        let text = liberty(&CAPTURED)[0].clone().unwrap_err().to_string();
+        assert_eq!(text, "a payload of 34 bytes; the output list gives 40");
+        let text = liberty(&[b'x'; 70])[0].clone().unwrap_err().to_string();
+        assert_eq!(text, "64 bytes are no frame; one starts with `LY` and the number of a station");
+    }
+
+    #[test]
+    fn commands_end_with_streaming() {
+        assert_eq!(setup([0.0, 0.0, 1.0]).concat(), b"F1\rU1\rO*,8,9,11,3,7\rH*,0,0,1\rC\r");
+    }
+}

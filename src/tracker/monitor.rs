@@ -1,0 +1,206 @@
+//! Figures of a session for people: rate, jitter, losses, state.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::{Listener, Record, TrackerEvent};
+
+/// Events that wait to be told; of more, the oldest are dropped and counted.
+const EVENTS: usize = 32;
+
+/// What a tracker is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SessionState {
+    /// Its port isn't open.
+    #[default]
+    Disconnected,
+    /// Its port is open; no record has come yet.
+    Connected,
+    /// Records come.
+    Streaming,
+    /// Records came, or should come, and don't.
+    Silent,
+    /// Its recording is at the end.
+    Ended,
+}
+
+impl SessionState {
+    /// A word for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Disconnected => "disconnected",
+            Self::Connected => "connected",
+            Self::Streaming => "streaming",
+            Self::Silent => "silent",
+            Self::Ended => "ended",
+        }
+    }
+}
+
+/// Figures since the last report, and totals.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Report {
+    /// What the tracker is doing.
+    pub state: SessionState,
+    /// Records since the last report.
+    pub records: u64,
+    /// Records a second, from their first bytes' times; none for less than two records.
+    pub rate_hz: Option<f64>,
+    /// Standard deviation of the time between two records, ms.
+    pub jitter_ms: Option<f64>,
+    /// Longest time between two records, ms.
+    pub longest_ms: Option<f64>,
+    /// Records that the device's counter says are missing, in all.
+    pub missing: u64,
+    /// Records whose counter doesn't rise, in all.
+    pub reversals: u64,
+    /// Pieces of the stream that were no record, in all.
+    pub decode_errors: u64,
+    /// The last record.
+    pub last: Option<Record>,
+    /// Events since the last report, ready to print.
+    pub events: Vec<String>,
+    /// Events that did not fit since then.
+    pub events_dropped: u64,
+}
+
+/// Collects the figures of one session. Clones share them.
+#[derive(Debug, Clone, Default)]
+pub struct Monitor(Arc<Mutex<Figures>>);
+
+#[derive(Debug, Default)]
+struct Figures {
+    report: Report,
+    events: VecDeque<String>,
+    last_ns: Option<u64>,
+    sequence: Option<u32>,
+    /// Intervals since the last report: how many, their sum and sum of squares, s.
+    intervals: (u32, f64, f64),
+    longest_s: f64,
+}
+
+impl Monitor {
+    /// What was heard since the last report.
+    pub fn report(&self) -> Report {
+        let mut figures = self.figures();
+        let (count, sum, squares) = std::mem::take(&mut figures.intervals);
+        let longest_s = std::mem::take(&mut figures.longest_s);
+        let mut report = figures.report.clone();
+        if count > 0 {
+            let mean = sum / f64::from(count);
+            report.rate_hz = (mean > 0.0).then(|| 1.0 / mean);
+            report.jitter_ms = Some((squares / f64::from(count) - mean * mean).max(0.0).sqrt() * 1e3);
+            report.longest_ms = Some(longest_s * 1e3);
+        }
+        report.events = figures.events.drain(..).collect();
+        (figures.report.records, figures.report.events_dropped) = (0, 0);
+        report
+    }
+
+    fn figures(&self) -> MutexGuard<'_, Figures> {
+        // Figures are whole at each moment, whatever became of another thread.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Listener for Monitor {
+    fn bytes(&mut self, _: u64, _: &[u8]) {}
+
+    fn record(&mut self, host_time_ns: u64, record: &Record) {
+        let mut figures = self.figures();
+        if let Some(last_ns) = figures.last_ns.replace(host_time_ns) {
+            let seconds = host_time_ns.saturating_sub(last_ns) as f64 * 1e-9;
+            let (count, sum, squares) = figures.intervals;
+            figures.intervals = (count + 1, sum + seconds, squares + seconds * seconds);
+            figures.longest_s = figures.longest_s.max(seconds);
+        }
+        let last = std::mem::replace(&mut figures.sequence, record.sequence);
+        let report = &mut figures.report;
+        if let (Some(last), Some(sequence)) = (last, record.sequence) {
+            match sequence.wrapping_sub(last) {
+                step @ 1..=0x7fff_ffff => report.missing += u64::from(step - 1),
+                _ => report.reversals += 1,
+            }
+        }
+        report.records += 1;
+        report.last = Some(*record);
+        report.state = SessionState::Streaming;
+    }
+
+    fn event(&mut self, _: u64, event: &TrackerEvent) {
+        let mut figures = self.figures();
+        let report = &mut figures.report;
+        match event {
+            TrackerEvent::Connected { .. } => report.state = SessionState::Connected,
+            TrackerEvent::Disconnected { .. } => report.state = SessionState::Disconnected,
+            TrackerEvent::Silent { .. } => report.state = SessionState::Silent,
+            TrackerEvent::Ended => report.state = SessionState::Ended,
+            TrackerEvent::DecodeError(_) => report.decode_errors += 1,
+            TrackerEvent::OtherSensor { .. } => {}
+        }
+        if matches!(event, TrackerEvent::Disconnected { .. } | TrackerEvent::Ended) {
+            // The gap is no jitter of the device.
+            (figures.last_ns, figures.sequence) = (None, None);
+        }
+        if figures.events.len() == EVENTS {
+            figures.events.pop_front();
+            figures.report.events_dropped += 1;
+        }
+        figures.events.push_back(event.to_string());
+    }
+}
+
+impl std::fmt::Display for TrackerEvent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let seconds = |time: &Duration| time.as_secs_f64();
+        match self {
+            Self::Connected { port } => write!(f, "connected to {port}"),
+            Self::Disconnected { reason, retry } => write!(f, "{reason}; trying again in {:.2} s", seconds(retry)),
+            Self::Silent { for_, attempt } => {
+                write!(f, "no record for {:.1} s (attempt {attempt} to wake the tracker)", seconds(for_))
+            }
+            Self::DecodeError(error) => write!(f, "{error}"),
+            Self::OtherSensor { sensor, used } => {
+                write!(f, "sensor {sensor} speaks, too, and is left out; sensor {used} is the probe")
+            }
+            Self::Ended => write!(f, "the recording is at its end"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Pose;
+
+    fn record(sequence: u32) -> Record {
+        Record::pose(sequence, 0, Pose::from_components([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap())
+    }
+
+    #[test]
+    fn rates_and_losses_are_counted() {
+        let mut monitor = Monitor::default();
+        assert_eq!(monitor.report(), Report::default());
+        monitor.event(0, &TrackerEvent::Connected { port: "x".into() });
+        // Intervals of 10, 30, 10 and 30 ms.
+        for (time_ms, sequence) in [(0, 1), (10, 2), (40, 5), (50, 6), (80, 6)] {
+            monitor.record(time_ms * 1_000_000, &record(sequence));
+        }
+        let report = monitor.report();
+        assert_eq!(
+            (report.state, report.records, report.missing, report.reversals),
+            (SessionState::Streaming, 5, 2, 1)
+        );
+        assert!((report.rate_hz.unwrap() - 50.0).abs() < 1e-9);
+        assert!((report.jitter_ms.unwrap() - 10.0).abs() < 1e-6 && (report.longest_ms.unwrap() - 30.0).abs() < 1e-9);
+        assert_eq!(report.events, ["connected to x"]);
+        let next = monitor.report();
+        assert_eq!((next.records, next.rate_hz, next.missing), (0, None, 2));
+        for _ in 0..40 {
+            monitor.event(0, &TrackerEvent::Ended);
+        }
+        let report = monitor.report();
+        assert_eq!((report.events.len(), report.events_dropped, report.state), (32, 8, SessionState::Ended));
+    }
+}

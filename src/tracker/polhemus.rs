@@ -1,0 +1,147 @@
+//! The driver of Polhemus devices: stops, resets, sets up and starts the stream.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+
+use super::driver::{DeviceOptions, Driver};
+use super::{DecodeError, Decoder, Protocol, Record, fastrak, liberty};
+
+/// Pause after each command: the devices lose commands that come faster.
+const COMMAND_PAUSE: Duration = Duration::from_millis(50);
+
+/// Pause after the command that stops an earlier stream.
+const STOP_PAUSE: Duration = Duration::from_millis(250);
+
+/// Time from the start of the stream to its first record that is waited for beside the usual patience.
+const FIRST_RECORD: Duration = Duration::from_millis(500);
+
+/// Control-Y: the device starts anew, as if switched on.
+const RESET: u8 = 0x19;
+
+/// What the devices differ in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Model {
+    /// FASTRAK.
+    Fastrak(fastrak::Format),
+    /// LIBERTY or PATRIOT.
+    Liberty(liberty::Device),
+}
+
+impl Model {
+    fn protocol(self) -> Protocol {
+        match self {
+            Self::Fastrak(fastrak::Format::Ascii) => Protocol::FastrakAscii,
+            Self::Fastrak(fastrak::Format::Binary) => Protocol::FastrakBinary,
+            Self::Liberty(liberty::Device::Liberty) => Protocol::Liberty,
+            Self::Liberty(liberty::Device::Patriot) => Protocol::Patriot,
+        }
+    }
+
+    fn stop(self) -> &'static [u8] {
+        match self {
+            Self::Fastrak(_) => b"c",
+            Self::Liberty(_) => b"P",
+        }
+    }
+
+    fn reset(self) -> &'static [u8] {
+        match self {
+            Self::Fastrak(_) => &[RESET],
+            Self::Liberty(_) => &[RESET, b'\r'],
+        }
+    }
+}
+
+/// Speaks with one Polhemus device.
+///
+/// Attempt 0 stops an earlier stream and sets the device up. Attempt 1 sends a carriage return first, which ends a
+/// command that was left half. From attempt 2 on the device is reset, and its start waited for.
+pub struct PolhemusDriver {
+    model: Model,
+    options: DeviceOptions,
+    decoder: Decoder,
+    /// What is still to be sent, each at its time, ascending.
+    script: VecDeque<(Duration, Bytes)>,
+    /// From the last start until the stream should run.
+    preparation: Duration,
+    heard: bool,
+}
+
+impl PolhemusDriver {
+    /// A driver that sends nothing before it is started.
+    pub fn new(model: Model, options: &DeviceOptions) -> Self {
+        Self {
+            model,
+            options: options.clone(),
+            decoder: model.protocol().decoder(),
+            script: VecDeque::new(),
+            preparation: Duration::ZERO,
+            heard: false,
+        }
+    }
+}
+
+impl Driver for PolhemusDriver {
+    fn protocol(&self) -> Protocol {
+        self.model.protocol()
+    }
+
+    fn start(&mut self, now: Duration, attempt: u32) {
+        self.script.clear();
+        self.heard = false;
+        // The next bytes may belong to a record that was begun before.
+        self.decoder = self.model.protocol().decoder();
+        let mut at = now;
+        let mut say = |bytes: Bytes, pause: Duration| {
+            self.script.push_back((at, bytes));
+            at += pause;
+        };
+        if attempt > 0 {
+            say(Bytes::from_static(b"\r"), COMMAND_PAUSE);
+        }
+        say(Bytes::from_static(self.model.stop()), STOP_PAUSE);
+        if attempt > 1 {
+            say(Bytes::from_static(self.model.reset()), self.options.reset_delay);
+        }
+        let setup = match self.model {
+            Model::Fastrak(format) => fastrak::setup(format, self.options.sensor.unwrap_or(1), self.options.hemisphere),
+            Model::Liberty(_) => liberty::setup(self.options.hemisphere),
+        };
+        for command in setup {
+            say(command, COMMAND_PAUSE);
+        }
+        self.preparation = at.saturating_sub(now) + FIRST_RECORD;
+    }
+
+    fn transmit(&mut self, now: Duration) -> Option<Bytes> {
+        if self.script.front().is_some_and(|(at, _)| *at <= now) {
+            return self.script.pop_front().map(|(_, bytes)| bytes);
+        }
+        None
+    }
+
+    fn stop(&mut self) -> Option<Bytes> {
+        Some(Bytes::from_static(self.model.stop()))
+    }
+
+    fn wake_at(&self) -> Option<Duration> {
+        self.script.front().map(|(at, _)| *at)
+    }
+
+    fn patience(&self) -> Duration {
+        if self.heard { self.options.silence } else { self.options.silence + self.preparation }
+    }
+
+    fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        let record = self.decoder.decode(buffer)?;
+        // A stream that was running before doesn't show that this one does.
+        self.heard |= record.is_some() && self.script.is_empty();
+        Ok(record)
+    }
+
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.decoder.finish(buffer)
+    }
+}

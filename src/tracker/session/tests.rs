@@ -1,0 +1,362 @@
+//! Sessions in simulated time: with the mock, with recordings, and with a simulated Polhemus device.
+
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
+use tokio_util::sync::CancellationToken;
+
+use super::*;
+use crate::pose::{Pose, Reading};
+use crate::tracker::recording::{RecordingInfo, RecordingWriter};
+use crate::tracker::transport::pipe::PipePort;
+use crate::tracker::{Protocol, Speed, ascii_line, mock};
+
+#[path = "../../../tests/trackers/polhemus.rs"]
+#[allow(clippy::unwrap_used, clippy::panic, missing_docs, unreachable_pub, dead_code)]
+mod polhemus;
+use polhemus::{Kind, Polhemus};
+
+/// What a session said.
+#[derive(Debug, Default)]
+struct Heard {
+    bytes: Vec<(u64, Vec<u8>)>,
+    records: Vec<(u64, Record)>,
+    events: Vec<(u64, TrackerEvent)>,
+    /// Cancelled at this number of records.
+    enough: Option<(usize, CancellationToken)>,
+}
+
+type Shared = Arc<Mutex<Heard>>;
+
+struct Ear(Shared);
+
+impl Listener for Ear {
+    fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
+        self.0.lock().unwrap().bytes.push((host_time_ns, bytes.to_vec()));
+    }
+
+    fn record(&mut self, host_time_ns: u64, record: &Record) {
+        let mut heard = self.0.lock().unwrap();
+        heard.records.push((host_time_ns, *record));
+        if let Some((count, cancel)) = &heard.enough
+            && heard.records.len() >= *count
+        {
+            cancel.cancel();
+        }
+    }
+
+    fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
+        self.0.lock().unwrap().events.push((host_time_ns, event.clone()));
+    }
+}
+
+fn session(settings: &Settings) -> (Session, Shared, CancellationToken) {
+    let (heard, cancel) = (Shared::default(), CancellationToken::new());
+    let session = Session::new(settings, Box::new(Ear(heard.clone())), cancel.clone()).unwrap();
+    (session, heard, cancel)
+}
+
+/// Runs a session for `time`.
+async fn run_for(session: Session, cancel: CancellationToken, time: Duration) -> SessionSummary {
+    let clock = async {
+        sleep(time).await;
+        cancel.cancel();
+    };
+    tokio::join!(session.run(), clock).0
+}
+
+fn mock(schedule: &str) -> Settings {
+    let mock = mock::Settings { schedule: schedule.parse().unwrap(), rate_hz: 100.0, ..mock::Settings::default() };
+    Settings { transport: Transport::Mock(mock), ..Settings::default() }
+}
+
+fn names(heard: &Heard) -> Vec<&'static str> {
+    heard.events.iter().map(|(_, event)| name(event)).collect()
+}
+
+fn name(event: &TrackerEvent) -> &'static str {
+    match event {
+        TrackerEvent::Connected { .. } => "connected",
+        TrackerEvent::Disconnected { .. } => "disconnected",
+        TrackerEvent::Silent { .. } => "silent",
+        TrackerEvent::DecodeError(_) => "decode error",
+        TrackerEvent::OtherSensor { .. } => "other sensor",
+        TrackerEvent::Ended => "ended",
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_steady_mock_is_heard_at_its_times() {
+    let (session, heard, cancel) = session(&mock("move 100"));
+    let summary = run_for(session, cancel, Duration::from_millis(1005)).await;
+    let heard = heard.lock().unwrap();
+    assert_eq!(names(&heard), ["connected"]);
+    assert_eq!((summary.records, heard.records.len(), summary.decode_errors), (101, 101, 0));
+    let times: Vec<_> = heard.records.iter().map(|(time, _)| time - heard.records[0].0).collect();
+    assert!(times.iter().enumerate().all(|(i, time)| *time == i as u64 * 10_000_000), "{times:?}");
+    assert_eq!(summary.bytes, heard.bytes.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_silent_mock_is_told_of_and_heard_again() {
+    let (session, heard, cancel) = session(&mock("move 1, drop 7"));
+    run_for(session, cancel, Duration::from_millis(8495)).await;
+    let heard = heard.lock().unwrap();
+    // 2 s of patience, then twice as much: the second silence would be told at 0.99 + 2 + 4 s.
+    assert_eq!(names(&heard), ["connected", "silent", "silent"]);
+    let silent: Vec<_> = heard.events[1..].iter().map(|(_, event)| event.clone()).collect();
+    let expected = [(2, 1), (6, 2)].map(|(s, attempt)| TrackerEvent::Silent { for_: Duration::from_secs(s), attempt });
+    assert_eq!(silent, expected);
+    assert_eq!(heard.records.len(), 150);
+    let gap = heard.records[100].1.sequence.unwrap() - heard.records[99].1.sequence.unwrap();
+    assert_eq!(gap, 701, "the board's counter goes on");
+}
+
+#[tokio::test(start_paused = true)]
+async fn an_unplugged_mock_is_opened_again_and_again() {
+    let (session, heard, cancel) = session(&mock("move 1, unplug 3, corrupt 1"));
+    let summary = run_for(session, cancel, Duration::from_millis(4900)).await;
+    let heard = heard.lock().unwrap();
+    // It goes at 1 s; it is tried at 1.25, 1.75, 2.75 and 4.75 s.
+    assert_eq!(names(&heard)[..5], ["connected", "disconnected", "disconnected", "disconnected", "disconnected"]);
+    assert_eq!(names(&heard)[5], "connected");
+    let TrackerEvent::Disconnected { reason, retry } = &heard.events[4].1 else { panic!() };
+    assert!(reason.contains("unplugged") && *retry == Duration::from_secs(2), "{reason}, {retry:?}");
+    assert!(summary.decode_errors > 0 && heard.records.len() > 100, "{summary:?}");
+}
+
+fn line(n: u32) -> String {
+    let pose = Pose::from_components([f64::from(n), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+    ascii_line::encode(n, u64::from(n) * 20_000, &pose)
+}
+
+/// A recording of 50 lines a second, each cut in two.
+fn recording(lines: u32) -> (tempfile::TempDir, Settings) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    let info = RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: String::new(),
+        scene: String::new(),
+        start_time_ns: 1_000_000_000,
+    };
+    let mut writer = RecordingWriter::create(&path, &info).unwrap();
+    for n in 0..lines {
+        let (time, line) = (1_000_000_000 + u64::from(n) * 20_000_000, line(n));
+        writer.raw(time, &line.as_bytes()[..10]).unwrap();
+        writer.raw(time + 1_000_000, &line.as_bytes()[10..]).unwrap();
+    }
+    writer.finish().unwrap();
+    let transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
+    (dir, Settings { transport, ..Settings::default() })
+}
+
+fn at(settings: &Settings, wanted: Speed, again: bool) -> Settings {
+    let mut settings = settings.clone();
+    if let Transport::Recording { speed, repeat, .. } = &mut settings.transport {
+        (*speed, *repeat) = (wanted, again);
+    }
+    settings
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_recording_at_once_keeps_its_times() {
+    let (dir, settings) = recording(100);
+    let (session, heard, _) = session(&settings);
+    let summary = session.run().await;
+    let heard = heard.lock().unwrap();
+    let (poses, _) = crate::tracker::recording::poses(&dir.path().join("a.mcap")).unwrap();
+    let expected: Vec<_> = poses.iter().map(|p| (p.host_time_ns, Reading::Pose(p.pose))).collect();
+    let found: Vec<_> = heard.records.iter().map(|(time, record)| (*time, record.reading)).collect();
+    assert_eq!(found, expected);
+    assert_eq!(names(&heard), ["connected", "ended"]);
+    assert_eq!((summary.records, heard.bytes.len()), (100, 200));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_recording_plays_at_a_factor_and_again() {
+    let (_dir, settings) = recording(100);
+    let (session, heard, cancel) = session(&at(&settings, Speed::Factor(4.0), true));
+    let started = Instant::now();
+    let cancelling = cancel.clone();
+    heard.lock().unwrap().enough = Some((150, cancelling));
+    session.run().await;
+    let heard = heard.lock().unwrap();
+    assert_eq!(heard.records.len(), 150);
+    let times: Vec<_> = heard.records.iter().map(|(time, _)| time - heard.records[0].0).collect();
+    // Within a millisecond, which the timer's wheel is of.
+    for (i, time) in times[..100].iter().enumerate() {
+        assert!(time.abs_diff(i as u64 * 5_000_000) <= 2_000_000, "record {i} at {time} ns");
+    }
+    assert_eq!(heard.records[100].1.sequence, Some(0));
+    assert!(started.elapsed() > Duration::from_millis(700));
+    assert_eq!(names(&heard), ["connected"]);
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_never_rests_can_be_cancelled() {
+    let (_dir, settings) = recording(10);
+    let (session, heard, cancel) = session(&at(&settings, Speed::AtOnce, true));
+    heard.lock().unwrap().enough = Some((1000, cancel));
+    assert_eq!(session.run().await.records, 1000);
+}
+
+#[tokio::test(start_paused = true)]
+async fn sessions_end_when_cancelled_in_any_state() {
+    // Nothing to hear; waiting to try again; nobody ever plugs in.
+    let port = crate::tracker::PortName::Path("/nonexistent/tty".into());
+    let transports = [Transport::None, Transport::Serial { port, baud: 9600 }, Transport::Hid { device: None }];
+    for transport in transports {
+        let protocol = Protocol::AsciiLine;
+        if !transport.carries(protocol) || (transport.name() == "serial" && !cfg!(feature = "serial")) {
+            continue;
+        }
+        let settings = Settings { transport, protocol, ..Settings::default() };
+        for milliseconds in [0, 100, 10_000] {
+            let (session, heard, cancel) = session(&settings);
+            run_for(session, cancel, Duration::from_millis(milliseconds)).await;
+            assert!(heard.lock().unwrap().records.is_empty());
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let ear = || Box::new(Ear(Shared::default()));
+    let settings = Settings { transport: Transport::Hid { device: None }, ..Settings::default() };
+    let error = spawn(&settings, ear(), CancellationToken::new()).unwrap_err();
+    assert_eq!(error.to_string(), "trackers that speak `ascii-line` aren't reached by transport `hid`");
+    let path = "/nonexistent/a.mcap".into();
+    let transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
+    let error = spawn(&Settings { transport, ..Settings::default() }, ear(), CancellationToken::new()).unwrap_err();
+    assert!(error.to_string().contains("cannot read the recording /nonexistent/a.mcap"), "{error}");
+}
+
+/// A device behind a pipe.
+type Device = Arc<Mutex<Polhemus>>;
+
+/// Plays the device's side of one connection, until the host hangs up.
+async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
+    let mut input = [0; 256];
+    loop {
+        let due = device.lock().unwrap().next_at().map_or(epoch.elapsed() + Duration::from_millis(5), |at| at);
+        tokio::select! {
+            read = stream.read(&mut input) => match read {
+                Ok(length) if length > 0 => device.lock().unwrap().hear(epoch.elapsed(), &input[..length]),
+                _ => return,
+            },
+            () = sleep_until(epoch + due) => {}
+        }
+        loop {
+            let record = device.lock().unwrap().say(epoch.elapsed());
+            let Some(record) = record else { break };
+            // The host has hung up; what it said before is still to be read.
+            if stream.write_all(&record).await.is_err() {
+                break;
+            }
+        }
+    }
+}
+
+fn piped(device: &Device, protocol: Protocol, reset_delay: Duration) -> (Session, Shared, CancellationToken) {
+    let mut settings = Settings { protocol, ..Settings::default() };
+    settings.device.reset_delay = reset_delay;
+    let (mut session, heard, cancel) = session(&settings);
+    let (device, epoch) = (device.clone(), Instant::now());
+    session.port = Port::Pipe(PipePort::new(Box::new(move || -> io::Result<DuplexStream> {
+        let (host, far) = tokio::io::duplex(4096);
+        tokio::spawn(play(device.clone(), far, epoch));
+        Ok(host)
+    })));
+    (session, heard, cancel)
+}
+
+const POLHEMUS: [(Kind, Protocol); 3] = [
+    (Kind::Fastrak, Protocol::FastrakAscii),
+    (Kind::Fastrak, Protocol::FastrakBinary),
+    (Kind::Liberty, Protocol::Liberty),
+];
+
+#[tokio::test(start_paused = true)]
+async fn a_polhemus_device_is_set_up_and_streams_millimetres() {
+    for (kind, protocol) in POLHEMUS {
+        let device = Device::new(Mutex::new(Polhemus::new(kind)));
+        // Somebody else left it streaming something else.
+        device.lock().unwrap().state.streaming = true;
+        let (session, heard, cancel) = piped(&device, protocol, Duration::from_secs(20));
+        run_for(session, cancel, Duration::from_secs(3)).await;
+        sleep(Duration::from_millis(50)).await;
+        assert!(!device.lock().unwrap().state.streaming, "it is told to stop");
+        let (device, heard) = (device.lock().unwrap(), heard.lock().unwrap());
+        assert_eq!((device.resets, device.refused.as_slice()), (0, [].as_slice()), "{protocol:?}");
+        assert_eq!(device.state.hemisphere.as_deref(), Some("0,0,1"));
+        assert!(device.state.station_on && device.state.centimetres);
+        assert!(heard.records.len() > 200, "{protocol:?}: {} records, {:?}", heard.records.len(), names(&heard));
+        let Reading::Pose(pose) = heard.records.last().unwrap().1.reading else { panic!() };
+        assert!((pose.position_mm.y + 200.0).abs() < 1e-3 && (pose.position_mm.z - 300.0).abs() < 1e-3, "{pose:?}");
+        assert!((pose.orientation * glam::DVec3::X).distance(glam::DVec3::Y) < 1e-3);
+        assert!(!names(&heard).contains(&"silent"));
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_hung_device_is_started_anew_harder_and_harder_until_its_reset() {
+    for (kind, protocol) in POLHEMUS {
+        let device = Device::new(Mutex::new(Polhemus::new(kind)));
+        device.lock().unwrap().hung = true;
+        let (session, heard, cancel) = piped(&device, protocol, Duration::from_secs(20));
+        run_for(session, cancel, Duration::from_secs(60)).await;
+        let (device, heard) = (device.lock().unwrap(), heard.lock().unwrap());
+        // Commands alone, with a carriage return before, and from then on a reset on a port that is opened anew.
+        assert_eq!(names(&heard), ["connected", "silent", "silent", "disconnected", "connected"], "{protocol:?}");
+        assert_eq!((device.resets, device.lost), (1, 0), "{protocol:?}");
+        assert!(heard.records.len() > 1000, "{protocol:?}: {}", heard.records.len());
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn commands_within_a_reset_are_lost() {
+    let device = Device::new(Mutex::new(Polhemus::new(Kind::Liberty)));
+    device.lock().unwrap().hung = true;
+    // Less than the 15 s that the device takes.
+    let (session, heard, cancel) = piped(&device, Protocol::Liberty, Duration::from_secs(5));
+    run_for(session, cancel, Duration::from_secs(20)).await;
+    assert!(device.lock().unwrap().lost > 0 && heard.lock().unwrap().records.is_empty());
+}
+
+#[tokio::test(start_paused = true)]
+async fn another_sensor_is_left_out_and_told_of_once() {
+    let mut settings = Settings { protocol: Protocol::FastrakAscii, ..Settings::default() };
+    settings.device.sensor = Some(1);
+    let (mut session, heard, cancel) = session(&settings);
+    session.port = Port::Pipe(PipePort::new(Box::new(|| {
+        let (host, mut far) = tokio::io::duplex(4096);
+        tokio::spawn(async move {
+            for station in ['1', '2', '1', '2', '3', '1'] {
+                let line = format!("0{station}   10.50 -20.25  30.12  90.00   0.00   0.00\r\n");
+                far.write_all(line.as_bytes()).await.unwrap();
+                sleep(Duration::from_millis(10)).await;
+            }
+            far.write_all(b"01   10.5").await.unwrap();
+        });
+        Ok(host)
+    })));
+    let summary = run_for(session, cancel, Duration::from_millis(200)).await;
+    let heard = heard.lock().unwrap();
+    assert_eq!((summary.records, summary.other_sensor), (3, 3));
+    // Then the port is lost within a record.
+    assert_eq!(names(&heard), ["connected", "other sensor", "other sensor", "decode error", "disconnected"]);
+    assert_eq!(heard.events[1].1, TrackerEvent::OtherSensor { sensor: 2, used: 1 });
+    let text = format!("{:?}", heard.events[3].1);
+    assert!(text.contains("Incomplete { length: 9 }"), "{text}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_device_that_may_rest_is_not_started_anew() {
+    let (mut session, heard, cancel) = session(&mock("drop 86400"));
+    session.may_rest = true;
+    let summary = run_for(session, cancel, Duration::from_secs(3 * 3600)).await;
+    assert_eq!((names(&heard.lock().unwrap()), summary.silences), (vec!["connected"], 0));
+}

@@ -1,0 +1,228 @@
+//! Which tracker a station has, and how to reach it.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+use super::driver::DeviceOptions;
+use super::{AxisMap, Protocol, mock};
+
+/// A station's tracker.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// How its bytes come.
+    pub transport: Transport,
+    /// What they mean; a recording knows that itself, and a mock speaks [`Protocol::AsciiLine`].
+    pub protocol: Protocol,
+    /// What its driver needs to know.
+    pub device: DeviceOptions,
+    /// Axes of a puck.
+    pub axis_map: AxisMap,
+}
+
+impl Default for Settings {
+    /// No tracker.
+    fn default() -> Self {
+        Self {
+            transport: Transport::None,
+            protocol: Protocol::AsciiLine,
+            device: DeviceOptions::default(),
+            axis_map: AxisMap::default(),
+        }
+    }
+}
+
+/// How the bytes of a tracker come.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Transport {
+    /// There is no tracker.
+    None,
+    /// A serial port, 8N1.
+    Serial {
+        /// Which.
+        port: PortName,
+        /// Speed, baud.
+        baud: u32,
+    },
+    /// A TCP server of the tracker.
+    Tcp {
+        /// `host:port`.
+        address: String,
+    },
+    /// Datagrams that the tracker sends here.
+    Udp {
+        /// Where to listen.
+        address: SocketAddr,
+    },
+    /// A HID device.
+    Hid {
+        /// Which; none for the first SpaceMouse.
+        device: Option<PortName>,
+    },
+    /// No hardware: a board that is simulated.
+    Mock(mock::Settings),
+    /// The raw bytes of a recording.
+    Recording {
+        /// File (.mcap).
+        path: PathBuf,
+        /// How fast.
+        speed: Speed,
+        /// Whether it begins anew at its end.
+        repeat: bool,
+    },
+}
+
+/// How fast a recording is played.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Speed {
+    /// So many times as fast as it was recorded; its bytes get the host's time.
+    Factor(f64),
+    /// As fast as it is taken; its bytes keep the time at which they were recorded.
+    AtOnce,
+}
+
+/// Names of protocols whose messages are HID reports.
+const HID: &[&str] = &["spacemouse"];
+
+/// Names of protocols that come as datagrams.
+const DATAGRAMS: &[&str] = &["opentrack", "ascii-line"];
+
+impl Transport {
+    /// The name that station files use.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Serial { .. } => "serial",
+            Self::Tcp { .. } => "tcp",
+            Self::Udp { .. } => "udp",
+            Self::Hid { .. } => "hid",
+            Self::Mock(_) => "mock",
+            Self::Recording { .. } => "recording",
+        }
+    }
+
+    /// Whether devices that speak `protocol` say nothing while nothing moves, as pucks do.
+    pub(super) fn may_rest(protocol: Protocol) -> bool {
+        HID.contains(&protocol.name())
+    }
+
+    /// Whether trackers that speak `protocol` are reached this way.
+    pub fn carries(&self, protocol: Protocol) -> bool {
+        let name = protocol.name();
+        match self {
+            Self::None | Self::Recording { .. } => true,
+            Self::Hid { .. } => HID.contains(&name),
+            Self::Udp { .. } => DATAGRAMS.contains(&name),
+            Self::Mock(_) => protocol == Protocol::AsciiLine,
+            Self::Serial { .. } | Self::Tcp { .. } => !HID.contains(&name) && name != "opentrack",
+        }
+    }
+}
+
+/// Which port or device: by its path, or by what it is, wherever it is plugged in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PortName {
+    /// A path: `/dev/serial/by-id/...`, `/dev/ttyUSB0`, `COM3`, `/dev/hidraw0`.
+    Path(String),
+    /// A USB device: `vendor:product` or `vendor:product:serial`, the first two hexadecimal.
+    Usb {
+        /// Vendor.
+        vendor: u16,
+        /// Product.
+        product: u16,
+        /// Serial number; none for the first such device.
+        serial: Option<String>,
+    },
+}
+
+/// A text that names no port.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error(
+    "`{text}` is no port: expected a path, or `vendor:product` or `vendor:product:serial` as in 0403:6001:A50285BI"
+)]
+pub struct PortNameError {
+    /// What was given.
+    pub text: String,
+}
+
+impl PortName {
+    /// Whether a USB device with these ids is meant.
+    pub fn is(&self, vendor: u16, product: u16, serial: Option<&str>) -> bool {
+        match self {
+            Self::Path(_) => false,
+            Self::Usb { vendor: v, product: p, serial: s } => {
+                (*v, *p) == (vendor, product) && (s.is_none() || s.as_deref() == serial)
+            }
+        }
+    }
+}
+
+impl FromStr for PortName {
+    type Err = PortNameError;
+
+    fn from_str(text: &str) -> Result<Self, PortNameError> {
+        let error = || PortNameError { text: text.to_owned() };
+        if text.is_empty() {
+            return Err(error());
+        }
+        // Paths by id hold colons, too.
+        if text.contains(['/', '\\']) || !text.contains(':') {
+            return Ok(Self::Path(text.to_owned()));
+        }
+        let mut parts = text.splitn(3, ':');
+        let mut id = || {
+            let part = parts.next().filter(|part| part.len() <= 4 && part.bytes().all(|b| b.is_ascii_hexdigit()));
+            part.and_then(|part| u16::from_str_radix(part, 16).ok()).ok_or_else(error)
+        };
+        let (vendor, product) = (id()?, id()?);
+        match parts.next() {
+            Some("") => Err(error()),
+            serial => Ok(Self::Usb { vendor, product, serial: serial.map(str::to_owned) }),
+        }
+    }
+}
+
+impl fmt::Display for PortName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Path(path) => write!(f, "{path}"),
+            Self::Usb { vendor, product, serial } => {
+                write!(f, "{vendor:04x}:{product:04x}")?;
+                serial.as_ref().map_or(Ok(()), |serial| write!(f, ":{serial}"))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_is_a_path_or_an_id() {
+        for path in ["/dev/ttyUSB0", "COM3", "/dev/serial/by-id/usb-FTDI_x:1.0-port0", r"\\.\COM12"] {
+            assert_eq!(path.parse(), Ok(PortName::Path(path.into())));
+        }
+        let port: PortName = "0403:6001".parse().unwrap();
+        assert!(port.is(0x403, 0x6001, Some("A")) && port.is(0x403, 0x6001, None));
+        let port: PortName = "0403:6001:A5:02".parse().unwrap();
+        assert_eq!(port, PortName::Usb { vendor: 0x403, product: 0x6001, serial: Some("A5:02".into()) });
+        assert!(port.is(0x403, 0x6001, Some("A5:02")) && !port.is(0x403, 0x6001, None));
+        assert_eq!(port.to_string().parse(), Ok(port));
+        for wrong in ["", "0403:", "0403:60019", "04g3:6001", "0403:6001:", "+403:6001"] {
+            assert!(wrong.parse::<PortName>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn protocols_have_their_transports() {
+        let serial = Transport::Serial { port: PortName::Path("COM3".into()), baud: 9600 };
+        assert!(serial.carries(Protocol::Liberty));
+        assert!(!Transport::Hid { device: None }.carries(Protocol::Liberty));
+        let udp = Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 4242)) };
+        assert!(udp.carries(Protocol::AsciiLine) && !udp.carries(Protocol::FastrakBinary));
+    }
+}

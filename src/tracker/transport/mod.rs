@@ -1,0 +1,183 @@
+//! Where the bytes of a tracker come from: one file a transport.
+
+use std::io;
+
+use bytes::BytesMut;
+
+use super::driver::Line;
+use super::session::TrackerError;
+use super::settings::Transport;
+
+#[cfg(feature = "hid")]
+mod hid;
+mod mock;
+#[cfg(test)]
+pub(super) mod pipe;
+mod recording;
+#[cfg(feature = "serial")]
+mod serial;
+mod tcp;
+mod udp;
+
+/// Most bytes that are read at once.
+const PIECE: usize = 4096;
+
+/// What a port had to say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Received {
+    /// Bytes, which were appended. Their time, ns since 1970 (UTC), where it isn't the present.
+    Bytes {
+        /// When the first of them came.
+        time_ns: Option<u64>,
+    },
+    /// The stream begins anew.
+    Again,
+    /// There won't be any more.
+    Ended,
+}
+
+/// A place that bytes come from. It can be opened and closed again and again.
+pub(super) enum Port {
+    /// A port that never says anything.
+    None,
+    #[cfg(feature = "serial")]
+    Serial(serial::SerialPort),
+    Tcp(tcp::TcpPort),
+    Udp(udp::UdpPort),
+    #[cfg(feature = "hid")]
+    Hid(hid::HidPort),
+    Mock(Box<mock::MockPort>),
+    Recording(Box<recording::RecordingPort>),
+    #[cfg(test)]
+    Pipe(pipe::PipePort),
+}
+
+impl Port {
+    /// A port that isn't open yet.
+    pub(super) fn new(transport: &Transport) -> Result<Self, TrackerError> {
+        Ok(match transport {
+            Transport::None => Self::None,
+            #[cfg(feature = "serial")]
+            Transport::Serial { port, baud } => Self::Serial(serial::SerialPort::new(port.clone(), *baud)),
+            #[cfg(not(feature = "serial"))]
+            Transport::Serial { .. } => return Err(TrackerError::NotBuilt { feature: "serial" }),
+            Transport::Tcp { address } => Self::Tcp(tcp::TcpPort::new(address.clone())),
+            Transport::Udp { address } => Self::Udp(udp::UdpPort::new(*address)),
+            #[cfg(feature = "hid")]
+            Transport::Hid { device } => Self::Hid(hid::HidPort::new(device.clone())),
+            #[cfg(not(feature = "hid"))]
+            Transport::Hid { .. } => return Err(TrackerError::NotBuilt { feature: "hid" }),
+            Transport::Mock(settings) => Self::Mock(Box::new(mock::MockPort::new(settings.clone()))),
+            Transport::Recording { path, speed, repeat } => {
+                Self::Recording(Box::new(recording::RecordingPort::open(path, *speed, *repeat)?))
+            }
+        })
+    }
+
+    /// Opens the port and says what it is called.
+    pub(super) async fn open(&mut self) -> io::Result<String> {
+        match self {
+            Self::None => Ok("none".to_owned()),
+            #[cfg(feature = "serial")]
+            Self::Serial(port) => port.open(),
+            Self::Tcp(port) => port.open().await,
+            Self::Udp(port) => port.open().await,
+            #[cfg(feature = "hid")]
+            Self::Hid(port) => port.open().await,
+            Self::Mock(port) => port.open(),
+            Self::Recording(port) => Ok(port.name()),
+            #[cfg(test)]
+            Self::Pipe(port) => port.open(),
+        }
+    }
+
+    /// Waits for bytes and appends them to `piece`. Nothing is lost where the wait is given up.
+    pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
+        piece.reserve(PIECE);
+        match self {
+            Self::None => std::future::pending().await,
+            #[cfg(feature = "serial")]
+            Self::Serial(port) => port.receive(piece).await,
+            Self::Tcp(port) => port.receive(piece).await,
+            Self::Udp(port) => port.receive(piece).await,
+            #[cfg(feature = "hid")]
+            Self::Hid(port) => port.receive(piece).await,
+            Self::Mock(port) => port.receive(piece).await,
+            Self::Recording(port) => port.receive(piece).await,
+            #[cfg(test)]
+            Self::Pipe(port) => port.receive(piece).await,
+        }
+    }
+
+    /// Sends all of `bytes`; what only listens drops them.
+    pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            #[cfg(feature = "serial")]
+            Self::Serial(port) => port.send(bytes).await,
+            Self::Tcp(port) => port.send(bytes).await,
+            #[cfg(test)]
+            Self::Pipe(port) => port.send(bytes).await,
+            _ => Ok(()),
+        }
+    }
+
+    /// Does something to a serial line.
+    pub(super) async fn line(&mut self, line: Line) -> io::Result<()> {
+        match self {
+            #[cfg(feature = "serial")]
+            Self::Serial(port) => port.line(line).await,
+            _ => {
+                let _ = line;
+                Ok(())
+            }
+        }
+    }
+
+    pub(super) fn close(&mut self) {
+        match self {
+            Self::None | Self::Mock(_) | Self::Recording(_) => {}
+            #[cfg(feature = "serial")]
+            Self::Serial(port) => port.close(),
+            Self::Tcp(port) => port.close(),
+            Self::Udp(port) => port.close(),
+            #[cfg(feature = "hid")]
+            Self::Hid(port) => port.close(),
+            #[cfg(test)]
+            Self::Pipe(port) => port.close(),
+        }
+    }
+
+    /// Whether opening it anew may wake a silent device.
+    pub(super) fn wakes(&self) -> bool {
+        match self {
+            #[cfg(feature = "serial")]
+            Self::Serial(_) => true,
+            #[cfg(feature = "hid")]
+            Self::Hid(_) => true,
+            Self::Tcp(_) => true,
+            #[cfg(test)]
+            Self::Pipe(_) => true,
+            Self::None | Self::Udp(_) | Self::Mock(_) | Self::Recording(_) => false,
+        }
+    }
+
+    /// Whether what it receives at once is a message that stands by itself.
+    pub(super) fn has_messages(&self) -> bool {
+        match self {
+            #[cfg(feature = "hid")]
+            Self::Hid(_) => true,
+            Self::Udp(_) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether it may come back after an error.
+    pub(super) fn returns(&self) -> bool {
+        !matches!(self, Self::Recording(_))
+    }
+}
+
+/// An error of a port that isn't open, which the session rules out.
+fn not_open() -> io::Error {
+    io::Error::new(io::ErrorKind::NotConnected, "the port is not open")
+}

@@ -1,0 +1,76 @@
+//! Serial ports.
+
+use std::io;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio_serial::{ClearBuffer, SerialPort as _, SerialPortBuilderExt, SerialStream};
+
+use super::{Received, not_open};
+use crate::tracker::devices;
+use crate::tracker::driver::Line;
+use crate::tracker::settings::PortName;
+
+/// Longer than the longest character at the slowest speed.
+const BREAK: Duration = Duration::from_millis(250);
+
+/// A serial port, 8N1 without flow control.
+pub(in crate::tracker) struct SerialPort {
+    name: PortName,
+    baud: u32,
+    stream: Option<SerialStream>,
+}
+
+impl SerialPort {
+    pub(super) fn new(name: PortName, baud: u32) -> Self {
+        Self { name, baud, stream: None }
+    }
+
+    pub(super) fn open(&mut self) -> io::Result<String> {
+        // A USB device may come back under another path.
+        let path = devices::serial_path(&self.name)?;
+        let stream = tokio_serial::new(&path, self.baud).open_native_async().map_err(|error| {
+            let error = io::Error::from(error);
+            let hint = match error.kind() {
+                io::ErrorKind::PermissionDenied => "; on Linux, users of serial ports are in the group `dialout`",
+                _ => "",
+            };
+            io::Error::new(error.kind(), format!("cannot open {path}: {error}{hint}"))
+        })?;
+        // What lay in the driver is of another time.
+        stream.clear(ClearBuffer::Input)?;
+        self.stream = Some(stream);
+        Ok(format!("{path} at {} baud", self.baud))
+    }
+
+    pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
+        let stream = self.stream.as_mut().ok_or_else(not_open)?;
+        match stream.read_buf(piece).await? {
+            // An unplugged adapter reads as an end without end.
+            0 => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the port is gone (unplugged?)")),
+            _ => Ok(Received::Bytes { time_ns: None }),
+        }
+    }
+
+    pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        // Not flushed: that would block the thread until the last bit has left.
+        self.stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
+    }
+
+    pub(super) async fn line(&mut self, line: Line) -> io::Result<()> {
+        let stream = self.stream.as_mut().ok_or_else(not_open)?;
+        match line {
+            Line::Speed(baud) => Ok(stream.set_baud_rate(baud)?),
+            Line::Break => {
+                stream.set_break()?;
+                tokio::time::sleep(BREAK).await;
+                Ok(stream.clear_break()?)
+            }
+        }
+    }
+
+    pub(super) fn close(&mut self) {
+        self.stream = None;
+    }
+}

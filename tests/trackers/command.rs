@@ -1,0 +1,69 @@
+//! `insonify trackers`.
+
+use std::process::{Command, Output};
+
+fn run(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_insonify")).arg("trackers").args(args).env_remove("RUST_LOG").output().unwrap()
+}
+
+fn lines(output: &Output) -> Vec<serde_json::Value> {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn lists_what_is_plugged_in() {
+    let output = run(&["--json"]);
+    let listed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(output.status.success() && listed["serial"].is_array() && listed["hid"].is_array(), "{listed}");
+}
+
+#[test]
+fn prints_what_a_stations_tracker_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let station = dir.path().join("mock.toml");
+    let text = "[scene]\npath = \"none.glb\"\n[pose]\nposition_mm = [100, 0, 0]\n[tracker]\ntransport = \"mock\"\n\
+                schedule = \"move 60\"\nrate_hz = 200";
+    std::fs::write(&station, text).unwrap();
+    let found = lines(&run(&[station.to_str().unwrap(), "--seconds", "0.6", "--json"]));
+    assert_eq!(found.len(), 2);
+    for line in &found {
+        assert_eq!(line["state"], "streaming");
+        assert_eq!(line["missing"], 0);
+        let x = line["position_mm"][0].as_f64().unwrap();
+        assert!((80.0..120.0).contains(&x), "{line}");
+    }
+    assert_eq!(found[0]["events"][0], "connected to a mock");
+}
+
+#[test]
+fn a_recording_is_printed_to_its_end() {
+    let dir = tempfile::tempdir().unwrap();
+    let station = dir.path().join("replay.toml");
+    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/exams/obstetric_sweep.mcap");
+    let table = format!("[tracker]\ntransport = \"recording\"\nrecording = '{recording}'\nspeed = 0");
+    std::fs::write(&station, format!("[scene]\npath = \"none.glb\"\n{table}")).unwrap();
+    let output = run(&[station.to_str().unwrap()]);
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && text.contains("ended"), "{text}");
+    assert!(text.lines().last().unwrap().contains(" 0 damaged pieces"), "{text}");
+}
+
+#[test]
+fn says_what_is_missing_or_wrong() {
+    let station = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/sphere.toml");
+    for (args, message) in [
+        (&[station][..], "has no tracker: its [tracker] has no `transport`"),
+        (&["--port", "/dev/ttyUSB0"], "--protocol"),
+        (&["--port", "zz:1", "--protocol", "liberty"], "`zz:1` is no port"),
+        (&["--port", "x", "--protocol", "librety"], "unknown tracker protocol `librety`"),
+        (&["--protocol", "liberty"], "give --port or --address, too"),
+        (&["--address", "x:1", "--protocol", "liberty", "--seconds", "0"], "--seconds is 0"),
+    ] {
+        let output = run(args);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+        assert!(text.contains(message), "{args:?}: {text}");
+    }
+}

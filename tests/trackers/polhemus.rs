@@ -1,0 +1,219 @@
+//! The device's side of a Polhemus tracker: it does what its manual says to the commands that it gets, in the units,
+//! format and output list that it was told, and nothing while it resets.
+//!
+//! It does no input or output and knows no clock, so that it serves on pseudo-terminals and in simulated time.
+
+use std::time::Duration;
+
+/// Which device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// FASTRAK.
+    Fastrak,
+    /// LIBERTY.
+    Liberty,
+}
+
+/// Settings of a device, as it has them when it is switched on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    pub binary: bool,
+    pub centimetres: bool,
+    pub streaming: bool,
+    pub list: Vec<u8>,
+    pub hemisphere: Option<String>,
+    pub station_on: bool,
+}
+
+/// A simulated device with one sensor at station 1.
+#[derive(Debug)]
+pub struct Polhemus {
+    pub kind: Kind,
+    pub state: State,
+    /// How long a reset takes.
+    pub reset_time: Duration,
+    /// Until when it resets.
+    resetting: Option<Duration>,
+    /// Whether it hangs: it does nothing until it is reset.
+    pub hung: bool,
+    /// Resets so far.
+    pub resets: u32,
+    /// Commands that it did not understand.
+    pub refused: Vec<String>,
+    /// Commands that came while it reset, and were lost.
+    pub lost: usize,
+    /// A command that isn't whole.
+    partial: Vec<u8>,
+    period: Duration,
+    next: Duration,
+    /// Records sent.
+    pub records: u32,
+}
+
+impl Polhemus {
+    pub fn new(kind: Kind) -> Self {
+        let rate = if kind == Kind::Fastrak { 120 } else { 240 };
+        Self {
+            kind,
+            state: switched_on(kind),
+            reset_time: Duration::from_secs(15),
+            resetting: None,
+            hung: false,
+            resets: 0,
+            refused: Vec::new(),
+            lost: 0,
+            partial: Vec::new(),
+            period: Duration::from_secs(1) / rate,
+            next: Duration::ZERO,
+            records: 0,
+        }
+    }
+
+    /// Where the sensor is at record `n`: centimetres.
+    pub fn position_cm(n: u32) -> [f32; 3] {
+        [10.0 + 0.01 * (n % 1000) as f32, -20.0, 30.0]
+    }
+
+    /// Bytes come from the host.
+    pub fn hear(&mut self, now: Duration, bytes: &[u8]) {
+        self.pass(now);
+        for &byte in bytes {
+            if self.resetting.is_some() {
+                self.lost += 1;
+            } else if byte == 0x19 {
+                self.partial.clear();
+                // A LIBERTY waits for the carriage return behind it.
+                match self.kind {
+                    Kind::Fastrak => self.reset(now),
+                    Kind::Liberty => self.partial.push(byte),
+                }
+            } else if self.hung && self.partial != [0x19] {
+            } else {
+                self.byte(now, byte);
+            }
+        }
+    }
+
+    fn reset(&mut self, now: Duration) {
+        self.resets += 1;
+        self.hung = false;
+        self.partial.clear();
+        self.state = switched_on(self.kind);
+        self.resetting = Some(now + self.reset_time);
+    }
+
+    fn pass(&mut self, now: Duration) {
+        if self.resetting.is_some_and(|until| now >= until) {
+            self.resetting = None;
+        }
+    }
+
+    fn byte(&mut self, now: Duration, byte: u8) {
+        let alone = match self.kind {
+            Kind::Fastrak => b"FfUuCcPS".as_slice(),
+            Kind::Liberty => b"P".as_slice(),
+        };
+        if self.partial.is_empty() && alone.contains(&byte) {
+            return self.command(now, &[byte]);
+        }
+        if byte == b'\r' {
+            let command = std::mem::take(&mut self.partial);
+            if !command.is_empty() {
+                self.command(now, &command);
+            }
+            return;
+        }
+        self.partial.push(byte);
+    }
+
+    fn command(&mut self, now: Duration, command: &[u8]) {
+        let text = String::from_utf8_lossy(command).into_owned();
+        let list = |items: &str| items.split(',').filter_map(|item| item.parse().ok()).collect::<Vec<u8>>();
+        match (self.kind, text.as_str()) {
+            (Kind::Fastrak, "f") | (Kind::Liberty, "F1") => self.state.binary = true,
+            (Kind::Fastrak, "F") | (Kind::Liberty, "F0") => self.state.binary = false,
+            (Kind::Fastrak, "u") | (Kind::Liberty, "U1") => self.state.centimetres = true,
+            (Kind::Fastrak, "U") | (Kind::Liberty, "U0") => self.state.centimetres = false,
+            (_, "C") => {
+                self.state.streaming = true;
+                self.next = now;
+            }
+            (Kind::Fastrak, "c") | (Kind::Liberty, "P") => self.state.streaming = false,
+            (Kind::Fastrak, "l1,1") => self.state.station_on = true,
+            (Kind::Liberty, "\u{19}") => self.reset(now),
+            (Kind::Fastrak, t) if t.starts_with("H1,") => self.state.hemisphere = Some(t[3..].to_owned()),
+            (Kind::Liberty, t) if t.starts_with("H*,") => self.state.hemisphere = Some(t[3..].to_owned()),
+            (Kind::Fastrak, t) if t.starts_with("O1,") => self.state.list = list(&t[3..]),
+            (Kind::Liberty, t) if t.starts_with("O*,") => self.state.list = list(&t[3..]),
+            _ => self.refused.push(text.escape_default().to_string()),
+        }
+    }
+
+    /// When it next has something to say.
+    pub fn next_at(&self) -> Option<Duration> {
+        (self.state.streaming && self.resetting.is_none() && !self.hung).then_some(self.next)
+    }
+
+    /// The records that are due, one at a time.
+    pub fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
+        self.pass(now);
+        let at = self.next_at().filter(|at| *at <= now)?;
+        self.next = at + self.period;
+        self.records += 1;
+        Some(self.record(self.records - 1, at))
+    }
+
+    /// A record by the present settings.
+    fn record(&self, n: u32, at: Duration) -> Vec<u8> {
+        let scale = if self.state.centimetres { 1.0 } else { 1.0 / 2.54 };
+        let position = Self::position_cm(n).map(|cm| cm * scale);
+        let mut payload = Vec::new();
+        let floats = |payload: &mut Vec<u8>, values: &[f32]| {
+            for value in values {
+                if self.state.binary {
+                    payload.extend(value.to_le_bytes());
+                } else {
+                    payload.extend(format!("{value:7.2}").bytes());
+                }
+            }
+        };
+        for item in &self.state.list {
+            match item {
+                0 | 50 => payload.push(b' '),
+                1 | 51 => payload.extend(b"\r\n"),
+                2 | 3 => floats(&mut payload, &position),
+                4 => floats(&mut payload, &[90.0, 0.0, 0.0]),
+                7 | 11 if *item == 7 || self.kind == Kind::Fastrak => {
+                    let half = std::f32::consts::FRAC_1_SQRT_2;
+                    floats(&mut payload, &[half, 0.0, 0.0, half]);
+                }
+                8 => payload.extend((at.as_millis() as u32).to_le_bytes()),
+                9 => payload.extend(n.to_le_bytes()),
+                11 => payload.extend(0_i32.to_le_bytes()),
+                other => panic!("the emulator has no item {other}"),
+            }
+        }
+        let mut record = match self.kind {
+            Kind::Fastrak => b"01 ".to_vec(),
+            Kind::Liberty if self.state.binary => {
+                let mut head = b"LY\x01C\x00\x00".to_vec();
+                head.extend((payload.len() as u16).to_le_bytes());
+                head
+            }
+            Kind::Liberty => b"01 ".to_vec(),
+        };
+        record.append(&mut payload);
+        record
+    }
+}
+
+fn switched_on(kind: Kind) -> State {
+    State {
+        binary: false,
+        centimetres: false,
+        streaming: false,
+        list: vec![2, 4, 1],
+        hemisphere: None,
+        station_on: kind == Kind::Liberty,
+    }
+}

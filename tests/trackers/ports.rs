@@ -1,0 +1,266 @@
+//! Devices on pseudo-terminals.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use insonify::pose::{Pose, Reading};
+use insonify::tracker::{PortName, Protocol, Settings, TrackerEvent, Transport, ascii_line};
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::pty::openpty;
+use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
+
+use crate::ear::{Live, connected, decode_error, disconnected};
+use crate::polhemus::{Kind, Polhemus};
+
+/// What speaks at the far end of a terminal.
+trait Board: Send + 'static {
+    fn hear(&mut self, now: Duration, bytes: &[u8]);
+    fn say(&mut self, now: Duration) -> Option<Vec<u8>>;
+}
+
+impl Board for Polhemus {
+    fn hear(&mut self, now: Duration, bytes: &[u8]) {
+        Polhemus::hear(self, now, bytes);
+    }
+
+    fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
+        Polhemus::say(self, now)
+    }
+}
+
+/// A hobby board: a line each 5 ms.
+struct Lines(u32);
+
+pub fn line(n: u32) -> String {
+    let pose = Pose::from_components([f64::from(n), 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+    ascii_line::encode(n, u64::from(n) * 5000, &pose)
+}
+
+impl Board for Lines {
+    fn hear(&mut self, _: Duration, _: &[u8]) {}
+
+    fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
+        if now < Duration::from_millis(5) * self.0 {
+            return None;
+        }
+        self.0 += 1;
+        Some(line(self.0 - 1).into_bytes())
+    }
+}
+
+enum Order {
+    /// Sends only the first bytes of the next record and then no more; answers with the bytes sent in all.
+    Cut(usize, mpsc::Sender<usize>),
+    /// Is gone.
+    Unplug,
+    /// Flips bits of one byte in each of the next records.
+    Damage(usize),
+    /// Says nothing for a while; what would have been said is gone.
+    Mute(Duration),
+}
+
+/// A board on a pseudo-terminal behind a link, as udev makes them by id.
+struct Terminal {
+    orders: mpsc::Sender<Order>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Terminal {
+    fn plug_in(link: &Path, board: impl Board) -> Self {
+        let pty = openpty(None, None).unwrap();
+        let mut termios = tcgetattr(&pty.slave).unwrap();
+        cfmakeraw(&mut termios);
+        tcsetattr(&pty.slave, SetArg::TCSANOW, &termios).unwrap();
+        let flags = OFlag::from_bits_truncate(fcntl(&pty.master, FcntlArg::F_GETFL).unwrap());
+        fcntl(&pty.master, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK)).unwrap();
+        // In one step, as udev does.
+        let new = link.with_extension("new");
+        symlink(nix::unistd::ttyname(&pty.slave).unwrap(), &new).unwrap();
+        std::fs::rename(&new, link).unwrap();
+        let (orders, receiver) = mpsc::channel();
+        let thread = std::thread::spawn(move || serve(pty.master, pty.slave, board, &receiver));
+        Self { orders, thread: Some(thread) }
+    }
+
+    fn order(&self, order: Order) {
+        self.orders.send(order).unwrap();
+    }
+
+    /// Waits until it is gone.
+    fn join(mut self) {
+        self.thread.take().unwrap().join().unwrap();
+    }
+}
+
+/// The board's loop. It holds the near end open, too, as a terminal without readers would report errors.
+fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::Receiver<Order>) {
+    let (mut far, start) = (File::from(master), Instant::now());
+    let (mut cut, mut damage, mut mute_until, mut sent) = (None, 0, Duration::ZERO, 0);
+    loop {
+        match orders.recv_timeout(Duration::from_millis(1)) {
+            Ok(Order::Cut(length, answer)) => cut = Some((length, answer)),
+            Ok(Order::Unplug) => return,
+            Ok(Order::Damage(records)) => damage = records,
+            Ok(Order::Mute(time)) => mute_until = start.elapsed() + time,
+            Err(mpsc::RecvTimeoutError::Timeout) => {}
+            Err(mpsc::RecvTimeoutError::Disconnected) => break,
+        }
+        let mut input = [0; 256];
+        if let Ok(length) = far.read(&mut input) {
+            board.hear(start.elapsed(), &input[..length]);
+        }
+        while let Some(mut record) = board.say(start.elapsed()) {
+            if start.elapsed() < mute_until {
+                continue;
+            }
+            if let Some((length, answer)) = cut.take() {
+                sent += far.write(&record[..length]).unwrap();
+                answer.send(sent).unwrap();
+                mute_until = Duration::MAX;
+                continue;
+            }
+            if damage > 0 {
+                damage -= 1;
+                let at = 2 + damage % (record.len() - 2);
+                record[at] ^= 0xff;
+            }
+            // A terminal that nobody reads fills up.
+            sent += far.write(&record).unwrap_or(0);
+        }
+    }
+    drop(slave);
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        // Without orders to come the thread ends.
+        self.orders = mpsc::channel().0;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn serial(link: &Path, protocol: Protocol) -> Settings {
+    let port = PortName::Path(link.display().to_string());
+    let mut settings =
+        Settings { transport: Transport::Serial { port, baud: 115_200 }, protocol, ..Settings::default() };
+    settings.device.reset_delay = Duration::from_millis(100);
+    settings
+}
+
+fn place() -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let link = dir.path().join("usb-tracker-0");
+    (dir, link)
+}
+
+fn polhemus(kind: Kind) -> Polhemus {
+    let mut device = Polhemus::new(kind);
+    device.reset_time = Duration::from_millis(50);
+    device
+}
+
+fn position_mm(reading: Reading) -> glam::DVec3 {
+    match reading {
+        Reading::Pose(pose) => pose.position_mm,
+        other => panic!("no pose: {other:?}"),
+    }
+}
+
+#[test]
+fn polhemus_devices_stream_over_a_serial_line() {
+    for (kind, protocol) in [
+        (Kind::Fastrak, Protocol::FastrakAscii),
+        (Kind::Fastrak, Protocol::FastrakBinary),
+        (Kind::Liberty, Protocol::Liberty),
+    ] {
+        let (_dir, link) = place();
+        let _terminal = Terminal::plug_in(&link, polhemus(kind));
+        let live = Live::start(&serial(&link, protocol));
+        let record = live.ear.more_records(100);
+        let position = position_mm(record.reading);
+        assert!((position.y + 200.0).abs() < 0.1 && (position.z - 300.0).abs() < 0.1, "{protocol:?}: {position}");
+        assert_eq!(record.sensor, 1);
+        let errors = live.ear.wait("errors", |heard| Some(heard.events.iter().filter(|e| decode_error(e)).count()));
+        assert_eq!(errors, 0, "{protocol:?}");
+    }
+}
+
+#[test]
+fn damaged_records_cost_no_more_than_themselves() {
+    for (kind, protocol) in [
+        (Kind::Fastrak, Protocol::FastrakAscii),
+        (Kind::Fastrak, Protocol::FastrakBinary),
+        (Kind::Liberty, Protocol::Liberty),
+    ] {
+        let (_dir, link) = place();
+        let terminal = Terminal::plug_in(&link, polhemus(kind));
+        let live = Live::start(&serial(&link, protocol));
+        live.ear.more_records(10);
+        terminal.order(Order::Damage(5));
+        live.ear.nth_event(1, decode_error);
+        live.ear.more_records(50);
+        live.ear.wait("nothing else", |heard| {
+            assert!(!heard.events.iter().any(disconnected), "{:?}", heard.events);
+            Some(())
+        });
+    }
+}
+
+#[test]
+fn a_device_unplugged_within_a_record_is_found_again_where_it_comes_back() {
+    let (_dir, link) = place();
+    let terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
+    let live = Live::start(&serial(&link, Protocol::Liberty));
+    live.ear.more_records(20);
+    let (answer, sent) = mpsc::channel();
+    terminal.order(Order::Cut(17, answer));
+    let sent = sent.recv().unwrap();
+    live.ear.wait("the half record", |heard| (heard.bytes.len() == sent).then_some(()));
+    terminal.order(Order::Unplug);
+    terminal.join();
+    let reason = live.ear.nth_event(1, disconnected);
+    // The half record is told of before the port is.
+    let TrackerEvent::DecodeError(error) = live.ear.nth_event(1, decode_error) else { panic!() };
+    assert!(error.to_string().contains("ends after 17 bytes"), "{error}");
+    assert!(!reason.to_string().is_empty());
+    // It comes back as another terminal, in the state of one that was switched on.
+    let _terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
+    live.ear.nth_event(2, connected);
+    live.ear.more_records(20);
+}
+
+#[test]
+fn a_tracker_that_is_plugged_in_late_is_found() {
+    let (_dir, link) = place();
+    let live = Live::start(&serial(&link, Protocol::AsciiLine));
+    let TrackerEvent::Disconnected { reason, .. } = live.ear.nth_event(1, disconnected) else { panic!() };
+    assert!(reason.contains("cannot open") && reason.contains("usb-tracker-0"), "{reason}");
+    let _terminal = Terminal::plug_in(&link, Lines(0));
+    let record = live.ear.more_records(30);
+    assert_eq!(position_mm(record.reading).y, 2.0);
+    let sequence = record.sequence.unwrap();
+    assert_eq!(position_mm(record.reading).x, f64::from(sequence));
+}
+
+#[test]
+fn a_silent_line_is_told_of_and_opened_again() {
+    let (_dir, link) = place();
+    let terminal = Terminal::plug_in(&link, Lines(0));
+    let mut settings = serial(&link, Protocol::AsciiLine);
+    settings.device.silence = Duration::from_millis(60);
+    let live = Live::start(&settings);
+    live.ear.more_records(20);
+    terminal.order(Order::Mute(Duration::from_millis(400)));
+    let silent = |event: &TrackerEvent| matches!(event, TrackerEvent::Silent { .. });
+    let TrackerEvent::Silent { for_, attempt } = live.ear.nth_event(1, silent) else { panic!() };
+    assert!(for_ >= Duration::from_millis(60) && attempt == 1);
+    live.ear.more_records(20);
+}

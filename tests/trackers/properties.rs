@@ -1,0 +1,117 @@
+//! What must hold for any stream of a Polhemus device.
+
+use bytes::BytesMut;
+use insonify::tracker::{DecodeError, Protocol, Record};
+use proptest::prelude::*;
+
+use crate::polhemus::{Kind, Polhemus};
+
+const PROTOCOLS: [(Kind, Protocol); 3] = [
+    (Kind::Fastrak, Protocol::FastrakAscii),
+    (Kind::Fastrak, Protocol::FastrakBinary),
+    (Kind::Liberty, Protocol::Liberty),
+];
+
+/// Everything that comes out of `bytes`, fed in pieces that end at `cuts`.
+fn decode(protocol: Protocol, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, DecodeError>> {
+    let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
+    ends.push(bytes.len());
+    ends.sort_unstable();
+    let (mut decoder, mut buffer, mut out, mut start) = (protocol.decoder(), BytesMut::new(), Vec::new(), 0);
+    for end in ends {
+        buffer.extend_from_slice(&bytes[start..end]);
+        start = end;
+        loop {
+            let before = buffer.len();
+            match decoder.decode(&mut buffer) {
+                Ok(Some(record)) => out.push(Ok(record)),
+                Ok(None) => break,
+                Err(error) => out.push(Err(error)),
+            }
+            assert!(buffer.len() < before, "no progress");
+        }
+        assert!(buffer.len() <= 64);
+    }
+    out.extend(decoder.finish(&mut buffer).err().map(Err));
+    assert!(buffer.is_empty());
+    out
+}
+
+/// The first `count` records that a device streams after these commands.
+fn stream(kind: Kind, protocol: Protocol, count: usize) -> Vec<u8> {
+    let mut device = Polhemus::new(kind);
+    let commands: &[u8] = match protocol {
+        Protocol::FastrakAscii => b"l1,1\ruO1,2,4,1\rFC",
+        Protocol::FastrakBinary => b"l1,1\ruO1,2,11,0\rfC",
+        _ => b"F1\rU1\rO*,8,9,11,3,7\rC\r",
+    };
+    device.hear(std::time::Duration::ZERO, commands);
+    assert!(device.refused.is_empty(), "{:?}", device.refused);
+    let later = std::time::Duration::from_secs(3600);
+    (0..count).flat_map(|_| device.say(later).unwrap()).collect()
+}
+
+#[test]
+fn whole_streams_are_decoded_whole() {
+    for (kind, protocol) in PROTOCOLS {
+        let found = decode(protocol, &stream(kind, protocol, 300), &[]);
+        assert_eq!(found.iter().filter(|record| record.is_ok()).count(), 300, "{protocol:?}");
+        assert_eq!(found.len(), 300);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_split_of_a_damaged_stream_gives_the_same(
+        which in 0..3_usize,
+        damage in prop::collection::vec((any::<usize>(), any::<u8>()), 0..8),
+        lost in prop::collection::vec(any::<usize>(), 0..8),
+        noise in prop::collection::vec((any::<usize>(), prop::collection::vec(prop::sample::select(&b"0LY1A \r\n\0C"[..]), 1..90)), 0..3),
+        cuts in prop::collection::vec(any::<usize>(), 0..20),
+    ) {
+        let (kind, protocol) = PROTOCOLS[which];
+        let mut bytes = stream(kind, protocol, 12);
+        for (at, value) in damage {
+            let at = at % bytes.len();
+            bytes[at] = value;
+        }
+        for at in lost {
+            bytes.remove(at % bytes.len());
+        }
+        for (at, noise) in noise {
+            let at = at % bytes.len();
+            bytes.splice(at..at, noise);
+        }
+        let whole = decode(protocol, &bytes, &[]);
+        prop_assert_eq!(&decode(protocol, &bytes, &cuts), &whole);
+        let every: Vec<_> = (0..bytes.len()).collect();
+        prop_assert_eq!(&decode(protocol, &bytes, &every), &whole);
+    }
+
+    #[test]
+    fn arbitrary_bytes_are_survived(
+        which in 0..3_usize,
+        bytes in prop::collection::vec(prop_oneof![any::<u8>(), prop::sample::select(&b"0LYPA1 C"[..])], 0..600),
+    ) {
+        let (kind, protocol) = PROTOCOLS[which];
+        decode(protocol, &bytes, &[]);
+        // Behind any noise a stream is found again within two records.
+        let good = stream(kind, protocol, 10);
+        let found = decode(protocol, &[&bytes[..], &good].concat(), &[]);
+        let expected: Vec<_> = decode(protocol, &good, &[]).into_iter().flatten().collect();
+        let tail: Vec<_> = found.into_iter().flatten().collect();
+        prop_assert!(tail.ends_with(&expected[2..]), "{} of 10 at the end", tail.len());
+    }
+
+    #[test]
+    fn one_damaged_byte_costs_two_records_at_most(which in 0..3_usize, at in any::<usize>(), value in any::<u8>()) {
+        let (kind, protocol) = PROTOCOLS[which];
+        let mut bytes = stream(kind, protocol, 10);
+        let at = at % bytes.len();
+        bytes[at] = value;
+        let good = decode(protocol, &bytes, &[]).into_iter().flatten().count();
+        prop_assert!(good >= 8, "{good} of 10");
+    }
+}

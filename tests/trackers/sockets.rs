@@ -1,0 +1,75 @@
+//! Devices on sockets.
+
+use std::io::Write;
+use std::net::{SocketAddr, TcpListener, UdpSocket};
+use std::time::Duration;
+
+use insonify::pose::Pose;
+use insonify::tracker::{Protocol, Settings, TrackerEvent, Transport, ascii_line};
+
+use crate::ear::{Live, connected, decode_error, disconnected};
+
+fn line(n: u32) -> String {
+    let pose = Pose::from_components([f64::from(n), 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+    ascii_line::encode(n, u64::from(n) * 5000, &pose)
+}
+
+fn settings(transport: Transport) -> Settings {
+    Settings { transport, protocol: Protocol::AsciiLine, ..Settings::default() }
+}
+
+#[test]
+fn a_tcp_server_is_read_and_found_again() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap().to_string();
+    let live = Live::start(&settings(Transport::Tcp { address: address.clone() }));
+    let (mut first, _) = server.accept().unwrap();
+    for n in 0..10 {
+        // Cut anywhere.
+        let line = line(n);
+        first.write_all(&line.as_bytes()[..7]).unwrap();
+        first.write_all(&line.as_bytes()[7..]).unwrap();
+    }
+    live.ear.wait("ten records", |heard| (heard.records.len() == 10).then_some(()));
+    first.write_all(b"P,10,").unwrap();
+    drop(first);
+    let TrackerEvent::Disconnected { reason, .. } = live.ear.nth_event(1, disconnected) else { panic!() };
+    assert_eq!(reason, "the server closed the connection");
+    assert!(live.ear.nth_event(1, decode_error).to_string().contains("ends after 5 bytes"));
+    let (mut second, _) = server.accept().unwrap();
+    second.write_all(line(11).as_bytes()).unwrap();
+    let last = live.ear.wait("a record", |heard| heard.records.get(10).map(|(_, record)| *record));
+    assert_eq!(last.sequence, Some(11));
+    let TrackerEvent::Connected { port } = live.ear.nth_event(2, connected) else { panic!() };
+    assert_eq!(port, address);
+}
+
+#[test]
+fn nobody_at_an_address_is_no_end() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    drop(server);
+    let live = Live::start(&settings(Transport::Tcp { address: address.to_string() }));
+    let TrackerEvent::Disconnected { reason, retry } = live.ear.nth_event(1, disconnected) else { panic!() };
+    assert!(reason.starts_with(&format!("cannot connect to {address}")), "{reason}");
+    assert_eq!(retry, Duration::from_millis(250));
+}
+
+#[test]
+fn each_datagram_stands_by_itself() {
+    let live = Live::start(&settings(Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 0)) }));
+    let TrackerEvent::Connected { port } = live.ear.nth_event(1, connected) else { panic!() };
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.connect(port.strip_prefix("UDP ").unwrap()).unwrap();
+    socket.send(line(0).as_bytes()).unwrap();
+    // Half of one must not swallow the next.
+    socket.send(&line(1).as_bytes()[..20]).unwrap();
+    socket.send(line(2).as_bytes()).unwrap();
+    socket.send(format!("{}{}", line(3), line(4)).as_bytes()).unwrap();
+    let found = live.ear.wait("four records", |heard| {
+        let found: Vec<_> = heard.records.iter().filter_map(|(_, record)| record.sequence).collect();
+        (found.len() == 4).then_some(found)
+    });
+    assert_eq!(found, [0, 2, 3, 4]);
+    assert!(live.ear.nth_event(1, decode_error).to_string().contains("ends after 20 bytes"));
+}
