@@ -122,6 +122,12 @@ pub const KEYS: &[KeyDoc] = &[
     doc("pose", "position_mm", "mm", "[0.0, 0.0, 0.0]", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of the probe's face in the scene [x, y, z]"),
     doc("pose", "quaternion", "", "[1.0, 0.0, 0.0, 0.0]", Accepts::Numbers { count: 4, limit: 2.0 }, "unit quaternion [qw, qx, qy, qz] that turns probe axes into scene axes"),
 
+    doc("openigtlink", "address", "", "\"127.0.0.1\"", Accepts::Text(super::openigtlink::ADDRESS), "where images and transforms are served; the protocol knows no password"),
+    doc("openigtlink", "port", "", "18944", integer(0, 65_535), "its port; 0 takes any free one"),
+    doc("openigtlink", "scene_axes", "", "\"RAS\"", Accepts::Text(super::openigtlink::AXES), "where the scene's x, y and z point in the patient"),
+    doc("openigtlink", "slice_mm", "mm", "1.0", number(0.01, 100.0), "thickness of the image that receivers are told"),
+    doc("openigtlink", "clients_max", "", "16", integer(1, 256), "receivers that may be connected at a time"),
+
     doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
     doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),
     doc(TISSUE, "attenuation_db_cm_mhz", "dB/cm", "built-in, else required", number(0.0, 100.0), "attenuation at 1 MHz, one way"),

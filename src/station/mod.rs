@@ -6,6 +6,7 @@
 
 mod error;
 mod keys;
+mod openigtlink;
 mod parse;
 mod values;
 
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::Pose;
 use crate::render::RenderSettings;
+use crate::sink::openigtlink as openigtlink_sink;
 use crate::transducer::Probe;
 
 pub use error::StationError;
@@ -46,6 +48,8 @@ pub struct Station {
     pub tissues: TissueTable,
     /// Pose used when none is given.
     pub default_pose: Option<Pose>,
+    /// The OpenIGTLink server, where the station has one.
+    pub openigtlink: Option<openigtlink_sink::Settings>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

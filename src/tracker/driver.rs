@@ -38,4 +38,31 @@ pub trait Driver: Send {
     /// Bytes that are no record or no reply that was expected; an error that the device reports. They are removed, and
     /// the next call goes on behind them.
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
+
+    /// Ends a message of a transport that has messages, or the stream: what is left in `buffer` is part of a record at
+    /// most.
+    ///
+    /// # Errors
+    /// There was a part of a record. It is removed.
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError>;
+
+    /// What is to be done to a serial line before the next [`transmit`](Self::transmit); called until it is none, and of
+    /// no effect on other transports.
+    fn line(&mut self, _now: Duration) -> Option<Line> {
+        None
+    }
+
+    /// The last bytes to send before the port is closed.
+    fn stop(&mut self) -> Option<Bytes> {
+        None
+    }
+}
+
+/// Something done to a serial line itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Line {
+    /// Holds it in break for a quarter of a second.
+    Break,
+    /// Another speed, baud.
+    Speed(u32),
 }

@@ -21,8 +21,13 @@ use thiserror::Error;
 use crate::pose::{Pose, Reading};
 
 pub mod ascii_line;
+pub mod bno08x;
 pub mod driver;
+pub mod ndi;
+pub mod openigtlink;
+pub mod opentrack;
 pub mod recording;
+pub mod spacemouse;
 
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +62,18 @@ impl Record {
 pub enum Protocol {
     /// Lines of [`ascii_line`], checksum required.
     AsciiLine,
+    /// Replies of [`ndi`], `TX` or `BX`.
+    Ndi,
+    /// Reports of [`spacemouse`].
+    SpaceMouse,
+    /// Frames of [`bno08x`].
+    Bno08x,
+    /// Frames of [`bno08x`] by firmware that sends roll before pitch.
+    Bno08xRollFirst,
+    /// Datagrams of [`opentrack`].
+    OpenTrack,
+    /// Messages of [`openigtlink`].
+    OpenIgtLink,
 }
 
 /// A name that no protocol has.
@@ -71,12 +88,26 @@ pub struct UnknownProtocol {
 
 impl Protocol {
     /// Every protocol.
-    pub const ALL: [Self; 1] = [Self::AsciiLine];
+    pub const ALL: [Self; 7] = [
+        Self::AsciiLine,
+        Self::Ndi,
+        Self::SpaceMouse,
+        Self::Bno08x,
+        Self::Bno08xRollFirst,
+        Self::OpenTrack,
+        Self::OpenIgtLink,
+    ];
 
     /// The name that recordings and station files use.
     pub fn name(self) -> &'static str {
         match self {
             Self::AsciiLine => "ascii-line",
+            Self::Ndi => "ndi",
+            Self::SpaceMouse => "spacemouse",
+            Self::Bno08x => "bno08x",
+            Self::Bno08xRollFirst => "bno08x-roll-first",
+            Self::OpenTrack => "opentrack",
+            Self::OpenIgtLink => "openigtlink",
         }
     }
 
@@ -84,6 +115,12 @@ impl Protocol {
     pub fn decoder(self) -> Decoder {
         match self {
             Self::AsciiLine => Decoder::AsciiLine(ascii_line::Decoder::new(ascii_line::Checksum::Required)),
+            Self::Ndi => Decoder::Ndi(ndi::Decoder::new()),
+            Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(spacemouse::RANGE)),
+            Self::Bno08x => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::PitchFirst)),
+            Self::Bno08xRollFirst => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::RollFirst)),
+            Self::OpenTrack => Decoder::OpenTrack(opentrack::Decoder::new()),
+            Self::OpenIgtLink => Decoder::OpenIgtLink(openigtlink::Decoder::new()),
         }
     }
 }
@@ -105,6 +142,21 @@ pub enum DecodeError {
     /// Of an ASCII line.
     #[error(transparent)]
     AsciiLine(#[from] ascii_line::DecodeError),
+    /// Of an NDI device.
+    #[error(transparent)]
+    Ndi(#[from] ndi::DecodeError),
+    /// Of a SpaceMouse.
+    #[error(transparent)]
+    SpaceMouse(#[from] spacemouse::DecodeError),
+    /// Of a BNO08x.
+    #[error(transparent)]
+    Bno08x(#[from] bno08x::DecodeError),
+    /// Of opentrack.
+    #[error(transparent)]
+    OpenTrack(#[from] opentrack::DecodeError),
+    /// Of an OpenIGTLink stream.
+    #[error(transparent)]
+    OpenIgtLink(#[from] openigtlink::DecodeError),
 }
 
 /// The decoder of one stream.
@@ -112,6 +164,16 @@ pub enum DecodeError {
 pub enum Decoder {
     /// ASCII lines.
     AsciiLine(ascii_line::Decoder),
+    /// Replies of an NDI device.
+    Ndi(ndi::Decoder),
+    /// Reports of a SpaceMouse.
+    SpaceMouse(spacemouse::Decoder),
+    /// Frames of a BNO08x.
+    Bno08x(bno08x::Decoder),
+    /// Datagrams of opentrack.
+    OpenTrack(opentrack::Decoder),
+    /// Messages of OpenIGTLink.
+    OpenIgtLink(openigtlink::Decoder),
 }
 
 impl Decoder {
@@ -124,6 +186,11 @@ impl Decoder {
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         match self {
             Self::AsciiLine(decoder) => Ok(decoder.decode(buffer)?),
+            Self::Ndi(decoder) => Ok(decoder.decode(buffer)?),
+            Self::SpaceMouse(decoder) => Ok(decoder.decode(buffer)?),
+            Self::Bno08x(decoder) => Ok(decoder.decode(buffer)?),
+            Self::OpenTrack(decoder) => Ok(decoder.decode(buffer)?),
+            Self::OpenIgtLink(decoder) => Ok(decoder.decode(buffer)?),
         }
     }
 
@@ -134,6 +201,11 @@ impl Decoder {
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match self {
             Self::AsciiLine(decoder) => Ok(decoder.finish(buffer)?),
+            Self::Ndi(decoder) => Ok(decoder.finish(buffer)?),
+            Self::SpaceMouse(decoder) => Ok(decoder.finish(buffer)?),
+            Self::Bno08x(decoder) => Ok(decoder.finish(buffer)?),
+            Self::OpenTrack(decoder) => Ok(decoder.finish(buffer)?),
+            Self::OpenIgtLink(decoder) => Ok(decoder.finish(buffer)?),
         }
     }
 }
