@@ -51,7 +51,8 @@ mod tests {
     fn the_table_switches_it_on() {
         assert_eq!(parse(""), Ok(None));
         assert_eq!(parse("[openigtlink]"), Ok(Some(Settings::default())));
-        let found = parse("[openigtlink]\naddress = '0.0.0.0'\nport = 0\nscene_axes = 'LPS'\nslice_mm = 2\nclients_max = 3");
+        let found =
+            parse("[openigtlink]\naddress = '0.0.0.0'\nport = 0\nscene_axes = 'LPS'\nslice_mm = 2\nclients_max = 3");
         let expected = Settings {
             address: IpAddr::from([0, 0, 0, 0]),
             port: 0,

@@ -4,17 +4,17 @@ use std::fmt::Write;
 
 use glam::{DQuat, DVec3};
 
-pub const POWER_ON_BAUD: u32 = 9600;
+pub(crate) const POWER_ON_BAUD: u32 = 9600;
 const BAUDS: [u32; 8] = [9600, 14_400, 19_200, 38_400, 57_600, 115_200, 921_600, 1_228_739];
 
 /// CRC-16/ARC, bit by bit: not the code under test.
-pub fn crc(bytes: &[u8]) -> u16 {
+pub(crate) fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc, &byte| {
         (0..8).fold(crc ^ u16::from(byte), |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xA001 } else { crc >> 1 })
     })
 }
 
-pub fn framed(text: &str) -> Vec<u8> {
+pub(crate) fn framed(text: &str) -> Vec<u8> {
     format!("{text}{:04X}\r", crc(text.as_bytes())).into_bytes()
 }
 
@@ -26,7 +26,7 @@ enum Mode {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Port {
+pub(crate) enum Port {
     Stale,
     Occupied,
     Initialised,
@@ -35,49 +35,49 @@ pub enum Port {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tool {
-    pub handle: u8,
-    pub port: Port,
-    pub in_view: bool,
+pub(crate) struct Tool {
+    pub(crate) handle: u8,
+    pub(crate) port: Port,
+    pub(crate) in_view: bool,
     /// Its initialisation fails.
-    pub broken: bool,
+    pub(crate) broken: bool,
     /// Bytes written, of a wireless tool.
-    pub rom: Option<Vec<Option<u8>>>,
-    pub switches: u8,
+    pub(crate) rom: Option<Vec<Option<u8>>>,
+    pub(crate) switches: u8,
 }
 
 impl Tool {
-    pub fn wired(handle: u8) -> Self {
+    pub(crate) fn wired(handle: u8) -> Self {
         Self { handle, port: Port::Occupied, in_view: true, broken: false, rom: None, switches: 0 }
     }
 }
 
 /// Where the tool of `handle` is at `frame`, as exactly as both reply formats say it.
-pub fn pose(handle: u8, frame: u32) -> (DQuat, DVec3) {
+pub(crate) fn pose(handle: u8, frame: u32) -> (DQuat, DVec3) {
     let q = [DQuat::from_xyzw(0.5, -0.5, 0.5, 0.5), DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8)][usize::from(handle % 2)];
     (q, DVec3::new(f64::from(frame % 1000) * 0.25, -f64::from(handle) * 0.5, -1200.25))
 }
 
-pub struct Device {
+pub(crate) struct Device {
     mode: Mode,
-    pub tools: Vec<Tool>,
+    pub(crate) tools: Vec<Tool>,
     /// Plugged in, but not known to the host yet.
-    pub frame: u32,
-    pub baud: u32,
-    pub line_baud: u32,
-    pub system_status: u16,
+    pub(crate) frame: u32,
+    pub(crate) baud: u32,
+    pub(crate) line_baud: u32,
+    pub(crate) system_status: u16,
     /// Refuses `TSTART:80`, as older ones do.
-    pub is_old: bool,
+    pub(crate) is_old: bool,
     /// Neither hears nor speaks.
-    pub is_off: bool,
+    pub(crate) is_off: bool,
     /// Commands carried out or refused, without arguments that are long.
-    pub log: Vec<String>,
+    pub(crate) log: Vec<String>,
     input: Vec<u8>,
     output: Vec<u8>,
 }
 
 impl Device {
-    pub fn new(handles: &[u8]) -> Self {
+    pub(crate) fn new(handles: &[u8]) -> Self {
         Self {
             mode: Mode::PoweredOn,
             tools: handles.iter().map(|&handle| Tool::wired(handle)).collect(),
@@ -94,7 +94,7 @@ impl Device {
     }
 
     /// As an earlier session that was killed left it.
-    pub fn left_tracking(handles: &[u8], baud: u32) -> Self {
+    pub(crate) fn left_tracking(handles: &[u8], baud: u32) -> Self {
         let mut device = Self::new(handles);
         device.mode = Mode::Tracking;
         device.baud = baud;
@@ -102,12 +102,12 @@ impl Device {
         device
     }
 
-    pub fn is_tracking(&self) -> bool {
+    pub(crate) fn is_tracking(&self) -> bool {
         self.mode == Mode::Tracking
     }
 
     /// A reset, by a break or by the power switch.
-    pub fn reset(&mut self, says_so: bool) {
+    pub(crate) fn reset(&mut self, says_so: bool) {
         self.mode = Mode::PoweredOn;
         self.baud = POWER_ON_BAUD;
         self.frame = 0;
@@ -120,11 +120,11 @@ impl Device {
         }
     }
 
-    pub fn take_output(&mut self) -> Vec<u8> {
+    pub(crate) fn take_output(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.output)
     }
 
-    pub fn receive(&mut self, bytes: &[u8]) {
+    pub(crate) fn receive(&mut self, bytes: &[u8]) {
         // At the wrong speed it hears noise.
         if self.is_off || self.line_baud != self.baud {
             return;
@@ -290,7 +290,7 @@ fn port_status(tool: &Tool) -> u32 {
 }
 
 /// A whole `BX` reply.
-pub fn binary_reply(frame: u32, tools: &[Tool], system_status: u16) -> Vec<u8> {
+pub(crate) fn binary_reply(frame: u32, tools: &[Tool], system_status: u16) -> Vec<u8> {
     let tools = reported(tools);
     let mut data = vec![tools.len() as u8];
     for tool in tools {
@@ -321,7 +321,7 @@ pub fn binary_reply(frame: u32, tools: &[Tool], system_status: u16) -> Vec<u8> {
 }
 
 /// A `TX` reply without its checksum.
-pub fn text_reply(frame: u32, tools: &[Tool], system_status: u16) -> String {
+pub(crate) fn text_reply(frame: u32, tools: &[Tool], system_status: u16) -> String {
     let tools = reported(tools);
     let mut text = format!("{:02X}", tools.len());
     for tool in tools {

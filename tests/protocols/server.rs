@@ -20,7 +20,10 @@ use crate::messages::crc;
 const LIMIT: Duration = Duration::from_secs(20);
 
 fn pose() -> Pose {
-    Pose { position_mm: DVec3::new(10.0, -20.0, 30.0), orientation: DQuat::from_rotation_x(0.5) * DQuat::from_rotation_z(1.0) }
+    Pose {
+        position_mm: DVec3::new(10.0, -20.0, 30.0),
+        orientation: DQuat::from_rotation_x(0.5) * DQuat::from_rotation_z(1.0),
+    }
 }
 
 fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
@@ -106,7 +109,8 @@ impl Client {
 
 fn vectors(bytes: &[u8]) -> [DVec3; 4] {
     std::array::from_fn(|i| {
-        let value = |j: usize| f64::from(f32::from_be_bytes(bytes[12 * i + 4 * j..12 * i + 4 * j + 4].try_into().unwrap()));
+        let value =
+            |j: usize| f64::from(f32::from_be_bytes(bytes[12 * i + 4 * j..12 * i + 4 * j + 4].try_into().unwrap()));
         DVec3::new(value(0), value(1), value(2))
     })
 }
@@ -148,11 +152,9 @@ fn a_client_gets_the_image_where_it_lies() {
 fn a_stale_pose_is_never_sent_as_a_good_one() {
     let mut server = server(Settings::default());
     let mut client = Client::connect(&server);
-    for (tracking, code, has_transform) in [
-        (TrackingState::Held, 1, true),
-        (TrackingState::Stale, 13, false),
-        (TrackingState::Lost, 13, false),
-    ] {
+    for (tracking, code, has_transform) in
+        [(TrackingState::Held, 1, true), (TrackingState::Stale, 13, false), (TrackingState::Lost, 13, false)]
+    {
         server.present(&PresentedFrame { tracking, ..frame(0, 16, 16) }).unwrap();
         let (_, others) = client.image();
         assert_eq!(others[0].body[..2], [0, code]);
@@ -225,7 +227,9 @@ fn more_clients_than_allowed_are_turned_away() {
     let mut second = TcpStream::connect(server.address()).unwrap();
     second.set_read_timeout(Some(LIMIT)).unwrap();
     // Closed, or reset.
-    assert!(second.read(&mut [0]).map_or_else(|error| error.kind() == ErrorKind::ConnectionReset, |length| length == 0));
+    assert!(
+        second.read(&mut [0]).map_or_else(|error| error.kind() == ErrorKind::ConnectionReset, |length| length == 0)
+    );
     assert_eq!(server.counters().refused.load(Ordering::Relaxed), 1);
     server.present(&frame(3, 16, 16)).unwrap();
     assert_eq!(first.image().0.body[72], 3);

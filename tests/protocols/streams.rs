@@ -135,13 +135,8 @@ fn openigtlink_names_are_numbers_and_other_messages_are_counted() {
         found.push((record.sensor, record.device_time_us));
     }
     let second = 1_000_000;
-    let expected = [
-        (0, Some(100 * second)),
-        (1, Some(101 * second)),
-        (0, Some(101 * second)),
-        (2, Some(101 * second)),
-        (1, None),
-    ];
+    let expected =
+        [(0, Some(100 * second)), (1, Some(101 * second)), (0, Some(101 * second)), (2, Some(101 * second)), (1, None)];
     assert_eq!(found, expected);
     assert_eq!((decoder.names(), decoder.skipped()), (vec!["Probe".into(), "Stylus".into(), "Tracker".into()], 2));
     assert!(buffer.is_empty());
@@ -174,9 +169,11 @@ fn openigtlink_refuses_what_is_no_pose() {
     };
     let mirrored = matrix(DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)), DVec3::ZERO);
     assert!(refused("TRANSFORM", &mirrored).ends_with("the matrix of `D` is no rotation: it mirrors"));
-    assert!(refused("TRANSFORM", &[0; 40]).ends_with("a TRANSFORM message has 40 bytes; it must have 48"));
-    assert!(refused("POSITION", &floats(&[f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])).contains("must be a finite number"));
-    assert!(refused("TDATA", &[0; 71]).contains("70 for each"));
+    assert!(refused("TRANSFORM", &[7; 40]).ends_with("a TRANSFORM message has 40 bytes; it must have 48"));
+    assert!(
+        refused("POSITION", &floats(&[f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])).contains("must be a finite number")
+    );
+    assert!(refused("TDATA", &[7; 71]).contains("70 for each"));
 }
 
 proptest! {
@@ -232,7 +229,9 @@ proptest! {
         bytes.splice(at..end, replacement);
         let (all, _) = decode(stream.protocol().decoder(), &[&sound]);
         let (records, errors) = decode(stream.protocol().decoder(), &[&bytes]);
-        prop_assert!(!errors.is_empty() || records == all);
+        // An OpenIGTLink head has no checksum: a damaged name or time goes unnoticed, a damaged pose doesn't.
+        // A record that is missing as a whole leaves no trace but in its counter.
+        prop_assert!(!errors.is_empty() || records.len() == all.len() || removed > 1);
         // By what they say, not by their device's number, which a damaged name or index may shift.
         let key = |record: &Record| format!("{:?}", record.reading);
         let (mut left, mut lost) = (records.iter().map(key).peekable(), 0);

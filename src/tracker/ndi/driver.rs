@@ -254,7 +254,8 @@ impl NdiDriver {
         self.poll_failures = 0;
         self.set_up_failures = 0;
         self.no_tool = 0;
-        let (last_status, last_absent) = self.tracked.replace((system_status, absent)).unwrap_or((system_status, absent));
+        let (last_status, last_absent) =
+            self.tracked.replace((system_status, absent)).unwrap_or((system_status, absent));
         let plugged = system_status & !last_status & PORT_OCCUPIED != 0;
         let State::Asked(Step::Poll, asked_at) = self.state else { return };
         if (plugged || absent > last_absent) && now >= self.changed_at + CHANGE_PAUSE {
@@ -309,7 +310,8 @@ impl Driver for NdiDriver {
             self.timed_out(now, step);
         }
         let State::Ask(step, at) = self.state else { return None };
-        if now < at {
+        // The line comes first.
+        if now < at || !self.line.is_empty() {
             return None;
         }
         self.state = State::Asked(step, now);
@@ -337,11 +339,7 @@ impl Driver for NdiDriver {
         }
     }
 
-    fn decode(
-        &mut self,
-        now: Duration,
-        buffer: &mut BytesMut,
-    ) -> Result<Option<Record>, crate::tracker::DecodeError> {
+    fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, crate::tracker::DecodeError> {
         loop {
             let offset = self.framer.offset();
             let at = |reason| crate::tracker::DecodeError::Ndi(DecodeError { offset, reason });

@@ -190,7 +190,11 @@ fn binary_front(buffer: &[u8]) -> Front {
     let Some(found) = u16_at(buffer, end) else { return Front::Part };
     let computed = crc16(&buffer[BINARY_HEAD..end]);
     // A reply that lost bytes on its way holds the start of the next one.
-    if found == computed { Front::Binary(end + 2) } else { Front::Wrong(1, Reason::Checksum { found, computed }, false) }
+    if found == computed {
+        Front::Binary(end + 2)
+    } else {
+        Front::Wrong(1, Reason::Checksum { found, computed }, false)
+    }
 }
 
 fn text_front(buffer: &[u8]) -> Front {
@@ -209,5 +213,9 @@ fn text_front(buffer: &[u8]) -> Front {
         return Front::Wrong(end + 1, Reason::ChecksumMissing { text: quote(&buffer[..end]) }, true);
     };
     let computed = crc16(&buffer[..end - 4]);
-    if found == computed { Front::Text(end + 1) } else { Front::Wrong(end + 1, Reason::Checksum { found, computed }, true) }
+    if found == computed {
+        Front::Text(end + 1)
+    } else {
+        Front::Wrong(end + 1, Reason::Checksum { found, computed }, true)
+    }
 }

@@ -103,10 +103,7 @@ impl<'a> Cursor<'a> {
 }
 
 /// Hands each port of a `BX` reply's data, and where its bytes end, to `found`; gives the system status.
-pub(super) fn binary(
-    data: &[u8],
-    mut found: impl FnMut(usize, Result<Port, Reason>),
-) -> Result<u16, Reason> {
+pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     const VALID: u8 = 1;
     const MISSING: u8 = 2;
     const DISABLED: u8 = 4;
@@ -143,10 +140,7 @@ pub(super) fn is_text_reply(text: &[u8]) -> bool {
 }
 
 /// As [`binary`], of a `TX` reply without its checksum.
-pub(super) fn text(
-    text: &[u8],
-    mut found: impl FnMut(usize, Result<Port, Reason>),
-) -> Result<u16, Reason> {
+pub(super) fn text(text: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     let mut cursor = Cursor { bytes: text, at: 0 };
     let count = cursor.hex(2)?;
     for _ in 0..count {
@@ -204,7 +198,8 @@ mod tests {
             0000003300001A2B\n02MISSING0000003100001A2B\n03DISABLED\n04UNOCCUPIED\n0000";
         let mut ports = Vec::new();
         assert_eq!(text(reply, |end, port| ports.push((end, port.unwrap()))), Ok(0));
-        let [(_, Port::Tracked(first)), (_, Port::Tracked(second)), (_, Port::Absent), (end, Port::Absent)] = &ports[..]
+        let [(_, Port::Tracked(first)), (_, Port::Tracked(second)), (_, Port::Absent), (end, Port::Absent)] =
+            &ports[..]
         else {
             panic!("{ports:?}")
         };

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use bytes::{Buf, BytesMut};
 
-use super::message::{EXTENDED_HEAD, Field, HEAD, Head, MatrixError, TOOL, TRANSFORM, crc64, floats, pose_of_matrix, text};
+use super::message::{
+    EXTENDED_HEAD, Field, HEAD, Head, MatrixError, TOOL, TRANSFORM, crc64, floats, pose_of_matrix, text,
+};
 use super::{DecodeError, Reason};
 use crate::pose::{Pose, Reading};
 use crate::tracker::Record;
@@ -94,7 +96,10 @@ impl Decoder {
 
     /// A decoder that numbers `names` from 0, and others behind them.
     pub fn with_names(names: &[&str]) -> Self {
-        Self { names: names.iter().take(NAMES_LIMIT).map(|name| super::message::field(name)).collect(), ..Self::default() }
+        Self {
+            names: names.iter().take(NAMES_LIMIT).map(|name| super::message::field(name)).collect(),
+            ..Self::default()
+        }
     }
 
     /// Names of the devices and tools heard, in the order of their numbers.
@@ -224,9 +229,7 @@ impl Decoder {
             name[end..].fill(0);
         }
         let record = self.number(name).and_then(|sensor| match pose {
-            Ok(pose) => {
-                Ok(Record { sensor, sequence: None, device_time_us, buttons: 0, reading: Reading::Pose(pose) })
-            }
+            Ok(pose) => Ok(Record { sensor, sequence: None, device_time_us, buttons: 0, reading: Reading::Pose(pose) }),
             Err(MatrixError::Matrix(what)) => Err(Reason::Matrix { name: text(&name), what }),
             Err(MatrixError::Pose(source)) => Err(Reason::Pose { name: text(&name), source }),
         });

@@ -156,14 +156,7 @@ pub struct Placement {
 }
 
 /// Appends an `IMAGE` message of one slice of u8 \[height × width\], the first row first.
-pub fn put_image(
-    out: &mut BytesMut,
-    device: &str,
-    time_ns: u64,
-    size: [u16; 2],
-    placement: &Placement,
-    pixels: &[u8],
-) {
+pub fn put_image(out: &mut BytesMut, device: &str, time_ns: u64, size: [u16; 2], placement: &Placement, pixels: &[u8]) {
     const SCALAR: u8 = 1;
     const U8: u8 = 3;
     const LITTLE_ENDIAN: u8 = 2;
