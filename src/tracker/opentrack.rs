@@ -105,8 +105,7 @@ fn parse(datagram: &mut BytesMut) -> Result<Reading, Reason> {
     let [x, y, z] = [(); 3].map(|()| datagram.get_f64_le() * MM_PER_CM);
     let angles = [(); 3].map(|()| datagram.get_f64_le());
     for (name, value) in ["yaw", "pitch", "roll"].into_iter().zip(angles) {
-        // Written so that NaN is refused.
-        if !(value.abs() <= ANGLE_LIMIT_DEG) {
+        if !(-ANGLE_LIMIT_DEG..=ANGLE_LIMIT_DEG).contains(&value) {
             return Err(Reason::Angle { name, value });
         }
     }

@@ -2,6 +2,7 @@
 // clippy.toml allows these in test functions only, not in what they share.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod fuzzed;
 mod messages;
 mod ndi;
 mod ndi_device;

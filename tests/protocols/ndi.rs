@@ -14,6 +14,9 @@ use crate::ndi_device::{Device, Port, Tool, framed, pose};
 /// From a question to its answer.
 const ROUND_TRIP: Duration = Duration::from_millis(5);
 
+/// Changes the reply of a number on its way.
+type Fault<'a> = Box<dyn FnMut(usize, &mut Vec<u8>) + 'a>;
+
 /// A driver and a device on one line.
 struct Session<'a> {
     driver: NdiDriver,
@@ -25,8 +28,7 @@ struct Session<'a> {
     /// All that the host received, as a recording holds it.
     received: Vec<u8>,
     replies: usize,
-    /// Changes the reply of a number on its way.
-    fault: Box<dyn FnMut(usize, &mut Vec<u8>) + 'a>,
+    fault: Fault<'a>,
     /// Bytes that arrive at once.
     piece: usize,
 }
@@ -251,7 +253,7 @@ fn a_broken_tool_does_not_stop_the_others() {
     let mut session = Session::new(Options::default(), device);
     session.seconds(1.0).check(&[2]);
     let refused = Reason::Refused { code: 0x13, command: "PINIT:01".to_owned() };
-    assert_eq!(session.errors, [refused.clone()]);
+    assert_eq!(session.errors, std::slice::from_ref(&refused));
     assert!(refused.to_string().contains("the tool in the port could not be initialised"), "{refused}");
 }
 
@@ -335,19 +337,19 @@ fn a_reply_polled_twice_gives_one_record() {
 }
 
 #[derive(Debug, Clone)]
-enum Fault {
+enum Damage {
     Lost,
     Changed(usize, u8),
     Cut(usize),
     Noise(Vec<u8>),
 }
 
-fn fault() -> impl Strategy<Value = Fault> {
+fn fault() -> impl Strategy<Value = Damage> {
     prop_oneof![
-        Just(Fault::Lost),
-        (any::<usize>(), 1..=255_u8).prop_map(|(at, bits)| Fault::Changed(at, bits)),
-        any::<usize>().prop_map(Fault::Cut),
-        prop::collection::vec(any::<u8>(), 1..40).prop_map(Fault::Noise),
+        Just(Damage::Lost),
+        (any::<usize>(), 1..=255_u8).prop_map(|(at, bits)| Damage::Changed(at, bits)),
+        any::<usize>().prop_map(Damage::Cut),
+        prop::collection::vec(any::<u8>(), 1..40).prop_map(Damage::Noise),
     ]
 }
 
@@ -368,14 +370,14 @@ proptest! {
         session.fault = Box::new(move |number, reply| {
             for (_, fault) in faults.iter().filter(|(at, _)| *at == number) {
                 match fault {
-                    Fault::Lost => reply.clear(),
-                    Fault::Changed(at, bits) if !reply.is_empty() => {
+                    Damage::Lost => reply.clear(),
+                    Damage::Changed(at, bits) if !reply.is_empty() => {
                         let at = at % reply.len();
                         reply[at] ^= bits;
                     }
-                    Fault::Changed(..) => {}
-                    Fault::Cut(at) => reply.truncate(at % (reply.len() + 1)),
-                    Fault::Noise(noise) => {
+                    Damage::Changed(..) => {}
+                    Damage::Cut(at) => reply.truncate(at % (reply.len() + 1)),
+                    Damage::Noise(noise) => {
                         reply.splice(0..0, noise.iter().copied());
                     }
                 }

@@ -65,12 +65,12 @@ impl Decoder {
     /// Bytes that are no reply, an error that the device reports, or its restart. They are removed.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
-            let offset = self.framer.offset();
             match self.framer.next(buffer)? {
                 None => return Ok(None),
                 Some(Item::Record(record)) if self.repeats.is_new(&record) => return Ok(Some(record)),
                 Some(Item::Record(_) | Item::Tracked { .. }) => {}
                 Some(Item::Text(text)) => {
+                    let offset = self.framer.item_offset();
                     if let Some(code) = error_code(&text) {
                         let command = "a command that the recording doesn't hold".to_owned();
                         return Err(DecodeError { offset, reason: Reason::Refused { code, command } });

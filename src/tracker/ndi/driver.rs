@@ -341,10 +341,8 @@ impl Driver for NdiDriver {
 
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, crate::tracker::DecodeError> {
         loop {
-            let offset = self.framer.offset();
-            let at = |reason| crate::tracker::DecodeError::Ndi(DecodeError { offset, reason });
             if let Some(reason) = self.notices.pop_front() {
-                return Err(at(reason));
+                return Err(DecodeError { offset: self.framer.item_offset(), reason }.into());
             }
             match self.framer.next(buffer) {
                 Err(error) => {
@@ -355,7 +353,10 @@ impl Driver for NdiDriver {
                 Ok(Some(Item::Record(record))) if self.repeats.is_new(&record) => return Ok(Some(record)),
                 Ok(Some(Item::Record(_))) => {}
                 Ok(Some(Item::Tracked { system_status, absent })) => self.tracked(now, system_status, absent),
-                Ok(Some(Item::Text(text))) => self.text(now, &text).map_err(at)?,
+                Ok(Some(Item::Text(text))) => {
+                    let offset = self.framer.item_offset();
+                    self.text(now, &text).map_err(|reason| DecodeError { offset, reason })?;
+                }
             }
         }
     }

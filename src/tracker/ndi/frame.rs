@@ -35,6 +35,8 @@ pub(super) enum Item {
 pub(super) struct Framer {
     /// Bytes removed so far.
     offset: u64,
+    /// Where the last item began.
+    item_offset: u64,
     /// What is known already of the bytes at the front of the buffer: how many of them belong to each item.
     pending: VecDeque<(usize, Result<Item, Reason>)>,
     /// An error was given for bytes at the front, and no reply found since.
@@ -58,9 +60,9 @@ enum Front {
 }
 
 impl Framer {
-    /// Bytes removed so far.
-    pub(super) fn offset(&self) -> u64 {
-        self.offset
+    /// Where the last item began, bytes from the start of the stream.
+    pub(super) fn item_offset(&self) -> u64 {
+        self.item_offset
     }
 
     /// Gives up the reply that has begun: its sender isn't going to end it.
@@ -80,6 +82,7 @@ impl Framer {
         let item = loop {
             if let Some((length, item)) = self.pending.pop_front() {
                 let offset = self.offset;
+                self.item_offset = offset;
                 self.remove(buffer, length);
                 break item.map(Some).map_err(|reason| DecodeError { offset, reason });
             }

@@ -258,8 +258,10 @@ impl Decoder {
 /// Looks at the front of `buffer`; what it says doesn't depend on how much more than needed is there.
 fn front(buffer: &[u8]) -> Result<Front, Reason> {
     if !may_be_head(buffer) {
-        let version = u16::from_be_bytes([buffer[0], buffer.get(1).copied().unwrap_or(0)]);
-        return Err(Reason::Head { version });
+        return match buffer.first() {
+            Some(&byte) => Err(Reason::Head { byte }),
+            None => Ok(Front::Part),
+        };
     }
     let Some(head) = Head::read(buffer) else { return Ok(Front::Part) };
     let Some(kind) = Kind::of(&head.kind) else {

@@ -200,7 +200,7 @@ pub(super) fn pose_of_matrix(bytes: &[u8], at: usize) -> Result<Pose, MatrixErro
     const TOLERANCE: f64 = 1e-3;
     let [x0, x1, x2, y0, y1, y2, z0, z1, z2, tx, ty, tz]: [f64; 12] = floats(bytes, at);
     let [x, y, z] = [DVec3::new(x0, x1, x2), DVec3::new(y0, y1, y2), DVec3::new(z0, z1, z2)];
-    // Written so that NaN is refused.
+    // NaN is within no tolerance.
     let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= TOLERANCE;
     if !(is_unit(x) && is_unit(y) && is_unit(z)) {
         return Err(MatrixError::Matrix("its columns must have length 1 within 0.001"));
@@ -208,7 +208,7 @@ pub(super) fn pose_of_matrix(bytes: &[u8], at: usize) -> Result<Pose, MatrixErro
     if !(x.dot(y).abs() <= TOLERANCE && y.dot(z).abs() <= TOLERANCE && z.dot(x).abs() <= TOLERANCE) {
         return Err(MatrixError::Matrix("its columns must be perpendicular within 0.001"));
     }
-    if !(x.cross(y).dot(z) > 0.0) {
+    if x.cross(y).dot(z) < 0.0 {
         return Err(MatrixError::Matrix("it mirrors"));
     }
     let q = DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize();
@@ -220,11 +220,12 @@ mod tests {
     use super::*;
 
     /// A whole message of the protocol's documentation, CRC checked.
-    pub(crate) const VECTOR: &str = "00015452414E53464F524D0000004465766963654E616D65000000000000000000000000000000499602D4\
-        0000000000000030F6DD2B8EB4DF6DD2BF7473CD3E4959E6BE63DD98BE4959E63E12491B3F7852D63E63DD983F7852D6\
+    const VECTOR: &str = "0001 5452414E53464F524D000000 4465766963654E616D6500000000000000000000 00000000499602D4 \
+        0000000000000030 F6DD2B8EB4DF6DD2 BF7473CD3E4959E6BE63DD98BE4959E63E12491B3F7852D63E63DD983F7852D6\
         BDC830AE42383660419BC46742383660";
 
     fn bytes(hex: &str) -> Vec<u8> {
+        let hex = hex.replace(' ', "");
         (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect()
     }
 

@@ -41,10 +41,12 @@ pub struct DecodeError {
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// No head.
-    #[error("no message starts here: its version would be {version}, and its type or size is none")]
+    #[error(
+        "no message starts with 0x{byte:02X} and what follows; one starts with a version 1 to 3, a type and a size"
+    )]
     Head {
-        /// First two bytes.
-        version: u16,
+        /// First byte.
+        byte: u8,
     },
     /// A body of a size that its kind can't have.
     #[error("a {kind} message has {found} bytes; it must have {expected}")]
