@@ -21,5 +21,5 @@ fn inputs_that_were_kept_keep_their_promises() {
             kept += 1;
         }
     }
-    assert!(kept > 0, "nothing in {}", folder.display());
+    assert!(kept >= 20, "{kept} inputs in {}", folder.display());
 }
