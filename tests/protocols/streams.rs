@@ -229,9 +229,10 @@ proptest! {
         bytes.splice(at..end, replacement);
         let (all, _) = decode(stream.protocol().decoder(), &[&sound]);
         let (records, errors) = decode(stream.protocol().decoder(), &[&bytes]);
-        // An OpenIGTLink head has no checksum: a damaged name or time goes unnoticed, a damaged pose doesn't.
-        // A record that is missing as a whole leaves no trace but in its counter.
-        prop_assert!(!errors.is_empty() || records.len() == all.len() || removed > 1);
+        // An OpenIGTLink head has no checksum: with a damaged type it is another message, with a damaged name another
+        // tool. A record that is missing as a whole leaves no trace but in its counter.
+        let may_be_silent = stream == Stream::OpenIgtLink || removed > 1;
+        prop_assert!(!errors.is_empty() || may_be_silent);
         // By what they say, not by their device's number, which a damaged name or index may shift.
         let key = |record: &Record| format!("{:?}", record.reading);
         let (mut left, mut lost) = (records.iter().map(key).peekable(), 0);
