@@ -10,6 +10,7 @@ pub mod frame_record;
 pub mod live;
 pub mod mp4;
 pub mod npy;
+pub mod openigtlink;
 pub mod png;
 pub mod time_table;
 pub mod video;

@@ -8,6 +8,7 @@ mod calibration;
 mod error;
 mod filter;
 mod keys;
+mod openigtlink;
 mod parse;
 mod tracker_table;
 mod values;
@@ -17,6 +18,7 @@ use std::path::{Path, PathBuf};
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
+use crate::sink::openigtlink as openigtlink_sink;
 use crate::tracker;
 use crate::transducer::Probe;
 
@@ -56,6 +58,8 @@ pub struct Station {
     pub calibration: CalibrationSource,
     /// Where live poses come from.
     pub tracker: tracker::Settings,
+    /// The OpenIGTLink server, where the station has one.
+    pub openigtlink: Option<openigtlink_sink::Settings>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

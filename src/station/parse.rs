@@ -6,7 +6,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::keys::Accepts;
-use super::values::{Values, section, take, wrong_type};
+use super::values::{Values, optional, section, take, wrong_type};
 use super::{SceneSource, Station, StationError, calibration, filter};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::pose::Pose;
@@ -20,7 +20,8 @@ const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mh
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
         text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
-    let tables = ["scene", "probe", "image", "quality", "pose", "filter", "calibration", "tissues", "tracker"];
+    let tables =
+        ["scene", "probe", "image", "quality", "pose", "filter", "calibration", "tissues", "tracker", "openigtlink"];
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
         let suggestion = did_you_mean(table, tables);
         return Err(StationError::UnknownTable { table: table.clone(), suggestion, known: tables.join(", ") });
@@ -36,7 +37,21 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let filter = filter::settings(&section(&mut root, "filter")?);
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
     let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
-    Ok(Station { scene, background, probe, settings, tissues, default_pose, filter, calibration, path: dir.to_owned(), tracker })
+    let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
+    let path = dir.to_owned();
+    Ok(Station {
+        scene,
+        background,
+        probe,
+        settings,
+        tissues,
+        default_pose,
+        filter,
+        calibration,
+        tracker,
+        openigtlink,
+        path,
+    })
 }
 
 /// Index of the background tissue `name`.

@@ -30,6 +30,9 @@ const TRANSPORTS_OF: [(&str, &[&str]); 15] = [
     ("seed", &["mock"]),
 ];
 
+/// Speed that an NDI device on a serial line is switched to.
+const NDI_BAUD: u32 = 115_200;
+
 /// The settings of a tracker; a mock moves about `default_pose`, and paths start at `dir`.
 pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) -> Result<Settings, StationError> {
     let name = values.text("transport").unwrap_or("none");
@@ -59,6 +62,15 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
     device.silence = milliseconds(values, "silence_ms", device.silence);
     device.reset_delay = milliseconds(values, "reset_delay_ms", device.reset_delay);
     device.hemisphere = values.numbers("hemisphere").unwrap_or(device.hemisphere);
+    if let Transport::Serial { .. } = transport {
+        device.ndi.baud = Some(values.integer("baud").unwrap_or(NDI_BAUD));
+    }
+    if protocol == Protocol::Ndi {
+        device
+            .ndi
+            .validate()
+            .map_err(|e| StationError::Text { key: "tracker.baud".to_owned(), reason: e.to_string() })?;
+    }
     Ok(Settings { transport, protocol, device, axis_map: text(values, "axis_map", defaults.axis_map)? })
 }
 
@@ -72,7 +84,11 @@ fn transport(
     Ok(match name {
         "serial" => Transport::Serial {
             port: parsed("port", values.text("port").ok_or_else(|| missing("port", "which serial port"))?)?,
-            baud: values.integer("baud").unwrap_or(protocol.usual_baud()),
+            // An NDI device is met at its own speed and then switched to the station's.
+            baud: match protocol {
+                Protocol::Ndi => protocol.usual_baud(),
+                _ => values.integer("baud").unwrap_or(protocol.usual_baud()),
+            },
         },
         "tcp" => {
             let address = values.text("address").ok_or_else(|| missing("address", "the tracker's host:port"))?;

@@ -85,6 +85,11 @@ pub(super) fn section(root: &mut Table, name: &str) -> Result<Values, StationErr
     Values::check(name, take(root, name)?.unwrap_or_default())
 }
 
+/// The checked values of a table that means something by being there.
+pub(super) fn optional(root: &mut Table, name: &str) -> Result<Option<Values>, StationError> {
+    take(root, name)?.map(|values| Values::check(name, values)).transpose()
+}
+
 pub(super) fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
 }

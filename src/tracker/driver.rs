@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use super::{DecodeError, Decoder, Protocol, Record};
+use super::{DecodeError, Decoder, Protocol, Record, ndi};
 
 /// Speaks with one device.
 ///
@@ -78,6 +78,8 @@ pub struct DeviceOptions {
     pub reset_delay: Duration,
     /// How long a device that streams may be silent.
     pub silence: Duration,
+    /// Of NDI devices.
+    pub ndi: ndi::Options,
 }
 
 impl Default for DeviceOptions {
@@ -87,6 +89,7 @@ impl Default for DeviceOptions {
             hemisphere: [0.0, 0.0, 1.0],
             reset_delay: Duration::from_secs(20),
             silence: Duration::from_secs(2),
+            ndi: ndi::Options::default(),
         }
     }
 }

@@ -23,11 +23,13 @@ use thiserror::Error;
 
 use crate::pose::{Pose, Reading};
 use driver::{DeviceOptions, Driver, Passive};
+use ndi::NdiDriver;
 use polhemus::{Model, PolhemusDriver};
 
 mod arrival;
 pub mod ascii_line;
 mod axis_map;
+pub mod bno08x;
 mod clock;
 pub mod devices;
 pub mod driver;
@@ -36,10 +38,14 @@ mod framing;
 pub mod liberty;
 pub mod mock;
 mod monitor;
+pub mod ndi;
+pub mod openigtlink;
+pub mod opentrack;
 pub mod polhemus;
 pub mod recording;
 mod session;
 mod settings;
+pub mod spacemouse;
 mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
@@ -89,6 +95,18 @@ pub enum Protocol {
     Liberty,
     /// Frames of [`liberty`], from a PATRIOT.
     Patriot,
+    /// Replies of [`ndi`], `TX` or `BX`.
+    Ndi,
+    /// Reports of [`spacemouse`].
+    SpaceMouse,
+    /// Frames of [`bno08x`].
+    Bno08x,
+    /// Frames of [`bno08x`] by firmware that sends roll before pitch.
+    Bno08xRollFirst,
+    /// Datagrams of [`opentrack`].
+    OpenTrack,
+    /// Messages of [`openigtlink`].
+    OpenIgtLink,
 }
 
 /// A name that no protocol has.
@@ -103,7 +121,19 @@ pub struct UnknownProtocol {
 
 impl Protocol {
     /// Every protocol.
-    pub const ALL: [Self; 5] = [Self::AsciiLine, Self::FastrakAscii, Self::FastrakBinary, Self::Liberty, Self::Patriot];
+    pub const ALL: [Self; 11] = [
+        Self::AsciiLine,
+        Self::FastrakAscii,
+        Self::FastrakBinary,
+        Self::Liberty,
+        Self::Patriot,
+        Self::Ndi,
+        Self::SpaceMouse,
+        Self::Bno08x,
+        Self::Bno08xRollFirst,
+        Self::OpenTrack,
+        Self::OpenIgtLink,
+    ];
 
     /// The name that recordings and station files use.
     pub fn name(self) -> &'static str {
@@ -113,6 +143,12 @@ impl Protocol {
             Self::FastrakBinary => "fastrak-binary",
             Self::Liberty => "liberty",
             Self::Patriot => "patriot",
+            Self::Ndi => "ndi",
+            Self::SpaceMouse => "spacemouse",
+            Self::Bno08x => "bno08x",
+            Self::Bno08xRollFirst => "bno08x-roll-first",
+            Self::OpenTrack => "opentrack",
+            Self::OpenIgtLink => "openigtlink",
         }
     }
 
@@ -124,21 +160,34 @@ impl Protocol {
             Self::FastrakBinary => Decoder::Fastrak(fastrak::Decoder::new(fastrak::Format::Binary)),
             Self::Liberty => Decoder::Liberty(liberty::Decoder::new(liberty::Device::Liberty)),
             Self::Patriot => Decoder::Liberty(liberty::Decoder::new(liberty::Device::Patriot)),
+            Self::Ndi => Decoder::Ndi(ndi::Decoder::new()),
+            Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(spacemouse::RANGE)),
+            Self::Bno08x => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::PitchFirst)),
+            Self::Bno08xRollFirst => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::RollFirst)),
+            Self::OpenTrack => Decoder::OpenTrack(opentrack::Decoder::new()),
+            Self::OpenIgtLink => Decoder::OpenIgtLink(openigtlink::Decoder::new()),
         }
     }
 
     /// The sensor that a device's driver asks for where the station names none; none where it needs no number.
     pub fn first_sensor(self) -> Option<u16> {
         match self {
-            Self::AsciiLine => None,
+            Self::AsciiLine
+            | Self::Ndi
+            | Self::SpaceMouse
+            | Self::Bno08x
+            | Self::Bno08xRollFirst
+            | Self::OpenTrack
+            | Self::OpenIgtLink => None,
             Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
         }
     }
 
     /// Speed of the serial port that devices come with, baud.
     pub fn usual_baud(self) -> u32 {
-        match self.name() {
-            "ndi" => 9600,
+        match self {
+            // The driver switches to a higher speed itself.
+            Self::Ndi => 9600,
             _ => 115_200,
         }
     }
@@ -147,7 +196,13 @@ impl Protocol {
     pub fn driver(self, options: &DeviceOptions) -> Box<dyn Driver> {
         let polhemus = |model| Box::new(PolhemusDriver::new(model, options));
         match self {
-            Self::AsciiLine => Box::new(Passive::new(self, options.silence)),
+            Self::Ndi => Box::new(NdiDriver::new(options.ndi.clone())),
+            Self::AsciiLine
+            | Self::SpaceMouse
+            | Self::Bno08x
+            | Self::Bno08xRollFirst
+            | Self::OpenTrack
+            | Self::OpenIgtLink => Box::new(Passive::new(self, options.silence)),
             Self::FastrakAscii => polhemus(Model::Fastrak(fastrak::Format::Ascii)),
             Self::FastrakBinary => polhemus(Model::Fastrak(fastrak::Format::Binary)),
             Self::Liberty => polhemus(Model::Liberty(liberty::Device::Liberty)),
@@ -179,6 +234,21 @@ pub enum DecodeError {
     /// Of a LIBERTY or PATRIOT.
     #[error(transparent)]
     Liberty(#[from] liberty::DecodeError),
+    /// Of an NDI device.
+    #[error(transparent)]
+    Ndi(#[from] ndi::DecodeError),
+    /// Of a SpaceMouse.
+    #[error(transparent)]
+    SpaceMouse(#[from] spacemouse::DecodeError),
+    /// Of a BNO08x.
+    #[error(transparent)]
+    Bno08x(#[from] bno08x::DecodeError),
+    /// Of opentrack.
+    #[error(transparent)]
+    OpenTrack(#[from] opentrack::DecodeError),
+    /// Of an OpenIGTLink stream.
+    #[error(transparent)]
+    OpenIgtLink(#[from] openigtlink::DecodeError),
 }
 
 impl DecodeError {
@@ -187,6 +257,7 @@ impl DecodeError {
         match self {
             Self::Fastrak(error) => matches!(error.reason, fastrak::Reason::Device { .. }),
             Self::Liberty(error) => matches!(error.reason, liberty::Reason::Device { .. }),
+            Self::Ndi(error) => error.is_report(),
             _ => false,
         }
     }
@@ -201,6 +272,16 @@ pub enum Decoder {
     Fastrak(fastrak::Decoder),
     /// Frames of a LIBERTY or PATRIOT.
     Liberty(liberty::Decoder),
+    /// Replies of an NDI device.
+    Ndi(ndi::Decoder),
+    /// Reports of a SpaceMouse.
+    SpaceMouse(spacemouse::Decoder),
+    /// Frames of a BNO08x.
+    Bno08x(bno08x::Decoder),
+    /// Datagrams of opentrack.
+    OpenTrack(opentrack::Decoder),
+    /// Messages of OpenIGTLink.
+    OpenIgtLink(openigtlink::Decoder),
 }
 
 impl Decoder {
@@ -215,6 +296,11 @@ impl Decoder {
             Self::AsciiLine(decoder) => Ok(decoder.decode(buffer)?),
             Self::Fastrak(decoder) => Ok(decoder.decode(buffer)?),
             Self::Liberty(decoder) => Ok(decoder.decode(buffer)?),
+            Self::Ndi(decoder) => Ok(decoder.decode(buffer)?),
+            Self::SpaceMouse(decoder) => Ok(decoder.decode(buffer)?),
+            Self::Bno08x(decoder) => Ok(decoder.decode(buffer)?),
+            Self::OpenTrack(decoder) => Ok(decoder.decode(buffer)?),
+            Self::OpenIgtLink(decoder) => Ok(decoder.decode(buffer)?),
         }
     }
 
@@ -227,6 +313,11 @@ impl Decoder {
             Self::AsciiLine(decoder) => Ok(decoder.finish(buffer)?),
             Self::Fastrak(decoder) => Ok(decoder.finish(buffer)?),
             Self::Liberty(decoder) => Ok(decoder.finish(buffer)?),
+            Self::Ndi(decoder) => Ok(decoder.finish(buffer)?),
+            Self::SpaceMouse(decoder) => Ok(decoder.finish(buffer)?),
+            Self::Bno08x(decoder) => Ok(decoder.finish(buffer)?),
+            Self::OpenTrack(decoder) => Ok(decoder.finish(buffer)?),
+            Self::OpenIgtLink(decoder) => Ok(decoder.finish(buffer)?),
         }
     }
 }

@@ -1,0 +1,376 @@
+//! What is fuzzed, for `cargo fuzz` (coverage-guided) and `examples/fuzz.rs` (stable Rust) alike.
+//!
+//! A body panics where a promise is broken. It gives a number that differs where something else happened, by which a
+//! fuzzer without coverage finds what is worth keeping.
+
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::io::Cursor;
+use std::path::Path;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use insonify::anatomy::{TissueTable, import};
+use insonify::pose::Reading;
+use insonify::station::Station;
+use insonify::tracker::driver::Driver;
+use insonify::tracker::ndi::{self, NdiDriver, Options, ReplyFormat};
+use insonify::tracker::openigtlink::message;
+use insonify::tracker::recording::{RecordingReader, poses_of};
+use insonify::tracker::{Decoder, Protocol, Record};
+
+/// Something that is fuzzed.
+#[derive(Clone, Copy)]
+pub struct Target {
+    /// Its name, that of its file in `fuzz_targets`, too.
+    pub name: &'static str,
+    /// Takes any bytes.
+    pub body: fn(&[u8]) -> u64,
+    /// Inputs to start from.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+}
+
+/// Everything that is fuzzed.
+pub const TARGETS: [Target; 5] = [
+    Target { name: "decoders", body: decoders, seeds: decoder_seeds },
+    Target { name: "ndi_driver", body: ndi_driver, seeds: ndi_driver_seeds },
+    Target { name: "recording", body: recording, seeds: recording_seeds },
+    Target { name: "glb", body: glb, seeds: glb_seeds },
+    Target { name: "station", body: station, seeds: station_seeds },
+];
+
+/// The first letters of a message, without numbers: its kind.
+fn kind(text: &str, hasher: &mut DefaultHasher) {
+    text.chars().filter(|c| !c.is_ascii_digit()).take(60).for_each(|c| c.hash(hasher));
+}
+
+/// First byte: protocol. Second: how the stream is cut. Third: whether checksums are put right. Then the stream.
+pub fn decoders(data: &[u8]) -> u64 {
+    let [protocol, cut, is_repaired, stream @ ..] = data else { return 0 };
+    let by_letters = Protocol::ALL.into_iter().find(|known| letters(*known) == *protocol);
+    let protocol = by_letters.unwrap_or(Protocol::ALL[usize::from(*protocol) % Protocol::ALL.len()]);
+    let repaired = if is_repaired % 2 == 1 { repaired(protocol, stream) } else { None };
+    let stream = repaired.as_deref().unwrap_or(stream);
+    // A report or datagram stands by itself: to cut it makes others of it.
+    let is_message = matches!(protocol, Protocol::SpaceMouse | Protocol::OpenTrack);
+    let piece = 1 + usize::from(*cut);
+    let (records, errors) = decode(protocol.decoder(), stream, piece);
+    if !is_message {
+        let (whole, whole_errors) = decode(protocol.decoder(), stream, stream.len().max(1));
+        assert_eq!(format!("{records:?}"), format!("{whole:?}"), "{} depends on how it is cut", protocol.name());
+        assert_eq!(errors, whole_errors, "errors of {} depend on how it is cut", protocol.name());
+    }
+    let mut hasher = DefaultHasher::new();
+    protocol.name().hash(&mut hasher);
+    records.len().min(8).hash(&mut hasher);
+    errors.len().min(3).hash(&mut hasher);
+    errors.last().iter().for_each(|error| kind(error, &mut hasher));
+    hasher.finish()
+}
+
+/// A number that a protocol keeps when others come: inputs that were kept stay inputs of its.
+fn letters(protocol: Protocol) -> u8 {
+    protocol.name().bytes().fold(0x35, |sum: u8, byte| sum.rotate_left(3) ^ byte)
+}
+
+fn decode(mut decoder: Decoder, stream: &[u8], piece: usize) -> (Vec<Record>, Vec<String>) {
+    let mut buffer = BytesMut::new();
+    let (mut records, mut errors) = (Vec::new(), Vec::new());
+    for piece in stream.chunks(piece) {
+        buffer.extend_from_slice(piece);
+        loop {
+            let before = buffer.len();
+            match decoder.decode(&mut buffer) {
+                Ok(Some(record)) => {
+                    check(&record);
+                    records.push(record);
+                }
+                Ok(None) => break,
+                Err(error) => errors.push(error.to_string()),
+            }
+            assert!(buffer.len() < before, "no byte was removed");
+        }
+    }
+    if let Err(error) = decoder.finish(&mut buffer) {
+        errors.push(error.to_string());
+    }
+    assert!(buffer.is_empty(), "the end leaves bytes");
+    (records, errors)
+}
+
+/// No decoder gives numbers that a pipeline could not live with.
+fn check(record: &Record) {
+    match record.reading {
+        Reading::Pose(pose) => {
+            assert!(pose.position_mm.is_finite() && (pose.orientation.length() - 1.0).abs() < 1e-9, "{record:?}");
+        }
+        Reading::Orientation(q) => assert!((q.length() - 1.0).abs() < 1e-9, "{record:?}"),
+        Reading::Rates { translation, rotation } => {
+            assert!(translation.abs().max_element() <= 1.0 && rotation.abs().max_element() <= 1.0, "{record:?}");
+        }
+        Reading::OutOfView => {}
+    }
+}
+
+/// The stream as one message whose checksum fits, so that what lies behind the checksum is reached, too.
+fn repaired(protocol: Protocol, stream: &[u8]) -> Option<Vec<u8>> {
+    match protocol {
+        Protocol::AsciiLine => {
+            let line: Vec<u8> = stream.iter().copied().filter(|b| !b"*\n".contains(b)).collect();
+            let sum = line.iter().fold(0, |sum, byte| sum ^ byte);
+            Some([b"P", &line[..], format!("*{sum:02X}\n").as_bytes()].concat())
+        }
+        Protocol::Ndi => Some(match stream {
+            [first, text @ ..] if first % 2 == 0 => {
+                let text: String =
+                    text.iter().map(|&b| char::from(b)).filter(|c| *c == '\n' || (' '..='~').contains(c)).collect();
+                ndi::framed(&text).to_vec()
+            }
+            data => {
+                let length = data.len().min(usize::from(u16::MAX)) as u16;
+                let data = &data[..usize::from(length)];
+                let mut bytes = vec![0xC4, 0xA5];
+                bytes.extend(length.to_le_bytes());
+                bytes.extend(ndi::crc16(&bytes).to_le_bytes());
+                bytes.extend(data);
+                bytes.extend(ndi::crc16(data).to_le_bytes());
+                bytes
+            }
+        }),
+        Protocol::Bno08x | Protocol::Bno08xRollFirst => {
+            let mut bytes = stream.to_vec();
+            for frame in bytes.chunks_exact_mut(19) {
+                frame[..2].fill(0xAA);
+                frame[18] = frame[2..18].iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+            }
+            Some(bytes)
+        }
+        Protocol::OpenIgtLink => {
+            let mut bytes = stream.to_vec();
+            let body = bytes.get(message::HEAD..)?.to_vec();
+            bytes[..2].copy_from_slice(&[0, 1 + body.len() as u8 % 2]);
+            bytes[42..50].copy_from_slice(&(body.len() as u64).to_be_bytes());
+            bytes[50..58].copy_from_slice(&message::crc64(&body).to_be_bytes());
+            Some(bytes)
+        }
+        _ => None,
+    }
+}
+
+fn decoder_seeds() -> Vec<Vec<u8>> {
+    const POSE: [f64; 7] = [10.0, 20.0, 30.0, 0.8, 0.6, 0.0, 0.0];
+    let rotation = glam::DMat3::from_rotation_x(0.5);
+    let position = glam::DVec3::new(1.0, 2.0, 3.0);
+    let mut igtl = BytesMut::new();
+    message::put_transform(&mut igtl, "Probe", 1_790_000_000_000_000_000, rotation, position);
+    message::put(&mut igtl, "TDATA", "Tracker", 0, |body| {
+        body.extend_from_slice(&message::field::<20>("Stylus"));
+        body.extend_from_slice(&[1, 0]);
+        message::put_matrix(body, rotation, position);
+    });
+    message::put(&mut igtl, "POSITION", "Needle", 0, |body| {
+        [1.0_f32, 2.0, 3.0, 0.0, 0.6, 0.0, 0.8].iter().for_each(|v| body.extend_from_slice(&v.to_be_bytes()));
+    });
+    message::put_status(&mut igtl, "Tracking", 0, message::STATUS_OK, "GOOD", "");
+
+    let mut data = vec![2, 1, 1];
+    [0.8_f32, 0.6, 0.0, 0.0, 1.0, 2.0, 3.0, 0.1].iter().for_each(|v| data.extend(v.to_le_bytes()));
+    data.extend([0x33, 0, 0, 0, 9, 0, 0, 0, 2, 2, 0x31, 0, 0, 0, 9, 0, 0, 0, 0, 0]);
+    let text =
+        "0201+08000+06000+00000+00000+001234-056789-123456+000120000003300001A2B\n02MISSING0000003100001A2B\n0000";
+    let bno = [
+        0xAA, 0xAA, 0xDE, 0x01, 0x00, 0x92, 0xFF, 0x25, 0x08, 0x8D, 0xFE, 0xEC, 0xFF, 0xD1, 0x03, 0x00, 0x00, 0x00,
+        0xE7,
+    ];
+    let pose = insonify::pose::Pose::from_components(POSE);
+    let line = pose.map(|pose| insonify::tracker::ascii_line::encode(7, 1000, &pose)).unwrap_or_default();
+    let bytes_of = |protocol: Protocol| -> Vec<Vec<u8>> {
+        match protocol {
+            Protocol::AsciiLine => vec![line.clone().into_bytes()],
+            Protocol::Ndi => vec![
+                repaired(protocol, &[&[1], &data[1..]].concat()).unwrap_or_default(),
+                ndi::framed(text).to_vec(),
+                [ndi::framed("OKAY"), ndi::framed("ERROR0C"), ndi::framed("RESET")].concat(),
+                data.clone(),
+                [b"\0", text.as_bytes()].concat(),
+            ],
+            Protocol::Bno08x | Protocol::Bno08xRollFirst => vec![bno.repeat(3)],
+            Protocol::OpenIgtLink => vec![igtl.to_vec(), igtl[..106].to_vec(), igtl[106..234].to_vec()],
+            Protocol::OpenTrack => vec![POSE[..6].iter().flat_map(|v| v.to_le_bytes()).collect()],
+            Protocol::SpaceMouse => {
+                vec![vec![1, 9, 0, 8, 0, 7, 0], vec![2; 7], vec![3, 1], vec![1, 9, 0, 8, 0, 7, 0, 1, 0, 2, 0, 3, 0]]
+            }
+            #[allow(unreachable_patterns)]
+            _ => vec![b"01 0.0 0.0 0.0".to_vec()],
+        }
+    };
+    let mut seeds = Vec::new();
+    for protocol in Protocol::ALL {
+        let same = Protocol::ALL.into_iter().filter(|other| letters(*other) == letters(protocol)).count();
+        assert_eq!(same, 1, "{} has the number of another protocol", protocol.name());
+        for stream in bytes_of(protocol) {
+            for is_repaired in [0, 1] {
+                seeds.push([&[letters(protocol), 6, is_repaired], &stream[..]].concat());
+            }
+        }
+    }
+    seeds
+}
+
+/// First byte: options. Then a script: a byte of time, a byte of what the device says (one of its usual replies, or that
+/// many bytes of the script).
+pub fn ndi_driver(data: &[u8]) -> u64 {
+    const REPLIES: [&str; 10] =
+        ["OKAY", "RESET", "00", "0101001", "0201001002001", "ERROR0C", "ERROR01", "0A", "000000", "ERROR10"];
+    let [options, script @ ..] = data else { return 0 };
+    let format = if options & 1 == 0 { ReplyFormat::Binary } else { ReplyFormat::Text };
+    let roms = if options & 4 == 0 { Vec::new() } else { vec![vec![7; ndi::ROM_BYTES]] };
+    let baud = (options & 2 != 0).then_some(115_200);
+    let mut driver = NdiDriver::new(Options { format, roms, baud, ..Options::default() });
+    let (mut now, mut buffer, mut hasher) = (Duration::ZERO, BytesMut::new(), DefaultHasher::new());
+    let mut last = String::new();
+    driver.start(now, u32::from(options >> 4));
+    let mut script = script.iter().copied();
+    while let Some(time) = script.next() {
+        let reply = script.next().unwrap_or(0);
+        match REPLIES.get(usize::from(reply)) {
+            Some(text) => buffer.extend_from_slice(&ndi::framed(text)),
+            None => buffer.extend(script.by_ref().take(usize::from(reply) - REPLIES.len())),
+        }
+        // From a millisecond to longer than any patience, in steps of a factor.
+        now += Duration::from_micros(1000 << (time % 16));
+        let mut turns = 0;
+        loop {
+            turns += 1;
+            assert!(turns < 10_000, "the exchange never rests");
+            let before = buffer.len();
+            match driver.decode(now, &mut buffer) {
+                Ok(Some(record)) => check(&record),
+                Ok(None) => break,
+                Err(error) => last = error.to_string(),
+            }
+            assert!(buffer.len() <= before);
+        }
+        let mut sent = 0;
+        while driver.line(now).is_some() {}
+        while driver.transmit(now).is_some() {
+            sent += 1;
+            assert!(sent <= 1, "more than one question at a time");
+        }
+        assert!(driver.wake_at().is_some_and(|at| at > now || driver.line(now).is_some()), "it would spin");
+        assert!(driver.patience() >= Duration::from_secs(1));
+    }
+    kind(&last, &mut hasher);
+    driver.is_tracking().hash(&mut hasher);
+    hasher.finish()
+}
+
+fn ndi_driver_seeds() -> Vec<Vec<u8>> {
+    // INIT, PHSR:01, PHSR:02, PINIT, PHSR:02, PHSR:03, PENA, TSTART, polls.
+    let bring_up = [2, 200, 2, 0, 2, 2, 2, 3, 2, 0, 2, 2, 2, 3, 2, 0, 2, 0, 3, 8, 3, 5, 3, 0];
+    (0..8).map(|options| [&[options], &bring_up[2..]].concat()).collect()
+}
+
+/// The bytes of an MCAP file.
+pub fn recording(data: &[u8]) -> u64 {
+    let path = Path::new("fuzz.mcap");
+    let mut hasher = DefaultHasher::new();
+    match RecordingReader::from_source(Cursor::new(data), path).and_then(|reader| poses_of(reader, path)) {
+        Ok((poses, summary)) => {
+            assert!(!poses.is_empty() && poses.is_sorted_by_key(|pose| pose.host_time_ns));
+            assert!(poses.iter().all(|timed| timed.pose.position_mm.is_finite()));
+            summary.damage.truncated.is_some().hash(&mut hasher);
+            summary.damage.damaged.min(3).hash(&mut hasher);
+            kind(&summary.to_string(), &mut hasher);
+        }
+        Err(error) => kind(&error.to_string(), &mut hasher),
+    }
+    hasher.finish()
+}
+
+fn recording_seeds() -> Vec<Vec<u8>> {
+    use insonify::tracker::recording::{Event, RecordingInfo, RecordingWriter};
+    let write = |messages: u32| -> Option<Vec<u8>> {
+        let dir = tempfile::tempdir().ok()?;
+        let path = dir.path().join("seed.mcap");
+        let info = RecordingInfo {
+            protocol: Protocol::AsciiLine,
+            device: "d".into(),
+            scene: "s".into(),
+            start_time_ns: 1_790_000_000_000_000_000,
+        };
+        let mut writer = RecordingWriter::create(&path, &info).ok()?;
+        for n in 0..messages {
+            let time_ns = info.start_time_ns + u64::from(n) * 300_000_000;
+            let pose = insonify::pose::Pose::from_components([f64::from(n), 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]).ok()?;
+            writer.raw(time_ns, insonify::tracker::ascii_line::encode(n, 1, &pose).as_bytes()).ok()?;
+        }
+        writer.event(&Event { host_time_ns: info.start_time_ns, name: "e".into() }).ok()?;
+        writer.finish().ok()?;
+        std::fs::read(path).ok()
+    };
+    [1, 12].into_iter().filter_map(write).collect()
+}
+
+/// The bytes of a `.glb` or `.gltf` file.
+pub fn glb(data: &[u8]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    // The importer opens files: external buffers are part of what it does.
+    let Ok(dir) = tempfile::tempdir_in(if Path::new("/dev/shm").is_dir() { "/dev/shm" } else { "/tmp" }) else {
+        return 0;
+    };
+    let path = dir.path().join(if data.starts_with(b"glTF") { "fuzz.glb" } else { "fuzz.gltf" });
+    if std::fs::write(&path, data).is_err() {
+        return 0;
+    }
+    let Ok(tissues) = TissueTable::builtin() else { return 0 };
+    match import::load(&path, &tissues, 0) {
+        Ok(_) => "scene".hash(&mut hasher),
+        Err(error) => {
+            let text = error.to_string().replace(&path.display().to_string(), "");
+            kind(&text, &mut hasher);
+        }
+    }
+    hasher.finish()
+}
+
+fn glb_seeds() -> Vec<Vec<u8>> {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scenes = if scenes.ends_with("fuzz") { scenes.join("../assets/scenes") } else { scenes.join("assets/scenes") };
+    ["bone_plate.glb", "slabs.glb", "speckle_block.glb"]
+        .iter()
+        .filter_map(|f| std::fs::read(scenes.join(f)).ok())
+        .collect()
+}
+
+/// The text of a station file.
+pub fn station(data: &[u8]) -> u64 {
+    let Ok(text) = std::str::from_utf8(data) else { return 0 };
+    let mut hasher = DefaultHasher::new();
+    match Station::parse(text, Path::new("/stations")) {
+        Ok(station) => {
+            assert!(station.probe.validate().is_ok() && station.settings.validate().is_ok());
+            "station".hash(&mut hasher);
+        }
+        // What follows is the station's own text.
+        Err(error) => kind(error.to_string().get(..24).unwrap_or_default(), &mut hasher),
+    }
+    hasher.finish()
+}
+
+fn station_seeds() -> Vec<Vec<u8>> {
+    let mut all = String::from("[scene]\nphantom = 'obstetric'\n");
+    let mut table = "scene";
+    for doc in insonify::station::KEYS.iter().filter(|doc| doc.table != "scene" && !doc.default.contains(' ')) {
+        if doc.table != table {
+            table = doc.table;
+            all.push_str(&format!("[{table}]\n"));
+        }
+        all.push_str(&format!("{} = {}\n", doc.key, doc.default));
+    }
+    vec![
+        all.into_bytes(),
+        b"[scene]\npath = 'a.glb'\n[probe]\nkind = 'linear'\nwidth_mm = 38\n".to_vec(),
+        b"scene.phantom = 'obstetric'\n[tissues.liver]\nspeed_m_s = 1600\n[openigtlink]\nscene_axes = 'LPS'\n".to_vec(),
+    ]
+}

@@ -1,0 +1,73 @@
+//! `[openigtlink]`: where images and transforms are served.
+
+use std::net::IpAddr;
+
+use super::StationError;
+use super::keys::Accepts;
+use super::values::Values;
+use crate::sink::openigtlink::Settings;
+
+pub(super) const ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
+pub(super) const AXES: &str = "three letters of R or L, A or P, S or I, right-handed, as \"RAS\", \"LPS\" or \"LSA\"";
+
+/// What the table `[openigtlink]` says.
+pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
+    let mut settings = Settings::default();
+    let refuse = |key: &str, found: &str, accepts| StationError::Range {
+        key: format!("openigtlink.{key}"),
+        found: format!("\"{found}\""),
+        accepts: Accepts::Text(accepts),
+        suggestion: String::new(),
+    };
+    if let Some(text) = values.text("address") {
+        settings.address = text.parse::<IpAddr>().map_err(|_| refuse("address", text, ADDRESS))?;
+    }
+    if let Some(port) = values.integer("port").and_then(|port| u16::try_from(port).ok()) {
+        settings.port = port;
+    }
+    if let Some(text) = values.text("scene_axes") {
+        settings.scene_axes = text.parse().map_err(|_| refuse("scene_axes", text, AXES))?;
+    }
+    values.set("slice_mm", &mut settings.slice_mm);
+    if let Some(clients) = values.integer("clients_max") {
+        settings.clients_max = clients as usize;
+    }
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::station::Station;
+
+    fn parse(table: &str) -> Result<Option<Settings>, String> {
+        let text = format!("[scene]\nphantom = 'obstetric'\n{table}");
+        Station::parse(&text, Path::new(".")).map(|station| station.openigtlink).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn the_table_switches_it_on() {
+        assert_eq!(parse(""), Ok(None));
+        assert_eq!(parse("[openigtlink]"), Ok(Some(Settings::default())));
+        let found =
+            parse("[openigtlink]\naddress = '0.0.0.0'\nport = 0\nscene_axes = 'LPS'\nslice_mm = 2\nclients_max = 3");
+        let expected = Settings {
+            address: IpAddr::from([0, 0, 0, 0]),
+            port: 0,
+            scene_axes: "LPS".parse().unwrap(),
+            slice_mm: 2.0,
+            clients_max: 3,
+        };
+        assert_eq!(found, Ok(Some(expected)));
+    }
+
+    #[test]
+    fn wrong_values_are_named() {
+        let error = parse("[openigtlink]\naddress = 'localhost'").unwrap_err();
+        assert!(error.contains("openigtlink.address") && error.contains("an IP address"), "{error}");
+        let error = parse("[openigtlink]\nscene_axes = 'LAS'").unwrap_err();
+        assert!(error.contains("scene_axes") && error.contains("right-handed"), "{error}");
+    }
+}

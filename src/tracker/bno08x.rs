@@ -1,0 +1,263 @@
+//! BNO08x inertial units in UART-RVC mode: 115200 baud, 100 frames a second, orientation only; the yaw drifts.
+//!
+//! | bytes | field, little-endian |
+//! |---|---|
+//! | 0..2 | `AA AA` |
+//! | 2 | u8 index, one more each frame |
+//! | 3..9 | i16 yaw, pitch, roll, 0.01° |
+//! | 9..15 | i16 acceleration x, y, z, mg |
+//! | 15..18 | reserved |
+//! | 18 | u8 sum of bytes 2 to 17 |
+//!
+//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some readers have pitch and roll the other way round; which is
+//! right depends on the firmware: see [`AngleOrder`]. The 8-bit index is carried on to 32 bits. The sum is a weak guard:
+//! of frames that lost bytes one in 256 passes it.
+
+use bytes::{Buf, BytesMut};
+use glam::{DQuat, EulerRot};
+use thiserror::Error;
+
+use super::Record;
+use crate::pose::Reading;
+
+/// Length of a frame, bytes.
+pub const LENGTH: usize = 19;
+
+/// Largest angle of a frame, degrees.
+pub const ANGLE_LIMIT_DEG: f64 = 180.0;
+
+const START: u8 = 0xAA;
+const DEG_PER_STEP: f64 = 0.01;
+
+/// Which of two angles comes first on the wire, behind the yaw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum AngleOrder {
+    /// Pitch, then roll, as the datasheet has it.
+    #[default]
+    PitchFirst,
+    /// Roll, then pitch.
+    RollFirst,
+}
+
+/// Bytes that are no frame.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("byte {offset} of the BNO08x's stream: {reason}")]
+pub struct DecodeError {
+    /// Where they start, bytes from the start of the stream.
+    pub offset: u64,
+    /// What is wrong with them.
+    pub reason: Reason,
+}
+
+/// What is wrong with a frame.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum Reason {
+    /// No start of a frame.
+    #[error("no frame starts with 0x{byte:02X}; one starts with AA AA")]
+    Noise {
+        /// First of the bytes passed over.
+        byte: u8,
+    },
+    /// Damaged on its way.
+    #[error("a frame has the sum {found:02X}, but its bytes give {computed:02X}")]
+    Sum {
+        /// What the frame says.
+        found: u8,
+        /// Sum of its bytes.
+        computed: u8,
+    },
+    /// An angle that is none.
+    #[error("{name} is {value_deg}°; it must lie within ±{ANGLE_LIMIT_DEG}° (is the unit in RVC mode?)")]
+    Angle {
+        /// Which one.
+        name: &'static str,
+        /// Its value, degrees.
+        value_deg: f64,
+    },
+    /// The stream ended within a frame.
+    #[error("the stream ends after {length} bytes of a frame")]
+    Incomplete {
+        /// Bytes there were.
+        length: usize,
+    },
+}
+
+/// Decoder of one stream.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    order: AngleOrder,
+    /// Bytes removed so far.
+    offset: u64,
+    /// Index of the last frame, carried on.
+    sequence: Option<u32>,
+    /// An error was given, and no frame found since.
+    lost: bool,
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream.
+    pub fn new(order: AngleOrder) -> Self {
+        Self { order, offset: 0, sequence: None, lost: false }
+    }
+
+    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
+    ///
+    /// Every `Ok(Some(_))` and every error removes at least one byte. One error stands for all that is passed over until
+    /// the next frame. After `Ok(None)` the buffer holds less than a frame.
+    ///
+    /// # Errors
+    /// Bytes that are no frame. They are removed up to what may be the next one.
+    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        loop {
+            let offset = self.offset;
+            let reason = match start(buffer) {
+                0 if buffer.len() < LENGTH => return Ok(None),
+                0 => match self.frame(buffer) {
+                    Ok(record) => {
+                        self.remove(buffer, LENGTH);
+                        self.lost = false;
+                        return Ok(Some(record));
+                    }
+                    Err(reason) => {
+                        // A frame that lost a byte holds the start of the next one.
+                        self.remove(buffer, 1);
+                        reason
+                    }
+                },
+                length => {
+                    let byte = buffer[0];
+                    self.remove(buffer, length);
+                    Reason::Noise { byte }
+                }
+            };
+            if !std::mem::replace(&mut self.lost, true) {
+                return Err(DecodeError { offset, reason });
+            }
+        }
+    }
+
+    /// Ends the stream.
+    ///
+    /// # Errors
+    /// A part of a frame is left. It is removed.
+    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        let (offset, length) = (self.offset, buffer.len());
+        self.remove(buffer, length);
+        if length == 0 { Ok(()) } else { Err(DecodeError { offset, reason: Reason::Incomplete { length } }) }
+    }
+
+    fn frame(&mut self, bytes: &[u8]) -> Result<Record, Reason> {
+        let found = bytes[LENGTH - 1];
+        let computed = bytes[2..LENGTH - 1].iter().fold(0_u8, |sum, &byte| sum.wrapping_add(byte));
+        if found != computed {
+            return Err(Reason::Sum { found, computed });
+        }
+        let mut angles_deg = [0.0; 3];
+        for (i, angle) in angles_deg.iter_mut().enumerate() {
+            let raw = i16::from_le_bytes([bytes[3 + 2 * i], bytes[4 + 2 * i]]);
+            *angle = f64::from(raw) * DEG_PER_STEP;
+        }
+        if self.order == AngleOrder::RollFirst {
+            angles_deg.swap(1, 2);
+        }
+        for (name, value_deg) in ["yaw", "pitch", "roll"].into_iter().zip(angles_deg) {
+            if value_deg.abs() > ANGLE_LIMIT_DEG {
+                return Err(Reason::Angle { name, value_deg });
+            }
+        }
+        let [yaw, pitch, roll] = angles_deg.map(f64::to_radians);
+        let sequence = carried_on(self.sequence, bytes[2]);
+        self.sequence = Some(sequence);
+        Ok(Record {
+            sensor: 0,
+            sequence: Some(sequence),
+            device_time_us: None,
+            buttons: 0,
+            reading: Reading::Orientation(DQuat::from_euler(EulerRot::ZYX, yaw, pitch, roll)),
+        })
+    }
+
+    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
+        buffer.advance(length);
+        self.offset += length as u64;
+    }
+}
+
+/// The counter of 32 bits whose lowest 8 are `index`, at most 255 on from `last`.
+fn carried_on(last: Option<u32>, index: u8) -> u32 {
+    last.map_or(u32::from(index), |last| last.wrapping_add(u32::from(index.wrapping_sub(last as u8))))
+}
+
+/// How many bytes lie before what may be the next frame: 0 too where there are none.
+fn start(buffer: &[u8]) -> usize {
+    let may_start = |at: &usize| buffer[*at] == START && buffer.get(at + 1).is_none_or(|&next| next == START);
+    (0..buffer.len()).find(may_start).unwrap_or(buffer.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// The example of the BNO08x datasheet's section on UART-RVC: yaw 0.01°, pitch −1.10°, roll 20.85°.
+    const DATASHEET: [u8; LENGTH] = [
+        0xAA, 0xAA, 0xDE, 0x01, 0x00, 0x92, 0xFF, 0x25, 0x08, 0x8D, 0xFE, 0xEC, 0xFF, 0xD1, 0x03, 0x00, 0x00, 0x00,
+        0xE7,
+    ];
+
+    fn orientation(bytes: &[u8], order: AngleOrder) -> DQuat {
+        let record = Decoder::new(order).decode(&mut BytesMut::from(bytes)).unwrap().unwrap();
+        match record.reading {
+            Reading::Orientation(q) => q,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn frame(index: u8, angles: [i16; 3]) -> Vec<u8> {
+        let mut bytes = vec![0xAA, 0xAA, index];
+        bytes.extend(angles.iter().flat_map(|a| a.to_le_bytes()));
+        bytes.extend([0; 9]);
+        let sum = bytes[2..].iter().fold(0_u8, |sum, &b| sum.wrapping_add(b));
+        bytes.push(sum);
+        bytes
+    }
+
+    #[test]
+    fn the_datasheets_frame_is_decoded() {
+        let expected = DQuat::from_rotation_z(0.01_f64.to_radians())
+            * DQuat::from_rotation_y((-1.10_f64).to_radians())
+            * DQuat::from_rotation_x(20.85_f64.to_radians());
+        assert!(orientation(&DATASHEET, AngleOrder::PitchFirst).angle_between(expected) < 1e-7);
+        let record = Decoder::new(AngleOrder::PitchFirst).decode(&mut BytesMut::from(&DATASHEET[..])).unwrap().unwrap();
+        assert_eq!(record.sequence, Some(222));
+    }
+
+    #[test]
+    fn the_order_of_pitch_and_roll_is_a_choice() {
+        let bytes = frame(0, [0, 9000, 0]);
+        assert!((orientation(&bytes, AngleOrder::PitchFirst) * DVec3::X).distance(-DVec3::Z) < 1e-9);
+        assert!((orientation(&bytes, AngleOrder::RollFirst) * DVec3::Y).distance(DVec3::Z) < 1e-9);
+    }
+
+    #[test]
+    fn the_index_is_carried_on() {
+        assert_eq!(carried_on(None, 200), 200);
+        assert_eq!(carried_on(Some(255), 0), 256);
+        assert_eq!(carried_on(Some(0x1_05), 0x04), 0x2_04);
+        assert_eq!(carried_on(Some(u32::MAX), 0), 0);
+    }
+
+    #[test]
+    fn one_error_stands_for_the_noise_before_a_frame() {
+        let mut decoder = Decoder::new(AngleOrder::PitchFirst);
+        let mut buffer = BytesMut::from(&[1_u8, 2, 0xAA, 3][..]);
+        buffer.extend_from_slice(&frame(7, [0, 0, 0]));
+        let error = decoder.decode(&mut buffer).unwrap_err();
+        assert_eq!(error, DecodeError { offset: 0, reason: Reason::Noise { byte: 1 } });
+        assert_eq!(decoder.decode(&mut buffer).unwrap().unwrap().sequence, Some(7));
+        let mut damaged = BytesMut::from(&frame(8, [0, 0, 20_000])[..]);
+        let error = decoder.decode(&mut damaged).unwrap_err();
+        assert_eq!(error.reason, Reason::Angle { name: "roll", value_deg: 200.0 });
+        assert_eq!(decoder.decode(&mut damaged), Ok(None));
+    }
+}

@@ -1,0 +1,224 @@
+//! Where replies begin and end.
+
+use std::collections::VecDeque;
+
+use bytes::{Buf, BytesMut};
+
+use super::reply::{self, Port};
+use super::{DecodeError, Reason, TEXT_LIMIT, crc16, quote};
+use crate::tracker::Record;
+
+/// First bytes of a binary reply.
+const BINARY_START: [u8; 2] = [0xC4, 0xA5];
+
+/// Start, length and checksum of a binary reply, bytes.
+const BINARY_HEAD: usize = 6;
+
+/// What comes out of the stream.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Item {
+    /// A tool of a tracking reply.
+    Record(Record),
+    /// The end of a tracking reply.
+    Tracked {
+        /// System status.
+        system_status: u16,
+        /// Ports that are disabled or unplugged.
+        absent: u16,
+    },
+    /// Another reply, without its checksum.
+    Text(String),
+}
+
+/// Cuts the stream into replies and those into records.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Framer {
+    /// Bytes removed so far.
+    offset: u64,
+    /// Where the last item began.
+    item_offset: u64,
+    /// What is known already of the bytes at the front of the buffer: how many of them belong to each item.
+    pending: VecDeque<(usize, Result<Item, Reason>)>,
+    /// An error was given for bytes at the front, and no reply found since.
+    lost: bool,
+    /// Bytes that were left in the buffer.
+    left: usize,
+    /// That many bytes at the front of the buffer are given up.
+    given_up: usize,
+}
+
+/// What stands at the front of the buffer.
+enum Front {
+    /// Nothing, or too little of it.
+    Part,
+    /// A binary reply of this many bytes, its data with a right checksum.
+    Binary(usize),
+    /// Text with a right checksum, of this many bytes with both its ends.
+    Text(usize),
+    /// No reply: how many bytes to remove, and whether a reply may start behind them.
+    Wrong(usize, Reason, bool),
+}
+
+impl Framer {
+    /// Where the last item began, bytes from the start of the stream.
+    pub(super) fn item_offset(&self) -> u64 {
+        self.item_offset
+    }
+
+    /// Gives up the reply that has begun: its sender isn't going to end it.
+    pub(super) fn give_up(&mut self) {
+        if self.pending.is_empty() {
+            self.given_up = self.left;
+        }
+    }
+
+    /// Takes the next item; None asks for more bytes. Each item and each error removes bytes.
+    pub(super) fn next(&mut self, buffer: &mut BytesMut) -> Result<Option<Item>, DecodeError> {
+        let given_up = std::mem::take(&mut self.given_up).min(buffer.len());
+        if given_up > 0 {
+            let reason = Reason::Incomplete { length: given_up };
+            return Err(self.reject(buffer, given_up, reason));
+        }
+        let item = loop {
+            if let Some((length, item)) = self.pending.pop_front() {
+                let offset = self.offset;
+                self.item_offset = offset;
+                self.remove(buffer, length);
+                break item.map(Some).map_err(|reason| DecodeError { offset, reason });
+            }
+            match front(buffer) {
+                Front::Part => break Ok(None),
+                Front::Binary(length) => self.tracking(length, &buffer[BINARY_HEAD..length - 2], BINARY_HEAD, true),
+                Front::Text(length) => {
+                    let text = &buffer[..length - 5];
+                    if reply::is_text_reply(text) {
+                        self.tracking(length, text, 0, false);
+                    } else {
+                        let text = String::from_utf8_lossy(text).into_owned();
+                        self.pending.push_back((length, Ok(Item::Text(text))));
+                    }
+                }
+                Front::Wrong(length, reason, aligned) => {
+                    let error = self.reject(buffer, length, reason);
+                    if !std::mem::replace(&mut self.lost, !aligned) {
+                        break Err(error);
+                    }
+                    continue;
+                }
+            }
+            self.lost = false;
+        };
+        self.left = buffer.len();
+        item
+    }
+
+    /// Ends the stream.
+    pub(super) fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.pending.clear();
+        self.given_up = 0;
+        match buffer.len() {
+            0 => Ok(()),
+            length => Err(self.reject(buffer, length, Reason::Incomplete { length })),
+        }
+    }
+
+    /// Notes the items of a tracking reply of `length` bytes whose `data` starts at byte `start` of it.
+    fn tracking(&mut self, length: usize, data: &[u8], start: usize, is_binary: bool) {
+        let mut used = 0;
+        let mut absent = 0;
+        let pending = &mut self.pending;
+        let found = |end: usize, port: Result<Port, Reason>| {
+            let item = match port {
+                Ok(Port::Tracked(record)) => Ok(Item::Record(record)),
+                Ok(Port::Absent) => {
+                    absent += 1;
+                    return;
+                }
+                Err(reason) => Err(reason),
+            };
+            pending.push_back((start + end - used, item));
+            used = start + end;
+        };
+        let status = if is_binary { reply::binary(data, found) } else { reply::text(data, found) };
+        if status.is_err() {
+            // Its checksum fits, but it isn't laid out as expected: no part of it can be trusted.
+            self.pending.clear();
+            used = 0;
+        }
+        self.pending.push_back((length - used, status.map(|system_status| Item::Tracked { system_status, absent })));
+    }
+
+    fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
+        let offset = self.offset;
+        self.remove(buffer, length);
+        DecodeError { offset, reason }
+    }
+
+    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
+        let length = length.min(buffer.len());
+        buffer.advance(length);
+        self.offset += length as u64;
+        self.left = buffer.len();
+    }
+}
+
+fn is_text(byte: u8) -> bool {
+    byte == b'\n' || (b' '..=b'~').contains(&byte)
+}
+
+/// Looks at the front of `buffer`; what it says doesn't depend on how much more than needed is there.
+fn front(buffer: &[u8]) -> Front {
+    match buffer.first() {
+        None => Front::Part,
+        Some(&byte) if byte == BINARY_START[0] => binary_front(buffer),
+        Some(&byte) if is_text(byte) => text_front(buffer),
+        Some(&byte) => Front::Wrong(1, Reason::Noise { byte }, false),
+    }
+}
+
+fn u16_at(buffer: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_le_bytes(buffer.get(at..at + 2)?.try_into().ok()?))
+}
+
+fn binary_front(buffer: &[u8]) -> Front {
+    if buffer.get(1).is_some_and(|&byte| byte != BINARY_START[1]) {
+        return Front::Wrong(1, Reason::Noise { byte: buffer[0] }, false);
+    }
+    let (Some(length), Some(found)) = (u16_at(buffer, 2), u16_at(buffer, 4)) else { return Front::Part };
+    let computed = crc16(&buffer[..4]);
+    if found != computed {
+        return Front::Wrong(1, Reason::Checksum { found, computed }, false);
+    }
+    let end = BINARY_HEAD + usize::from(length);
+    let Some(found) = u16_at(buffer, end) else { return Front::Part };
+    let computed = crc16(&buffer[BINARY_HEAD..end]);
+    // A reply that lost bytes on its way holds the start of the next one.
+    if found == computed {
+        Front::Binary(end + 2)
+    } else {
+        Front::Wrong(1, Reason::Checksum { found, computed }, false)
+    }
+}
+
+fn text_front(buffer: &[u8]) -> Front {
+    let Some(end) = buffer.iter().take(TEXT_LIMIT + 1).position(|&byte| !is_text(byte)) else {
+        let is_full = buffer.len() > TEXT_LIMIT;
+        return if is_full { Front::Wrong(TEXT_LIMIT + 1, Reason::TooLong, false) } else { Front::Part };
+    };
+    if buffer[end] != b'\r' {
+        return Front::Wrong(end, Reason::Noise { byte: buffer[end] }, false);
+    }
+    let digits = end.checked_sub(4).and_then(|start| std::str::from_utf8(&buffer[start..end]).ok());
+    let Some(found) = digits
+        .filter(|digits| digits.bytes().all(|b| b.is_ascii_hexdigit()))
+        .and_then(|digits| u16::from_str_radix(digits, 16).ok())
+    else {
+        return Front::Wrong(end + 1, Reason::ChecksumMissing { text: quote(&buffer[..end]) }, true);
+    };
+    let computed = crc16(&buffer[..end - 4]);
+    if found == computed {
+        Front::Text(end + 1)
+    } else {
+        Front::Wrong(end + 1, Reason::Checksum { found, computed }, true)
+    }
+}

@@ -1,0 +1,307 @@
+//! NDI Polaris, Vega and Aurora: the Combined API, over a serial line or TCP (port 8765).
+//!
+//! The host asks, the device answers. A command is `CMD:arguments`, a CRC of four upper-case hexadecimal digits and a
+//! carriage return. An answer is text with the same ending, or, to `BX`, a binary frame with two checksums. Both kinds of
+//! tracking replies, `TX` (text) and `BX`, are decoded with reply options `0001` and `0800`: transforms, those out of the
+//! measurement volume too.
+//!
+//! A record's `sensor` is the device's port handle, its `sequence` the device's frame number, and its buttons are the
+//! tool's switches. A tool that the device misses gives [`Reading::OutOfView`](crate::pose::Reading::OutOfView); one that
+//! is disabled or unplugged gives no record. The device may be asked more often than it measures: a reply that repeats the
+//! frame of the one before gives no record either.
+//!
+//! Sources: `ndicapi` (PlusToolkit), PLUS `vtkPlusNDITracker.cxx`, VRPN.
+
+use bytes::{BufMut, Bytes, BytesMut};
+use crc::{CRC_16_ARC, Crc, Table};
+use thiserror::Error;
+
+use crate::pose::PoseError;
+
+mod bring_up;
+mod decoder;
+mod driver;
+mod frame;
+mod reply;
+
+pub use decoder::Decoder;
+pub use driver::NdiDriver;
+
+/// TCP port of a Vega.
+pub const TCP_PORT: u16 = 8765;
+
+/// Speed of a serial device after it was switched on or reset, baud.
+pub const START_BAUD: u32 = 9600;
+
+/// Bytes of a tool's description (its ROM).
+pub const ROM_BYTES: usize = 1024;
+
+/// Longest text reply, bytes: a `TX` reply of 255 tools.
+pub const TEXT_LIMIT: usize = 2 + 255 * 70 + 9;
+
+const CRC16: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_ARC);
+
+/// The baud rates that `COMM` knows, in the order of its first digit.
+pub const BAUD_RATES: [u32; 8] = [9600, 14_400, 19_200, 38_400, 57_600, 115_200, 921_600, 1_228_739];
+
+/// The checksum of the Combined API: CRC-16/ARC.
+pub fn crc16(bytes: &[u8]) -> u16 {
+    CRC16.checksum(bytes)
+}
+
+/// `text` as it goes over the wire, a command or a reply: with its checksum and carriage return.
+pub fn framed(text: &str) -> Bytes {
+    let mut bytes = BytesMut::with_capacity(text.len() + 5);
+    bytes.put_slice(text.as_bytes());
+    bytes.put_slice(format!("{:04X}\r", crc16(text.as_bytes())).as_bytes());
+    bytes.freeze()
+}
+
+/// Which reply the driver asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ReplyFormat {
+    /// `BX`: binary, shorter, with a resolution of f32.
+    #[default]
+    Binary,
+    /// `TX`: text; 0.01 mm. Older devices know only this.
+    Text,
+}
+
+/// How a device is set up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Which reply is asked for.
+    pub format: ReplyFormat,
+    /// Whether poses outside of the characterised volume are given, too; else the tool counts as out of view there.
+    pub out_of_volume: bool,
+    /// Speed to switch a serial line to, one of [`BAUD_RATES`]; none where there is no serial line.
+    pub baud: Option<u32>,
+    /// Descriptions of wireless tools, [`ROM_BYTES`] each; their handles are asked for in this order. See [`pad_rom`].
+    pub roms: Vec<Vec<u8>>,
+    /// Least time between two questions for poses.
+    pub poll_interval: std::time::Duration,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            format: ReplyFormat::Binary,
+            out_of_volume: true,
+            baud: None,
+            roms: Vec::new(),
+            poll_interval: std::time::Duration::from_millis(8),
+        }
+    }
+}
+
+impl Options {
+    /// Checks what a station says.
+    ///
+    /// # Errors
+    /// A speed or a tool description that the device doesn't take.
+    pub fn validate(&self) -> Result<(), OptionsError> {
+        if let Some(baud) = self.baud.filter(|baud| !BAUD_RATES.contains(baud)) {
+            return Err(OptionsError::Baud { baud });
+        }
+        match self.roms.iter().find(|rom| rom.len() != ROM_BYTES) {
+            Some(rom) => Err(OptionsError::RomLength { length: rom.len() }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why a device cannot be set up as asked.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+pub enum OptionsError {
+    /// A speed that the device doesn't have.
+    #[error("an NDI device has no speed of {baud} baud; it must be one of {BAUD_RATES:?}")]
+    Baud {
+        /// Speed asked for.
+        baud: u32,
+    },
+    /// A file that is no tool description.
+    #[error("a tool description has 1 to {ROM_BYTES} bytes; this one has {length}")]
+    RomLength {
+        /// Its length, bytes.
+        length: usize,
+    },
+}
+
+/// The content of a `.rom` file at full length, filled up by zeros as NDI's own programs do.
+///
+/// # Errors
+/// An empty file, or one of more than [`ROM_BYTES`].
+pub fn pad_rom(mut rom: Vec<u8>) -> Result<Vec<u8>, OptionsError> {
+    if rom.is_empty() || rom.len() > ROM_BYTES {
+        return Err(OptionsError::RomLength { length: rom.len() });
+    }
+    rom.resize(ROM_BYTES, 0);
+    Ok(rom)
+}
+
+/// Bytes that are no reply, or what the device complains about.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("byte {offset} of the NDI device's stream: {reason}")]
+pub struct DecodeError {
+    /// Where it starts, bytes from the start of the stream.
+    pub offset: u64,
+    /// What is wrong.
+    pub reason: Reason,
+}
+
+impl DecodeError {
+    /// Whether the device itself reports something, in a reply that is whole: it is there and speaks.
+    pub fn is_report(&self) -> bool {
+        matches!(self.reason, Reason::Refused { .. } | Reason::Restarted | Reason::NoTool)
+    }
+}
+
+/// What is wrong with a reply, or with the device.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum Reason {
+    /// Neither the head of a binary reply nor text.
+    #[error("no reply starts with 0x{byte:02X}; one starts with text or with C4 A5 and a checked length")]
+    Noise {
+        /// The byte found.
+        byte: u8,
+    },
+    /// A checksum that doesn't fit.
+    #[error("a reply has the checksum {found:04X}, but its bytes give {computed:04X}")]
+    Checksum {
+        /// What the reply says.
+        found: u16,
+        /// CRC of its bytes.
+        computed: u16,
+    },
+    /// Text without a checksum.
+    #[error("the reply `{text}` does not end in a checksum of four hexadecimal digits")]
+    ChecksumMissing {
+        /// Start of the reply, escaped.
+        text: String,
+    },
+    /// No carriage return within the limit.
+    #[error("text of more than {TEXT_LIMIT} bytes without a carriage return")]
+    TooLong,
+    /// A whole reply whose parts don't add up.
+    #[error("a tracking reply is not laid out as reply option 0001 asks: {what}")]
+    Layout {
+        /// What doesn't fit.
+        what: &'static str,
+    },
+    /// A transform that is no pose.
+    #[error("tool {handle:02X}: {source}")]
+    Pose {
+        /// Port handle.
+        handle: u8,
+        /// What is wrong with it.
+        source: PoseError,
+    },
+    /// The device refuses a command.
+    #[error("the device answers ERROR{code:02X} to {command}: {}", error_name(*code))]
+    Refused {
+        /// Its number.
+        code: u8,
+        /// The command, or what is known of it.
+        command: String,
+    },
+    /// No reply in time.
+    #[error("no reply to `{command}` within {waited_ms} ms")]
+    NoReply {
+        /// The command.
+        command: String,
+        /// How long was waited, ms.
+        waited_ms: u64,
+    },
+    /// A reply that no such command has.
+    #[error("`{text}` is no reply to `{command}`")]
+    Unexpected {
+        /// The reply, escaped.
+        text: String,
+        /// The command.
+        command: String,
+    },
+    /// The device says that it has been reset.
+    #[error("the device has started anew; it is set up again")]
+    Restarted,
+    /// There is nothing to track.
+    #[error(
+        "the device has no tool to track; plug one in, or name the .rom file of a wireless tool in the station file"
+    )]
+    NoTool,
+    /// The stream ended within a reply.
+    #[error("the stream ends, or the device was given up, after {length} bytes of a reply")]
+    Incomplete {
+        /// Bytes there were.
+        length: usize,
+    },
+}
+
+/// What an error number of the device means (`ndicapi.h`).
+pub fn error_name(code: u8) -> &'static str {
+    match code {
+        0x01 => "invalid command",
+        0x02 => "command too long",
+        0x03 => "command too short",
+        0x04 => "wrong checksum of the command",
+        0x05 => "time ran out while the command was carried out",
+        0x06 => "the new communication parameters could not be set",
+        0x07 => "wrong number of parameters",
+        0x08 => "invalid port handle",
+        0x09 => "invalid mode",
+        0x0A => "invalid light",
+        0x0B => "invalid state of a light",
+        0x0C => "the command is not allowed in the device's present mode",
+        0x0D => "no tool in the port",
+        0x0E => "the port is not initialised",
+        0x0F => "the port is not enabled",
+        0x10 => "the system is not initialised",
+        0x11 => "tracking could not be stopped",
+        0x12 => "tracking could not be started",
+        0x13 => "the tool in the port could not be initialised",
+        0x14 => "invalid camera parameters",
+        0x15 => "the system could not be initialised",
+        0x16 => "the diagnostic mode could not be started",
+        0x17 => "the diagnostic mode could not be stopped",
+        0x18 => "infrared light around could not be measured",
+        _ => "see the device's manual",
+    }
+}
+
+/// The first bytes of a text for an error message, escaped.
+fn quote(bytes: &[u8]) -> String {
+    const QUOTE_LIMIT: usize = 32;
+    let end = if bytes.len() > QUOTE_LIMIT { "…" } else { "" };
+    format!("{}{end}", bytes[..bytes.len().min(QUOTE_LIMIT)].escape_ascii())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Vectors of the interface's guide and of `ndicapi`'s tests.
+    #[test]
+    fn checksums_are_those_of_the_device() {
+        let vectors = [
+            ("RESET", 0xBE6F),
+            ("OKAY", 0xA896),
+            ("INIT:", 0xE3A5),
+            ("TSTART:", 0x5423),
+            ("TX:0001", 0x031A),
+            ("BX:0801", 0x00EC),
+            ("PHSR:01", 0xE03E),
+            ("ERROR01", 0x6BC2),
+        ];
+        for (text, crc) in vectors {
+            assert_eq!(crc16(text.as_bytes()), crc, "{text}");
+            assert_eq!(framed(text), format!("{text}{crc:04X}\r").as_bytes());
+        }
+    }
+
+    #[test]
+    fn a_tool_description_is_filled_up() {
+        let rom = pad_rom(vec![7; 752]).unwrap();
+        assert_eq!((rom.len(), rom[751], rom[752]), (ROM_BYTES, 7, 0));
+        assert_eq!(pad_rom(Vec::new()), Err(OptionsError::RomLength { length: 0 }));
+        assert_eq!(pad_rom(vec![0; 1025]), Err(OptionsError::RomLength { length: 1025 }));
+    }
+}

@@ -1,0 +1,314 @@
+//! Poses from a stream of messages.
+
+use std::collections::VecDeque;
+
+use bytes::{Buf, BytesMut};
+
+use super::message::{
+    EXTENDED_HEAD, Field, HEAD, Head, MatrixError, TOOL, TRANSFORM, crc64, floats, pose_of_matrix, text,
+};
+use super::{DecodeError, Reason};
+use crate::pose::{Pose, Reading};
+use crate::tracker::Record;
+
+/// Devices and tools that are told apart.
+pub const NAMES_LIMIT: usize = 64;
+
+/// Most tools of a `TDATA` message.
+const TOOLS_LIMIT: usize = 64;
+
+/// Most metadata of a message with a pose, bytes: more is a damaged size.
+const METADATA_LIMIT: u64 = 64 << 10;
+
+/// Longest body that is passed over, bytes: more is a damaged size. An image of 4096 × 4096 colours has 48 MiB.
+const SKIP_LIMIT: u64 = 256 << 20;
+
+/// Messages that hold poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Transform,
+    Position,
+    TrackingData,
+}
+
+impl Kind {
+    fn of(kind: &Field<12>) -> Option<Self> {
+        match kind {
+            b"TRANSFORM\0\0\0" => Some(Self::Transform),
+            b"POSITION\0\0\0\0" | b"QTRANS\0\0\0\0\0\0" => Some(Self::Position),
+            b"TDATA\0\0\0\0\0\0\0" => Some(Self::TrackingData),
+            _ => None,
+        }
+    }
+
+    /// Whether its content may have this many bytes.
+    fn check(self, size: u64) -> Result<(), Reason> {
+        let tool = TOOL as u64;
+        let (kind, is_right, expected) = match self {
+            Self::Transform => ("TRANSFORM", size == TRANSFORM as u64, "48"),
+            Self::Position => ("POSITION", matches!(size, 12 | 24 | 28), "12, 24 or 28"),
+            Self::TrackingData => (
+                "TDATA",
+                size.is_multiple_of(tool) && size <= TOOLS_LIMIT as u64 * tool,
+                "70 for each of at most 64 tools",
+            ),
+        };
+        if is_right { Ok(()) } else { Err(Reason::Size { kind, found: size, expected }) }
+    }
+}
+
+/// Decoder of one stream.
+#[derive(Debug, Clone, Default)]
+pub struct Decoder {
+    /// Bytes removed so far.
+    offset: u64,
+    /// Bytes of a message that is being passed over.
+    skip: u64,
+    /// An error was given, and no message found since.
+    lost: bool,
+    /// Devices and tools in the order of their numbers.
+    names: Vec<Field<20>>,
+    /// How many bytes of the message at the front belong to each of its records.
+    pending: VecDeque<(usize, Result<Record, Reason>)>,
+    skipped: u64,
+}
+
+/// A message at the front of the buffer.
+struct Message {
+    head: Head,
+    kind: Kind,
+    /// Where its content lies.
+    content: std::ops::Range<usize>,
+    length: usize,
+}
+
+enum Front {
+    Part,
+    Skip(u64),
+    Message(Message),
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A decoder that numbers `names` from 0, and others behind them.
+    pub fn with_names(names: &[&str]) -> Self {
+        Self {
+            names: names.iter().take(NAMES_LIMIT).map(|name| super::message::field(name)).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Names of the devices and tools heard, in the order of their numbers.
+    pub fn names(&self) -> Vec<String> {
+        self.names.iter().map(|name| text(name)).collect()
+    }
+
+    /// Messages passed over since they hold no pose.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
+    ///
+    /// Every `Ok(Some(_))` and every error removes at least one byte. One error stands for all that is passed over until
+    /// the next message.
+    ///
+    /// # Errors
+    /// Bytes that are no message, a damaged message, one without a pose where there must be one. They are removed.
+    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        loop {
+            if self.skip > 0 {
+                let length = buffer.len().min(usize::try_from(self.skip).unwrap_or(usize::MAX));
+                self.remove(buffer, length);
+                self.skip -= length as u64;
+                if self.skip > 0 {
+                    return Ok(None);
+                }
+            }
+            if let Some((length, record)) = self.pending.pop_front() {
+                let offset = self.offset;
+                self.remove(buffer, length);
+                return record.map(Some).map_err(|reason| DecodeError { offset, reason });
+            }
+            match front(buffer) {
+                Ok(Front::Part) => return Ok(None),
+                Ok(Front::Skip(length)) => {
+                    self.skip = length;
+                    self.skipped += 1;
+                    self.lost = false;
+                }
+                Ok(Front::Message(message)) => {
+                    self.lost = false;
+                    self.note(&message, buffer);
+                    if self.pending.is_empty() {
+                        // No tool is in view.
+                        self.remove(buffer, message.length);
+                    }
+                }
+                Err(reason) => {
+                    let offset = self.offset;
+                    // A message that lost bytes holds the start of the next one.
+                    let length = next_head(buffer);
+                    self.remove(buffer, length);
+                    if !std::mem::replace(&mut self.lost, true) {
+                        return Err(DecodeError { offset, reason });
+                    }
+                }
+            }
+        }
+    }
+
+    /// Ends the stream.
+    ///
+    /// # Errors
+    /// A part of a message is left. It is removed.
+    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.pending.clear();
+        let (offset, length) = (self.offset, buffer.len());
+        self.remove(buffer, length);
+        if length == 0 && std::mem::take(&mut self.skip) == 0 {
+            return Ok(());
+        }
+        Err(DecodeError { offset, reason: Reason::Incomplete { length: length as u64 } })
+    }
+
+    /// Notes the records of a message.
+    fn note(&mut self, message: &Message, bytes: &[u8]) {
+        let content = message.content.clone();
+        let (head, time_us) = (&message.head, message.head.time_us());
+        match message.kind {
+            Kind::Transform => {
+                let pose = pose_of_matrix(bytes, content.start);
+                self.note_pose(message.length, head.device, time_us, pose);
+            }
+            Kind::Position => {
+                let [x, y, z] = floats(bytes, content.start);
+                let q = match content.len() {
+                    12 => Some([0.0, 0.0, 0.0, 1.0]),
+                    // The sign of the part left out is a convention: positive.
+                    24 => {
+                        let [qx, qy, qz] = floats(bytes, content.start + 12);
+                        Some([qx, qy, qz, (1.0 - qx * qx - qy * qy - qz * qz).max(0.0).sqrt()])
+                    }
+                    _ => Some(floats(bytes, content.start + 12)),
+                };
+                let [qx, qy, qz, qw] = q.unwrap_or_default();
+                let pose = Pose::from_components([x, y, z, qw, qx, qy, qz]).map_err(MatrixError::Pose);
+                self.note_pose(message.length, head.device, time_us, pose);
+            }
+            Kind::TrackingData => {
+                let tools = content.len() / TOOL;
+                let mut used = 0;
+                for tool in 0..tools {
+                    let start = content.start + tool * TOOL;
+                    let mut name = Field::<20>::default();
+                    name.copy_from_slice(&bytes[start..start + 20]);
+                    let end = if tool + 1 == tools { message.length } else { start + TOOL };
+                    let pose = pose_of_matrix(bytes, start + 22);
+                    let name = if name[0] == 0 { head.device } else { name };
+                    self.note_pose(end - used, name, time_us, pose);
+                    used = end;
+                }
+            }
+        }
+    }
+
+    fn note_pose(
+        &mut self,
+        length: usize,
+        mut name: Field<20>,
+        device_time_us: Option<u64>,
+        pose: Result<Pose, MatrixError>,
+    ) {
+        // Whatever stands behind the first zero isn't part of the name.
+        if let Some(end) = name.iter().position(|&b| b == 0) {
+            name[end..].fill(0);
+        }
+        let record = self.number(name).and_then(|sensor| match pose {
+            Ok(pose) => Ok(Record { sensor, sequence: None, device_time_us, buttons: 0, reading: Reading::Pose(pose) }),
+            Err(MatrixError::Matrix(what)) => Err(Reason::Matrix { name: text(&name), what }),
+            Err(MatrixError::Pose(source)) => Err(Reason::Pose { name: text(&name), source }),
+        });
+        self.pending.push_back((length, record));
+    }
+
+    fn number(&mut self, name: Field<20>) -> Result<u16, Reason> {
+        let known = self.names.iter().position(|known| *known == name);
+        let number = known.unwrap_or(self.names.len());
+        if number >= NAMES_LIMIT {
+            return Err(Reason::TooManyNames { name: text(&name) });
+        }
+        if known.is_none() {
+            self.names.push(name);
+        }
+        Ok(number as u16)
+    }
+
+    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
+        let length = length.min(buffer.len());
+        buffer.advance(length);
+        self.offset += length as u64;
+    }
+}
+
+/// Looks at the front of `buffer`; what it says doesn't depend on how much more than needed is there.
+fn front(buffer: &[u8]) -> Result<Front, Reason> {
+    if !may_be_head(buffer) {
+        return match buffer.first() {
+            Some(&byte) => Err(Reason::Head { byte }),
+            None => Ok(Front::Part),
+        };
+    }
+    let Some(head) = Head::read(buffer) else { return Ok(Front::Part) };
+    let Some(kind) = Kind::of(&head.kind) else {
+        return Ok(Front::Skip(HEAD as u64 + head.body_size));
+    };
+    let mut content_size = head.body_size;
+    let mut content_start = HEAD;
+    if head.version >= 2 {
+        let Some(extended) = buffer.get(HEAD..HEAD + EXTENDED_HEAD) else { return Ok(Front::Part) };
+        let [e0, e1, h0, h1, m0, m1, m2, m3, ..] = *extended else { return Ok(Front::Part) };
+        let size = u64::from(u16::from_be_bytes([e0, e1]));
+        let parts = size + u64::from(u16::from_be_bytes([h0, h1])) + u64::from(u32::from_be_bytes([m0, m1, m2, m3]));
+        if size != EXTENDED_HEAD as u64 || parts > head.body_size || parts > METADATA_LIMIT {
+            return Err(Reason::ExtendedHeader { parts, body: head.body_size });
+        }
+        content_size -= parts;
+        content_start += EXTENDED_HEAD;
+    }
+    // Before the body is waited for: a damaged size must not swallow what follows.
+    kind.check(content_size)?;
+    // Both are within limits that fit.
+    let length = HEAD + head.body_size as usize;
+    let Some(body) = buffer.get(HEAD..length) else { return Ok(Front::Part) };
+    let computed = crc64(body);
+    if computed != head.crc {
+        return Err(Reason::Checksum { found: head.crc, computed });
+    }
+    let content = content_start..content_start + content_size as usize;
+    Ok(Front::Message(Message { head, kind, content, length }))
+}
+
+/// Whether a head may start here, as far as can be seen: a version, a type of printable characters filled up by zeros,
+/// a size.
+fn may_be_head(bytes: &[u8]) -> bool {
+    let byte_is = |at: usize, right: &dyn Fn(u8) -> bool| bytes.get(at).is_none_or(|&b| right(b));
+    if !(byte_is(0, &|b| b == 0) && byte_is(1, &|b| (1..=3).contains(&b)) && byte_is(2, &|b| b.is_ascii_uppercase())) {
+        return false;
+    }
+    let kind = &bytes[bytes.len().min(2)..bytes.len().min(14)];
+    let length = kind.iter().position(|&b| b == 0).unwrap_or(kind.len());
+    let is_kind = kind[..length].iter().all(|&b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_');
+    let is_filled = kind[length..].iter().all(|&b| b == 0);
+    let has_size = Head::read(bytes).is_none_or(|head| head.body_size <= SKIP_LIMIT);
+    is_kind && is_filled && has_size
+}
+
+/// Bytes before the next place where a head may start, the front not counted; all where there is none.
+fn next_head(bytes: &[u8]) -> usize {
+    (1..bytes.len()).find(|&start| may_be_head(&bytes[start..])).unwrap_or(bytes.len())
+}

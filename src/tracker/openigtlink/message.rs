@@ -1,0 +1,277 @@
+//! Heads and bodies of messages.
+
+use bytes::{BufMut, BytesMut};
+use crc::{CRC_64_ECMA_182, Crc, Table};
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::pose::{Pose, PoseError};
+
+/// Length of a head, bytes.
+pub const HEAD: usize = 58;
+
+/// Length of the extended header that starts a v3 body, bytes.
+pub const EXTENDED_HEAD: usize = 12;
+
+/// Length of a `TRANSFORM`'s content, bytes.
+pub const TRANSFORM: usize = 48;
+
+/// Length of a tool of a `TDATA`, bytes.
+pub const TOOL: usize = 70;
+
+/// Length of what precedes the pixels of an `IMAGE`, bytes.
+pub const IMAGE_HEAD: usize = 72;
+
+/// A status code: all is well.
+pub const STATUS_OK: u16 = 1;
+
+/// A status code: not ready.
+pub const STATUS_NOT_READY: u16 = 13;
+
+/// Sixteen bytes a step: an image has a megabyte.
+static CRC64: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_ECMA_182);
+
+/// The checksum of a body: CRC-64/ECMA-182.
+pub fn crc64(body: &[u8]) -> u64 {
+    CRC64.checksum(body)
+}
+
+/// A text in a field of fixed length, filled up by zeros.
+pub type Field<const N: usize> = [u8; N];
+
+/// `text` as a field; what doesn't fit, and what isn't ASCII, is left out.
+pub fn field<const N: usize>(text: &str) -> Field<N> {
+    let mut field = [0; N];
+    for (slot, byte) in field.iter_mut().zip(text.bytes().filter(u8::is_ascii_graphic)) {
+        *slot = byte;
+    }
+    field
+}
+
+/// The text of a field, up to its first zero.
+pub fn text(field: &[u8]) -> String {
+    let end = field.iter().position(|&b| b == 0).unwrap_or(field.len());
+    String::from_utf8_lossy(field[..end].trim_ascii()).into_owned()
+}
+
+/// The head of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Head {
+    /// 1, or 2 for a v3 body with its extended header.
+    pub version: u16,
+    /// Type.
+    pub kind: Field<12>,
+    /// Device name.
+    pub device: Field<20>,
+    /// Seconds since 1970 in the upper 32 bits, 2⁻³² s in the lower; 0 for none.
+    pub time: u64,
+    /// Length of the body, bytes.
+    pub body_size: u64,
+    /// CRC-64 of the body.
+    pub crc: u64,
+}
+
+impl Head {
+    /// The head at the front of `bytes`, unchecked; none where they are too few.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let u64_at = |at: usize| Some(u64::from_be_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
+        Some(Self {
+            version: u16::from_be_bytes(bytes.get(..2)?.try_into().ok()?),
+            kind: bytes.get(2..14)?.try_into().ok()?,
+            device: bytes.get(14..34)?.try_into().ok()?,
+            time: u64_at(34)?,
+            body_size: u64_at(42)?,
+            crc: u64_at(50)?,
+        })
+    }
+
+    /// The device's clock, µs since 1970; none where the message has no time.
+    pub fn time_us(&self) -> Option<u64> {
+        let (seconds, fraction) = (self.time >> 32, self.time & 0xFFFF_FFFF);
+        (self.time != 0).then(|| seconds * 1_000_000 + ((fraction * 1_000_000) >> 32))
+    }
+}
+
+/// The time stamp of `time_ns`, ns since 1970.
+pub fn time_stamp(time_ns: u64) -> u64 {
+    let (seconds, ns) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+    (seconds << 32) | ((ns << 32) / 1_000_000_000)
+}
+
+/// Appends a version 1 message whose body `write` appends.
+pub fn put(out: &mut BytesMut, kind: &str, device: &str, time_ns: u64, write: impl FnOnce(&mut BytesMut)) {
+    let start = out.len();
+    out.put_u16(1);
+    out.put_slice(&field::<12>(kind));
+    out.put_slice(&field::<20>(device));
+    out.put_u64(time_stamp(time_ns));
+    out.put_bytes(0, 16);
+    let body = out.len();
+    write(out);
+    let (size, crc) = ((out.len() - body) as u64, crc64(&out[body..]));
+    out[start + 42..start + 50].copy_from_slice(&size.to_be_bytes());
+    out[start + 50..start + 58].copy_from_slice(&crc.to_be_bytes());
+}
+
+/// Appends three numbers.
+fn put_vector(out: &mut BytesMut, v: DVec3) {
+    for component in v.to_array() {
+        out.put_f32(component as f32);
+    }
+}
+
+/// Appends the content of a `TRANSFORM`: the columns of `rotation`, then `translation_mm`.
+pub fn put_matrix(out: &mut BytesMut, rotation: DMat3, translation_mm: DVec3) {
+    for column in [rotation.x_axis, rotation.y_axis, rotation.z_axis, translation_mm] {
+        put_vector(out, column);
+    }
+}
+
+/// Appends a `TRANSFORM` message.
+pub fn put_transform(out: &mut BytesMut, device: &str, time_ns: u64, rotation: DMat3, translation_mm: DVec3) {
+    put(out, "TRANSFORM", device, time_ns, |body| put_matrix(body, rotation, translation_mm));
+}
+
+/// Appends a `STATUS` message.
+pub fn put_status(out: &mut BytesMut, device: &str, time_ns: u64, code: u16, name: &str, text: &str) {
+    put(out, "STATUS", device, time_ns, |body| {
+        body.put_u16(code);
+        body.put_i64(0);
+        body.put_slice(&field::<20>(name));
+        body.put_slice(text.as_bytes());
+        body.put_u8(0);
+    });
+}
+
+/// Where an image lies, in RAS coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// From a pixel to the next in a row, mm.
+    pub column_mm: DVec3,
+    /// From a row to the next, mm.
+    pub row_mm: DVec3,
+    /// Thickness, along its normal, mm.
+    pub slice_mm: DVec3,
+    /// Its centre, mm.
+    pub centre_mm: DVec3,
+}
+
+/// Appends an `IMAGE` message of one slice of u8 \[height × width\], the first row first.
+pub fn put_image(out: &mut BytesMut, device: &str, time_ns: u64, size: [u16; 2], placement: &Placement, pixels: &[u8]) {
+    const SCALAR: u8 = 1;
+    const U8: u8 = 3;
+    const LITTLE_ENDIAN: u8 = 2;
+    const RAS: u8 = 1;
+    put(out, "IMAGE", device, time_ns, |body| {
+        let [width, height] = size;
+        body.put_u16(1);
+        body.put_slice(&[SCALAR, U8, LITTLE_ENDIAN, RAS]);
+        for extent in [width, height, 1] {
+            body.put_u16(extent);
+        }
+        for vector in [placement.column_mm, placement.row_mm, placement.slice_mm, placement.centre_mm] {
+            put_vector(body, vector);
+        }
+        for extent in [0, 0, 0, width, height, 1] {
+            body.put_u16(extent);
+        }
+        body.put_slice(pixels);
+    });
+}
+
+/// `N` numbers at `at`; zeros where the slice is too short, which callers rule out.
+pub(super) fn floats<const N: usize>(bytes: &[u8], at: usize) -> [f64; N] {
+    let mut floats = [0.0; N];
+    for (float, chunk) in floats.iter_mut().zip(bytes.get(at..).unwrap_or_default().chunks_exact(4)) {
+        *float = f64::from(f32::from_be_bytes([chunk[0], chunk[1], chunk[2], chunk[3]]));
+    }
+    floats
+}
+
+/// Why a matrix is no pose.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum MatrixError {
+    Matrix(&'static str),
+    Pose(PoseError),
+}
+
+/// The pose of the content of a `TRANSFORM`, 48 bytes at `at`.
+pub(super) fn pose_of_matrix(bytes: &[u8], at: usize) -> Result<Pose, MatrixError> {
+    /// f32 gives 1e-7; servers that send four decimals are accepted, too.
+    const TOLERANCE: f64 = 1e-3;
+    let [x0, x1, x2, y0, y1, y2, z0, z1, z2, tx, ty, tz]: [f64; 12] = floats(bytes, at);
+    let [x, y, z] = [DVec3::new(x0, x1, x2), DVec3::new(y0, y1, y2), DVec3::new(z0, z1, z2)];
+    // NaN is within no tolerance.
+    let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= TOLERANCE;
+    if !(is_unit(x) && is_unit(y) && is_unit(z)) {
+        return Err(MatrixError::Matrix("its columns must have length 1 within 0.001"));
+    }
+    if !(x.dot(y).abs() <= TOLERANCE && y.dot(z).abs() <= TOLERANCE && z.dot(x).abs() <= TOLERANCE) {
+        return Err(MatrixError::Matrix("its columns must be perpendicular within 0.001"));
+    }
+    if x.cross(y).dot(z) < 0.0 {
+        return Err(MatrixError::Matrix("it mirrors"));
+    }
+    let q = DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize();
+    Pose::from_components([tx, ty, tz, q.w, q.x, q.y, q.z]).map_err(MatrixError::Pose)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A whole message of the protocol's documentation, CRC checked.
+    const VECTOR: &str = "0001 5452414E53464F524D000000 4465766963654E616D6500000000000000000000 00000000499602D4 \
+        0000000000000030 F6DD2B8EB4DF6DD2 BF7473CD3E4959E6BE63DD98BE4959E63E12491B3F7852D63E63DD983F7852D6\
+        BDC830AE42383660419BC46742383660";
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        let hex = hex.replace(' ', "");
+        (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect()
+    }
+
+    #[test]
+    fn the_checksum_is_that_of_the_protocol() {
+        assert_eq!(crc64(b"123456789"), 0x6C40_DF5F_0B49_7347);
+        let message = bytes(VECTOR);
+        let head = Head::read(&message).unwrap();
+        assert_eq!(head.crc, crc64(&message[HEAD..]));
+        assert_eq!((text(&head.kind), text(&head.device)), ("TRANSFORM".into(), "DeviceName".into()));
+        assert_eq!((head.version, head.body_size, head.time), (1, 48, 0x4996_02D4));
+    }
+
+    #[test]
+    fn a_pose_written_is_the_vector() {
+        let message = bytes(VECTOR);
+        let pose = pose_of_matrix(&message, HEAD).unwrap();
+        assert!((pose.position_mm - DVec3::new(46.053, 19.471, 46.053)).length() < 1e-3, "{pose:?}");
+        let mut out = BytesMut::new();
+        // 0x499602D4 lies in the fraction: 0.2875 s.
+        put_transform(&mut out, "DeviceName", 0, DMat3::from_quat(pose.orientation), pose.position_mm);
+        assert_eq!(out[..34], message[..34]);
+        assert_eq!(out[42..50], message[42..50]);
+        let (ours, theirs): ([f64; 12], [f64; 12]) = (floats(&out, HEAD), floats(&message, HEAD));
+        assert!(ours.iter().zip(theirs).all(|(a, b)| (a - b).abs() < 1e-6), "{ours:?}");
+    }
+
+    #[test]
+    fn times_go_there_and_back() {
+        let stamp = time_stamp(1_790_000_000_123_456_789);
+        let head = Head { version: 1, kind: [0; 12], device: [0; 20], time: stamp, body_size: 0, crc: 0 };
+        assert_eq!(head.time_us(), Some(1_790_000_000_123_456));
+        assert_eq!(Head { time: 0, ..head }.time_us(), None);
+    }
+
+    #[test]
+    fn matrices_that_are_no_rotation_are_refused() {
+        let refused = |x: DVec3, y: DVec3, z: DVec3| {
+            let mut out = BytesMut::new();
+            put_matrix(&mut out, DMat3::from_cols(x, y, z), DVec3::ZERO);
+            pose_of_matrix(&out, 0).is_err()
+        };
+        assert!(!refused(DVec3::X, DVec3::Y, DVec3::Z));
+        assert!(refused(DVec3::X, DVec3::Y, -DVec3::Z));
+        assert!(refused(2.0 * DVec3::X, DVec3::Y, DVec3::Z));
+        assert!(refused(DVec3::X, DVec3::X, DVec3::Z));
+        assert!(refused(DVec3::NAN, DVec3::Y, DVec3::Z));
+    }
+}

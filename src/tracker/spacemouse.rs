@@ -1,0 +1,226 @@
+//! 3Dconnexion SpaceMouse: HID input reports (usage page 1, usage 8; vendors 046D and 256F).
+//!
+//! | report | bytes | content, i16 little-endian |
+//! |---|---|---|
+//! | split | 7 | `01` x y z, then in a report of its own `02` rx ry rz |
+//! | combined | 13 | `01` x y z rx ry rz |
+//! | buttons | 2 or more | `03`, a bit a button from the lowest |
+//! | battery | any | `17`, passed over |
+//!
+//! Split and combined reports are told apart by their length, not by the product: some systems fill reports up by zeros.
+//! A report has no length of its own, so that each call decodes one report: the whole buffer. Each report that changes
+//! something gives a record of all that is known: rates, and buttons held. A puck at rest sends nothing.
+//!
+//! Axes are those of the device; which sign means what differs from reader to reader of these reports. Sources: VRPN,
+//! spacenavd, PLUS.
+
+use bytes::BytesMut;
+use glam::DVec3;
+use thiserror::Error;
+
+use super::Record;
+use crate::pose::Reading;
+
+/// What the puck reports when pushed or turned all the way; devices reach about this, none says exactly.
+pub const RANGE: f64 = 350.0;
+
+/// Longest report, bytes.
+pub const REPORT_LIMIT: usize = 64;
+
+/// USB vendors: Logitech, which made the first ones, and 3Dconnexion.
+pub const VENDORS: [u16; 2] = [0x046D, 0x256F];
+
+/// HID usage page and usage of a multi-axis controller.
+pub const USAGE: (u16, u16) = (1, 8);
+
+/// Products of 3Dconnexion that are no puck: keyboards, mice, receivers' other halves.
+pub const NOT_A_PUCK: [u16; 11] =
+    [0xC650, 0xC651, 0xC654, 0xC655, 0xC656, 0xC657, 0xC658, 0xC664, 0xC665, 0xC668, 0xC62C];
+
+const TRANSLATION: u8 = 0x01;
+const ROTATION: u8 = 0x02;
+const BUTTONS: u8 = 0x03;
+const BATTERY: u8 = 0x17;
+const SPLIT: usize = 7;
+const COMBINED: usize = 13;
+
+/// Bytes that are no report.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("report {number} of the SpaceMouse: {reason}")]
+pub struct DecodeError {
+    /// Reports before it.
+    pub number: u64,
+    /// What is wrong with it.
+    pub reason: Reason,
+}
+
+/// What is wrong with a report.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum Reason {
+    /// Another kind of report.
+    #[error("it is of kind 0x{kind:02X}; known are 01 and 02 (axes), 03 (buttons) and 17 (battery)")]
+    Kind {
+        /// First byte.
+        kind: u8,
+    },
+    /// Too short for its kind.
+    #[error("a report of kind 0x{kind:02X} has {length} bytes; it must have at least {least}")]
+    Length {
+        /// First byte.
+        kind: u8,
+        /// Bytes it has.
+        length: usize,
+        /// Bytes it needs.
+        least: usize,
+    },
+    /// More than a report can hold.
+    #[error("it has {length} bytes, more than the {REPORT_LIMIT} of a report")]
+    TooLong {
+        /// Bytes it has.
+        length: usize,
+    },
+}
+
+/// Decoder of one device's reports.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    range: f64,
+    number: u64,
+    translation: DVec3,
+    rotation: DVec3,
+    buttons: u32,
+}
+
+impl Decoder {
+    /// A decoder of a device that reports `range` when pushed all the way; values beyond count as that.
+    pub fn new(range: f64) -> Self {
+        let range = if range.is_finite() && range >= 1.0 { range } else { RANGE };
+        Self { range, number: 0, translation: DVec3::ZERO, rotation: DVec3::ZERO, buttons: 0 }
+    }
+
+    /// Decodes the report that `buffer` holds, and empties it; `Ok(None)` where it says nothing.
+    ///
+    /// # Errors
+    /// A report that is none, or of another kind. It is removed.
+    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        if buffer.is_empty() {
+            return Ok(None);
+        }
+        let changed = self.report(buffer);
+        buffer.clear();
+        let number = self.number;
+        self.number += 1;
+        let is_said = changed.map_err(|reason| DecodeError { number, reason })?;
+        Ok(is_said.then(|| self.record()))
+    }
+
+    /// Ends the stream: there is no part of a report.
+    ///
+    /// # Errors
+    /// None; it has the signature of the other decoders.
+    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        buffer.clear();
+        Ok(())
+    }
+
+    fn report(&mut self, report: &[u8]) -> Result<bool, Reason> {
+        let (length, kind) = (report.len(), report[0]);
+        if length > REPORT_LIMIT {
+            return Err(Reason::TooLong { length });
+        }
+        let least = match kind {
+            TRANSLATION | ROTATION => SPLIT,
+            BUTTONS => 2,
+            BATTERY => return Ok(false),
+            _ => return Err(Reason::Kind { kind }),
+        };
+        if length < least {
+            return Err(Reason::Length { kind, length, least });
+        }
+        match kind {
+            TRANSLATION => {
+                self.translation = self.axes(&report[1..SPLIT]);
+                if length >= COMBINED {
+                    self.rotation = self.axes(&report[SPLIT..COMBINED]);
+                }
+            }
+            ROTATION => self.rotation = self.axes(&report[1..SPLIT]),
+            _ => {
+                let bytes = report[1..].iter().take(4).enumerate();
+                self.buttons = bytes.fold(0, |bits, (i, &byte)| bits | (u32::from(byte) << (8 * i)));
+            }
+        }
+        Ok(true)
+    }
+
+    fn axes(&self, bytes: &[u8]) -> DVec3 {
+        let axis = |i: usize| {
+            let raw = i16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]);
+            (f64::from(raw) / self.range).clamp(-1.0, 1.0)
+        };
+        DVec3::new(axis(0), axis(1), axis(2))
+    }
+
+    fn record(&self) -> Record {
+        Record {
+            sensor: 0,
+            sequence: None,
+            device_time_us: None,
+            buttons: self.buttons,
+            reading: Reading::Rates { translation: self.translation, rotation: self.rotation },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decode(decoder: &mut Decoder, report: &[u8]) -> Result<Option<(DVec3, DVec3, u32)>, Reason> {
+        let mut buffer = BytesMut::from(report);
+        let decoded = decoder.decode(&mut buffer).map_err(|error| error.reason)?;
+        assert!(buffer.is_empty());
+        Ok(decoded.map(|record| match record.reading {
+            Reading::Rates { translation, rotation } => (translation, rotation, record.buttons),
+            other => panic!("{other:?}"),
+        }))
+    }
+
+    /// Layouts of VRPN's and spacenavd's readers.
+    #[test]
+    fn split_and_combined_reports_are_told_by_their_length() {
+        let mut split = Decoder::new(350.0);
+        let first = decode(&mut split, &[1, 0x5E, 0x01, 0xA2, 0xFE, 0xAF, 0x00]);
+        assert_eq!(first, Ok(Some((DVec3::new(1.0, -1.0, 0.5), DVec3::ZERO, 0))));
+        let second = decode(&mut split, &[2, 0, 0, 0x46, 0, 0xBA, 0xFF]).unwrap().unwrap();
+        assert_eq!(second, (DVec3::new(1.0, -1.0, 0.5), DVec3::new(0.0, 0.2, -0.2), 0));
+
+        let mut combined = Decoder::new(350.0);
+        let both = decode(&mut combined, &[1, 0x5E, 0x01, 0xA2, 0xFE, 0xAF, 0, 0, 0, 0x46, 0, 0xBA, 0xFF]);
+        assert_eq!(both, Ok(Some(second)));
+        // A split report that the system filled up.
+        let filled = decode(&mut combined, &[1, 0, 0, 0, 0, 0, 0, 9, 9, 9, 9, 9]).unwrap().unwrap();
+        assert_eq!(filled, (DVec3::ZERO, DVec3::new(0.0, 0.2, -0.2), 0));
+    }
+
+    #[test]
+    fn buttons_are_held_and_rates_clamped() {
+        let mut decoder = Decoder::new(350.0);
+        assert_eq!(decode(&mut decoder, &[3, 0x02]), Ok(Some((DVec3::ZERO, DVec3::ZERO, 2))));
+        let pushed = decode(&mut decoder, &[1, 0xFF, 0x7F, 0, 0x80, 0, 0]).unwrap().unwrap();
+        assert_eq!(pushed, (DVec3::new(1.0, -1.0, 0.0), DVec3::ZERO, 2));
+        assert_eq!(decode(&mut decoder, &[3, 0, 0, 0, 0x80, 0, 0]).unwrap().unwrap().2, 0x8000_0000);
+        assert_eq!(decode(&mut decoder, &[0x17, 88, 0]), Ok(None));
+    }
+
+    #[test]
+    fn what_is_no_report_is_named() {
+        let mut decoder = Decoder::new(350.0);
+        assert_eq!(decode(&mut decoder, &[9, 1, 2]), Err(Reason::Kind { kind: 9 }));
+        assert_eq!(decode(&mut decoder, &[1, 0, 0]), Err(Reason::Length { kind: 1, length: 3, least: 7 }));
+        assert_eq!(decode(&mut decoder, &[3]), Err(Reason::Length { kind: 3, length: 1, least: 2 }));
+        assert_eq!(decode(&mut decoder, &[1; 65]), Err(Reason::TooLong { length: 65 }));
+        let error = decoder.decode(&mut BytesMut::from(&[9_u8][..])).unwrap_err();
+        assert_eq!(error.number, 4);
+    }
+}
