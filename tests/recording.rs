@@ -25,6 +25,7 @@ fn info() -> RecordingInfo {
         device: "test board".into(),
         scene: "none".into(),
         start_time_ns: START_NS,
+        sensor: None,
     }
 }
 
@@ -52,7 +53,7 @@ fn line(record: &Record) -> String {
 /// A recording of `lines`, one message each, 60 a second.
 fn write(path: &Path, lines: &[String]) {
     let mut writer = RecordingWriter::create(path, &info()).unwrap();
-    writer.event(&Event { host_time_ns: START_NS, name: "start".into() }).unwrap();
+    writer.event(&Event::new(START_NS, "start")).unwrap();
     for (i, line) in lines.iter().enumerate() {
         writer.raw(START_NS + i as u64 * PERIOD_NS, line.as_bytes()).unwrap();
     }
@@ -87,7 +88,7 @@ fn a_recording_gives_back_its_poses_times_and_events() {
     assert!(summary.is_clean(), "{summary}");
     assert_eq!((summary.messages, summary.records), (150, 150));
     assert_eq!(summary.info, info());
-    assert_eq!(summary.events, [Event { host_time_ns: START_NS, name: "start".into() }]);
+    assert_eq!(summary.events, [Event::new(START_NS, "start")]);
     assert_eq!(summary.duration.as_nanos(), u128::from(149 * PERIOD_NS));
 }
 
