@@ -9,6 +9,7 @@ use insonify::anatomy::phantom::{CacheError, PhantomError};
 use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
 use insonify::station::StationError;
+use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
 use insonify::transducer::ProbeError;
 
@@ -81,6 +82,15 @@ impl From<RecordingError> for Failure {
         match error {
             RecordingError::Write { .. } => Self::Other(error.into()),
             _ => Self::Input(error.into()),
+        }
+    }
+}
+
+impl From<InterchangeError> for Failure {
+    fn from(error: InterchangeError) -> Self {
+        match error {
+            InterchangeError::Recording(error) => error.into(),
+            error => Self::Input(error.into()),
         }
     }
 }

@@ -20,8 +20,10 @@ use thiserror::Error;
 
 use crate::pose::{Pose, Reading};
 
+mod arrival;
 pub mod ascii_line;
 pub mod driver;
+pub mod interchange;
 pub mod recording;
 
 /// One measurement of a tracker.

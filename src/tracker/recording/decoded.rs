@@ -7,6 +7,7 @@ use bytes::BytesMut;
 
 use super::{Entry, Event, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::pose::{Measurement, Reading};
+use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::{Decoder, Record};
 
 /// What a recording holds, one thing after the other.
@@ -117,30 +118,5 @@ impl<R: Read> DecodedRecording<R> {
             sequence: record.sequence,
             reading: record.reading,
         }));
-    }
-}
-
-/// When the bytes of a stream came.
-#[derive(Default)]
-struct ArrivalTimes {
-    /// Bytes so far.
-    total: u64,
-    /// Where each message ends in the stream, and its time; those that were used up are removed.
-    messages: VecDeque<(u64, u64)>,
-}
-
-impl ArrivalTimes {
-    fn push(&mut self, length: usize, time_ns: u64) {
-        self.total += length as u64;
-        self.messages.push_back((self.total, time_ns));
-    }
-
-    /// Time of the first of the last `left` bytes.
-    fn of_first_of(&mut self, left: usize) -> u64 {
-        let position = self.total - left as u64;
-        while self.messages.len() > 1 && self.messages.front().is_some_and(|(end, _)| *end <= position) {
-            self.messages.pop_front();
-        }
-        self.messages.front().map_or(0, |(_, time_ns)| *time_ns)
     }
 }

@@ -3,33 +3,32 @@
 /// A lone first or last time this far from its neighbour is a wrong clock, ns: one hour.
 const LONE_NS: u64 = 3_600_000_000_000;
 
-/// Removes as few of `items` as possible, so that the times of the others do not fall; then a first and a last one that
-/// lie by themselves, more than an hour from the rest. Returns how many were removed.
+/// Removes a first and a last one of `items` that lie by themselves, more than an hour from the rest, then as few as
+/// possible so that the times of the others do not fall. Returns how many were removed.
 ///
 /// A single wrong time, however far off, so costs a single item, and a clock that was set back costs the shorter part.
 pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) -> u64 {
     let before = items.len();
-    if !items.is_sorted_by_key(&time_ns) {
-        let kept = longest_ascending(items, &time_ns);
-        let mut kept = kept.into_iter().peekable();
-        let mut index = 0;
-        items.retain(|_| {
-            let keep = kept.next_if_eq(&index).is_some();
-            index += 1;
-            keep
-        });
-    }
+    let mut kept = longest_ascending(items, &time_ns);
+    let lone = |a: usize, b: usize| time_ns(&items[b]) - time_ns(&items[a]) > LONE_NS;
     // Two items have no majority that could say which of them is wrong.
-    let lone = |a: &T, b: &T| time_ns(b) - time_ns(a) > LONE_NS;
-    if let [first, second, _, ..] = &items[..]
-        && lone(first, second)
-    {
-        items.remove(0);
+    let (first, last) = match kept[..] {
+        [.., second, last] if kept.len() > 2 => {
+            (lone(kept[0], kept[1]).then_some(kept[0]), lone(second, last).then_some(last))
+        }
+        _ => (None, None),
+    };
+    if first.is_some() || last.is_some() {
+        // The last one first, so that the other index stays right.
+        for index in [last, first].into_iter().flatten() {
+            items.remove(index);
+        }
+        // They may have stood in the way of good ones.
+        kept = longest_ascending(items, &time_ns);
     }
-    if let [.., _, second, last] = &items[..]
-        && lone(second, last)
-    {
-        items.pop();
+    if kept.len() < items.len() {
+        let (mut kept, mut index) = (kept.into_iter().peekable(), 0..);
+        items.retain(|_| index.next().is_some_and(|index| kept.next_if_eq(&index).is_some()));
     }
     (before - items.len()) as u64
 }
@@ -40,6 +39,9 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
 /// Mathematics 11 (1975).
 fn longest_ascending<T>(items: &[T], time_ns: impl Fn(&T) -> u64) -> Vec<usize> {
     const NONE: usize = usize::MAX;
+    if items.is_sorted_by_key(&time_ns) {
+        return (0..items.len()).collect();
+    }
     // The item that ends the best run of each length, and what comes before each item in its run.
     let (mut ends, mut previous) = (Vec::<usize>::new(), vec![NONE; items.len()]);
     for (i, item) in items.iter().enumerate() {
