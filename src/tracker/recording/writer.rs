@@ -176,6 +176,13 @@ impl RecordingWriter {
     }
 }
 
-fn fail(path: &Path, error: impl std::fmt::Display) -> RecordingError {
-    RecordingError::Write { path: path.to_owned(), reason: error.to_string() }
+/// With all causes: those of MCAP's errors name the system's reason only there.
+fn fail(path: &Path, error: impl std::error::Error) -> RecordingError {
+    let mut reason = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        reason = format!("{reason}: {error}");
+        cause = error.source();
+    }
+    RecordingError::Write { path: path.to_owned(), reason }
 }
