@@ -136,10 +136,10 @@ fn every_mistake_of_a_sequence_is_named() {
         (swap("CompressedData = False", "CompressedData = No"), "`CompressedData` is `No`; it must be True or False"),
         (swap("Channels = 1", "Channels = -1"), "`ElementNumberOfChannels` is `-1`"),
         (swap("BinaryData = True", "BinaryData = False"), "pixels as text are not read"),
-        (swap("Offset = 0 0 0", "NDims = 3"), "line 13 (byte 249): `NDims` is there twice, first in line 2"),
+        (swap("Offset = 0 0 0", "NDims = 3"), "line 13 (byte 272): `NDims` is there twice, first in line 2"),
         (swap("Seq_Frame0001_Time", "Seq_FrameABCD_Time"), "is no `Seq_FrameNNNN_KEY`"),
         (swap("Seq_Frame0001_Time", "Seq_Frame4000000000_Time"), "is no `Seq_FrameNNNN_KEY` below 1000000"),
-        (swap("Timestamp = 12.5\n", "Timestamp = noon\n"), "line 21 (byte 667): `Timestamp` is `noon`"),
+        (swap("Timestamp = 12.5\n", "Timestamp = noon\n"), "line 21 (byte 657): `Timestamp` is `noon`"),
         (swap("Seq_Frame0001_Timestamp = 12.55\n", ""), "image 1 has no `Timestamp`"),
         (swap("10 1 0 0 20", "10 1 0 0"), "is not sixteen numbers"),
         (swap("-30.25 0 0 0 1", "-30.25 0 0 0 2"), "its last row is [0.0, 0.0, 0.0, 2.0]"),
@@ -213,7 +213,7 @@ fn every_mistake_of_a_table_is_named() {
         (&swap("x_mm", "xmm"), "(did you mean `x_mm`?)"),
         (&swap("y_mm", "x_mm"), "column `x_mm` is there twice"),
         (&swap("time_s,", ""), "column `time_s` is missing"),
-        (&swap("1.6,-2", "1.6"), "line 5 (byte 115): 9 fields; the head has 10"),
+        (&swap("1.6,-2", "1.6"), "line 5 (byte 111): 9 fields; the head has 10"),
         (&swap("1.6", "1,6"), "11 fields; the head has 10"),
         (&swap("1.6", "left"), "`x_mm` is `left`; it must be a decimal number"),
         (&swap("1.6", "NaN"), "`x_mm` is `NaN`"),
@@ -431,9 +431,9 @@ fn an_exported_sequence_holds_the_replays_frames() {
 #[test]
 fn simple_itk_reads_our_sequences() {
     let python = PathBuf::from(std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into()));
-    let found = Command::new(&python).args(["-c", "import SimpleITK"]).output();
+    let found = Command::new(&python).args(["-c", "import SimpleITK, numpy"]).output();
     if !found.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {} has no package `SimpleITK`; INSONIFY_PYTHON may name another one", python.display());
+        eprintln!("skipped: {} lacks SimpleITK or numpy; INSONIFY_PYTHON may name another one", python.display());
         return;
     }
     let dir = tempfile::tempdir().unwrap();

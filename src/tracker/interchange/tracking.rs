@@ -60,8 +60,8 @@ fn rigid(field: &Field) -> Result<Pose, String> {
     let rotation = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
     let off = (rotation.transpose() * rotation - DMat3::IDENTITY).to_cols_array();
     let off = off.into_iter().fold(0.0_f64, |worst, value| worst.max(value.abs()));
-    // Written so that what overflowed is refused.
-    if !(off <= ROTATION_TOLERANCE) {
+    // The diagonal holds sums of squares: huge numbers make it infinite, never NaN.
+    if off > ROTATION_TOLERANCE {
         return Err(format!("it scales or shears: RᵀR is off the unit matrix by {off:.3e}"));
     }
     if rotation.determinant() < 0.0 {
