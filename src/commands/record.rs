@@ -24,6 +24,9 @@ use super::{Classify, Failure, output};
 /// How often a recording that has nothing to read looks whether the disk still takes it.
 const LOOK: Duration = Duration::from_millis(250);
 
+/// How long a stream may wait for a slow disk.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 /// Longest piece that is read at once, bytes.
 const PIECE: usize = 4096;
 
@@ -173,7 +176,7 @@ fn listen(mut source: Box<dyn Read + Send>, handle: RecorderHandle) -> Result<on
         let reason = loop {
             match source.read(&mut piece) {
                 Ok(0) => break "the stream ended".to_owned(),
-                Ok(read) => handle.raw(now_ns(), &piece[..read]),
+                Ok(read) => handle.raw_within(now_ns(), &piece[..read], PATIENCE),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => break format!("the stream broke: {error}"),
             }

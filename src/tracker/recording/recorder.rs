@@ -77,7 +77,8 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Gives messages to a [`Recorder`], from any thread. No call waits for the disk.
+/// Gives messages to a [`Recorder`], from any thread. No call waits for the disk, but that of
+/// [`raw_within`](Self::raw_within).
 #[derive(Clone)]
 pub struct RecorderHandle {
     shared: Arc<Shared>,
@@ -87,6 +88,8 @@ struct Shared {
     queue: Mutex<Queue>,
     /// Told when the queue is no longer empty, or the recording shall end.
     filled: Condvar,
+    /// Told when the thread has taken what waited, or the recording ended.
+    drained: Condvar,
     limits: QueueLimits,
 }
 
@@ -152,7 +155,8 @@ impl Recorder {
     }
 
     fn start_with(store: impl Store, limits: QueueLimits) -> Result<Self, RecorderError> {
-        let shared = Arc::new(Shared { queue: Mutex::default(), filled: Condvar::new(), limits });
+        let shared =
+            Arc::new(Shared { queue: Mutex::default(), filled: Condvar::new(), drained: Condvar::new(), limits });
         let run = {
             let shared = Arc::clone(&shared);
             move || run(&shared, store)
@@ -194,17 +198,23 @@ impl Drop for Recorder {
 impl RecorderHandle {
     /// Records bytes of the tracker, the first of which came at `host_time_ns`.
     pub fn raw(&self, host_time_ns: u64, bytes: &[u8]) {
-        self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes);
+        self.raw_within(host_time_ns, bytes, Duration::ZERO);
+    }
+
+    /// As [`raw`](Self::raw), but where the queue is full waits for the disk before it gives the recording up, for
+    /// `patience` at most: for sources that can wait and that nobody watches.
+    pub fn raw_within(&self, host_time_ns: u64, bytes: &[u8], patience: Duration) {
+        self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes, patience);
     }
 
     /// Records a pose that the session uses.
     pub fn pose(&self, pose: SessionPose) {
-        self.shared.push(Message::Pose(pose), &[]);
+        self.shared.push(Message::Pose(pose), &[], Duration::ZERO);
     }
 
     /// Records an event.
     pub fn event(&self, event: Event) {
-        self.shared.push(Message::Event(event), &[]);
+        self.shared.push(Message::Event(event), &[], Duration::ZERO);
     }
 
     /// Why the recording ended early; None while it goes on.
@@ -219,14 +229,22 @@ impl Shared {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn push(&self, message: Message, bytes: &[u8]) {
+    fn push(&self, message: Message, bytes: &[u8], patience: Duration) {
+        let full = |queue: &Queue| {
+            let Batch { messages, bytes: waiting } = &queue.batch;
+            messages.len() >= self.limits.messages || waiting.len() + bytes.len() > self.limits.bytes
+        };
         let mut queue = self.lock();
-        if queue.closing || queue.recorded.failure.is_some() {
+        if !patience.is_zero() {
+            let wait = self.drained.wait_timeout_while(queue, patience, |queue| full(queue) && !queue.ending());
+            (queue, _) = wait.unwrap_or_else(PoisonError::into_inner);
+        }
+        if queue.ending() {
             queue.recorded.left_out += 1;
             return;
         }
-        let Batch { messages, bytes: waiting } = &queue.batch;
-        if messages.len() >= self.limits.messages || waiting.len() + bytes.len() > self.limits.bytes {
+        if full(&queue) {
+            let Batch { messages, bytes: waiting } = &queue.batch;
             let error = RecorderError::Behind { messages: messages.len(), bytes: waiting.len() };
             queue.recorded.left_out += 1;
             queue.fail(error);
@@ -273,6 +291,7 @@ fn run(shared: &Shared, mut store: impl Store) {
         mem::swap(&mut queue.batch, &mut batch);
         let ending = queue.ending();
         drop(queue);
+        shared.drained.notify_all();
         let idle = batch.messages.is_empty();
         if idle && ending {
             break;
@@ -286,6 +305,7 @@ fn run(shared: &Shared, mut store: impl Store) {
         if let Err(error) = written {
             // The store is dropped as it is: whole chunks that were written stay in its `.part`.
             shared.lock().fail(error.into());
+            shared.drained.notify_all();
             return;
         }
     }
@@ -435,6 +455,28 @@ mod tests {
         }
         let [.., Seen::Event(name, Some(reason)), Seen::Finished] = &seen[..] else { panic!("{seen:?}") };
         assert!(name == ENDED && reason.as_str().unwrap().contains("10 messages with 100 bytes"), "{reason}");
+    }
+
+    #[test]
+    fn a_source_that_can_wait_loses_nothing_to_a_small_queue_and_is_not_held_for_ever() {
+        let (recorder, open, look) = recorder(QueueLimits { bytes: 100, messages: 3 });
+        let handle = recorder.handle();
+        let patience = Duration::from_secs(600);
+        let writer = thread::spawn(move || {
+            (0..500_u64).for_each(|i| handle.raw_within(i, &i.to_le_bytes(), patience));
+            handle
+        });
+        for i in 0..500_u64 {
+            open.send(true).unwrap();
+            assert_eq!(look.recv(), Ok(Seen::Raw(i, i.to_le_bytes().to_vec())));
+        }
+        let handle = writer.join().unwrap();
+        // Now the disk takes nothing any more.
+        (0..50).for_each(|i| handle.raw_within(i, b"x", Duration::from_millis(1)));
+        assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { messages: 3, .. }));
+        drop(open);
+        let recorded = recorder.finish();
+        assert!((503..=506).contains(&recorded.messages), "{recorded:?}");
     }
 
     #[test]
