@@ -78,15 +78,20 @@ const ORIGIN: [&str; 2] = ["--pose", "0,0,0,1,0,0,0"];
 /// A recording of two seconds over the box, 60 poses a second.
 fn recording(path: &Path) {
     let start_time_ns = 1_790_000_000_000_000_000;
-    let info =
-        RecordingInfo { protocol: Protocol::AsciiLine, device: "test".into(), scene: "box".into(), start_time_ns };
+    let info = RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: "test".into(),
+        scene: "box".into(),
+        start_time_ns,
+        sensor: None,
+    };
     let mut writer = RecordingWriter::create(path, &info).unwrap();
     for i in 0..121u32 {
         let time_ns = start_time_ns + u64::from(i) * 1_000_000_000 / 60;
         let pose = Pose { position_mm: DVec3::X * f64::from(i) * 0.1, orientation: DQuat::IDENTITY };
         writer.raw(time_ns, ascii_line::encode(i, u64::from(i) * 16_667, &pose).as_bytes()).unwrap();
         if i == 60 {
-            writer.event(&Event { host_time_ns: time_ns, name: "middle".into() }).unwrap();
+            writer.event(&Event::new(time_ns, "middle")).unwrap();
         }
     }
     writer.finish().unwrap();

@@ -3,15 +3,17 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fs;
-use std::io::Cursor;
-use std::path::Path;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
 
 use bytes::BytesMut;
 use glam::{DQuat, DVec3};
-use insonify::pose::{Pose, Reading, TimedPose};
+use insonify::pose::{Pose, Reading, TimedPose, TrackingState};
 use insonify::tracker::ascii_line::{self, Checksum, Decoder, LINE_LIMIT};
 use insonify::tracker::recording::{
-    Event, RecordingError, RecordingInfo, RecordingReader, RecordingSummary, RecordingWriter, poses, poses_of,
+    DecodedRecording, Event, Item, QueueLimits, Recorder, RecordingError, RecordingInfo, RecordingReader,
+    RecordingSummary, RecordingWriter, SessionPose, SessionSettings, part_path, poses, poses_of,
 };
 use insonify::tracker::{Protocol, Record};
 use proptest::prelude::*;
@@ -25,6 +27,7 @@ fn info() -> RecordingInfo {
         device: "test board".into(),
         scene: "none".into(),
         start_time_ns: START_NS,
+        sensor: None,
     }
 }
 
@@ -52,7 +55,7 @@ fn line(record: &Record) -> String {
 /// A recording of `lines`, one message each, 60 a second.
 fn write(path: &Path, lines: &[String]) {
     let mut writer = RecordingWriter::create(path, &info()).unwrap();
-    writer.event(&Event { host_time_ns: START_NS, name: "start".into() }).unwrap();
+    writer.event(&Event::new(START_NS, "start")).unwrap();
     for (i, line) in lines.iter().enumerate() {
         writer.raw(START_NS + i as u64 * PERIOD_NS, line.as_bytes()).unwrap();
     }
@@ -87,7 +90,7 @@ fn a_recording_gives_back_its_poses_times_and_events() {
     assert!(summary.is_clean(), "{summary}");
     assert_eq!((summary.messages, summary.records), (150, 150));
     assert_eq!(summary.info, info());
-    assert_eq!(summary.events, [Event { host_time_ns: START_NS, name: "start".into() }]);
+    assert_eq!(summary.events, [Event::new(START_NS, "start")]);
     assert_eq!(summary.duration.as_nanos(), u128::from(149 * PERIOD_NS));
 }
 
@@ -247,6 +250,255 @@ fn the_metadata_is_checked() {
     }
     let error = read_bytes(&foreign("/tracker/raw", &good, b"noise\n")).unwrap_err().to_string();
     assert!(error.contains("holds no whole pose: line at byte 0"), "{error}");
+}
+
+fn settings() -> SessionSettings {
+    SessionSettings {
+        version: "0.1.0".into(),
+        seed: 4_000_000_000,
+        adapter: "llvmpipe".into(),
+        station_path: "configs/sphere.toml".into(),
+        station: "[scene]\npath = \"sphere.glb\" # µ\n".into(),
+    }
+}
+
+fn session_pose(i: u32, state: TrackingState) -> SessionPose {
+    SessionPose { host_time_ns: START_NS + u64::from(i) * PERIOD_NS, pose: pose_of(&record(i)), state }
+}
+
+/// A whole session, written through a recorder.
+fn session(path: &Path, info: &RecordingInfo) {
+    let mut writer = RecordingWriter::create(path, info).unwrap();
+    writer.settings(&settings()).unwrap();
+    let recorder = Recorder::start(writer, QueueLimits::default()).unwrap();
+    let handle = recorder.handle();
+    for i in 0..150 {
+        let time_ns = START_NS + u64::from(i) * PERIOD_NS;
+        handle.raw(time_ns, line(&record(i)).as_bytes());
+        handle.pose(session_pose(i, if i < 100 { TrackingState::Good } else { TrackingState::Held }));
+        match i {
+            50 => handle.event(Event::new(time_ns, "gain_db").with(-3.5)),
+            60 => handle.event(Event::new(time_ns, "frozen").with(true)),
+            _ => {}
+        }
+    }
+    let recorded = recorder.finish();
+    assert!(recorded.failure.is_none());
+    assert_eq!((recorded.messages, recorded.poses, recorded.events, recorded.left_out), (150, 150, 2, 0));
+}
+
+#[test]
+fn a_session_gives_back_its_poses_settings_and_values() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("session.mcap");
+    session(&path, &RecordingInfo { sensor: Some(0), ..info() });
+    let (found, summary) = poses(&path).unwrap();
+    assert!(summary.is_clean(), "{summary}");
+    assert_eq!((found.len(), summary.session_poses, summary.info.sensor), (150, 150, Some(0)));
+    assert_eq!(summary.settings, Some(settings()));
+    let values: Vec<_> = summary.events.iter().map(|e| (e.name.as_str(), e.value.clone().unwrap())).collect();
+    assert_eq!(values, [("gain_db", serde_json::json!(-3.5)), ("frozen", serde_json::json!(true))]);
+
+    let mut decoded = DecodedRecording::new(RecordingReader::open(&path).unwrap());
+    let (mut measurements, mut session_poses) = (0, Vec::new());
+    while let Some(item) = decoded.next_item().unwrap() {
+        match item {
+            Item::Measurement(m) => {
+                // Things come in the order in which the session had them.
+                assert_eq!(session_poses.len(), measurements);
+                assert_eq!(m.sequence, Some(measurements as u32));
+                measurements += 1;
+            }
+            Item::Pose(pose) => session_poses.push(pose),
+            Item::Event(_) => {}
+        }
+    }
+    assert_eq!((measurements, session_poses.len()), (150, 150));
+    for (i, found) in (0..).zip(&session_poses) {
+        let expected = session_pose(i, if i < 100 { TrackingState::Good } else { TrackingState::Held });
+        assert_eq!((found.host_time_ns, found.state), (expected.host_time_ns, expected.state));
+        assert!(found.pose.position_mm.distance(expected.pose.position_mm) < 1e-10);
+    }
+}
+
+#[test]
+fn one_wrong_host_time_costs_one_pose() {
+    let dir = tempfile::tempdir().unwrap();
+    for (wrong_ns, at) in
+        [(u64::MAX, 0), (u64::MAX, 40), (u64::MAX, 149), (0, 0), (0, 40), (START_NS + 3_600_000_000_000, 10)]
+    {
+        let path = dir.path().join(format!("{wrong_ns}-{at}.mcap"));
+        let mut writer = RecordingWriter::create(&path, &info()).unwrap();
+        for i in 0..150_u32 {
+            let time_ns = if i == at { wrong_ns } else { START_NS + u64::from(i) * PERIOD_NS };
+            writer.raw(time_ns, line(&record(i)).as_bytes()).unwrap();
+        }
+        // What a kill would leave: one wrong time does not keep chunks from ending.
+        let left = fs::read(part_path(&path)).unwrap();
+        let on_disk = read_bytes(&left).map_or(0, |(poses, _)| poses.len());
+        assert!(on_disk >= 60, "{on_disk} poses on the disk with {wrong_ns} at {at}");
+        writer.finish().unwrap();
+        let (found, summary) = poses(&path).unwrap();
+        assert_eq!((found.len(), summary.time_reversals, summary.records), (149, 1, 150), "{wrong_ns} at {at}");
+        assert!(found.iter().all(|pose| pose.host_time_ns != wrong_ns) && !summary.is_clean());
+        assert!(summary.duration.as_secs_f64() < 2.6, "{summary}");
+        assert!(summary.to_string().contains("1 poses left out since their time does not fit"), "{summary}");
+    }
+}
+
+#[test]
+fn an_unfinished_recording_is_named_kept_and_never_written_by_two() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("exam.mcap");
+    let mut writer = RecordingWriter::create(&path, &info()).unwrap();
+    writer.raw(START_NS, line(&record(7)).as_bytes()).unwrap();
+    writer.flush().unwrap();
+    let busy = RecordingWriter::create(&path, &info()).err().unwrap();
+    assert!(matches!(busy, RecordingError::Busy { .. }), "{busy}");
+    let unfinished = poses(&path).unwrap_err().to_string();
+    assert!(
+        unfinished.contains("was not finished; what was written of it is") && unfinished.ends_with("exam.mcap.part")
+    );
+    let left = fs::read(part_path(&path)).unwrap();
+    // As a kill would: the lock goes, the file stays as it is.
+    drop(writer);
+    for number in 1..3 {
+        fs::write(part_path(&path), &left).unwrap();
+        write(&path, &[line(&record(1))]);
+        let kept = dir.path().join(format!("exam.recovered-{number}.mcap"));
+        assert_eq!(fs::read(&kept).unwrap(), left);
+        assert_eq!(poses(&kept).unwrap().0.len(), 1);
+    }
+    assert_eq!(poses(&path).unwrap().0.len(), 1);
+    assert!(!part_path(&path).exists());
+}
+
+#[test]
+fn damaged_settings_are_counted_and_the_poses_are_used() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("session.mcap");
+    session(&path, &info());
+    let whole = fs::read(&path).unwrap();
+    for word in [&b"sphere.glb"[..], b"station.toml", b"4000000000"] {
+        let mut bytes = whole.clone();
+        let at = bytes.windows(word.len()).position(|w| w == word).unwrap();
+        bytes[at + 2] = b'!';
+        let (found, summary) = read_bytes(&bytes).unwrap();
+        assert_eq!(found.len(), 150);
+        // Another name is another's attachment.
+        let station = summary.settings.as_ref().map(|s| s.station.as_str());
+        assert!(summary.damage.damaged == 1 || station == Some(""), "{summary}");
+    }
+}
+
+/// `insonify record` of stdin, under a shell that runs `before` first.
+fn record_stdin(out: &Path, before: &str) -> Child {
+    let station = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/sphere.toml");
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("{before} exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_insonify"), "record"]);
+    command.arg(station).arg("--out").arg(out).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    command.spawn().unwrap()
+}
+
+/// Many lines, and their poses.
+fn many_lines() -> (Vec<u8>, Vec<Pose>) {
+    let text: String = (0..6000).map(|i| line(&record(i))).collect();
+    let poses = decode_in_pieces(text.as_bytes(), &[]).into_iter().map(|record| pose_of(&record.unwrap())).collect();
+    (text.into_bytes(), poses)
+}
+
+/// Asserts that the recording holds the first of `sent`, without a hole, and returns how many.
+fn is_a_prefix(recording: &Path, sent: &[Pose]) -> usize {
+    let (found, summary) = poses(recording).unwrap();
+    assert!(summary.damage.truncated.is_some() && summary.missing_records == 0, "{summary}");
+    for (found, sent) in found.iter().zip(sent) {
+        assert_eq!(found.pose, *sent);
+    }
+    assert_eq!(summary.settings.unwrap().seed, 0);
+    found.len()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_recording_replays_up_to_its_last_whole_chunk() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("killed.mcap");
+    let (text, sent) = many_lines();
+    let mut child = record_stdin(&path, "");
+    let mut stdin = child.stdin.take().unwrap();
+    stdin.write_all(&text).unwrap();
+    stdin.flush().unwrap();
+    // Chunks of 64 KiB: four of them are whole before 300 kB lie there.
+    let part = part_path(&path);
+    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
+    while fs::metadata(&part).map_or(0, |file| file.len()) < 300_000 {
+        assert!(std::time::Instant::now() < deadline, "nothing is recorded");
+        std::thread::yield_now();
+    }
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success());
+    assert!(!path.exists());
+    let count = is_a_prefix(&part, &sent);
+    assert!((3000..=6000).contains(&count), "{count}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_ends_the_recording_loudly_and_keeps_what_was_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("full.mcap");
+    let (text, sent) = many_lines();
+    // Files end at 200 kB or 400 kB, by what the shell takes for a block, and going on is an error in place of a signal.
+    let mut child = record_stdin(&path, "trap '' XFSZ; ulimit -f 400;");
+    // The pipe breaks when the recording has ended.
+    let _ = child.stdin.take().unwrap().write_all(&text);
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    for part in ["the recording ended: cannot write the recording", "full.mcap.part", "File too large"] {
+        assert!(message.contains(part), "`{part}` is missing: {message}");
+    }
+    assert!(!path.exists());
+    let count = is_a_prefix(&part_path(&path), &sent);
+    assert!((1000..6000).contains(&count), "{count}");
+}
+
+/// The Python to test with, where it has `package`; else says that the test is skipped.
+fn python_with(package: &str) -> Option<PathBuf> {
+    let python = PathBuf::from(std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into()));
+    let found = Command::new(&python).args(["-c", &format!("import {package}")]).output();
+    if found.is_ok_and(|output| output.status.success()) {
+        return Some(python);
+    }
+    eprintln!("skipped: {} has no package `{package}`; INSONIFY_PYTHON may name another one", python.display());
+    None
+}
+
+#[test]
+fn mcaps_own_reader_reads_our_recordings() {
+    let Some(python) = python_with("mcap") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("session.mcap");
+    session(&path, &info());
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/read_recording.py");
+    let output = Command::new(python).arg(script).arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let seen: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(seen["profile"], "insonify");
+    let raw: String = (0..150).map(|i| line(&record(i))).collect();
+    assert_eq!((&seen["raw"], &seen["raw_metadata"]["protocol"]), (&raw.into(), &"ascii-line".into()));
+    assert_eq!(seen["first_raw_time_ns"], START_NS);
+    assert_eq!((&seen["events"][0]["name"], &seen["events"][0]["value"]), (&"gain_db".into(), &(-3.5).into()));
+    assert_eq!(seen["pose_schema"], serde_json::json!(["foxglove.PoseInFrame", "jsonschema"]));
+    assert_eq!((&seen["poses"], &seen["states"]), (&150.into(), &serde_json::json!(["good", "held"])));
+    let last = &seen["last_pose"];
+    assert_eq!(
+        (&last["frame_id"], &last["timestamp"]["sec"]),
+        (&"scene".into(), &(START_NS / 1_000_000_000 + 2).into())
+    );
+    assert!((last["pose"]["position"]["x"].as_f64().unwrap() - 0.149).abs() < 1e-12, "{last}");
+    assert_eq!(seen["attachments"]["station.toml"], settings().station);
+    assert_eq!(seen["metadata"]["insonify.settings"]["seed"], "4000000000");
 }
 
 fn any_record() -> impl Strategy<Value = Record> {

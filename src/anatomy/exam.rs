@@ -65,10 +65,11 @@ pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
         device: "simulated hand".to_owned(),
         scene: "obstetric phantom".to_owned(),
         start_time_ns: START_TIME_NS,
+        sensor: None,
     };
     let mut events = KEY_FRAMES.into_iter().map(|(name, time_s)| {
         let host_time_ns = START_TIME_NS + (time_s * 1e9).round() as u64;
-        Event { host_time_ns, name: name.to_owned() }
+        Event::new(host_time_ns, name)
     });
     let mut next = events.next();
     let mut writer = RecordingWriter::create(path, &info)?;

@@ -11,6 +11,7 @@ use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
+use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
 use insonify::transducer::ProbeError;
 
@@ -92,6 +93,15 @@ impl From<TrackerError> for Failure {
         match error {
             TrackerError::Thread(_) => Self::Other(error.into()),
             _ => Self::Input(error.into()),
+        }
+    }
+}
+
+impl From<InterchangeError> for Failure {
+    fn from(error: InterchangeError) -> Self {
+        match error {
+            InterchangeError::Recording(error) => error.into(),
+            error => Self::Input(error.into()),
         }
     }
 }

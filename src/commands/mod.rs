@@ -4,11 +4,16 @@ mod cache;
 mod calibrate;
 mod demo;
 mod exam;
+mod export;
 mod failure;
+mod import;
+mod inspect;
 mod output;
+mod pace;
 mod phantom;
 mod progress;
 mod quality;
+mod record;
 mod render;
 mod replay;
 mod session;
@@ -51,7 +56,11 @@ Environment:
 enum Command {
     Demo(demo::Args),
     Render(render::Args),
+    Record(record::Args),
     Replay(replay::Args),
+    Inspect(inspect::Args),
+    Import(import::Args),
+    Export(export::Args),
     Phantom(phantom::Args),
     Exam(exam::Args),
     Calibrate(calibrate::Args),
@@ -66,7 +75,11 @@ impl Cli {
         match &self.command {
             Command::Demo(args) => demo::run(args),
             Command::Render(args) => render::run(args),
+            Command::Record(args) => record::run(args),
             Command::Replay(args) => replay::run(args),
+            Command::Inspect(args) => inspect::run(args),
+            Command::Import(args) => import::run(args),
+            Command::Export(args) => export::run(args),
             Command::Phantom(args) => phantom::run(args),
             Command::Exam(args) => exam::run(args),
             Command::Calibrate(args) => calibrate::run(args),

@@ -16,7 +16,9 @@ use insonify::sink::{FrameRate, TimeTable, Video, npy, remove, write_json};
 use insonify::station::Station;
 use insonify::tracker::recording::{self, RecordingSummary};
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 
+use super::pace::{Pace, Speed};
 use super::progress::Progress;
 use super::quality::{self, RaysLayers};
 use super::timeline::{Timeline, check_length};
@@ -51,6 +53,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FPS", default_value_t = 20.0, allow_negative_numbers = true)]
     fps: f64,
 
+    /// How fast: max (as fast as it can), 1 (in real time), or another factor in 0.01..=1000; the frames are the same
+    #[arg(long, value_name = "SPEED", default_value = "max", allow_negative_numbers = true)]
+    speed: Speed,
+
     /// Only these frames: a..b (b not included), a.. or ..b
     #[arg(long, value_name = "RANGE", default_value = "..")]
     frames: FrameRange,
@@ -77,9 +83,22 @@ Example:
 
 /// Frames `start..end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct FrameRange {
+pub(crate) struct FrameRange {
     start: usize,
     end: Option<usize>,
+}
+
+impl FrameRange {
+    /// The frames of it that a recording of `frames` frames at `fps` has.
+    pub(crate) fn within(self, frames: usize, fps: f64) -> Result<Range<usize>, Failure> {
+        let end = self.end.unwrap_or(frames).min(frames);
+        if self.start >= end {
+            let start = self.start;
+            let error = anyhow!("--frames starts at {start}, but at {fps} frames a second the recording has {frames}");
+            return Err(Failure::Input(error));
+        }
+        Ok(self.start..end)
+    }
 }
 
 impl FromStr for FrameRange {
@@ -115,6 +134,11 @@ struct Report<'a> {
     overflowed: usize,
     /// Whole command from the first submitted frame to the last written one, s.
     wall_s: f64,
+    /// How far behind the wanted speed a frame was at most, s; none as fast as it can.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    behind_s: Option<f64>,
+    /// SHA-256 of image, segmentation and attenuation of all frames, in their order.
+    frames_sha256: String,
     times: Vec<StageTime>,
     video: PathBuf,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -137,6 +161,7 @@ pub(crate) struct RecordingReport<'a> {
     missing_records: u64,
     sequence_reversals: u64,
     time_reversals: u64,
+    other_sensors: u64,
 }
 
 #[derive(Serialize)]
@@ -162,6 +187,7 @@ impl<'a> RecordingReport<'a> {
             missing_records: summary.missing_records,
             sequence_reversals: summary.sequence_reversals,
             time_reversals: summary.time_reversals,
+            other_sensors: summary.other_sensors,
         }
     }
 }
@@ -176,14 +202,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     check_length(&poses, rate)?;
     let timeline = Timeline::new(&poses, rate);
-    let frames = timeline.poses.len();
-    let end = args.frames.end.unwrap_or(frames).min(frames);
-    let start = args.frames.start;
-    if start >= end {
-        let error =
-            anyhow!("--frames starts at {start}, but at {} frames a second the recording has {frames}", args.fps);
-        return Err(Failure::Input(error));
-    }
+    let Range { start, end } = args.frames.within(timeline.poses.len(), args.fps)?;
     let mut settings = station.settings;
     let seed = args.seed.unwrap_or(settings.quality.seed);
     settings.quality = args.quality.map_or(Quality { seed, ..settings.quality }, |q| q.with_seed(seed));
@@ -205,7 +224,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut overflowed = 0;
     let progress = Progress::new("replay", end - start);
     let started = Instant::now();
-    session::render_all(&mut renderer, &timeline.poses[start..end], |i, frame| {
+    let mut pace = Pace::new(args.speed, rate.fps());
+    let mut hash = Sha256::new();
+    let poses = &timeline.poses[start..end];
+    let before = |i| pace.wait(i);
+    session::render_paced(&mut renderer, poses, before, |i, frame| {
         let name = |map: &str, extension| args.out.join(map).join(format!("{:05}.{extension}", start + i));
         let (w, h) = (frame.width, frame.height);
         png::write_grey(&name("bmode", "png"), w, h, &frame.bmode, Effort::Fast)?;
@@ -217,6 +240,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         if i == 0 {
             png::write_grey(&args.out.join("mask.png"), w, h, &frame.mask, Effort::Small)?;
         }
+        hash.update(&frame.bmode);
+        hash.update(&frame.segmentation);
+        hash.update(bytemuck::cast_slice::<f32, u8>(&frame.attenuation));
         times.push(&frame.times);
         overflowed += usize::from(frame.overflows > 0);
         progress.set(i + 1, end - start);
@@ -248,6 +274,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         held: timeline.held_in(start..end),
         overflowed,
         wall_s,
+        behind_s: pace.behind_s(),
+        frames_sha256: hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
         times: times.stages(),
         video,
         frames: (start..end).map(entry).collect(),
@@ -263,7 +291,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if report.held > 0 {
         output::line(format!("{} of them in gaps of the recording: they hold the last pose", report.held))?;
     }
+    if let Some(behind_s) = report.behind_s.filter(|s| *s > 0.5 / rate.fps()) {
+        output::line(format!("this machine does not keep up: frames came up to {behind_s:.2} s late"))?;
+    }
     output::line(format!("\n{}\n", SideBySide(&[(&name, &times)])))?;
+    output::line(format!("sha256   {} (of all frames)", report.frames_sha256))?;
     output::line(format!("video    {}", report.video.display()))?;
     output::line(format!("frames   {}", args.out.join("bmode").display()))
 }

@@ -46,6 +46,16 @@ pub(crate) fn renderer(
 pub(crate) fn render_all(
     renderer: &mut Renderer,
     poses: &[Pose],
+    each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    render_paced(renderer, poses, |_| {}, each)
+}
+
+/// As [`render_all`]; `before` is called before each frame is submitted, and may wait.
+pub(crate) fn render_paced(
+    renderer: &mut Renderer,
+    poses: &[Pose],
+    mut before: impl FnMut(usize),
     mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let mut frame = Frame::default();
@@ -56,6 +66,7 @@ pub(crate) fn render_all(
             each(done, &frame)?;
             done += 1;
         }
+        before(submitted);
         renderer.submit(pose)?;
     }
     while done < poses.len() {

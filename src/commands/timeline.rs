@@ -2,11 +2,12 @@
 
 use insonify::pose::{Pose, TimedPose, interpolate};
 use insonify::sink::FrameRate;
+use insonify::tracker::recording::GAP_NS;
 
 use super::failure::Failure;
 
 /// Longest time without a pose that is bridged: what the probe did in a longer one is not known.
-pub(crate) const GAP_LIMIT_NS: u64 = 250_000_000;
+pub(crate) const GAP_LIMIT_NS: u64 = GAP_NS;
 
 /// Poses at equal distances in time.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,6 +65,11 @@ impl Timeline {
     /// How many of `frames` lie in gaps.
     pub(crate) fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
+    }
+
+    /// Whether a frame lies in a gap.
+    pub(crate) fn is_held(&self, frame: usize) -> bool {
+        self.held.get(frame).copied().unwrap_or_default()
     }
 
     /// Time of a frame since the first pose, s.

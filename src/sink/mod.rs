@@ -8,6 +8,7 @@ pub mod contact_sheet;
 pub mod frame_files;
 pub mod frame_record;
 pub mod live;
+pub mod meta_image;
 pub mod mp4;
 pub mod npy;
 pub mod openigtlink;

@@ -35,6 +35,7 @@ pub mod devices;
 pub mod driver;
 pub mod fastrak;
 mod framing;
+pub mod interchange;
 pub mod liberty;
 pub mod mock;
 mod monitor;

@@ -5,23 +5,43 @@
 //! | channel | message encoding | content |
 //! |---|---|---|
 //! | [`RAW_TOPIC`] | `application/octet-stream` | bytes as they came from the tracker, cut anywhere; `log_time` is when the first of them came |
-//! | [`EVENT_TOPIC`] | `json` | `{"name": "..."}`: something worth finding again, a key frame for example |
+//! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: something worth finding again, a key frame for example, or a control that was moved; `value` is left out where there is none |
+//! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
 //! The metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (in whose frame the poses
-//! are), `start_time_ns` and `format_version`.
+//! are), `start_time_ns`, `format_version`, and `sensor` where one of several was chosen.
+//!
+//! A live session adds a metadata record [`SETTINGS_NAME`] (version, seed, adapter, station_path) and the text of its
+//! station file as the attachment [`STATION_NAME`]; see [`SessionSettings`].
+//!
+//! A live station writes through a [`Recorder`], on a thread of its own.
 
 use std::path::PathBuf;
 
 use thiserror::Error;
 
 use super::{Protocol, UnknownProtocol};
+use crate::pose::{Pose, TrackingState};
 
+mod attached;
+mod decoded;
+mod in_order;
+mod part;
+mod pose_json;
 mod poses;
 mod reader;
+mod recorder;
+mod summary;
+mod timing;
 mod writer;
 
-pub use poses::{RecordingSummary, poses, poses_of};
+pub use decoded::{DecodedRecording, Item};
+pub use part::part_path;
+pub use poses::{poses, poses_of, read_all};
 pub use reader::{Damage, RecordingReader};
+pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle};
+pub use summary::RecordingSummary;
+pub use timing::{GAP_NS, Gap, Timing};
 pub use writer::RecordingWriter;
 
 /// Channel of the tracker's bytes.
@@ -29,6 +49,15 @@ pub const RAW_TOPIC: &str = "/tracker/raw";
 
 /// Channel of events.
 pub const EVENT_TOPIC: &str = "/exam/events";
+
+/// Channel of the poses that a session used.
+pub const POSE_TOPIC: &str = "/probe/pose";
+
+/// Name of the metadata record with a session's settings.
+pub const SETTINGS_NAME: &str = "insonify.settings";
+
+/// Name of the attachment with the text of the station file.
+pub const STATION_NAME: &str = "station.toml";
 
 /// Version of this format; a reader refuses a later one.
 pub const FORMAT_VERSION: u32 = 1;
@@ -44,6 +73,23 @@ pub struct RecordingInfo {
     pub scene: String,
     /// When the recording started, ns since 1970 (UTC).
     pub start_time_ns: u64,
+    /// The sensor whose poses count, of a device that has several; None takes the first that reports.
+    pub sensor: Option<u16>,
+}
+
+/// What a session was made with; with the tracker's bytes and the events, all that its frames depend on.
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
+pub struct SessionSettings {
+    /// Version of insonify.
+    pub version: String,
+    /// Seed of every random choice.
+    pub seed: u32,
+    /// Name of the device that rendered; empty where nothing was rendered.
+    pub adapter: String,
+    /// Where the station file was, for people.
+    pub station_path: String,
+    /// Text of the station file.
+    pub station: String,
 }
 
 /// Something worth finding again.
@@ -53,10 +99,38 @@ pub struct Event {
     pub host_time_ns: u64,
     /// What.
     pub name: String,
+    /// The value of a control that was moved (gain in dB, frozen or not, ...).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<serde_json::Value>,
+}
+
+impl Event {
+    /// An event without a value.
+    pub fn new(host_time_ns: u64, name: impl Into<String>) -> Self {
+        Self { host_time_ns, name: name.into(), value: None }
+    }
+
+    /// The same event with a value.
+    #[must_use]
+    pub fn with(mut self, value: impl Into<serde_json::Value>) -> Self {
+        self.value = Some(value.into());
+        self
+    }
+}
+
+/// A pose as a session used it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SessionPose {
+    /// For when it was made, ns since 1970 (UTC).
+    pub host_time_ns: u64,
+    /// `scene_from_probe`.
+    pub pose: Pose,
+    /// How far it could be trusted.
+    pub state: TrackingState,
 }
 
 /// One message of a recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Entry {
     /// Bytes of the tracker.
     Raw {
@@ -67,6 +141,8 @@ pub enum Entry {
     },
     /// An event.
     Event(Event),
+    /// A pose that the session used.
+    Pose(SessionPose),
 }
 
 /// Why a recording cannot be used, or not be written.
@@ -79,6 +155,20 @@ pub enum RecordingError {
         path: PathBuf,
         /// Cause.
         source: std::io::Error,
+    },
+    /// The file is not there, but what a killed recording left of it is.
+    #[error("the recording {path} was not finished; what was written of it is {part}")]
+    Unfinished {
+        /// File asked for.
+        path: PathBuf,
+        /// File that is there.
+        part: PathBuf,
+    },
+    /// Another process is writing this recording.
+    #[error("another process is recording to {path}")]
+    Busy {
+        /// File.
+        path: PathBuf,
     },
     /// The file could not be written.
     #[error("cannot write the recording {path}: {reason}")]

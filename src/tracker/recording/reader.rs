@@ -9,7 +9,10 @@ use mcap::records::{self, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 
-use super::{EVENT_TOPIC, Entry, Event, FORMAT_VERSION, Protocol, RAW_TOPIC, RecordingError, RecordingInfo};
+use super::{
+    EVENT_TOPIC, Entry, Event, FORMAT_VERSION, POSE_TOPIC, Protocol, RAW_TOPIC, RecordingError, RecordingInfo,
+    SessionSettings, attached, part_path, pose_json,
+};
 
 /// Longest accepted MCAP record, bytes: more is a damaged length.
 const RECORD_LIMIT: usize = 64 << 20;
@@ -51,6 +54,7 @@ struct McapFile<R> {
     data_ended: bool,
     topics: HashMap<u16, Topic>,
     info: Option<RecordingInfo>,
+    settings: Option<SessionSettings>,
     entries: VecDeque<Entry>,
     damage: Damage,
 }
@@ -59,6 +63,7 @@ struct McapFile<R> {
 enum Topic {
     Raw,
     Event,
+    Pose,
 }
 
 impl RecordingReader<BufReader<File>> {
@@ -69,7 +74,13 @@ impl RecordingReader<BufReader<File>> {
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         match File::open(path) {
             Ok(file) => Self::from_source(BufReader::new(file), path),
-            Err(source) => Err(RecordingError::Read { path: path.to_owned(), source }),
+            Err(source) => {
+                let part = part_path(path);
+                if source.kind() == io::ErrorKind::NotFound && part.is_file() {
+                    return Err(RecordingError::Unfinished { path: path.to_owned(), part });
+                }
+                Err(RecordingError::Read { path: path.to_owned(), source })
+            }
         }
     }
 }
@@ -104,6 +115,11 @@ impl<R: Read> RecordingReader<R> {
         &self.file.damage
     }
 
+    /// What the session was made with, as far as it was read so far; it lies before the first message.
+    pub fn settings(&self) -> Option<&SessionSettings> {
+        self.file.settings.as_ref()
+    }
+
     /// The next message; None at the end of what can be read.
     ///
     /// # Errors
@@ -128,6 +144,7 @@ impl<R: Read> McapFile<R> {
             data_ended: false,
             topics: HashMap::new(),
             info: None,
+            settings: None,
             entries: VecDeque::new(),
             damage: Damage::default(),
         }
@@ -184,11 +201,28 @@ impl<R: Read> McapFile<R> {
                 Err(ChunkError::Damaged(reason)) => self.damaged(format!("the chunk at byte {offset}: {reason}")),
             },
             op::DATA_END => self.data_ended = true,
+            op::ATTACHMENT => {
+                if let Err(reason) = attached::read_attachment(data, &mut self.settings) {
+                    self.damaged(format!("the record at byte {offset}: {reason}"));
+                }
+            }
+            op::METADATA => self.metadata(offset, data),
             // Behind the data, channels are only repeated.
             _ if !self.data_ended => self.inner_record(offset, opcode, data)?,
             _ => {}
         }
         Ok(())
+    }
+
+    fn metadata(&mut self, offset: u64, data: &[u8]) {
+        let read = match mcap::parse_record(op::METADATA, data) {
+            Ok(Record::Metadata(metadata)) => attached::read_metadata(&metadata, &mut self.settings),
+            Ok(_) => Ok(()),
+            Err(error) => Err(error.to_string()),
+        };
+        if let Err(reason) = read {
+            self.damaged(format!("the metadata at byte {offset}: {reason}"));
+        }
     }
 
     /// A record that may stand in a chunk or by itself.
@@ -214,6 +248,8 @@ impl<R: Read> McapFile<R> {
             }
         } else if channel.topic == EVENT_TOPIC {
             self.topics.insert(channel.id, Topic::Event);
+        } else if channel.topic == POSE_TOPIC && channel.message_encoding == "json" {
+            self.topics.insert(channel.id, Topic::Pose);
         }
         Ok(())
     }
@@ -222,13 +258,20 @@ impl<R: Read> McapFile<R> {
         #[derive(serde::Deserialize)]
         struct Json {
             name: String,
+            value: Option<serde_json::Value>,
         }
         let host_time_ns = header.log_time;
         match self.topics.get(&header.channel_id) {
             Some(Topic::Raw) => self.entries.push_back(Entry::Raw { host_time_ns, bytes: data.to_vec() }),
             Some(Topic::Event) => match serde_json::from_slice::<Json>(data) {
-                Ok(Json { name }) => self.entries.push_back(Entry::Event(Event { host_time_ns, name })),
+                Ok(Json { name, value }) => {
+                    self.entries.push_back(Entry::Event(Event { host_time_ns, name, value }));
+                }
                 Err(error) => self.damaged(format!("an event in the record at byte {offset}: {error}")),
+            },
+            Some(Topic::Pose) => match pose_json::decode(host_time_ns, data) {
+                Ok(pose) => self.entries.push_back(Entry::Pose(pose)),
+                Err(error) => self.damaged(format!("a pose in the record at byte {offset}: {error}")),
             },
             None => {}
         }
@@ -332,11 +375,13 @@ fn parse_info(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Record
     let protocol = text("protocol").ok_or_else(|| wrong("protocol", "the name of a tracker protocol"))?;
     let protocol: Protocol =
         protocol.parse().map_err(|source| RecordingError::Protocol { path: path.to_owned(), source })?;
+    let sensor = text("sensor").map(|v| v.parse().map_err(|_| wrong("sensor", "in 0..=65535"))).transpose()?;
     let start_time_ns = text("start_time_ns").and_then(|v| v.parse().ok());
     Ok(RecordingInfo {
         protocol,
         device: text("device").unwrap_or_default().to_owned(),
         scene: text("scene").unwrap_or_default().to_owned(),
         start_time_ns: start_time_ns.ok_or_else(|| wrong("start_time_ns", "ns since 1970 (UTC)"))?,
+        sensor,
     })
 }

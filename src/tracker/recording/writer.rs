@@ -1,14 +1,17 @@
 //! Writes recordings.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
-use super::{EVENT_TOPIC, Event, FORMAT_VERSION, RAW_TOPIC, RecordingError, RecordingInfo};
+use super::{
+    EVENT_TOPIC, Event, FORMAT_VERSION, POSE_TOPIC, RAW_TOPIC, RecordingError, RecordingInfo, SessionPose,
+    SessionSettings, attached, part, part_path, pose_json,
+};
 
 /// A chunk is closed after this time, ns: what a killed recording loses at most.
 const CHUNK_NS: u64 = 1_000_000_000;
@@ -19,15 +22,22 @@ const CHUNK_BYTES: u64 = 64 * 1024;
 /// Writes one recording.
 ///
 /// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` in one step. A recording that
-/// was not finished can be read from its `.part`: all of it but the last second.
+/// was not finished can be read from its `.part`: all of it but the last second. Of a `.part` that is there already,
+/// one that another process is writing is an error; one that a killed process left is renamed to
+/// `NAME.recovered-1.mcap`.
 pub struct RecordingWriter {
     mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
     path: PathBuf,
     part: PathBuf,
     raw_channel: u16,
     event_channel: u16,
+    /// None before the first pose.
+    pose_channel: Option<u16>,
     raw_count: u32,
     event_count: u32,
+    pose_count: u32,
+    /// The message of a pose; kept for its memory.
+    pose_json: String,
     chunk_start_ns: u64,
 }
 
@@ -35,12 +45,10 @@ impl RecordingWriter {
     /// Starts a recording at `path`.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be written, or another process is recording to it.
     pub fn create(path: &Path, info: &RecordingInfo) -> Result<Self, RecordingError> {
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let file = File::create(&part).map_err(|error| fail(&part, error))?;
+        let file = part::create(path)?;
+        let part = part_path(path);
         // Without seeking a chunk is one write: a kill leaves whole chunks.
         let options = mcap::WriteOptions::new()
             .compression(None)
@@ -49,13 +57,14 @@ impl RecordingWriter {
             .library(concat!("insonify/", env!("CARGO_PKG_VERSION")))
             .profile("insonify");
         let mut mcap = options.create(NoSeek::new(BufWriter::new(file))).map_err(|error| fail(&part, error))?;
-        let metadata = BTreeMap::from([
+        let mut metadata = BTreeMap::from([
             ("protocol".to_owned(), info.protocol.name().to_owned()),
             ("device".to_owned(), info.device.clone()),
             ("scene".to_owned(), info.scene.clone()),
             ("start_time_ns".to_owned(), info.start_time_ns.to_string()),
             ("format_version".to_owned(), FORMAT_VERSION.to_string()),
         ]);
+        metadata.extend(info.sensor.map(|sensor| ("sensor".to_owned(), sensor.to_string())));
         let mut channel = |topic, encoding, metadata: &BTreeMap<_, _>| {
             mcap.add_channel(0, topic, encoding, metadata).map_err(|error| fail(&part, error))
         };
@@ -69,10 +78,26 @@ impl RecordingWriter {
             part,
             raw_channel,
             event_channel,
+            pose_channel: None,
             raw_count: 0,
             event_count: 0,
+            pose_count: 0,
+            pose_json: String::new(),
             chunk_start_ns: info.start_time_ns,
         })
+    }
+
+    /// Stores what the session is made with; before the first message, so that a reader knows it when it begins.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn settings(&mut self, settings: &SessionSettings) -> Result<(), RecordingError> {
+        let written = self
+            .mcap
+            .write_metadata(&attached::metadata(settings))
+            .and_then(|()| self.mcap.attach(&attached::station(settings, self.chunk_start_ns)))
+            .and_then(|()| self.mcap.flush());
+        written.map_err(|error| fail(&self.part, error))
     }
 
     /// Appends bytes of the tracker, the first of which came at `host_time_ns`.
@@ -92,12 +117,46 @@ impl RecordingWriter {
     pub fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
         let (channel_id, sequence) = (self.event_channel, self.event_count);
         self.event_count = self.event_count.wrapping_add(1);
-        let json = serde_json::json!({ "name": event.name }).to_string();
-        self.message(channel_id, sequence, event.host_time_ns, json.as_bytes())
+        let mut json = serde_json::json!({ "name": event.name });
+        if let Some(value) = &event.value {
+            json["value"] = value.clone();
+        }
+        self.message(channel_id, sequence, event.host_time_ns, json.to_string().as_bytes())
+    }
+
+    /// Appends a pose that the session used.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError> {
+        let channel_id = match self.pose_channel {
+            Some(id) => id,
+            None => {
+                let schema = self.mcap.add_schema(pose_json::SCHEMA_NAME, "jsonschema", pose_json::SCHEMA.as_bytes());
+                let channel = schema.and_then(|id| self.mcap.add_channel(id, POSE_TOPIC, "json", &BTreeMap::new()));
+                *self.pose_channel.insert(channel.map_err(|error| fail(&self.part, error))?)
+            }
+        };
+        let sequence = self.pose_count;
+        self.pose_count = self.pose_count.wrapping_add(1);
+        let mut json = std::mem::take(&mut self.pose_json);
+        pose_json::encode(pose, &mut json);
+        let written = self.message(channel_id, sequence, pose.host_time_ns, json.as_bytes());
+        self.pose_json = json;
+        written
+    }
+
+    /// Brings what was appended to the operating system: a kill after it loses none of that.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush(&mut self) -> Result<(), RecordingError> {
+        self.mcap.flush().map_err(|error| fail(&self.part, error))
     }
 
     fn message(&mut self, channel_id: u16, sequence: u32, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        if time_ns.saturating_sub(self.chunk_start_ns) >= CHUNK_NS {
+        // Either way: after one time far in the future chunks still have to end.
+        if time_ns.abs_diff(self.chunk_start_ns) >= CHUNK_NS {
             self.mcap.flush().map_err(|error| fail(&self.part, error))?;
             self.chunk_start_ns = time_ns;
         }
@@ -113,10 +172,17 @@ impl RecordingWriter {
         self.mcap.finish().map_err(|error| fail(&self.part, error))?;
         let file = self.mcap.into_inner().into_inner().into_inner().map_err(io::Error::from);
         file.and_then(|file| file.sync_all()).map_err(|error| fail(&self.part, error))?;
-        fs::rename(&self.part, &self.path).map_err(|error| fail(&self.path, error))
+        std::fs::rename(&self.part, &self.path).map_err(|error| fail(&self.path, error))
     }
 }
 
-fn fail(path: &Path, error: impl std::fmt::Display) -> RecordingError {
-    RecordingError::Write { path: path.to_owned(), reason: error.to_string() }
+/// With all causes: those of MCAP's errors name the system's reason only there.
+fn fail(path: &Path, error: impl std::error::Error) -> RecordingError {
+    let mut reason = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        reason = format!("{reason}: {error}");
+        cause = error.source();
+    }
+    RecordingError::Write { path: path.to_owned(), reason }
 }

@@ -1,0 +1,85 @@
+//! `insonify import`: tracked sequences of other programs become recordings.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::PathBuf;
+
+use clap::Parser;
+use insonify::sink::create_dir;
+use insonify::tracker::interchange::meta_image::Sequence;
+use insonify::tracker::interchange::{Imported, InterchangeError, TrackedRow, csv, tracked, write_recording};
+use serde::Serialize;
+
+use super::{Failure, output};
+
+/// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv).
+///
+/// Poses are taken as scene_from_probe: the sequence's tracker frame becomes the scene's.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// File to import (.mha or .csv)
+    file: PathBuf,
+
+    /// Recording to write (.mcap)
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Transform of a sequence to take
+    #[arg(long, value_name = "NAME", default_value = "ProbeToTrackerTransform")]
+    transform: String,
+
+    /// Print what was imported as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Columns of a table, in any order, named in its first line:
+  time_s               seconds from any origin; must not fall
+  x_mm, y_mm, z_mm     centre of the transducer's face
+  qw, qx, qy, qz       unit quaternion that turns probe axes into the scene's
+  status               optional: ok or empty, or invalid for a row without a pose
+  event                optional: name of something that happened then
+
+Examples:
+  insonify import sweep.igs.mha --out sweep.mcap
+  insonify import sweep.igs.mha --transform ProbeToReferenceTransform --out sweep.mcap
+  insonify import poses.csv --out poses.mcap";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    path: &'a PathBuf,
+    #[serde(flatten)]
+    imported: Imported,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let rows = rows(args)?;
+    if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
+        create_dir(directory)?;
+    }
+    let imported = write_recording(&rows, &args.file, &args.out)?;
+    if args.json {
+        return output::json(&Report { path: &args.out, imported });
+    }
+    output::line(format!("{} poses over {:.1} s, {} events", imported.poses, imported.duration_s, imported.events))?;
+    if imported.without_pose > 0 {
+        output::line(format!("{} rows without a pose became gaps", imported.without_pose))?;
+    }
+    output::line(args.out.display())
+}
+
+fn rows(args: &Args) -> Result<Vec<TrackedRow>, Failure> {
+    let path = &args.file;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("mha" | "mhd") => Ok(tracked(Sequence::open(path)?.head(), &args.transform, path)?),
+        Some("csv") => {
+            let file = File::open(path).map_err(|source| InterchangeError::Read { path: path.clone(), source })?;
+            Ok(csv::read(BufReader::new(file), path)?)
+        }
+        _ => Err(Failure::Input(anyhow::anyhow!("{} is neither .mha, .mhd nor .csv", path.display()))),
+    }
+}

@@ -1,0 +1,89 @@
+//! How fast a recording is replayed.
+
+use std::str::FromStr;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Speed of a replay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Speed {
+    /// As fast as it can.
+    Max,
+    /// Recorded seconds a second.
+    Factor(f64),
+}
+
+impl FromStr for Speed {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "max" {
+            return Ok(Self::Max);
+        }
+        match text.parse() {
+            Ok(factor) if (0.01..=1000.0).contains(&factor) => Ok(Self::Factor(factor)),
+            _ => Err("expected max, or a factor in 0.01..=1000".to_owned()),
+        }
+    }
+}
+
+/// Holds frames back until they are due. A late frame is not made up for by leaving others out.
+pub(crate) struct Pace {
+    /// From frame to frame; none without a wait.
+    interval: Option<Duration>,
+    started: Option<Instant>,
+    behind: Duration,
+}
+
+impl Pace {
+    /// Frames at `fps` a recorded second.
+    pub(crate) fn new(speed: Speed, fps: f64) -> Self {
+        let interval = match speed {
+            Speed::Max => None,
+            Speed::Factor(factor) => Some(Duration::from_secs_f64(1.0 / (fps * factor))),
+        };
+        Self { interval, started: None, behind: Duration::ZERO }
+    }
+
+    /// Waits until `frame` is due; the first one starts the clock.
+    pub(crate) fn wait(&mut self, frame: usize) {
+        let Some(due) = self.due(frame) else { return };
+        let elapsed = self.started.get_or_insert_with(Instant::now).elapsed();
+        match due.checked_sub(elapsed) {
+            Some(left) => thread::sleep(left),
+            None => self.behind = self.behind.max(elapsed - due),
+        }
+    }
+
+    /// When a frame is due, since the first.
+    fn due(&self, frame: usize) -> Option<Duration> {
+        self.interval.map(|interval| interval.mul_f64(frame as f64))
+    }
+
+    /// How late a frame was at most, s; none without a wait.
+    pub(crate) fn behind_s(&self) -> Option<f64> {
+        self.interval.map(|_| self.behind.as_secs_f64())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_are_understood() {
+        assert_eq!("max".parse(), Ok(Speed::Max));
+        assert_eq!("2.5".parse(), Ok(Speed::Factor(2.5)));
+        for wrong in ["", "0", "-1", "NaN", "inf", "fast", "1001"] {
+            assert!(wrong.parse::<Speed>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn frames_are_due_by_rate_and_speed() {
+        let due = |speed, frame| Pace::new(speed, 20.0).due(frame);
+        assert_eq!(due(Speed::Factor(1.0), 30), Some(Duration::from_millis(1500)));
+        assert_eq!(due(Speed::Factor(4.0), 80), Some(Duration::from_secs(1)));
+        assert_eq!(due(Speed::Max, 80), None);
+    }
+}

@@ -1,0 +1,176 @@
+//! Tracked sequences as PLUS and SlicerIGSIO read them: `.igs.mha`, a MetaImage whose head holds each image's time and
+//! transforms. [`tracker::interchange::meta_image`](crate::tracker::interchange::meta_image) reads them back.
+//!
+//! Each image has `ProbeToTrackerTransform` (our `scene_from_probe`) and `ImageToProbeTransform` (pixels to mm; the
+//! first pixel's centre is 0 0, x rightward, y downward), both with status and row by row in mm.
+
+use std::fmt::Write as _;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use glam::{DMat3, DVec3};
+use tempfile::NamedTempFile;
+
+use super::SinkError;
+use super::error::check_shape;
+use super::file::{begin, commit};
+use crate::pose::Pose;
+use crate::transducer::Sector;
+
+/// Room for the size of the compressed pixels, which is known at the end only, characters.
+const SIZE_WIDTH: usize = 20;
+
+/// What belongs to one image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImageTracking {
+    /// Time, s.
+    pub time_s: f64,
+    /// `scene_from_probe`.
+    pub pose: Pose,
+    /// Whether the pose was measured; else it is written as invalid.
+    pub tracked: bool,
+}
+
+/// Writes one sequence of 8-bit images.
+pub struct MetaImageWriter {
+    out: Out,
+    path: PathBuf,
+    sector: Sector,
+    images: usize,
+    pushed: usize,
+    /// Where the size of the compressed pixels belongs, and where they start.
+    size_at: u64,
+    pixels_at: u64,
+}
+
+enum Out {
+    Raw(BufWriter<NamedTempFile>),
+    Zlib(ZlibEncoder<BufWriter<NamedTempFile>>),
+}
+
+impl Out {
+    fn writer(&mut self) -> &mut dyn Write {
+        match self {
+            Self::Raw(out) => out,
+            Self::Zlib(out) => out,
+        }
+    }
+}
+
+impl MetaImageWriter {
+    /// Writes the head of a sequence of `images.len()` images of `sector`'s size. Pixels are compressed by zlib where
+    /// `compress` is set.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn create(path: &Path, sector: &Sector, images: &[ImageTracking], compress: bool) -> Result<Self, SinkError> {
+        let io = || SinkError::io(path);
+        let mut out = BufWriter::with_capacity(1 << 18, begin(path)?);
+        let (before, behind) = head(sector, images.len(), compress);
+        let size_at = before.len() as u64;
+        out.write_all(before.as_bytes()).map_err(io())?;
+        if compress {
+            write!(out, "{:SIZE_WIDTH$}", "").map_err(io())?;
+        }
+        out.write_all(behind.as_bytes()).map_err(io())?;
+        let image_to_probe = row_by_row(&image_to_probe(sector));
+        let mut text = String::new();
+        for (number, image) in images.iter().enumerate() {
+            text.clear();
+            let status = if image.tracked { "OK" } else { "INVALID" };
+            let matrix = DMat3::from_quat(image.pose.orientation);
+            let probe_to_tracker = row_by_row(&(matrix, image.pose.position_mm));
+            for (key, value) in [
+                ("FrameNumber", &number as &dyn std::fmt::Display),
+                ("ImageStatus", &"OK"),
+                ("ImageToProbeTransform", &image_to_probe),
+                ("ImageToProbeTransformStatus", &"OK"),
+                ("ProbeToTrackerTransform", &probe_to_tracker),
+                ("ProbeToTrackerTransformStatus", &status),
+                ("Timestamp", &image.time_s),
+                ("UnfilteredTimestamp", &image.time_s),
+            ] {
+                // Writing to a string cannot fail.
+                let _ = writeln!(text, "Seq_Frame{number:04}_{key} = {value}");
+            }
+            out.write_all(text.as_bytes()).map_err(io())?;
+        }
+        out.write_all(b"ElementDataFile = LOCAL\n").map_err(io())?;
+        out.flush().map_err(io())?;
+        let pixels_at = out.get_mut().stream_position().map_err(io())?;
+        let out = match compress {
+            true => Out::Zlib(ZlibEncoder::new(out, Compression::fast())),
+            false => Out::Raw(out),
+        };
+        Ok(Self { out, path: path.to_owned(), sector: *sector, images: images.len(), pushed: 0, size_at, pixels_at })
+    }
+
+    /// Appends the next image, grey levels [height × width].
+    ///
+    /// # Errors
+    /// It does not have the sector's size, or the file cannot be written.
+    pub fn push(&mut self, image: &[u8]) -> Result<(), SinkError> {
+        check_shape(&self.path, [self.sector.height as usize, self.sector.width as usize], image.len())?;
+        self.pushed += 1;
+        self.out.writer().write_all(image).map_err(SinkError::io(&self.path))
+    }
+
+    /// Completes the file and gives it its name.
+    ///
+    /// # Errors
+    /// Not as many images came as the head says, or the file cannot be written.
+    pub fn finish(self) -> Result<(), SinkError> {
+        let io = || SinkError::io(&self.path);
+        if self.pushed != self.images {
+            let reason = format!("{} images came; its head says {}", self.pushed, self.images);
+            return Err(io()(std::io::Error::new(std::io::ErrorKind::InvalidInput, reason)));
+        }
+        let (out, compressed) = match self.out {
+            Out::Raw(out) => (out, false),
+            Out::Zlib(out) => (out.finish().map_err(io())?, true),
+        };
+        let mut file = out.into_inner().map_err(|error| io()(error.into_error()))?;
+        if compressed {
+            let size = file.stream_position().map_err(io())? - self.pixels_at;
+            file.seek(SeekFrom::Start(self.size_at)).map_err(io())?;
+            write!(file, "{size:<SIZE_WIDTH$}").map_err(io())?;
+        }
+        commit(file, &self.path)
+    }
+}
+
+/// The head's lines before the images', up to where the size of the compressed pixels belongs and from there.
+fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
+    let compressed = if compress { "True\nCompressedDataSize = " } else { "False" };
+    let before = format!(
+        "ObjectType = Image\nNDims = 3\nAnatomicalOrientation = RAI\nBinaryData = True\n\
+         BinaryDataByteOrderMSB = False\nCenterOfRotation = 0 0 0\nCompressedData = {compressed}"
+    );
+    let behind = format!(
+        "\nDimSize = {} {} {images}\nElementNumberOfChannels = 1\nElementSpacing = 1 1 1\nElementType = MET_UCHAR\n\
+         Kinds = domain domain list\nOffset = 0 0 0\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n\
+         UltrasoundImageOrientation = MFA\nUltrasoundImageType = BRIGHTNESS\n",
+        sector.width, sector.height
+    );
+    (before, behind)
+}
+
+/// Linear part and offset, mm a pixel: right in the image is the probe's x, down its z.
+fn image_to_probe(sector: &Sector) -> (DMat3, DVec3) {
+    let first = sector.pixel_centre_mm(0, 0);
+    // Right-handed, like every transform that PLUS writes.
+    let axes = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y) * sector.pixel_mm;
+    (axes, DVec3::new(first.x, 0.0, first.y))
+}
+
+/// Sixteen numbers as PLUS writes them.
+fn row_by_row((linear, offset): &(DMat3, DVec3)) -> String {
+    let mut text = String::new();
+    for row in 0..3 {
+        let [a, b, c] = linear.row(row).to_array();
+        let _ = write!(text, "{a} {b} {c} {} ", offset[row]);
+    }
+    text + "0 0 0 1"
+}

@@ -1,0 +1,225 @@
+//! Tracked sequences of other programs: read, and turned into recordings.
+//!
+//! [`meta_image`] reads the `.mha` sequences of [PLUS](https://plustoolkit.github.io) and SlicerIGSIO, [`csv`] tables.
+//! Their poses are taken for `scene_from_probe`: a sequence's tracker frame becomes the scene's.
+
+use std::io::{BufRead, Read};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
+use super::{Protocol, ascii_line};
+use crate::pose::Pose;
+
+pub mod csv;
+pub mod meta_image;
+mod pixels;
+mod tracking;
+
+pub use tracking::{tracked, transforms_of};
+
+/// Longest time from the first to the last pose, s: thirty years.
+const SPAN_LIMIT_S: f64 = 1e9;
+
+/// A first time from here on is one since 1970, s; a smaller one counts from an origin of its own.
+const UNIX_FROM_S: f64 = 1e8;
+
+/// Why a sequence cannot be read.
+#[derive(Debug, Error)]
+pub enum InterchangeError {
+    /// The file could not be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A line is wrong.
+    #[error("{path}, line {line} (byte {byte}): {reason}")]
+    Line {
+        /// File.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Where the line starts, bytes from the start of the file.
+        byte: u64,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
+    /// The file as a whole is wrong.
+    #[error("{path}: {reason}")]
+    File {
+        /// File.
+        path: PathBuf,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
+    /// The pixels are wrong.
+    #[error("{path}, image {image}, at byte {byte} of the pixels: {reason}")]
+    Pixels {
+        /// File.
+        path: PathBuf,
+        /// Image, from 0.
+        image: u32,
+        /// Uncompressed bytes before the fault.
+        byte: u64,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// Where in a text file something stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Place {
+    /// Line, from 1.
+    pub line: u64,
+    /// Where the line starts, bytes from the start of the file.
+    pub byte: u64,
+}
+
+impl Place {
+    fn error(self, path: &Path, reason: impl Into<String>) -> InterchangeError {
+        InterchangeError::Line { path: path.to_owned(), line: self.line, byte: self.byte, reason: reason.into() }
+    }
+}
+
+/// One row of a sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackedRow {
+    /// Time, s from the sequence's origin.
+    pub time_s: f64,
+    /// `tracker_from_probe`; None where the tracker did not see the probe.
+    pub pose: Option<Pose>,
+    /// Something that happened then.
+    pub event: Option<String>,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// What [`write_recording`] wrote.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Imported {
+    /// Poses in the recording.
+    pub poses: usize,
+    /// Rows without a pose, which became gaps.
+    pub without_pose: usize,
+    /// Events in the recording.
+    pub events: usize,
+    /// From the first row to the last, s.
+    pub duration_s: f64,
+}
+
+/// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
+///
+/// `source` is told to people as the recording's device. The host time of the first row is its own where that is one
+/// since 1970, else 0; counters are the rows' numbers, so that rows without pose count as missing records.
+///
+/// # Errors
+/// No row has a pose, times run backward or span thirty years, or the recording cannot be written.
+pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Result<Imported, InterchangeError> {
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
+        return Err(InterchangeError::File { path: source.to_owned(), reason: "it has no rows".to_owned() });
+    };
+    if rows.iter().all(|row| row.pose.is_none()) {
+        let reason = format!("none of its {} rows has a pose", rows.len());
+        return Err(InterchangeError::File { path: source.to_owned(), reason });
+    }
+    let mut before_s = first.time_s;
+    for row in rows {
+        if row.time_s < before_s {
+            let reason =
+                format!("time {} s lies before {before_s} s of the row before; times must not fall", row.time_s);
+            return Err(row.place.error(source, reason));
+        }
+        if row.time_s - first.time_s > SPAN_LIMIT_S {
+            let reason = format!("time {} s is more than {SPAN_LIMIT_S} s after the first", row.time_s);
+            return Err(row.place.error(source, reason));
+        }
+        before_s = row.time_s;
+    }
+    let origin_s = if (UNIX_FROM_S..SPAN_LIMIT_S * 10.0).contains(&first.time_s) { first.time_s } else { 0.0 };
+    let origin_ns = (origin_s * 1e9).round() as u64;
+    let info = RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: format!("imported from {}", source.file_name().unwrap_or(source.as_os_str()).display()),
+        scene: String::new(),
+        start_time_ns: origin_ns,
+        sensor: None,
+    };
+    let mut writer = RecordingWriter::create(path, &info)?;
+    let mut imported = Imported { poses: 0, without_pose: 0, events: 0, duration_s: last.time_s - first.time_s };
+    for (sequence, row) in (0_u32..).zip(rows) {
+        let since_ns = ((row.time_s - first.time_s) * 1e9).round() as u64;
+        if let Some(event) = &row.event {
+            writer.event(&Event::new(origin_ns + since_ns, event))?;
+            imported.events += 1;
+        }
+        match &row.pose {
+            Some(pose) => {
+                writer.raw(origin_ns + since_ns, ascii_line::encode(sequence, since_ns / 1000, pose).as_bytes())?;
+                imported.poses += 1;
+            }
+            None => imported.without_pose += 1,
+        }
+    }
+    writer.finish()?;
+    Ok(imported)
+}
+
+/// Reads lines of bounded length, and knows where they start.
+struct Lines<R> {
+    source: R,
+    path: PathBuf,
+    next: Place,
+    text: Vec<u8>,
+}
+
+impl<R: std::io::BufRead> Lines<R> {
+    /// Longest line, bytes.
+    const LIMIT: u64 = 1 << 16;
+
+    fn new(source: R, path: &Path) -> Self {
+        Self { source, path: path.to_owned(), next: Place { line: 1, byte: 0 }, text: Vec::new() }
+    }
+
+    /// The next line without its end, and its place; None at the end of the file.
+    fn next_line(&mut self) -> Result<Option<(Place, &str)>, InterchangeError> {
+        self.text.clear();
+        let read = self.source.by_ref().take(Self::LIMIT + 1).read_until(b'\n', &mut self.text);
+        let read = read.map_err(|source| InterchangeError::Read { path: self.path.clone(), source })? as u64;
+        if read == 0 {
+            return Ok(None);
+        }
+        let place = self.next;
+        self.next = Place { line: place.line + 1, byte: place.byte + read };
+        if read > Self::LIMIT {
+            return Err(place.error(&self.path, format!("it is longer than {} bytes", Self::LIMIT)));
+        }
+        let line = self.text.strip_suffix(b"\n").unwrap_or(&self.text);
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        match std::str::from_utf8(line) {
+            Ok(text) => Ok(Some((place, text))),
+            Err(error) => {
+                let reason = format!("byte {} of the line is no UTF-8 text", error.valid_up_to());
+                Err(place.error(&self.path, reason))
+            }
+        }
+    }
+}
+
+/// At most 32 characters of what was found, escaped, to be repeated in an error.
+fn quote(text: &str) -> String {
+    let short: String = text.chars().take(32).collect();
+    let more = if short.len() < text.len() { "..." } else { "" };
+    format!("`{}{more}`", short.escape_debug())
+}
+
+/// A finite number.
+fn finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|number: &f64| number.is_finite())
+}

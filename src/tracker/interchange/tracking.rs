@@ -1,0 +1,73 @@
+//! The transforms of a sequence.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::meta_image::{Field, Fields, Head};
+use super::{InterchangeError, TrackedRow, finite, quote};
+use crate::pose::Pose;
+
+/// Largest accepted departure of a rotation from an orthonormal matrix: PLUS prints six digits.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+
+/// Names of the transforms that images of a sequence have.
+pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
+    head.images.iter().flat_map(Fields::keys).map(String::as_str).filter(|key| key.ends_with("Transform")).collect()
+}
+
+/// A row for each image, posed by `transform` (`ProbeToTrackerTransform`, for example). Where its status is not `OK`
+/// there is no pose.
+///
+/// # Errors
+/// An image without `Timestamp` or the transform, or one whose numbers are no rigid motion.
+pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedRow>, InterchangeError> {
+    let status = format!("{transform}Status");
+    let row = |(number, image): (usize, &Fields)| {
+        let need = |key: &str| {
+            image.get(key).ok_or_else(|| {
+                let known: Vec<_> = transforms_of(head).into_iter().collect();
+                let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+                let reason = format!("image {number} has no `{key}`; the sequence's transforms: {known}");
+                InterchangeError::File { path: path.to_owned(), reason }
+            })
+        };
+        let time = need("Timestamp")?;
+        let place = time.place;
+        let Some(time_s) = finite(&time.value) else {
+            return Err(place.error(path, format!("`Timestamp` is {}; it must be seconds", quote(&time.value))));
+        };
+        let matrix = need(transform)?;
+        let pose = match image.get(&status) {
+            Some(status) if status.value != "OK" => None,
+            _ => Some(rigid(matrix).map_err(|reason| matrix.place.error(path, format!("`{transform}`: {reason}")))?),
+        };
+        Ok(TrackedRow { time_s, pose, event: None, place })
+    };
+    head.images.iter().enumerate().map(row).collect()
+}
+
+/// The pose of sixteen numbers, row by row.
+fn rigid(field: &Field) -> Result<Pose, String> {
+    let numbers: Option<Vec<f64>> = field.value.split_whitespace().map(finite).collect();
+    let m: [f64; 16] = numbers
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| format!("{} is not sixteen numbers", quote(&field.value)))?;
+    if m[12..] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(format!("its last row is {:?}; it must be 0 0 0 1", &m[12..]));
+    }
+    let rotation = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
+    let off = (rotation.transpose() * rotation - DMat3::IDENTITY).to_cols_array();
+    let off = off.into_iter().fold(0.0_f64, |worst, value| worst.max(value.abs()));
+    // The diagonal holds sums of squares: huge numbers make it infinite, never NaN.
+    if off > ROTATION_TOLERANCE {
+        return Err(format!("it scales or shears: RᵀR is off the unit matrix by {off:.3e}"));
+    }
+    if rotation.determinant() < 0.0 {
+        return Err("it mirrors".to_owned());
+    }
+    let q = DQuat::from_mat3(&rotation).normalize();
+    let p = DVec3::new(m[3], m[7], m[11]);
+    Pose::from_components([p.x, p.y, p.z, q.w, q.x, q.y, q.z]).map_err(|error| error.to_string())
+}

@@ -1,0 +1,122 @@
+//! A recording, its bytes decoded.
+
+use std::collections::VecDeque;
+use std::io::Read;
+
+use bytes::BytesMut;
+
+use super::{Entry, Event, RecordingError, RecordingReader, RecordingSummary, SessionPose};
+use crate::pose::{Measurement, Reading};
+use crate::tracker::arrival::ArrivalTimes;
+use crate::tracker::{Decoder, Record};
+
+/// What a recording holds, one thing after the other.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Item {
+    /// A measurement of the sensor that counts, with the host time of its first byte.
+    Measurement(Measurement),
+    /// An event.
+    Event(Event),
+    /// A pose that the session used.
+    Pose(SessionPose),
+}
+
+/// Decodes a recording by the protocol that it names, in the order in which a live session heard it.
+///
+/// What is whole in a damaged recording is used; [`finish`](Self::finish) says what was not.
+pub struct DecodedRecording<R> {
+    reader: RecordingReader<R>,
+    decoder: Decoder,
+    buffer: BytesMut,
+    times: ArrivalTimes,
+    items: VecDeque<Item>,
+    sequence: Option<u32>,
+    summary: RecordingSummary,
+    ended: bool,
+}
+
+impl<R: Read> DecodedRecording<R> {
+    /// Decodes what `reader` reads.
+    pub fn new(reader: RecordingReader<R>) -> Self {
+        let decoder = reader.info().protocol.decoder();
+        let mut summary = RecordingSummary::new(reader.info().clone());
+        summary.sensor = reader.info().sensor;
+        let (buffer, times, items) = (BytesMut::new(), ArrivalTimes::default(), VecDeque::new());
+        Self { reader, decoder, buffer, times, items, sequence: None, summary, ended: false }
+    }
+
+    /// The next thing; None at the end of what can be read.
+    ///
+    /// # Errors
+    /// The file cannot be read, or has compressed chunks.
+    pub fn next_item(&mut self) -> Result<Option<Item>, RecordingError> {
+        while self.items.is_empty() && !self.ended {
+            match self.reader.next_entry()? {
+                Some(Entry::Raw { host_time_ns, bytes }) => self.raw(host_time_ns, &bytes),
+                Some(Entry::Event(event)) => {
+                    self.summary.events.push(event.clone());
+                    self.items.push_back(Item::Event(event));
+                }
+                Some(Entry::Pose(pose)) => {
+                    self.summary.session_poses += 1;
+                    self.items.push_back(Item::Pose(pose));
+                }
+                None => {
+                    self.ended = true;
+                    if let Err(error) = self.decoder.finish(&mut self.buffer) {
+                        self.summary.decode_error(error);
+                    }
+                }
+            }
+        }
+        Ok(self.items.pop_front())
+    }
+
+    /// What was found so far, and what could not be used. `time_reversals` and `duration` are left to whoever
+    /// collects the poses.
+    pub fn finish(mut self) -> RecordingSummary {
+        self.summary.damage = self.reader.damage().clone();
+        self.summary.settings = self.reader.settings().cloned();
+        self.summary
+    }
+
+    fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) {
+        self.summary.messages += 1;
+        self.summary.bytes += bytes.len() as u64;
+        self.times.push(bytes.len(), host_time_ns);
+        self.buffer.extend_from_slice(bytes);
+        loop {
+            let first_byte_ns = self.times.of_first_of(self.buffer.len());
+            match self.decoder.decode(&mut self.buffer) {
+                Ok(Some(record)) => self.record(first_byte_ns, record),
+                Ok(None) => break,
+                Err(error) => self.summary.decode_error(error),
+            }
+        }
+    }
+
+    fn record(&mut self, host_time_ns: u64, record: Record) {
+        self.summary.records += 1;
+        if *self.summary.sensor.get_or_insert(record.sensor) != record.sensor {
+            self.summary.other_sensors += 1;
+            return;
+        }
+        let last = std::mem::replace(&mut self.sequence, record.sequence);
+        if let (Some(last), Some(sequence)) = (last, record.sequence) {
+            // The counter wraps: what looks like more than half of its range forward is a step back.
+            match sequence.wrapping_sub(last) {
+                step @ 1..=0x7fff_ffff => self.summary.missing_records += u64::from(step - 1),
+                _ => self.summary.sequence_reversals += 1,
+            }
+        }
+        if !matches!(record.reading, Reading::Pose(_)) {
+            self.summary.without_pose += 1;
+        }
+        self.items.push_back(Item::Measurement(Measurement {
+            host_time_ns,
+            device_time_us: record.device_time_us,
+            sequence: record.sequence,
+            reading: record.reading,
+        }));
+    }
+}

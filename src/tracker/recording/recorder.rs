@@ -1,0 +1,507 @@
+//! Records beside a live station: on a thread of its own, behind a bounded queue that nobody waits for.
+
+use std::mem;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use thiserror::Error;
+
+use super::{Event, RecordingError, RecordingWriter, SessionPose};
+
+/// What was written is brought to the operating system at least this often, also while nothing comes.
+const FLUSH_AFTER: Duration = Duration::from_secs(1);
+
+/// Name of the event at the end of a recording that the disk could not follow.
+const ENDED: &str = "recording-ended";
+
+/// How much may wait for the disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct QueueLimits {
+    /// Tracker bytes.
+    pub bytes: usize,
+    /// Messages of any kind.
+    pub messages: usize,
+}
+
+impl Default for QueueLimits {
+    /// More than a minute of the fastest tracker (240 records of 100 bytes a second).
+    fn default() -> Self {
+        Self { bytes: 4 << 20, messages: 1 << 16 }
+    }
+}
+
+/// Why a recording ended before it was told to.
+#[derive(Debug, Error)]
+pub enum RecorderError {
+    /// The disk is full or gone. What was written before is in the `.part` file.
+    #[error("the recording ended: {0}")]
+    Disk(#[from] RecordingError),
+    /// The disk is too slow. The recording holds, without a hole, all until then.
+    #[error("the recording ended since the disk does not follow: {messages} messages with {bytes} bytes waited for it")]
+    Behind {
+        /// Messages that waited.
+        messages: usize,
+        /// Tracker bytes in them.
+        bytes: usize,
+    },
+    /// No thread, or it panicked.
+    #[error("the recording ended: its thread {0}")]
+    Thread(String),
+}
+
+/// What a [`Recorder`] did.
+#[derive(Debug, Default)]
+#[must_use]
+pub struct Recorded {
+    /// Messages of tracker bytes that were taken.
+    pub messages: u64,
+    /// Bytes in them.
+    pub bytes: u64,
+    /// Poses that were taken.
+    pub poses: u64,
+    /// Events that were taken.
+    pub events: u64,
+    /// Messages of any kind that came after the recording had ended.
+    pub left_out: u64,
+    /// Why it ended early; None for a whole recording.
+    pub failure: Option<Arc<RecorderError>>,
+}
+
+/// Writes one recording on a thread of its own.
+///
+/// Nothing is left out of the middle of a recording: if the disk is full or cannot follow, the recording ends there, an
+/// error is logged, [`RecorderHandle::failure`] says why, and everybody else goes on.
+pub struct Recorder {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Gives messages to a [`Recorder`], from any thread. No call waits for the disk, but that of
+/// [`raw_within`](Self::raw_within).
+#[derive(Clone)]
+pub struct RecorderHandle {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    queue: Mutex<Queue>,
+    /// Told when the queue is no longer empty, or the recording shall end.
+    filled: Condvar,
+    /// Told when the thread has taken what waited, or the recording ended.
+    drained: Condvar,
+    limits: QueueLimits,
+}
+
+#[derive(Default)]
+struct Queue {
+    batch: Batch,
+    closing: bool,
+    recorded: Recorded,
+}
+
+/// What waits; swapped whole with the thread's own, so that no memory is asked for in the long run.
+#[derive(Default)]
+struct Batch {
+    messages: Vec<Message>,
+    /// Tracker bytes of all messages, one after the other.
+    bytes: Vec<u8>,
+}
+
+enum Message {
+    Raw { host_time_ns: u64, length: usize },
+    Pose(SessionPose),
+    Event(Event),
+}
+
+/// What a recorder writes to.
+trait Store: Send + 'static {
+    fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError>;
+    fn pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError>;
+    fn event(&mut self, event: &Event) -> Result<(), RecordingError>;
+    fn flush(&mut self) -> Result<(), RecordingError>;
+    fn finish(self) -> Result<(), RecordingError>;
+}
+
+impl Store for RecordingWriter {
+    fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+        self.raw(host_time_ns, bytes)
+    }
+
+    fn pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError> {
+        self.pose(pose)
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
+        self.event(event)
+    }
+
+    fn flush(&mut self) -> Result<(), RecordingError> {
+        self.flush()
+    }
+
+    fn finish(self) -> Result<(), RecordingError> {
+        self.finish()
+    }
+}
+
+impl Recorder {
+    /// Starts to write to `writer`.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(writer: RecordingWriter, limits: QueueLimits) -> Result<Self, RecorderError> {
+        Self::start_with(writer, limits)
+    }
+
+    fn start_with(store: impl Store, limits: QueueLimits) -> Result<Self, RecorderError> {
+        let shared =
+            Arc::new(Shared { queue: Mutex::default(), filled: Condvar::new(), drained: Condvar::new(), limits });
+        let run = {
+            let shared = Arc::clone(&shared);
+            move || run(&shared, store)
+        };
+        let thread = thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(run)
+            .map_err(|error| RecorderError::Thread(format!("cannot be started: {error}")))?;
+        Ok(Self { shared, thread: Some(thread) })
+    }
+
+    /// For whoever has something to record.
+    pub fn handle(&self) -> RecorderHandle {
+        RecorderHandle { shared: Arc::clone(&self.shared) }
+    }
+
+    /// Writes what waits, and finishes the file. Messages that handles give later are left out.
+    pub fn finish(mut self) -> Recorded {
+        self.close();
+        mem::take(&mut self.shared.lock().recorded)
+    }
+
+    fn close(&mut self) {
+        let Some(thread) = self.thread.take() else { return };
+        self.shared.lock().closing = true;
+        self.shared.filled.notify_one();
+        if thread.join().is_err() {
+            self.shared.lock().fail(RecorderError::Thread("panicked".to_owned()));
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+impl RecorderHandle {
+    /// Records bytes of the tracker, the first of which came at `host_time_ns`.
+    pub fn raw(&self, host_time_ns: u64, bytes: &[u8]) {
+        self.raw_within(host_time_ns, bytes, Duration::ZERO);
+    }
+
+    /// As [`raw`](Self::raw), but where the queue is full waits for the disk before it gives the recording up, for
+    /// `patience` at most: for sources that can wait and that nobody watches.
+    pub fn raw_within(&self, host_time_ns: u64, bytes: &[u8], patience: Duration) {
+        self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes, patience);
+    }
+
+    /// Records a pose that the session uses.
+    pub fn pose(&self, pose: SessionPose) {
+        self.shared.push(Message::Pose(pose), &[], Duration::ZERO);
+    }
+
+    /// Records an event.
+    pub fn event(&self, event: Event) {
+        self.shared.push(Message::Event(event), &[], Duration::ZERO);
+    }
+
+    /// Why the recording ended early; None while it goes on.
+    pub fn failure(&self) -> Option<Arc<RecorderError>> {
+        self.shared.lock().recorded.failure.clone()
+    }
+}
+
+impl Shared {
+    /// The queue is sound after every statement under its lock, so that a panic elsewhere does not matter.
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, message: Message, bytes: &[u8], patience: Duration) {
+        let full = |queue: &Queue| {
+            let Batch { messages, bytes: waiting } = &queue.batch;
+            messages.len() >= self.limits.messages || waiting.len() + bytes.len() > self.limits.bytes
+        };
+        let mut queue = self.lock();
+        if !patience.is_zero() {
+            let wait = self.drained.wait_timeout_while(queue, patience, |queue| full(queue) && !queue.ending());
+            (queue, _) = wait.unwrap_or_else(PoisonError::into_inner);
+        }
+        if queue.ending() {
+            queue.recorded.left_out += 1;
+            return;
+        }
+        if full(&queue) {
+            let Batch { messages, bytes: waiting } = &queue.batch;
+            let error = RecorderError::Behind { messages: messages.len(), bytes: waiting.len() };
+            queue.recorded.left_out += 1;
+            queue.fail(error);
+            return;
+        }
+        match &message {
+            Message::Raw { .. } => queue.recorded.messages += 1,
+            Message::Pose(_) => queue.recorded.poses += 1,
+            Message::Event(_) => queue.recorded.events += 1,
+        }
+        queue.recorded.bytes += bytes.len() as u64;
+        queue.batch.bytes.extend_from_slice(bytes);
+        queue.batch.messages.push(message);
+        drop(queue);
+        self.filled.notify_one();
+    }
+}
+
+impl Queue {
+    /// The first failure counts.
+    fn fail(&mut self, error: RecorderError) {
+        if self.recorded.failure.is_none() {
+            tracing::error!("{error}");
+            self.recorded.failure = Some(Arc::new(error));
+        }
+    }
+
+    fn ending(&self) -> bool {
+        self.closing || self.recorded.failure.is_some()
+    }
+}
+
+/// The thread: writes batch after batch until it shall end and nothing waits.
+fn run(shared: &Shared, mut store: impl Store) {
+    let mut batch = Batch::default();
+    let mut last_ns = 0;
+    let mut unflushed = false;
+    loop {
+        let queue = shared.lock();
+        let wait = shared
+            .filled
+            .wait_timeout_while(queue, FLUSH_AFTER, |queue| queue.batch.messages.is_empty() && !queue.ending());
+        let (mut queue, _) = wait.unwrap_or_else(PoisonError::into_inner);
+        mem::swap(&mut queue.batch, &mut batch);
+        let ending = queue.ending();
+        drop(queue);
+        shared.drained.notify_all();
+        let idle = batch.messages.is_empty();
+        if idle && ending {
+            break;
+        }
+        let written = match idle {
+            true if unflushed => store.flush(),
+            true => Ok(()),
+            false => batch.write(&mut store, &mut last_ns),
+        };
+        unflushed = !idle;
+        if let Err(error) = written {
+            // The store is dropped as it is: whole chunks that were written stay in its `.part`.
+            shared.lock().fail(error.into());
+            shared.drained.notify_all();
+            return;
+        }
+    }
+    let behind = shared.lock().recorded.failure.clone();
+    let noted = match behind {
+        Some(error) => store.event(&Event::new(last_ns, ENDED).with(error.to_string())),
+        None => Ok(()),
+    };
+    if let Err(error) = noted.and_then(|()| store.finish()) {
+        shared.lock().fail(error.into());
+    }
+}
+
+impl Batch {
+    /// Writes all messages in their order, and empties itself.
+    fn write(&mut self, store: &mut impl Store, last_ns: &mut u64) -> Result<(), RecordingError> {
+        let mut start = 0;
+        for message in self.messages.drain(..) {
+            match message {
+                Message::Raw { host_time_ns, length } => {
+                    *last_ns = host_time_ns;
+                    store.raw(host_time_ns, self.bytes.get(start..start + length).unwrap_or_default())?;
+                    start += length;
+                }
+                Message::Pose(pose) => {
+                    *last_ns = pose.host_time_ns;
+                    store.pose(&pose)?;
+                }
+                Message::Event(event) => {
+                    *last_ns = event.host_time_ns;
+                    store.event(&event)?;
+                }
+            }
+        }
+        self.bytes.clear();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    use super::*;
+
+    /// What came to a store.
+    #[derive(Debug, PartialEq)]
+    enum Seen {
+        Raw(u64, Vec<u8>),
+        Pose,
+        Event(String, Option<serde_json::Value>),
+        Finished,
+    }
+
+    /// A disk that takes one message for each word from `gate`, and fails where that word is false.
+    struct Disk {
+        gate: Receiver<bool>,
+        seen: Sender<Seen>,
+    }
+
+    impl Disk {
+        fn take(&mut self, seen: Seen) -> Result<(), RecordingError> {
+            // A gate that is gone is open.
+            if self.gate.recv() == Ok(false) {
+                return Err(RecordingError::Write { path: "disk".into(), reason: "it is full".into() });
+            }
+            let _ = self.seen.send(seen);
+            Ok(())
+        }
+    }
+
+    impl Store for Disk {
+        fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+            self.take(Seen::Raw(host_time_ns, bytes.to_vec()))
+        }
+
+        fn pose(&mut self, _: &SessionPose) -> Result<(), RecordingError> {
+            self.take(Seen::Pose)
+        }
+
+        fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
+            self.take(Seen::Event(event.name.clone(), event.value.clone()))
+        }
+
+        fn flush(&mut self) -> Result<(), RecordingError> {
+            Ok(())
+        }
+
+        fn finish(mut self) -> Result<(), RecordingError> {
+            self.take(Seen::Finished)
+        }
+    }
+
+    fn recorder(limits: QueueLimits) -> (Recorder, Sender<bool>, Receiver<Seen>) {
+        let ((open, gate), (seen, look)) = (channel(), channel());
+        (Recorder::start_with(Disk { gate, seen }, limits).unwrap(), open, look)
+    }
+
+    #[test]
+    fn everything_is_written_in_its_order() {
+        let (recorder, open, look) = recorder(QueueLimits::default());
+        drop(open);
+        let handle = recorder.handle();
+        for i in 0..1000_u64 {
+            handle.raw(i, &i.to_le_bytes());
+            if i == 500 {
+                handle.event(Event::new(i, "gain").with(3.5));
+            }
+        }
+        let recorded = recorder.finish();
+        assert_eq!((recorded.messages, recorded.bytes, recorded.events, recorded.left_out), (1000, 8000, 1, 0));
+        assert!(recorded.failure.is_none());
+        let mut seen = look.iter();
+        for i in 0..1000_u64 {
+            assert_eq!(seen.next(), Some(Seen::Raw(i, i.to_le_bytes().to_vec())));
+            if i == 500 {
+                assert_eq!(seen.next(), Some(Seen::Event("gain".into(), Some(3.5.into()))));
+            }
+        }
+        assert_eq!(seen.next(), Some(Seen::Finished));
+        handle.raw(0, b"late");
+        assert_eq!(handle.shared.lock().recorded.left_out, 1);
+    }
+
+    #[test]
+    fn a_disk_that_hangs_ends_the_recording_and_holds_nobody_up() {
+        let (recorder, open, look) = recorder(QueueLimits { bytes: 100, messages: 1000 });
+        let handle = recorder.handle();
+        // The disk takes nothing: each call returns all the same.
+        let taken = (0..1000_u64).take_while(|i| {
+            handle.raw(*i, &[7; 10]);
+            handle.failure().is_none()
+        });
+        let taken = taken.count() as u64;
+        // Ten in the queue, and as many with the thread as it found when it came first.
+        assert!((10..=20).contains(&taken), "{taken}");
+        assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { bytes: 100, messages: 10 }));
+        handle.raw(2000, b"later");
+        drop(open);
+        let recorded = recorder.finish();
+        assert_eq!((recorded.messages, recorded.left_out), (taken, 2));
+        let seen: Vec<_> = look.iter().collect();
+        // All that was taken, without a hole, then why it ended, then a whole file.
+        assert_eq!(seen.len() as u64, taken + 2);
+        for (i, seen) in (0..taken).zip(&seen) {
+            assert_eq!(*seen, Seen::Raw(i, vec![7; 10]));
+        }
+        let [.., Seen::Event(name, Some(reason)), Seen::Finished] = &seen[..] else { panic!("{seen:?}") };
+        assert!(name == ENDED && reason.as_str().unwrap().contains("10 messages with 100 bytes"), "{reason}");
+    }
+
+    #[test]
+    fn a_source_that_can_wait_loses_nothing_to_a_small_queue_and_is_not_held_for_ever() {
+        let (recorder, open, look) = recorder(QueueLimits { bytes: 100, messages: 3 });
+        let handle = recorder.handle();
+        let patience = Duration::from_secs(600);
+        let writer = thread::spawn(move || {
+            (0..500_u64).for_each(|i| handle.raw_within(i, &i.to_le_bytes(), patience));
+            handle
+        });
+        for i in 0..500_u64 {
+            open.send(true).unwrap();
+            assert_eq!(look.recv(), Ok(Seen::Raw(i, i.to_le_bytes().to_vec())));
+        }
+        let handle = writer.join().unwrap();
+        // Now the disk takes nothing any more.
+        (0..50).for_each(|i| handle.raw_within(i, b"x", Duration::from_millis(1)));
+        assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { messages: 3, .. }));
+        drop(open);
+        let recorded = recorder.finish();
+        assert!((503..=506).contains(&recorded.messages), "{recorded:?}");
+    }
+
+    #[test]
+    fn a_full_disk_ends_the_recording_at_once() {
+        let (recorder, open, look) = recorder(QueueLimits::default());
+        let handle = recorder.handle();
+        for word in [true, true, false] {
+            open.send(word).unwrap();
+        }
+        for i in 0..10 {
+            handle.raw(i, b"x");
+        }
+        let recorded = recorder.finish();
+        let failure = recorded.failure.unwrap().to_string();
+        assert_eq!(failure, "the recording ended: cannot write the recording disk: it is full");
+        // The file is not finished: its `.part` stays.
+        assert_eq!(look.iter().count(), 2);
+    }
+
+    #[test]
+    fn a_recorder_that_is_dropped_finishes_its_file() {
+        let (recorder, open, look) = recorder(QueueLimits::default());
+        drop(open);
+        recorder.handle().raw(1, b"x");
+        drop(recorder);
+        assert_eq!(look.iter().last(), Some(Seen::Finished));
+    }
+}

@@ -1,0 +1,118 @@
+//! What a recording held.
+
+use std::fmt;
+use std::time::Duration;
+
+use super::{Damage, Event, RecordingInfo, SessionSettings};
+use crate::tracker::DecodeError;
+
+/// Most decode errors that are described; all are counted.
+const DESCRIBED: usize = 8;
+
+/// What a recording held, and what of it could not be used. [`Display`](fmt::Display) prints it for people.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordingSummary {
+    /// What the recording says about itself.
+    pub info: RecordingInfo,
+    /// Messages of tracker bytes.
+    pub messages: u64,
+    /// Bytes in them.
+    pub bytes: u64,
+    /// Records that were decoded, with those that were then left out.
+    pub records: u64,
+    /// Pieces of the stream that were no record.
+    pub decode_errors: u64,
+    /// The first few of those.
+    pub decode_errors_first: Vec<DecodeError>,
+    /// Records that the device's counter says are missing between others.
+    pub missing_records: u64,
+    /// Records whose device counter stands still or runs backward: repeated, or the device started anew. Their poses
+    /// are used.
+    pub sequence_reversals: u64,
+    /// Records that hold no pose: the sensor was out of view, or the device knows no position.
+    pub without_pose: u64,
+    /// Records of other sensors than the one that counts.
+    pub other_sensors: u64,
+    /// The sensor that counts; None before any record.
+    pub sensor: Option<u16>,
+    /// Poses left out since their host time does not fit among those of the others: it runs backward, or is far off.
+    pub time_reversals: u64,
+    /// Events.
+    pub events: Vec<Event>,
+    /// Poses that the session used, beside the tracker's bytes.
+    pub session_poses: u64,
+    /// What the session was made with; None in recordings without.
+    pub settings: Option<SessionSettings>,
+    /// What of the file could not be read.
+    pub damage: Damage,
+    /// From the first pose to the last.
+    pub duration: Duration,
+}
+
+impl RecordingSummary {
+    /// Before anything is read.
+    pub(super) fn new(info: RecordingInfo) -> Self {
+        Self {
+            info,
+            messages: 0,
+            bytes: 0,
+            records: 0,
+            decode_errors: 0,
+            decode_errors_first: Vec::new(),
+            missing_records: 0,
+            sequence_reversals: 0,
+            without_pose: 0,
+            other_sensors: 0,
+            sensor: None,
+            time_reversals: 0,
+            events: Vec::new(),
+            session_poses: 0,
+            settings: None,
+            damage: Damage::default(),
+            duration: Duration::ZERO,
+        }
+    }
+
+    /// Counts bytes that are no record.
+    pub(super) fn decode_error(&mut self, error: DecodeError) {
+        self.decode_errors += 1;
+        if self.decode_errors_first.len() < DESCRIBED {
+            self.decode_errors_first.push(error);
+        }
+    }
+
+    /// Whether everything in the file was used.
+    pub fn is_clean(&self) -> bool {
+        let lost = self.decode_errors + self.missing_records + self.sequence_reversals + self.time_reversals;
+        lost == 0 && self.damage == Damage::default()
+    }
+}
+
+impl fmt::Display for RecordingSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.duration.as_secs_f64();
+        write!(f, "{} records in {} messages over {seconds:.1} s", self.records, self.messages)?;
+        if let Some(truncated) = &self.damage.truncated {
+            write!(f, "\nthe file is not whole: {truncated}")?;
+        }
+        let counted = [
+            (self.damage.damaged, "damaged parts of the file left out"),
+            (self.decode_errors, "pieces of the tracker's stream are no record"),
+            (self.missing_records, "records missing by the tracker's counter"),
+            (self.sequence_reversals, "records whose counter does not rise"),
+            (self.without_pose, "records without a pose"),
+            (self.other_sensors, "records of other sensors"),
+            (self.time_reversals, "poses left out since their time does not fit among the others"),
+        ];
+        for (count, what) in counted {
+            if count > 0 {
+                write!(f, "\n{count} {what}")?;
+            }
+        }
+        let examples = self.damage.damaged_first.iter().cloned();
+        for example in examples.chain(self.decode_errors_first.iter().map(DecodeError::to_string)) {
+            write!(f, "\n  {example}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,574 @@
+//! Recordings and other programs' sequences: import, export, what the commands make of them.
+// clippy.toml allows these in test functions only, not in what they share.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use glam::{DMat4, DQuat, DVec3, Vec3};
+use insonify::anatomy::analytic::cuboid;
+use insonify::anatomy::export::{LabelledSurface, write_glb};
+use insonify::pose::Pose;
+use insonify::sink::meta_image::{ImageTracking, MetaImageWriter};
+use insonify::tracker::interchange::meta_image::Sequence;
+use insonify::tracker::interchange::{InterchangeError, TrackedRow, csv, tracked, transforms_of};
+use insonify::tracker::recording::{Event, RecordingInfo, RecordingWriter, poses};
+use insonify::tracker::{Protocol, ascii_line};
+use insonify::transducer::{Probe, Sector};
+use proptest::prelude::*;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+const PROBE: &str = "ProbeToTrackerTransform";
+
+/// A head as PLUS 2.9 writes it; the first matrix is one of a real sweep.
+const PLUS: &str = "\
+ObjectType = Image
+NDims = 3
+AnatomicalOrientation = RAI
+BinaryData = True
+BinaryDataByteOrderMSB = False
+CenterOfRotation = 0 0 0
+CompressedData = False
+DimSize = 4 2 3
+ElementNumberOfChannels = 1
+ElementSpacing = 1 1 1
+ElementType = MET_UCHAR
+Kinds = domain domain list
+Offset = 0 0 0
+TransformMatrix = 1 0 0 0 1 0 0 0 1
+UltrasoundImageOrientation = MFA
+UltrasoundImageType = BRIGHTNESS
+Seq_Frame0000_FrameNumber = 1203
+Seq_Frame0000_ImageStatus = OK
+Seq_Frame0000_ProbeToTrackerTransform = -0.224009 -0.529064 0.818481 212.75 0.52031 0.6452 0.559459 -14.0417 -0.824074 0.551188 0.130746 -26.1193 0 0 0 1 
+Seq_Frame0000_ProbeToTrackerTransformStatus = OK
+Seq_Frame0000_Timestamp = 12.5
+Seq_Frame0000_UnfilteredTimestamp = 12.498
+Seq_Frame0001_ProbeToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 
+Seq_Frame0001_ProbeToTrackerTransformStatus = INVALID
+Seq_Frame0001_Timestamp = 12.55
+Seq_Frame0002_ProbeToTrackerTransform = 0 -1 0 10 1 0 0 20 0 0 1 -30.25 0 0 0 1 
+Seq_Frame0002_ProbeToTrackerTransformStatus = OK
+Seq_Frame0002_Timestamp = 12.6
+ElementDataFile = LOCAL
+";
+
+fn pixels() -> Vec<u8> {
+    (0..24).collect()
+}
+
+fn sequence(bytes: &[u8]) -> Result<Sequence<Cursor<&[u8]>>, InterchangeError> {
+    Sequence::from_source(Cursor::new(bytes), Path::new("memory.mha"))
+}
+
+fn rows(head: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
+    tracked(sequence(head.as_bytes())?.head(), PROBE, Path::new("memory.mha"))
+}
+
+fn images(bytes: &[u8]) -> Result<Vec<Vec<u8>>, InterchangeError> {
+    let (mut sequence, mut images, mut image) = (sequence(bytes)?, Vec::new(), vec![9; 100]);
+    while sequence.next_image(&mut image)? {
+        images.push(image.clone());
+    }
+    Ok(images)
+}
+
+fn deflated(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn a_sequence_of_plus_is_understood() {
+    let rows = rows(PLUS).unwrap();
+    assert_eq!(rows.iter().map(|row| row.time_s).collect::<Vec<_>>(), [12.5, 12.55, 12.6]);
+    let first = rows[0].pose.unwrap();
+    assert_eq!(first.position_mm, DVec3::new(212.75, -14.0417, -26.1193));
+    // Columns of the matrix are the probe's axes in the tracker's frame; PLUS prints six digits.
+    assert!((first.orientation * DVec3::X).distance(DVec3::new(-0.224009, 0.52031, -0.824074)) < 2e-6);
+    assert!((first.orientation * DVec3::Z).distance(DVec3::new(0.818481, 0.559459, 0.130746)) < 2e-6);
+    assert_eq!(rows[1].pose, None);
+    let last = rows[2].pose.unwrap();
+    assert!(last.orientation.angle_between(DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2)) < 1e-7);
+    assert_eq!((rows[2].place.line, last.position_mm), (28, DVec3::new(10.0, 20.0, -30.25)));
+
+    let file = [PLUS.as_bytes(), &pixels()].concat();
+    assert_eq!(images(&file).unwrap().concat(), pixels());
+    let windows = PLUS.replace('\n', "\r\n");
+    assert_eq!(images(&[windows.as_bytes(), &pixels()].concat()).unwrap().len(), 3);
+    let four = PLUS.replace("NDims = 3", "NDims = 4").replace("4 2 3", "2 2 2 3");
+    assert_eq!(images(&[four.as_bytes(), &pixels()].concat()).unwrap().concat(), pixels());
+}
+
+#[test]
+fn compressed_pixels_are_read_with_and_without_their_size() {
+    let packed = deflated(&pixels());
+    let size = format!("CompressedData = True\nCompressedDataSize = {}        ", packed.len());
+    for flag in [&size, "CompressedData = True"] {
+        let head = PLUS.replace("CompressedData = False", flag);
+        // What follows the pixels is not theirs.
+        let file = [head.as_bytes(), &packed, b"more"].concat();
+        assert_eq!(images(&file).unwrap().concat(), pixels());
+    }
+}
+
+#[test]
+fn every_mistake_of_a_sequence_is_named() {
+    let swap = |from: &str, to: &str| PLUS.replacen(from, to, 1);
+    let scaled = swap("0 -1 0 10 1 0 0 20 0 0 1", "0 -2 0 10 2 0 0 20 0 0 2");
+    let cases = [
+        (String::new(), "it ends within its head, before `ElementDataFile`"),
+        ("P5 640 480\n".into(), "line 1 (byte 0): `P5 640 480` is no line of a MetaImage head"),
+        (swap("NDims = 3\n", ""), "its head has no `NDims`"),
+        (swap("NDims = 3", "NDims = 2"), "line 2 (byte 19): `NDims` is `2`; it must be 3 or 4"),
+        (swap("4 2 3", "4 2"), "`DimSize` is `4 2`; it must be 3 whole numbers from 1"),
+        (swap("4 2 3", "4 0 3"), "`DimSize` is `4 0 3`"),
+        (swap("4 2 3", "4000000000 4000000000 3"), "of images of at most 268435456 bytes"),
+        (swap("4 2 3", "4 2 2000000"), "of at most 1000000 images"),
+        (swap("4 2 3", "4 2 5"), "DimSize says 5 images, but there are `Seq_Frame` fields of 3, the last of number 2"),
+        (swap("MET_UCHAR", "MET_BITS"), "`ElementType` is `MET_BITS`"),
+        (swap("CompressedData = False", "CompressedData = No"), "`CompressedData` is `No`; it must be True or False"),
+        (swap("Channels = 1", "Channels = -1"), "`ElementNumberOfChannels` is `-1`"),
+        (swap("BinaryData = True", "BinaryData = False"), "pixels as text are not read"),
+        (swap("Offset = 0 0 0", "NDims = 3"), "line 13 (byte 272): `NDims` is there twice, first in line 2"),
+        (swap("Seq_Frame0001_Time", "Seq_FrameABCD_Time"), "is no `Seq_FrameNNNN_KEY`"),
+        (swap("Seq_Frame0001_Time", "Seq_Frame4000000000_Time"), "is no `Seq_FrameNNNN_KEY` below 1000000"),
+        (swap("Timestamp = 12.5\n", "Timestamp = noon\n"), "line 21 (byte 657): `Timestamp` is `noon`"),
+        (swap("Seq_Frame0001_Timestamp = 12.55\n", ""), "image 1 has no `Timestamp`"),
+        (swap("10 1 0 0 20", "10 1 0 0"), "is not sixteen numbers"),
+        (swap("-30.25 0 0 0 1", "-30.25 0 0 0 2"), "its last row is [0.0, 0.0, 0.0, 2.0]"),
+        (swap("-30.25", "inf"), "is not sixteen numbers"),
+        (swap("-30.25", "1e300"), "pose component `z`"),
+        (scaled, "`ProbeToTrackerTransform`: it scales or shears"),
+        (swap("0 0 1 -30.25", "0 0 -1 -30.25"), "it mirrors"),
+        (PLUS.replace(PROBE, "ProbeToReferenceTransform"), "the sequence's transforms: ProbeToReferenceTransform"),
+        (format!("Comment = {}\n{PLUS}", "x".repeat(70_000)), "line 1 (byte 0): it is longer than 65536 bytes"),
+    ];
+    for (head, message) in cases {
+        let error = rows(&head).unwrap_err().to_string();
+        assert!(error.starts_with("memory.mha") && error.contains(message), "`{message}` is not in {error}");
+    }
+    let not_text = [b"Comment = \xff\n", PLUS.as_bytes()].concat();
+    assert!(sequence(&not_text).err().unwrap().to_string().contains("byte 10 of the line is no UTF-8 text"));
+    assert_eq!(transforms_of(sequence(PLUS.as_bytes()).unwrap().head()).into_iter().collect::<Vec<_>>(), [PROBE]);
+}
+
+#[test]
+fn pixels_that_are_not_all_there_are_an_error_with_their_place() {
+    let short = [PLUS.as_bytes(), &pixels()[..13]].concat();
+    let error = images(&short).unwrap_err().to_string();
+    assert_eq!(error, "memory.mha, image 1, at byte 13 of the pixels: they end early; 2 images of 8 bytes are missing");
+    let packed = PLUS.replace("CompressedData = False", "CompressedData = True");
+    let error = images(&[packed.as_bytes(), b"no zlib stream"].concat()).unwrap_err().to_string();
+    assert!(error.contains("image 0, at byte 0 of the pixels: they are no zlib stream"), "{error}");
+    let cut = [packed.as_bytes(), &deflated(&pixels())[..9]].concat();
+    assert!(images(&cut).is_err());
+    // The poses are there all the same, and so are they where the pixels are in another file.
+    assert_eq!(rows(&packed).unwrap().len(), 3);
+    let apart = PLUS.replace("= LOCAL", "= sweep.raw");
+    assert_eq!(rows(&apart).unwrap().len(), 3);
+    assert!(images(apart.as_bytes()).unwrap_err().to_string().contains("its pixels are in sweep.raw"));
+    // A head may claim the largest image: no memory is asked for before its bytes come.
+    let huge = PLUS.replace("4 2 3", "16384 16384 3");
+    let error = images(&[huge.as_bytes(), &pixels()].concat()).unwrap_err().to_string();
+    assert!(error.contains("at byte 24 of the pixels: they end early"), "{error}");
+}
+
+const TABLE: &str = "\
+\u{feff}# from a mocap system
+time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz,status,event
+0.00, 1.5,-2,80.25, 1,0,0,0, ok,start
+
+0.02, 1.6,-2,80.25, 0.5,0.5,0.5,0.5,,
+0.04, , , , , , , , invalid,lost
+";
+
+fn table(text: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
+    csv::read(text.as_bytes(), Path::new("poses.csv"))
+}
+
+#[test]
+fn a_table_is_understood() {
+    let rows = table(TABLE).unwrap();
+    assert_eq!(rows.len(), 3);
+    assert_eq!(rows[0].pose, Some(Pose::from_components([1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]).unwrap()));
+    assert_eq!((rows[0].event.as_deref(), rows[1].event.as_deref()), (Some("start"), None));
+    assert_eq!((rows[2].pose, rows[2].time_s, rows[2].place.line), (None, 0.04, 6));
+    let turned = "qz,qy,qx,qw,z_mm,y_mm,x_mm,time_s\r\n0,0,0,1,80.25,-2,1.5,7\r\n";
+    assert_eq!(table(turned).unwrap()[0].pose, rows[0].pose);
+}
+
+#[test]
+fn every_mistake_of_a_table_is_named() {
+    let swap = |from: &str, to: &str| TABLE.replacen(from, to, 1);
+    let cases = [
+        ("", "poses.csv: it has no head line; the columns are time_s, x_mm"),
+        (&swap("x_mm", "x"), "line 2 (byte 25): unknown column `x`"),
+        (&swap("x_mm", "xmm"), "(did you mean `x_mm`?)"),
+        (&swap("y_mm", "x_mm"), "column `x_mm` is there twice"),
+        (&swap("time_s,", ""), "column `time_s` is missing"),
+        (&swap("1.6,-2", "1.6"), "line 5 (byte 111): 9 fields; the head has 10"),
+        (&swap("1.6", "1,6"), "11 fields; the head has 10"),
+        (&swap("1.6", "left"), "`x_mm` is `left`; it must be a decimal number"),
+        (&swap("1.6", "NaN"), "`x_mm` is `NaN`"),
+        (&swap("0.02", ""), "`time_s` is ``; it must be a decimal number"),
+        (&swap("0.5,", "0.6,"), "it must be 1 within"),
+        (&swap("ok,", "fine,"), "`status` is `fine`; it must be ok, invalid or empty"),
+    ];
+    for (text, message) in cases {
+        let error = table(text).unwrap_err().to_string();
+        assert!(error.contains(message), "`{message}` is not in {error}");
+    }
+}
+
+fn insonify(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
+}
+
+/// What a command that succeeds prints as JSON.
+#[track_caller]
+fn json(arguments: &[&str]) -> Value {
+    let output = insonify(&[arguments, &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// What a command that is refused says.
+#[track_caller]
+fn refused(arguments: &[&str]) -> String {
+    let output = insonify(arguments);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    message
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn imports_become_recordings() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |name: &str, bytes: &[u8]| {
+        let path = dir.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        path
+    };
+    let out = dir.path().join("deep/out.mcap");
+    let sequence = file("sweep.igs.mha", &[PLUS.as_bytes(), &pixels()].concat());
+    let report = json(&["import", text(&sequence), "--out", text(&out)]);
+    assert_eq!((&report["poses"], &report["without_pose"], &report["events"]), (&2.into(), &1.into(), &0.into()));
+    let (found, summary) = poses(&out).unwrap();
+    assert_eq!(summary.info.device, "imported from sweep.igs.mha");
+    assert_eq!(found.iter().map(|pose| pose.host_time_ns).collect::<Vec<_>>(), [0, 100_000_000]);
+    for (found, row) in found.iter().zip(rows(PLUS).unwrap().iter().filter_map(|row| row.pose)) {
+        assert!(found.pose.position_mm.distance(row.position_mm) < 1e-4);
+        assert!(found.pose.orientation.angle_between(row.orientation) < 1e-6);
+    }
+    let again = fs::read(&out).unwrap();
+    json(&["import", text(&sequence), "--out", text(&out)]);
+    assert_eq!(fs::read(&out).unwrap(), again, "the same file gives the same recording");
+
+    // A first time since 1970 is kept.
+    let unix = TABLE.replace("\n0.0", "\n1790000000.0");
+    let report = json(&["import", text(&file("poses.csv", unix.as_bytes())), "--out", text(&out)]);
+    assert_eq!((&report["poses"], &report["events"]), (&2.into(), &2.into()));
+    let (found, summary) = poses(&out).unwrap();
+    assert_eq!(found[0].host_time_ns, 1_790_000_000_000_000_000);
+    assert_eq!(summary.events.iter().map(|e| e.name.as_str()).collect::<Vec<_>>(), ["start", "lost"]);
+
+    let back = file("back.csv", TABLE.replace("0.04", "0.01").as_bytes());
+    let message = refused(&["import", text(&back), "--out", text(&out)]);
+    assert!(message.contains("line 6 (byte") && message.contains("times must not fall"), "{message}");
+    let none = file("none.csv", b"time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n");
+    assert!(refused(&["import", text(&none), "--out", text(&out)]).contains("it has no rows"));
+    assert!(refused(&["import", "poses.xlsx", "--out", "x.mcap"]).contains("is neither .mha, .mhd nor .csv"));
+    assert_eq!(poses(&out).unwrap().0.len(), 2, "a refused import leaves what was there");
+}
+
+fn small_sector() -> Sector {
+    Sector::fit(&Probe::default(), 32, 24)
+}
+
+fn tracking(i: u32) -> ImageTracking {
+    let angle = f64::from(i) * 0.3;
+    let pose = Pose {
+        position_mm: DVec3::new(1.0 / 3.0, f64::from(i), -80.0),
+        orientation: DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle),
+    };
+    ImageTracking { time_s: f64::from(i) * 0.05, pose, tracked: i != 2 }
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let sector = small_sector();
+    let tracking: Vec<_> = (0..5).map(tracking).collect();
+    let image = |i: usize| (0..32 * 24).map(|p| (p * (i + 3) % 251) as u8).collect::<Vec<_>>();
+    for compress in [false, true] {
+        let path = dir.path().join("out.igs.mha");
+        let mut writer = MetaImageWriter::create(&path, &sector, &tracking, compress).unwrap();
+        for i in 0..5 {
+            writer.push(&image(i)).unwrap();
+        }
+        assert!(writer.push(&[0; 7]).is_err(), "an image of another size");
+        writer.finish().unwrap();
+        let mut sequence = Sequence::open(&path).unwrap();
+        let head = sequence.head();
+        assert_eq!((head.width, head.height, head.compressed, head.images.len()), (32, 24, compress, 5));
+        let rows = tracked(head, PROBE, &path).unwrap();
+        for (row, sent) in rows.iter().zip(&tracking) {
+            assert_eq!(row.time_s, sent.time_s);
+            assert_eq!(row.pose.is_some(), sent.tracked);
+            let Some(pose) = row.pose else { continue };
+            assert_eq!(pose.position_mm, sent.pose.position_mm);
+            assert!(pose.orientation.angle_between(sent.pose.orientation) < 1e-7);
+        }
+        // A pixel's way into the probe's frame is the sector's.
+        let numbers: Vec<f64> =
+            head.images[0]["ImageToProbeTransform"].value.split(' ').map(|n| n.parse().unwrap()).collect();
+        let matrix = DMat4::from_cols_slice(&numbers).transpose();
+        let probe = matrix.transform_point3(DVec3::new(17.0, 5.0, 0.0));
+        let expected = sector.pixel_centre_mm(17, 5);
+        assert!(probe.distance(DVec3::new(expected.x, 0.0, expected.y)) < 1e-9, "{probe}");
+        assert!(matrix.determinant() > 0.0);
+
+        let mut read = Vec::new();
+        for i in 0..5 {
+            assert!(sequence.next_image(&mut read).unwrap());
+            assert_eq!(read, image(i));
+        }
+        assert!(!sequence.next_image(&mut read).unwrap());
+    }
+    let path = dir.path().join("short.igs.mha");
+    let writer = MetaImageWriter::create(&path, &sector, &tracking, false).unwrap();
+    let error = writer.finish().unwrap_err().to_string();
+    assert!(error.contains("0 images came; its head says 5") && !path.exists(), "{error}");
+}
+
+/// A station over a box of liver, and a recording of one second over it.
+fn station() -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let mesh = cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 90.0));
+    let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
+    write_glb(&[surface], &dir.path().join("scene.glb")).unwrap();
+    let station = dir.path().join("station.toml");
+    let small = "[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n";
+    fs::write(&station, format!("[scene]\npath = \"scene.glb\"\n{small}")).unwrap();
+    let recording = dir.path().join("exam.mcap");
+    let start_time_ns = 1_790_000_000_000_000_000;
+    let info = RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: "test".into(),
+        scene: "box".into(),
+        start_time_ns,
+        sensor: None,
+    };
+    let mut writer = RecordingWriter::create(&recording, &info).unwrap();
+    for i in 0..61_u32 {
+        let time_ns = start_time_ns + u64::from(i) * 1_000_000_000 / 60;
+        // Out of view for 300 ms.
+        if (20..38).contains(&i) {
+            continue;
+        }
+        let pose = Pose { position_mm: DVec3::X * f64::from(i) * 0.3, orientation: DQuat::IDENTITY };
+        writer.raw(time_ns, ascii_line::encode(i, u64::from(i) * 16_667, &pose).as_bytes()).unwrap();
+    }
+    writer.event(&Event::new(start_time_ns + 1_000_000_000, "gain_db").with(6.0)).unwrap();
+    writer.finish().unwrap();
+    (dir, station, recording)
+}
+
+#[test]
+fn the_same_recording_seed_and_settings_give_the_same_frames_at_any_speed() {
+    let (dir, station, recording) = station();
+    let replay = |name: &str, more: &[&str]| {
+        let out = dir.path().join(name);
+        let report =
+            json(&[&["replay", text(&recording), text(&station), "--fps", "10", "--out", text(&out)], more].concat());
+        assert_eq!(report["rendered"], 11);
+        (report["frames_sha256"].as_str().unwrap().to_owned(), report["behind_s"].is_number())
+    };
+    let (first, paced) = replay("a", &["--seed", "3"]);
+    assert!(first.len() == 64 && !paced);
+    assert_eq!(replay("b", &["--seed", "3", "--speed", "max"]).0, first);
+    assert_eq!(replay("c", &["--seed", "3", "--speed", "20"]), (first.clone(), true));
+    assert_ne!(replay("d", &["--seed", "4"]).0, first);
+    assert!(refused(&["replay", text(&recording), text(&station), "--speed", "0"]).contains("0.01..=1000"));
+}
+
+#[test]
+fn an_exported_sequence_holds_the_replays_frames() {
+    let (dir, station, recording) = station();
+    let out = dir.path().join("replay");
+    json(&["replay", text(&recording), text(&station), "--fps", "10", "--maps", "--out", text(&out)]);
+    let frames = |map: &str| {
+        let frame = |i| image::open(out.join(map).join(format!("{i:05}.png"))).unwrap().into_bytes();
+        (0..11).map(frame).collect::<Vec<_>>()
+    };
+    let file = dir.path().join("deep/sweep.igs.mha");
+    for (more, map) in [(&[][..], "bmode"), (&["--compress"], "bmode"), (&["--map", "segmentation"], "segmentation")] {
+        let arguments = ["export", text(&recording), text(&station), "--fps", "10", "--out", text(&file)];
+        let report = json(&[&arguments, more].concat());
+        assert_eq!((&report["images"], &report["invalid"], &report["width"]), (&11.into(), &3.into(), &160.into()));
+        assert_eq!(images(&fs::read(&file).unwrap()).unwrap(), frames(map), "{more:?}");
+    }
+    // And back into a recording: the gap stays one.
+    let back = dir.path().join("back.mcap");
+    let report = json(&["import", text(&file), "--out", text(&back)]);
+    assert_eq!((&report["poses"], &report["without_pose"]), (&8.into(), &3.into()));
+    let (found, _) = poses(&back).unwrap();
+    assert!((found[7].pose.position_mm.x - 18.0).abs() < 1e-3, "{:?}", found[7]);
+}
+
+#[test]
+fn simple_itk_reads_our_sequences() {
+    let python = PathBuf::from(std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into()));
+    let found = Command::new(&python).args(["-c", "import SimpleITK, numpy"]).output();
+    if !found.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {} lacks SimpleITK or numpy; INSONIFY_PYTHON may name another one", python.display());
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let tracking: Vec<_> = (0..3).map(tracking).collect();
+    let pixels: Vec<u8> = (0..3 * 32 * 24).map(|p| (p * 7 % 253) as u8).collect();
+    for compress in [false, true] {
+        let path = dir.path().join(format!("{compress}.igs.mha"));
+        let mut writer = MetaImageWriter::create(&path, &small_sector(), &tracking, compress).unwrap();
+        pixels.chunks(32 * 24).for_each(|image| writer.push(image).unwrap());
+        writer.finish().unwrap();
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/read_sequence.py");
+        let output = Command::new(&python).arg(script).arg(&path).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let sha256: String = Sha256::digest(&pixels).iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!((&seen["size"], &seen["sha256"]), (&serde_json::json!([32, 24, 3]), &sha256.into()));
+        assert_eq!(seen["type"], "8-bit unsigned integer");
+        let field = |key: &str| seen["fields"][key].as_str().unwrap_or_default().trim().to_owned();
+        assert_eq!(field("Seq_Frame0002_ProbeToTrackerTransformStatus"), "INVALID");
+        assert_eq!(field("Seq_Frame0001_Timestamp"), "0.05");
+        assert_eq!(
+            field("Seq_Frame0000_ProbeToTrackerTransform"),
+            "1 0 0 0.3333333333333333 0 1 0 0 0 0 1 -80 0 0 0 1"
+        );
+        assert_eq!(field("UltrasoundImageOrientation"), "MFA");
+    }
+}
+
+#[test]
+fn a_recording_is_inspected() {
+    let (dir, _, recording) = station();
+    let report = json(&["inspect", text(&recording)]);
+    assert_eq!(
+        (&report["protocol"], &report["poses"], &report["clean"]),
+        (&"ascii-line".into(), &43.into(), &false.into())
+    );
+    assert_eq!((&report["missing_records"], &report["timing"]["gap_count"]), (&18.into(), &1.into()));
+    let near = |value: &Value, expected: f64, within: f64| {
+        assert!((value.as_f64().unwrap() - expected).abs() < within, "{value} is not {expected}");
+    };
+    near(&report["duration_s"], 1.0, 1e-6);
+    near(&report["timing"]["rate_hz"], 60.0, 1e-3);
+    near(&report["timing"]["gaps"][0]["length_s"], 19.0 / 60.0, 1e-6);
+    assert_eq!(report["events"][0]["value"], 6.0);
+    let people = insonify(&["inspect", text(&recording)]);
+    let people = String::from_utf8_lossy(&people.stdout).into_owned();
+    for part in ["43 records", "rate       60.00 poses a second", "gaps       1 of more", "1.000 s  gain_db = 6.0"] {
+        assert!(people.contains(part), "`{part}` is missing: {people}");
+    }
+    // What a kill leaves is inspected, too, even before any pose.
+    let whole = fs::read(&recording).unwrap();
+    let cut = dir.path().join("cut.mcap.part");
+    fs::write(&cut, &whole[..600]).unwrap();
+    let report = json(&["inspect", text(&cut)]);
+    assert!(report["poses"] == 0 && report["truncated"].as_str().unwrap().contains("byte 600"), "{report}");
+    assert!(refused(&["inspect", text(&dir.path().join("cut.mcap"))]).contains("was not finished"));
+    assert!(refused(&["inspect", text(&recording), "--station"]).contains("holds no station file"));
+}
+
+#[test]
+fn record_takes_a_stream_from_tcp_and_keeps_the_station() {
+    let (dir, station, _) = station();
+    let out = dir.path().join("live.mcap");
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp:{}", server.local_addr().unwrap());
+    let lines: String = (0..50).map(|i| ascii_line::encode(i, u64::from(i) * 10_000, &tracking(i).pose)).collect();
+    let sent = lines.clone();
+    let sender = std::thread::spawn(move || server.accept().unwrap().0.write_all(sent.as_bytes()).unwrap());
+    let report = json(&["record", text(&station), "--from", &address, "--out", text(&out)]);
+    sender.join().unwrap();
+    assert_eq!(report["bytes"], lines.len());
+    let (found, summary) = poses(&out).unwrap();
+    assert_eq!((found.len(), summary.is_clean()), (50, true), "{summary}");
+    let settings = summary.settings.unwrap();
+    assert_eq!(settings.station, fs::read_to_string(&station).unwrap());
+    assert_eq!(summary.events[0].value, Some("the stream ended".into()));
+    let printed = insonify(&["inspect", text(&out), "--station"]);
+    assert_eq!(String::from_utf8_lossy(&printed.stdout), settings.station);
+    let message = refused(&["record", text(&station), "--from", &address, "--out", text(&out)]);
+    assert!(message.contains("is there already; --force replaces it"), "{message}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn arbitrary_bytes_are_no_sequence_and_no_table(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        prop_assert!(sequence(&bytes).is_err());
+        prop_assert!(csv::read(&bytes[..], Path::new("x.csv")).is_err());
+    }
+
+    #[test]
+    fn a_damaged_sequence_is_an_error_or_has_its_shape(
+        flips in prop::collection::vec((any::<usize>(), prop_oneof![any::<u8>(), prop::sample::select(&b"0123456789 -.e\n="[..])]), 1..5),
+        cut in prop_oneof![4 => Just(usize::MAX), 1 => any::<usize>()],
+        packed in any::<bool>(),
+    ) {
+        let mut bytes = match packed {
+            true => [PLUS.replace("CompressedData = False", "CompressedData = True").as_bytes(), &deflated(&pixels())].concat(),
+            false => [PLUS.as_bytes(), &pixels()].concat(),
+        };
+        for (at, value) in flips {
+            let at = at % bytes.len();
+            bytes[at] = value;
+        }
+        bytes.truncate(cut.max(1));
+        if let Ok(sequence) = sequence(&bytes) {
+            let head = sequence.head();
+            let count = head.images.len();
+            if let Ok(rows) = tracked(head, PROBE, Path::new("x.mha")) {
+                prop_assert_eq!(rows.len(), count);
+                for pose in rows.iter().filter_map(|row| row.pose) {
+                    prop_assert!(pose.position_mm.is_finite() && pose.orientation.is_normalized());
+                }
+            }
+            if let Ok(images) = images(&bytes) {
+                prop_assert_eq!(images.len(), count);
+            }
+        }
+    }
+
+    #[test]
+    fn a_damaged_table_is_an_error_or_has_poses(
+        flips in prop::collection::vec((any::<usize>(), prop::sample::select(&b"0123456789 -.,e\n#a"[..])), 1..6),
+    ) {
+        let mut bytes = TABLE.as_bytes().to_vec();
+        for (at, value) in flips {
+            let at = at % bytes.len();
+            bytes[at] = value;
+        }
+        if let Ok(rows) = csv::read(&bytes[..], Path::new("x.csv")) {
+            for row in rows {
+                prop_assert!(row.time_s.is_finite());
+                prop_assert!(row.pose.is_none_or(|pose| pose.orientation.is_normalized()));
+            }
+        }
+    }
+}
