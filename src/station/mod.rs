@@ -5,6 +5,7 @@
 //! the probe's kind is an error that names the key and what would be right.
 
 mod error;
+mod generator;
 mod keys;
 mod parse;
 mod values;
@@ -42,6 +43,8 @@ pub struct Station {
     pub probe: Probe,
     /// Image and quality.
     pub settings: RenderSettings,
+    /// Generators.
+    pub generator: crate::generator::Settings,
     /// The built-in tissues with the station's own and its changes.
     pub tissues: TissueTable,
     /// Pose used when none is given.
