@@ -4,6 +4,8 @@ mod cache;
 mod demo;
 mod exam;
 mod failure;
+mod frame_dir;
+mod generator;
 mod output;
 mod phantom;
 mod progress;
@@ -42,6 +44,7 @@ Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, n
 Environment:
   INSONIFY_CACHE   where generated scenes are kept (default: insonify/ in the user's cache directory)
   WGPU_BACKEND     which graphics interface to use: vulkan, metal, dx12 or gl
+  ORT_DYLIB_PATH   ONNX Runtime's library, for generators (default: where scripts/setup puts it)
   RUST_LOG         what to log to stderr, for example insonify=debug";
 
 #[derive(Debug, Subcommand)]
@@ -51,6 +54,7 @@ enum Command {
     Replay(replay::Args),
     Phantom(phantom::Args),
     Exam(exam::Args),
+    Generator(generator::Args),
     Tissues(tissues::Args),
     StationKeys(station_keys::Args),
 }
@@ -64,6 +68,7 @@ impl Cli {
             Command::Replay(args) => replay::run(args),
             Command::Phantom(args) => phantom::run(args),
             Command::Exam(args) => exam::run(args),
+            Command::Generator(args) => generator::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::StationKeys(args) => station_keys::run(args),
         }

@@ -103,7 +103,8 @@ pub(super) fn fill(
             }
             // `Generator` makes a class map of every segmentation that the manifest names.
             (Channel::Image | Channel::Segmentation, ..) => {
-                plane(planes.next(), geometry, input.image, |x| f32::from(x) / 255.0 * scale + offset);
+                let scale = scale / 255.0;
+                plane(planes.next(), geometry, input.image, |x| f32::from(x) * scale + offset);
             }
         }
     }
@@ -158,12 +159,12 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
 /// Grey levels, rounded, 0 outside the mask.
 pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
     out.resize(geometry.pixels(), 0);
-    let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0 + 0.5);
+    let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
     let targets = out.chunks_exact_mut(geometry.width).zip(mask.chunks_exact(geometry.width));
     for (values, (target, mask)) in rows(output, geometry).zip(targets) {
         for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
-            // A cast saturates, and drops the fraction of what is 0.5 too large.
-            let rounded = (value * scale + offset) as u8;
+            // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
+            let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
             *level = if inside > 0 { rounded } else { 0 };
         }
     }
