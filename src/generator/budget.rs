@@ -13,7 +13,7 @@ pub struct Budget {
     pub abandon_after: Duration,
     /// Runs that the 95th percentile looks back on.
     pub window: usize,
-    /// Runs after which the 95th percentile counts.
+    /// Runs after which the 95th percentile counts. Of fewer than 20 it is the slowest of all.
     pub settle: usize,
     /// Runs over the budget in a row that make a tier step down at once.
     pub overshoots: u32,
@@ -33,7 +33,7 @@ impl Budget {
             stop_after: run * 2,
             abandon_after: Duration::from_secs(1).max(run * 4),
             window: 64,
-            settle: 8,
+            settle: 20,
             overshoots: 3,
             headroom: 0.8,
             hold: Duration::from_secs(5),

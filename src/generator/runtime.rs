@@ -147,7 +147,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str| std::fs::write(dir.path().join(name), "").unwrap();
         assert_eq!(library_in(dir.path()), None);
-        ["libonnxruntime_providers_shared.so", "wheel.sha256", "libonnxruntime.so.1.9.0"].map(file);
+        ["libonnxruntime_providers_shared.so", "wheel.sha256", "libonnxruntime.so.1.9.0"].into_iter().for_each(file);
         assert_eq!(library_in(dir.path()).unwrap().file_name().unwrap(), "libonnxruntime.so.1.9.0");
         assert_eq!(library_in(&dir.path().join("none")), None);
     }
