@@ -10,6 +10,8 @@ pub mod station;
 
 pub mod sink;
 
+pub mod generator;
+
 pub mod render;
 
 pub mod transducer;

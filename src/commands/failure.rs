@@ -6,6 +6,7 @@ use insonify::anatomy::SceneError;
 use insonify::anatomy::exam::ExamError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::phantom::{CacheError, PhantomError};
+use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
 use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
@@ -142,6 +143,16 @@ impl From<RenderError> for Failure {
             RenderError::Gpu(error) => error.into(),
             RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
             _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<GeneratorError> for Failure {
+    fn from(error: GeneratorError) -> Self {
+        match error {
+            GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Self::Other(error.into()),
+            // A model that gives no image is a model to mend or replace.
+            _ => Self::Input(error.into()),
         }
     }
 }

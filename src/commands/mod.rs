@@ -6,6 +6,8 @@ mod demo;
 mod exam;
 mod export;
 mod failure;
+mod frame_dir;
+mod generator;
 mod import;
 mod inspect;
 mod output;
@@ -50,6 +52,7 @@ Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, n
 Environment:
   INSONIFY_CACHE   where generated scenes are kept (default: insonify/ in the user's cache directory)
   WGPU_BACKEND     which graphics interface to use: vulkan, metal, dx12 or gl
+  ORT_DYLIB_PATH   ONNX Runtime's library, for generators (default: where scripts/setup puts it)
   RUST_LOG         what to log to stderr, for example insonify=debug";
 
 #[derive(Debug, Subcommand)]
@@ -64,6 +67,7 @@ enum Command {
     Phantom(phantom::Args),
     Exam(exam::Args),
     Calibrate(calibrate::Args),
+    Generator(generator::Args),
     Tissues(tissues::Args),
     Trackers(trackers::Args),
     StationKeys(station_keys::Args),
@@ -83,6 +87,7 @@ impl Cli {
             Command::Phantom(args) => phantom::run(args),
             Command::Exam(args) => exam::run(args),
             Command::Calibrate(args) => calibrate::run(args),
+            Command::Generator(args) => generator::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::Trackers(args) => trackers::run(args),
             Command::StationKeys(args) => station_keys::run(args),

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::generator::{Provider, Settings};
+
 /// Values that a key takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Accepts {
@@ -30,6 +32,10 @@ pub enum Accepts {
     OneOf(&'static [&'static str]),
     /// Any text, with what it says.
     Text(&'static str),
+    /// Texts in brackets, with what each says.
+    Texts(&'static str),
+    /// true or false.
+    Bool,
     /// A table.
     Table,
 }
@@ -42,6 +48,8 @@ impl fmt::Display for Accepts {
             Self::Numbers { count, limit } => write!(f, "[{count} numbers within ±{limit}]"),
             Self::OneOf(words) => write!(f, "one of \"{}\"", words.join("\", \"")),
             Self::Text(what) => write!(f, "{what} in quotes"),
+            Self::Texts(what) => write!(f, "[{what} each, in quotes]"),
+            Self::Bool => write!(f, "true or false"),
             Self::Table => write!(f, "a table"),
         }
     }
@@ -161,6 +169,11 @@ pub const KEYS: &[KeyDoc] = &[
     doc("openigtlink", "scene_axes", "", "\"RAS\"", Accepts::Text(super::openigtlink::AXES), "where the scene's x, y and z point in the patient"),
     doc("openigtlink", "slice_mm", "mm", "1.0", number(0.01, 100.0), "thickness of the image that receivers are told"),
     doc("openigtlink", "clients_max", "", "16", integer(1, 256), "receivers that may be connected at a time"),
+    doc("generator", "enabled", "", "true", Accepts::Bool, "whether generators run at all"),
+    doc("generator", "models", "", "[]", Accepts::Texts("a path"), "generators (.onnx, each with its manifest), the best first, relative to the station file; none shows what is rendered"),
+    doc("generator", "provider", "", "\"cpu\"", Accepts::OneOf(Provider::NAMES), "what they run on; one that is not available is an error"),
+    doc("generator", "threads", "", "0", integer(0, 256), "threads of one run; 0 is one a processor"),
+    doc("generator", "budget_ms", "ms", "50.0", number(Settings::BUDGET_MS[0], Settings::BUDGET_MS[1]), "time that one run may take; a generator that cannot keep it is not started"),
 
     doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
     doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),

@@ -7,6 +7,7 @@
 mod calibration;
 mod error;
 mod filter;
+mod generator;
 mod keys;
 mod openigtlink;
 mod parse;
@@ -48,6 +49,8 @@ pub struct Station {
     pub probe: Probe,
     /// Image and quality.
     pub settings: RenderSettings,
+    /// Generators.
+    pub generator: crate::generator::Settings,
     /// The built-in tissues with the station's own and its changes.
     pub tissues: TissueTable,
     /// Pose used when none is given.

@@ -20,8 +20,19 @@ const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mh
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
         text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
-    let tables =
-        ["scene", "probe", "image", "quality", "pose", "filter", "calibration", "tissues", "tracker", "openigtlink"];
+    let tables = [
+        "scene",
+        "probe",
+        "image",
+        "quality",
+        "pose",
+        "filter",
+        "calibration",
+        "tracker",
+        "generator",
+        "openigtlink",
+        "tissues",
+    ];
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
         let suggestion = did_you_mean(table, tables);
         return Err(StationError::UnknownTable { table: table.clone(), suggestion, known: tables.join(", ") });
@@ -37,6 +48,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let filter = filter::settings(&section(&mut root, "filter")?);
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
     let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
+    let generator = super::generator::settings(&section(&mut root, "generator")?, dir);
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
     let path = dir.to_owned();
     Ok(Station {
@@ -49,6 +61,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         filter,
         calibration,
         tracker,
+        generator,
         openigtlink,
         path,
     })

@@ -37,6 +37,14 @@ impl Values {
         self.values.get(key)?.as_str()
     }
 
+    pub(super) fn boolean(&self, key: &str) -> Option<bool> {
+        self.values.get(key)?.as_bool()
+    }
+
+    pub(super) fn texts(&self, key: &str) -> Option<Vec<&str>> {
+        Some(self.values.get(key)?.as_array()?.iter().filter_map(Value::as_str).collect())
+    }
+
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         number(self.values.get(key)?)
     }
@@ -123,6 +131,11 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
             words.contains(&word)
         }
         Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
+        Accepts::Texts(_) => {
+            let texts = value.as_array().ok_or_else(wrong)?.iter().map(Value::as_str);
+            texts.collect::<Option<Vec<_>>>().ok_or_else(wrong)?.iter().all(|text| !text.is_empty())
+        }
+        Accepts::Bool => value.is_bool(),
         Accepts::Table => value.is_table(),
     };
     if accepted {

@@ -1,0 +1,97 @@
+//! A frame as `insonify render` writes it, read again.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use insonify::generator::{Input, Variant};
+
+use super::generator::missing;
+
+/// The maps in a directory.
+pub(crate) struct FrameDir {
+    pub(crate) directory: PathBuf,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Names of tissues from number 1.
+    pub(crate) tissues: Vec<String>,
+    image: Vec<u8>,
+    mask: Vec<u8>,
+    segmentation: Option<Vec<u8>>,
+    attenuation: Option<Vec<f32>>,
+    /// What stands for maps that are not there and not read.
+    none: (Vec<u8>, Vec<f32>),
+}
+
+impl FrameDir {
+    /// Reads bmode.png and mask.png, and segmentation.png with tissues.json and attenuation.npy if they are there.
+    pub(crate) fn read(directory: &Path) -> Result<Self> {
+        let (image, [width, height]) = grey(&directory.join("bmode.png"))?;
+        let same_size = |name: &str| -> Result<Vec<u8>> {
+            let path = directory.join(name);
+            let (pixels, [w, h]) = grey(&path)?;
+            ensure!((w, h) == (width, height), "{} is {w} x {h}, bmode.png {width} x {height}", path.display());
+            Ok(pixels)
+        };
+        let mask = same_size("mask.png")?;
+        let there = |name: &str| directory.join(name).exists();
+        let segmentation = there("segmentation.png").then(|| same_size("segmentation.png")).transpose()?;
+        let tissues = if segmentation.is_some() { names(&directory.join("tissues.json"))? } else { Vec::new() };
+        let path = directory.join("attenuation.npy");
+        let attenuation = path.exists().then(|| floats(&path, [height, width])).transpose()?;
+        let none = (vec![0; image.len()], vec![0.0; image.len()]);
+        Ok(Self {
+            directory: directory.to_owned(),
+            width,
+            height,
+            tissues,
+            image,
+            mask,
+            segmentation,
+            attenuation,
+            none,
+        })
+    }
+
+    /// The maps for a generator of that variant.
+    pub(crate) fn input(&self, variant: Variant) -> Result<Input<'_>> {
+        let lacks = |file| missing(&self.directory, file, variant);
+        let segmentation = match (&self.segmentation, variant) {
+            (Some(map), _) => map,
+            (None, Variant::M) => &self.none.0,
+            (None, _) => return Err(lacks("segmentation.png")),
+        };
+        let attenuation = match (&self.attenuation, variant) {
+            (Some(map), _) => map,
+            (None, Variant::MSA) => return Err(lacks("attenuation.npy")),
+            (None, _) => &self.none.1,
+        };
+        let (width, height) = (self.width, self.height);
+        Ok(Input { width, height, image: &self.image, segmentation, attenuation, mask: &self.mask })
+    }
+}
+
+fn grey(path: &Path) -> Result<(Vec<u8>, [u32; 2])> {
+    let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    ensure!(image.color() == image::ColorType::L8, "{} is not an 8-bit grey image", path.display());
+    let size = [image.width(), image.height()];
+    Ok((image.into_bytes(), size))
+}
+
+fn names(path: &Path) -> Result<Vec<String>> {
+    let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let by_number: BTreeMap<usize, String> =
+        serde_json::from_slice(&text).with_context(|| format!("{} is not number -> name", path.display()))?;
+    let whole = by_number.keys().copied().eq(0..by_number.len());
+    ensure!(whole, "{} leaves out a number below its greatest", path.display());
+    Ok(by_number.into_values().skip(1).collect())
+}
+
+fn floats(path: &Path, shape: [u32; 2]) -> Result<Vec<f32>> {
+    let context = || format!("cannot read {}", path.display());
+    let bytes = std::fs::read(path).with_context(context)?;
+    let file = npyz::NpyFile::new(&bytes[..]).with_context(context)?;
+    let shape = shape.map(u64::from);
+    ensure!(file.shape() == shape, "{} has the shape {:?}; the image's is {shape:?}", path.display(), file.shape());
+    file.into_vec().with_context(context)
+}

@@ -1,0 +1,184 @@
+//! `insonify generator`: a model, checked, timed and applied.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::generator::{Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, RunTimes, Runtime};
+use insonify::sink::png::{self, Effort};
+use serde::Serialize;
+
+use super::frame_dir::FrameDir;
+use super::{Classify, Failure, output};
+
+/// Check a generator against its manifest and parity pair, measure it, and apply it to a frame.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Model (.onnx); its manifest is the .toml of the same name beside it
+    model: PathBuf,
+
+    /// Directory of a frame to apply it to: bmode.png, mask.png and the maps that it takes, as `insonify render` writes
+    #[arg(long, value_name = "DIR")]
+    frame: Option<PathBuf>,
+
+    /// Image to write [default: enhanced.png in the frame's directory]
+    #[arg(long, value_name = "PNG", requires = "frame")]
+    out: Option<PathBuf>,
+
+    /// Runs to measure, 0..=10000
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u16).range(0..=10_000))]
+    runs: u16,
+
+    /// Size to measure at, pixels [default: the frame's, or 1386x1000]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+
+    /// cpu, cuda or tensorrt
+    #[arg(long, value_name = "NAME", default_value_t)]
+    provider: Provider,
+
+    /// Threads of one run, 0..=256; 0 is one a processor
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256))]
+    threads: u32,
+
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Needs ONNX Runtime's library: scripts/setup fetches it, or ORT_DYLIB_PATH names it.
+
+Examples:
+  insonify generator assets/generators/demo_smooth/demo_smooth.onnx
+  insonify render configs/obstetric.toml --out out/frame
+  insonify generator assets/generators/demo_smooth/demo_smooth.onnx --frame out/frame --out out/enhanced.png";
+
+/// Width and height.
+#[derive(Debug, Clone, Copy)]
+struct Size {
+    width: u32,
+    height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+        let in_range = parsed.filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h));
+        let size = in_range.map(|(width, height)| Self { width, height });
+        size.ok_or_else(|| "expected width x height such as `1386x1000`, each 16..=4096".to_owned())
+    }
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    version: &'static str,
+    model: &'a PathBuf,
+    library: PathBuf,
+    provider: Provider,
+    manifest: &'a Manifest,
+    parity: Parity,
+    times: Option<Times>,
+    written: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Parity {
+    difference: f32,
+    row: usize,
+    column: usize,
+    tolerance: f32,
+}
+
+#[derive(Serialize)]
+struct Times {
+    width: u32,
+    height: u32,
+    runs: usize,
+    min_ms: f64,
+    p50_ms: f64,
+    p95_ms: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let frame = args.frame.as_deref().map(FrameDir::read).transpose().input()?;
+    let tissues = frame.as_ref().map_or(&[][..], |f| &f.tissues);
+    let runtime = Runtime::get().input()?;
+    let options = LoadOptions { provider: args.provider, threads: args.threads, tissues };
+    let mut generator = Generator::load(&args.model, runtime, &options)?;
+    let default = frame.as_ref().map_or((1386, 1000), |f| (f.width, f.height));
+    let (width, height) = args.size.map_or(default, |s| (s.width, s.height));
+    let times = measure(&mut generator, width, height, args.runs.into())?;
+    let mut written = None;
+    if let Some(frame) = &frame {
+        let path = args.out.clone().unwrap_or_else(|| frame.directory.join("enhanced.png"));
+        let mut image = Vec::new();
+        generator.run(&frame.input(generator.manifest().variant).input()?, &mut image)?;
+        png::write_grey(&path, frame.width, frame.height, &image, Effort::Small)?;
+        written = Some(path);
+    }
+    let parity = generator.parity();
+    if args.json {
+        let &ParityReport { difference, row, column, tolerance } = parity;
+        return output::json(&Report {
+            version: env!("CARGO_PKG_VERSION"),
+            model: &args.model,
+            library: runtime.library().to_owned(),
+            provider: args.provider,
+            manifest: generator.manifest(),
+            parity: Parity { difference, row, column, tolerance },
+            times,
+            written,
+        });
+    }
+    print_manifest(generator.manifest())?;
+    output::line(format!("parity     {parity}"))?;
+    output::line(format!("runs on    {} by {}", args.provider, runtime.library().display()))?;
+    if let Some(t) = times {
+        let (min, p50, p95) = (t.min_ms, t.p50_ms, t.p95_ms);
+        let line =
+            format!("{width} x {height}: p50 {p50:.1} ms, p95 {p95:.1} ms, least {min:.1} ms of {} runs", t.runs);
+        output::line(format!("time       {line}"))?;
+    }
+    written.map_or(Ok(()), |path| output::line(format!("written    {}", path.display())))
+}
+
+fn measure(generator: &mut Generator, width: u32, height: u32, runs: usize) -> Result<Option<Times>, Failure> {
+    let measured = generator.measure(width, height, runs)?;
+    let mut times = RunTimes::new(runs);
+    measured.into_iter().for_each(|time| times.push(time));
+    let mut ms = |part| times.percentile(part).map(|t| t.as_secs_f64() * 1e3);
+    let [Some(min_ms), Some(p50_ms), Some(p95_ms)] = [0.0, 0.5, 0.95].map(&mut ms) else { return Ok(None) };
+    Ok(Some(Times { width, height, runs, min_ms, p50_ms, p95_ms }))
+}
+
+fn print_manifest(manifest: &Manifest) -> Result<(), Failure> {
+    let kind = match manifest.kind {
+        Kind::Trained => "trained",
+        Kind::FixedFilter => "a fixed filter, not trained",
+    };
+    output::line(format!("generator  {}: {}", manifest.name, manifest.description))?;
+    let channels: Vec<_> = manifest.input.channels.iter().map(|c| format!("{c:?}").to_lowercase()).collect();
+    let multiple = manifest.padding_multiple;
+    output::line(format!("kind       {kind}; {:?} ({}), padded to {multiple}", manifest.variant, channels.join(", ")))?;
+    if let Some(training) = &manifest.training {
+        let start = training.data_sha256.get(..12).unwrap_or_default();
+        output::line(format!("training   {} iterations on data {start}…", training.iterations))?;
+    }
+    if let Some(quality) = &manifest.quality {
+        let optional = |name: &str, v: Option<f64>| v.map_or(String::new(), |v| format!(", {name} {v:.4}"));
+        let more = optional("pKL", quality.pkl) + &optional("FID", quality.fid);
+        output::line(format!("quality    PSNR {:.2} dB, SSIM {:.4}{more}", quality.psnr_db, quality.ssim))?;
+    }
+    Ok(())
+}
+
+/// A map that a generator of this variant needs and the frame does not have.
+pub(super) fn missing(directory: &std::path::Path, file: &str, variant: impl std::fmt::Debug) -> anyhow::Error {
+    anyhow!("the generator is of the variant {variant:?}, and {} has no {file}", directory.display())
+}

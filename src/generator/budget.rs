@@ -1,0 +1,119 @@
+//! How long a generator may take, and how long it took.
+
+use std::time::Duration;
+
+/// What follows from the time that one run may take. The times are those of the session's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Budget {
+    /// Time that one run may take.
+    pub run: Duration,
+    /// A run older than this is stopped. Above `run`, so that a run that is a little late still gives its image.
+    pub stop_after: Duration,
+    /// A run that goes on for so long after it was told to stop is left to itself, and its tier with it.
+    pub abandon_after: Duration,
+    /// Runs that the 95th percentile looks back on.
+    pub window: usize,
+    /// Runs after which the 95th percentile counts. Of fewer than 20 it is the slowest of all.
+    pub settle: usize,
+    /// Runs over the budget in a row that make a tier step down at once.
+    pub overshoots: u32,
+    /// A tier steps up only while its 95th percentile is below this part of the budget.
+    pub headroom: f64,
+    /// Least time between a step and the next step up. It doubles with each failed step up to a tier.
+    pub hold: Duration,
+    /// Greatest time between two attempts to step up to a tier.
+    pub longest_hold: Duration,
+}
+
+impl Budget {
+    /// The budget for runs of that duration.
+    pub fn new(run: Duration) -> Self {
+        Self {
+            run,
+            stop_after: run * 2,
+            abandon_after: Duration::from_secs(1).max(run * 4),
+            window: 64,
+            settle: 20,
+            overshoots: 3,
+            headroom: 0.8,
+            hold: Duration::from_secs(5),
+            longest_hold: Duration::from_secs(80),
+        }
+    }
+}
+
+/// The latest durations of a tier's runs.
+#[derive(Debug, Clone)]
+pub struct RunTimes {
+    latest: Vec<Duration>,
+    next: usize,
+    window: usize,
+    sorted: Vec<Duration>,
+}
+
+impl RunTimes {
+    /// None yet; of `window`, at least 1, the latest are kept.
+    pub fn new(window: usize) -> Self {
+        let window = window.max(1);
+        Self { latest: Vec::with_capacity(window), next: 0, window, sorted: Vec::with_capacity(window) }
+    }
+
+    /// Adds one, in place of the oldest if the window is full.
+    pub fn push(&mut self, time: Duration) {
+        if self.latest.len() < self.window {
+            self.latest.push(time);
+        } else if let Some(slot) = self.latest.get_mut(self.next) {
+            *slot = time;
+        }
+        self.next = (self.next + 1) % self.window;
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.latest.clear();
+        self.next = 0;
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.latest.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.latest.is_empty()
+    }
+
+    /// The least time that at least `part` (0..=1) of the runs did not exceed; none without runs.
+    pub fn percentile(&mut self, part: f64) -> Option<Duration> {
+        self.sorted.clear();
+        self.sorted.extend_from_slice(&self.latest);
+        self.sorted.sort_unstable();
+        let rank = (part * self.sorted.len() as f64).ceil().max(1.0) as usize;
+        self.sorted.get(rank - 1).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(n: u64) -> Duration {
+        Duration::from_millis(n)
+    }
+
+    #[test]
+    fn percentiles_are_nearest_ranks_of_the_window() {
+        let mut times = RunTimes::new(20);
+        assert_eq!((times.percentile(0.95), times.is_empty()), (None, true));
+        times.push(ms(7));
+        assert_eq!(times.percentile(0.95), Some(ms(7)));
+        (1..=20).for_each(|n| times.push(ms(n)));
+        assert_eq!(times.len(), 20);
+        assert_eq!([0.0, 0.5, 0.95, 1.0].map(|p| times.percentile(p).unwrap()), [1, 10, 19, 20].map(ms));
+        times.push(ms(100));
+        assert_eq!(times.percentile(1.0), Some(ms(100)), "the oldest has left");
+        times.clear();
+        assert_eq!(times.percentile(0.5), None);
+    }
+}

@@ -1,0 +1,154 @@
+//! What can be wrong with a generator.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::{Provider, RuntimeError};
+
+/// Why a model is refused, or a run gave no image.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum GeneratorError {
+    /// There is no ONNX Runtime.
+    #[error(transparent)]
+    Runtime(#[from] RuntimeError),
+    /// A file could not be read.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A manifest that cannot be used.
+    #[error("generator manifest {path}: {reason}")]
+    Manifest {
+        /// Manifest.
+        path: PathBuf,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
+    /// The model is not the one that the manifest is of.
+    #[error("{path} has sha256 {found}; its manifest is of a model with {expected}")]
+    Sha256 {
+        /// Model.
+        path: PathBuf,
+        /// What the manifest says.
+        expected: String,
+        /// What the file has.
+        found: String,
+    },
+    /// The provider is not there.
+    #[error(
+        "the provider `{provider}` is not available: {reason}; use another, or an ONNX Runtime library that has it \
+         (ORT_DYLIB_PATH)"
+    )]
+    Provider {
+        /// Provider asked for.
+        provider: Provider,
+        /// What ONNX Runtime said.
+        reason: String,
+    },
+    /// ONNX Runtime refuses the model.
+    #[error("ONNX Runtime cannot use {path}: {reason}")]
+    Model {
+        /// Model.
+        path: PathBuf,
+        /// What it said.
+        reason: String,
+    },
+    /// The model's tensors are not those that the manifest names.
+    #[error("{path} does not fit its manifest: {reason}")]
+    Signature {
+        /// Model.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
+    },
+    /// The station has a tissue that the model was not made for.
+    #[error("{path} knows no class for the tissue `{tissue}`, and its manifest names none for others")]
+    UnknownTissue {
+        /// Model.
+        path: PathBuf,
+        /// Tissue of the station.
+        tissue: String,
+    },
+    /// The parity pair cannot be read.
+    #[error("parity pair of {path}: {reason}")]
+    ParityPair {
+        /// Manifest.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The model does not do on this machine what it did where it was made.
+    #[error(
+        "{path} is refused: on its parity pair it gives {found} at row {row}, column {column}, where {expected} is \
+         expected; that is {difference} grey levels off, of {tolerance} allowed"
+    )]
+    Parity {
+        /// Model.
+        path: PathBuf,
+        /// Greatest difference, grey levels.
+        difference: f32,
+        /// Where.
+        row: usize,
+        /// Where.
+        column: usize,
+        /// Level expected there.
+        expected: f32,
+        /// Level found there.
+        found: f32,
+        /// Difference allowed, grey levels.
+        tolerance: f32,
+    },
+    /// A map of the input does not have the frame's size.
+    #[error("the {map} has {found} pixels; a frame of {width} x {height} has {expected}")]
+    InputSize {
+        /// Map.
+        map: &'static str,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// Pixels needed.
+        expected: usize,
+        /// Pixels given.
+        found: usize,
+    },
+    /// A tissue number that the station's table does not hold.
+    #[error("the segmentation holds the number {number}; the station's tissues go to {greatest}")]
+    TissueNumber {
+        /// Number found.
+        number: u8,
+        /// Greatest known.
+        greatest: usize,
+    },
+    /// The model gave values that are no levels. Nothing of them is shown.
+    #[error("generator `{name}`: {count} values of its output are not finite, the first at row {row}, column {column}")]
+    NotFinite {
+        /// Generator.
+        name: String,
+        /// How many.
+        count: usize,
+        /// First one.
+        row: usize,
+        /// First one.
+        column: usize,
+    },
+    /// The run was stopped by a [`Terminator`](super::Terminator).
+    #[error("generator `{name}`: the run was stopped")]
+    Terminated {
+        /// Generator.
+        name: String,
+    },
+    /// The run failed.
+    #[error("generator `{name}`: {reason}")]
+    Inference {
+        /// Generator.
+        name: String,
+        /// What ONNX Runtime said.
+        reason: String,
+    },
+}

@@ -1,0 +1,218 @@
+//! One generator: a model, its manifest, and how frames go through it.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use sha2::{Digest, Sha256};
+
+use super::manifest::{Affine, Manifest};
+use super::maps::{self, ClassMap, Geometry};
+use super::parity::{self, ParityReport};
+use super::session::{RunFailure, Session};
+use super::{GeneratorError, Provider, Runtime, Terminator};
+use crate::render::Frame;
+
+/// What a generator reads: the maps of one frame, row-major, the first row nearest to the probe.
+#[derive(Debug, Clone, Copy)]
+pub struct Input<'a> {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Grey levels [height × width].
+    pub image: &'a [u8],
+    /// Tissue numbers [height × width]: index in the station's table + 1; 0 outside the sector.
+    pub segmentation: &'a [u8],
+    /// One-way attenuation over its 98th percentile, 0..=1 [height × width].
+    pub attenuation: &'a [f32],
+    /// 255 inside the sector, 0 outside [height × width].
+    pub mask: &'a [u8],
+}
+
+impl<'a> From<&'a Frame> for Input<'a> {
+    fn from(frame: &'a Frame) -> Self {
+        Self {
+            width: frame.width,
+            height: frame.height,
+            image: &frame.bmode,
+            segmentation: &frame.segmentation,
+            attenuation: &frame.attenuation,
+            mask: &frame.mask,
+        }
+    }
+}
+
+impl Input<'_> {
+    fn check(&self) -> Result<(), GeneratorError> {
+        let (width, height) = (self.width, self.height);
+        let expected = width as usize * height as usize;
+        let maps = [
+            ("image", self.image.len()),
+            ("segmentation", self.segmentation.len()),
+            ("attenuation", self.attenuation.len()),
+            ("mask", self.mask.len()),
+        ];
+        match maps.into_iter().find(|(_, found)| *found != expected || expected == 0) {
+            Some((map, found)) => Err(GeneratorError::InputSize { map, width, height, expected, found }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// How a model is loaded.
+#[derive(Debug, Clone, Default)]
+pub struct LoadOptions<'a> {
+    /// What it runs on.
+    pub provider: Provider,
+    /// Threads of one run, 0 for one a processor.
+    pub threads: u32,
+    /// Names of the station's tissues in the order of their numbers, from number 1.
+    pub tissues: &'a [String],
+}
+
+/// One generator, ready to run. It keeps its tensors: a run allocates nothing where the size stays.
+pub struct Generator {
+    path: PathBuf,
+    manifest: Manifest,
+    parity: ParityReport,
+    classes: Option<ClassMap>,
+    session: Session,
+    provider: Provider,
+}
+
+impl std::fmt::Debug for Generator {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Generator").field("path", &self.path).field("provider", &self.provider).finish_non_exhaustive()
+    }
+}
+
+impl Generator {
+    /// Loads the model at `path` by the manifest beside it, and runs its parity pair.
+    ///
+    /// # Errors
+    /// Files that cannot be read or contradict each other, a provider that is not available, a model that ONNX Runtime
+    /// does not take, a tissue without a class, a parity pair that does not match.
+    pub fn load(path: &Path, runtime: &Runtime, options: &LoadOptions) -> Result<Self, GeneratorError> {
+        let manifest_path = Manifest::path_of(path);
+        let manifest = Manifest::load(&manifest_path)?;
+        let model = std::fs::read(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        check_hash(path, &model, &manifest.sha256)?;
+        let segmentation = manifest.segmentation.as_ref();
+        let classes = segmentation.map(|s| ClassMap::of_tissues(s, options.tissues, path)).transpose()?;
+        let parity_classes = segmentation.map(|s| ClassMap::identity(s.classes.len()));
+        let pair = parity::read(&manifest_path, &manifest.parity)?;
+        let threads = match options.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            n => n as usize,
+        };
+        let session = Session::new(runtime, path, &model, &manifest, options.provider, threads)?;
+        let parity = ParityReport { difference: 0.0, row: 0, column: 0, tolerance: manifest.parity.tolerance };
+        let mut generator = Self {
+            path: path.to_owned(),
+            manifest,
+            parity,
+            classes: parity_classes,
+            session,
+            provider: options.provider,
+        };
+        let found = generator.levels(&pair.input())?;
+        generator.parity = parity::compare(&generator.path, &pair, &found, generator.manifest.parity.tolerance)?;
+        generator.classes = classes;
+        Ok(generator)
+    }
+
+    /// Translates a whole frame into `out` [height × width]: grey levels, 0 outside the sector.
+    ///
+    /// # Errors
+    /// Maps of the wrong size, unknown tissue numbers, a run that fails or is stopped, values that are not finite. `out`
+    /// holds no image then.
+    pub fn run(&mut self, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
+        out.clear();
+        let affine = self.output_affine();
+        let (values, geometry) = self.infer(input)?;
+        maps::quantise(values, affine, input.mask, &geometry, out);
+        Ok(())
+    }
+
+    /// Runs `runs` times on a made-up frame of that size, after one that is not counted, and gives the times.
+    ///
+    /// # Errors
+    /// As [`Generator::run`].
+    pub fn measure(&mut self, width: u32, height: u32, runs: usize) -> Result<Vec<Duration>, GeneratorError> {
+        let pixels = width as usize * height as usize;
+        // Levels below white, and not all the same.
+        let image: Vec<u8> = (0..pixels).map(|i| (i % 199) as u8).collect();
+        let (segmentation, attenuation, mask) = (vec![0; pixels], vec![0.5; pixels], vec![255; pixels]);
+        let input =
+            Input { width, height, image: &image, segmentation: &segmentation, attenuation: &attenuation, mask: &mask };
+        let mut out = Vec::new();
+        self.run(&input, &mut out)?;
+        let mut timed = || {
+            let started = Instant::now();
+            self.run(&input, &mut out)?;
+            Ok(started.elapsed())
+        };
+        (0..runs).map(|_| timed()).collect()
+    }
+
+    /// Its manifest.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The model's file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What it runs on.
+    pub fn provider(&self) -> Provider {
+        self.provider
+    }
+
+    /// How well it met its parity pair when it was loaded.
+    pub fn parity(&self) -> &ParityReport {
+        &self.parity
+    }
+
+    /// Stops runs of this generator from other threads.
+    pub fn terminator(&self) -> Terminator {
+        self.session.terminator()
+    }
+
+    fn levels(&mut self, input: &Input) -> Result<Vec<f32>, GeneratorError> {
+        let affine = self.output_affine();
+        let (values, geometry) = self.infer(input)?;
+        Ok(maps::levels(values, affine, input.mask, &geometry))
+    }
+
+    fn output_affine(&self) -> Affine {
+        Affine { scale: self.manifest.output.scale, offset: self.manifest.output.offset }
+    }
+
+    /// The model's output, finite throughout the field of view.
+    fn infer(&mut self, input: &Input) -> Result<(&[f32], Geometry), GeneratorError> {
+        input.check()?;
+        let name = &self.manifest.name;
+        let failed = |failure| match failure {
+            RunFailure::Stopped => GeneratorError::Terminated { name: name.clone() },
+            RunFailure::Failed(reason) => GeneratorError::Inference { name: name.clone(), reason },
+        };
+        let geometry = Geometry::new(input.width, input.height, self.manifest.padding_multiple);
+        let tensor = self.session.input(&geometry).map_err(failed)?;
+        maps::fill(&self.manifest, self.classes.as_ref(), input, &geometry, tensor)?;
+        let values = self.session.run().map_err(failed)?;
+        match maps::not_finite(values, &geometry) {
+            Some((row, column, count)) => Err(GeneratorError::NotFinite { name: name.clone(), count, row, column }),
+            None => Ok((values, geometry)),
+        }
+    }
+}
+
+fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<(), GeneratorError> {
+    let found: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();
+    if found.eq_ignore_ascii_case(expected) {
+        return Ok(());
+    }
+    Err(GeneratorError::Sha256 { path: path.to_owned(), expected: expected.to_owned(), found })
+}

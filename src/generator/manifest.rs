@@ -1,0 +1,366 @@
+//! What a model takes and gives: a strict TOML file beside the `.onnx`, of the same name.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::GeneratorError;
+
+/// A generator's manifest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Version of this format: 1.
+    pub format: u32,
+    /// Short name, shown while the generator runs.
+    pub name: String,
+    /// What it is, in a sentence.
+    pub description: String,
+    /// How it came to be.
+    pub kind: Kind,
+    /// Which maps it takes, as the paper names it; must agree with the channels.
+    pub variant: Variant,
+    /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
+    pub sha256: String,
+    /// Width and height are padded to a multiple of this, 1..=1024.
+    pub padding_multiple: u32,
+    /// The input tensor.
+    pub input: InputManifest,
+    /// How the segmentation is given; there if and only if it is a channel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segmentation: Option<SegmentationManifest>,
+    /// The output tensor.
+    pub output: OutputManifest,
+    /// An input and what it must become.
+    pub parity: ParityManifest,
+    /// What it was trained on; there if and only if it is a trained one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<Training>,
+    /// How good it was found to be.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quality: Option<Quality>,
+}
+
+/// How a generator came to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Trained on pairs of images.
+    Trained,
+    /// Written down: nothing was learnt.
+    FixedFilter,
+}
+
+/// Which maps a generator takes (Zhang et al. 2020).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Variant {
+    /// Image and mask.
+    M,
+    /// Image, mask and segmentation.
+    MS,
+    /// Image, mask, segmentation and attenuation.
+    MSA,
+}
+
+/// A map that becomes a channel, or with classes several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Channel {
+    /// Grey level / 255.
+    Image,
+    /// 1 inside the sector, 0 outside.
+    Mask,
+    /// The class of the tissue: its index, or 1 in the channel of the class and 0 in those of others.
+    Segmentation,
+    /// One-way attenuation over its 98th percentile, 0..=1.
+    Attenuation,
+}
+
+/// y = scale · x + offset.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Affine {
+    /// Scale.
+    pub scale: f32,
+    /// Offset.
+    pub offset: f32,
+}
+
+/// The input tensor: float32 [1, channels, height, width].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputManifest {
+    /// Its name in the model.
+    pub name: String,
+    /// Its channels, in order; the segmentation may be one or one a class.
+    pub channels: Vec<Channel>,
+    /// From the map's own values, as [`Channel`] tells them, to those of the tensor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<Affine>,
+    /// Likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<Affine>,
+    /// Likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segmentation: Option<Affine>,
+    /// Likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attenuation: Option<Affine>,
+}
+
+/// How tissues become classes. Tissues go by name: their numbers differ from station to station.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SegmentationManifest {
+    /// One channel or several.
+    pub encoding: Encoding,
+    /// Names of tissues in the order of their classes; `outside` is what is outside the sector.
+    pub classes: Vec<String>,
+    /// The class that stands for every tissue not named. Without it, such a tissue is an error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other: Option<String>,
+}
+
+/// How many channels the segmentation has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Encoding {
+    /// One channel with the index of the class.
+    Map,
+    /// One channel a class with 0 or 1.
+    Classes,
+}
+
+/// The output tensor: float32 [1, 1, height, width].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputManifest {
+    /// Its name in the model.
+    pub name: String,
+    /// Grey level / 255 = scale · y + offset.
+    pub scale: f32,
+    /// See `scale`.
+    pub offset: f32,
+}
+
+/// Two `.npy` files of float32 beside the manifest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParityManifest {
+    /// Planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255.
+    pub input: String,
+    /// Grey levels before rounding [height, width], 0 outside the sector.
+    pub output: String,
+    /// Greatest difference allowed, grey levels.
+    pub tolerance: f32,
+}
+
+/// What a model was trained on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Training {
+    /// SHA-256 of the data set's list of files.
+    pub data_sha256: String,
+    /// Iterations.
+    pub iterations: u64,
+}
+
+/// Figures on the test set: means.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quality {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr_db: f64,
+    /// Structural similarity, 0..=1.
+    pub ssim: f64,
+    /// Patch-wise Kullback-Leibler divergence of histograms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pkl: Option<f64>,
+    /// Fréchet inception distance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fid: Option<f64>,
+}
+
+impl Manifest {
+    /// Where the manifest of `model` is: the same name with `.toml`.
+    pub fn path_of(model: &Path) -> PathBuf {
+        model.with_extension("toml")
+    }
+
+    /// Reads and checks the manifest at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, text that is no manifest, or values that contradict each other; each names the file.
+    pub fn load(path: &Path) -> Result<Self, GeneratorError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        Self::parse(&text).map_err(|reason| GeneratorError::Manifest { path: path.to_owned(), reason })
+    }
+
+    /// A checked manifest from its text; the error says what is wrong.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        let manifest: Self = toml::from_str(text).map_err(|e| e.to_string().trim().to_owned())?;
+        manifest.check()?;
+        Ok(manifest)
+    }
+
+    /// How the values of `channel` are brought to those of the tensor.
+    pub(super) fn affine(&self, channel: Channel) -> Option<Affine> {
+        match channel {
+            Channel::Image => self.input.image,
+            Channel::Mask => self.input.mask,
+            Channel::Segmentation => self.input.segmentation,
+            Channel::Attenuation => self.input.attenuation,
+        }
+    }
+
+    /// Channels of the input tensor.
+    pub fn tensor_channels(&self) -> usize {
+        let of = |channel: &Channel| match (channel, &self.segmentation) {
+            (Channel::Segmentation, Some(s)) if s.encoding == Encoding::Classes => s.classes.len(),
+            _ => 1,
+        };
+        self.input.channels.iter().map(of).sum()
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if self.format != 1 {
+            return Err(format!("format is {}; this version of insonify reads 1", self.format));
+        }
+        if self.name.is_empty() || self.name.len() > 40 {
+            return Err("name must have 1..=40 letters".to_owned());
+        }
+        if !is_sha256(&self.sha256) {
+            return Err(format!("sha256 is `{}`; it must be 64 hexadecimal digits", self.sha256));
+        }
+        if !(1..=1024).contains(&self.padding_multiple) {
+            return Err(format!("padding_multiple is {}; it must be 1..=1024", self.padding_multiple));
+        }
+        self.check_channels()?;
+        self.check_segmentation()?;
+        if !(self.output.scale.is_finite() && self.output.offset.is_finite()) || self.output.scale == 0.0 {
+            return Err("output.scale must be finite and not 0, output.offset finite".to_owned());
+        }
+        if !(self.parity.tolerance > 0.0 && self.parity.tolerance <= 16.0) {
+            return Err(format!("parity.tolerance is {}; it must be above 0 and at most 16", self.parity.tolerance));
+        }
+        for file in [&self.parity.input, &self.parity.output] {
+            if Path::new(file).file_name().and_then(|n| n.to_str()) != Some(file.as_str()) {
+                return Err(format!("parity file `{file}` must be the name of a file beside the manifest"));
+            }
+        }
+        match (self.kind, &self.training) {
+            (Kind::Trained, None) => Err("a trained generator must say on what, in [training]".to_owned()),
+            (Kind::FixedFilter, Some(_)) => Err("[training] does not apply to a fixed filter".to_owned()),
+            (_, Some(training)) if !is_sha256(&training.data_sha256) => {
+                Err(format!("training.data_sha256 is `{}`; it must be 64 hexadecimal digits", training.data_sha256))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_channels(&self) -> Result<(), String> {
+        let channels = &self.input.channels;
+        for channel in [Channel::Image, Channel::Mask, Channel::Segmentation, Channel::Attenuation] {
+            let name = format!("{channel:?}").to_lowercase();
+            match (channels.iter().filter(|c| **c == channel).count(), self.affine(channel)) {
+                (0, None) => (),
+                (0, Some(_)) => return Err(format!("input.{name} is given, but {name} is not in input.channels")),
+                (1, None) => {
+                    return Err(format!("input.{name} is missing: say {{ scale = 1.0, offset = 0.0 }} or other"));
+                }
+                (1, Some(affine)) if affine.scale.is_finite() && affine.offset.is_finite() => (),
+                (1, Some(_)) => return Err(format!("input.{name} must be finite")),
+                (n, _) => return Err(format!("input.channels holds {name} {n} times")),
+            }
+        }
+        let has = |channel| channels.contains(&channel);
+        if !has(Channel::Image) || !has(Channel::Mask) {
+            return Err("input.channels must hold image and mask".to_owned());
+        }
+        let found = match (has(Channel::Segmentation), has(Channel::Attenuation)) {
+            (false, false) => Variant::M,
+            (true, false) => Variant::MS,
+            (true, true) => Variant::MSA,
+            (false, true) => return Err("input.channels holds attenuation without segmentation".to_owned()),
+        };
+        if found != self.variant {
+            return Err(format!("variant is {:?}, but input.channels are those of {found:?}", self.variant));
+        }
+        Ok(())
+    }
+
+    fn check_segmentation(&self) -> Result<(), String> {
+        let needed = self.input.channels.contains(&Channel::Segmentation);
+        let segmentation = match (&self.segmentation, needed) {
+            (Some(segmentation), true) => segmentation,
+            (None, false) => return Ok(()),
+            (None, true) => return Err("[segmentation] is missing: it names the classes".to_owned()),
+            (Some(_), false) => return Err("[segmentation] is given, but is not in input.channels".to_owned()),
+        };
+        let classes = &segmentation.classes;
+        if !(2..=255).contains(&classes.len()) || !classes.iter().any(|c| c == "outside") {
+            return Err("segmentation.classes must be 2..=255 names, `outside` among them".to_owned());
+        }
+        if let Some((i, twice)) = classes.iter().enumerate().find(|(i, c)| classes[..*i].contains(c)) {
+            return Err(format!("segmentation.classes holds `{twice}` again at {i}"));
+        }
+        match &segmentation.other {
+            Some(other) if !classes.contains(other) => {
+                Err(format!("segmentation.other is `{other}`, which is not in segmentation.classes"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn is_sha256(text: &str) -> bool {
+    text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = include_str!("../../tests/data/generators/weighted_maps.toml");
+
+    #[test]
+    fn a_manifest_says_what_the_tensor_holds() {
+        let manifest = Manifest::parse(TEXT).unwrap();
+        assert_eq!((manifest.variant, manifest.tensor_channels()), (Variant::MSA, 4));
+        let classes = Manifest::parse(&TEXT.replace("\"map\"", "\"classes\"")).unwrap();
+        assert_eq!(classes.tensor_channels(), 7);
+        let again: Manifest = toml::from_str(&toml::to_string(&manifest).unwrap()).unwrap();
+        assert_eq!(again, manifest);
+    }
+
+    #[test]
+    fn contradictions_are_told() {
+        let with = |from: &str, to: &str| {
+            assert!(TEXT.contains(from), "{from}");
+            Manifest::parse(&TEXT.replacen(from, to, 1)).unwrap_err()
+        };
+        for (from, to, word) in [
+            ("format = 1", "format = 2", "format is 2"),
+            ("name = \"weighted_maps\"", "nam = \"x\"", "unknown field `nam`"),
+            ("sha256 = \"", "sha256 = \"0", "64 hexadecimal digits"),
+            ("padding_multiple = 1", "padding_multiple = 0", "1..=1024"),
+            ("variant = \"MSA\"", "variant = \"M\"", "MSA"),
+            ("\"attenuation\", ", "", "input.attenuation is given"),
+            ("\"image\", \"mask\"]", "\"image\", \"image\", \"mask\"]", "image 2 times"),
+            ("attenuation = { scale = 1.0, offset = 0.0 }\n", "", "input.attenuation is missing"),
+            ("attenuation = { scale = 1.0", "attenuation = { scale = inf", "finite"),
+            ("\"outside\", ", "", "`outside`"),
+            ("\"placenta\"", "\"outside\"", "again"),
+            ("encoding = \"map\"", "encoding = \"map\"\nother = \"gas\"", "`gas`"),
+            ("scale = 1.0\noffset = 0.0\n", "scale = 0.0\noffset = 0.0\n", "output.scale"),
+            ("tolerance = 0.01", "tolerance = 0.0", "parity.tolerance"),
+            ("input = \"speckle", "input = \"../speckle", "beside the manifest"),
+            ("kind = \"fixed-filter\"", "kind = \"trained\"", "[training]"),
+            ("kind = \"fixed-filter\"", "kind = \"magic\"", "magic"),
+        ] {
+            let error = with(from, to);
+            assert!(error.contains(word), "`{word}`: {error}");
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Between the maps of a frame and the tensors of a model.
+
+use std::path::Path;
+
+use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
+use super::{Channel, GeneratorError, Input};
+
+/// A field of view and what it is padded to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Geometry {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) padded_width: usize,
+    pub(super) padded_height: usize,
+}
+
+impl Geometry {
+    pub(super) fn new(width: u32, height: u32, multiple: u32) -> Self {
+        let up = |n: u32| n.next_multiple_of(multiple) as usize;
+        Self { width: width as usize, height: height as usize, padded_width: up(width), padded_height: up(height) }
+    }
+
+    /// Pixels of the field of view.
+    pub(super) fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    fn padded_pixels(&self) -> usize {
+        self.padded_width * self.padded_height
+    }
+}
+
+/// Which class each tissue number is.
+#[derive(Debug, Clone)]
+pub(super) struct ClassMap {
+    class: [u8; 256],
+    greatest: usize,
+}
+
+impl ClassMap {
+    /// Numbers are classes already, as in a parity pair.
+    pub(super) fn identity(classes: usize) -> Self {
+        Self { class: std::array::from_fn(|i| i as u8), greatest: classes.saturating_sub(1) }
+    }
+
+    /// Of a station's tissues: number 0 is outside, number i + 1 is `tissues[i]`.
+    pub(super) fn of_tissues(
+        manifest: &SegmentationManifest,
+        tissues: &[String],
+        model: &Path,
+    ) -> Result<Self, GeneratorError> {
+        let index = |name: &str| manifest.classes.iter().position(|c| c == name);
+        let other = manifest.other.as_deref().and_then(index);
+        let mut class = [0; 256];
+        let names = std::iter::once("outside").chain(tissues.iter().map(String::as_str));
+        for (slot, name) in class.iter_mut().zip(names) {
+            let found = index(name)
+                .or(other)
+                .ok_or_else(|| GeneratorError::UnknownTissue { path: model.to_owned(), tissue: name.to_owned() })?;
+            *slot = found as u8;
+        }
+        Ok(Self { class, greatest: tissues.len() })
+    }
+}
+
+/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame.
+pub(super) fn fill(
+    manifest: &Manifest,
+    classes: Option<&ClassMap>,
+    input: &Input,
+    geometry: &Geometry,
+    tensor: &mut [f32],
+) -> Result<(), GeneratorError> {
+    let mut planes = tensor.chunks_exact_mut(geometry.padded_pixels());
+    for &channel in &manifest.input.channels {
+        let affine = manifest.affine(channel).unwrap_or(Affine { scale: 1.0, offset: 0.0 });
+        let Affine { scale, offset } = affine;
+        match (channel, &manifest.segmentation, classes) {
+            (Channel::Segmentation, Some(segmentation), Some(classes)) => {
+                let greatest = input.segmentation.iter().copied().max().unwrap_or(0);
+                if usize::from(greatest) > classes.greatest {
+                    return Err(GeneratorError::TissueNumber { number: greatest, greatest: classes.greatest });
+                }
+                let count = segmentation.classes.len();
+                match segmentation.encoding {
+                    Encoding::Map => {
+                        let values = classes.class.map(|class| f32::from(class) * scale + offset);
+                        plane(planes.next(), geometry, input.segmentation, |n| values[usize::from(n)]);
+                    }
+                    Encoding::Classes => {
+                        for wanted in 0..count {
+                            let value = |on: bool| f32::from(u8::from(on)) * scale + offset;
+                            let values = classes.class.map(|class| value(usize::from(class) == wanted));
+                            plane(planes.next(), geometry, input.segmentation, |n| values[usize::from(n)]);
+                        }
+                    }
+                }
+            }
+            (Channel::Attenuation, ..) => plane(planes.next(), geometry, input.attenuation, |a| a * scale + offset),
+            (Channel::Mask, ..) => {
+                let [outside, inside] = [offset, scale + offset];
+                plane(planes.next(), geometry, input.mask, |m| if m > 0 { inside } else { outside });
+            }
+            // `Generator` makes a class map of every segmentation that the manifest names.
+            (Channel::Image | Channel::Segmentation, ..) => {
+                let scale = scale / 255.0;
+                plane(planes.next(), geometry, input.image, |x| f32::from(x) * scale + offset);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Fills one channel, and pads it by reflection at right and bottom.
+fn plane<T: Copy>(plane: Option<&mut [f32]>, geometry: &Geometry, source: &[T], value: impl Fn(T) -> f32) {
+    let Some(plane) = plane else { return };
+    let Geometry { width, height, padded_width, .. } = *geometry;
+    for (row, source) in plane.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
+        for (target, &x) in row.iter_mut().zip(source) {
+            *target = value(x);
+        }
+        for x in width..padded_width {
+            row[x] = row[reflect(x, width)];
+        }
+    }
+    for y in height..geometry.padded_height {
+        let from = reflect(y, height) * padded_width;
+        plane.copy_within(from..from + padded_width, y * padded_width);
+    }
+}
+
+/// Index within 0..n that `i` falls on where the picture is mirrored at its last and first pixel again and again.
+fn reflect(i: usize, n: usize) -> usize {
+    if n < 2 {
+        return 0;
+    }
+    let period = 2 * (n - 1);
+    let i = i % period;
+    i.min(period - i)
+}
+
+/// Rows of the output within the field of view.
+fn rows<'a>(output: &'a [f32], geometry: &Geometry) -> impl Iterator<Item = &'a [f32]> {
+    let width = geometry.width;
+    output.chunks_exact(geometry.padded_width).take(geometry.height).map(move |row| &row[..width])
+}
+
+/// Row, column and number of values that are not finite; none in a sound output.
+pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, usize, usize)> {
+    // By its exponent, without a branch: rows are sound but for broken models.
+    const EXPONENT: u32 = 0x7f80_0000;
+    let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
+    let (row, values) = rows(output, geometry).enumerate().find(|(_, values)| broken(values))?;
+    let column = values.iter().position(|v| !v.is_finite())?;
+    let count = rows(output, geometry).flatten().filter(|v| !v.is_finite()).count();
+    Some((row, column, count))
+}
+
+/// Grey levels, rounded, 0 outside the mask.
+pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
+    out.resize(geometry.pixels(), 0);
+    let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
+    let targets = out.chunks_exact_mut(geometry.width).zip(mask.chunks_exact(geometry.width));
+    for (values, (target, mask)) in rows(output, geometry).zip(targets) {
+        for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
+            // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
+            let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
+            *level = if inside > 0 { rounded } else { 0 };
+        }
+    }
+}
+
+/// Grey levels before rounding, clipped to 0..=255, 0 outside the mask.
+pub(super) fn levels(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry) -> Vec<f32> {
+    let level = |v: &f32| ((v * affine.scale + affine.offset) * 255.0).clamp(0.0, 255.0);
+    let values = rows(output, geometry).flatten();
+    values.zip(mask).map(|(v, &inside)| if inside > 0 { level(v) } else { 0.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn reflection_mirrors_without_repeating_the_edge() {
+        assert_eq!((0..9).map(|i| reflect(i, 4)).collect::<Vec<_>>(), [0, 1, 2, 3, 2, 1, 0, 1, 2]);
+        assert_eq!((0..4).map(|i| reflect(i, 1)).collect::<Vec<_>>(), [0; 4]);
+        assert_eq!((0..4).map(|i| reflect(i, 2)).collect::<Vec<_>>(), [0, 1, 0, 1]);
+    }
+
+    #[test]
+    fn a_plane_is_padded_at_right_and_bottom() {
+        let geometry = Geometry::new(3, 2, 4);
+        let mut tensor = vec![f32::NAN; 16];
+        plane(Some(&mut tensor), &geometry, &[1u8, 2, 3, 4, 5, 6], f32::from);
+        #[rustfmt::skip]
+        assert_eq!(tensor, [1., 2., 3., 2.,  4., 5., 6., 5.,  1., 2., 3., 2.,  4., 5., 6., 5.]);
+    }
+
+    #[test]
+    fn levels_are_rounded_and_clipped_and_masked() {
+        let geometry = Geometry::new(6, 1, 1);
+        let output = [-0.1, 0.4 / 255.0, 0.6 / 255.0, 254.6 / 255.0, 7.0, 1.0];
+        let mut out = vec![9; 20];
+        let unit = Affine { scale: 1.0, offset: 0.0 };
+        quantise(&output, unit, &[255, 255, 255, 255, 255, 0], &geometry, &mut out);
+        assert_eq!(out, [0, 0, 1, 255, 255, 0]);
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_found_within_the_field_of_view_only() {
+        let geometry = Geometry::new(3, 2, 4);
+        let mut output = vec![0.0; 16];
+        output[3] = f32::NAN;
+        output[15] = f32::INFINITY;
+        assert_eq!(not_finite(&output, &geometry), None);
+        output[6] = f32::NEG_INFINITY;
+        output[5] = f32::NAN;
+        assert_eq!(not_finite(&output, &geometry), Some((1, 1, 2)));
+    }
+
+    proptest! {
+        #[test]
+        fn every_level_comes_back_through_any_normalisation(scale in 0.1f32..10.0, offset in -5.0f32..5.0, x in 0u8..=255) {
+            let there = f32::from(x) / 255.0 * scale + offset;
+            let back = Affine { scale: 1.0 / scale, offset: -offset / scale };
+            let mut out = Vec::new();
+            quantise(&[there], back, &[255], &Geometry::new(1, 1, 1), &mut out);
+            prop_assert_eq!(out[0], x);
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Generators: ONNX models that give a rendered frame the appearance of a better one.
+//!
+//! A generator is an `.onnx` file with a [`Manifest`] beside it. [`Generator::load`] checks both, runs the bundled parity
+//! pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the whole field of
+//! view: normalise, pad by reflection to the model's multiple, infer, crop, clear what is outside the sector, round to
+//! grey levels. [`Tiers`] decides which of several generators runs within a budget of time. Without ONNX Runtime's
+//! library [`Runtime::get`] is an error that names the remedy; rendering needs none of this.
+
+mod budget;
+mod error;
+#[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
+mod generator;
+mod load;
+mod manifest;
+mod maps;
+mod parity;
+mod provider;
+mod runtime;
+mod session;
+mod settings;
+mod tiers;
+
+pub use budget::{Budget, RunTimes};
+pub use error::GeneratorError;
+pub use generator::{Generator, Input, LoadOptions};
+pub use load::{LoadedTiers, RefusedModel, load_tiers};
+pub use manifest::{
+    Affine, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
+    SegmentationManifest, Training, Variant,
+};
+pub use parity::ParityReport;
+pub use provider::Provider;
+pub use runtime::{Runtime, RuntimeError};
+pub use session::Terminator;
+pub use settings::Settings;
+pub use tiers::{Change, Intervention, Outcome, RunTicket, TierReport, TierState, Tiers};

@@ -1,0 +1,78 @@
+//! What a model runs on.
+
+use std::fmt;
+use std::str::FromStr;
+
+use ort::ep::{self, ExecutionProviderDispatch};
+use serde::Serialize;
+
+/// What a model runs on. One that is not available is an error: there is no silent step back to the CPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Provider {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// An NVIDIA GPU by CUDA; needs ONNX Runtime's GPU library.
+    Cuda,
+    /// An NVIDIA GPU by TensorRT, parts that it does not take by CUDA; needs ONNX Runtime's GPU library and TensorRT 10.
+    TensorRt,
+}
+
+impl Provider {
+    /// Names as a station file has them.
+    pub const NAMES: &'static [&'static str] = &["cpu", "cuda", "tensorrt"];
+
+    /// Whether a run can be stopped while it lasts: ONNX Runtime looks for that between the nodes of a model, and
+    /// TensorRT makes one node of the whole.
+    pub fn can_stop(self) -> bool {
+        self != Self::TensorRt
+    }
+
+    /// What ONNX Runtime is asked for; the CPU needs no asking.
+    pub(super) fn dispatch(self) -> Vec<ExecutionProviderDispatch> {
+        let cuda = || ep::CUDA::default().build().error_on_failure();
+        match self {
+            Self::Cpu => Vec::new(),
+            Self::Cuda => vec![cuda()],
+            Self::TensorRt => vec![ep::TensorRT::default().build().error_on_failure(), cuda()],
+        }
+    }
+}
+
+impl fmt::Display for Provider {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "cpu",
+            Self::Cuda => "cuda",
+            Self::TensorRt => "tensorrt",
+        })
+    }
+}
+
+impl FromStr for Provider {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "cpu" => Ok(Self::Cpu),
+            "cuda" => Ok(Self::Cuda),
+            "tensorrt" => Ok(Self::TensorRt),
+            other => Err(format!("unknown provider `{other}`; providers are {}", Self::NAMES.join(", "))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_the_list() {
+        for name in Provider::NAMES {
+            assert_eq!(name.parse::<Provider>().unwrap().to_string(), *name);
+        }
+        let error = "opencl".parse::<Provider>().unwrap_err();
+        assert!(error.contains("opencl") && error.contains("tensorrt"), "{error}");
+    }
+}

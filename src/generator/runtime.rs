@@ -1,0 +1,154 @@
+//! ONNX Runtime's library, loaded when it is first asked for.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use ort::environment::Environment;
+use ort::logging::LogLevel;
+use thiserror::Error;
+
+/// Names the library's file in place of the usual places.
+const VARIABLE: &str = "ORT_DYLIB_PATH";
+/// Where `scripts/setup` puts it, below the repository's root.
+const FOLDER: &str = "third_party/onnxruntime";
+
+/// Why there is no ONNX Runtime.
+#[derive(Debug, Error)]
+pub enum RuntimeError {
+    /// No library was found.
+    #[error(
+        "ONNX Runtime's library, which generators need, is not in {searched}; run scripts/setup, or set \
+         ORT_DYLIB_PATH to the file of the library"
+    )]
+    Missing {
+        /// Folders looked into.
+        searched: String,
+    },
+    /// The variable names no file.
+    #[error(
+        "ORT_DYLIB_PATH names {path}, which is no file; set it to ONNX Runtime's library, or unset it and run \
+         scripts/setup"
+    )]
+    NoSuchFile {
+        /// What it names.
+        path: PathBuf,
+    },
+    /// The library could not be used.
+    #[error(
+        "{path} cannot be used as ONNX Runtime's library: {reason}; run scripts/setup, or set ORT_DYLIB_PATH to one \
+         of version 1.{} or later",
+        ort::MINOR_VERSION
+    )]
+    Unusable {
+        /// Library.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// ONNX Runtime, one in a process.
+#[derive(Debug)]
+pub struct Runtime {
+    environment: Environment,
+    library: PathBuf,
+}
+
+impl Runtime {
+    /// The runtime, loaded at the first call. After an error the next call tries again.
+    ///
+    /// The library is the file that `ORT_DYLIB_PATH` names; else the one in `third_party/onnxruntime` of a folder above
+    /// the program or of the sources it was built from; else one beside the program.
+    ///
+    /// # Errors
+    /// No library, or one that cannot be used. The message says what to do.
+    pub fn get() -> Result<&'static Self, RuntimeError> {
+        static RUNTIME: OnceLock<Runtime> = OnceLock::new();
+        static LOADING: Mutex<()> = Mutex::new(());
+        if let Some(runtime) = RUNTIME.get() {
+            return Ok(runtime);
+        }
+        let _one_at_a_time = LOADING.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(runtime) = RUNTIME.get() {
+            return Ok(runtime);
+        }
+        let runtime = Self::load(find()?)?;
+        Ok(RUNTIME.get_or_init(|| runtime))
+    }
+
+    fn load(library: PathBuf) -> Result<Self, RuntimeError> {
+        let unusable = |reason: String| RuntimeError::Unusable { path: library.clone(), reason };
+        let builder = ort::init_from(&library).map_err(|e| unusable(e.to_string()))?;
+        let environment = builder.with_telemetry(false).build().map_err(|e| unusable(e.to_string()))?;
+        // By default every event of the library is formatted, and then mostly thrown away.
+        environment.set_log_level(LogLevel::Warning);
+        tracing::debug!("ONNX Runtime is {}", library.display());
+        Ok(Self { environment, library })
+    }
+
+    /// The file that was loaded.
+    pub fn library(&self) -> &Path {
+        &self.library
+    }
+
+    pub(super) fn environment(&self) -> &Environment {
+        &self.environment
+    }
+}
+
+fn find() -> Result<PathBuf, RuntimeError> {
+    if let Some(path) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
+        // The loader would look for a bare name elsewhere; what is meant is this file.
+        let path = PathBuf::from(path);
+        let file = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+        return if file.is_file() { Ok(file) } else { Err(RuntimeError::NoSuchFile { path }) };
+    }
+    let folders = folders();
+    folders.iter().find_map(|folder| library_in(folder)).ok_or_else(|| RuntimeError::Missing {
+        searched: folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", "),
+    })
+}
+
+/// Where the library may be. Not the working directory: whoever writes there shall not choose our code.
+fn folders() -> Vec<PathBuf> {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join(FOLDER);
+    let Ok(program) = std::env::current_exe() else { return vec![sources] };
+    let above = program.ancestors().skip(1);
+    let mut folders: Vec<_> = above.map(|folder| folder.join(FOLDER)).filter(|folder| folder.is_dir()).collect();
+    if !folders.contains(&sources) {
+        folders.push(sources);
+    }
+    folders.extend(program.parent().map(Path::to_owned));
+    folders
+}
+
+/// The newest library in a folder: `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib`, `onnxruntime.dll`.
+fn library_in(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let mut found: Vec<_> = entries.map(|e| e.path()).filter(|path| is_library(path) && path.is_file()).collect();
+    found.sort();
+    found.pop()
+}
+
+fn is_library(path: &Path) -> bool {
+    let Some(name) = path.file_name().and_then(|n| n.to_str()) else { return false };
+    let suffix = std::env::consts::DLL_SUFFIX;
+    let stem = format!("{}onnxruntime", std::env::consts::DLL_PREFIX);
+    // Its providers' libraries begin with the same letters.
+    name.strip_prefix(&stem).is_some_and(|rest| rest.starts_with('.') && rest.contains(suffix))
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_library_is_told_from_its_providers() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str| std::fs::write(dir.path().join(name), "").unwrap();
+        assert_eq!(library_in(dir.path()), None);
+        ["libonnxruntime_providers_shared.so", "wheel.sha256", "libonnxruntime.so.1.9.0"].into_iter().for_each(file);
+        assert_eq!(library_in(dir.path()).unwrap().file_name().unwrap(), "libonnxruntime.so.1.9.0");
+        assert_eq!(library_in(&dir.path().join("none")), None);
+    }
+}

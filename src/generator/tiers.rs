@@ -1,0 +1,324 @@
+//! Which of several generators runs: the best that keeps the budget. Pure: the caller brings the time.
+
+use std::time::Duration;
+
+use super::budget::{Budget, RunTimes};
+
+/// Failed runs in a row after which a tier is given up.
+const FAILURES: u32 = 3;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// With an image.
+    Done,
+    /// It was stopped.
+    Stopped,
+    /// With an error, in words.
+    Failed(String),
+}
+
+/// What must be done about a run that takes too long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Intervention {
+    /// Stop the run of this tier by its [`Terminator`](super::Terminator).
+    Stop(usize),
+    /// The run of this tier does not end: leave its thread and its generator to themselves.
+    Abandon(usize),
+}
+
+/// A change of tier; none stands for the rendered image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Change {
+    /// Tier before.
+    pub from: Option<usize>,
+    /// Tier from now on.
+    pub to: Option<usize>,
+    /// Why, in words.
+    pub reason: String,
+}
+
+/// Whether a tier can run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum TierState {
+    /// It keeps the budget, as far as is known.
+    Ready,
+    /// It did not keep the budget; it is tried again after this time.
+    OverBudget {
+        /// Session time.
+        retry_at: Duration,
+    },
+    /// Its fastest run is over the budget: it is never started.
+    TooSlow,
+    /// It failed again and again, the last time for this reason.
+    Failed(String),
+    /// A run of it does not end.
+    Abandoned,
+}
+
+/// What a tier did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TierReport {
+    /// Its generator's name.
+    pub name: String,
+    /// Whether it can run.
+    pub state: TierState,
+    /// Runs that gave an image.
+    pub runs: u64,
+    /// Runs over the budget, stopped ones among them.
+    pub overshoots: u64,
+    /// Runs that were stopped.
+    pub stopped: u64,
+    /// Runs that failed.
+    pub failures: u64,
+    /// Half of the latest runs took at most this long.
+    pub p50: Option<Duration>,
+    /// 95 of 100 of the latest runs took at most this long.
+    pub p95: Option<Duration>,
+}
+
+/// A run that has begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RunTicket {
+    /// Tier that runs.
+    pub tier: usize,
+    number: u64,
+}
+
+#[derive(Debug)]
+struct Tier {
+    name: String,
+    can_stop: bool,
+    state: TierState,
+    times: RunTimes,
+    /// Time from a failed step up to the next attempt.
+    hold: Duration,
+    overshoots_in_a_row: u32,
+    failures_in_a_row: u32,
+    runs: u64,
+    overshoots: u64,
+    stopped: u64,
+    failures: u64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    ticket: RunTicket,
+    started: Duration,
+    /// When it was told to stop, or should have been.
+    overdue: Option<Duration>,
+}
+
+/// Decides between tiers, the best first. Times are those of the session's clock, which must not run backward; one that
+/// does counts as one that stands still.
+#[derive(Debug)]
+pub struct Tiers {
+    budget: Budget,
+    tiers: Vec<Tier>,
+    current: Option<usize>,
+    /// Since when `current` is what it is.
+    since: Duration,
+    running: Option<Run>,
+    runs: u64,
+}
+
+impl Tiers {
+    /// No tier yet.
+    pub fn new(budget: Budget) -> Self {
+        Self { budget, tiers: Vec::new(), current: None, since: Duration::ZERO, running: None, runs: 0 }
+    }
+
+    /// Adds a tier below those there are, with the times of runs made before the session. One whose fastest run is over
+    /// the budget is never started; one whose 95th percentile is, not at first.
+    pub fn add(&mut self, name: &str, can_stop: bool, measured: &[Duration]) {
+        let budget = self.budget;
+        let mut times = RunTimes::new(budget.window);
+        measured.iter().for_each(|time| times.push(*time));
+        let state = if measured.iter().min().is_some_and(|fastest| *fastest > budget.run) {
+            TierState::TooSlow
+        } else if times.percentile(0.95).is_some_and(|p95| p95 > budget.run) {
+            TierState::OverBudget { retry_at: budget.hold }
+        } else {
+            TierState::Ready
+        };
+        if self.current.is_none() && state == TierState::Ready {
+            self.current = Some(self.tiers.len());
+        }
+        self.tiers.push(Tier {
+            name: name.to_owned(),
+            can_stop,
+            state,
+            times,
+            hold: budget.hold,
+            overshoots_in_a_row: 0,
+            failures_in_a_row: 0,
+            runs: 0,
+            overshoots: 0,
+            stopped: 0,
+            failures: 0,
+        });
+    }
+
+    /// The budget.
+    pub fn budget(&self) -> &Budget {
+        &self.budget
+    }
+
+    /// The tier at work; none while the rendered image is all there is.
+    pub fn current(&self) -> Option<usize> {
+        self.current
+    }
+
+    /// The current tier's name.
+    pub fn name(&self) -> Option<&str> {
+        self.current.and_then(|i| self.tiers.get(i)).map(|tier| tier.name.as_str())
+    }
+
+    /// A step up, if it is time for one. To be called before [`Tiers::start`].
+    pub fn step_up(&mut self, now: Duration) -> Option<Change> {
+        if self.running.is_some() || now.saturating_sub(self.since) < self.budget.hold {
+            return None;
+        }
+        let limit = self.budget.run.mul_f64(self.budget.headroom);
+        if let Some(tier) = self.current.and_then(|i| self.tiers.get_mut(i)) {
+            let at_ease =
+                tier.times.len() >= self.budget.settle && tier.times.percentile(0.95).is_some_and(|p| p <= limit);
+            if !at_ease {
+                return None;
+            }
+            // It has kept the budget for so long: whatever it did before is forgiven.
+            tier.hold = self.budget.hold;
+        }
+        let due = |tier: &Tier| matches!(tier.state, TierState::OverBudget { retry_at } if now >= retry_at);
+        // The nearest better one.
+        let to = self.tiers.iter().take(self.current.unwrap_or(self.tiers.len())).rposition(due)?;
+        self.tiers[to].state = TierState::Ready;
+        Some(self.change(now, Some(to), "there is time to spare".to_owned()))
+    }
+
+    /// Begins a run of the current tier; none where nothing may run, or a run is still in progress.
+    pub fn start(&mut self, now: Duration) -> Option<RunTicket> {
+        let tier = self.current?;
+        if self.running.is_some() {
+            return None;
+        }
+        self.runs += 1;
+        let ticket = RunTicket { tier, number: self.runs };
+        self.running = Some(Run { ticket, started: now, overdue: None });
+        Some(ticket)
+    }
+
+    /// Ends a run. The end of an abandoned one is not counted.
+    pub fn finish(&mut self, ticket: RunTicket, now: Duration, outcome: &Outcome) -> Option<Change> {
+        let run = self.running.filter(|run| run.ticket == ticket)?;
+        self.running = None;
+        let budget = self.budget;
+        let took = now.saturating_sub(run.started);
+        let tier = self.tiers.get_mut(ticket.tier)?;
+        if let Outcome::Failed(reason) = outcome {
+            tier.failures += 1;
+            tier.failures_in_a_row += 1;
+            if tier.failures_in_a_row < FAILURES {
+                return None;
+            }
+            tier.state = TierState::Failed(reason.clone());
+            let reason = format!("`{}` failed {FAILURES} times in a row: {reason}", tier.name);
+            return self.leave(ticket.tier, now, reason);
+        }
+        tier.failures_in_a_row = 0;
+        tier.times.push(took);
+        let stopped = *outcome == Outcome::Stopped;
+        tier.stopped += u64::from(stopped);
+        tier.runs += u64::from(!stopped);
+        if stopped || took > budget.run {
+            tier.overshoots += 1;
+            tier.overshoots_in_a_row += 1;
+        } else {
+            tier.overshoots_in_a_row = 0;
+        }
+        let p95 = tier.times.percentile(0.95).filter(|p95| *p95 > budget.run && tier.times.len() >= budget.settle);
+        let reason = if tier.overshoots_in_a_row >= budget.overshoots {
+            format!("`{}` was over its budget {} times in a row", tier.name, tier.overshoots_in_a_row)
+        } else if let Some(p95) = p95 {
+            let [p95, limit] = [p95, budget.run].map(|t| t.as_secs_f64() * 1e3);
+            format!("`{}` takes {p95:.1} ms (95 %) of {limit:.1} ms", tier.name)
+        } else {
+            return None;
+        };
+        tier.state = TierState::OverBudget { retry_at: now + tier.hold };
+        tier.hold = (tier.hold * 2).min(budget.longest_hold);
+        self.leave(ticket.tier, now, reason)
+    }
+
+    /// What must be done about the run in progress, if anything. Each intervention is told once.
+    pub fn watch(&mut self, now: Duration) -> Option<Intervention> {
+        let run = self.running.as_mut()?;
+        let tier = run.ticket.tier;
+        match run.overdue {
+            None if now.saturating_sub(run.started) >= self.budget.stop_after => {
+                run.overdue = Some(now);
+                // One that cannot be stopped gets the time that stopping would take.
+                self.tiers.get(tier)?.can_stop.then_some(Intervention::Stop(tier))
+            }
+            Some(overdue) if now.saturating_sub(overdue) >= self.budget.abandon_after => {
+                Some(Intervention::Abandon(tier))
+            }
+            _ => None,
+        }
+    }
+
+    /// When [`Tiers::watch`] is to be called next; none while nothing runs.
+    pub fn watch_at(&self) -> Option<Duration> {
+        let run = self.running?;
+        Some(run.overdue.map_or(run.started + self.budget.stop_after, |overdue| overdue + self.budget.abandon_after))
+    }
+
+    /// Gives up the run in progress and its tier, after [`Intervention::Abandon`] or when the tier's thread is gone.
+    pub fn abandon(&mut self, now: Duration) -> Option<Change> {
+        let run = self.running.take()?;
+        let tier = self.tiers.get_mut(run.ticket.tier)?;
+        tier.state = TierState::Abandoned;
+        tier.overshoots += 1;
+        let reason = format!("a run of `{}` does not end", tier.name);
+        self.leave(run.ticket.tier, now, reason)
+    }
+
+    /// What each tier did, the best first.
+    pub fn report(&mut self) -> Vec<TierReport> {
+        let report = |tier: &mut Tier| TierReport {
+            name: tier.name.clone(),
+            state: tier.state.clone(),
+            runs: tier.runs,
+            overshoots: tier.overshoots,
+            stopped: tier.stopped,
+            failures: tier.failures,
+            p50: tier.times.percentile(0.5),
+            p95: tier.times.percentile(0.95),
+        };
+        self.tiers.iter_mut().map(report).collect()
+    }
+
+    /// Goes on with the best ready tier below `tier`, which is not ready any more.
+    fn leave(&mut self, tier: usize, now: Duration, reason: String) -> Option<Change> {
+        if self.current != Some(tier) {
+            return None;
+        }
+        let below = self.tiers.iter().enumerate().skip(tier + 1);
+        let to = below.filter(|(_, t)| t.state == TierState::Ready).map(|(i, _)| i).next();
+        Some(self.change(now, to, reason))
+    }
+
+    fn change(&mut self, now: Duration, to: Option<usize>, reason: String) -> Change {
+        let from = std::mem::replace(&mut self.current, to);
+        self.since = now;
+        if let Some(tier) = to.and_then(|i| self.tiers.get_mut(i)) {
+            // Times of another load say nothing about this one.
+            tier.times.clear();
+            tier.overshoots_in_a_row = 0;
+        }
+        Change { from, to, reason }
+    }
+}
+
+#[cfg(test)]
+mod tests;

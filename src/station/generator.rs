@@ -1,0 +1,64 @@
+//! `[generator]`.
+
+use std::path::Path;
+
+use super::values::Values;
+use crate::generator::Settings;
+
+/// The settings of checked values; paths start at `dir`.
+pub(super) fn settings(values: &Values, dir: &Path) -> Settings {
+    let mut settings = Settings::default();
+    settings.enabled = values.boolean("enabled").unwrap_or(settings.enabled);
+    settings.models = values.texts("models").unwrap_or_default().into_iter().map(|path| dir.join(path)).collect();
+    // Checking saw to it that the word is a provider's.
+    settings.provider = values.text("provider").and_then(|word| word.parse().ok()).unwrap_or(settings.provider);
+    values.set_integer("threads", &mut settings.threads);
+    values.set("budget_ms", &mut settings.budget_ms);
+    settings
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use crate::generator::{Provider, Settings};
+    use crate::station::{Station, StationError};
+
+    fn parse(table: &str) -> Result<Settings, StationError> {
+        let text = format!("[scene]\npath = \"a.glb\"\n{table}");
+        Station::parse(&text, Path::new("/station")).map(|station| station.generator)
+    }
+
+    #[test]
+    fn a_station_names_its_generators() {
+        assert_eq!(parse("").unwrap(), Settings::default());
+        let table = "[generator]\nenabled = false\nmodels = [\"best.onnx\", \"/fast.onnx\"]\nprovider = \"cuda\"\n\
+                     threads = 2\nbudget_ms = 33";
+        let expected = Settings {
+            enabled: false,
+            models: vec![PathBuf::from("/station/best.onnx"), PathBuf::from("/fast.onnx")],
+            provider: Provider::Cuda,
+            threads: 2,
+            budget_ms: 33.0,
+        };
+        assert_eq!(parse(table).unwrap(), expected);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_what_would_be_right() {
+        for (line, words) in [
+            ("provider = \"cuba\"", ["generator.provider", "did you mean `cuda`?"]),
+            ("models = \"a.onnx\"", ["generator.models", "in quotes"]),
+            ("models = [\"\"]", ["generator.models", "in quotes"]),
+            ("models = [1]", ["generator.models", "in quotes"]),
+            ("enabled = 1", ["generator.enabled", "true or false"]),
+            ("budget_ms = 0", ["generator.budget_ms", "1..=10000"]),
+            ("budget_ms = nan", ["generator.budget_ms", "1..=10000"]),
+            ("threads = -1", ["generator.threads", "0..=256"]),
+            ("budget = 5", ["budget_ms", "did you mean"]),
+        ] {
+            let error = parse(&format!("[generator]\n{line}")).unwrap_err().to_string();
+            assert!(words.iter().all(|word| error.contains(word)), "{line}: {error}");
+        }
+    }
+}

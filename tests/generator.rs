@@ -1,0 +1,489 @@
+//! Generators whose effect is known (training/make_test_models.py), through ONNX Runtime.
+//!
+//! These need ONNX Runtime's library: without it they fail, and say to run scripts/setup.
+// clippy.toml allows these in test functions only, not in what they share.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use insonify::generator::{
+    Generator, GeneratorError, Input, LoadOptions, Provider, Runtime, Settings, TierState, load_tiers,
+};
+use insonify::sink::png::{self, Effort};
+use insonify::sink::{npy, write_json};
+use sha2::{Digest, Sha256};
+
+/// Tissues of the station, in another order than the models' classes.
+const TISSUES: [&str; 3] = ["placenta", "skull", "amniotic_fluid"];
+/// Class of each tissue number in the models.
+const CLASSES: [u8; 4] = [0, 2, 3, 1];
+const SIZES: [(u32, u32); 6] = [(16, 16), (37, 23), (1, 1), (130, 71), (40, 30), (3, 200)];
+
+fn model(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators").join(format!("{name}.onnx"))
+}
+
+fn runtime() -> &'static Runtime {
+    Runtime::get().unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn load_path(path: &Path, provider: Provider) -> Result<Generator, GeneratorError> {
+    let tissues = TISSUES.map(str::to_owned);
+    Generator::load(path, runtime(), &LoadOptions { provider, threads: 1, tissues: &tissues })
+}
+
+fn load(name: &str) -> Generator {
+    load_path(&model(name), Provider::Cpu).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[track_caller]
+fn assert_says(error: &GeneratorError, words: &[&str]) {
+    let message = error.to_string();
+    for word in words {
+        assert!(message.contains(word), "`{word}` is missing: {message}");
+    }
+}
+
+/// Maps of a frame: speckle, tissues in blocks, a shadow, and a sector that leaves out two corners.
+struct Maps {
+    width: u32,
+    height: u32,
+    image: Vec<u8>,
+    segmentation: Vec<u8>,
+    attenuation: Vec<f32>,
+    mask: Vec<u8>,
+}
+
+impl Maps {
+    fn new((width, height): (u32, u32)) -> Self {
+        let (w, h) = (width as usize, height as usize);
+        let at = |i: usize| (i % w, i / w);
+        let inside = |i: usize| {
+            let (x, y) = at(i);
+            w < 4 || (x + y / 2 >= w / 8 && x <= w - w / 8 + y / 2)
+        };
+        let all = |value: &dyn Fn(usize, usize) -> u8| -> Vec<u8> {
+            (0..w * h).map(|i| if inside(i) { value(at(i).0, at(i).1) } else { 0 }).collect()
+        };
+        let image = all(&|x, y| ((x * 7919 + y * 104_729 + x * y * 31) % 256) as u8);
+        let segmentation = all(&|x, y| 1 + ((x / 5 + y / 7) % 3) as u8);
+        let attenuation = (0..w * h).map(|i| if inside(i) { (i % 97) as f32 / 96.0 } else { 0.0 }).collect();
+        Self { width, height, image, segmentation, attenuation, mask: all(&|_, _| 255) }
+    }
+
+    fn input(&self) -> Input<'_> {
+        Input {
+            width: self.width,
+            height: self.height,
+            image: &self.image,
+            segmentation: &self.segmentation,
+            attenuation: &self.attenuation,
+            mask: &self.mask,
+        }
+    }
+
+    fn unit(&self, x: usize, y: usize) -> f64 {
+        f64::from(self.image[y * self.width as usize + x]) / 255.0
+    }
+
+    fn class(&self, x: usize, y: usize) -> u8 {
+        CLASSES[usize::from(self.segmentation[y * self.width as usize + x])]
+    }
+}
+
+/// Runs the model at every size, and compares each level with `expected` (0..=1), within rounding.
+fn check(name: &str, expected: impl Fn(&Maps, usize, usize) -> f64) {
+    let mut generator = load(name);
+    let mut out = Vec::new();
+    for size in SIZES {
+        let maps = Maps::new(size);
+        generator.run(&maps.input(), &mut out).unwrap();
+        assert_eq!(out.len(), maps.image.len());
+        for (i, &level) in out.iter().enumerate() {
+            let (x, y) = (i % size.0 as usize, i / size.0 as usize);
+            if maps.mask[i] == 0 {
+                assert_eq!(level, 0, "{name} {size:?}: outside the sector at {x}, {y}");
+                continue;
+            }
+            let exact = (expected(&maps, x, y) * 255.0).clamp(0.0, 255.0);
+            let off = (f64::from(level) - exact).abs();
+            assert!(off <= 0.5 + 1e-3, "{name} {size:?}: {level} at {x}, {y}, not {exact}");
+        }
+    }
+}
+
+/// Walks from 0 to `n` - 1 and back again and again, `i` steps.
+fn bounce(i: usize, n: usize) -> usize {
+    let (mut at, mut forward) = (0, true);
+    for _ in 0..i {
+        if n > 1 {
+            forward = if at == n - 1 { false } else { at == 0 || forward };
+            at = if forward { at + 1 } else { at - 1 };
+        }
+    }
+    at
+}
+
+#[test]
+fn the_identity_gives_every_level_back() {
+    let mut generator = load("identity");
+    let mut out = Vec::new();
+    for size in SIZES {
+        let maps = Maps::new(size);
+        generator.run(&maps.input(), &mut out).unwrap();
+        assert_eq!(out, maps.image, "{size:?}");
+    }
+}
+
+#[test]
+fn brightness_is_clipped_and_rounded() {
+    check("brightness", |maps, x, y| 1.25 * maps.unit(x, y) + 0.1);
+}
+
+/// The mean of 3 × 3 pixels of a picture that goes on by reflection to `multiple` and is zero beyond.
+fn mean_of_nine(multiple: usize) -> impl Fn(&Maps, usize, usize) -> f64 {
+    move |maps, x, y| {
+        let (w, h) = (maps.width as usize, maps.height as usize);
+        let (padded_w, padded_h) = (w.next_multiple_of(multiple), h.next_multiple_of(multiple));
+        let pixel = |x: usize, y: usize| maps.unit(bounce(x, w), bounce(y, h));
+        let near = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+        near(y, padded_h).flat_map(|y| near(x, padded_w).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).sum::<f64>()
+            / 9.0
+    }
+}
+
+#[test]
+fn a_blur_sees_the_frame_and_nothing_else() {
+    check("blur", mean_of_nine(1));
+}
+
+#[test]
+fn a_blur_sees_the_reflection_where_the_frame_is_padded() {
+    check("blur_padded", mean_of_nine(16));
+}
+
+#[test]
+fn sizes_are_padded_to_the_models_multiple_and_cropped_back() {
+    let means = RefCell::new(HashMap::new());
+    check("block_mean", |maps, x, y| {
+        let (w, h) = (maps.width as usize, maps.height as usize);
+        let (left, top) = (x / 64 * 64, y / 64 * 64);
+        let mean = || {
+            let [columns, rows] =
+                [(left, w), (top, h)].map(|(start, n)| (start..start + 64).map(|i| bounce(i, n)).collect::<Vec<_>>());
+            rows.iter().flat_map(|y| columns.iter().map(|x| maps.unit(*x, *y))).sum::<f64>() / 4096.0
+        };
+        let mean = *means.borrow_mut().entry((w, h, left, top)).or_insert_with(mean);
+        0.5 * (maps.unit(x, y) + mean)
+    });
+}
+
+#[test]
+fn tissues_become_classes_by_their_names() {
+    check("inverted_class", |maps, x, y| if maps.class(x, y) == 2 { 1.0 - maps.unit(x, y) } else { maps.unit(x, y) });
+    check("class_levels", |maps, x, y| [0.1, 0.3, 0.5, 0.7][usize::from(maps.class(x, y))] + 0.1 * maps.unit(x, y));
+}
+
+#[test]
+fn channels_come_in_the_manifests_order() {
+    check("weighted_maps", |maps, x, y| {
+        let attenuation = f64::from(maps.attenuation[y * maps.width as usize + x]);
+        0.5 * maps.unit(x, y) + 0.1 * f64::from(maps.class(x, y)) + 0.2 * attenuation
+    });
+}
+
+#[test]
+fn a_tissue_without_a_class_refuses_the_model() {
+    let tissues = ["placenta", "titanium"].map(str::to_owned);
+    let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };
+    let error = Generator::load(&model("class_levels"), runtime(), &options).unwrap_err();
+    assert_says(&error, &["class_levels.onnx", "`titanium`"]);
+    assert!(Generator::load(&model("blur"), runtime(), &options).is_ok(), "it reads no tissues");
+}
+
+#[test]
+fn maps_that_are_not_a_frames_are_errors() {
+    let mut generator = load("weighted_maps");
+    let maps = Maps::new((20, 10));
+    let mut out = vec![1, 2, 3];
+    let short = Input { mask: &maps.mask[1..], ..maps.input() };
+    assert_says(&generator.run(&short, &mut out).unwrap_err(), &["mask", "199", "200"]);
+    assert!(out.is_empty(), "an earlier image must not pass for this one's");
+    let segmentation = vec![4; 200];
+    let unknown = Input { segmentation: &segmentation, ..maps.input() };
+    assert_says(&generator.run(&unknown, &mut out).unwrap_err(), &["number 4", "go to 3"]);
+    let empty = Input { width: 0, height: 0, image: &[], segmentation: &[], attenuation: &[], mask: &[] };
+    assert!(matches!(generator.run(&empty, &mut out), Err(GeneratorError::InputSize { .. })));
+    generator.run(&maps.input(), &mut out).unwrap();
+    assert_eq!(out.len(), 200);
+}
+
+#[test]
+fn a_model_that_misses_its_parity_pair_is_refused_with_the_place() {
+    let error = load_path(&model("wrong_parity"), Provider::Cpu).unwrap_err();
+    let GeneratorError::Parity { difference, row, column, tolerance, .. } = &error else { panic!("{error}") };
+    assert!((difference - 3.0).abs() < 1e-3, "{difference}");
+    assert_eq!((row, column, tolerance), (&20, &17, &0.01));
+    assert_says(&error, &["wrong_parity.onnx is refused", "row 20, column 17"]);
+}
+
+#[test]
+fn every_other_model_meets_its_parity_pair() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut loaded = 0;
+    for directory in ["tests/data/generators", "assets/generators/demo_smooth"] {
+        for file in std::fs::read_dir(root.join(directory)).unwrap() {
+            let path = file.unwrap().path();
+            if path.extension().is_some_and(|e| e == "onnx") && !path.ends_with("wrong_parity.onnx") {
+                let generator = load_path(&path, Provider::Cpu).unwrap_or_else(|e| panic!("{e}"));
+                assert!(generator.parity().difference <= generator.parity().tolerance);
+                assert_eq!(generator.manifest().name, path.file_stem().unwrap().to_str().unwrap());
+                loaded += 1;
+            }
+        }
+    }
+    assert!(loaded >= 12, "{loaded}");
+}
+
+#[test]
+fn not_a_number_is_never_shown() {
+    let mut generator = load("not_a_number");
+    let mut maps = Maps::new((50, 40));
+    maps.image.iter_mut().for_each(|level| *level = (*level).min(200));
+    let sound = maps.image.clone();
+    maps.image[7 * 50 + 31] = 255;
+    maps.image[9 * 50 + 30] = 240;
+    let mut out = Vec::new();
+    let error = generator.run(&maps.input(), &mut out).unwrap_err();
+    assert!(matches!(error, GeneratorError::NotFinite { count: 2, row: 7, column: 31, .. }), "{error}");
+    assert!(out.is_empty());
+    maps.image = sound;
+    generator.run(&maps.input(), &mut out).unwrap();
+    assert_eq!(out.len(), 2000);
+}
+
+#[test]
+fn a_run_that_does_not_end_is_stopped_and_the_next_one_works() {
+    let mut generator = load("endless");
+    let terminator = generator.terminator();
+    assert!(!terminator.terminate(), "nothing runs");
+    let mut maps = Maps::new((200, 100));
+    maps.image[0] = 255;
+    let mut out = Vec::new();
+    let error = std::thread::scope(|scope| {
+        let stopper = scope.spawn(|| {
+            let number = loop {
+                match terminator.running() {
+                    Some(number) => break number,
+                    None => std::thread::yield_now(),
+                }
+            };
+            assert!(!terminator.terminate_run(number + 1), "that run has not begun");
+            terminator.terminate_run(number)
+        });
+        let error = generator.run(&maps.input(), &mut out).unwrap_err();
+        assert!(stopper.join().unwrap());
+        error
+    });
+    assert!(matches!(error, GeneratorError::Terminated { .. }), "{error}");
+    assert!(out.is_empty());
+    maps.image[0] = 0;
+    assert!(!terminator.terminate(), "what comes later is not touched");
+    generator.run(&maps.input(), &mut out).unwrap();
+    assert_eq!(out, maps.image);
+}
+
+#[test]
+fn a_provider_that_is_not_there_is_an_error() {
+    for (provider, name) in [(Provider::Cuda, "`cuda`"), (Provider::TensorRt, "`tensorrt`")] {
+        let error = load_path(&model("identity"), provider).unwrap_err();
+        assert!(matches!(error, GeneratorError::Provider { .. }), "{error}");
+        assert_says(&error, &[name, "not available", "ORT_DYLIB_PATH"]);
+    }
+}
+
+/// A copy of a model with its files in a directory of its own, the manifest changed.
+fn changed(name: &str, change: impl Fn(&str, &Path) -> String) -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let source = model(name);
+    let copy = |file: &str| std::fs::copy(source.with_file_name(file), dir.path().join(file)).unwrap();
+    for file in [format!("{name}.onnx"), "speckle.npy".to_owned(), format!("{name}.parity_output.npy")] {
+        copy(&file);
+    }
+    let path = dir.path().join(format!("{name}.onnx"));
+    let manifest = std::fs::read_to_string(source.with_extension("toml")).unwrap();
+    std::fs::write(path.with_extension("toml"), change(&manifest, &path)).unwrap();
+    (dir, path)
+}
+
+#[test]
+fn files_that_contradict_each_other_are_refused() {
+    let refused = |change: &dyn Fn(&str, &Path) -> String, words: &[&str]| {
+        let (_dir, path) = changed("identity", change);
+        assert_says(&load_path(&path, Provider::Cpu).unwrap_err(), words);
+    };
+    let replace = |from: &'static str, to: &'static str| {
+        move |text: &str, _: &Path| {
+            assert!(text.contains(from), "{from}");
+            text.replacen(from, to, 1)
+        }
+    };
+    refused(&replace("[input]\nname = \"input\"", "[input]\nname = \"x\""), &["its input is `input`", "`x`"]);
+    refused(&replace("[output]\nname = \"output\"", "[output]\nname = \"y\""), &["no output `y`", "output"]);
+    refused(&replace("format = 1", "format = 1\nspeed = 2"), &["identity.toml", "unknown field `speed`"]);
+    let classes = "variant = \"MS\"\n[segmentation]\nencoding = \"map\"\nclasses = [\"outside\", \"placenta\", \
+                   \"skull\", \"amniotic_fluid\"]\n[input]\nsegmentation = { scale = 1.0, offset = 0.0 }\n";
+    let three = move |text: &str, _: &Path| {
+        let text = text
+            .replace("variant = \"M\"\n", "")
+            .replace("[input]\n", "")
+            .replace("\"mask\"]", "\"mask\", \"segmentation\"]");
+        let (head, rest) = text.split_once("name = \"input\"").unwrap();
+        format!("{head}{classes}name = \"input\"{rest}")
+    };
+    refused(&three, &["`input` has 2 channels", "are 3"]);
+    let shorten = |text: &str, path: &Path| {
+        let model = std::fs::read(path).unwrap();
+        std::fs::write(path, &model[..model.len() - 1]).unwrap();
+        text.to_owned()
+    };
+    refused(&shorten, &["sha256", "identity.onnx"]);
+    let garbage = |text: &str, path: &Path| {
+        std::fs::write(path, b"no model").unwrap();
+        let hash: String = Sha256::digest(b"no model").iter().map(|b| format!("{b:02x}")).collect();
+        let start = text.find("sha256 = \"").unwrap() + 10;
+        format!("{}{hash}{}", &text[..start], &text[start + 64..])
+    };
+    refused(&garbage, &["ONNX Runtime cannot use", "identity.onnx"]);
+    let no_pair = |text: &str, path: &Path| {
+        std::fs::remove_file(path.with_file_name("speckle.npy")).unwrap();
+        text.to_owned()
+    };
+    refused(&no_pair, &["cannot read", "speckle.npy"]);
+    let swapped = replace("input = \"speckle.npy\"", "input = \"identity.parity_output.npy\"");
+    refused(&swapped, &["identity.parity_output.npy", "[4, height, width]"]);
+    let no_manifest = |text: &str, path: &Path| {
+        std::fs::write(path.with_file_name("other.txt"), text).unwrap();
+        String::new()
+    };
+    refused(&no_manifest, &["identity.toml", "missing field"]);
+    assert_says(&load_path(&model("nothing"), Provider::Cpu).unwrap_err(), &["cannot read", "nothing.toml"]);
+}
+
+#[test]
+fn a_station_goes_on_with_the_models_that_are_sound_and_fast() {
+    let models = ["wrong_parity", "slow", "identity"].map(model).to_vec();
+    let settings = Settings { models, threads: 1, budget_ms: 1.0, ..Settings::default() };
+    let mut loaded = load_tiers(&settings, &[], 320, 320).unwrap();
+    assert_eq!(loaded.refused.len(), 1);
+    assert_says(&loaded.refused[0].error, &["wrong_parity.onnx"]);
+    let names: Vec<_> = loaded.generators.iter().map(|g| g.manifest().name.as_str()).collect();
+    assert_eq!(names, ["slow", "identity"]);
+    let report = loaded.tiers.report();
+    // 2.3 thousand million operations take any processor's core more than a millisecond.
+    assert_eq!((report[0].name.as_str(), &report[0].state), ("slow", &TierState::TooSlow));
+    assert_ne!(loaded.tiers.current(), Some(0));
+
+    let off = Settings { enabled: false, ..settings };
+    let loaded = load_tiers(&off, &[], 320, 320).unwrap();
+    assert!(loaded.generators.is_empty() && loaded.tiers.current().is_none());
+}
+
+#[test]
+fn the_demos_filter_calms_speckle_and_keeps_edges() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/generators/demo_smooth/demo_smooth.onnx");
+    let mut generator = load_path(&path, Provider::Cpu).unwrap();
+    let (width, height) = (161usize, 90usize);
+    // Dark at left, bright at right, with a scatter of 60 levels.
+    let level = |x: usize, y: usize| {
+        let scatter = (x * 7919 + y * 104_729 + x * x * y * 31) % 61;
+        (if x < 80 { 20 } else { 170 }) + scatter as u8
+    };
+    let image: Vec<u8> = (0..width * height).map(|i| level(i % width, i / width)).collect();
+    let (none, attenuation, mask) = (vec![0; image.len()], vec![0.0; image.len()], vec![255; image.len()]);
+    let input = Input {
+        width: width as u32,
+        height: height as u32,
+        image: &image,
+        segmentation: &none,
+        attenuation: &attenuation,
+        mask: &mask,
+    };
+    let mut out = Vec::new();
+    generator.run(&input, &mut out).unwrap();
+    let moments = |pixels: &[u8], columns: std::ops::Range<usize>| {
+        let values: Vec<f64> =
+            pixels.chunks_exact(width).flat_map(|row| &row[columns.clone()]).map(|v| f64::from(*v)).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+        (mean, variance.sqrt())
+    };
+    for columns in [0..60, 100..161] {
+        let (before, after) = (moments(&image, columns.clone()), moments(&out, columns));
+        assert!((before.0 - after.0).abs() < 2.0, "{before:?} {after:?}");
+        assert!(after.1 < 0.4 * before.1, "{before:?} {after:?}");
+    }
+    let step = moments(&out, 82..84).0 - moments(&out, 76..78).0;
+    assert!(step > 110.0, "{step} of 150");
+}
+
+fn insonify(arguments: &[&str], library: Option<&str>) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
+    if let Some(library) = library {
+        command.env("ORT_DYLIB_PATH", library);
+    }
+    command.output().unwrap()
+}
+
+#[test]
+fn without_the_library_the_program_says_what_to_do() {
+    let identity = model("identity");
+    for library in ["/nowhere/libonnxruntime.so", "Cargo.toml"] {
+        let output = insonify(&["generator", identity.to_str().unwrap()], Some(library));
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(library) && message.contains("scripts/setup"), "{message}");
+        assert!(message.contains("ORT_DYLIB_PATH") && !message.contains("panicked"), "{message}");
+    }
+}
+
+#[test]
+fn the_command_checks_measures_and_applies_a_model() {
+    let dir = tempfile::tempdir().unwrap();
+    let maps = Maps::new((60, 45));
+    let write = |name: &str, map: &[u8]| png::write_grey(&dir.path().join(name), 60, 45, map, Effort::Fast).unwrap();
+    write("bmode.png", &maps.image);
+    let (frame, out) = (dir.path().to_str().unwrap(), dir.path().join("new/out.png"));
+    let apply = |name: &str| {
+        let model = model(name);
+        let arguments = ["generator", model.to_str().unwrap(), "--frame", frame, "--runs", "2", "--json"];
+        insonify(&[&arguments[..], &["--out", out.to_str().unwrap()]].concat(), None)
+    };
+    let refused = |output: Output, word: &str| {
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(word), "{message}");
+    };
+    refused(apply("identity"), "mask.png");
+    write("mask.png", &maps.mask);
+    let output = apply("identity");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&report["manifest"]["name"], &report["times"]["width"]), (&"identity".into(), &60.into()));
+    assert_eq!(image::open(&out).unwrap().into_bytes(), maps.image);
+
+    refused(apply("weighted_maps"), "segmentation.png");
+    write("segmentation.png", &maps.segmentation);
+    let names = std::iter::once("outside").chain(TISSUES).enumerate();
+    write_json(&dir.path().join("tissues.json"), &names.collect::<std::collections::BTreeMap<_, _>>()).unwrap();
+    refused(apply("weighted_maps"), "attenuation.npy");
+    npy::write_f32(&dir.path().join("attenuation.npy"), [45, 60], &maps.attenuation).unwrap();
+    assert!(apply("weighted_maps").status.success());
+    let mut expected = Vec::new();
+    load("weighted_maps").run(&maps.input(), &mut expected).unwrap();
+    assert_eq!(image::open(&out).unwrap().into_bytes(), expected);
+}
