@@ -58,6 +58,24 @@ pub enum SinkError {
         /// Cause.
         source: std::io::Error,
     },
+    /// The address can't be listened at.
+    #[error("the {sink} can't listen at {address}: {source}; take another port (0 for any free one) or address")]
+    Listen {
+        /// Sink.
+        sink: &'static str,
+        /// Address and port.
+        address: std::net::SocketAddr,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A live sink that takes no frames.
+    #[error("the {sink} shows nothing: {reason}")]
+    Ended {
+        /// Sink.
+        sink: &'static str,
+        /// What happened.
+        reason: String,
+    },
     /// The encoder gave up.
     #[error("`{program}` failed while writing {path} ({status}): {stderr}")]
     Encoder {
