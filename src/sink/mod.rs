@@ -15,6 +15,7 @@ pub mod npy;
 pub mod png;
 pub mod time_table;
 pub mod video;
+pub mod window;
 pub mod y4m;
 
 mod canvas;

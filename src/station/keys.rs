@@ -28,6 +28,8 @@ pub enum Accepts {
     },
     /// One of some words.
     OneOf(&'static [&'static str]),
+    /// `true` or `false`.
+    Flag,
     /// Any text, with what it says.
     Text(&'static str),
     /// A table.
@@ -41,6 +43,7 @@ impl fmt::Display for Accepts {
             Self::Integer { min, max } => write!(f, "a whole number in {min}..={max}"),
             Self::Numbers { count, limit } => write!(f, "[{count} numbers within ±{limit}]"),
             Self::OneOf(words) => write!(f, "one of \"{}\"", words.join("\", \"")),
+            Self::Flag => f.write_str("true or false"),
             Self::Text(what) => write!(f, "{what} in quotes"),
             Self::Table => write!(f, "a table"),
         }
@@ -121,6 +124,14 @@ pub const KEYS: &[KeyDoc] = &[
 
     doc("pose", "position_mm", "mm", "[0.0, 0.0, 0.0]", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of the probe's face in the scene [x, y, z]"),
     doc("pose", "quaternion", "", "[1.0, 0.0, 0.0, 0.0]", Accepts::Numbers { count: 4, limit: 2.0 }, "unit quaternion [qw, qx, qy, qz] that turns probe axes into scene axes"),
+
+    doc("browser", "address", "", "\"127.0.0.1\"", Accepts::Text(super::browser::ADDRESS), "where the page is served; beyond loopback a token is demanded"),
+    doc("browser", "port", "", "8790", integer(0, 65_535), "its port; 0 takes any free one"),
+    doc("browser", "token", "", "none on loopback, else random", Accepts::Text(super::browser::TOKEN), "token that pages must show; a random one is new at every start"),
+    doc("browser", "host_name", "", "none", Accepts::Text(super::browser::HOST_NAME), "name under which browsers reach the station, beside its addresses"),
+    doc("browser", "clients_max", "", "8", integer(1, 64), "pages that may watch at a time"),
+
+    doc("window", "full_screen", "", "false", Accepts::Flag, "whether the native window fills the screen; F changes it"),
 
     doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
     doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),

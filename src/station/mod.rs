@@ -4,16 +4,19 @@
 //! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
 //! the probe's kind is an error that names the key and what would be right.
 
+mod browser;
 mod error;
 mod keys;
 mod parse;
 mod values;
+mod window;
 
 use std::path::{Path, PathBuf};
 
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::Pose;
 use crate::render::RenderSettings;
+use crate::sink::{browser as browser_sink, window as window_sink};
 use crate::transducer::Probe;
 
 pub use error::StationError;
@@ -46,6 +49,10 @@ pub struct Station {
     pub tissues: TissueTable,
     /// Pose used when none is given.
     pub default_pose: Option<Pose>,
+    /// The page, where the station has one.
+    pub browser: Option<browser_sink::Settings>,
+    /// The native window, where the station has one.
+    pub window: Option<window_sink::Settings>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

@@ -37,6 +37,10 @@ impl Values {
         self.values.get(key)?.as_str()
     }
 
+    pub(super) fn flag(&self, key: &str) -> Option<bool> {
+        self.values.get(key)?.as_bool()
+    }
+
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         number(self.values.get(key)?)
     }
@@ -85,6 +89,11 @@ pub(super) fn section(root: &mut Table, name: &str) -> Result<Values, StationErr
     Values::check(name, take(root, name)?.unwrap_or_default())
 }
 
+/// The checked values of a table that means something by being there.
+pub(super) fn optional(root: &mut Table, name: &str) -> Result<Option<Values>, StationError> {
+    take(root, name)?.map(|values| Values::check(name, values)).transpose()
+}
+
 pub(super) fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
 }
@@ -118,6 +127,7 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
             words.contains(&word)
         }
         Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
+        Accepts::Flag => value.as_bool().map(|_| true).ok_or_else(wrong)?,
         Accepts::Table => value.is_table(),
     };
     if accepted {

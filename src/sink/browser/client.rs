@@ -246,8 +246,9 @@ impl<'a> Writer<'a> {
     /// Sends the frame on the page once more, with what the page wants now: a frozen one has no successor.
     async fn repeat(&mut self) -> Result<(), &'static str> {
         let set = self.frames.borrow().clone();
+        let room = self.under_way.len() <= FRAMES_UNDER_WAY;
         match set {
-            Some(set) if set.sequence == self.last && self.under_way.is_empty() => self.send_set(&set).await,
+            Some(set) if set.sequence == self.last && room => self.send_set(&set).await,
             _ => Ok(()),
         }
     }
