@@ -80,6 +80,7 @@ function present() {
   watch();
   connection.send({ type: "drawn", number: frame.number });
   document.body.dataset.frame = String(frame.number);
+  stage.dataset.pixelMm = String(frame.pixelMm);
 }
 
 function redraw() {
@@ -188,7 +189,7 @@ function save() {
   const size = { width: shown.width + 108, height: shown.height + 74 };
   Object.assign(canvas, size);
   const context = canvas.getContext("2d");
-  context.fillStyle = "#05070a";
+  context.fillStyle = "#000";
   context.fillRect(0, 0, canvas.width, canvas.height);
   const rect = fit(shown.width, shown.height, canvas.width, canvas.height);
   context.drawImage(picture.canvas, rect.x, rect.y, rect.width, rect.height);
