@@ -1,5 +1,5 @@
-//! A rendered probe sweep in the browser, without tracker or pipeline:
-//! `cargo run --release --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS]`.
+//! A rendered probe sweep in the browser, and in a window if wanted, without tracker or pipeline:
+//! `cargo run --release --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
 //!
 //! Prints the page's address. Lines on the standard input change what no page can: `tracking good|held|stale|lost`,
 //! `source enhanced|held|low`, `notice TEXT`, `quit`.
@@ -15,7 +15,8 @@ use insonify::anatomy::{Bvh, Scene, phantom};
 use insonify::pose::{Pose, TrackingState};
 use insonify::render::{Frame, Gpu, GpuOptions, Renderer, ShaderSet};
 use insonify::sink::browser::{BrowserSink, SceneInfo, Settings};
-use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink as _, PresentedFrame};
+use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::window::{WindowSink, run_on_main_thread};
 use insonify::station::{SceneSource, Station};
 
 fn main() -> anyhow::Result<()> {
@@ -23,6 +24,7 @@ fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let path = PathBuf::from(arguments.next().unwrap_or_else(|| "configs/sphere.toml".to_owned()));
     let mut station = Station::load(&path)?;
+    let mut window = station.window;
     let mut settings = station.browser.clone().unwrap_or(Settings { port: 0, ..Settings::default() });
     while let Some(argument) = arguments.next() {
         let value = arguments.next().with_context(|| format!("{argument} needs a value"))?;
@@ -32,14 +34,16 @@ fn main() -> anyhow::Result<()> {
                 station.settings.image.width = value.parse()?;
                 station.settings.image.height = station.settings.image.width * 1000 / 1386;
             }
-            _ => bail!("unknown argument {argument}; it is --port or --width"),
+            "--window" => window = Some(Default::default()),
+            _ => bail!("unknown argument {argument}; it is --port, --width or --window"),
         }
     }
     let scene = load_scene(&station)?;
     let tissues = scene.tissues.names().to_vec();
-    let (sender, mut controls) = tokio::sync::mpsc::channel(64);
-    let mut sink = BrowserSink::new(&settings, sender, &SceneInfo { tissues })?;
-    println!("address {}", sink.address());
+    let (sender, controls) = tokio::sync::mpsc::channel(64);
+    let browser = BrowserSink::new(&settings, sender.clone(), &SceneInfo { tissues })?;
+    println!("address {}", browser.address());
+    let mut sinks: Vec<Box<dyn LiveSink>> = vec![Box::new(browser)];
 
     let (lines_in, lines) = mpsc::sync_channel(16);
     std::thread::spawn(move || {
@@ -49,29 +53,51 @@ fn main() -> anyhow::Result<()> {
             }
         }
     });
-    let mut demo = Demo::new(scene, station)?;
+    let demo = Demo::new(scene, station)?;
+    let Some(window) = window else { return present(demo, sinks, controls, &lines) };
+    let (sink, slot) = WindowSink::new();
+    sinks.push(Box::new(sink));
+    let presenter = std::thread::spawn(move || present(demo, sinks, controls, &lines));
+    run_on_main_thread(slot, &window, sender)?;
+    presenter.join().map_err(|_| anyhow::anyhow!("the presenter panicked"))?
+}
+
+/// Renders and shows until a line or a window says to quit.
+fn present(
+    mut demo: Demo,
+    mut sinks: Vec<Box<dyn LiveSink>>,
+    mut controls: tokio::sync::mpsc::Receiver<Control>,
+    lines: &mpsc::Receiver<String>,
+) -> anyhow::Result<()> {
     loop {
         let mut changed = false;
+        let mut quit = false;
         while let Ok(control) = controls.try_recv() {
+            quit |= control == Control::Quit;
             changed |= demo.follow(&control);
         }
         while let Ok(line) = lines.try_recv() {
             if line == "quit" {
-                Box::new(sink).finish()?;
-                return Ok(());
+                quit = true;
+            } else {
+                demo.obey(&line)?;
             }
-            demo.obey(&line)?;
+        }
+        if quit {
+            return sinks.into_iter().try_for_each(|sink| Ok(sink.finish()?));
         }
         if changed {
             demo.rebuild()?;
         }
         // A frozen picture is shown once more, as frozen, and then stands.
         let frozen = demo.shown.settings.frozen;
-        if !frozen || !demo.live.frozen {
-            demo.render()?;
-            sink.present(&demo.shown)?;
-        } else {
+        if frozen && demo.live.frozen {
             std::thread::sleep(Duration::from_millis(20));
+            continue;
+        }
+        demo.render()?;
+        for sink in &mut sinks {
+            sink.present(&demo.shown)?;
         }
     }
 }

@@ -240,7 +240,9 @@ async fn without_the_token_nothing_is_served() {
     let address = sink.local_address();
     assert_eq!(sink.address(), format!("http://{address}/?token={TOKEN}"));
     let host = format!("host: {address}\r\n");
-    for path in ["/", "/app.js", "/?token=", "/?token=a-token-of-some-lengt", "/?token=a-token-of-some-lengthh", "/nothing"] {
+    for path in
+        ["/", "/app.js", "/?token=", "/?token=a-token-of-some-lengt", "/?token=a-token-of-some-lengthh", "/nothing"]
+    {
         let answer = http(address, path, &host);
         assert!(answer.starts_with("HTTP/1.1 401 ") && !answer.contains(TOKEN), "{path}: {answer}");
     }

@@ -9,6 +9,7 @@ pub mod contact_sheet;
 pub mod control;
 pub mod frame_files;
 pub mod frame_record;
+pub mod hot_keys;
 pub mod live;
 pub mod mp4;
 pub mod npy;

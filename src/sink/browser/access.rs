@@ -149,8 +149,10 @@ mod tests {
         for host in ["127.0.0.1:8790", "localhost:8790", "LOCALHOST:8790", "[::1]:8790"] {
             assert!(access.accepts_host(&headers(&[("host", host)])), "{host}");
         }
-        let wrong = ["evil.example:8790", "127.0.0.1", "127.0.0.1:80", "192.168.0.7:8790", "localhost.evil.example:8790"];
-        for host in wrong.into_iter().chain(["", "a@127.0.0.1:8790", "127.0.0.1.evil.example:8790", "localhost.:8790"]) {
+        let wrong =
+            ["evil.example:8790", "127.0.0.1", "127.0.0.1:80", "192.168.0.7:8790", "localhost.evil.example:8790"];
+        for host in wrong.into_iter().chain(["", "a@127.0.0.1:8790", "127.0.0.1.evil.example:8790", "localhost.:8790"])
+        {
             assert!(!access.accepts_host(&headers(&[("host", host)])), "{host}");
         }
         assert!(!access.accepts_host(&headers(&[])));
@@ -174,7 +176,9 @@ mod tests {
         let access = access("127.0.0.1:8790", Settings::default());
         let with = |origin| access.accepts_origin(&headers(&[("host", "127.0.0.1:8790"), ("origin", origin)]));
         assert!(with("http://127.0.0.1:8790"));
-        for origin in ["http://evil.example", "null", "https://127.0.0.1:8790", "http://127.0.0.1:8791", "http://localhost:8790"] {
+        for origin in
+            ["http://evil.example", "null", "https://127.0.0.1:8790", "http://127.0.0.1:8791", "http://localhost:8790"]
+        {
             assert!(!with(origin), "{origin}");
         }
         assert!(access.accepts_origin(&headers(&[("host", "127.0.0.1:8790")])));

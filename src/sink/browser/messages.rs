@@ -10,19 +10,44 @@ use crate::sink::live::Control;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum FromPage {
-    Freeze { on: bool },
-    GainDb { value: f64 },
-    DynamicRangeDb { value: f64 },
-    TgcDbPerCm { value: f64 },
-    TgcSlider { index: u32, db: f64 },
-    DepthMm { value: f64 },
-    FocusMm { value: f64 },
-    Quality { rays: u32, layers: u32 },
-    Enhance { on: bool },
+    Freeze {
+        on: bool,
+    },
+    GainDb {
+        value: f64,
+    },
+    DynamicRangeDb {
+        value: f64,
+    },
+    TgcDbPerCm {
+        value: f64,
+    },
+    TgcSlider {
+        index: u32,
+        db: f64,
+    },
+    DepthMm {
+        value: f64,
+    },
+    FocusMm {
+        value: f64,
+    },
+    Quality {
+        rays: u32,
+        layers: u32,
+    },
+    Enhance {
+        on: bool,
+    },
     /// Which maps to send beside the image.
-    Overlays { segmentation: bool, attenuation: bool },
+    Overlays {
+        segmentation: bool,
+        attenuation: bool,
+    },
     /// The frame of this number is drawn: there is room for another.
-    Drawn { number: u64 },
+    Drawn {
+        number: u64,
+    },
 }
 
 /// What a message is for.

@@ -42,9 +42,11 @@ mod tests {
     #[test]
     fn buffers_are_used_again_when_nobody_holds_them() {
         let mut pool = Pool::default();
-        let write = |n: u8| move |out: &mut Vec<u8>| {
-            out.clear();
-            out.extend_from_slice(&[n; 100]);
+        let write = |n: u8| {
+            move |out: &mut Vec<u8>| {
+                out.clear();
+                out.extend_from_slice(&[n; 100]);
+            }
         };
         let first = pool.fill(write(1));
         let second = pool.fill(write(2));

@@ -203,7 +203,8 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
 fn admit(access: &Access, request: &Request) -> Result<(), Response> {
     let headers = request.headers();
     if !access.accepts_host(headers) {
-        let text = "this station is not known by that name: open the address that it prints, or set browser.host_name\n";
+        let text =
+            "this station is not known by that name: open the address that it prints, or set browser.host_name\n";
         return Err((StatusCode::MISDIRECTED_REQUEST, text).into_response());
     }
     if !access.demands_token() || access.accepts_cookie(headers) {
