@@ -96,9 +96,13 @@ fn present(
             continue;
         }
         demo.render()?;
-        for sink in &mut sinks {
-            sink.present(&demo.shown)?;
-        }
+        sinks.retain_mut(|sink| match sink.present(&demo.shown) {
+            Ok(()) => true,
+            Err(e) => {
+                tracing::warn!("{} is closed: {e}", sink.name());
+                false
+            }
+        });
     }
 }
 

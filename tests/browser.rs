@@ -374,14 +374,24 @@ fn a_frame_of_the_wrong_size_is_an_error() {
 
 #[test]
 fn the_page_works_in_a_headless_browser() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    run_script("end_to_end.py");
+}
+
+#[cfg(feature = "window")]
+#[test]
+fn the_window_works_on_a_virtual_screen() {
+    run_script("window.py");
+}
+
+/// Runs a script of tests/browser with the demo, where what it needs is installed.
+fn run_script(name: &str) {
     // Beside this test's own directory, `deps`.
     let program = std::env::current_exe().unwrap().parent().unwrap().with_file_name("examples").join("browser_demo");
     if !program.is_file() {
-        println!("skipped: {} is not built; `cargo test` or `make test-browser` builds it", program.display());
+        println!("skipped: {} is not built; `cargo test` and `make test-browser` build it", program.display());
         return;
     }
-    let script = root.join("tests/browser/end_to_end.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser").join(name);
     let output = match Command::new("python3").arg(script).arg(program).output() {
         Ok(output) => output,
         Err(e) => {
@@ -391,5 +401,6 @@ fn the_page_works_in_a_headless_browser() {
     };
     let [said, failed] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
     println!("{said}{failed}");
+    // 77: what it needs is not installed.
     assert!(output.status.success() || output.status.code() == Some(77), "{said}{failed}");
 }

@@ -302,10 +302,10 @@ impl ApplicationHandler<Wake> for App {
             return;
         }
         let seconds = self.counted_at.elapsed().as_secs_f64();
-        if seconds > 0.0 {
+        if seconds >= 1.0 {
             self.frames_per_s = (self.arrivals as f64 / seconds).round() as usize;
+            (self.arrivals, self.counted_at) = (0, Instant::now());
         }
-        (self.arrivals, self.counted_at) = (0, Instant::now());
         self.latency_ms = self.shown.as_ref().map_or(0, |shown| shown.latency.as_millis() as u64);
         if let Some((window, _)) = &self.window {
             window.request_redraw();
