@@ -126,7 +126,7 @@ function watch() {
   }
   const frozen = shown?.settings.frozen ?? false;
   const silent = performance.now() - shownAt > SILENCE_MS;
-  status.run(!shown ? "WAITING" : frozen ? "FROZEN" : "LIVE");
+  status.run(!shown ? "WAITING" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
   if (!frozen && silent) status.banner("silent");
   else if (shown && (shown.tracking === "lost" || shown.tracking === "stale")) status.banner(shown.tracking);
   else status.banner(null);

@@ -8,7 +8,7 @@ const HISTORY = 240;
 /** Texts over the picture, worst first. */
 const BANNERS = {
   disconnected: ["NO CONNECTION", "the picture is not live; connecting again…"],
-  silent: ["NO NEW FRAMES", "the station is connected but shows nothing new"],
+  silent: ["NO NEW FRAMES", "nothing new arrives; the picture is not live"],
   lost: ["TRACKING LOST", "the probe's pose is not known"],
   stale: ["STALE", "the picture no longer follows the probe"],
 };
@@ -62,7 +62,7 @@ export class Status {
   }
 
   run(state) {
-    const kinds = { LIVE: "good", FROZEN: "frozen", WAITING: "warn", OFFLINE: "bad strong" };
+    const kinds = { LIVE: "good", FROZEN: "frozen", WAITING: "warn", STALLED: "bad strong", OFFLINE: "bad strong" };
     badge(byId("run"), state, kinds[state]);
   }
 

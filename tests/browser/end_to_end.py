@@ -79,7 +79,7 @@ def frames_arrive_and_change(page):
     page.wait("another picture", lambda: (look := page.script(LOOK))["frame"] > first["frame"] and look["hash"] != first["hash"])
     page.wait("the badge", lambda: text(page, "#run") == "LIVE")
     assert text(page, "#tracking") == "TRACKING" and text(page, "#source") == "LOW QUALITY"
-    assert not visible(page, "#banner")
+    page.wait("no banner", lambda: not visible(page, "#banner"))
 
 
 def sliders_change_the_picture(page):
@@ -180,7 +180,7 @@ def comes_back_after_a_restart(page, station, program):
     station = Station(program, port)
     page.wait("frames of the new server", lambda: text(page, "#run") == "LIVE" and page.script(LOOK)["hash"] != old, 40)
     page.wait("the overlay, asked for again", lambda: page.script(LOOK)["coloured"] > 10_000)
-    assert not visible(page, "#banner")
+    page.wait("no banner", lambda: not visible(page, "#banner"))
     return station
 
 

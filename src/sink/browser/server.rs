@@ -181,9 +181,9 @@ fn file(asset: &'static Asset) -> Response {
 
 /// Checks every request and gives every answer its headers.
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    let mut response = match admit(&shared.access, &request) {
-        Ok(()) => next.run(request).await,
-        Err(response) => response,
+    let mut response = match instead(&shared.access, &request) {
+        Some(response) => response,
+        None => next.run(request).await,
     };
     let headers = [
         (CONTENT_SECURITY_POLICY, POLICY),
@@ -200,30 +200,30 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
     response
 }
 
-fn admit(access: &Access, request: &Request) -> Result<(), Response> {
+/// What is answered in place of what was asked for; none to a request that may pass.
+fn instead(access: &Access, request: &Request) -> Option<Response> {
     let headers = request.headers();
     if !access.accepts_host(headers) {
         let text =
             "this station is not known by that name: open the address that it prints, or set browser.host_name\n";
-        return Err((StatusCode::MISDIRECTED_REQUEST, text).into_response());
+        return Some((StatusCode::MISDIRECTED_REQUEST, text).into_response());
     }
     if !access.demands_token() || access.accepts_cookie(headers) {
-        return Ok(());
+        return None;
     }
     let query = request.uri().query().unwrap_or("");
     let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
     if !given.is_some_and(|token| access.accepts_token(token)) {
         let text = "this station demands a token: open the address that it prints when it starts\n";
-        return Err((StatusCode::UNAUTHORIZED, text).into_response());
+        return Some((StatusCode::UNAUTHORIZED, text).into_response());
     }
-    match access.cookie().and_then(|cookie| HeaderValue::from_str(&cookie).ok()) {
-        // The token goes out of the address bar and the history.
-        Some(cookie) if request.uri().path() == "/" => {
-            let headers = [(SET_COOKIE, cookie), (LOCATION, HeaderValue::from_static("/"))];
-            Err((StatusCode::SEE_OTHER, headers).into_response())
-        }
-        _ => Ok(()),
+    if request.uri().path() != "/" {
+        return None;
     }
+    // The token goes out of the address bar and the history.
+    let cookie = access.cookie().and_then(|cookie| HeaderValue::from_str(&cookie).ok())?;
+    let headers = [(SET_COOKIE, cookie), (LOCATION, HeaderValue::from_static("/"))];
+    Some((StatusCode::SEE_OTHER, headers).into_response())
 }
 
 async fn stream(
