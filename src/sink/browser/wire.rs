@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(&out[..8], b"INSF\x01\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
-        assert_eq!(out[40..48], [2, 0b01011, 3, 0, 15, 0, 0, 0]);
+        assert_eq!(out[40..48], [2, 0b11011, 3, 0, 15, 0, 0, 0]);
         assert_eq!((f64_at(&out, 48), f64_at(&out, 80)), (1.0, 1.0));
         assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
         assert_eq!((f64_at(&out, 168), f64_at(&out, 184)), (60.0, 150.0));
