@@ -5,11 +5,13 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo test bench setup clean
+.PHONY: help demo test test-browser test-window bench setup clean
 
 help:
 	@echo 'make demo   play the recorded exam over the obstetric phantom: frames, contact sheet, video, times'
 	@echo 'make test   format, lints, all tests and documentation'
+	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
+	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
 	@echo 'make setup  what the others do first; scripts/setup --help says more'
 	@echo 'make clean  remove what was built and rendered'
@@ -22,6 +24,14 @@ test: setup
 	$(CARGO) clippy --release --all-targets -- -D warnings
 	$(CARGO) test --release
 	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --release --no-deps
+
+test-browser: setup
+	$(CARGO) build --release --example browser_demo
+	python3 tests/browser/end_to_end.py target/release/examples/browser_demo $(ARGS)
+
+test-window: setup
+	$(CARGO) build --release --example browser_demo
+	python3 tests/browser/window.py target/release/examples/browser_demo $(ARGS)
 
 bench: setup
 	$(CARGO) bench $(ARGS)

@@ -73,6 +73,20 @@ impl Canvas {
         }
     }
 
+    /// Writes text `factor` times as large.
+    #[cfg(feature = "window")]
+    pub(crate) fn text_enlarged(&mut self, x: u32, y: u32, text: &str, size: Text, factor: u32, colour: Rgb) {
+        let (width, height) = (size.width(text), size.height());
+        let mut small = Self::new(width, height, [0; 3]);
+        small.text(0, 0, text, size, [255; 3]);
+        for (column, row, pixel) in small.image.enumerate_pixels() {
+            let (left, top) = (x.saturating_add(factor * column), y.saturating_add(factor * row));
+            for (dx, dy) in (0..factor).flat_map(|dx| (0..factor).map(move |dy| (dx, dy))) {
+                self.blend(left.saturating_add(dx), top.saturating_add(dy), colour, pixel.0[0]);
+            }
+        }
+    }
+
     /// Size, pixels.
     pub(crate) fn size(&self) -> (u32, u32) {
         self.image.dimensions()

@@ -58,6 +58,13 @@ pub struct LiveSettings {
     pub enhance: bool,
 }
 
+impl Default for LiveSettings {
+    fn default() -> Self {
+        let image = ImageSettings::default();
+        Self { image, depth_mm: 150.0, focus_mm: 70.0, rays: 1, layers: 1, frozen: false, enhance: true }
+    }
+}
+
 /// One frame as it is shown. All maps are row-major, the first row nearest to the probe.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PresentedFrame {
@@ -91,6 +98,22 @@ pub struct PresentedFrame {
     pub tier: Option<String>,
     /// What went wrong lately and should be told to whoever watches.
     pub notice: Option<String>,
+}
+
+impl PresentedFrame {
+    /// Row, in pixels from the upper edge, at which the middle of the probe's face lies: depth 0 of the depth scale. 0 where
+    /// the mask's middle column is empty.
+    pub fn face_row(&self) -> f64 {
+        let width = (self.width as usize).max(1);
+        let column = self.mask.iter().skip(width / 2).step_by(width);
+        column.zip(0_u32..).find(|(mask, _)| **mask > 0).map_or(0.0, |(_, row)| row.into())
+    }
+
+    /// From the tracker's first byte, or where there is none from the sampling of the pose, until the sinks had it.
+    pub fn latency(&self) -> Duration {
+        let from = self.timeline.first_byte.unwrap_or(self.timeline.sampled);
+        self.timeline.presented.saturating_sub(from)
+    }
 }
 
 /// Something a watcher asks for.

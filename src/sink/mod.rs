@@ -1,12 +1,15 @@
-//! Where frames go: images, arrays, videos and contact sheets on disk.
+//! Where frames go: images, arrays, videos and contact sheets on disk; pages and windows of a live station.
 //!
 //! Every file is written under a temporary name beside its target and renamed when it is whole, so that a reader never
 //! sees half of one. Every error names the file.
 
+pub mod browser;
 pub mod colour;
 pub mod contact_sheet;
+pub mod control;
 pub mod frame_files;
 pub mod frame_record;
+pub mod hot_keys;
 pub mod live;
 pub mod meta_image;
 pub mod mp4;
@@ -15,6 +18,7 @@ pub mod openigtlink;
 pub mod png;
 pub mod time_table;
 pub mod video;
+pub mod window;
 pub mod y4m;
 
 mod canvas;

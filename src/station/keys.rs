@@ -174,6 +174,13 @@ pub const KEYS: &[KeyDoc] = &[
     doc("generator", "provider", "", "\"cpu\"", Accepts::OneOf(Provider::NAMES), "what they run on; one that is not available is an error"),
     doc("generator", "threads", "", "0", integer(0, 256), "threads of one run; 0 is one a processor"),
     doc("generator", "budget_ms", "ms", "50.0", number(Settings::BUDGET_MS[0], Settings::BUDGET_MS[1]), "time that one run may take; a generator that cannot keep it is not started"),
+    doc("browser", "address", "", "\"127.0.0.1\"", Accepts::Text(super::browser::ADDRESS), "where the page is served; beyond loopback a token is demanded"),
+    doc("browser", "port", "", "8790", integer(0, 65_535), "its port; 0 takes any free one"),
+    doc("browser", "token", "", "none on loopback, else random", Accepts::Text(super::browser::TOKEN), "token that pages must show; a random one is new at every start"),
+    doc("browser", "host_name", "", "none", Accepts::Text(super::browser::HOST_NAME), "name under which browsers reach the station, beside its addresses"),
+    doc("browser", "clients_max", "", "8", integer(1, 64), "pages that may watch at a time"),
+
+    doc("window", "full_screen", "", "false", Accepts::Bool, "whether the native window fills the screen; F changes it"),
 
     doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
     doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),

@@ -4,6 +4,7 @@
 //! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
 //! the probe's kind is an error that names the key and what would be right.
 
+mod browser;
 mod calibration;
 mod error;
 mod filter;
@@ -13,6 +14,7 @@ mod openigtlink;
 mod parse;
 mod tracker_table;
 mod values;
+mod window;
 
 use std::path::{Path, PathBuf};
 
@@ -20,6 +22,7 @@ use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
 use crate::sink::openigtlink as openigtlink_sink;
+use crate::sink::{browser as browser_sink, window as window_sink};
 use crate::tracker;
 use crate::transducer::Probe;
 
@@ -63,6 +66,10 @@ pub struct Station {
     pub tracker: tracker::Settings,
     /// The OpenIGTLink server, where the station has one.
     pub openigtlink: Option<openigtlink_sink::Settings>,
+    /// The page, where the station has one.
+    pub browser: Option<browser_sink::Settings>,
+    /// The native window, where the station has one.
+    pub window: Option<window_sink::Settings>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

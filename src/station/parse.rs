@@ -31,6 +31,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         "tracker",
         "generator",
         "openigtlink",
+        "browser",
+        "window",
         "tissues",
     ];
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
@@ -50,6 +52,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
     let generator = super::generator::settings(&section(&mut root, "generator")?, dir);
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
+    let browser = optional(&mut root, "browser")?.map(|values| super::browser::settings(&values)).transpose()?;
+    let window = optional(&mut root, "window")?.map(|values| super::window::settings(&values));
     let path = dir.to_owned();
     Ok(Station {
         scene,
@@ -63,6 +67,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         tracker,
         generator,
         openigtlink,
+        browser,
+        window,
         path,
     })
 }

@@ -278,6 +278,8 @@ fn documented_defaults_are_those_of_the_parser() {
             ("scene", "phantom_scale") => assert_eq!(found.scene, SceneSource::ObstetricPhantom { scale: 1.0 }),
             ("probe", "width_mm") => assert_eq!(found.probe, parse("[probe]\nkind = 'linear'").unwrap().probe),
             ("openigtlink", _) => assert_eq!(found.openigtlink, parse("[openigtlink]").unwrap().openigtlink),
+            ("browser", _) => assert_eq!(found.browser, parse("[browser]").unwrap().browser),
+            ("window", _) => assert_eq!(found.window, parse("[window]").unwrap().window),
             ("pose", _) => assert_eq!(found.default_pose, parse("[pose]").unwrap().default_pose),
             _ => assert_eq!(found, Station { path: found.path.clone(), scene: found.scene.clone(), ..default.clone() }),
         }

@@ -1,0 +1,75 @@
+// The WebSocket to the station. It comes back by itself.
+
+import { decode, MAP } from "./wire.js";
+
+const RETRY_MS = [250, 500, 1000, 2000];
+
+/** Calls `on.open()`, `on.closed(reason)`, `on.message(json)`, `on.frame(frame)`, `on.error(text)`. */
+export class Connection {
+  constructor(on) {
+    this.on = on;
+    this.socket = null;
+    this.attempts = 0;
+    this.maps = {};
+    this.connect();
+  }
+
+  get isOpen() {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  connect() {
+    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(`${scheme}//${location.host}/stream`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.attempts = 0;
+      this.maps = {};
+      this.on.open();
+    };
+    socket.onmessage = (event) => this.receive(event.data);
+    socket.onclose = (event) => this.retry(event.reason);
+    this.socket = socket;
+  }
+
+  retry(reason) {
+    this.on.closed(reason);
+    const wait = RETRY_MS[Math.min(this.attempts, RETRY_MS.length - 1)];
+    this.attempts += 1;
+    setTimeout(() => this.connect(), wait);
+    // A socket that is refused doesn't say why; the page does.
+    if (this.attempts === 3) {
+      fetch("/", { cache: "no-store" }).then(
+        (answer) => {
+          if (answer.status === 401) this.on.closed("the station has a new token: open the address that it prints");
+        },
+        () => {},
+      );
+    }
+  }
+
+  receive(data) {
+    try {
+      if (typeof data === "string") {
+        this.on.message(JSON.parse(data));
+        return;
+      }
+      const message = decode(data);
+      this.maps[message.map] = message;
+      if (message.map === MAP.IMAGE) this.on.frame(message);
+    } catch (error) {
+      this.on.error(error.message);
+    }
+  }
+
+  /** The map of this frame, or null if it was not sent. */
+  mapOf(frame, map) {
+    const found = this.maps[map];
+    const fits = found && found.number === frame.number && found.data.length === frame.data.length;
+    return fits ? found.data : null;
+  }
+
+  send(message) {
+    if (this.isOpen) this.socket.send(JSON.stringify(message));
+  }
+}

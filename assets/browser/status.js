@@ -1,0 +1,158 @@
+// Badges, banner, figures and the curve of latencies.
+
+import { SOURCES } from "./wire.js";
+
+const byId = (id) => document.getElementById(id);
+const HISTORY = 240;
+
+/** Texts over the picture, worst first. */
+const BANNERS = {
+  disconnected: ["NO CONNECTION", "the picture is not live; connecting again…"],
+  silent: ["NO NEW FRAMES", "nothing new arrives; the picture is not live"],
+  lost: ["TRACKING LOST", "the probe's pose is not known"],
+  stale: ["STALE", "the picture no longer follows the probe"],
+};
+
+const TRACKING = {
+  good: ["TRACKING", "good"],
+  held: ["POSE HELD", "warn"],
+  stale: ["STALE", "warn strong"],
+  lost: ["LOST", "bad strong"],
+};
+
+function badge(element, text, kind) {
+  if (element.textContent !== text) element.textContent = text;
+  const classes = `badge ${kind}`;
+  if (element.className !== classes) element.className = classes;
+}
+
+export class Status {
+  constructor() {
+    this.latencies = [];
+    this.arrivals = [];
+    this.noticeTimer = 0;
+    this.context = byId("sparkline").getContext("2d");
+  }
+
+  /** `state`: a key of BANNERS, or null where the picture can be trusted. `detail` replaces the second line. */
+  banner(state, detail) {
+    const element = byId("banner");
+    element.hidden = !state;
+    document.body.dataset.state = state ?? "live";
+    if (!state) return;
+    const [title, text] = BANNERS[state];
+    element.className = state;
+    element.querySelector("strong").textContent = title;
+    element.querySelector("span").textContent = detail || text;
+  }
+
+  frame(frame, now) {
+    this.arrivals.push(now);
+    while (this.arrivals.length && this.arrivals[0] < now - 1000) this.arrivals.shift();
+    if (!frame.settings.frozen) {
+      this.latencies.push(frame.latencyMs);
+      if (this.latencies.length > HISTORY) this.latencies.shift();
+    }
+    const kinds = ["", "good", "warn"];
+    badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
+    badge(byId("tracking"), ...TRACKING[frame.tracking]);
+    byId("tier").textContent = frame.tier;
+    byId("frame_number").textContent = `frame ${frame.number}`;
+    pose(frame.pose);
+  }
+
+  run(state) {
+    const kinds = { LIVE: "good", FROZEN: "frozen", WAITING: "warn", STALLED: "bad strong", OFFLINE: "bad strong" };
+    badge(byId("run"), state, kinds[state]);
+  }
+
+  /** Figures that needn't change with every frame. */
+  figures(now) {
+    const recent = this.arrivals.filter((time) => time > now - 1000);
+    byId("rate").textContent = recent.length ? String(recent.length) : "–";
+    const last = this.latencies.at(-1);
+    byId("latency").textContent = last === undefined ? "–" : `${last.toFixed(0)} ms`;
+    const sorted = [...this.latencies].sort((a, b) => a - b);
+    const p95 = sorted[Math.min(sorted.length - 1, Math.floor(0.95 * sorted.length))];
+    byId("latency_p95").textContent = p95 === undefined ? "–" : `${p95.toFixed(0)} ms`;
+    this.sparkline();
+  }
+
+  sparkline() {
+    const { context, latencies } = this;
+    const { width, height } = context.canvas;
+    context.clearRect(0, 0, width, height);
+    // At least 100 ms high, so that a calm curve looks calm.
+    const most = Math.max(100, ...latencies);
+    const y = (ms) => height - 1 - (ms / most) * (height - 3);
+    context.strokeStyle = "#2c353d";
+    context.setLineDash([2, 3]);
+    context.beginPath();
+    context.moveTo(0, y(100));
+    context.lineTo(width, y(100));
+    context.stroke();
+    context.setLineDash([]);
+    context.strokeStyle = "#4fd1c5";
+    context.lineWidth = 1.25;
+    context.beginPath();
+    latencies.forEach((ms, i) => context.lineTo(width - (latencies.length - i) * (width / HISTORY), y(ms)));
+    context.stroke();
+  }
+
+  /** A text at the foot of the picture; an empty one clears it. Errors go after a while. */
+  notice(text, isError = false) {
+    const element = byId("notice");
+    if (!isError && this.noticeTimer) return;
+    element.hidden = !text;
+    if (element.textContent !== text) element.textContent = text;
+    element.className = isError ? "error" : "";
+    if (isError) {
+      clearTimeout(this.noticeTimer);
+      this.noticeTimer = setTimeout(() => {
+        this.noticeTimer = 0;
+        this.notice("");
+      }, 6000);
+    }
+  }
+
+  stats({ dropped, clients }) {
+    byId("dropped").textContent = String(dropped);
+    byId("dropped").parentElement.title = `Frames that this page was too slow for; pages watching: ${clients}`;
+  }
+}
+
+/** Position, and the orientation as turns about x, then y, then z of the scene. */
+function pose(pose) {
+  const set = (name, value) => {
+    byId(`pose_${name}`).textContent = value === undefined ? "–" : value.toFixed(1);
+  };
+  const [x, y, z, w, i, j, k] = pose ?? [];
+  [["x", x], ["y", y], ["z", z]].forEach(([name, value]) => set(name, value));
+  if (!pose) {
+    ["rx", "ry", "rz"].forEach((name) => set(name, undefined));
+    return;
+  }
+  const degrees = 180 / Math.PI;
+  set("rx", degrees * Math.atan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)));
+  set("ry", degrees * Math.asin(Math.max(-1, Math.min(1, 2 * (w * j - k * i)))));
+  set("rz", degrees * Math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)));
+}
+
+/** The list of tissues in the picture; null hides it. */
+export function legend(tissues, seen) {
+  const list = byId("legend");
+  const shown = seen ? tissues.filter(({ number }) => seen[number]) : [];
+  const key = shown.map(({ number }) => number).join();
+  list.hidden = shown.length === 0;
+  if (list.dataset.key === key) return;
+  list.dataset.key = key;
+  list.replaceChildren(
+    ...shown.map(({ name, colour }) => {
+      const item = document.createElement("li");
+      const swatch = document.createElement("i");
+      swatch.style.backgroundColor = `rgb(${colour.join(" ")})`;
+      item.append(swatch, name.replaceAll("_", " "));
+      return item;
+    }),
+  );
+}

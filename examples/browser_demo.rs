@@ -1,0 +1,250 @@
+//! A rendered probe sweep in the browser, and in a window if wanted, without tracker or pipeline:
+//! `cargo run --release --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
+//!
+//! Prints the page's address. Lines on the standard input change what no page can: `tracking good|held|stale|lost`,
+//! `source enhanced|held|low`, `notice TEXT`, `quit`.
+
+use std::io::BufRead as _;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use glam::{DQuat, DVec3};
+use insonify::anatomy::{Bvh, Scene, phantom};
+use insonify::pose::{Pose, TrackingState};
+use insonify::render::{Frame, Gpu, GpuOptions, Renderer, ShaderSet};
+use insonify::sink::browser::{BrowserSink, SceneInfo, Settings};
+use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::window::{WindowSink, run_on_main_thread};
+use insonify::station::{SceneSource, Station};
+
+fn main() -> anyhow::Result<()> {
+    tracing_subscriber::fmt().with_writer(std::io::stderr).init();
+    let mut arguments = std::env::args().skip(1);
+    let path = PathBuf::from(arguments.next().unwrap_or_else(|| "configs/sphere.toml".to_owned()));
+    let mut station = Station::load(&path)?;
+    let mut window = station.window;
+    let mut settings = station.browser.clone().unwrap_or(Settings { port: 0, ..Settings::default() });
+    while let Some(argument) = arguments.next() {
+        let value = arguments.next().with_context(|| format!("{argument} needs a value"))?;
+        match argument.as_str() {
+            "--port" => settings.port = value.parse()?,
+            "--width" => {
+                station.settings.image.width = value.parse()?;
+                station.settings.image.height = station.settings.image.width * 1000 / 1386;
+            }
+            "--window" => window = Some(Default::default()),
+            _ => bail!("unknown argument {argument}; it is --port, --width or --window"),
+        }
+    }
+    let scene = load_scene(&station)?;
+    let tissues = scene.tissues.names().to_vec();
+    let (sender, controls) = tokio::sync::mpsc::channel(64);
+    let browser = BrowserSink::new(&settings, sender.clone(), &SceneInfo { tissues })?;
+    println!("address {}", browser.address());
+    let mut sinks: Vec<Box<dyn LiveSink>> = vec![Box::new(browser)];
+
+    let (lines_in, lines) = mpsc::sync_channel(16);
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if lines_in.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    let demo = Demo::new(scene, station)?;
+    let Some(window) = window else { return present(demo, sinks, controls, &lines) };
+    let (sink, slot) = WindowSink::new();
+    sinks.push(Box::new(sink));
+    let presenter = std::thread::spawn(move || present(demo, sinks, controls, &lines));
+    run_on_main_thread(slot, &window, sender)?;
+    presenter.join().map_err(|_| anyhow::anyhow!("the presenter panicked"))?
+}
+
+/// Renders and shows until a line or a window says to quit.
+fn present(
+    mut demo: Demo,
+    mut sinks: Vec<Box<dyn LiveSink>>,
+    mut controls: tokio::sync::mpsc::Receiver<Control>,
+    lines: &mpsc::Receiver<String>,
+) -> anyhow::Result<()> {
+    loop {
+        let mut changed = false;
+        let mut quit = false;
+        while let Ok(control) = controls.try_recv() {
+            quit |= control == Control::Quit;
+            changed |= demo.follow(&control);
+        }
+        while let Ok(line) = lines.try_recv() {
+            if line == "quit" {
+                quit = true;
+            } else {
+                demo.obey(&line)?;
+            }
+        }
+        if quit {
+            return sinks.into_iter().try_for_each(|sink| Ok(sink.finish()?));
+        }
+        if changed {
+            demo.rebuild()?;
+        }
+        // A frozen picture is shown once more, as frozen, and then stands.
+        let frozen = demo.shown.settings.frozen;
+        if frozen && demo.live.frozen {
+            std::thread::sleep(Duration::from_millis(20));
+            continue;
+        }
+        demo.render()?;
+        sinks.retain_mut(|sink| match sink.present(&demo.shown) {
+            Ok(()) => true,
+            Err(e) => {
+                tracing::warn!("{} is closed: {e}", sink.name());
+                false
+            }
+        });
+    }
+}
+
+fn load_scene(station: &Station) -> anyhow::Result<Scene> {
+    let path = match &station.scene {
+        SceneSource::File(path) => path.clone(),
+        SceneSource::ObstetricPhantom { scale } => {
+            let cache = std::env::var_os("INSONIFY_CACHE").context("set INSONIFY_CACHE to the phantom's directory")?;
+            phantom::cached(Path::new(&cache), *scale, &|_| {})?
+        }
+    };
+    Ok(station.load_scene_from(&path)?)
+}
+
+struct Demo {
+    gpu: Gpu,
+    scene: Scene,
+    bvh: Bvh,
+    station: Station,
+    renderer: Renderer,
+    live: LiveSettings,
+    frame: Frame,
+    shown: PresentedFrame,
+    started: Instant,
+}
+
+impl Demo {
+    fn new(scene: Scene, station: Station) -> anyhow::Result<Self> {
+        let gpu = Gpu::new(&GpuOptions::default())?;
+        let bvh = Bvh::build(&scene)?;
+        let renderer = Renderer::with_shaders(
+            &gpu,
+            &scene,
+            bvh.clone(),
+            &station.probe,
+            &station.settings,
+            &ShaderSet::default(),
+        )?;
+        let live = LiveSettings {
+            image: station.settings.image,
+            depth_mm: station.probe.depth_mm,
+            focus_mm: station.probe.focus_mm,
+            rays: station.settings.quality.rays,
+            layers: station.settings.quality.layers,
+            frozen: false,
+            enhance: false,
+        };
+        let shown = PresentedFrame {
+            number: 0,
+            source: FrameSource::LowQuality,
+            width: 0,
+            height: 0,
+            pixel_mm: 0.0,
+            image: Vec::new(),
+            segmentation: Vec::new(),
+            attenuation: Vec::new(),
+            mask: Vec::new(),
+            pose: None,
+            tracking: TrackingState::Good,
+            timeline: FrameTimeline::default(),
+            settings: live,
+            tier: None,
+            notice: None,
+        };
+        let (frame, started) = (Frame::default(), Instant::now());
+        Ok(Self { gpu, scene, bvh, station, renderer, live, frame, shown, started })
+    }
+
+    /// Follows a control. Returns whether the renderer must be built anew.
+    fn follow(&mut self, control: &Control) -> bool {
+        match *control {
+            Control::Freeze(on) => self.live.frozen = on,
+            Control::Enhance(on) => self.live.enhance = on,
+            Control::GainDb(db) => self.live.image.gain_db = db,
+            Control::DynamicRangeDb(db) => self.live.image.dynamic_range_db = db,
+            Control::TgcDbPerCm(db) => self.live.image.tgc_db_per_cm = db,
+            Control::TgcSlider { index, db } => self.live.image.tgc_sliders_db[index] = db,
+            Control::DepthMm(mm) => self.live.depth_mm = mm,
+            Control::FocusMm(mm) => self.live.focus_mm = mm,
+            Control::Quality { rays, layers } => (self.live.rays, self.live.layers) = (rays, layers),
+            Control::Quit => {}
+        }
+        !matches!(control, Control::Freeze(_) | Control::Enhance(_) | Control::Quit)
+    }
+
+    fn obey(&mut self, line: &str) -> anyhow::Result<()> {
+        match line.split_once(' ').unwrap_or((line, "")) {
+            ("tracking", "good") => self.shown.tracking = TrackingState::Good,
+            ("tracking", "held") => self.shown.tracking = TrackingState::Held,
+            ("tracking", "stale") => self.shown.tracking = TrackingState::Stale,
+            ("tracking", "lost") => self.shown.tracking = TrackingState::Lost,
+            ("source", "enhanced") => self.shown.source = FrameSource::Enhanced,
+            ("source", "held") => self.shown.source = FrameSource::HeldEnhanced,
+            ("source", "low") => self.shown.source = FrameSource::LowQuality,
+            ("notice", text) => self.shown.notice = Some(text.to_owned()).filter(|text| !text.is_empty()),
+            _ => bail!("unknown line `{line}`"),
+        }
+        Ok(())
+    }
+
+    fn rebuild(&mut self) -> anyhow::Result<()> {
+        self.station.settings.image = self.live.image;
+        self.station.settings.quality.rays = self.live.rays;
+        self.station.settings.quality.layers = self.live.layers;
+        self.station.probe.depth_mm = self.live.depth_mm;
+        self.station.probe.focus_mm = self.live.focus_mm;
+        let (probe, settings) = (&self.station.probe, &self.station.settings);
+        let bvh = self.bvh.clone();
+        self.renderer = Renderer::with_shaders(&self.gpu, &self.scene, bvh, probe, settings, &ShaderSet::default())?;
+        Ok(())
+    }
+
+    /// Renders the next pose of the sweep into `shown`; the last one again where the picture is frozen.
+    fn render(&mut self) -> anyhow::Result<()> {
+        let sampled = self.started.elapsed();
+        if !self.live.frozen || self.shown.pose.is_none() {
+            self.shown.pose = Some(self.pose(sampled));
+        }
+        let pose = self.shown.pose.context("no pose")?;
+        self.renderer.render(&pose, &mut self.frame)?;
+        let (shown, frame) = (&mut self.shown, &mut self.frame);
+        shown.number += 1;
+        (shown.width, shown.height) = (frame.width, frame.height);
+        shown.pixel_mm = self.renderer.sector().pixel_mm;
+        std::mem::swap(&mut shown.image, &mut frame.bmode);
+        std::mem::swap(&mut shown.segmentation, &mut frame.segmentation);
+        std::mem::swap(&mut shown.attenuation, &mut frame.attenuation);
+        std::mem::swap(&mut shown.mask, &mut frame.mask);
+        let now = self.started.elapsed();
+        shown.timeline = FrameTimeline { sampled, submitted: sampled, rendered: now, presented: now, ..shown.timeline };
+        shown.settings = self.live;
+        Ok(())
+    }
+
+    /// The station's pose, swayed along x and y and tilted.
+    fn pose(&self, time: Duration) -> Pose {
+        let base = self.station.default_pose.unwrap_or(Pose { position_mm: DVec3::ZERO, orientation: DQuat::IDENTITY });
+        let phase = 0.35 * time.as_secs_f64();
+        let shift = DVec3::new(9.0 * phase.sin(), 14.0 * (0.7 * phase).sin(), 0.0);
+        Pose {
+            position_mm: base.transform_point(shift),
+            orientation: (base.orientation * DQuat::from_rotation_x(0.12 * (1.3 * phase).sin())).normalize(),
+        }
+    }
+}

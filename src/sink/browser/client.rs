@@ -1,0 +1,278 @@
+//! One page: what is sent to it and what it says.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
+use bytes::Bytes;
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt as _, StreamExt as _};
+use tokio::sync::mpsc::error::TrySendError;
+use tokio::sync::{mpsc, watch};
+use tokio::time::{MissedTickBehavior, interval, timeout};
+
+use super::messages::{self, Request, ToPage};
+use super::server::{Seat, Shared};
+use super::sink::FrameSet;
+
+/// Frames sent and not yet drawn: one on its way while one is drawn.
+const FRAMES_UNDER_WAY: usize = 2;
+/// A page that takes nothing for so long is gone.
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// A page that answers no ping for so long is gone.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
+const PING_PERIOD: Duration = Duration::from_secs(10);
+const STATS_PERIOD: Duration = Duration::from_secs(1);
+/// Answers that wait to be sent; then the page's messages wait, too.
+const ANSWERS: usize = 16;
+
+/// Maps beside the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Overlays {
+    pub(super) segmentation: bool,
+    pub(super) attenuation: bool,
+}
+
+impl Overlays {
+    pub(super) fn or(self, other: Self) -> Self {
+        Self {
+            segmentation: self.segmentation || other.segmentation,
+            attenuation: self.attenuation || other.attenuation,
+        }
+    }
+}
+
+/// What a page got, since it connected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClientCounters {
+    /// Counts the pages from 1.
+    pub id: u64,
+    /// Its address.
+    pub address: SocketAddr,
+    /// Frames sent to it.
+    pub sent: u64,
+    /// Frames that it was too slow for.
+    pub dropped: u64,
+}
+
+/// A page's state, seen by the sink, too.
+#[derive(Debug)]
+pub(super) struct Client {
+    pub(super) id: u64,
+    address: SocketAddr,
+    segmentation: AtomicBool,
+    attenuation: AtomicBool,
+    sent: AtomicU64,
+    dropped: AtomicU64,
+}
+
+impl Client {
+    pub(super) fn new(id: u64, address: SocketAddr) -> Self {
+        Self {
+            id,
+            address,
+            segmentation: AtomicBool::new(false),
+            attenuation: AtomicBool::new(false),
+            sent: AtomicU64::new(0),
+            dropped: AtomicU64::new(0),
+        }
+    }
+
+    pub(super) fn overlays(&self) -> Overlays {
+        Overlays {
+            segmentation: self.segmentation.load(Ordering::Relaxed),
+            attenuation: self.attenuation.load(Ordering::Relaxed),
+        }
+    }
+
+    pub(super) fn counters(&self) -> ClientCounters {
+        let [sent, dropped] = [&self.sent, &self.dropped].map(|counter| counter.load(Ordering::Relaxed));
+        ClientCounters { id: self.id, address: self.address, sent, dropped }
+    }
+}
+
+/// What the reading half tells the writing half.
+enum Heard {
+    Drawn(u64),
+    Overlays,
+    Mistake(String),
+}
+
+/// Tells a page that there is no room.
+pub(super) async fn turn_away(mut socket: WebSocket, reason: String) {
+    let close = CloseFrame { code: close_code::AGAIN, reason: reason.into() };
+    // The page may have gone already.
+    let _ = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(close)))).await;
+}
+
+/// Serves a page until it leaves or the station ends.
+pub(super) async fn run(socket: WebSocket, seat: Seat) {
+    let (shared, client) = (&seat.shared, &seat.client);
+    tracing::info!("page {} watches from {}", client.id, client.address);
+    let (sender, receiver) = socket.split();
+    let (heard, hears) = mpsc::channel(ANSWERS);
+    let why = tokio::select! {
+        why = read(receiver, shared, client, heard) => why,
+        why = Writer::new(sender, shared, client).run(hears) => why,
+    };
+    let ClientCounters { id, sent, dropped, .. } = client.counters();
+    tracing::info!("page {id} {why}; {sent} frames sent, {dropped} dropped");
+}
+
+/// Follows what the page says. Returns why it ended.
+async fn read(
+    mut receiver: SplitStream<WebSocket>,
+    shared: &Shared,
+    client: &Client,
+    heard: mpsc::Sender<Heard>,
+) -> &'static str {
+    loop {
+        let message = match timeout(SILENCE_TIMEOUT, receiver.next()).await {
+            Err(_) => return "fell silent",
+            Ok(None | Some(Ok(Message::Close(_)))) => return "left",
+            Ok(Some(Err(e))) => {
+                tracing::debug!("page {}: {e}", client.id);
+                return "broke off";
+            }
+            Ok(Some(Ok(message))) => message,
+        };
+        let request = match message {
+            Message::Text(text) => messages::read(text.as_str()),
+            Message::Binary(_) => Err("a page sends text, not binary messages".to_owned()),
+            Message::Ping(_) | Message::Pong(_) | Message::Close(_) => continue,
+        };
+        let told = match request {
+            Ok(Request::Drawn { number }) => Heard::Drawn(number),
+            Ok(Request::Overlays { segmentation, attenuation }) => {
+                client.segmentation.store(segmentation, Ordering::Relaxed);
+                client.attenuation.store(attenuation, Ordering::Relaxed);
+                Heard::Overlays
+            }
+            Ok(Request::Control(control)) => match shared.controls.try_send(control) {
+                Ok(()) => continue,
+                Err(TrySendError::Full(_)) => Heard::Mistake("the station is busy; try again".to_owned()),
+                Err(TrySendError::Closed(_)) => Heard::Mistake("the station takes no controls any more".to_owned()),
+            },
+            Err(mistake) => Heard::Mistake(mistake),
+        };
+        if heard.send(told).await.is_err() {
+            return "ended";
+        }
+    }
+}
+
+struct Writer<'a> {
+    sender: SplitSink<WebSocket, Message>,
+    shared: &'a Shared,
+    client: &'a Client,
+    frames: watch::Receiver<Option<Arc<FrameSet>>>,
+    /// Numbers of the frames sent and not yet drawn.
+    under_way: VecDeque<u64>,
+    /// Sequence of the last frame sent, 0 before the first.
+    last: u64,
+}
+
+impl<'a> Writer<'a> {
+    fn new(sender: SplitSink<WebSocket, Message>, shared: &'a Shared, client: &'a Client) -> Self {
+        let under_way = VecDeque::with_capacity(FRAMES_UNDER_WAY + 1);
+        let mut frames = shared.frames.clone();
+        frames.mark_changed();
+        Self { sender, shared, client, frames, under_way, last: 0 }
+    }
+
+    /// Sends until the page or the station goes. Returns why it ended.
+    async fn run(mut self, mut hears: mpsc::Receiver<Heard>) -> &'static str {
+        match self.try_run(&mut hears).await {
+            Ok(why) => why,
+            Err(why) => why,
+        }
+    }
+
+    async fn try_run(&mut self, hears: &mut mpsc::Receiver<Heard>) -> Result<&'static str, &'static str> {
+        let shared = self.shared;
+        let [mut stats, mut pings] = [STATS_PERIOD, PING_PERIOD].map(interval);
+        stats.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        pings.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        self.send(Message::text(shared.hello.clone())).await?;
+        loop {
+            let room = self.under_way.len() < FRAMES_UNDER_WAY;
+            tokio::select! {
+                biased;
+                () = shared.cancel.cancelled() => {
+                    let close = CloseFrame { code: close_code::AWAY, reason: "the station ends".into() };
+                    self.send(Message::Close(Some(close))).await?;
+                    return Ok("was told that the station ends");
+                }
+                heard = hears.recv() => match heard {
+                    Some(Heard::Drawn(number)) => self.under_way.retain(|&sent| sent > number),
+                    Some(Heard::Overlays) => self.repeat().await?,
+                    Some(Heard::Mistake(message)) => {
+                        self.send(Message::text(messages::write(&ToPage::Error { message: &message }))).await?;
+                    }
+                    None => return Ok("ended"),
+                },
+                _ = stats.tick() => {
+                    let ClientCounters { sent, dropped, .. } = self.client.counters();
+                    let stats = ToPage::Stats { sent, dropped, clients: shared.client_count() };
+                    self.send(Message::text(messages::write(&stats))).await?;
+                }
+                _ = pings.tick() => self.send(Message::Ping(Bytes::new())).await?,
+                changed = self.frames.changed(), if room => {
+                    if changed.is_err() {
+                        return Ok("ended with the sink");
+                    }
+                    self.newest().await?;
+                }
+            }
+        }
+    }
+
+    /// Sends the newest frame and counts those that it replaces.
+    async fn newest(&mut self) -> Result<(), &'static str> {
+        let Some(set) = self.frames.borrow_and_update().clone() else { return Ok(()) };
+        if self.last > 0 {
+            let missed = set.sequence.saturating_sub(self.last + 1);
+            self.client.dropped.fetch_add(missed, Ordering::Relaxed);
+        }
+        self.last = set.sequence;
+        self.send_set(&set).await?;
+        self.client.sent.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Sends the frame on the page once more, with what the page wants now: a frozen one has no successor.
+    async fn repeat(&mut self) -> Result<(), &'static str> {
+        let set = self.frames.borrow().clone();
+        let room = self.under_way.len() <= FRAMES_UNDER_WAY;
+        match set {
+            Some(set) if set.sequence == self.last && room => self.send_set(&set).await,
+            _ => Ok(()),
+        }
+    }
+
+    async fn send_set(&mut self, set: &FrameSet) -> Result<(), &'static str> {
+        let wanted = self.client.overlays();
+        let segmentation = set.segmentation.as_ref().filter(|_| wanted.segmentation);
+        let attenuation = set.attenuation.as_ref().filter(|_| wanted.attenuation);
+        for map in [segmentation, attenuation].into_iter().flatten() {
+            self.send(Message::Binary(map.clone())).await?;
+        }
+        self.send(Message::Binary(set.image.clone())).await?;
+        self.under_way.push_back(set.number);
+        Ok(())
+    }
+
+    async fn send(&mut self, message: Message) -> Result<(), &'static str> {
+        match timeout(SEND_TIMEOUT, self.sender.send(message)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(e)) => {
+                tracing::debug!("page {}: {e}", self.client.id);
+                Err("broke off")
+            }
+            Err(_) => Err("takes nothing any more"),
+        }
+    }
+}

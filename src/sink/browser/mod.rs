@@ -1,0 +1,39 @@
+//! A page that shows the live station in a browser, and lets those who watch control it.
+//!
+//! The sink listens on a thread of its own. Frames go to each page over a WebSocket as binary messages ([`wire`] has the
+//! layout); a page says when it has drawn one, and no more than two are under way to it, so that a slow page skips frames
+//! and never waits for old ones. What a page asks for comes back as small JSON messages and is checked before it becomes a
+//! [`Control`](super::live::Control).
+
+mod settings;
+
+#[cfg(feature = "browser")]
+mod access;
+#[cfg(feature = "browser")]
+mod assets;
+#[cfg(feature = "browser")]
+mod client;
+#[cfg(feature = "browser")]
+mod messages;
+#[cfg(feature = "browser")]
+mod pool;
+#[cfg(feature = "browser")]
+mod server;
+#[cfg(feature = "browser")]
+mod sink;
+#[cfg(feature = "browser")]
+pub mod wire;
+
+pub use settings::{Settings, TOKEN_CHARS_MIN};
+
+#[cfg(feature = "browser")]
+pub use client::ClientCounters;
+#[cfg(feature = "browser")]
+pub use sink::{BrowserMonitor, BrowserSink};
+
+/// What a page must know of the scene.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SceneInfo {
+    /// Names of the tissues; number n of a segmentation is `tissues[n - 1]`.
+    pub tissues: Vec<String>,
+}

@@ -1,0 +1,248 @@
+//! The HTTP side: every request is checked before anything is served.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Extension, Request, State};
+use axum::http::header::{
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, LOCATION, REFERRER_POLICY, SET_COOKIE,
+    X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::sync::{Notify, Semaphore, mpsc, watch};
+use tokio_util::sync::CancellationToken;
+
+use super::access::Access;
+use super::assets::{ASSETS, Asset};
+use super::client::{self, Client, ClientCounters, Overlays};
+use super::sink::FrameSet;
+use crate::sink::live::Control;
+
+/// A page's messages are far smaller.
+const MESSAGE_BYTES_MAX: usize = 4096;
+/// Connections beside the pages' own: each page loads its files over a few.
+const CONNECTIONS_MAX: usize = 64;
+/// A connection that does not ask for anything is closed.
+const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+/// Pages are told that the station ends for so long.
+const GOODBYE: Duration = Duration::from_secs(1);
+
+/// No script, style, frame or connection but the page's own.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
+                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// What the sink, its requests and its clients share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    access: Access,
+    pub(super) hello: String,
+    pub(super) controls: mpsc::Sender<Control>,
+    pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
+    pub(super) cancel: CancellationToken,
+    clients: Mutex<BTreeMap<u64, Arc<Client>>>,
+    clients_max: usize,
+    next_client: AtomicU64,
+    client_left: Notify,
+}
+
+impl Shared {
+    pub(super) fn new(
+        access: Access,
+        hello: String,
+        controls: mpsc::Sender<Control>,
+        frames: watch::Receiver<Option<Arc<FrameSet>>>,
+        clients_max: usize,
+    ) -> Self {
+        Self {
+            access,
+            hello,
+            controls,
+            frames,
+            cancel: CancellationToken::new(),
+            clients: Mutex::default(),
+            clients_max,
+            next_client: AtomicU64::new(1),
+            client_left: Notify::new(),
+        }
+    }
+
+    fn clients(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Client>>> {
+        self.clients.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn client_count(&self) -> usize {
+        self.clients().len()
+    }
+
+    pub(super) fn counters(&self) -> Vec<ClientCounters> {
+        self.clients().values().map(|client| client.counters()).collect()
+    }
+
+    /// Maps that any client wants.
+    pub(super) fn wanted(&self) -> Overlays {
+        let none = Overlays::default();
+        self.clients().values().fold(none, |all, client| all.or(client.overlays()))
+    }
+
+    /// A place for one more client; none where all are taken.
+    fn enter(self: &Arc<Self>, address: SocketAddr) -> Option<Seat> {
+        let mut clients = self.clients();
+        if clients.len() >= self.clients_max {
+            return None;
+        }
+        let client = Arc::new(Client::new(self.next_client.fetch_add(1, Ordering::Relaxed), address));
+        clients.insert(client.id, client.clone());
+        Some(Seat { shared: self.clone(), client })
+    }
+}
+
+/// A client's place, free again when it is dropped.
+pub(super) struct Seat {
+    pub(super) shared: Arc<Shared>,
+    pub(super) client: Arc<Client>,
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.shared.clients().remove(&self.client.id);
+        self.shared.client_left.notify_one();
+    }
+}
+
+/// Serves until cancelled.
+pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Result<()> {
+    let listener = tokio::net::TcpListener::from_std(listener)?;
+    let router = router(&shared);
+    let permits = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let accept = async {
+        loop {
+            // The semaphore is never closed.
+            let Ok(permit) = permits.clone().acquire_owned().await else { return };
+            let (stream, address) = match listener.accept().await {
+                Ok(accepted) => accepted,
+                Err(e) => {
+                    tracing::warn!("the browser page can't accept a connection: {e}");
+                    tokio::time::sleep(Duration::from_millis(100)).await;
+                    continue;
+                }
+            };
+            if let Err(e) = stream.set_nodelay(true) {
+                tracing::debug!("{address}: {e}");
+            }
+            let service = TowerToHyperService::new(router.clone().layer(Extension(address)));
+            tokio::spawn(async move {
+                let mut http = hyper::server::conn::http1::Builder::new();
+                http.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
+                let connection = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
+                if let Err(e) = connection.await {
+                    tracing::debug!("{address}: {e}");
+                }
+                drop(permit);
+            });
+        }
+    };
+    tokio::select! {
+        () = accept => {}
+        () = shared.cancel.cancelled() => {}
+    }
+    let all_left = async {
+        while shared.client_count() > 0 {
+            shared.client_left.notified().await;
+        }
+    };
+    if tokio::time::timeout(GOODBYE, all_left).await.is_err() {
+        tracing::debug!("{} pages did not take leave", shared.client_count());
+    }
+    Ok(())
+}
+
+fn router(shared: &Arc<Shared>) -> Router {
+    let mut router = Router::new().route("/stream", get(stream));
+    for asset in ASSETS {
+        router = router.route(asset.path, get(async || file(asset)));
+    }
+    router.layer(from_fn_with_state(shared.clone(), guard)).with_state(shared.clone())
+}
+
+fn file(asset: &'static Asset) -> Response {
+    ([(CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
+}
+
+/// Checks every request and gives every answer its headers.
+async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    let mut response = match instead(&shared.access, &request) {
+        Some(response) => response,
+        None => next.run(request).await,
+    };
+    let headers = [
+        (CONTENT_SECURITY_POLICY, POLICY),
+        (X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (X_FRAME_OPTIONS, "DENY"),
+        (REFERRER_POLICY, "no-referrer"),
+        (CACHE_CONTROL, "no-store"),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+        (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+    ];
+    for (name, value) in headers {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// What is answered in place of what was asked for; none to a request that may pass.
+fn instead(access: &Access, request: &Request) -> Option<Response> {
+    let headers = request.headers();
+    if !access.accepts_host(headers) {
+        let text =
+            "this station is not known by that name: open the address that it prints, or set browser.host_name\n";
+        return Some((StatusCode::MISDIRECTED_REQUEST, text).into_response());
+    }
+    if !access.demands_token() || access.accepts_cookie(headers) {
+        return None;
+    }
+    let query = request.uri().query().unwrap_or("");
+    let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
+    if !given.is_some_and(|token| access.accepts_token(token)) {
+        let text = "this station demands a token: open the address that it prints when it starts\n";
+        return Some((StatusCode::UNAUTHORIZED, text).into_response());
+    }
+    if request.uri().path() != "/" {
+        return None;
+    }
+    // The token goes out of the address bar and the history.
+    let cookie = access.cookie().and_then(|cookie| HeaderValue::from_str(&cookie).ok())?;
+    let headers = [(SET_COOKIE, cookie), (LOCATION, HeaderValue::from_static("/"))];
+    Some((StatusCode::SEE_OTHER, headers).into_response())
+}
+
+async fn stream(
+    State(shared): State<Arc<Shared>>,
+    Extension(address): Extension<SocketAddr>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    if !shared.access.accepts_origin(&headers) {
+        tracing::warn!("a page of {:?} tried to read the stream", headers.get("origin"));
+        return (StatusCode::FORBIDDEN, "only the station's own page may read the stream\n").into_response();
+    }
+    let upgrade = upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX);
+    match shared.enter(address) {
+        Some(seat) => upgrade.on_upgrade(move |socket| client::run(socket, seat)),
+        None => {
+            let reason = format!("{} pages are watching already, which is browser.clients_max", shared.clients_max);
+            tracing::warn!("{address} turned away: {reason}");
+            upgrade.on_upgrade(move |socket| client::turn_away(socket, reason))
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The sink's end that the station holds.
+
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use bytes::Bytes;
+use tokio::sync::{mpsc, watch};
+
+use super::access::Access;
+use super::client::ClientCounters;
+use super::pool::Pool;
+use super::server::{self, Shared};
+use super::wire::{self, Map};
+use super::{SceneInfo, Settings, messages};
+use crate::sink::SinkError;
+use crate::sink::live::{Control, LiveSink, PresentedFrame};
+
+const NAME: &str = "browser";
+
+/// The messages of one frame.
+#[derive(Debug)]
+pub(super) struct FrameSet {
+    /// Counts the sets from 1, to see what a client missed.
+    pub(super) sequence: u64,
+    pub(super) number: u64,
+    pub(super) image: Bytes,
+    pub(super) segmentation: Option<Bytes>,
+    pub(super) attenuation: Option<Bytes>,
+}
+
+/// Serves the page.
+#[derive(Debug)]
+pub struct BrowserSink {
+    shared: Arc<Shared>,
+    frames: watch::Sender<Option<Arc<FrameSet>>>,
+    pool: Pool,
+    sequence: u64,
+    url: String,
+    local: SocketAddr,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Tells who is watching, after the sink has gone to its thread.
+#[derive(Debug, Clone)]
+pub struct BrowserMonitor {
+    shared: Arc<Shared>,
+}
+
+impl BrowserMonitor {
+    /// Pages that are connected.
+    pub fn clients(&self) -> Vec<ClientCounters> {
+        self.shared.counters()
+    }
+}
+
+impl BrowserSink {
+    /// Listens and serves from a thread of its own. Checked controls go to `controls`; one that finds it full is refused,
+    /// which the page shows.
+    ///
+    /// # Errors
+    /// The address can't be listened at; no random token, runtime or thread can be had.
+    pub fn new(settings: &Settings, controls: mpsc::Sender<Control>, scene: &SceneInfo) -> Result<Self, SinkError> {
+        let address = SocketAddr::new(settings.address, settings.port);
+        let listen = |source| SinkError::Listen { sink: NAME, address, source };
+        let listener = TcpListener::bind(address).map_err(listen)?;
+        listener.set_nonblocking(true).map_err(listen)?;
+        let local = listener.local_addr().map_err(listen)?;
+        let access = Access::new(settings, local).map_err(|e| start(format!("no random token: {e}")))?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(|e| start(e.to_string()))?;
+        let url = access.url();
+        let (frames, receiver) = watch::channel(None);
+        let hello = messages::write(&messages::hello(scene));
+        let shared = Arc::new(Shared::new(access, hello, controls, receiver, settings.clients_max));
+        let served = shared.clone();
+        let run = move || {
+            if let Err(e) = runtime.block_on(server::serve(listener, served)) {
+                tracing::error!("the browser page is no longer served: {e}");
+            }
+        };
+        let thread = std::thread::Builder::new().name("insonify-browser".to_owned()).spawn(run);
+        let thread = Some(thread.map_err(|e| start(e.to_string()))?);
+        Ok(Self { shared, frames, pool: Pool::default(), sequence: 0, url, local, thread })
+    }
+
+    /// The address to open in a browser, with the token where one is demanded.
+    pub fn address(&self) -> &str {
+        &self.url
+    }
+
+    /// Where it listens.
+    pub fn local_address(&self) -> SocketAddr {
+        self.local
+    }
+
+    /// A handle that tells who is watching.
+    pub fn monitor(&self) -> BrowserMonitor {
+        BrowserMonitor { shared: self.shared.clone() }
+    }
+}
+
+impl LiveSink for BrowserSink {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+        if self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
+            return Err(SinkError::Ended { sink: NAME, reason: "its server has stopped".to_owned() });
+        }
+        wire::check(frame)?;
+        let wanted = self.shared.wanted();
+        let mut map = |map, wanted: bool, present: bool| {
+            (wanted && present).then(|| self.pool.fill(|out| wire::encode(frame, map, out)))
+        };
+        // Over a frozen picture an overlay may be asked for later, when no new frame comes.
+        let frozen = frame.settings.frozen;
+        let segmentation = map(Map::Segmentation, wanted.segmentation || frozen, !frame.segmentation.is_empty());
+        let attenuation = map(Map::Attenuation, wanted.attenuation || frozen, !frame.attenuation.is_empty());
+        let image = self.pool.fill(|out| wire::encode(frame, Map::Image, out));
+        self.sequence += 1;
+        let set = FrameSet { sequence: self.sequence, number: frame.number, image, segmentation, attenuation };
+        self.frames.send_replace(Some(Arc::new(set)));
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), SinkError> {
+        self.shared.cancel.cancel();
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Err(_)) => Err(SinkError::Ended { sink: NAME, reason: "its thread panicked".to_owned() }),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Drop for BrowserSink {
+    fn drop(&mut self) {
+        self.shared.cancel.cancel();
+    }
+}
+
+fn start(reason: String) -> SinkError {
+    SinkError::Ended { sink: NAME, reason: format!("it could not start: {reason}") }
+}

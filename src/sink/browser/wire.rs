@@ -1,0 +1,219 @@
+//! Binary messages to a page: a fixed header, then one map of a frame.
+//!
+//! Little-endian. Times are in ms since the session began; a value that is not known is 0 and its flag is clear.
+//!
+//! | offset | type | meaning |
+//! |---|---|---|
+//! | 0 | u8 × 4 | `INSF` |
+//! | 4 | u16 | version of this layout, 1 |
+//! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
+//! | 7 | u8 | source: 0 low quality, 1 enhanced, 2 held enhanced |
+//! | 8 | u64 | frame number |
+//! | 16 | u32 × 2 | width, height, pixels |
+//! | 24 | f64 | side of a pixel, mm |
+//! | 32 | f64 | row, in pixels, at which the middle of the probe's face lies |
+//! | 40 | u8 | tracking: 0 good, 1 held, 2 stale, 3 lost |
+//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 frozen, 16 generator may run |
+//! | 42 | u16 × 2 | bytes of the tier's name and of the notice |
+//! | 46 | u16 | 0 |
+//! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
+//! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
+//! | 160 | f64 × 5 | gain dB, dynamic range dB, TGC dB/cm, depth mm, focus mm |
+//! | 200 | f64 × 8 | TGC sliders, dB |
+//! | 264 | u32 × 2 | rays, layers |
+//! | 272 | u8 × width × height | the map, row-major |
+//! | | UTF-8 | name of the tier, then the notice |
+//!
+//! The maps 2 and 3 of a frame precede its grey levels and are sent only to pages that asked for them.
+
+use std::path::Path;
+use std::time::Duration;
+
+use super::super::SinkError;
+use super::super::error::check_shape;
+use super::super::live::{FrameSource, PresentedFrame};
+use crate::pose::TrackingState;
+
+/// Bytes before the map.
+pub const HEADER_BYTES: usize = 272;
+
+const VERSION: u16 = 1;
+/// A longer tier name or notice is cut.
+const TEXT_BYTES_MAX: usize = 1024;
+
+/// Which map a message carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Map {
+    Image = 1,
+    Segmentation = 2,
+    Attenuation = 3,
+}
+
+/// Checks that the maps have the frame's size; segmentation and attenuation may be empty.
+pub(super) fn check(frame: &PresentedFrame) -> Result<(), SinkError> {
+    let shape = [frame.height as usize, frame.width as usize];
+    check_shape(Path::new("the browser's image"), shape, frame.image.len())?;
+    for (name, length) in [("segmentation", frame.segmentation.len()), ("attenuation", frame.attenuation.len())] {
+        if length > 0 {
+            check_shape(Path::new(&format!("the browser's {name}")), shape, length)?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes one message into `out`, which keeps its capacity.
+pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
+    let [tier, notice] = match map {
+        Map::Image => [text(frame.tier.as_deref()), text(frame.notice.as_deref())],
+        Map::Segmentation | Map::Attenuation => [""; 2],
+    };
+    out.clear();
+    header(frame, map, [tier.len() as u16, notice.len() as u16], out);
+    match map {
+        Map::Image => out.extend_from_slice(&frame.image),
+        Map::Segmentation => out.extend_from_slice(&frame.segmentation),
+        Map::Attenuation => out.extend(frame.attenuation.iter().map(|&a| (a * 255.0 + 0.5) as u8)),
+    }
+    out.extend_from_slice(tier.as_bytes());
+    out.extend_from_slice(notice.as_bytes());
+}
+
+fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) {
+    let settings = &frame.settings;
+    let times = &frame.timeline;
+    let source = match frame.source {
+        FrameSource::LowQuality => 0,
+        FrameSource::Enhanced => 1,
+        FrameSource::HeldEnhanced => 2,
+    };
+    let tracking = match frame.tracking {
+        TrackingState::Good => 0,
+        TrackingState::Held => 1,
+        TrackingState::Stale => 2,
+        TrackingState::Lost => 3,
+    };
+    let flags = [
+        frame.pose.is_some(),
+        times.first_byte.is_some(),
+        times.inference.is_some(),
+        settings.frozen,
+        settings.enhance,
+    ];
+    let flags = flags.iter().enumerate().fold(0, |byte, (bit, &set)| byte | u8::from(set) << bit);
+    let pose = frame.pose.map_or([0.0; 7], |pose| pose.components());
+    let ms = |time: Duration| time.as_secs_f64() * 1e3;
+    let (start, end) = times.inference.unwrap_or_default();
+    let first_byte = times.first_byte.unwrap_or_default();
+    let times = [first_byte, times.sampled, times.submitted, times.rendered, start, end, times.presented].map(ms);
+    let image = &settings.image;
+    let values = [image.gain_db, image.dynamic_range_db, image.tgc_db_per_cm, settings.depth_mm, settings.focus_mm];
+
+    out.extend_from_slice(b"INSF");
+    out.extend_from_slice(&VERSION.to_le_bytes());
+    out.extend_from_slice(&[map as u8, source]);
+    out.extend_from_slice(&frame.number.to_le_bytes());
+    out.extend_from_slice(&frame.width.to_le_bytes());
+    out.extend_from_slice(&frame.height.to_le_bytes());
+    out.extend_from_slice(&frame.pixel_mm.to_le_bytes());
+    out.extend_from_slice(&frame.face_row().to_le_bytes());
+    out.extend_from_slice(&[tracking, flags]);
+    for length in texts.into_iter().chain([0]) {
+        out.extend_from_slice(&length.to_le_bytes());
+    }
+    for value in pose.into_iter().chain(times).chain(values).chain(image.tgc_sliders_db) {
+        out.extend_from_slice(&value.to_le_bytes());
+    }
+    out.extend_from_slice(&settings.rays.to_le_bytes());
+    out.extend_from_slice(&settings.layers.to_le_bytes());
+}
+
+/// A text cut to what the header can count, at a character's end.
+fn text(text: Option<&str>) -> &str {
+    let text = text.unwrap_or("");
+    &text[..text.floor_char_boundary(TEXT_BYTES_MAX)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Pose;
+    use crate::sink::live::{FrameTimeline, LiveSettings};
+
+    fn frame() -> PresentedFrame {
+        let seconds = Duration::from_secs_f64;
+        PresentedFrame {
+            number: 7,
+            source: FrameSource::HeldEnhanced,
+            width: 3,
+            height: 4,
+            pixel_mm: 0.25,
+            image: (0..12).collect(),
+            segmentation: (12..24).collect(),
+            attenuation: vec![0.0, 0.5, 1.0, 2.0, -1.0, f32::NAN, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7],
+            mask: vec![255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255],
+            pose: Some(Pose::from_components([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]).unwrap()),
+            tracking: TrackingState::Stale,
+            timeline: FrameTimeline {
+                first_byte: Some(seconds(1.0)),
+                inference: None,
+                presented: seconds(1.05),
+                ..FrameTimeline::default()
+            },
+            settings: LiveSettings { frozen: true, rays: 8, layers: 3, depth_mm: 150.0, ..LiveSettings::default() },
+            tier: Some("MSA".into()),
+            notice: Some("no generator µ".into()),
+        }
+    }
+
+    fn f64_at(bytes: &[u8], offset: usize) -> f64 {
+        f64::from_le_bytes(bytes[offset..offset + 8].try_into().unwrap())
+    }
+
+    #[test]
+    fn every_field_lies_where_the_table_says() {
+        let mut out = Vec::new();
+        encode(&frame(), Map::Image, &mut out);
+        assert_eq!(&out[..8], b"INSF\x01\x00\x01\x02");
+        assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
+        assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
+        assert_eq!(out[40..48], [2, 0b11011, 3, 0, 15, 0, 0, 0]);
+        assert_eq!((f64_at(&out, 48), f64_at(&out, 80)), (1.0, 1.0));
+        assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
+        assert_eq!((f64_at(&out, 168), f64_at(&out, 184)), (60.0, 150.0));
+        assert_eq!((out[264], out[268]), (8, 3));
+        assert_eq!(&out[HEADER_BYTES..HEADER_BYTES + 12], &frame().image[..]);
+        assert_eq!(&out[HEADER_BYTES + 12..], "MSAno generator µ".as_bytes());
+    }
+
+    #[test]
+    fn maps_follow_the_same_header_without_texts() {
+        let (mut seg, mut att) = (Vec::new(), Vec::new());
+        encode(&frame(), Map::Segmentation, &mut seg);
+        encode(&frame(), Map::Attenuation, &mut att);
+        assert_eq!((seg[6], att[6], seg[42], seg.len()), (2, 3, 0, HEADER_BYTES + 12));
+        assert_eq!(&seg[HEADER_BYTES..], &frame().segmentation[..]);
+        assert_eq!(&att[HEADER_BYTES..HEADER_BYTES + 6], &[0, 128, 255, 255, 0, 0]);
+    }
+
+    #[test]
+    fn a_long_notice_is_cut_at_a_character() {
+        let mut out = Vec::new();
+        let notice = Some("µ".repeat(600) + "x");
+        encode(&PresentedFrame { notice, tier: None, ..frame() }, Map::Image, &mut out);
+        assert_eq!(out.len(), HEADER_BYTES + 12 + 1024);
+        assert!(std::str::from_utf8(&out[HEADER_BYTES + 12..]).is_ok());
+    }
+
+    #[test]
+    fn maps_of_another_size_are_refused() {
+        assert!(check(&frame()).is_ok());
+        assert!(check(&PresentedFrame { segmentation: vec![], attenuation: vec![], ..frame() }).is_ok());
+        for wrong in [
+            PresentedFrame { image: vec![0; 11], ..frame() },
+            PresentedFrame { segmentation: vec![0; 13], ..frame() },
+            PresentedFrame { attenuation: vec![0.0; 1], ..frame() },
+        ] {
+            assert!(check(&wrong).is_err());
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! The window's half: events in, pictures out, on the main thread.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tokio::sync::mpsc;
+use winit::application::ApplicationHandler;
+use winit::dpi::LogicalSize;
+use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHandle};
+use winit::keyboard::{Key, NamedKey};
+use winit::window::{Fullscreen, Window, WindowId};
+
+use super::Settings;
+use super::graphics::{Drawn, Graphics, Look};
+use super::marks::{self, Banner, Figures};
+use super::sink::{NAME, Shown, Wake, WindowSlot};
+use crate::sink::SinkError;
+use crate::sink::canvas::Canvas;
+use crate::sink::hot_keys::{self, Action};
+use crate::sink::live::{Control, LiveSettings};
+
+/// Without a new frame for so long a picture that is not frozen is no longer live.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Figures change so often, and silence is looked for.
+const TICK: Duration = Duration::from_millis(500);
+/// After a key its value counts for so long: frames made before lag behind.
+const HOLD: Duration = Duration::from_millis(900);
+/// Graphics that are lost again at once, this often, are given up.
+const REBUILDS_MAX: u32 = 5;
+
+/// Opens the window and shows what comes into `slot`, until the window is closed or the sink ends. Keys go to `controls`;
+/// closing the window is [`Control::Quit`].
+///
+/// # Errors
+/// There is no display, no graphics device can show a window, or it is lost again and again.
+///
+/// # Panics
+/// On some systems where this is not the main thread.
+pub fn run_on_main_thread(
+    slot: WindowSlot,
+    settings: &Settings,
+    controls: mpsc::Sender<Control>,
+) -> Result<(), SinkError> {
+    let result = run(&slot, settings, controls);
+    let mut state = slot.state();
+    state.window_gone = Some(if result.is_ok() { "the window was closed" } else { "the window failed" });
+    state.proxy = None;
+    result
+}
+
+fn run(slot: &WindowSlot, settings: &Settings, controls: mpsc::Sender<Control>) -> Result<(), SinkError> {
+    let event_loop = EventLoop::<Wake>::with_user_event().build().map_err(|e| {
+        let remedy = "a window needs a display: set DISPLAY or WAYLAND_DISPLAY, or use the page ([browser])";
+        failed(format!("{e}; {remedy}"))
+    })?;
+    slot.state().proxy = Some(event_loop.create_proxy());
+    let mut app = App {
+        slot: slot.clone(),
+        full_screen: settings.full_screen,
+        controls,
+        display: event_loop.owned_display_handle(),
+        window: None,
+        shown: None,
+        spare: Shown::default(),
+        canvas: Canvas::new(1, 1, [0; 3]),
+        drawn_figures: None,
+        drawn_settings: None,
+        wanted: LiveSettings::default(),
+        wanted_at: None,
+        arrivals: 0,
+        frames_per_s: 0,
+        latency_ms: 0,
+        counted_at: Instant::now(),
+        newest_at: Instant::now(),
+        help: false,
+        rebuilds: 0,
+        error: None,
+    };
+    event_loop.run_app(&mut app).map_err(|e| failed(e.to_string()))?;
+    app.error.map_or(Ok(()), Err)
+}
+
+fn failed(reason: String) -> SinkError {
+    SinkError::Ended { sink: NAME, reason }
+}
+
+struct App {
+    slot: WindowSlot,
+    full_screen: bool,
+    controls: mpsc::Sender<Control>,
+    display: OwnedDisplayHandle,
+    window: Option<(Arc<Window>, Graphics)>,
+    shown: Option<Shown>,
+    spare: Shown,
+    canvas: Canvas,
+    /// What the marks show, to draw them only when it changes.
+    drawn_figures: Option<Figures>,
+    drawn_settings: Option<Shown>,
+    /// Settings that the keys asked for.
+    wanted: LiveSettings,
+    wanted_at: Option<Instant>,
+    arrivals: usize,
+    frames_per_s: usize,
+    latency_ms: u64,
+    counted_at: Instant,
+    newest_at: Instant,
+    help: bool,
+    rebuilds: u32,
+    error: Option<SinkError>,
+}
+
+impl App {
+    fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<(), String> {
+        let attributes = Window::default_attributes()
+            .with_title("insonify")
+            .with_inner_size(LogicalSize::new(1440.0, 900.0))
+            .with_fullscreen(self.full_screen.then_some(Fullscreen::Borderless(None)));
+        let window = Arc::new(event_loop.create_window(attributes).map_err(|e| e.to_string())?);
+        let graphics = Graphics::new(&window, self.display.clone())?;
+        self.window = Some((window, graphics));
+        self.redraw_all();
+        Ok(())
+    }
+
+    fn fail(&mut self, event_loop: &ActiveEventLoop, reason: String) {
+        self.error = Some(failed(reason));
+        event_loop.exit();
+    }
+
+    /// Forgets what the marks show and uploads everything at the next drawing.
+    fn redraw_all(&mut self) {
+        self.drawn_figures = None;
+        if let (Some((window, graphics)), Some(shown)) = (&mut self.window, &self.shown) {
+            graphics.set_picture(shown.width, shown.height, &shown.image);
+            window.request_redraw();
+        }
+    }
+
+    /// Looks into the slot.
+    fn look(&mut self, event_loop: &ActiveEventLoop) {
+        self.take_newest();
+        if self.slot.state().sink_ended {
+            event_loop.exit();
+        }
+    }
+
+    fn take_newest(&mut self) {
+        if !self.slot.take(&mut self.spare) {
+            return;
+        }
+        let shown = self.shown.get_or_insert_default();
+        std::mem::swap(shown, &mut self.spare);
+        (self.newest_at, self.arrivals) = (Instant::now(), self.arrivals + 1);
+        if self.wanted_at.is_none_or(|at| at.elapsed() > HOLD) {
+            self.wanted = shown.settings;
+        }
+        if let Some((window, graphics)) = &mut self.window {
+            graphics.set_picture(shown.width, shown.height, &shown.image);
+            window.request_redraw();
+        }
+    }
+
+    fn draw(&mut self, event_loop: &ActiveEventLoop) {
+        let Some((window, graphics)) = &mut self.window else { return };
+        let size = window.inner_size();
+        let scale = (window.scale_factor().round() as u32).max(1);
+        let marks_size = (size.width.div_ceil(scale).max(1), size.height.div_ceil(scale).max(1));
+        let shown = self.shown.as_ref();
+        let banner = marks::banner(shown, self.newest_at.elapsed() > SILENCE);
+        let (frames_per_s, latency_ms) = (self.frames_per_s, self.latency_ms);
+        let figures = Figures { frames_per_s, latency_ms, help: self.help, banner };
+        let resized = self.canvas.size() != marks_size;
+        if resized || self.drawn_figures != Some(figures) || labels_differ(shown, self.drawn_settings.as_ref()) {
+            if resized {
+                self.canvas = Canvas::new(marks_size.0, marks_size.1, [0; 3]);
+            }
+            marks::draw(&mut self.canvas, shown, &figures);
+            graphics.set_marks(&self.canvas);
+            self.drawn_figures = Some(figures);
+            self.drawn_settings = shown.map(|shown| Shown { image: Vec::new(), ..labels(shown) });
+        }
+        let picture = marks::place(shown.map_or((1, 1), |s| (s.width, s.height)), marks_size);
+        let brightness = match banner {
+            Some(Banner::Waiting) => 0.0,
+            Some(Banner::Silent | Banner::Lost) => 0.4,
+            Some(Banner::Stale) | None => 1.0,
+        };
+        window.pre_present_notify();
+        match graphics.draw(&Look { picture, brightness, marks_scale: scale }) {
+            Drawn::Done => self.rebuilds = 0,
+            Drawn::Again => window.request_redraw(),
+            Drawn::Lost => self.rebuild(event_loop),
+        }
+    }
+
+    /// Builds device and surface anew.
+    fn rebuild(&mut self, event_loop: &ActiveEventLoop) {
+        self.rebuilds += 1;
+        if self.rebuilds > REBUILDS_MAX {
+            return self.fail(event_loop, "its graphics are lost again and again; update the driver".to_owned());
+        }
+        tracing::warn!("the window's surface was lost; it is built anew");
+        // A window takes one surface at a time: the old one goes first.
+        let Some((window, graphics)) = self.window.take() else { return };
+        drop(graphics);
+        match Graphics::new(&window, self.display.clone()) {
+            Ok(graphics) => {
+                self.window = Some((window, graphics));
+                self.redraw_all();
+            }
+            Err(reason) => self.fail(event_loop, reason),
+        }
+    }
+
+    fn key(&mut self, event_loop: &ActiveEventLoop, key: &Key) {
+        let action = match key {
+            Key::Named(NamedKey::Escape) if self.help => Some(Action::Help),
+            key => key_name(key).and_then(hot_keys::action),
+        };
+        let Some(action) = action else { return };
+        match action {
+            Action::Help => self.help = !self.help,
+            Action::FullScreen => {
+                if let Some((window, _)) = &self.window {
+                    let full = window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+                    window.set_fullscreen(full);
+                }
+            }
+            Action::Quit => return self.quit(event_loop),
+            action => {
+                self.wanted_at = Some(Instant::now());
+                let controls = &self.controls;
+                hot_keys::controls(action, &mut self.wanted, |control| {
+                    if let Err(e) = controls.try_send(control) {
+                        tracing::warn!("a key was not followed: {e}");
+                    }
+                });
+            }
+        }
+        if let Some((window, _)) = &self.window {
+            window.request_redraw();
+        }
+    }
+
+    fn quit(&mut self, event_loop: &ActiveEventLoop) {
+        if let Err(e) = self.controls.try_send(Control::Quit) {
+            tracing::warn!("the window is closed, but the session did not hear of it: {e}");
+        }
+        event_loop.exit();
+    }
+}
+
+/// What the marks show of a frame.
+fn labels(shown: &Shown) -> Shown {
+    Shown {
+        image: Vec::new(),
+        latency: Duration::ZERO,
+        tier: shown.tier.clone(),
+        notice: shown.notice.clone(),
+        ..*shown
+    }
+}
+
+fn labels_differ(shown: Option<&Shown>, drawn: Option<&Shown>) -> bool {
+    match (shown, drawn) {
+        (None, None) => false,
+        (Some(a), Some(b)) => {
+            (a.width, a.height, a.source, a.tracking) != (b.width, b.height, b.source, b.tracking)
+                || (a.pixel_mm, a.face_row) != (b.pixel_mm, b.face_row)
+                || a.settings != b.settings
+                || a.tier != b.tier
+                || a.notice != b.notice
+        }
+        _ => true,
+    }
+}
+
+/// The key's name as in `KeyboardEvent.key`.
+fn key_name(key: &Key) -> Option<&str> {
+    match key {
+        Key::Character(text) => Some(text.as_str()),
+        Key::Named(named) => Some(match named {
+            NamedKey::Space => " ",
+            NamedKey::ArrowUp => "ArrowUp",
+            NamedKey::ArrowDown => "ArrowDown",
+            NamedKey::ArrowLeft => "ArrowLeft",
+            NamedKey::ArrowRight => "ArrowRight",
+            NamedKey::PageUp => "PageUp",
+            NamedKey::PageDown => "PageDown",
+            NamedKey::Home => "Home",
+            NamedKey::End => "End",
+            _ => return None,
+        }),
+        _ => None,
+    }
+}
+
+impl ApplicationHandler<Wake> for App {
+    fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
+        if !matches!(cause, StartCause::ResumeTimeReached { .. } | StartCause::Init) {
+            return;
+        }
+        let seconds = self.counted_at.elapsed().as_secs_f64();
+        if seconds >= 1.0 {
+            self.frames_per_s = (self.arrivals as f64 / seconds).round() as usize;
+            (self.arrivals, self.counted_at) = (0, Instant::now());
+        }
+        self.latency_ms = self.shown.as_ref().map_or(0, |shown| shown.latency.as_millis() as u64);
+        if let Some((window, _)) = &self.window {
+            window.request_redraw();
+        }
+        event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now() + TICK));
+    }
+
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.window.is_none()
+            && let Err(reason) = self.open(event_loop)
+        {
+            self.fail(event_loop, reason);
+        }
+        // What came before there was anybody to wake.
+        self.look(event_loop);
+    }
+
+    fn user_event(&mut self, event_loop: &ActiveEventLoop, _wake: Wake) {
+        self.look(event_loop);
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {
+        match event {
+            WindowEvent::CloseRequested => self.quit(event_loop),
+            WindowEvent::Resized(size) => {
+                if let Some((window, graphics)) = &mut self.window {
+                    graphics.resize(size.width, size.height);
+                    window.request_redraw();
+                }
+            }
+            WindowEvent::ScaleFactorChanged { .. } => self.redraw_all(),
+            WindowEvent::RedrawRequested => self.draw(event_loop),
+            WindowEvent::KeyboardInput { event, .. } => {
+                let KeyEvent { logical_key, state: ElementState::Pressed, .. } = event else { return };
+                self.key(event_loop, &logical_key);
+            }
+            _ => {}
+        }
+    }
+
+    fn exiting(&mut self, _event_loop: &ActiveEventLoop) {
+        // The surface goes before the connection to the display.
+        self.window = None;
+    }
+}

@@ -1,0 +1,26 @@
+//! A native window that shows the live station, with the page's keys.
+//!
+//! Window systems want their events read on the main thread, so the window has two halves: [`WindowSink`] goes to the sinks,
+//! and [`run_on_main_thread`] is given the [`WindowSlot`] on the main thread, where it stays until the window is closed or the
+//! sink ends. Between them lies one frame, the newest.
+
+#[cfg(feature = "window")]
+mod event_loop;
+#[cfg(feature = "window")]
+mod graphics;
+#[cfg(feature = "window")]
+mod marks;
+#[cfg(feature = "window")]
+mod sink;
+
+#[cfg(feature = "window")]
+pub use event_loop::run_on_main_thread;
+#[cfg(feature = "window")]
+pub use sink::{WindowSink, WindowSlot};
+
+/// The `[window]` of a station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Settings {
+    /// Whether the window fills the screen at first.
+    pub full_screen: bool,
+}

@@ -1,0 +1,90 @@
+//! `[browser]`: where the page is served.
+
+use std::net::IpAddr;
+
+use super::StationError;
+use super::keys::Accepts;
+use super::values::Values;
+use crate::sink::browser::Settings;
+
+/// What the table `[browser]` says. An address, token or name that can't be used is refused here, not at the start.
+pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
+    let mut settings = Settings::default();
+    let refuse = |key: &str, found: &str, accepts| StationError::Range {
+        key: format!("browser.{key}"),
+        found: format!("\"{found}\""),
+        accepts: Accepts::Text(accepts),
+        suggestion: String::new(),
+    };
+    if let Some(text) = values.text("address") {
+        settings.address = text.parse::<IpAddr>().map_err(|_| refuse("address", text, ADDRESS))?;
+    }
+    if let Some(port) = values.integer("port").and_then(|port| u16::try_from(port).ok()) {
+        settings.port = port;
+    }
+    if let Some(text) = values.text("token") {
+        if !Settings::accepts_token(text) {
+            // The token itself stays out of logs.
+            return Err(refuse("token", "...", TOKEN));
+        }
+        settings.token = Some(text.to_owned());
+    }
+    if let Some(text) = values.text("host_name") {
+        let accepted = text.len() <= 253 && text.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'.');
+        if !accepted {
+            return Err(refuse("host_name", text, HOST_NAME));
+        }
+        settings.host_name = Some(text.to_owned());
+    }
+    if let Some(clients) = values.integer("clients_max") {
+        settings.clients_max = clients as usize;
+    }
+    Ok(settings)
+}
+
+pub(super) const ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
+pub(super) const TOKEN: &str = "16 or more of A-Z a-z 0-9 - _";
+pub(super) const HOST_NAME: &str = "a name without port, as \"station.local\"";
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::station::Station;
+
+    fn parse(browser: &str) -> Result<Station, StationError> {
+        Station::parse(&format!("[scene]\nphantom = \"obstetric\"\n{browser}"), Path::new("."))
+    }
+
+    #[test]
+    fn a_station_without_the_table_has_no_page() {
+        assert_eq!(parse("").unwrap().browser, None);
+        assert_eq!(parse("[browser]").unwrap().browser, Some(Settings::default()));
+    }
+
+    #[test]
+    fn every_key_is_read() {
+        let text = "[browser]\naddress = \"0.0.0.0\"\nport = 0\ntoken = \"0123456789abcdef\"\nhost_name = \"a.local\"\nclients_max = 2";
+        let settings = parse(text).unwrap().browser.unwrap();
+        assert!(settings.address.is_unspecified());
+        assert_eq!((settings.port, settings.clients_max), (0, 2));
+        assert_eq!(settings.token.as_deref(), Some("0123456789abcdef"));
+        assert_eq!(settings.host_name.as_deref(), Some("a.local"));
+    }
+
+    #[test]
+    fn mistakes_name_the_key_and_keep_tokens_secret() {
+        for (text, part) in [
+            ("address = \"localhost\"", "browser.address"),
+            ("port = 65536", "browser.port"),
+            ("token = \"short secret\"", "browser.token"),
+            ("host_name = \"http://a\"", "browser.host_name"),
+            ("clients_max = 0", "browser.clients_max"),
+            ("adress = \"::1\"", "address"),
+        ] {
+            let error = parse(&format!("[browser]\n{text}")).unwrap_err().to_string();
+            assert!(error.contains(part) && !error.contains("secret"), "{error}");
+        }
+    }
+}

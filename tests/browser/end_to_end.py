@@ -1,0 +1,233 @@
+#!/usr/bin/env python3
+"""The live page in a headless Chromium, fed with rendered frames by examples/browser_demo.rs.
+
+usage: end_to_end.py BROWSER_DEMO [--screenshot FILE]
+
+Exit code 77: no chromium or chromedriver was found, nothing was tested.
+"""
+
+import argparse
+import pathlib
+import struct
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+import webdriver  # noqa: E402
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+# Grey statistics of the canvas: mean, a hash of the pixels, number of coloured ones.
+LOOK = """
+const canvas = document.getElementById("picture");
+const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+let sum = 0, hash = 0, coloured = 0;
+for (let i = 0; i < pixels.length; i += 4) {
+  sum += pixels[i + 1];
+  hash = (Math.imul(hash, 31) + pixels[i] + 7 * pixels[i + 1] + 13 * pixels[i + 2]) | 0;
+  if (pixels[i] !== pixels[i + 1] || pixels[i + 1] !== pixels[i + 2]) coloured++;
+}
+return { mean: sum / (pixels.length / 4), hash, coloured, width: canvas.width,
+         frame: Number(document.body.dataset.frame ?? -1) };
+"""
+SLIDE = """
+const input = document.getElementById(arguments[0]);
+input.value = arguments[1];
+input.dispatchEvent(new Event("input", { bubbles: true }));
+input.dispatchEvent(new Event("change", { bubbles: true }));
+"""
+
+
+class Station:
+    """The demo as a child process."""
+
+    def __init__(self, program, port=0):
+        command = [program, str(ROOT / "configs/sphere.toml"), "--width", "480", "--port", str(port)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        first = self.process.stdout.readline().split()
+        assert first[:1] == ["address"], f"the demo did not start: {first}"
+        self.address = first[1]
+        self.port = int(self.address.rsplit(":", 1)[1].strip("/"))
+
+    def say(self, line):
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def end(self):
+        if self.process.poll() is None:
+            self.say("quit")
+        try:
+            self.process.wait(20)
+        finally:
+            self.process.kill()
+            self.process.stdin.close()
+            self.process.stdout.close()
+
+
+def text(page, selector):
+    return page.script("return document.querySelector(arguments[0]).textContent", selector)
+
+
+def visible(page, selector):
+    return page.script("return document.querySelector(arguments[0]).checkVisibility()", selector)
+
+
+def frames_arrive_and_change(page):
+    first = page.wait("a picture", lambda: (look := page.script(LOOK))["mean"] > 5 and look)
+    assert first["width"] == 480, first
+    page.wait("another picture", lambda: (look := page.script(LOOK))["frame"] > first["frame"] and look["hash"] != first["hash"])
+    page.wait("the badge", lambda: text(page, "#run") == "LIVE")
+    assert text(page, "#tracking") == "TRACKING" and text(page, "#source") == "LOW QUALITY"
+    page.wait("no banner", lambda: not visible(page, "#banner"))
+
+
+def sliders_change_the_picture(page):
+    before = page.script(LOOK)["mean"]
+    page.script(SLIDE, "gain_db", 20)
+    page.wait("a brighter picture", lambda: page.script(LOOK)["mean"] > before + 10)
+    page.wait("the gain in the frame's settings", lambda: text(page, "label:has(#gain_db) output") == "20 dB")
+    page.script(SLIDE, "gain_db", 0)
+    page.wait("the picture as before", lambda: abs(page.script(LOOK)["mean"] - before) < 5)
+
+    page.script(SLIDE, "tgc_7", -24)
+    page.wait("a darker picture", lambda: page.script(LOOK)["mean"] < before - 2)
+    page.press("t")
+    page.wait("the picture as before", lambda: abs(page.script(LOOK)["mean"] - before) < 2)
+
+    pixel = float(page.script("return stage.dataset.pixelMm"))
+    for _ in range(3):
+        page.press("\ue00f")  # Page Down
+    page.wait("a deeper picture", lambda: float(page.script("return stage.dataset.pixelMm")) > 1.1 * pixel)
+    page.wait("the depth", lambda: text(page, "label:has(#depth_mm) output") == "18.0 cm")
+    page.script(SLIDE, "depth_mm", 150)
+    page.wait("the depth as before", lambda: float(page.script("return stage.dataset.pixelMm")) == pixel)
+
+    page.click("#quality button:nth-child(2)")
+    chosen = "return document.querySelector('#quality [aria-pressed=true]')?.dataset.rays"
+    page.wait("the middle quality", lambda: page.script(chosen) == "8")
+    page.press("1")
+    page.wait("low quality", lambda: page.script(chosen) == "1")
+
+
+def freeze_freezes(page):
+    page.click("#freeze")
+    page.wait("the badge", lambda: text(page, "#run") == "FROZEN")
+    frozen = page.script(LOOK)
+    # Overlays, too, are of the frozen frame; nothing is rendered for them.
+    page.click("label.switch:has(#attenuation)")
+    page.wait("an overlay on the frozen picture", lambda: page.script(LOOK)["coloured"] > 1000)
+    page.click("label.switch:has(#attenuation)")
+    page.wait("the frozen picture", lambda: page.script(LOOK)["coloured"] == 0)
+    for _ in range(10):
+        look = page.script(LOOK)
+        assert (look["hash"], look["frame"]) == (frozen["hash"], frozen["frame"]), (look, frozen)
+    assert text(page, "#run") == "FROZEN" and not visible(page, "#banner")
+    measure(page)
+    page.press(" ")
+    page.wait("frames again", lambda: text(page, "#run") == "LIVE" and page.script(LOOK)["hash"] != frozen["hash"])
+
+
+def measure(page):
+    page.press("c")
+    box = page.script("const b = document.getElementById('picture').getBoundingClientRect(); return [b.width, b.height]")
+    page.click_at("#picture", int(0.5 * box[0]), int(0.3 * box[1]))
+    page.click_at("#picture", int(0.5 * box[0]), int(0.6 * box[1]))
+    pixel_mm = float(page.script("return stage.dataset.pixelMm"))
+    expected = 0.3 * page.script("return picture.height") * pixel_mm
+    found = float(page.wait("a length", lambda: page.script("return stage.dataset.lengthMm")))
+    assert abs(found - expected) < 2, f"{found} mm, expected about {expected:.1f} mm"
+    page.press("\ue017")  # Delete
+    page.press("c")
+
+
+def overlays_show_tissues(page):
+    page.press("s")
+    page.wait("colours", lambda: page.script(LOOK)["coloured"] > 10_000)
+    page.wait("the legend", lambda: "amniotic fluid" in text(page, "#legend") and "liver" in text(page, "#legend"))
+
+
+def states_are_unmistakable(page, station):
+    for state, title in [("stale", "STALE"), ("lost", "TRACKING LOST")]:
+        station.say(f"tracking {state}")
+        page.wait(title, lambda title=title: visible(page, "#banner") and title in text(page, "#banner"))
+    station.say("tracking good")
+    page.wait("no banner", lambda: not visible(page, "#banner"))
+    station.say("source held")
+    page.wait("the source", lambda: text(page, "#source") == "HELD")
+    station.say("notice <b>one</b> thing")
+    page.wait("the notice as text", lambda: text(page, "#notice") == "<b>one</b> thing")
+    station.say("notice ")
+    station.say("source low")
+
+
+def pages_are_saved(page, downloads):
+    page.press("p")
+    file = page.wait("the file", lambda: next(downloads.glob("insonify_*.png"), None))
+    content = page.wait("its bytes", lambda: file.read_bytes())
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", content[16:24])
+    assert (width, height) == (480 + 108, 346 + 74), (width, height)
+
+
+def comes_back_after_a_restart(page, station, program):
+    page.log()
+    port = station.port
+    station.end()
+    page.wait("the banner", lambda: visible(page, "#banner") and "NO CONNECTION" in text(page, "#banner"))
+    assert text(page, "#run") == "OFFLINE"
+    old = page.script(LOOK)["hash"]
+    station = Station(program, port)
+    page.wait("frames of the new server", lambda: text(page, "#run") == "LIVE" and page.script(LOOK)["hash"] != old, 40)
+    page.wait("the overlay, asked for again", lambda: page.script(LOOK)["coloured"] > 10_000)
+    page.wait("no banner", lambda: not visible(page, "#banner"))
+    return station
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("program")
+    parser.add_argument("--screenshot", type=pathlib.Path)
+    arguments = parser.parse_args()
+    if not webdriver.available():
+        print("skipped: chromium and chromedriver are not installed (Debian: chromium, chromium-driver)")
+        return 77
+    downloads = tempfile.TemporaryDirectory(prefix="insonify-downloads-")
+    station = Station(arguments.program)
+    page = None
+    try:
+        page = webdriver.Browser(downloads=downloads.name)
+        page.open(station.address)
+        steps = [
+            ("frames arrive and change", lambda: frames_arrive_and_change(page)),
+            ("sliders change the picture", lambda: sliders_change_the_picture(page)),
+            ("freeze freezes", lambda: freeze_freezes(page)),
+            ("overlays show tissues", lambda: overlays_show_tissues(page)),
+            ("states are unmistakable", lambda: states_are_unmistakable(page, station)),
+            ("the picture is saved", lambda: pages_are_saved(page, pathlib.Path(downloads.name))),
+        ]
+        for name, step in steps:
+            step()
+            print(f"ok  {name}", flush=True)
+        errors = [entry for entry in page.log() if entry["level"] == "SEVERE"]
+        assert not errors, errors
+        station = comes_back_after_a_restart(page, station, arguments.program)
+        print("ok  it comes back after a restart", flush=True)
+        if arguments.screenshot:
+            page.screenshot(arguments.screenshot)
+            print(f"ok  screenshot in {arguments.screenshot}")
+        return 0
+    except Exception:
+        if page:
+            page.screenshot("/tmp/insonify_browser_failure.png")
+            print("the page when it failed: /tmp/insonify_browser_failure.png", file=sys.stderr)
+        raise
+    finally:
+        if page:
+            page.close()
+        station.end()
+        downloads.cleanup()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
