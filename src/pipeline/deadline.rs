@@ -57,9 +57,9 @@ impl Chooser {
         Self { settings, enhanced: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
     }
 
-    /// Whether generated pictures are shown, so that one is worth waiting for.
-    pub fn shows_enhanced(&self) -> bool {
-        self.enhanced
+    /// Whether a frame's own generated picture is worth waiting for: such are shown, or would be from this one on.
+    pub fn waits(&self) -> bool {
+        self.enhanced || self.in_time >= self.row
     }
 
     /// The generated picture of frame `number` was ready at `ready`, to be used until `deadline`.

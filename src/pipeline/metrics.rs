@@ -207,9 +207,12 @@ impl Recent {
     }
 
     fn median_ms(&self) -> Option<f64> {
-        let mut latencies: Vec<_> = self.frames.iter().filter_map(|(_, latency)| *latency).collect();
+        let mut latencies = [Duration::ZERO; RECENT];
+        let known = self.frames.iter().filter_map(|(_, latency)| *latency);
+        let count = latencies.iter_mut().zip(known).map(|(slot, latency)| *slot = latency).count();
+        let latencies = latencies.get_mut(..count)?;
         latencies.sort_unstable();
-        latencies.get(latencies.len() / 2).map(|l| l.as_secs_f64() * 1e3)
+        latencies.get(count / 2).map(|l| l.as_secs_f64() * 1e3)
     }
 }
 

@@ -85,7 +85,7 @@ impl Presenter {
     /// Waits for the frame's own generated picture, as long as it can be expected before the deadline.
     fn await_own(&self, rendered: &Rendered, state: &mut State) {
         let Some(generator) = &self.generator else { return };
-        if !state.chooser.shows_enhanced() || !rendered.settings.enhance || rendered.pose.is_none() {
+        if !state.chooser.waits() || !rendered.settings.enhance || rendered.pose.is_none() {
             return;
         }
         loop {

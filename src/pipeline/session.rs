@@ -31,9 +31,6 @@ const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// How long each part may take to end.
 const PART_TIME: Duration = Duration::from_secs(3);
 
-/// How long all sinks together may take to end: a video has to be completed.
-const SINK_TIME: Duration = Duration::from_secs(10);
-
 /// How often a part is asked whether it has ended.
 const ASK_PERIOD: Duration = Duration::from_millis(5);
 
@@ -48,12 +45,14 @@ pub struct Settings {
     pub choice: ChoiceSettings,
     /// A generator run of this length hangs, ms.
     pub hang_ms: f64,
+    /// How long the sinks may take to finish at the end: a video has to be completed, ms.
+    pub finish_ms: f64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
         let choice = ChoiceSettings { hold_mm: 0.3, hold_deg: 0.3, steady_frames: 8 };
-        Self { frame_rate_hz: 30.0, budget_ms: 100.0, choice, hang_ms: 5000.0 }
+        Self { frame_rate_hz: 30.0, budget_ms: 100.0, choice, hang_ms: 5000.0, finish_ms: 10_000.0 }
     }
 }
 
@@ -130,6 +129,7 @@ pub struct Pipeline {
     before: Vec<Box<dyn Part>>,
     after: Vec<Box<dyn Part>>,
     duration: Option<Duration>,
+    finish: Duration,
 }
 
 impl Pipeline {
@@ -236,6 +236,7 @@ impl Pipeline {
 
         Ok(Self {
             duration: limits.duration.map(|duration| started_at.saturating_add(duration)),
+            finish: seconds(settings.finish_ms),
             stages: Stages { render, generate, presenter, sinks },
             before: parts.before,
             after: parts.after,
@@ -253,7 +254,7 @@ impl Pipeline {
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
-        self.metrics.status(self.clock.now(), drops(&self.metrics, &self.to_presenter).values().sum(), notice)
+        self.metrics.status(self.clock.now(), drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum(), notice)
     }
 
     /// Ends every part in its order, none waited for without bound, and says what the session did.
@@ -274,7 +275,7 @@ impl Pipeline {
         self.to_presenter.close();
         join(&self.clock, presenter, &mut stuck);
         sinks.iter().for_each(SinkStage::close);
-        let until = self.clock.now().saturating_add(SINK_TIME);
+        let until = self.clock.now().saturating_add(self.finish);
         let sinks: Vec<_> = sinks.into_iter().map(|sink| sink.join(until)).collect();
         for sink in sinks.iter().filter(|sink| sink.stuck) {
             self.events.warn(format!("{} doesn't come back and is left behind", sink.name));
@@ -295,8 +296,13 @@ impl Pipeline {
             }
         });
         self.to_presenter.clear();
-        let (metrics, drops) = (&self.metrics, drops(&self.metrics, &self.to_presenter));
+        let metrics = &self.metrics;
+        let mut drops = BTreeMap::from(drops(metrics, &self.to_presenter));
         metrics.shown(|shown| {
+            if !stuck.is_empty() {
+                let known = shown.presented + drops.values().sum::<u64>();
+                drops.insert("left in a stuck stage", counted(&metrics.produced).saturating_sub(known));
+            }
             let span_s = shown.first.map_or(0.0, |first| (shown.last - first).as_secs_f64());
             let intervals = shown.presented.saturating_sub(1) as f64;
             let enhanced = shown.by_source[0] + shown.by_source[1];
@@ -328,13 +334,13 @@ impl Pipeline {
 }
 
 /// Frames begun and not presented, by cause.
-fn drops(metrics: &Metrics, to_presenter: &Slot<Arc<Rendered>>) -> BTreeMap<&'static str, u64> {
-    BTreeMap::from([
+fn drops(metrics: &Metrics, to_presenter: &Slot<Arc<Rendered>>) -> [(&'static str, u64); 4] {
+    [
         ("replaced before presentation", to_presenter.dropped()),
         ("lost with the device", counted(&metrics.device_lost)),
         ("held by slow sinks", counted(&metrics.frames_held)),
         ("session ended", counted(&metrics.ended)),
-    ])
+    ]
 }
 
 /// Waits for a stage's end; true if it is left behind.

@@ -70,7 +70,7 @@ impl SinkStage {
             offered: slot.offered(),
             taken: counted(&counts.taken),
             dropped: slot.dropped(),
-            failed: counted(&counts.failed),
+            failed: counted(&counts.failed) + u64::from(matches!(joined, Joined::Panicked)),
             error,
             stuck: matches!(joined, Joined::Stuck),
         }

@@ -4,9 +4,11 @@
 //! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
 //! the probe's kind is an error that names the key and what would be right.
 
+mod display;
 mod error;
 mod keys;
 mod parse;
+mod pipeline;
 mod values;
 
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ use std::path::{Path, PathBuf};
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::Pose;
 use crate::render::RenderSettings;
+use crate::sink::LiveSinkKind;
 use crate::transducer::Probe;
 
 pub use error::StationError;
@@ -46,6 +49,10 @@ pub struct Station {
     pub tissues: TissueTable,
     /// Pose used when none is given.
     pub default_pose: Option<Pose>,
+    /// Rate, budget and choice of a live session.
+    pub pipeline: crate::pipeline::Settings,
+    /// Where a live session's frames go.
+    pub sinks: Vec<LiveSinkKind>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

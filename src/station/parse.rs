@@ -20,7 +20,7 @@ const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mh
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
         text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
-    let tables = ["scene", "probe", "image", "quality", "pose", "tissues"];
+    let tables = ["scene", "probe", "image", "quality", "pose", "pipeline", "display", "tissues"];
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
         let suggestion = did_you_mean(table, tables);
         return Err(StationError::UnknownTable { table: table.clone(), suggestion, known: tables.join(", ") });
@@ -33,7 +33,9 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let probe = probe(&section(&mut root, "probe")?)?;
     let settings = settings(&section(&mut root, "image")?, &section(&mut root, "quality")?)?;
     let default_pose = pose(&mut root)?;
-    Ok(Station { scene, background, probe, settings, tissues, default_pose, path: dir.to_owned() })
+    let pipeline = super::pipeline::settings(&section(&mut root, "pipeline")?);
+    let sinks = super::display::sinks(&section(&mut root, "display")?);
+    Ok(Station { scene, background, probe, settings, tissues, default_pose, pipeline, sinks, path: dir.to_owned() })
 }
 
 /// Index of the background tissue `name`.

@@ -37,6 +37,10 @@ impl Values {
         self.values.get(key)?.as_str()
     }
 
+    pub(super) fn words(&self, key: &str) -> Option<Vec<&str>> {
+        Some(self.values.get(key)?.as_array()?.iter().filter_map(Value::as_str).collect())
+    }
+
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         number(self.values.get(key)?)
     }
@@ -116,6 +120,13 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
             let word = value.as_str().ok_or_else(wrong)?;
             suggestion = did_you_mean(word, words.iter().copied());
             words.contains(&word)
+        }
+        Accepts::AnyOf(words) => {
+            let found = value.as_array().ok_or_else(wrong)?;
+            let found = found.iter().map(Value::as_str).collect::<Option<Vec<_>>>().ok_or_else(wrong)?;
+            let unknown = found.iter().find(|word| !words.contains(word));
+            suggestion = unknown.map_or_else(String::new, |word| did_you_mean(word, words.iter().copied()));
+            unknown.is_none()
         }
         Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
         Accepts::Table => value.is_table(),
