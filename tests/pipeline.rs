@@ -338,11 +338,7 @@ impl Session {
             stop: self.stop,
             poses: self.poses,
             renderer: Box::new(device()),
-            factory: Box::new(Factory {
-                clock: self.clock,
-                device: Box::new(device),
-                failures: self.build_failures,
-            }),
+            factory: Box::new(Factory { clock: self.clock, device: Box::new(device), failures: self.build_failures }),
             probe: Probe::default(),
             render: RenderSettings::default(),
             enhancer: self.enhancer,
@@ -597,8 +593,7 @@ fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
     let _guard = beside_others();
     let (clock, log) = (clock(), Log::default());
     let stop_run = Arc::new(insonify::pipeline::Signal::default());
-    let (clock_of, clock_too, stopped, stops, mut run) =
-        (clock.clone(), clock.clone(), stop_run.clone(), stop_run, 0);
+    let (clock_of, clock_too, stopped, stops, mut run) = (clock.clone(), clock.clone(), stop_run.clone(), stop_run, 0);
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
         run += 1;
         if run == 40 {
@@ -848,19 +843,28 @@ fn exactly_as_many_frames_as_were_asked_for() {
     assert_eq!((summary.presented, seen(&log).len()), (17, 17));
 }
 
-struct Heard(Mutex<(Vec<(u64, String)>, u64, u64)>);
+/// Events, and how many poses and settings.
+#[derive(Default)]
+struct Counted {
+    events: Vec<(u64, String)>,
+    poses: u64,
+    settings: u64,
+}
+
+#[derive(Default)]
+struct Heard(Mutex<Counted>);
 
 impl Observer for Heard {
     fn event(&self, unix_ns: u64, text: &str) {
-        self.0.lock().unwrap().0.push((unix_ns, text.to_owned()));
+        self.0.lock().unwrap().events.push((unix_ns, text.to_owned()));
     }
 
     fn pose(&self, _: u64, _: &PoseSample) {
-        self.0.lock().unwrap().1 += 1;
+        self.0.lock().unwrap().poses += 1;
     }
 
     fn settings(&self, _: u64, _: &LiveSettings) {
-        self.0.lock().unwrap().2 += 1;
+        self.0.lock().unwrap().settings += 1;
     }
 }
 
@@ -868,16 +872,16 @@ impl Observer for Heard {
 fn an_observer_hears_every_event_pose_and_setting() {
     let _guard = beside_others();
     let clock = clock();
-    let heard = Arc::new(Heard(Mutex::default()));
+    let heard = Arc::<Heard>::default();
     let (sender, controls) = tokio::sync::mpsc::channel(1);
     sender.try_send(Control::GainDb(2.0)).unwrap();
     let observer: Option<Arc<dyn Observer>> = Some(heard.clone());
     let faults: Arc<dyn Fn(u64) -> bool + Send + Sync> = Arc::new(|n| n == 20);
     let summary = Session { observer, controls, faults, ..Session::new(&clock, moving) }.run();
     let heard = heard.0.lock().unwrap();
-    assert_eq!((heard.1, heard.2), (summary.produced, 2), "the settings at the start, and the changed ones");
-    assert_eq!(heard.0[0].1, "tracking");
-    let (time_ns, text) = &heard.0[1];
+    assert_eq!((heard.poses, heard.settings), (summary.produced, 2), "the settings at the start, and the changed ones");
+    assert_eq!(heard.events[0].1, "tracking");
+    let (time_ns, text) = &heard.events[1];
     assert!(text.contains("device lost at frame 20"), "{text}");
     assert_eq!((time_ns - START_NS) / 1_000_000, 1020);
 }
@@ -972,4 +976,97 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
     assert!(summary.enhanced_ratio > 0.05, "{}", summary.enhanced_ratio);
     let stalls = &summary.sinks[0];
     assert!(stalls.dropped > 3000 && !stalls.stuck, "{stalls:?}");
+}
+
+fn insonify(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+/// The sphere's station with a small image, so that the software device is quick.
+fn small_station(directory: &Path, rest: &str) -> String {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.glb");
+    let path = directory.join("station.toml");
+    let text = format!(
+        "[scene]\npath = \"{}\"\nbackground = \"liver\"\n[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n[pose]\n{rest}",
+        scene.display()
+    );
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn json_lines(path: &Path) -> Vec<Value> {
+    std::fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn the_program_runs_a_station_on_the_real_renderer() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "[pipeline]\nframe_rate_hz = 20.0\n");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--frames", "6", "--sink", "png", "--sink", "video", "--json"];
+    let paths = ["--out", out.to_str().unwrap(), "--metrics", metrics.to_str().unwrap()];
+    let output = insonify(&[&arguments[..], &paths].concat()).env("PATH", "").output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["presented"], 6);
+    assert_eq!(summary["by_tracking"], serde_json::json!([6, 0, 0, 0]));
+    let drops: u64 = summary["drops"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(summary["produced"], 6 + drops);
+
+    // The same pose as `insonify render`: the same picture.
+    let still = dir.path().join("still");
+    let rendered = insonify(&["render", &station, "--out", still.to_str().unwrap()]).output().unwrap();
+    assert!(rendered.status.success());
+    let expected = image::open(still.join("bmode.png")).unwrap().into_bytes();
+    let index = json_lines(&out.join("png/index.jsonl"));
+    assert!(!index.is_empty());
+    for line in &index {
+        let file = out.join("png").join(line["file"].as_str().unwrap());
+        assert_eq!(image::open(file).unwrap().into_bytes(), expected);
+    }
+    assert!(out.join("video.y4m").metadata().unwrap().len() > 160 * 120);
+    let lines = json_lines(&metrics);
+    let (last, frames) = lines.split_last().unwrap();
+    assert_eq!(last["summary"]["presented"], 6);
+    for line in frames {
+        let at = |key: &str| line[key].as_f64().unwrap();
+        assert!(at("sampled_ms") <= at("submitted_ms") && at("submitted_ms") < at("rendered_ms"));
+        assert!(at("rendered_ms") <= at("presented_ms"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
+    use std::io::{BufRead, BufReader};
+
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--sink", "video", "--out", out.to_str().unwrap()];
+    let mut child = insonify(&[&arguments[..], &["--metrics", metrics.to_str().unwrap(), "--json"]].concat())
+        .env("PATH", "")
+        .env("RUST_LOG", "insonify=info")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // "tracking" is said at the first frame.
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
+    let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
+    nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("Ctrl-C")), "{rest:?}");
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["stuck"], serde_json::json!([]));
+    let names: Vec<_> = std::fs::read_dir(&out).into_iter().flatten().map(|f| f.unwrap().file_name()).collect();
+    assert!(names.iter().all(|name| name == "video.y4m"), "{names:?}");
+    assert!(json_lines(&metrics).last().unwrap()["summary"].is_object());
 }

@@ -10,6 +10,8 @@ mod progress;
 mod quality;
 mod render;
 mod replay;
+mod run;
+mod run_table;
 mod session;
 mod station_keys;
 mod timeline;
@@ -35,6 +37,7 @@ const AFTER_HELP: &str = "\
 Examples:
   insonify demo                                          a recorded exam over a fetus, to look at in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
+  insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C
   insonify station-keys                                  what a station file may say
 
 Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, no GPU driver); 1 other failures.
@@ -47,6 +50,7 @@ Environment:
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::Args),
+    Run(run::Args),
     Render(render::Args),
     Replay(replay::Args),
     Phantom(phantom::Args),
@@ -60,6 +64,7 @@ impl Cli {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         match &self.command {
             Command::Demo(args) => demo::run(args),
+            Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(args),
             Command::Replay(args) => replay::run(args),
             Command::Phantom(args) => phantom::run(args),

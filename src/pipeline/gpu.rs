@@ -66,7 +66,8 @@ impl FrameRenderer for GpuRenderer {
 
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
         let (bvh, shaders) = (self.bvh.clone(), ShaderSet::default());
-        self.renderer = Renderer::with_shaders(&self.gpu, &self.scene, bvh, probe, settings, &shaders).map_err(fault)?;
+        self.renderer =
+            Renderer::with_shaders(&self.gpu, &self.scene, bvh, probe, settings, &shaders).map_err(fault)?;
         Ok(())
     }
 }

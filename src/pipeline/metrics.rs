@@ -247,7 +247,8 @@ impl Metrics {
             shown.sample_to_present.push(total);
             shown.render.push(times.rendered.saturating_sub(times.submitted));
             let expected = Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed));
-            let expected = if expected.is_zero() { total } else { expected.mul_f64(1.0 - WEIGHT) + total.mul_f64(WEIGHT) };
+            let expected =
+                if expected.is_zero() { total } else { expected.mul_f64(1.0 - WEIGHT) + total.mul_f64(WEIGHT) };
             self.expected_ns.store(u64::try_from(expected.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
         }
         if let Some((start, end)) = times.inference {

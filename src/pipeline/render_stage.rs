@@ -39,7 +39,9 @@ struct InFlight {
 enum Device {
     Ready(Box<dyn FrameRenderer>),
     /// Opened again at this time.
-    Lost { again: Duration },
+    Lost {
+        again: Duration,
+    },
 }
 
 /// What the stage is put together from.

@@ -254,7 +254,11 @@ impl Pipeline {
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
-        self.metrics.status(self.clock.now(), drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum(), notice)
+        self.metrics.status(
+            self.clock.now(),
+            drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum(),
+            notice,
+        )
     }
 
     /// Ends every part in its order, none waited for without bound, and says what the session did.

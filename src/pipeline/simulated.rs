@@ -168,7 +168,10 @@ mod tests {
             .unwrap();
         }
         clock.sleep_until(MS * 100);
-        assert_eq!(*lock(&log), [("b", MS * 2), ("a", MS * 3), ("b", MS * 4), ("a", MS * 6), ("b", MS * 6), ("a", MS * 9)]);
+        assert_eq!(
+            *lock(&log),
+            [("b", MS * 2), ("a", MS * 3), ("b", MS * 4), ("a", MS * 6), ("b", MS * 6), ("a", MS * 9)]
+        );
         assert_eq!(clock.now(), MS * 100);
     }
 

@@ -101,7 +101,8 @@ impl Work {
                     }
                     if failures == FAILURES {
                         self.slot.close();
-                        let text = format!("{} failed {FAILURES} times in a row and is closed: {error}", self.slot.name());
+                        let text =
+                            format!("{} failed {FAILURES} times in a row and is closed: {error}", self.slot.name());
                         *lock(&self.counts.error) = Some(text.clone());
                         self.events.warn(text);
                         break;

@@ -41,9 +41,7 @@ impl PoseSource for RecordedPoses {
     fn sample(&mut self, now_ns: u64, _: u64) -> PoseSample {
         let first_ns = self.poses.first().map_or(0, |pose| pose.host_time_ns);
         let shift_ns = *self.shift_ns.get_or_insert(i128::from(now_ns) - i128::from(first_ns));
-        let session_ns = |pose: &TimedPose| {
-            u64::try_from(i128::from(pose.host_time_ns) + shift_ns).unwrap_or(0)
-        };
+        let session_ns = |pose: &TimedPose| u64::try_from(i128::from(pose.host_time_ns) + shift_ns).unwrap_or(0);
         while self.poses.get(self.next).is_some_and(|pose| session_ns(pose) <= now_ns) {
             self.next += 1;
         }

@@ -8,6 +8,11 @@ pub(super) fn sinks(values: &Values) -> Vec<LiveSinkKind> {
     // The parser saw to it that each is a known name.
     let mut sinks: Vec<LiveSinkKind> = words.into_iter().filter_map(|word| word.parse().ok()).collect();
     let mut seen = Vec::new();
-    sinks.retain(|sink| !seen.contains(sink) && { seen.push(*sink); true });
+    sinks.retain(|sink| {
+        !seen.contains(sink) && {
+            seen.push(*sink);
+            true
+        }
+    });
     sinks
 }
