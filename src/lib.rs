@@ -8,6 +8,8 @@
 
 pub mod station;
 
+pub mod pipeline;
+
 pub mod sink;
 
 pub mod generator;

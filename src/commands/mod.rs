@@ -18,6 +18,8 @@ mod quality;
 mod record;
 mod render;
 mod replay;
+mod run;
+mod run_table;
 mod session;
 mod station_keys;
 mod timeline;
@@ -45,6 +47,7 @@ Examples:
   insonify demo                                          a recorded exam over a fetus, to look at in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
   insonify trackers                                      serial ports and HID devices to read a tracker from
+  insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C
   insonify station-keys                                  what a station file may say
 
 Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, no GPU driver); 1 other failures.
@@ -58,6 +61,7 @@ Environment:
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::Args),
+    Run(run::Args),
     Render(render::Args),
     Record(record::Args),
     Replay(replay::Args),
@@ -78,6 +82,7 @@ impl Cli {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         match &self.command {
             Command::Demo(args) => demo::run(args),
+            Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(args),
             Command::Record(args) => record::run(args),
             Command::Replay(args) => replay::run(args),

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::generator::{Provider, Settings};
+use crate::sink::LiveSinkKind;
 
 /// Values that a key takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +31,8 @@ pub enum Accepts {
     },
     /// One of some words.
     OneOf(&'static [&'static str]),
+    /// Any of some words, in brackets.
+    AnyOf(&'static [&'static str]),
     /// Any text, with what it says.
     Text(&'static str),
     /// Texts in brackets, with what each says.
@@ -47,6 +50,7 @@ impl fmt::Display for Accepts {
             Self::Integer { min, max } => write!(f, "a whole number in {min}..={max}"),
             Self::Numbers { count, limit } => write!(f, "[{count} numbers within ±{limit}]"),
             Self::OneOf(words) => write!(f, "one of \"{}\"", words.join("\", \"")),
+            Self::AnyOf(words) => write!(f, "[any of \"{}\"]", words.join("\", \"")),
             Self::Text(what) => write!(f, "{what} in quotes"),
             Self::Texts(what) => write!(f, "[{what} each, in quotes]"),
             Self::Bool => write!(f, "true or false"),
@@ -181,6 +185,15 @@ pub const KEYS: &[KeyDoc] = &[
     doc("browser", "clients_max", "", "8", integer(1, 64), "pages that may watch at a time"),
 
     doc("window", "full_screen", "", "false", Accepts::Bool, "whether the native window fills the screen; F changes it"),
+    doc("pipeline", "frame_rate_hz", "Hz", "30.0", number(0.1, 1000.0), "frames a second; a slower device gives as many as it can"),
+    doc("pipeline", "budget_ms", "ms", "100.0", number(0.0, 10_000.0), "from sampling a frame's pose until it is shown at the latest, whatever the generator does"),
+    doc("pipeline", "hold_mm", "mm", "0.3", number(0.0, 100.0), "distance from the last generated frame up to which that is held"),
+    doc("pipeline", "hold_deg", "degrees", "0.3", number(0.0, 180.0), "angle from the last generated frame up to which that is held"),
+    doc("pipeline", "steady_frames", "", "8", integer(1, 256), "frames in a row that the generator must be ready for before its frames are shown"),
+    doc("pipeline", "hang_ms", "ms", "5000.0", number(10.0, 600_000.0), "length of a generator run that counts as hanging"),
+    doc("pipeline", "finish_ms", "ms", "10000.0", number(0.0, 600_000.0), "time that displays have to finish at the end"),
+
+    doc("display", "sinks", "", "[\"null\"]", Accepts::AnyOf(LiveSinkKind::NAMES), "where frames go"),
 
     doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
     doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),

@@ -6,12 +6,14 @@
 
 mod browser;
 mod calibration;
+mod display;
 mod error;
 mod filter;
 mod generator;
 mod keys;
 mod openigtlink;
 mod parse;
+mod pipeline;
 mod tracker_table;
 mod values;
 mod window;
@@ -21,6 +23,7 @@ use std::path::{Path, PathBuf};
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
+use crate::sink::LiveSinkKind;
 use crate::sink::openigtlink as openigtlink_sink;
 use crate::sink::{browser as browser_sink, window as window_sink};
 use crate::tracker;
@@ -70,6 +73,10 @@ pub struct Station {
     pub browser: Option<browser_sink::Settings>,
     /// The native window, where the station has one.
     pub window: Option<window_sink::Settings>,
+    /// Rate, budget and choice of a live session.
+    pub pipeline: crate::pipeline::Settings,
+    /// Where a live session's frames go.
+    pub sinks: Vec<LiveSinkKind>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,
 }

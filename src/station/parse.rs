@@ -33,6 +33,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         "openigtlink",
         "browser",
         "window",
+        "pipeline",
+        "display",
         "tissues",
     ];
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
@@ -54,6 +56,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
     let browser = optional(&mut root, "browser")?.map(|values| super::browser::settings(&values)).transpose()?;
     let window = optional(&mut root, "window")?.map(|values| super::window::settings(&values));
+    let pipeline = super::pipeline::settings(&section(&mut root, "pipeline")?);
+    let sinks = super::display::sinks(&section(&mut root, "display")?);
     let path = dir.to_owned();
     Ok(Station {
         scene,
@@ -69,6 +73,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         openigtlink,
         browser,
         window,
+        pipeline,
+        sinks,
         path,
     })
 }

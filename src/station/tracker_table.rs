@@ -200,6 +200,7 @@ mod tests {
             silence: Duration::from_millis(500),
             reset_delay: Duration::from_millis(100),
             hemisphere: [0.0, -1.0, 0.0],
+            ..DeviceOptions::default()
         };
         assert_eq!(device, expected);
     }

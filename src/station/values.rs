@@ -130,6 +130,13 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
             suggestion = did_you_mean(word, words.iter().copied());
             words.contains(&word)
         }
+        Accepts::AnyOf(words) => {
+            let found = value.as_array().ok_or_else(wrong)?;
+            let found = found.iter().map(Value::as_str).collect::<Option<Vec<_>>>().ok_or_else(wrong)?;
+            let unknown = found.iter().find(|word| !words.contains(word));
+            suggestion = unknown.map_or_else(String::new, |word| did_you_mean(word, words.iter().copied()));
+            unknown.is_none()
+        }
         Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
         Accepts::Texts(_) => {
             let texts = value.as_array().ok_or_else(wrong)?.iter().map(Value::as_str);

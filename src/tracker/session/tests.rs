@@ -141,6 +141,7 @@ fn recording(lines: u32) -> (tempfile::TempDir, Settings) {
         device: String::new(),
         scene: String::new(),
         start_time_ns: 1_000_000_000,
+        sensor: None,
     };
     let mut writer = RecordingWriter::create(&path, &info).unwrap();
     for n in 0..lines {

@@ -1,0 +1,58 @@
+//! What a session did, as a table for people.
+
+use std::fmt;
+
+use insonify::pipeline::{Percentiles, Summary};
+
+/// Prints a summary.
+pub(crate) struct SummaryTable<'a>(pub(crate) &'a Summary);
+
+impl fmt::Display for SummaryTable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let s = self.0;
+        writeln!(
+            f,
+            "session            {:.1} s, {} frames at {:.1} a second",
+            s.elapsed_s, s.presented, s.frames_per_s
+        )?;
+        let [enhanced, held, low] = s.by_source;
+        let ratio = 100.0 * s.enhanced_ratio;
+        writeln!(f, "pictures           {ratio:.1} % enhanced ({enhanced} own, {held} held), {low} low quality")?;
+        let [good, held, stale, lost] = s.by_tracking;
+        writeln!(f, "poses              {good} good, {held} held, {stale} stale, {lost} lost")?;
+        writeln!(f, "\nms                       p50      p95      p99      max")?;
+        row(f, "pose to present", s.pose_to_present)?;
+        row(f, "sample to present", s.sample_to_present)?;
+        row(f, "render", s.render)?;
+        row(f, "inference", s.inference)?;
+        writeln!(f, "\ndrops              of {} frames begun", s.produced)?;
+        for (cause, count) in &s.drops {
+            writeln!(f, "  {count:>8}  {cause}")?;
+        }
+        writeln!(f, "  {:>8}  ticks without a frame", s.missed_ticks)?;
+        if let Some(g) = &s.generator {
+            let (done, late, dropped, failed, hung) = (g.done, g.late, g.dropped, g.failed, g.hung);
+            writeln!(
+                f,
+                "generator          {done} done ({late} late), {dropped} dropped, {failed} failed, {hung} hung"
+            )?;
+        }
+        for sink in &s.sinks {
+            let (taken, dropped, failed) = (sink.taken, sink.dropped, sink.failed);
+            write!(f, "sink {:<13} {taken} taken, {dropped} dropped, {failed} failed", sink.name)?;
+            writeln!(f, "{}", if sink.stuck { ", did not come back" } else { "" })?;
+        }
+        if s.device_losses > 0 {
+            writeln!(f, "device             lost {} times, built anew {} times", s.device_losses, s.device_rebuilt)?;
+        }
+        match s.memory_bytes {
+            Some(bytes) => write!(f, "memory             {} MiB", bytes >> 20),
+            None => write!(f, "memory             unknown"),
+        }
+    }
+}
+
+fn row(f: &mut fmt::Formatter<'_>, name: &str, percentiles: Option<Percentiles>) -> fmt::Result {
+    let Some(p) = percentiles else { return Ok(()) };
+    writeln!(f, "{name:<18} {:>8.1} {:>8.1} {:>8.1} {:>8.1}", p.p50_ms, p.p95_ms, p.p99_ms, p.max_ms)
+}

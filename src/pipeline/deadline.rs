@@ -1,0 +1,179 @@
+//! Which picture a frame shows: a choice by deadline that doesn't flicker.
+
+use std::time::Duration;
+
+use crate::pose::Pose;
+use crate::sink::live::{FrameSource, LiveSettings};
+
+/// Longest row of frames that the generated picture must have been ready for before it is shown again.
+const ROW_MAX: u32 = 256;
+
+/// When a held picture may stand for a frame, and how steady the generator must be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChoiceSettings {
+    /// Distance of two poses up to which one's picture may stand for the other's, mm.
+    pub hold_mm: f64,
+    /// Angle of the same, degrees.
+    pub hold_deg: f64,
+    /// Frames in a row for which a generated picture must have been there in time before it is shown. It doubles each
+    /// time that the generator falls back soon after, up to 256.
+    pub steady_frames: u32,
+}
+
+impl ChoiceSettings {
+    /// Whether the picture of `held` may stand for `pose`.
+    pub fn near(&self, held: &Pose, pose: &Pose) -> bool {
+        held.position_mm.distance(pose.position_mm) <= self.hold_mm
+            && held.orientation.angle_between(pose.orientation).to_degrees() <= self.hold_deg
+    }
+}
+
+/// Whether two frames with these settings differ in nothing but their pose.
+pub fn same_picture(a: &LiveSettings, b: &LiveSettings) -> bool {
+    LiveSettings { frozen: b.frozen, enhance: b.enhance, ..*a } == *b
+}
+
+/// Decides frame by frame. It knows no clock: whoever owns it says what was ready.
+#[derive(Debug)]
+pub struct Chooser {
+    settings: ChoiceSettings,
+    /// Whether generated pictures are shown now.
+    enhanced: bool,
+    /// Frames in a row whose own generated picture was there in time.
+    in_time: u32,
+    last_in_time: Option<u64>,
+    /// Frames in a row that a held picture could have stood for.
+    near: u32,
+    /// Row that is needed now.
+    row: u32,
+    /// Frames since generated pictures were last shown first.
+    since_change: u32,
+}
+
+impl Chooser {
+    /// Shows rendered pictures until generated ones have been ready for long enough.
+    pub fn new(settings: ChoiceSettings) -> Self {
+        let row = settings.steady_frames.clamp(1, ROW_MAX);
+        Self { settings, enhanced: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
+    }
+
+    /// Whether a frame's own generated picture is worth waiting for: such are shown, or would be from this one on.
+    pub fn waits(&self) -> bool {
+        self.enhanced || self.in_time >= self.row
+    }
+
+    /// The generated picture of frame `number` was ready at `ready`, to be used until `deadline`.
+    pub fn ready(&mut self, number: u64, ready: Duration, deadline: Duration) {
+        if ready > deadline {
+            self.in_time = 0;
+            return;
+        }
+        let follows = self.last_in_time.is_some_and(|last| last.wrapping_add(1) == number);
+        self.in_time = if follows { self.in_time.saturating_add(1) } else { 1 };
+        self.last_in_time = Some(number);
+    }
+
+    /// What the next frame shows, given whether its own generated picture is `own_ready`, and whether the last one is
+    /// near enough to be held.
+    pub fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
+        self.near = if held_near { self.near.saturating_add(1) } else { 0 };
+        self.since_change = self.since_change.saturating_add(1);
+        if self.enhanced && !own_ready && !held_near {
+            // A fall soon after the rise: the generator is at its limit.
+            self.row = match self.since_change {
+                soon if soon <= 4 * self.row => (2 * self.row).min(ROW_MAX),
+                _ => self.settings.steady_frames.clamp(1, ROW_MAX),
+            };
+            (self.enhanced, self.in_time, self.near, self.since_change) = (false, 0, 0, 0);
+        } else if !self.enhanced && self.in_time.max(self.near) >= self.row && (own_ready || held_near) {
+            (self.enhanced, self.since_change) = (true, 0);
+        }
+        match (self.enhanced, own_ready) {
+            (false, _) => FrameSource::LowQuality,
+            (true, true) => FrameSource::Enhanced,
+            (true, false) => FrameSource::HeldEnhanced,
+        }
+    }
+
+    /// Starts anew with rendered pictures: the generator was switched off, or there is no picture.
+    pub fn reset(&mut self) {
+        (self.enhanced, self.in_time, self.near, self.last_in_time) = (false, 0, 0, None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::FrameSource::{Enhanced, HeldEnhanced, LowQuality};
+    use super::*;
+
+    const SETTINGS: ChoiceSettings = ChoiceSettings { hold_mm: 0.5, hold_deg: 0.5, steady_frames: 3 };
+    const MS: Duration = Duration::from_millis(1);
+
+    /// Frames whose own picture is ready in time where `ready` says so.
+    fn run(chooser: &mut Chooser, first: u64, ready: impl Fn(u64) -> bool, frames: u64) -> Vec<FrameSource> {
+        (first..first + frames)
+            .map(|n| {
+                chooser.ready(n, if ready(n) { MS } else { MS * 3 }, MS * 2);
+                chooser.choose(ready(n), false)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_steady_generator_is_shown_after_its_row_and_then_always() {
+        let shown = run(&mut Chooser::new(SETTINGS), 0, |_| true, 100);
+        assert_eq!(shown[..4], [LowQuality, LowQuality, Enhanced, Enhanced]);
+        assert!(shown[2..].iter().all(|s| *s == Enhanced));
+    }
+
+    #[test]
+    fn a_generator_in_time_for_every_other_frame_is_never_shown() {
+        assert!(run(&mut Chooser::new(SETTINGS), 0, |n| n % 2 == 0, 1000).iter().all(|s| *s == LowQuality));
+    }
+
+    #[test]
+    fn a_generator_at_its_limit_changes_the_picture_ever_more_rarely() {
+        let shown = run(&mut Chooser::new(SETTINGS), 0, |n| n % 10 != 9, 2000);
+        let changes: Vec<_> = (1..shown.len()).filter(|&i| shown[i] != shown[i - 1]).collect();
+        assert!(changes.len() <= 6, "{changes:?}");
+        assert!(changes.iter().all(|&i| i < 100), "{changes:?}");
+        let pairs = shown.windows(3).filter(|w| w[0] == w[2] && w[0] != w[1]).count();
+        assert_eq!(pairs, 0, "never back and forth within three frames");
+    }
+
+    #[test]
+    fn one_miss_after_a_long_time_does_not_cost_more_than_a_row() {
+        let mut chooser = Chooser::new(SETTINGS);
+        run(&mut chooser, 0, |_| true, 1000);
+        let shown = run(&mut chooser, 1000, |n| n != 1000, 5);
+        assert_eq!(shown, [LowQuality, LowQuality, LowQuality, Enhanced, Enhanced]);
+    }
+
+    #[test]
+    fn a_slow_generator_is_held_while_the_probe_rests_and_never_beyond() {
+        let mut chooser = Chooser::new(SETTINGS);
+        let mut frame = |near| {
+            chooser.ready(0, MS * 9, MS);
+            chooser.choose(false, near)
+        };
+        let shown: Vec<_> = [false, true, true, true, true, false, true].into_iter().map(&mut frame).collect();
+        use LowQuality as L;
+        assert_eq!(shown, [L, L, L, HeldEnhanced, HeldEnhanced, L, L]);
+    }
+
+    #[test]
+    fn near_is_near_in_place_and_in_angle() {
+        let pose = |x: f64, deg: f64| Pose {
+            position_mm: DVec3::X * x,
+            orientation: DQuat::from_rotation_y(deg.to_radians()),
+        };
+        let origin = pose(0.0, 0.0);
+        assert!(SETTINGS.near(&origin, &pose(0.4, 0.4)));
+        assert!(!SETTINGS.near(&origin, &pose(0.6, 0.0)));
+        assert!(!SETTINGS.near(&origin, &pose(0.0, 0.6)));
+        let negated = Pose { orientation: -origin.orientation, ..origin };
+        assert!(SETTINGS.near(&origin, &negated), "q and -q are one rotation");
+    }
+}

@@ -1,0 +1,80 @@
+//! What happens beside frames: said to people, shown on the frames, told to whoever records.
+
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::PoseSample;
+use super::clock::{Clock, lock};
+use crate::sink::live::LiveSettings;
+
+/// How long a notice stays on the frames.
+const NOTICE_TIME: Duration = Duration::from_secs(5);
+
+/// Hears what a session does, on the threads of its stages. Must not block; what it can't keep it must count.
+pub trait Observer: Send + Sync {
+    /// Something happened at `unix_ns`.
+    fn event(&self, unix_ns: u64, text: &str);
+
+    /// A pose was sampled for a frame.
+    fn pose(&self, unix_ns: u64, sample: &PoseSample);
+
+    /// Settings hold from now on.
+    fn settings(&self, unix_ns: u64, settings: &LiveSettings);
+}
+
+/// Where stages say what happened; clones say it in the same place.
+#[derive(Clone)]
+pub(super) struct Events {
+    clock: Arc<dyn Clock>,
+    observer: Option<Arc<dyn Observer>>,
+    notice: Arc<Mutex<Option<(String, Duration)>>>,
+}
+
+impl Events {
+    pub(super) fn new(clock: &Arc<dyn Clock>, observer: Option<Arc<dyn Observer>>) -> Self {
+        Self { clock: clock.clone(), observer, notice: Arc::default() }
+    }
+
+    /// Something went wrong: it is logged, shown for a while, and recorded.
+    pub(super) fn warn(&self, text: String) {
+        tracing::warn!("{text}");
+        self.record(&text);
+        *lock(&self.notice) = Some((text, self.clock.now().saturating_add(NOTICE_TIME)));
+    }
+
+    /// Something happened as it should: it is logged and recorded.
+    pub(super) fn info(&self, text: &str) {
+        tracing::info!("{text}");
+        self.record(text);
+    }
+
+    fn record(&self, text: &str) {
+        if let Some(observer) = &self.observer {
+            observer.event(self.clock.unix_ns(), text);
+        }
+    }
+
+    pub(super) fn pose(&self, sample: &PoseSample) {
+        if let Some(observer) = &self.observer {
+            observer.pose(self.clock.unix_ns(), sample);
+        }
+    }
+
+    pub(super) fn settings(&self, settings: &LiveSettings) {
+        if let Some(observer) = &self.observer {
+            observer.settings(self.clock.unix_ns(), settings);
+        }
+    }
+
+    /// Writes the notice of the moment into `notice`, allocating only when there is a new one.
+    pub(super) fn notice_into(&self, notice: &mut Option<String>) {
+        let mut current = lock(&self.notice);
+        if current.as_ref().is_some_and(|(_, until)| self.clock.now() >= *until) {
+            *current = None;
+        }
+        match (&*current, notice) {
+            (Some((text, _)), Some(notice)) => notice.clone_from(text),
+            (current, notice) => *notice = current.as_ref().map(|(text, _)| text.clone()),
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! The renderer on a graphics device, as the pipeline uses it.
+
+use std::sync::Arc;
+
+use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
+use crate::anatomy::{Bvh, Scene};
+use crate::pose::Pose;
+use crate::render::{Frame, Gpu, GpuError, GpuOptions, RenderError, RenderSettings, Renderer, ShaderSet};
+use crate::transducer::Probe;
+
+/// A renderer that can be configured anew.
+pub struct GpuRenderer {
+    gpu: Gpu,
+    scene: Arc<Scene>,
+    bvh: Bvh,
+    renderer: Renderer,
+}
+
+/// Opens devices and makes renderers of one scene.
+pub struct GpuFactory {
+    options: GpuOptions,
+    scene: Arc<Scene>,
+    bvh: Bvh,
+}
+
+impl GpuFactory {
+    /// For `scene`, on devices of `options`.
+    ///
+    /// # Errors
+    /// A scene that can't be traced.
+    pub fn new(options: GpuOptions, scene: Arc<Scene>) -> Result<Self, RenderError> {
+        Ok(Self { options, bvh: Bvh::build(&scene)?, scene })
+    }
+
+    /// A renderer on an open device.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn build_on(&self, gpu: &Gpu, probe: &Probe, settings: &RenderSettings) -> Result<GpuRenderer, RenderError> {
+        let (gpu, scene, bvh) = (gpu.clone(), self.scene.clone(), self.bvh.clone());
+        let renderer = Renderer::with_shaders(&gpu, &scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
+        Ok(GpuRenderer { gpu, scene, bvh, renderer })
+    }
+}
+
+impl RendererFactory for GpuFactory {
+    fn build(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault> {
+        let gpu = Gpu::new(&self.options).map_err(|e| RenderFault::Lost(e.to_string()))?;
+        Ok(Box::new(self.build_on(&gpu, probe, settings).map_err(fault)?))
+    }
+}
+
+impl FrameRenderer for GpuRenderer {
+    fn shape(&self) -> ImageShape {
+        let sector = self.renderer.sector();
+        ImageShape { width: sector.width, height: sector.height, pixel_mm: sector.pixel_mm }
+    }
+
+    fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
+        self.renderer.submit(pose).map_err(fault)
+    }
+
+    fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
+        self.renderer.receive(frame).map_err(fault)
+    }
+
+    fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
+        let (bvh, shaders) = (self.bvh.clone(), ShaderSet::default());
+        self.renderer =
+            Renderer::with_shaders(&self.gpu, &self.scene, bvh, probe, settings, &shaders).map_err(fault)?;
+        Ok(())
+    }
+}
+
+/// What of an error another device may mend.
+fn fault(error: RenderError) -> RenderFault {
+    match error {
+        RenderError::Gpu(GpuError::Limit { .. }) | RenderError::Probe(_) | RenderError::Settings(_) => {
+            RenderFault::Refused(error.to_string())
+        }
+        _ => RenderFault::Lost(error.to_string()),
+    }
+}

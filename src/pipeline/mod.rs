@@ -1,0 +1,47 @@
+//! A live session: from poses to sinks, frame by frame, whatever a part of it does.
+//!
+//! ```text
+//! poses → [late sample] → render → slot → generator → slot → presenter → slot each → sinks
+//!                           └────────────── slot ──────────────↗
+//! ```
+//! Each stage has a thread of its own, and each link holds one item: the newest wins, what it replaces is counted under
+//! the link's name. Events and controls go through bounded queues of their own. Everything that waits does so through
+//! the session's [`Clock`], so that [`SimulatedClock`] runs a session without waiting.
+//!
+//! Each frame that is begun is presented or dropped for a cause that is counted: `produced = presented + Σ drops`.
+
+mod clock;
+mod controls;
+mod deadline;
+mod events;
+mod frames;
+mod generate_stage;
+mod gpu;
+mod metrics;
+mod pace;
+mod parts;
+mod presenter;
+mod render_stage;
+mod rendered;
+mod session;
+mod shutdown;
+mod simulated;
+mod sink_stage;
+mod slot;
+mod sources;
+
+pub use clock::{Clock, NEVER, Signal, SystemClock};
+pub use controls::CONTROLS_WAITING;
+pub use deadline::{ChoiceSettings, Chooser, same_picture};
+pub use events::Observer;
+pub use frames::Pool;
+pub use gpu::{GpuFactory, GpuRenderer};
+pub use metrics::{GeneratorSummary, Histogram, Percentiles, SinkSummary, Status, Summary, memory_bytes};
+pub use parts::{
+    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
+};
+pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
+pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
+pub use simulated::SimulatedClock;
+pub use slot::{Slot, Taken};
+pub use sources::{RecordedPoses, StandingPose};

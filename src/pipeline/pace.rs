@@ -1,0 +1,129 @@
+//! When the next frame is submitted.
+
+use std::time::Duration;
+
+/// A frame is submitted this long before the device is expected to be done with the one before: time to sample the
+/// pose, record the passes and read the finished frame back while the device works.
+const OVERLAP: Duration = Duration::from_millis(4);
+
+/// Weight of the latest frame in the estimate of the device's time.
+const WEIGHT: f64 = 0.2;
+
+/// Paces frames by ticks of a fixed rate and by the device. A device that is slower than the ticks gets its frames as
+/// late as keeps it busy, so that poses don't age in its queue; ticks that passed meanwhile are not caught up.
+#[derive(Debug)]
+pub(super) struct Pace {
+    period: Duration,
+    /// Next tick.
+    due: Duration,
+    /// How long the device takes for a frame.
+    service: Duration,
+    /// When the device is expected to be done with all it was given.
+    free_at: Duration,
+    last_rendered: Duration,
+    missed: u64,
+}
+
+impl Pace {
+    /// Ticks every `period`, the first of them now.
+    pub(super) fn new(period: Duration, now: Duration) -> Self {
+        Self { period, due: now, service: Duration::ZERO, free_at: now, last_rendered: now, missed: 0 }
+    }
+
+    /// When to submit the next frame.
+    pub(super) fn submit_at(&self) -> Duration {
+        self.due.max(self.free_at.saturating_sub(OVERLAP))
+    }
+
+    /// A tick was used at `now`.
+    pub(super) fn ticked(&mut self, now: Duration) {
+        self.due += self.period;
+        if self.due < now {
+            let late = now - self.due;
+            let ticks = late.as_nanos().div_ceil(self.period.as_nanos().max(1));
+            self.missed += u64::try_from(ticks).unwrap_or(u64::MAX);
+            self.due = now;
+        }
+    }
+
+    /// A frame was submitted at `now`. Returns when it is expected to be done.
+    pub(super) fn submitted(&mut self, now: Duration) -> Duration {
+        self.ticked(now);
+        self.free_at = self.free_at.max(now) + self.service;
+        self.free_at
+    }
+
+    /// A frame submitted at `submitted` was done at `now`; `left` are still in flight.
+    pub(super) fn rendered(&mut self, submitted: Duration, now: Duration, left: u32) {
+        let took = now.saturating_sub(submitted.max(self.last_rendered));
+        self.service = match self.service {
+            Duration::ZERO => took,
+            service => service.mul_f64(1.0 - WEIGHT) + took.mul_f64(WEIGHT),
+        };
+        self.last_rendered = now;
+        self.free_at = now + self.service * left;
+    }
+
+    /// The device was lost at `now` with all that it was given.
+    pub(super) fn lost(&mut self, now: Duration) {
+        (self.free_at, self.last_rendered, self.service) = (now, now, Duration::ZERO);
+    }
+
+    /// Ticks that passed without a frame.
+    pub(super) fn missed(&self) -> u64 {
+        self.missed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    /// Times from submission to the end of each frame on a device that takes `device` each.
+    fn run(period: Duration, device: Duration, frames: u32) -> (Vec<Duration>, Vec<Duration>, u64) {
+        let mut pace = Pace::new(period, Duration::ZERO);
+        let (mut now, mut device_free) = (Duration::ZERO, Duration::ZERO);
+        let mut in_flight = std::collections::VecDeque::new();
+        let (mut submissions, mut latencies) = (Vec::new(), Vec::new());
+        while latencies.len() < frames as usize {
+            let submit_at = pace.submit_at();
+            let first = in_flight.front().copied();
+            match first {
+                Some((submitted, done, expected)) if in_flight.len() == 2 || expected <= submit_at => {
+                    now = now.max(done);
+                    in_flight.pop_front();
+                    latencies.push(now - submitted);
+                    pace.rendered(submitted, now, in_flight.len() as u32);
+                }
+                _ => {
+                    now = now.max(submit_at);
+                    device_free = device_free.max(now) + device;
+                    submissions.push(now);
+                    let expected = pace.submitted(now);
+                    in_flight.push_back((now, device_free, expected));
+                }
+            }
+        }
+        (submissions, latencies, pace.missed())
+    }
+
+    #[test]
+    fn a_fast_device_is_paced_by_the_ticks() {
+        let (submissions, latencies, missed) = run(MS * 50, MS * 10, 20);
+        assert!(submissions.windows(2).all(|w| w[1] - w[0] == MS * 50));
+        assert!(latencies.iter().all(|l| *l == MS * 10));
+        assert_eq!(missed, 0);
+    }
+
+    #[test]
+    fn a_slow_device_is_kept_busy_and_its_queue_short() {
+        let (submissions, latencies, missed) = run(MS * 20, MS * 60, 50);
+        let last = submissions.len() - 1;
+        let rate = (submissions[last] - submissions[10]) / (last - 10) as u32;
+        assert!(rate >= MS * 59 && rate <= MS * 61, "{rate:?}");
+        assert!(latencies[10..].iter().all(|l| *l <= MS * 66), "{latencies:?}");
+        assert!(missed > 80, "{missed}");
+    }
+}

@@ -1,0 +1,203 @@
+//! Chooses what each frame shows, and hands it to the sinks.
+
+use std::sync::{Arc, PoisonError};
+
+use super::clock::{Clock, NEVER, Signal};
+use super::deadline::{ChoiceSettings, Chooser, same_picture};
+use super::events::Events;
+use super::frames::Pool;
+use super::generate_stage::{Generated, GeneratorLink};
+use super::metrics::{Metrics, count};
+use super::rendered::Rendered;
+use super::shutdown::Stop;
+use super::slot::{Slot, Taken};
+use crate::pose::TrackingState;
+use crate::render::Frame;
+use crate::sink::live::{FrameSource, FrameTimeline, PresentedFrame};
+
+/// Frames that sinks may hold together; a frame for which none is left is dropped.
+const FRAMES: usize = 64;
+
+/// What the stage is put together from.
+pub(super) struct Presenter {
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) stop: Stop,
+    pub(super) events: Events,
+    pub(super) metrics: Arc<Metrics>,
+    pub(super) choice: ChoiceSettings,
+    /// Notified by both slots.
+    pub(super) signal: Arc<Signal>,
+    pub(super) rendered: Arc<Slot<Arc<Rendered>>>,
+    pub(super) generated: Arc<Slot<Arc<Generated>>>,
+    pub(super) generator: Option<Arc<GeneratorLink>>,
+    pub(super) sinks: Vec<Arc<Slot<Arc<PresentedFrame>>>>,
+    /// Frames after which the session ends.
+    pub(super) frames_max: Option<u64>,
+}
+
+impl Presenter {
+    /// Presents every rendered frame until there are no more.
+    pub(super) fn run(self) {
+        let mut state = State { chooser: Chooser::new(self.choice), held: None, pool: None };
+        while let Some(rendered) = self.next(&mut state) {
+            if self.frames_max.is_some_and(|max| self.metrics.shown(|s| s.presented) >= max) {
+                count(&self.metrics.ended);
+                continue;
+            }
+            self.await_own(&rendered, &mut state);
+            let source = self.choose(&rendered, &mut state);
+            self.present(rendered, source, &mut state);
+            if self.frames_max.is_some_and(|max| self.metrics.shown(|s| s.presented) >= max) {
+                self.stop.request("all frames are presented");
+            }
+        }
+    }
+
+    /// The next rendered frame; none at the end.
+    fn next(&self, state: &mut State) -> Option<Arc<Rendered>> {
+        loop {
+            let seen = self.signal.generation();
+            self.look_at_generator(state);
+            match self.rendered.try_take() {
+                Taken::Item(rendered) => return Some(rendered),
+                Taken::Closed => return None,
+                Taken::TimedOut => {
+                    let hangs_at = self.generator.as_ref().and_then(|g| g.hangs_at()).unwrap_or(NEVER);
+                    self.clock.wait(&self.signal, seen, hangs_at);
+                }
+            }
+        }
+    }
+
+    /// Takes what the generator made, and ends what it takes too long for.
+    fn look_at_generator(&self, state: &mut State) {
+        if let Some(generator) = &self.generator
+            && let Some(text) = generator.watch(self.clock.now())
+        {
+            self.events.warn(text);
+        }
+        if let Taken::Item(generated) = self.generated.try_take() {
+            state.chooser.ready(generated.number, generated.run.1, generated.deadline);
+            state.held = Some(generated);
+        }
+    }
+
+    /// Waits for the frame's own generated picture, as long as it can be expected before the deadline.
+    fn await_own(&self, rendered: &Rendered, state: &mut State) {
+        let Some(generator) = &self.generator else { return };
+        if !state.chooser.waits() || !rendered.settings.enhance || rendered.pose.is_none() {
+            return;
+        }
+        loop {
+            let seen = self.signal.generation();
+            self.look_at_generator(state);
+            let now = self.clock.now();
+            let worthwhile = !state.is_own(rendered)
+                && now < rendered.deadline
+                && !self.stop.is_requested()
+                && generator.expected(rendered.number, now).is_some_and(|ready| ready <= rendered.deadline);
+            if !worthwhile {
+                return;
+            }
+            self.clock.wait(&self.signal, seen, rendered.deadline);
+        }
+    }
+
+    fn choose(&self, rendered: &Rendered, state: &mut State) -> FrameSource {
+        let Some(pose) = rendered.pose.filter(|_| rendered.settings.enhance && self.generator.is_some()) else {
+            state.chooser.reset();
+            return FrameSource::LowQuality;
+        };
+        let own = state.is_own(rendered);
+        let near = state.held.as_ref().is_some_and(|held| {
+            held.size == (rendered.shape.width, rendered.shape.height)
+                && same_picture(&held.settings, &rendered.settings)
+                && held.pose.is_some_and(|at| self.choice.near(&at, &pose))
+        });
+        state.chooser.choose(own, near)
+    }
+
+    fn present(&self, rendered: Arc<Rendered>, source: FrameSource, state: &mut State) {
+        let _span = tracing::debug_span!("present", number = rendered.number, ?source).entered();
+        let held = state.held.as_deref().filter(|_| source != FrameSource::LowQuality);
+        let number = self.metrics.shown(|s| s.presented);
+        let settings = rendered.settings;
+        let empty = move || PresentedFrame {
+            number: 0,
+            source: FrameSource::LowQuality,
+            width: 0,
+            height: 0,
+            pixel_mm: 0.0,
+            image: Vec::new(),
+            segmentation: Vec::new(),
+            attenuation: Vec::new(),
+            mask: Vec::new(),
+            pose: None,
+            tracking: TrackingState::Lost,
+            timeline: FrameTimeline::default(),
+            settings,
+            tier: None,
+            notice: None,
+        };
+        let pool = state.pool.get_or_insert_with(|| Pool::new(FRAMES, empty));
+        let filled = pool.fill(|frame| {
+            frame.number = number;
+            frame.source = source;
+            (frame.width, frame.height) = (rendered.shape.width, rendered.shape.height);
+            frame.pixel_mm = rendered.shape.pixel_mm;
+            maps_into(frame, &rendered);
+            if let Some(held) = held {
+                frame.image.clear();
+                frame.image.extend_from_slice(&held.image);
+            }
+            frame.pose = rendered.pose;
+            frame.tracking = rendered.tracking;
+            frame.settings = rendered.settings;
+            match (held, &mut frame.tier) {
+                (Some(held), Some(tier)) => tier.clone_from(&held.tier),
+                (held, tier) => *tier = held.map(|held| held.tier.clone()),
+            }
+            self.events.notice_into(&mut frame.notice);
+            let inference = held.filter(|held| held.number == rendered.number).map(|held| held.run);
+            frame.timeline = FrameTimeline { inference, presented: self.clock.now(), ..rendered.timeline };
+        });
+        let Some((frame, ())) = filled else { return count(&self.metrics.frames_held) };
+        self.metrics.presented(&frame);
+        for sink in &self.sinks {
+            sink.put(frame.clone());
+        }
+    }
+}
+
+struct State {
+    chooser: Chooser,
+    /// The last generated picture.
+    held: Option<Arc<Generated>>,
+    pool: Option<Pool<PresentedFrame>>,
+}
+
+impl State {
+    /// Whether the last generated picture is this frame's.
+    fn is_own(&self, rendered: &Rendered) -> bool {
+        self.held.as_ref().is_some_and(|held| held.number == rendered.number)
+    }
+}
+
+/// Moves the maps where only this stage and its pool hold the frame, and copies them where the generator reads them.
+fn maps_into(into: &mut PresentedFrame, rendered: &Arc<Rendered>) {
+    if Arc::strong_count(rendered) == 2
+        && let Ok(mut frame) = rendered.frame.try_write()
+    {
+        let Frame { bmode, segmentation, attenuation, mask, .. } = &mut *frame;
+        std::mem::swap(&mut into.image, bmode);
+        std::mem::swap(&mut into.segmentation, segmentation);
+        std::mem::swap(&mut into.attenuation, attenuation);
+        std::mem::swap(&mut into.mask, mask);
+        return;
+    }
+    let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
+    into.image.clone_from(&frame.bmode);
+    into.segmentation.clone_from(&frame.segmentation);
+    into.attenuation.clone_from(&frame.attenuation);
+    into.mask.clone_from(&frame.mask);
+}

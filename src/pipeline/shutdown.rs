@@ -1,0 +1,260 @@
+//! How a session ends: one request, then each thread in its turn, none waited for without bound.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::clock::{Clock, Signal, lock};
+
+/// Asks a session to end; clones ask the same session.
+#[derive(Debug, Clone)]
+pub struct Stop {
+    clock: Arc<dyn Clock>,
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    requested: AtomicBool,
+    reason: Mutex<Option<String>>,
+    signal: Signal,
+}
+
+impl Stop {
+    /// Of a session on `clock`.
+    pub fn new(clock: &Arc<dyn Clock>) -> Self {
+        Self { clock: clock.clone(), inner: Arc::default() }
+    }
+
+    /// Asks the session to end; the first reason counts.
+    pub fn request(&self, reason: &str) {
+        lock(&self.inner.reason).get_or_insert_with(|| reason.to_owned());
+        self.inner.requested.store(true, Ordering::Release);
+        self.clock.notify(&self.inner.signal);
+    }
+
+    /// Whether it was asked to.
+    pub fn is_requested(&self) -> bool {
+        self.inner.requested.load(Ordering::Acquire)
+    }
+
+    /// Why, once it was asked to.
+    pub fn reason(&self) -> Option<String> {
+        lock(&self.inner.reason).clone()
+    }
+
+    /// Waits until the time `until`, or for the request. Returns whether there is one.
+    pub fn wait(&self, until: Duration) -> bool {
+        while !self.is_requested() && self.clock.now() < until {
+            let seen = self.inner.signal.generation();
+            if !self.is_requested() {
+                self.clock.wait(&self.inner.signal, seen, until);
+            }
+        }
+        self.is_requested()
+    }
+}
+
+/// A part of a session that has a thread of its own: a tracker, a recorder.
+pub trait Part: Send {
+    /// Name in messages.
+    fn name(&self) -> &str;
+
+    /// Asks it to end, without waiting.
+    fn stop(&mut self);
+
+    /// Whether its thread has ended. Asked again and again, every few ms.
+    fn has_ended(&mut self) -> bool;
+}
+
+/// A running thread.
+#[derive(Debug)]
+pub struct Thread<T> {
+    name: String,
+    clock: Arc<dyn Clock>,
+    ended: Arc<Ended>,
+    handle: JoinHandle<T>,
+}
+
+#[derive(Debug, Default)]
+struct Ended {
+    ended: AtomicBool,
+    signal: Signal,
+}
+
+/// Gives the place back and says so when the thread ends, be it by a panic.
+struct AtEnd {
+    clock: Arc<dyn Clock>,
+    ended: Arc<Ended>,
+    place: usize,
+}
+
+impl Drop for AtEnd {
+    fn drop(&mut self) {
+        self.ended.ended.store(true, Ordering::Release);
+        self.clock.notify(&self.ended.signal);
+        self.clock.leave(self.place);
+    }
+}
+
+/// How the wait for a thread ended.
+#[derive(Debug)]
+pub enum Joined<T> {
+    /// It gave this.
+    Done(T),
+    /// It panicked.
+    Panicked,
+    /// It hadn't ended in time. It is left to itself.
+    Stuck,
+}
+
+impl<T> Thread<T> {
+    /// Name of the thread.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Waits until the time `until` for the thread's end.
+    pub fn join(self, until: Duration) -> Joined<T> {
+        loop {
+            let seen = self.ended.signal.generation();
+            if self.ended.ended.load(Ordering::Acquire) {
+                return self.handle.join().map_or(Joined::Panicked, Joined::Done);
+            }
+            if self.clock.now() >= until {
+                return Joined::Stuck;
+            }
+            self.clock.wait(&self.ended.signal, seen, until);
+        }
+    }
+}
+
+/// Starts a thread whose waits are those of `clock`.
+///
+/// # Errors
+/// The system refuses another thread.
+pub fn spawn<T: Send + 'static>(
+    clock: &Arc<dyn Clock>,
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> io::Result<Thread<T>> {
+    let place = clock.enrol();
+    let ended = Arc::<Ended>::default();
+    let at_end = AtEnd { clock: clock.clone(), ended: ended.clone(), place };
+    let started = std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+        let at_end = at_end;
+        at_end.clock.enter(place);
+        work()
+    });
+    Ok(Thread { name: name.to_owned(), clock: clock.clone(), ended, handle: started? })
+}
+
+/// Lets Ctrl-C, and on Unix SIGTERM, end the session: the first asks `stop`, the second calls `at_once`.
+///
+/// # Errors
+/// The system refuses the handler or its thread.
+pub fn on_ctrl_c(stop: &Stop, at_once: impl FnOnce() + Send + 'static) -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let (stop, (ready, installed)) = (stop.clone(), std::sync::mpsc::sync_channel(1));
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            let mut signals = match Signals::new() {
+                Ok(signals) => signals,
+                Err(error) => {
+                    let _ = ready.send(Err(error));
+                    return;
+                }
+            };
+            let _ = ready.send(Ok(()));
+            let reason = signals.next().await;
+            stop.request(reason);
+            signals.next().await;
+            at_once();
+        });
+    })?;
+    installed.recv().unwrap_or_else(|_| Err(io::Error::other("the signal thread ended")))
+}
+
+#[cfg(unix)]
+struct Signals {
+    interrupt: tokio::signal::unix::Signal,
+    terminate: tokio::signal::unix::Signal,
+}
+
+#[cfg(unix)]
+impl Signals {
+    fn new() -> io::Result<Self> {
+        use tokio::signal::unix::{SignalKind, signal};
+        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+    }
+
+    async fn next(&mut self) -> &'static str {
+        tokio::select! {
+            _ = self.interrupt.recv() => "Ctrl-C",
+            _ = self.terminate.recv() => "SIGTERM",
+        }
+    }
+}
+
+#[cfg(windows)]
+struct Signals(tokio::signal::windows::CtrlC);
+
+#[cfg(windows)]
+impl Signals {
+    fn new() -> io::Result<Self> {
+        tokio::signal::windows::ctrl_c().map(Self)
+    }
+
+    async fn next(&mut self) -> &'static str {
+        self.0.recv().await;
+        "Ctrl-C"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::clock::NEVER;
+    use super::super::simulated::SimulatedClock;
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn clock() -> Arc<dyn Clock> {
+        Arc::new(SimulatedClock::new())
+    }
+
+    #[test]
+    fn a_thread_that_ends_is_joined_and_one_that_hangs_is_left() {
+        let clock = clock();
+        let (a, b) = (clock.clone(), clock.clone());
+        let quick = spawn(&clock, "quick", move || {
+            a.sleep_until(SECOND);
+            7
+        });
+        let hangs = spawn(&clock, "hangs", move || b.sleep_until(NEVER));
+        assert!(matches!(quick.unwrap().join(2 * SECOND), Joined::Done(7)));
+        assert_eq!(clock.now(), SECOND);
+        assert!(matches!(hangs.unwrap().join(3 * SECOND), Joined::Stuck));
+        assert_eq!(clock.now(), 3 * SECOND);
+    }
+
+    #[test]
+    fn a_thread_that_panics_is_known_to() {
+        let clock = clock();
+        let thread = spawn(&clock, "panics", || std::panic::resume_unwind(Box::new(())));
+        assert!(matches!(thread.unwrap().join(SECOND), Joined::<()>::Panicked));
+    }
+
+    #[test]
+    fn the_first_reason_to_stop_counts() {
+        let clock = clock();
+        let stop = Stop::new(&clock);
+        assert!(!stop.wait(SECOND));
+        stop.clone().request("first");
+        stop.request("second");
+        assert!(stop.wait(NEVER));
+        assert_eq!(stop.reason().as_deref(), Some("first"));
+    }
+}

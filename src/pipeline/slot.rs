@@ -1,0 +1,172 @@
+//! A link between two stages that holds one item: the newest wins.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::clock::{Clock, Signal, lock};
+
+/// What a wait for an item came to.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Taken<T> {
+    /// An item.
+    Item(T),
+    /// None by the time.
+    TimedOut,
+    /// None, and none will come.
+    Closed,
+}
+
+/// Holds the newest item between two threads. What it replaces before it was taken counts as dropped, and so does what
+/// comes after it was closed. Nothing is allocated.
+#[derive(Debug)]
+pub struct Slot<T> {
+    name: String,
+    clock: Arc<dyn Clock>,
+    /// Notified at each change; slots that one thread waits on together share it.
+    signal: Arc<Signal>,
+    inner: Mutex<Inner<T>>,
+    offered: AtomicU64,
+    dropped: AtomicU64,
+}
+
+#[derive(Debug)]
+struct Inner<T> {
+    item: Option<T>,
+    closed: bool,
+}
+
+impl<T> Slot<T> {
+    /// An empty slot whose drops are counted under `name`.
+    pub fn new(name: impl Into<String>, clock: &Arc<dyn Clock>) -> Self {
+        Self::with_signal(name, clock, &Arc::default())
+    }
+
+    /// An empty slot that notifies `signal`.
+    pub fn with_signal(name: impl Into<String>, clock: &Arc<dyn Clock>, signal: &Arc<Signal>) -> Self {
+        Self {
+            name: name.into(),
+            clock: clock.clone(),
+            signal: signal.clone(),
+            inner: Mutex::new(Inner { item: None, closed: false }),
+            offered: AtomicU64::new(0),
+            dropped: AtomicU64::new(0),
+        }
+    }
+
+    /// Name of the link.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Puts an item in; false if another was dropped for it, or it itself since the slot is closed.
+    pub fn put(&self, item: T) -> bool {
+        self.offered.fetch_add(1, Ordering::Relaxed);
+        let mut inner = lock(&self.inner);
+        let dropped = if inner.closed { Some(item) } else { inner.item.replace(item) };
+        drop(inner);
+        if dropped.is_some() {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+        self.clock.notify(&self.signal);
+        dropped.is_none()
+    }
+
+    /// Takes the item that is there. What was put in before the slot was closed can still be taken.
+    pub fn try_take(&self) -> Taken<T> {
+        let mut inner = lock(&self.inner);
+        match inner.item.take() {
+            Some(item) => Taken::Item(item),
+            None if inner.closed => Taken::Closed,
+            None => Taken::TimedOut,
+        }
+    }
+
+    /// Waits for an item until the time `until`.
+    pub fn take(&self, until: Duration) -> Taken<T> {
+        loop {
+            let seen = self.signal.generation();
+            match self.try_take() {
+                Taken::TimedOut if self.clock.now() < until => self.clock.wait(&self.signal, seen, until),
+                taken => return taken,
+            }
+        }
+    }
+
+    /// Lets no more items in and wakes whoever waits.
+    pub fn close(&self) {
+        lock(&self.inner).closed = true;
+        self.clock.notify(&self.signal);
+    }
+
+    /// Drops the item that is there, and counts it.
+    pub fn clear(&self) {
+        let item = lock(&self.inner).item.take();
+        if item.is_some() {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Items that were put in or refused.
+    pub fn offered(&self) -> u64 {
+        self.offered.load(Ordering::Relaxed)
+    }
+
+    /// Items that nobody took.
+    pub fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::clock::{NEVER, SystemClock};
+    use super::*;
+
+    fn slot() -> Slot<u32> {
+        Slot::new("test", &(Arc::new(SystemClock::new()) as Arc<dyn Clock>))
+    }
+
+    #[test]
+    fn the_newest_wins_and_the_others_are_counted() {
+        let slot = slot();
+        assert!(slot.put(1));
+        assert!(!slot.put(2));
+        assert!(!slot.put(3));
+        assert_eq!(slot.take(NEVER), Taken::Item(3));
+        assert_eq!(slot.take(Duration::ZERO), Taken::TimedOut);
+        assert_eq!((slot.offered(), slot.dropped()), (3, 2));
+    }
+
+    #[test]
+    fn a_closed_slot_gives_what_it_has_and_takes_nothing() {
+        let slot = slot();
+        slot.put(1);
+        slot.close();
+        assert!(!slot.put(2));
+        assert_eq!(slot.take(NEVER), Taken::Item(1));
+        assert_eq!(slot.take(NEVER), Taken::Closed);
+        assert_eq!((slot.offered(), slot.dropped()), (2, 1));
+    }
+
+    #[test]
+    fn between_threads_items_ascend_and_none_is_lost_uncounted() {
+        let slot = Arc::new(slot());
+        let producer = slot.clone();
+        let thread = std::thread::spawn(move || {
+            for i in 1..=20_000 {
+                producer.put(i);
+            }
+            producer.close();
+        });
+        let (mut last, mut taken) = (0, 0);
+        while let Taken::Item(item) = slot.take(NEVER) {
+            assert!(item > last, "{item} after {last}");
+            last = item;
+            taken += 1;
+        }
+        thread.join().unwrap();
+        assert_eq!(last, 20_000, "the last one always arrives");
+        assert_eq!(taken + slot.dropped(), slot.offered());
+    }
+}

@@ -1,0 +1,85 @@
+//! A presented frame in a line of JSON, less its maps.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::live::{FrameSource, PresentedFrame};
+use crate::pose::TrackingState;
+
+/// What a line says of a frame. Times are ms since the session began.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FrameLine<'a> {
+    /// Number of the frame.
+    pub number: u64,
+    /// File that holds it, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<&'a str>,
+    /// `enhanced`, `held_enhanced` or `low_quality`.
+    pub source: &'static str,
+    /// `good`, `held`, `stale` or `lost`.
+    pub tracking: &'static str,
+    /// `scene_from_probe` [x, y, z (mm), qw, qx, qy, qz]; none without a picture.
+    pub pose: Option<[f64; 7]>,
+    /// First byte of the record that the pose comes from.
+    pub first_byte_ms: Option<f64>,
+    /// Pose sampled.
+    pub sampled_ms: f64,
+    /// Render submitted.
+    pub submitted_ms: f64,
+    /// Rendered frame in memory.
+    pub rendered_ms: f64,
+    /// Start and end of the generator's run on this frame.
+    pub inference_ms: Option<[f64; 2]>,
+    /// Handed to the sinks.
+    pub presented_ms: f64,
+    /// Generator tier at work.
+    pub tier: Option<&'a str>,
+    /// Whether the picture stands still.
+    pub frozen: bool,
+    /// What went wrong lately.
+    pub notice: Option<&'a str>,
+}
+
+impl<'a> FrameLine<'a> {
+    /// Of a frame.
+    pub fn new(frame: &'a PresentedFrame) -> Self {
+        let times = &frame.timeline;
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        Self {
+            number: frame.number,
+            file: None,
+            source: source_name(frame.source),
+            tracking: tracking_name(frame.tracking),
+            pose: frame.pose.map(|pose| pose.components()),
+            first_byte_ms: times.first_byte.map(ms),
+            sampled_ms: ms(times.sampled),
+            submitted_ms: ms(times.submitted),
+            rendered_ms: ms(times.rendered),
+            inference_ms: times.inference.map(|(start, end)| [ms(start), ms(end)]),
+            presented_ms: ms(times.presented),
+            tier: frame.tier.as_deref(),
+            frozen: frame.settings.frozen,
+            notice: frame.notice.as_deref(),
+        }
+    }
+}
+
+/// Name of a picture's kind.
+pub fn source_name(source: FrameSource) -> &'static str {
+    match source {
+        FrameSource::Enhanced => "enhanced",
+        FrameSource::HeldEnhanced => "held_enhanced",
+        FrameSource::LowQuality => "low_quality",
+    }
+}
+
+/// Name of a pose's state.
+pub fn tracking_name(state: TrackingState) -> &'static str {
+    match state {
+        TrackingState::Good => "good",
+        TrackingState::Held => "held",
+        TrackingState::Stale => "stale",
+        TrackingState::Lost => "lost",
+    }
+}

@@ -1,0 +1,73 @@
+//! Names of live sinks in station files and on the command line.
+
+use std::str::FromStr;
+
+use thiserror::Error;
+
+use crate::suggest::did_you_mean;
+
+/// A kind of live sink.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LiveSinkKind {
+    /// Shows nothing: for measurements.
+    Null,
+    /// A PNG a frame, with an index.
+    Png,
+    /// A video.
+    Video,
+}
+
+/// A name that no sink has.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error("unknown sink `{name}`{suggestion}; known: {known}")]
+pub struct UnknownSink {
+    /// Name looked up.
+    pub name: String,
+    /// Nearest known name, ready to print, or empty.
+    pub suggestion: String,
+    /// All names.
+    pub known: String,
+}
+
+impl LiveSinkKind {
+    /// Every kind, in the order of [`NAMES`](Self::NAMES).
+    pub const ALL: &[Self] = &[Self::Null, Self::Png, Self::Video];
+
+    /// Their names.
+    pub const NAMES: &[&'static str] = &["null", "png", "video"];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Null => "null",
+            Self::Png => "png",
+            Self::Video => "video",
+        }
+    }
+}
+
+impl FromStr for LiveSinkKind {
+    type Err = UnknownSink;
+
+    fn from_str(name: &str) -> Result<Self, UnknownSink> {
+        Self::ALL.iter().copied().find(|kind| kind.name() == name).ok_or_else(|| UnknownSink {
+            name: name.to_owned(),
+            suggestion: did_you_mean(name, Self::NAMES.iter().copied()),
+            known: Self::NAMES.join(", "),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_its_name_and_no_other_is_known() {
+        for (kind, name) in LiveSinkKind::ALL.iter().zip(LiveSinkKind::NAMES) {
+            assert_eq!((kind.name(), name.parse()), (*name, Ok(*kind)));
+        }
+        let error = "vidoe".parse::<LiveSinkKind>().unwrap_err().to_string();
+        assert!(error.contains("did you mean `video`"), "{error}");
+    }
+}

@@ -1,0 +1,129 @@
+//! A live session as a video.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::live::{LiveSink, PresentedFrame};
+use super::{FrameRate, SinkError, Video};
+
+/// Longest pause that the video shows, s: a session that stands still for longer goes on after it.
+const PAUSE_MAX_S: u64 = 10;
+
+/// Writes frames into a video of a fixed rate, each at the time at which it was presented: one that lasts for longer is
+/// repeated, and of several within one of the video's the last counts.
+pub struct LiveVideo {
+    stem: PathBuf,
+    rate: FrameRate,
+    video: Option<Video>,
+    /// When the video begins, moved on by pauses that were cut.
+    origin: Duration,
+    /// Frame that is shown now, and its place in the video.
+    shown: Vec<u8>,
+    place: u64,
+}
+
+impl LiveVideo {
+    /// A video at `stem` + `.mp4` or `.y4m`, opened with the first frame.
+    pub fn new(stem: &Path, rate: FrameRate) -> Self {
+        Self { stem: stem.to_owned(), rate, video: None, origin: Duration::ZERO, shown: Vec::new(), place: 0 }
+    }
+}
+
+impl LiveSink for LiveVideo {
+    fn name(&self) -> &str {
+        "video"
+    }
+
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+        let time = frame.timeline.presented;
+        let Some(video) = &mut self.video else {
+            self.video = Some(Video::create(&self.stem, frame.width, frame.height, self.rate)?);
+            self.origin = time;
+            self.shown.clone_from(&frame.image);
+            return Ok(());
+        };
+        let since = time.saturating_sub(self.origin);
+        let mut place = (since.as_secs_f64() * self.rate.fps()).round() as u64;
+        let longest = (PAUSE_MAX_S as f64 * self.rate.fps()).ceil() as u64;
+        if place > self.place + longest {
+            let cut = (place - self.place - longest) as f64 / self.rate.fps();
+            self.origin += Duration::from_secs_f64(cut);
+            place = self.place + longest;
+        }
+        while self.place < place {
+            video.push(&self.shown)?;
+            self.place += 1;
+        }
+        self.shown.clone_from(&frame.image);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), SinkError> {
+        let Some(mut video) = self.video else { return Ok(()) };
+        video.push(&self.shown)?;
+        video.finish()?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::pose::TrackingState;
+    use crate::render::ImageSettings;
+    use crate::sink::live::{FrameSource, FrameTimeline, LiveSettings};
+
+    /// A frame of 4 × 2 pixels, each its number.
+    pub(crate) fn frame(number: u64, ms: u64) -> PresentedFrame {
+        PresentedFrame {
+            number,
+            source: FrameSource::LowQuality,
+            width: 4,
+            height: 2,
+            pixel_mm: 0.5,
+            image: vec![number as u8; 8],
+            segmentation: vec![1; 8],
+            attenuation: vec![0.5; 8],
+            mask: vec![255; 8],
+            pose: None,
+            tracking: TrackingState::Good,
+            timeline: FrameTimeline { presented: Duration::from_millis(ms), ..FrameTimeline::default() },
+            settings: LiveSettings {
+                image: ImageSettings::default(),
+                depth_mm: 150.0,
+                focus_mm: 70.0,
+                rays: 1,
+                layers: 1,
+                frozen: false,
+                enhance: false,
+            },
+            tier: None,
+            notice: None,
+        }
+    }
+
+    #[test]
+    fn frames_keep_their_times() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("v.y4m");
+        let rate = FrameRate::new(10.0).unwrap();
+        let writer = crate::sink::y4m::Y4mWriter::create(&path, 4, 2, rate).unwrap();
+        let first = frame(1, 5000);
+        let mut sink = LiveVideo::new(&dir.path().join("v"), rate);
+        sink.video = Some(Video::Y4m(writer));
+        (sink.origin, sink.shown) = (first.timeline.presented, first.image);
+        // Late by a little, two within one place, a gap of three, and a pause of an hour that is cut to ten seconds.
+        for (number, ms) in [(2, 5110), (3, 5190), (4, 5210), (5, 5500), (6, 3_605_500)] {
+            sink.present(&frame(number, ms)).unwrap();
+        }
+        Box::new(sink).finish().unwrap();
+        let mut decoder = y4m::decode(std::fs::File::open(&path).unwrap()).unwrap();
+        let mut levels = Vec::new();
+        while let Ok(frame) = decoder.read_frame() {
+            levels.push(frame.get_y_plane()[0]);
+        }
+        assert_eq!(levels[..5], [1, 2, 4, 4, 4]);
+        assert_eq!(levels[5..105], [5; 100]);
+        assert_eq!(levels[105..], [6]);
+    }
+}

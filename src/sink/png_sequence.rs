@@ -1,0 +1,69 @@
+//! A PNG a frame, with an index.
+
+use std::path::{Path, PathBuf};
+
+use super::frame_line::FrameLine;
+use super::frame_log::JsonLines;
+use super::live::{LiveSink, PresentedFrame};
+use super::png::{self, Effort};
+use super::{SinkError, create_dir};
+
+/// Writes `000000.png` and so on, numbered as the frames are, and `index.jsonl` with a line for each: a frame that was
+/// dropped since the disk was slow is a gap in both.
+#[derive(Debug)]
+pub struct PngSequence {
+    directory: PathBuf,
+    index: JsonLines,
+}
+
+impl PngSequence {
+    /// Writes to `directory`, which is made if missing.
+    ///
+    /// # Errors
+    /// The directory or its index cannot be written.
+    pub fn create(directory: &Path) -> Result<Self, SinkError> {
+        create_dir(directory)?;
+        // A line at once: a file without its line would have no time.
+        let index = JsonLines::create(&directory.join("index.jsonl"), 1)?;
+        Ok(Self { directory: directory.to_owned(), index })
+    }
+}
+
+impl LiveSink for PngSequence {
+    fn name(&self) -> &str {
+        "png"
+    }
+
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+        let file = format!("{:06}.png", frame.number);
+        png::write_grey(&self.directory.join(&file), frame.width, frame.height, &frame.image, Effort::Fast)?;
+        self.index.push(&FrameLine { file: Some(&file), ..FrameLine::new(frame) })
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), SinkError> {
+        self.index.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::live_video::tests::frame;
+
+    #[test]
+    fn every_frame_has_its_file_and_its_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut sink = PngSequence::create(&dir.path().join("png")).unwrap();
+        for (number, ms) in [(0, 10), (2, 110)] {
+            sink.present(&frame(number, ms)).unwrap();
+        }
+        let index = std::fs::read_to_string(dir.path().join("png/index.jsonl")).unwrap();
+        let lines: Vec<serde_json::Value> = index.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        assert_eq!(lines.len(), 2);
+        assert_eq!((&lines[1]["file"], &lines[1]["presented_ms"]), (&"000002.png".into(), &110.0.into()));
+        assert_eq!(lines[1]["source"], "low_quality");
+        let image = image::open(dir.path().join("png/000002.png")).unwrap();
+        assert_eq!(image.into_bytes(), frame(2, 110).image);
+        Box::new(sink).finish().unwrap();
+    }
+}

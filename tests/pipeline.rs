@@ -1,0 +1,1073 @@
+//! A session with fakes for everything around it, on simulated time; and one on the real thing.
+
+// Helpers are outside of tests for clippy; a failing one fails its test.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::collections::VecDeque;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock, mpsc};
+use std::time::Duration;
+
+use glam::{DQuat, DVec3};
+use insonify::pipeline::{
+    ChoiceSettings, Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts,
+    Pipeline, PoseSample, PoseSource, RenderFault, RendererFactory, Settings, SimulatedClock, Stop, Summary,
+    SystemClock, Terminator,
+};
+use insonify::pose::{Pose, TrackingState};
+use insonify::render::{Frame, RenderSettings};
+use insonify::sink::SinkError;
+use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, PresentedFrame};
+use insonify::transducer::Probe;
+use serde_json::Value;
+
+const MS: Duration = Duration::from_millis(1);
+const SECOND: Duration = Duration::from_secs(1);
+const SHAPE: ImageShape = ImageShape { width: 8, height: 4, pixel_mm: 0.5 };
+const PIXELS: usize = 32;
+
+/// Counts what the whole binary allocates.
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+static LIVE_BYTES: AtomicI64 = AtomicI64::new(0);
+
+// SAFETY: every call is the system allocator's, with the caller's arguments; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        LIVE_BYTES.fetch_add(layout.size() as i64, Ordering::Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE_BYTES.fetch_sub(layout.size() as i64, Ordering::Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Tests that count allocations run alone.
+static ALONE: RwLock<()> = RwLock::new(());
+
+fn beside_others() -> impl Drop {
+    ALONE.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn alone() -> impl Drop {
+    ALONE.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn clock() -> Arc<dyn Clock> {
+    Arc::new(SimulatedClock::new())
+}
+
+fn pose(x: f64) -> Pose {
+    Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
+}
+
+/// A device that takes `service` for a frame, one after another, and fails where `faults` says so.
+struct Device {
+    clock: Arc<dyn Clock>,
+    service: Duration,
+    in_flight: VecDeque<(Duration, Pose, u64)>,
+    free: Duration,
+    received: Arc<AtomicU64>,
+    faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
+    gain_db: f64,
+}
+
+impl FrameRenderer for Device {
+    fn shape(&self) -> ImageShape {
+        SHAPE
+    }
+
+    fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
+        assert!(self.in_flight.len() < 2, "two in flight at most");
+        self.free = self.free.max(self.clock.now()) + self.service;
+        self.in_flight.push_back((self.free, *pose, 0));
+        Ok(())
+    }
+
+    fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
+        let (done, pose, _) = self.in_flight.pop_front().expect("received more than was submitted");
+        self.clock.sleep_until(done);
+        let number = self.received.fetch_add(1, Ordering::Relaxed);
+        if (self.faults)(number) {
+            return Err(RenderFault::Lost(format!("device lost at frame {number}")));
+        }
+        (frame.width, frame.height) = (SHAPE.width, SHAPE.height);
+        for map in [&mut frame.bmode, &mut frame.segmentation, &mut frame.mask] {
+            map.clear();
+            map.resize(PIXELS, 1 + self.gain_db as u8);
+        }
+        frame.attenuation.clear();
+        frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
+        Ok(())
+    }
+
+    fn reconfigure(&mut self, _: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
+        assert!(self.in_flight.is_empty(), "configured with frames in flight");
+        if settings.image.gain_db > 100.0 {
+            return Err(RenderFault::Refused("too loud".to_owned()));
+        }
+        self.gain_db = settings.image.gain_db;
+        Ok(())
+    }
+}
+
+/// Builds the device again; fails `failures` times first.
+struct Factory {
+    clock: Arc<dyn Clock>,
+    device: Box<dyn Fn() -> Device + Send>,
+    failures: u32,
+}
+
+impl RendererFactory for Factory {
+    fn build(&mut self, _: &Probe, settings: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault> {
+        self.clock.sleep_until(self.clock.now() + 200 * MS);
+        if self.failures > 0 {
+            self.failures -= 1;
+            return Err(RenderFault::Lost("still no driver".to_owned()));
+        }
+        let mut device = (self.device)();
+        device.gain_db = settings.image.gain_db;
+        Ok(Box::new(device))
+    }
+}
+
+struct Poses<F>(F);
+
+impl<F: FnMut(Duration) -> PoseSample + Send> PoseSource for Poses<F> {
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> PoseSample {
+        assert!(display_ns >= now_ns);
+        (self.0)(Duration::from_nanos(now_ns - START_NS))
+    }
+}
+
+const START_NS: u64 = 1_767_225_600_000_000_000;
+
+/// A tracker whose newest record's first byte came 5 ms before the sample.
+fn tracked(now: Duration, x: f64) -> PoseSample {
+    PoseSample {
+        scene_from_probe: Some(pose(x)),
+        state: TrackingState::Good,
+        first_byte_ns: Some((START_NS + now.as_nanos() as u64).saturating_sub(5_000_000)),
+        predicted_ms: 0.0,
+    }
+}
+
+/// 20 mm/s.
+fn moving(now: Duration) -> PoseSample {
+    tracked(now, 20.0 * now.as_secs_f64())
+}
+
+fn resting(now: Duration) -> PoseSample {
+    tracked(now, 0.0)
+}
+
+struct Translate<F> {
+    work: F,
+    terminator: Option<Terminator>,
+}
+
+impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer for Translate<F> {
+    fn tier(&self) -> &str {
+        "fake"
+    }
+
+    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        (self.work)(frame, out)
+    }
+
+    fn terminator(&self) -> Option<Terminator> {
+        self.terminator.clone()
+    }
+}
+
+/// A generator that takes `time` a run and paints 200.
+fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn Enhancer> {
+    let clock = clock.clone();
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        clock.sleep_until(clock.now() + time);
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    Box::new(Translate { work, terminator: None })
+}
+
+struct Sink<F> {
+    name: &'static str,
+    take: F,
+}
+
+impl<F: FnMut(&PresentedFrame) -> Result<(), SinkError> + Send> LiveSink for Sink<F> {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+        (self.take)(frame)
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), SinkError> {
+        Ok(())
+    }
+}
+
+fn sink(
+    name: &'static str,
+    take: impl FnMut(&PresentedFrame) -> Result<(), SinkError> + Send + 'static,
+) -> Box<dyn LiveSink> {
+    Box::new(Sink { name, take })
+}
+
+fn broken() -> SinkError {
+    SinkError::FrameRate { fps: 0.0 }
+}
+
+/// A sink that keeps what it sees of each frame.
+#[derive(Debug, Clone, PartialEq)]
+struct Seen {
+    number: u64,
+    source: FrameSource,
+    first_pixel: u8,
+    x: Option<f64>,
+    tracking: TrackingState,
+    presented: Duration,
+    age: Duration,
+    frozen: bool,
+    notice: Option<String>,
+    tier: Option<String>,
+}
+
+type Log = Arc<Mutex<Vec<Seen>>>;
+
+fn logger(log: &Log) -> Box<dyn LiveSink> {
+    let log = log.clone();
+    sink("log", move |frame| {
+        assert_eq!(
+            [frame.image.len(), frame.segmentation.len(), frame.attenuation.len(), frame.mask.len()],
+            [PIXELS; 4]
+        );
+        assert!(frame.image.iter().all(|p| *p == frame.image[0]), "a picture of one frame");
+        log.lock().unwrap().push(Seen {
+            number: frame.number,
+            source: frame.source,
+            first_pixel: frame.image[0],
+            x: frame.pose.map(|p| p.position_mm.x),
+            tracking: frame.tracking,
+            presented: frame.timeline.presented,
+            age: frame.timeline.presented - frame.timeline.sampled,
+            frozen: frame.settings.frozen,
+            notice: frame.notice.clone(),
+            tier: frame.tier.clone(),
+        });
+        Ok(())
+    })
+}
+
+fn seen(log: &Log) -> Vec<Seen> {
+    std::mem::take(&mut log.lock().unwrap())
+}
+
+/// A session at 20 frames a second on a device that takes 20 ms.
+struct Session {
+    clock: Arc<dyn Clock>,
+    stop: Stop,
+    settings: Settings,
+    limits: Limits,
+    poses: Box<dyn PoseSource>,
+    service: Duration,
+    faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
+    build_failures: u32,
+    enhancer: Option<Box<dyn Enhancer>>,
+    sinks: Vec<Box<dyn LiveSink>>,
+    controls: tokio::sync::mpsc::Receiver<Control>,
+    observer: Option<Arc<dyn Observer>>,
+    before: Vec<Box<dyn Part>>,
+    after: Vec<Box<dyn Part>>,
+}
+
+impl Session {
+    fn new(clock: &Arc<dyn Clock>, poses: impl FnMut(Duration) -> PoseSample + Send + 'static) -> Self {
+        let choice = ChoiceSettings { hold_mm: 0.3, hold_deg: 0.3, steady_frames: 8 };
+        Self {
+            clock: clock.clone(),
+            stop: Stop::new(clock),
+            settings: Settings { frame_rate_hz: 20.0, budget_ms: 100.0, choice, hang_ms: 2000.0, finish_ms: 10_000.0 },
+            limits: Limits { duration: Some(10 * SECOND), frames: None },
+            poses: Box::new(Poses(poses)),
+            service: 20 * MS,
+            faults: Arc::new(|_| false),
+            build_failures: 0,
+            enhancer: None,
+            sinks: Vec::new(),
+            controls: tokio::sync::mpsc::channel(1).1,
+            observer: None,
+            before: Vec::new(),
+            after: Vec::new(),
+        }
+    }
+
+    fn run(self) -> Summary {
+        self.run_watched(|_| ())
+    }
+
+    fn run_watched(self, watch: impl FnMut(&insonify::pipeline::Status)) -> Summary {
+        let (received, clock, service, faults) =
+            (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
+        let device = move || Device {
+            clock: clock.clone(),
+            service,
+            in_flight: VecDeque::with_capacity(2),
+            free: Duration::ZERO,
+            received: received.clone(),
+            faults: faults.clone(),
+            gain_db: 0.0,
+        };
+        let parts = Parts {
+            clock: self.clock.clone(),
+            stop: self.stop,
+            poses: self.poses,
+            renderer: Box::new(device()),
+            factory: Box::new(Factory { clock: self.clock, device: Box::new(device), failures: self.build_failures }),
+            probe: Probe::default(),
+            render: RenderSettings::default(),
+            enhancer: self.enhancer,
+            sinks: self.sinks,
+            controls: self.controls,
+            observer: self.observer,
+            before: self.before,
+            after: self.after,
+        };
+        let summary = Pipeline::run(&self.settings, self.limits, parts, watch).unwrap();
+        all_counted(&summary);
+        summary
+    }
+}
+
+/// Nothing is lost without being counted.
+#[track_caller]
+fn all_counted(summary: &Summary) {
+    let drops: u64 = summary.drops.values().sum();
+    assert_eq!(summary.produced, summary.presented + drops, "{:?}", summary.drops);
+    assert_eq!(summary.by_source.iter().sum::<u64>(), summary.presented);
+    assert_eq!(summary.by_tracking.iter().sum::<u64>(), summary.presented);
+    for sink in &summary.sinks {
+        assert_eq!(sink.offered, summary.presented, "{}", sink.name);
+        let at_work = u64::from(sink.stuck);
+        assert_eq!(sink.offered, sink.taken + sink.dropped + sink.failed + at_work, "{sink:?}");
+    }
+    if let Some(generator) = &summary.generator {
+        let at_work = u64::from(generator.stuck);
+        assert_eq!(generator.offered, generator.done + generator.failed + generator.dropped + at_work, "{generator:?}");
+    }
+}
+
+/// How often the picture's kind changes, and whether it ever goes back and forth within three frames.
+fn changes(frames: &[Seen]) -> (usize, bool) {
+    let enhanced: Vec<bool> = frames.iter().map(|f| f.source != FrameSource::LowQuality).collect();
+    let changes = enhanced.windows(2).filter(|w| w[0] != w[1]).count();
+    (changes, enhanced.windows(3).any(|w| w[0] == w[2] && w[0] != w[1]))
+}
+
+#[test]
+fn without_a_generator_every_tick_is_a_frame_and_as_old_as_it_took() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let summary = Session { sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert_eq!((summary.produced, frames.len() as u64), (200, summary.presented));
+    assert!(frames.iter().enumerate().all(|(i, f)| f.number == i as u64 && f.age == 20 * MS), "{frames:?}");
+    assert!(frames.windows(2).all(|w| w[1].presented - w[0].presented == 50 * MS));
+    assert!(frames.iter().all(|f| f.source == FrameSource::LowQuality && f.tier.is_none() && f.first_pixel == 1));
+    let latency = summary.pose_to_present.unwrap();
+    assert!(latency.p50_ms >= 25.0 && latency.max_ms < 25.1, "5 ms of age when sampled: {latency:?}");
+    assert!((summary.frames_per_s - 20.0).abs() < 0.01);
+}
+
+#[test]
+fn the_same_session_runs_the_same_way_each_time() {
+    let _guard = beside_others();
+    let run = || {
+        let (clock, log) = (clock(), Log::default());
+        let enhancer = Some(generator(&clock, 63 * MS));
+        let session = Session::new(&clock, |now| tracked(now, (now.as_secs_f64() * 3.0).sin().max(0.0)));
+        Session { enhancer, sinks: vec![logger(&log)], service: 37 * MS, ..session }.run();
+        seen(&log)
+    };
+    let first = run();
+    assert!(first.len() > 150);
+    assert_eq!(first, run());
+}
+
+#[test]
+fn a_device_slower_than_the_ticks_is_kept_busy_without_a_queue() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let summary = Session { service: 80 * MS, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert!(summary.frames_per_s > 12.4, "80 ms a frame: {}", summary.frames_per_s);
+    assert!(frames[10..].iter().all(|f| f.age <= 86 * MS), "poses don't wait in the device's queue");
+    assert!(summary.missed_ticks > 60, "ticks are counted, not caught up: {}", summary.missed_ticks);
+}
+
+#[test]
+fn a_fast_generator_is_shown_steadily_and_within_the_budget() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let enhancer = Some(generator(&clock, 30 * MS));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert_eq!(changes(&frames), (1, false), "once from rendered to generated");
+    assert!(frames[12..].iter().all(|f| f.source == FrameSource::Enhanced && f.first_pixel == 200));
+    assert!(frames[12..].iter().all(|f| f.age == 50 * MS && f.tier.as_deref() == Some("fake")), "20 + 30 ms");
+    assert!(summary.enhanced_ratio > 0.9);
+    assert!(summary.inference.unwrap().p50_ms > 29.9);
+}
+
+#[test]
+fn a_slow_generator_costs_no_frame_and_no_time_and_is_held_while_the_probe_rests() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let enhancer = Some(generator(&clock, 300 * MS));
+    // Moves for 4 s, rests for 4 s, moves on.
+    let poses = |now: Duration| {
+        let s = now.as_secs_f64();
+        tracked(now, 20.0 * (s.min(4.0) + (s - 8.0).max(0.0)))
+    };
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
+    let frames = seen(&log);
+    assert_eq!(summary.presented, 200, "the cadence holds");
+    assert!(frames.iter().all(|f| f.age == 20 * MS), "no frame waits for what can't be in time");
+    assert_eq!(changes(&frames), (2, false));
+    for frame in &frames {
+        match frame.presented.as_secs_f64() {
+            s if !(4.0..8.1).contains(&s) => assert_eq!(frame.source, FrameSource::LowQuality, "{frame:?}"),
+            s if (5.2..8.0).contains(&s) => assert_eq!(frame.source, FrameSource::HeldEnhanced, "{frame:?}"),
+            _ => {}
+        }
+    }
+    let generator = summary.generator.unwrap();
+    assert!(generator.late == generator.done && generator.done >= 30 && generator.dropped > 100, "{generator:?}");
+}
+
+#[test]
+fn a_generator_at_its_limit_does_not_flicker() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (clock_of, mut run) = (clock.clone(), 0_u64);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        // Most runs are in time, every fifth is not.
+        clock_of.sleep_until(clock_of.now() + if run.is_multiple_of(5) { 110 * MS } else { 40 * MS });
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: None }));
+    let summary = Session {
+        enhancer,
+        sinks: vec![logger(&log)],
+        limits: Limits { duration: Some(60 * SECOND), frames: None },
+        ..Session::new(&clock, moving)
+    }
+    .run();
+    let frames = seen(&log);
+    let (count, flickers) = changes(&frames);
+    assert!(!flickers && count <= 6, "{count} changes");
+    assert!(frames.iter().all(|f| f.age <= 100 * MS), "the deadline holds");
+    assert!(summary.presented >= 1195);
+}
+
+#[test]
+fn a_sink_that_blocks_for_ever_harms_nobody_also_not_at_the_end() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let clock_of = clock.clone();
+    let dead = sink("dead", move |frame| {
+        if frame.number == 10 {
+            clock_of.sleep_until(NEVER);
+        }
+        Ok(())
+    });
+    let summary = Session { sinks: vec![dead, logger(&log)], ..Session::new(&clock, moving) }.run();
+    assert_eq!(seen(&log).len(), 200);
+    let [dead, log] = &summary.sinks[..] else { panic!() };
+    assert!(dead.stuck && dead.taken == 10 && dead.dropped == 189, "{dead:?}");
+    assert_eq!((log.taken, log.dropped, log.stuck), (200, 0, false));
+    assert_eq!(summary.stuck, ["dead"]);
+    assert!(clock.now() < 25 * SECOND, "the end is bounded");
+}
+
+#[test]
+fn a_sink_that_really_blocks_is_left_behind_on_the_machines_clock() {
+    let _guard = beside_others();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let (_never, blocks) = mpsc::channel::<()>();
+    let dead = sink("dead", move |_| {
+        let _ = blocks.recv();
+        Ok(())
+    });
+    let log = Log::default();
+    let mut session = Session::new(&clock, |_| PoseSample {
+        scene_from_probe: Some(pose(0.0)),
+        state: TrackingState::Good,
+        ..PoseSample::default()
+    });
+    session.poses = Box::new(insonify::pipeline::StandingPose(pose(0.0)));
+    session.sinks = vec![dead, logger(&log)];
+    session.service = MS;
+    session.settings.frame_rate_hz = 200.0;
+    session.settings.finish_ms = 20.0;
+    session.limits = Limits { duration: None, frames: Some(5) };
+    let summary = session.run();
+    assert_eq!((summary.presented, summary.stuck), (5, vec!["dead".to_owned()]));
+}
+
+#[test]
+fn a_sink_that_fails_again_and_again_is_closed_and_one_that_fails_once_is_not() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let full = sink("full disk", |frame| if frame.number < 3 { Ok(()) } else { Err(broken()) });
+    let hiccup = sink("hiccup", |frame| if frame.number.is_multiple_of(7) { Err(broken()) } else { Ok(()) });
+    let summary = Session { sinks: vec![full, hiccup, logger(&log)], ..Session::new(&clock, moving) }.run();
+    let [full, hiccup, _] = &summary.sinks[..] else { panic!() };
+    assert_eq!((full.taken, full.failed, full.dropped, full.stuck), (3, 5, 192, false));
+    assert!(full.error.as_ref().unwrap().contains("5 times in a row"));
+    assert_eq!((hiccup.failed, hiccup.taken, hiccup.error.is_none()), (29, 171, true));
+    let said = seen(&log).iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("full disk")));
+    assert!(said, "whoever watches another sink hears of it");
+}
+
+#[test]
+fn a_sink_that_panics_is_closed() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let panics = sink("panics", |frame| {
+        if frame.number == 4 {
+            std::panic::resume_unwind(Box::new("a bug"));
+        }
+        Ok(())
+    });
+    let session = Session { sinks: vec![panics, logger(&log)], ..Session::new(&clock, moving) };
+    let summary = session.run();
+    assert_eq!(seen(&log).len(), 200);
+    let panics = &summary.sinks[0];
+    assert_eq!((panics.taken, panics.failed, panics.error.as_deref()), (4, 1, Some("it panicked")));
+}
+
+#[test]
+fn a_generator_that_hangs_for_ever_leaves_the_station_at_rendered_frames() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (clock_of, mut run) = (clock.clone(), 0);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        clock_of.sleep_until(if run == 40 { NEVER } else { clock_of.now() + 20 * MS });
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: None }));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    // The frame that waited for its deadline comes together with the next one, which replaces it at the sink.
+    assert_eq!((summary.presented, frames.len()), (200, 199), "{summary:?}");
+    assert_eq!(changes(&frames), (2, false));
+    assert!(frames.iter().all(|f| f.age <= 100 * MS));
+    assert!(frames[45..].iter().all(|f| f.source == FrameSource::LowQuality));
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("hangs on frame"))));
+    let generator = summary.generator.unwrap();
+    assert_eq!((generator.hung, generator.stuck, generator.done), (1, true, 39));
+    assert_eq!(summary.stuck, ["generator"]);
+}
+
+#[test]
+fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let stop_run = Arc::new(insonify::pipeline::Signal::default());
+    let (clock_of, clock_too, stopped, stops, mut run) = (clock.clone(), clock.clone(), stop_run.clone(), stop_run, 0);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        if run == 40 {
+            clock_of.wait(&stopped, stopped.generation(), NEVER);
+            return Err(EnhanceError("terminated".to_owned()));
+        }
+        clock_of.sleep_until(clock_of.now() + 20 * MS);
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let terminator: Option<Terminator> = Some(Arc::new(move || clock_too.notify(&stops)));
+    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator }));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert_eq!(changes(&frames), (3, false), "and it comes back");
+    let generator = summary.generator.unwrap();
+    assert_eq!((generator.hung, generator.stuck, generator.failed), (1, false, 1));
+    assert!(summary.stuck.is_empty());
+}
+
+#[test]
+fn a_generator_that_gives_nonsense_rests_and_is_tried_again() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let mut run = 0;
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        match run {
+            20 => out.resize(frame.bmode.len() - 1, 0),
+            21..=40 => return Err(EnhanceError("pixel 7 is NaN".to_owned())),
+            _ => out.resize(frame.bmode.len(), 200),
+        }
+        Ok(())
+    };
+    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: None }));
+    let limits = Limits { duration: Some(200 * SECOND), frames: None };
+    let summary = Session { enhancer, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert_eq!(frames.len(), 4000);
+    assert!(frames.iter().all(|f| matches!((f.source, f.first_pixel), (FrameSource::LowQuality, 1) | (_, 200))));
+    assert_eq!(changes(&frames), (3, false));
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("NaN") && n.contains("rests"))));
+    let generator = summary.generator.unwrap();
+    assert_eq!(generator.failed, 21);
+    assert_eq!(frames.last().unwrap().source, FrameSource::Enhanced, "it is back at the end");
+}
+
+#[test]
+fn a_lost_device_is_built_anew_and_its_frames_are_counted() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let faults: Arc<dyn Fn(u64) -> bool + Send + Sync> = Arc::new(|n| n == 50 || n == 90);
+    let session = Session { faults, build_failures: 3, sinks: vec![logger(&log)], ..Session::new(&clock, moving) };
+    let summary = session.run();
+    let frames = seen(&log);
+    assert_eq!((summary.device_losses, summary.device_rebuilt), (2, 2));
+    assert_eq!(summary.drops["lost with the device"], 2);
+    let black: Vec<_> = frames.iter().filter(|f| f.x.is_none()).collect();
+    assert!(!black.is_empty() && black.iter().all(|f| f.first_pixel == 0));
+    assert!(black.iter().all(|f| f.notice.is_some()), "a black frame says why");
+    assert!(frames.last().unwrap().x.is_some(), "and there are pictures again");
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("still no driver"))));
+    // Three failures wait 0.25 + 0.5 + 1 s, each attempt takes 0.2 s.
+    let gap = frames.windows(2).map(|w| w[1].presented - w[0].presented).max().unwrap();
+    assert!(gap <= 300 * MS, "black frames go on between attempts: {gap:?}");
+}
+
+#[test]
+fn a_device_that_is_lost_at_once_each_time_is_not_opened_in_a_loop() {
+    let _guard = beside_others();
+    let clock = clock();
+    let limits = Limits { duration: Some(60 * SECOND), frames: None };
+    let session = Session { faults: Arc::new(|n| n > 20), limits, ..Session::new(&clock, moving) };
+    let summary = session.run();
+    assert!((10..25).contains(&summary.device_losses), "{}", summary.device_losses);
+}
+
+#[test]
+fn stale_and_lost_poses_are_shown_as_such() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    // Each second: 0.4 s good, 0.2 s held, 0.2 s stale, 0.2 s lost.
+    let poses = |now: Duration| {
+        let phase = now.as_secs_f64().fract();
+        let state = match phase {
+            p if p < 0.4 => TrackingState::Good,
+            p if p < 0.6 => TrackingState::Held,
+            p if p < 0.8 => TrackingState::Stale,
+            _ => TrackingState::Lost,
+        };
+        PoseSample { state, ..tracked(now, phase) }
+    };
+    let enhancer = Some(generator(&clock, 10 * MS));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
+    let frames = seen(&log);
+    for frame in &frames {
+        let lost = frame.tracking == TrackingState::Lost;
+        assert_eq!(frame.x.is_none(), lost, "{frame:?}");
+        assert_eq!(frame.first_pixel == 0, lost, "a lost pose has no picture, old or new");
+    }
+    assert!(summary.by_tracking.iter().all(|n| *n >= 30), "{:?}", summary.by_tracking);
+    assert!(frames.windows(2).all(|w| w[1].number == w[0].number + 1 && w[1].presented > w[0].presented));
+}
+
+#[test]
+fn freezing_stops_the_picture_while_sliders_still_act() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (sender, controls) = tokio::sync::mpsc::channel(16);
+    let viewer = sink("viewer", move |frame| {
+        let send = |control| sender.try_send(control).unwrap();
+        match frame.number {
+            40 => send(Control::Freeze(true)),
+            60 => send(Control::GainDb(9.0)),
+            80 => send(Control::GainDb(150.0)),
+            90 => send(Control::GainDb(f64::NAN)),
+            100 => send(Control::Freeze(false)),
+            120 => send(Control::Quit),
+            _ => {}
+        }
+        Ok(())
+    });
+    let session = Session { controls, sinks: vec![viewer, logger(&log)], ..Session::new(&clock, moving) };
+    let summary = session.run();
+    let frames = seen(&log);
+    let frozen: Vec<_> = frames.iter().filter(|f| f.frozen).collect();
+    assert!(frozen.len() >= 58 && frozen.iter().all(|f| f.x == frozen[0].x), "{}", frozen.len());
+    assert!(frames[45].first_pixel == 1 && frames[65].first_pixel == 10 && frames[110].first_pixel == 10);
+    assert!(frames.windows(2).filter(|w| !w[1].frozen).all(|w| w[1].x > w[0].x));
+    assert_eq!((summary.controls, summary.controls_refused), (5, 1));
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("too loud"))), "the device refused");
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("image.gain_db"))));
+    assert!(frames.len() < 125 && summary.stuck.is_empty(), "and it ends when a watcher asks for it");
+}
+
+#[test]
+fn switching_the_generator_off_shows_rendered_frames_at_once() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (sender, controls) = tokio::sync::mpsc::channel(16);
+    let viewer = sink("viewer", move |frame| {
+        match frame.number {
+            50 => sender.try_send(Control::Enhance(false)).unwrap(),
+            100 => sender.try_send(Control::Enhance(true)).unwrap(),
+            // What was generated before is another picture.
+            150 => sender.try_send(Control::GainDb(3.0)).unwrap(),
+            _ => {}
+        }
+        Ok(())
+    });
+    let enhancer = Some(generator(&clock, 300 * MS));
+    let sinks = vec![viewer, logger(&log)];
+    Session { enhancer, controls, sinks, ..Session::new(&clock, resting) }.run();
+    let frames = seen(&log);
+    let source = |n: usize| frames[n].source;
+    assert_eq!(source(49), FrameSource::HeldEnhanced);
+    assert!((53..100).all(|n| source(n) == FrameSource::LowQuality));
+    assert_eq!(source(149), FrameSource::HeldEnhanced);
+    assert!((153..157).all(|n| source(n) == FrameSource::LowQuality && frames[n].first_pixel == 4));
+    assert_eq!(source(199), FrameSource::HeldEnhanced);
+}
+
+/// Notes the order in which parts end.
+struct Noted {
+    name: &'static str,
+    order: Arc<Mutex<Vec<&'static str>>>,
+    ends: bool,
+}
+
+impl Part for Noted {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn stop(&mut self) {
+        self.order.lock().unwrap().push(self.name);
+    }
+
+    fn has_ended(&mut self) -> bool {
+        self.ends
+    }
+}
+
+#[test]
+fn every_state_ends_in_order_and_in_time() {
+    let _guard = beside_others();
+    type Prepare = fn(Session) -> Session;
+    let hang: Prepare = |session| {
+        let clock = session.clock.clone();
+        let work = move |_: &Frame, _: &mut Vec<u8>| {
+            clock.sleep_until(NEVER);
+            Ok(())
+        };
+        Session { enhancer: Some(Box::new(Translate { work, terminator: None })), ..session }
+    };
+    let states: [(&str, Prepare, &[&str]); 7] = [
+        ("plain", |s| s, &[]),
+        ("no pose yet", |s| Session { poses: Box::new(Poses(|_| PoseSample::default())), ..s }, &[]),
+        ("generating", |s| Session { enhancer: Some(generator(&s.clock, 90 * MS)), ..s }, &[]),
+        ("generator hangs", hang, &["generator"]),
+        ("no device", |s| Session { faults: Arc::new(|_| true), build_failures: u32::MAX, ..s }, &[]),
+        ("device hangs", |s| Session { service: Duration::from_secs(1 << 30), ..s }, &["renderer"]),
+        ("slow device", |s| Session { service: 700 * MS, ..s }, &[]),
+    ];
+    for (name, prepare, stuck) in states {
+        for stop_at in [Duration::ZERO, MS, 33 * MS, 70 * MS, 2345 * MS] {
+            let (clock, order) = (clock(), Arc::<Mutex<Vec<_>>>::default());
+            let part = |name, ends| -> Box<dyn Part> { Box::new(Noted { name, order: order.clone(), ends }) };
+            let order_of = order.clone();
+            let last = sink("last", move |_| {
+                order_of.lock().unwrap().push("frame");
+                Ok(())
+            });
+            let session = Session {
+                limits: Limits { duration: Some(stop_at), frames: None },
+                before: vec![part("tracker", true)],
+                after: vec![part("recorder", true)],
+                sinks: vec![last],
+                ..Session::new(&clock, moving)
+            };
+            let summary = prepare(session).run();
+            assert!(clock.now() <= stop_at + 5 * SECOND, "{name} at {stop_at:?}: {:?}", clock.now());
+            assert!(summary.stuck.iter().all(|s| stuck.contains(&s.as_str())), "{name}: {:?}", summary.stuck);
+            let order = order.lock().unwrap();
+            assert_eq!(order.last(), Some(&"recorder"), "{name}: the recorder hears all");
+            assert!(order.contains(&"tracker"));
+        }
+    }
+}
+
+#[test]
+fn a_part_that_does_not_end_is_left_behind() {
+    let _guard = beside_others();
+    let clock = clock();
+    let part: Box<dyn Part> = Box::new(Noted { name: "tracker", order: Arc::default(), ends: false });
+    let summary = Session { before: vec![part], ..Session::new(&clock, moving) }.run();
+    assert_eq!(summary.stuck, ["tracker"]);
+    assert!(clock.now() < 14 * SECOND);
+}
+
+#[test]
+fn exactly_as_many_frames_as_were_asked_for() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let limits = Limits { duration: None, frames: Some(17) };
+    let summary = Session { limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    assert_eq!((summary.presented, seen(&log).len()), (17, 17));
+}
+
+/// Events, and how many poses and settings.
+#[derive(Default)]
+struct Counted {
+    events: Vec<(u64, String)>,
+    poses: u64,
+    settings: u64,
+}
+
+#[derive(Default)]
+struct Heard(Mutex<Counted>);
+
+impl Observer for Heard {
+    fn event(&self, unix_ns: u64, text: &str) {
+        self.0.lock().unwrap().events.push((unix_ns, text.to_owned()));
+    }
+
+    fn pose(&self, _: u64, _: &PoseSample) {
+        self.0.lock().unwrap().poses += 1;
+    }
+
+    fn settings(&self, _: u64, _: &LiveSettings) {
+        self.0.lock().unwrap().settings += 1;
+    }
+}
+
+#[test]
+fn an_observer_hears_every_event_pose_and_setting() {
+    let _guard = beside_others();
+    let clock = clock();
+    let heard = Arc::<Heard>::default();
+    let (sender, controls) = tokio::sync::mpsc::channel(1);
+    sender.try_send(Control::GainDb(2.0)).unwrap();
+    let observer: Option<Arc<dyn Observer>> = Some(heard.clone());
+    let faults: Arc<dyn Fn(u64) -> bool + Send + Sync> = Arc::new(|n| n == 20);
+    let summary = Session { observer, controls, faults, ..Session::new(&clock, moving) }.run();
+    let heard = heard.0.lock().unwrap();
+    assert_eq!((heard.poses, heard.settings), (summary.produced, 2), "the settings at the start, and the changed ones");
+    assert_eq!(heard.events[0].1, "tracking");
+    let (time_ns, text) = &heard.events[1];
+    assert!(text.contains("device lost at frame 20"), "{text}");
+    assert_eq!((time_ns - START_NS) / 1_000_000, 1020);
+}
+
+#[test]
+fn nothing_is_allocated_per_frame() {
+    let _guard = alone();
+    let clock = clock();
+    let at = Arc::new([AtomicU64::new(0), AtomicU64::new(0)]);
+    let probe_at = at.clone();
+    let probe = sink("probe", move |frame| {
+        let index = match frame.number {
+            400 => 0,
+            1400 => 1,
+            _ => return Ok(()),
+        };
+        probe_at[index].store(ALLOCATIONS.load(Ordering::Relaxed), Ordering::Relaxed);
+        Ok(())
+    });
+    let session = Session {
+        enhancer: Some(generator(&clock, 70 * MS)),
+        sinks: vec![probe],
+        limits: Limits { duration: None, frames: Some(1500) },
+        ..Session::new(&clock, moving)
+    };
+    session.run();
+    let [from, to] = [0, 1].map(|i| at[i].load(Ordering::Relaxed));
+    assert!(from > 0);
+    assert_eq!(to - from, 0, "allocations in a thousand frames");
+}
+
+#[test]
+fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
+    let _guard = alone();
+    let clock = clock();
+    // A tracker that drops out for three of ten seconds, a generator that is slow and fails, a sink that stalls, a
+    // device that is lost every minute.
+    let poses = |now: Duration| match now.as_secs() % 10 {
+        0..3 => PoseSample { state: TrackingState::Lost, ..PoseSample::default() },
+        3 => PoseSample { state: TrackingState::Stale, ..tracked(now, 0.0) },
+        second if second < 7 => moving(now),
+        _ => resting(now),
+    };
+    let (clock_of, mut run) = (clock.clone(), 0_u64);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        clock_of.sleep_until(clock_of.now() + (60 + 37 * (run % 5) as u32) * MS);
+        if run.is_multiple_of(97) {
+            return Err(EnhanceError("NaN".to_owned()));
+        }
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let clock_of = clock.clone();
+    let stalls = sink("stalls", move |frame| {
+        let wait = if frame.number.is_multiple_of(100) { 3000 } else { 70 };
+        clock_of.sleep_until(clock_of.now() + wait * MS);
+        Ok(())
+    });
+    let received = Arc::<AtomicU64>::default();
+    let received_of = received.clone();
+    let slowest = Arc::new(Mutex::new([Duration::ZERO; 10]));
+    let slowest_of = slowest.clone();
+    let probe = sink("probe", move |frame| {
+        received_of.fetch_add(1, Ordering::Relaxed);
+        let minute = (frame.timeline.presented.as_secs() / 60).min(9) as usize;
+        let age = frame.timeline.presented - frame.timeline.sampled;
+        let mut slowest = slowest_of.lock().unwrap();
+        slowest[minute] = slowest[minute].max(age);
+        Ok(())
+    });
+    let session = Session {
+        enhancer: Some(Box::new(Translate { work, terminator: None })),
+        sinks: vec![stalls, probe],
+        faults: Arc::new(|n| n > 0 && n.is_multiple_of(800)),
+        limits: Limits { duration: Some(600 * SECOND), frames: None },
+        ..Session::new(&clock, poses)
+    };
+    let mut live = Vec::with_capacity(16);
+    let summary = session.run_watched(|status| {
+        if status.elapsed_s >= 60.0 * (live.len() + 1) as f64 {
+            live.push(LIVE_BYTES.load(Ordering::Relaxed));
+        }
+    });
+    assert_eq!(summary.presented, received.load(Ordering::Relaxed));
+    assert!(summary.presented > 11_500, "{}", summary.presented);
+    assert_eq!(live.len(), 10);
+    assert!((live[9] - live[1]).abs() < 8192, "bytes in use, minute by minute: {live:?}");
+    let slowest = slowest.lock().unwrap();
+    assert!(slowest.iter().all(|age| *age <= 100 * MS), "{slowest:?}");
+    assert!(summary.device_losses >= 8 && summary.device_rebuilt == summary.device_losses);
+    assert!(summary.enhanced_ratio > 0.05, "{}", summary.enhanced_ratio);
+    let stalls = &summary.sinks[0];
+    assert!(stalls.dropped > 3000 && !stalls.stuck, "{stalls:?}");
+}
+
+fn insonify(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+/// The sphere's station with a small image, so that the software device is quick.
+fn small_station(directory: &Path, rest: &str) -> String {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.glb");
+    let path = directory.join("station.toml");
+    let text = format!(
+        "[scene]\npath = \"{}\"\nbackground = \"liver\"\n[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n[pose]\n{rest}",
+        scene.display()
+    );
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn json_lines(path: &Path) -> Vec<Value> {
+    std::fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn the_program_runs_a_station_on_the_real_renderer() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "[pipeline]\nframe_rate_hz = 20.0\n");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--frames", "6", "--sink", "png", "--sink", "video", "--json"];
+    let paths = ["--out", out.to_str().unwrap(), "--metrics", metrics.to_str().unwrap()];
+    let output = insonify(&[&arguments[..], &paths].concat()).env("PATH", "").output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["presented"], 6);
+    assert_eq!(summary["by_tracking"], serde_json::json!([6, 0, 0, 0]));
+    let drops: u64 = summary["drops"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(summary["produced"], 6 + drops);
+
+    // The same pose as `insonify render`: the same picture.
+    let still = dir.path().join("still");
+    let rendered = insonify(&["render", &station, "--out", still.to_str().unwrap()]).output().unwrap();
+    assert!(rendered.status.success());
+    let expected = image::open(still.join("bmode.png")).unwrap().into_bytes();
+    let index = json_lines(&out.join("png/index.jsonl"));
+    assert!(!index.is_empty());
+    for line in &index {
+        let file = out.join("png").join(line["file"].as_str().unwrap());
+        assert_eq!(image::open(file).unwrap().into_bytes(), expected);
+    }
+    assert!(out.join("video.y4m").metadata().unwrap().len() > 160 * 120);
+    let lines = json_lines(&metrics);
+    let (last, frames) = lines.split_last().unwrap();
+    assert_eq!(last["summary"]["presented"], 6);
+    for line in frames {
+        let at = |key: &str| line[key].as_f64().unwrap();
+        assert!(at("sampled_ms") <= at("submitted_ms") && at("submitted_ms") < at("rendered_ms"));
+        assert!(at("rendered_ms") <= at("presented_ms"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
+    use std::io::{BufRead, BufReader};
+
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--sink", "video", "--out", out.to_str().unwrap()];
+    let mut child = insonify(&[&arguments[..], &["--metrics", metrics.to_str().unwrap(), "--json"]].concat())
+        .env("PATH", "")
+        .env("RUST_LOG", "insonify=info")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // "tracking" is said at the first frame.
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
+    let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
+    nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("Ctrl-C")), "{rest:?}");
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["stuck"], serde_json::json!([]));
+    let names: Vec<_> = std::fs::read_dir(&out).into_iter().flatten().map(|f| f.unwrap().file_name()).collect();
+    assert!(names.iter().all(|name| name == "video.y4m"), "{names:?}");
+    assert!(json_lines(&metrics).last().unwrap()["summary"].is_object());
+}
