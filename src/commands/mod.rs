@@ -10,6 +10,7 @@ mod frame_dir;
 mod generator;
 mod import;
 mod inspect;
+mod live_sinks;
 mod output;
 mod pace;
 mod phantom;

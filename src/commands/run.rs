@@ -8,22 +8,32 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
+use insonify::generator::{GeneratorError, load_tiers};
 use insonify::pipeline::{
-    CONTROLS_WAITING, Clock, GpuFactory, Limits, Parts, Pipeline, PoseSource, RecordedPoses, StandingPose, Status,
-    Stop, Summary, SystemClock, on_ctrl_c,
+    Clock, Enhancer, GpuFactory, Limits, Observer, Part, Parts, Pipeline, PoseSource, RecordedPoses, RecordedSlot,
+    RecorderPart, RecordingObserver, StandingPose, Status, Stop, Summary, SystemClock, TieredEnhancer, TrackedPoses,
+    on_ctrl_c,
 };
-use insonify::pose::Pose;
+use insonify::pose::{Counters, Estimator, Pose};
 use insonify::render::GpuOptions;
+use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_line::{source_name, tracking_name};
 use insonify::sink::frame_record::AdapterRecord;
-use insonify::sink::live::LiveSink;
-use insonify::sink::{FrameLog, FrameRate, LiveSinkKind, LiveVideo, NullSink, PngSequence};
+#[cfg(feature = "window")]
+use insonify::sink::live::Control;
+#[cfg(feature = "window")]
+use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
-use insonify::tracker::recording;
+use insonify::tracker::Transport;
+use insonify::tracker::recording::{
+    self, QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings,
+};
 use serde::Serialize;
+#[cfg(feature = "window")]
+use tokio::sync::mpsc;
 
 use super::run_table::SummaryTable;
-use super::{Classify, Failure, output, session};
+use super::{Classify, Failure, live_sinks, output, session};
 
 /// Time between two status lines where there is no terminal.
 const LINE_INTERVAL_S: f64 = 5.0;
@@ -53,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
 
-    /// Where frames go: null, png, video; may be given again [default: the station's]
+    /// Where frames go: null, png, video, browser, window, openigtlink; may be given again [default: the station's]
     #[arg(long = "sink", value_name = "NAME")]
     sinks: Vec<LiveSinkKind>,
 
@@ -64,6 +74,14 @@ pub(crate) struct Args {
     /// Write a line of JSON a frame to this file, and one with the summary
     #[arg(long, value_name = "FILE")]
     metrics: Option<PathBuf>,
+
+    /// Record the tracker's bytes, poses, settings and events in this file (.mcap)
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+
+    /// Show what is rendered, whatever generators the station names
+    #[arg(long)]
+    no_generator: bool,
 
     /// Print the summary as JSON
     #[arg(long)]
@@ -77,6 +95,7 @@ Files, by sink:
 
 Examples:
   insonify run configs/sphere.toml --duration 10 --metrics out/run/frames.jsonl
+  insonify run configs/live.toml                             recorded tracker, generator, page
   insonify run configs/obstetric.toml --replay assets/exams/obstetric_sweep.mcap --sink video";
 
 /// What `--json` prints.
@@ -104,7 +123,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    let (poses, length) = pose_source(args, &station)?;
+    let (poses, length, tracked) = pose_source(args, &station)?;
     let gpu = session::open_gpu()?;
     let scene = Arc::new(session::load_scene(&station)?);
     let factory = GpuFactory::new(GpuOptions::default(), scene)?;
@@ -113,8 +132,28 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let stop = Stop::new(&clock);
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
-    // The sender lives as long as the session: sinks that take input from people get clones of it.
-    let (_sender, controls) = tokio::sync::mpsc::channel(CONTROLS_WAITING);
+    let adapter = session::adapter(&gpu);
+    let enhancer = enhancer(args, &station, &clock)?;
+    let live = live_sinks::open(&args.sinks, &station, &args.out, args.metrics.as_deref())?;
+    // The sender is kept: the channel must stay open where no sink takes input.
+    let (sinks, controls, control) = (live.sinks, live.controls, live.control);
+    #[cfg(feature = "window")]
+    let window = live.window;
+    let mut recorded: Option<RecordedSlot> = None;
+    let (mut before, mut after): (Vec<Box<dyn Part>>, Vec<Box<dyn Part>>) = (Vec::new(), Vec::new());
+    let mut recording = None;
+    let mut observer: Option<Arc<dyn Observer>> = None;
+    if let Some(path) = &args.record {
+        let recorder = recorder(path, args, &station, &adapter)?;
+        recording = Some(recorder.handle());
+        observer = Some(Arc::new(RecordingObserver(recorder.handle())));
+        let (part, slot) = RecorderPart::new(recorder);
+        after.push(Box::new(part));
+        recorded = Some(slot);
+    }
+    if let Some(tracked) = &tracked {
+        before.push(Box::new(tracked.track(&station.tracker, recording, stop.clone())?));
+    }
     let duration = [args.duration, length].into_iter().flatten().min();
     let parts = Parts {
         clock,
@@ -124,18 +163,34 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         factory: Box::new(factory),
         probe: station.probe,
         render: station.settings,
-        enhancer: None,
-        sinks: sinks(args, &station)?,
+        enhancer,
+        sinks,
         controls,
-        observer: None,
-        before: Vec::new(),
-        after: Vec::new(),
+        observer,
+        before,
+        after,
     };
     let limits = Limits { duration, frames: args.frames };
-    let mut status = StatusLine::new();
-    let summary = Pipeline::run(&station.pipeline, limits, parts, |now| status.set(now)).other()?;
-    status.clear();
-    report(args, &summary, session::adapter(&gpu))?;
+    let summary = session(
+        &station,
+        limits,
+        parts,
+        #[cfg(feature = "window")]
+        window.map(|slot| (slot, control.clone())),
+    )?;
+    drop(control);
+    report(args, &summary, adapter)?;
+    if let Some(tracked) = &tracked {
+        say_left_out(&tracked.counters());
+    }
+    if let (Some(slot), Some(path)) = (recorded, &args.record) {
+        let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
+        match recorded {
+            Some(Recorded { failure: Some(failure), .. }) => return Err(Failure::Other(anyhow!("{failure}"))),
+            Some(done) => eprintln!("recorded {} bytes and {} poses in {}", done.bytes, done.poses, path.display()),
+            None => return Err(Failure::Other(anyhow!("{} was not finished in time", path.display()))),
+        }
+    }
     let failed: Vec<&str> = summary.sinks.iter().filter_map(|sink| sink.error.as_deref()).collect();
     if !failed.is_empty() {
         return Err(Failure::Other(anyhow!("{}", failed.join("; "))));
@@ -146,44 +201,123 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Where the poses come from, and how long they go on.
-fn pose_source(args: &Args, station: &Station) -> Result<(Box<dyn PoseSource>, Option<Duration>), Failure> {
+/// Names what of the tracker's measurements was not used.
+fn say_left_out(counters: &Counters) {
+    let named =
+        counters.named().into_iter().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
+    let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
+    if !list.is_empty() {
+        eprintln!("tracker: {}", list.join(", "));
+    }
+}
+
+/// Poses, how long they go on, and the tracker that they come from where it is a live one.
+type Source = (Box<dyn PoseSource>, Option<Duration>, Option<TrackedPoses>);
+
+/// Where the poses come from.
+fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     if let Some(path) = &args.replay {
         let (poses, summary) = recording::poses(path)?;
         if !summary.is_clean() {
             eprintln!("warning: {}: {summary}", path.display());
         }
-        return Ok((Box::new(RecordedPoses::new(poses)), Some(summary.duration)));
+        return Ok((Box::new(RecordedPoses::new(poses)), Some(summary.duration), None));
+    }
+    if args.pose.is_none() && station.tracker.transport != Transport::None {
+        let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
+        return Ok((Box::new(tracked.clone()), None, Some(tracked)));
     }
     let pose = args.pose.or(station.default_pose).ok_or_else(|| {
         let station = args.station.display();
-        anyhow!("no pose: give --replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [pose] with position_mm and quaternion in {station}")
+        anyhow!("no pose: give --replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [tracker], or a [pose] with position_mm and quaternion in {station}")
     });
-    Ok((Box::new(StandingPose(pose.input()?)), None))
+    Ok((Box::new(StandingPose(pose.input()?)), None, None))
 }
 
-/// The sinks asked for, else the station's.
-fn sinks(args: &Args, station: &Station) -> Result<Vec<Box<dyn LiveSink>>, Failure> {
-    let mut kinds: Vec<LiveSinkKind> = Vec::new();
-    for kind in if args.sinks.is_empty() { &station.sinks } else { &args.sinks } {
-        if !kinds.contains(kind) {
-            kinds.push(*kind);
-        }
+/// The station's generators; none where there are none, where ONNX Runtime is missing, or where every model is refused:
+/// the station goes on with what it renders, and says so.
+fn enhancer(args: &Args, station: &Station, clock: &Arc<dyn Clock>) -> Result<Option<Box<dyn Enhancer>>, Failure> {
+    if args.no_generator || !station.generator.enabled || station.generator.models.is_empty() {
+        return Ok(None);
     }
-    let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
-    for kind in kinds {
-        sinks.push(match kind {
-            LiveSinkKind::Null => Box::new(NullSink),
-            LiveSinkKind::Png => Box::new(PngSequence::create(&args.out.join("png"))?),
-            LiveSinkKind::Video => {
-                Box::new(LiveVideo::new(&args.out.join("video"), FrameRate::new(station.pipeline.frame_rate_hz)?))
+    let (width, height) = (station.settings.image.width, station.settings.image.height);
+    let mut loaded = match load_tiers(&station.generator, station.tissues.names(), width, height) {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            eprintln!("warning: no generator runs, the rendered image is shown: {error}");
+            return Ok(None);
+        }
+    };
+    for refused in &loaded.refused {
+        // A provider that was asked for and isn't there is an error, never a silent fallback.
+        if let GeneratorError::Provider { .. } = refused.error {
+            return Err(Failure::Input(anyhow!("{}: {}", refused.path.display(), refused.error)));
+        }
+        eprintln!("warning: {} is not used: {}", refused.path.display(), refused.error);
+    }
+    for tier in loaded.tiers.report() {
+        let p50 = tier.p50.map_or(0.0, |t| t.as_secs_f64() * 1e3);
+        eprintln!("generator: {} ({p50:.0} ms, budget {} ms)", tier.name, station.generator.budget_ms);
+    }
+    Ok(TieredEnhancer::new(loaded, clock.clone()).map(|enhancer| Box::new(enhancer) as Box<dyn Enhancer>))
+}
+
+/// A recorder of the session in `path`.
+fn recorder(path: &Path, args: &Args, station: &Station, adapter: &AdapterRecord) -> Result<Recorder, Failure> {
+    let text = std::fs::read_to_string(&args.station).context("cannot read the station file again").input()?;
+    if let Some(directory) = path.parent().filter(|d| !d.as_os_str().is_empty()) {
+        insonify::sink::create_dir(directory)?;
+    }
+    let info = RecordingInfo {
+        protocol: station.tracker.protocol,
+        device: "station's tracker".to_owned(),
+        scene: args.station.display().to_string(),
+        start_time_ns: insonify::tracker::host_time_ns(),
+        sensor: station.tracker.device.sensor,
+    };
+    let mut writer = RecordingWriter::create(path, &info)?;
+    writer.settings(&SessionSettings {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: station.settings.quality.seed,
+        adapter: adapter.name.clone(),
+        station_path: args.station.display().to_string(),
+        station: text,
+    })?;
+    Recorder::start(writer, QueueLimits::default()).other()
+}
+
+/// Runs the session; a window takes the main thread meanwhile.
+fn session(
+    station: &Station,
+    limits: Limits,
+    parts: Parts,
+    #[cfg(feature = "window")] window: Option<(WindowSlot, mpsc::Sender<Control>)>,
+) -> Result<Summary, Failure> {
+    let mut status = StatusLine::new();
+    let mut settings = station.pipeline;
+    // A run that is far over its budget is ended there, not only where it hangs.
+    settings.hang_ms = settings.hang_ms.min(station.generator.budget().stop_after.as_secs_f64() * 1e3);
+    let run = move || {
+        let summary = Pipeline::run(&settings, limits, parts, |now| status.set(now)).other();
+        status.clear();
+        summary
+    };
+    #[cfg(feature = "window")]
+    if let Some((slot, control)) = window {
+        let window = station.window.clone().unwrap_or_default();
+        return std::thread::scope(|scope| {
+            let session = scope.spawn(run);
+            let shown = run_on_main_thread(slot, &window, control.clone());
+            if shown.is_err() {
+                // The session must not go on unseen.
+                let _ = control.try_send(Control::Quit);
             }
+            let summary = session.join().map_err(|_| Failure::Other(anyhow!("the session's thread panicked")))?;
+            shown?;
+            summary
         });
     }
-    if let Some(path) = &args.metrics {
-        sinks.push(Box::new(FrameLog::create(path)?));
-    }
-    Ok(sinks)
+    run()
 }
 
 /// Says what the session did.

@@ -5,7 +5,7 @@
 
 use std::fmt::Debug;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 /// A time that never comes: waits for a signal alone.
 pub const NEVER: Duration = Duration::MAX;
@@ -86,8 +86,8 @@ pub struct SystemClock {
 impl SystemClock {
     /// A session that begins now.
     pub fn new() -> Self {
-        let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        Self { start: Instant::now(), start_unix_ns: u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX) }
+        // The clock that the tracker's bytes are stamped by.
+        Self { start_unix_ns: crate::tracker::host_time_ns(), start: Instant::now() }
     }
 }
 

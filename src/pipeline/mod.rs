@@ -21,6 +21,7 @@ mod metrics;
 mod pace;
 mod parts;
 mod presenter;
+mod recorded;
 mod render_stage;
 mod rendered;
 mod session;
@@ -29,6 +30,8 @@ mod simulated;
 mod sink_stage;
 mod slot;
 mod sources;
+mod tiered;
+mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use controls::CONTROLS_WAITING;
@@ -40,8 +43,11 @@ pub use metrics::{GeneratorSummary, Histogram, Percentiles, SinkSummary, Status,
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
+pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
 pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
 pub use sources::{RecordedPoses, StandingPose};
+pub use tiered::TieredEnhancer;
+pub use tracked::{TrackedPoses, TrackerPart};

@@ -15,6 +15,12 @@ pub enum LiveSinkKind {
     Png,
     /// A video.
     Video,
+    /// The page.
+    Browser,
+    /// The native window.
+    Window,
+    /// The OpenIGTLink server.
+    OpenIgtLink,
 }
 
 /// A name that no sink has.
@@ -31,10 +37,10 @@ pub struct UnknownSink {
 
 impl LiveSinkKind {
     /// Every kind, in the order of [`NAMES`](Self::NAMES).
-    pub const ALL: &[Self] = &[Self::Null, Self::Png, Self::Video];
+    pub const ALL: &[Self] = &[Self::Null, Self::Png, Self::Video, Self::Browser, Self::Window, Self::OpenIgtLink];
 
     /// Their names.
-    pub const NAMES: &[&'static str] = &["null", "png", "video"];
+    pub const NAMES: &[&'static str] = &["null", "png", "video", "browser", "window", "openigtlink"];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -42,6 +48,9 @@ impl LiveSinkKind {
             Self::Null => "null",
             Self::Png => "png",
             Self::Video => "video",
+            Self::Browser => "browser",
+            Self::Window => "window",
+            Self::OpenIgtLink => "openigtlink",
         }
     }
 }

@@ -1,0 +1,107 @@
+//! Where the frames of a live session go.
+
+use std::path::Path;
+
+use insonify::pipeline::CONTROLS_WAITING;
+use insonify::sink::live::{Control, LiveSink};
+use insonify::sink::openigtlink::OpenIgtLink;
+use insonify::sink::{FrameLog, FrameRate, LiveSinkKind, LiveVideo, NullSink, PngSequence};
+use insonify::station::Station;
+use tokio::sync::mpsc;
+
+use super::Failure;
+
+/// The sinks of a session, with what watchers say through them.
+pub(crate) struct LiveSinks {
+    pub(crate) sinks: Vec<Box<dyn LiveSink>>,
+    pub(crate) controls: mpsc::Receiver<Control>,
+    /// Kept, so that the channel stays open where no sink takes input.
+    #[cfg_attr(not(feature = "window"), expect(dead_code, reason = "only kept"))]
+    pub(crate) control: mpsc::Sender<Control>,
+    #[cfg(feature = "window")]
+    pub(crate) window: Option<insonify::sink::window::WindowSlot>,
+}
+
+/// What is asked for on the command line, else in the station: its `display.sinks` and every display that has a table.
+fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKind> {
+    let mut kinds = if asked.is_empty() { station.sinks.clone() } else { asked.to_vec() };
+    if asked.is_empty() {
+        let tables = [
+            (station.browser.is_some(), LiveSinkKind::Browser),
+            (station.window.is_some(), LiveSinkKind::Window),
+            (station.openigtlink.is_some(), LiveSinkKind::OpenIgtLink),
+        ];
+        kinds.extend(tables.into_iter().filter(|(there, _)| *there).map(|(_, kind)| kind));
+    }
+    let mut seen = Vec::new();
+    for kind in kinds {
+        if !seen.contains(&kind) {
+            seen.push(kind);
+        }
+    }
+    seen
+}
+
+/// Opens the sinks; those of files write below `out`.
+pub(crate) fn open(
+    asked: &[LiveSinkKind],
+    station: &Station,
+    out: &Path,
+    metrics: Option<&Path>,
+) -> Result<LiveSinks, Failure> {
+    let (control, controls) = mpsc::channel(CONTROLS_WAITING);
+    let mut live = LiveSinks {
+        sinks: Vec::new(),
+        controls,
+        control,
+        #[cfg(feature = "window")]
+        window: None,
+    };
+    for kind in kinds(asked, station) {
+        let sink: Box<dyn LiveSink> = match kind {
+            LiveSinkKind::Null => Box::new(NullSink),
+            LiveSinkKind::Png => Box::new(PngSequence::create(&out.join("png"))?),
+            LiveSinkKind::Video => {
+                Box::new(LiveVideo::new(&out.join("video"), FrameRate::new(station.pipeline.frame_rate_hz)?))
+            }
+            LiveSinkKind::OpenIgtLink => {
+                let sink = OpenIgtLink::new(station.openigtlink.clone().unwrap_or_default(), station.probe)?;
+                eprintln!("OpenIGTLink: {}", sink.address());
+                Box::new(sink)
+            }
+            LiveSinkKind::Browser => browser(station, &live.control)?,
+            LiveSinkKind::Window => window(&mut live)?,
+        };
+        live.sinks.push(sink);
+    }
+    if let Some(path) = metrics {
+        live.sinks.push(Box::new(FrameLog::create(path)?));
+    }
+    Ok(live)
+}
+
+#[cfg(feature = "browser")]
+fn browser(station: &Station, control: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
+    use insonify::sink::browser::{BrowserSink, SceneInfo};
+    let scene = SceneInfo { tissues: station.tissues.names().to_vec() };
+    let sink = BrowserSink::new(&station.browser.clone().unwrap_or_default(), control.clone(), &scene)?;
+    eprintln!("page: {}", sink.address());
+    Ok(Box::new(sink))
+}
+
+#[cfg(not(feature = "browser"))]
+fn browser(_: &Station, _: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
+    Err(Failure::Input(anyhow::anyhow!("this build has no page: build it with the feature `browser`")))
+}
+
+#[cfg(feature = "window")]
+fn window(live: &mut LiveSinks) -> Result<Box<dyn LiveSink>, Failure> {
+    let (sink, slot) = insonify::sink::window::WindowSink::new();
+    live.window = Some(slot);
+    Ok(Box::new(sink))
+}
+
+#[cfg(not(feature = "window"))]
+fn window(_: &mut LiveSinks) -> Result<Box<dyn LiveSink>, Failure> {
+    Err(Failure::Input(anyhow::anyhow!("this build has no window: build it with the feature `window`")))
+}

@@ -1,0 +1,127 @@
+//! The tracker of a session: what it says goes into the estimator that frames take their poses from, and into the
+//! recording.
+
+use std::sync::{Arc, Mutex};
+
+use tokio_util::sync::CancellationToken;
+
+use super::clock::lock;
+use super::parts::{PoseSample, PoseSource};
+use super::shutdown::{Part, Stop};
+use crate::pose::{Counters, Estimator, Measurement, Reading};
+use crate::tracker::recording::{Event, RecorderHandle};
+use crate::tracker::{Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn};
+
+/// Poses of a live tracker; clones look at the same estimator.
+#[derive(Clone)]
+pub struct TrackedPoses(Arc<Mutex<Estimator>>);
+
+impl TrackedPoses {
+    /// From an estimator that a tracker will feed.
+    pub fn new(estimator: Estimator) -> Self {
+        Self(Arc::new(Mutex::new(estimator)))
+    }
+
+    /// What was used and left out so far.
+    pub fn counters(&self) -> Counters {
+        lock(&self.0).counters().clone()
+    }
+
+    /// Starts the tracker's session. Its end, as of a recording that is over, ends the station's.
+    ///
+    /// # Errors
+    /// As [`spawn`].
+    pub fn track(
+        &self,
+        settings: &Settings,
+        recorder: Option<RecorderHandle>,
+        stop: Stop,
+    ) -> Result<TrackerPart, TrackerError> {
+        let cancel = CancellationToken::new();
+        let rates = settings.protocol == Protocol::SpaceMouse;
+        let ear = Ear { estimator: self.0.clone(), recorder, stop, rates };
+        let session = spawn(settings, Box::new(ear), cancel.clone())?;
+        Ok(TrackerPart { session, cancel })
+    }
+}
+
+impl PoseSource for TrackedPoses {
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> PoseSample {
+        let estimate = lock(&self.0).sample(now_ns, display_ns);
+        PoseSample {
+            scene_from_probe: estimate.scene_from_probe,
+            state: estimate.state,
+            first_byte_ns: estimate.first_byte_ns,
+            predicted_ms: estimate.predicted_ms,
+        }
+    }
+}
+
+/// The tracker's thread, as a part of a session.
+pub struct TrackerPart {
+    session: SessionHandle,
+    cancel: CancellationToken,
+}
+
+impl Part for TrackerPart {
+    fn name(&self) -> &str {
+        "tracker"
+    }
+
+    fn stop(&mut self) {
+        self.cancel.cancel();
+    }
+
+    fn has_ended(&mut self) -> bool {
+        self.session.is_finished()
+    }
+}
+
+/// Hears the tracker on its thread.
+struct Ear {
+    estimator: Arc<Mutex<Estimator>>,
+    recorder: Option<RecorderHandle>,
+    stop: Stop,
+    /// The device gives rates, and nothing at all while it is at rest.
+    rates: bool,
+}
+
+impl Listener for Ear {
+    fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
+        if let Some(recorder) = &self.recorder {
+            recorder.raw(host_time_ns, bytes);
+        }
+    }
+
+    fn record(&mut self, host_time_ns: u64, record: &Record) {
+        let Record { sequence, device_time_us, reading, .. } = *record;
+        lock(&self.estimator).push(&Measurement { host_time_ns, device_time_us, sequence, reading });
+    }
+
+    fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
+        match event {
+            TrackerEvent::Connected { .. } => {
+                tracing::info!("tracker: {event}");
+                if self.rates {
+                    let reading = Reading::Rates { translation: glam::DVec3::ZERO, rotation: glam::DVec3::ZERO };
+                    let rest = Measurement { host_time_ns, device_time_us: None, sequence: None, reading };
+                    lock(&self.estimator).push(&rest);
+                }
+            }
+            TrackerEvent::Disconnected { .. } => {
+                tracing::warn!("tracker: {event}");
+                lock(&self.estimator).disconnected();
+            }
+            TrackerEvent::Ended => self.stop.request("the recording is over"),
+            // Counted by the session; its bytes are in the recording.
+            TrackerEvent::DecodeError(error) => {
+                tracing::debug!("tracker: {error}");
+                return;
+            }
+            _ => tracing::warn!("tracker: {event}"),
+        }
+        if let Some(recorder) = &self.recorder {
+            recorder.event(Event::new(host_time_ns, "tracker").with(event.to_string()));
+        }
+    }
+}
