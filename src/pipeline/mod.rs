@@ -17,6 +17,7 @@ mod events;
 mod frames;
 mod generate_stage;
 mod gpu;
+mod histogram;
 mod metrics;
 mod pace;
 mod parts;
@@ -29,6 +30,7 @@ mod simulated;
 mod sink_stage;
 mod slot;
 mod sources;
+mod summary;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use controls::CONTROLS_WAITING;
@@ -36,7 +38,8 @@ pub use deadline::{ChoiceSettings, Chooser, same_picture};
 pub use events::Observer;
 pub use frames::Pool;
 pub use gpu::{GpuFactory, GpuRenderer};
-pub use metrics::{GeneratorSummary, Histogram, Percentiles, SinkSummary, Status, Summary, memory_bytes};
+pub use histogram::{Histogram, Percentiles};
+pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
@@ -45,3 +48,4 @@ pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
 pub use sources::{RecordedPoses, StandingPose};
+pub use summary::{GeneratorSummary, SinkSummary, Summary};
