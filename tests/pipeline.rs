@@ -1039,6 +1039,32 @@ fn the_program_runs_a_station_on_the_real_renderer() {
     }
 }
 
+#[test]
+fn what_cannot_be_run_is_refused() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let text = std::fs::read_to_string(&station).unwrap();
+    let no_pose = dir.path().join("no_pose.toml");
+    std::fs::write(&no_pose, text.replace("[pose]\n", "")).unwrap();
+    let misspelt = dir.path().join("misspelt.toml");
+    std::fs::write(&misspelt, format!("{text}[display]\nsinks = [\"vidoe\"]\n")).unwrap();
+    let cases: [(&[&str], &str); 6] = [
+        (&["run", no_pose.to_str().unwrap()], "no pose"),
+        (&["run", misspelt.to_str().unwrap()], "did you mean `video`"),
+        (&["run", &station, "--sink", "vidio"], "did you mean `video`"),
+        (&["run", &station, "--duration", "0"], "expected seconds"),
+        (&["run", &station, "--frames", "0"], "--frames"),
+        (&["run", &station, "--replay", "nowhere.mcap"], "nowhere.mcap"),
+    ];
+    for (arguments, word) in cases {
+        let output = insonify(arguments).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(word) && !message.contains("panicked"), "{arguments:?}: {message}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {

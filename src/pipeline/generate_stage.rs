@@ -6,10 +6,10 @@ use std::time::Duration;
 use super::clock::{Clock, NEVER, lock};
 use super::events::Events;
 use super::frames::Pool;
-use super::metrics::GeneratorSummary;
 use super::parts::{Enhancer, Terminator};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
+use super::summary::GeneratorSummary;
 use crate::pose::Pose;
 use crate::sink::live::LiveSettings;
 

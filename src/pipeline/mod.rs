@@ -17,6 +17,7 @@ mod events;
 mod frames;
 mod generate_stage;
 mod gpu;
+mod histogram;
 mod metrics;
 mod pace;
 mod parts;
@@ -30,6 +31,7 @@ mod simulated;
 mod sink_stage;
 mod slot;
 mod sources;
+mod summary;
 mod tiered;
 mod tracked;
 
@@ -39,7 +41,8 @@ pub use deadline::{ChoiceSettings, Chooser, same_picture};
 pub use events::Observer;
 pub use frames::Pool;
 pub use gpu::{GpuFactory, GpuRenderer};
-pub use metrics::{GeneratorSummary, Histogram, Percentiles, SinkSummary, Status, Summary, memory_bytes};
+pub use histogram::{Histogram, Percentiles};
+pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
@@ -49,5 +52,6 @@ pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
 pub use sources::{RecordedPoses, StandingPose};
+pub use summary::{GeneratorSummary, SinkSummary, Summary};
 pub use tiered::TieredEnhancer;
 pub use tracked::{TrackedPoses, TrackerPart};

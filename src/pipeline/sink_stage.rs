@@ -7,9 +7,10 @@ use std::time::Duration;
 
 use super::clock::{Clock, NEVER, lock};
 use super::events::Events;
-use super::metrics::{SinkSummary, count, counted};
+use super::metrics::{count, counted};
 use super::shutdown::{Joined, Thread, spawn};
 use super::slot::{Slot, Taken};
+use super::summary::SinkSummary;
 use crate::sink::live::{LiveSink, PresentedFrame};
 
 /// Failures in a row after which a sink is closed.

@@ -70,7 +70,8 @@ pub struct Renderer {
     pub(super) path_passes: Vec<Pass>,
     pub(super) image_passes: Vec<Pass>,
     slots: Vec<Slot>,
-    pub(super) in_flight: VecDeque<(usize, Instant)>,
+    /// Slot, submission and start of each frame that was not received.
+    pub(super) in_flight: VecDeque<(usize, wgpu::SubmissionIndex, Instant)>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
@@ -217,9 +218,9 @@ impl Renderer {
             pass.record(&mut compute, batch);
         }
         slot.record(&mut encoder, &self.buffers);
-        self.gpu.queue.submit([encoder.finish()]);
+        let submission = self.gpu.queue.submit([encoder.finish()]);
         slot.map(&self.map_done);
-        self.in_flight.push_back((self.next_slot, started));
+        self.in_flight.push_back((self.next_slot, submission, started));
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }
@@ -229,12 +230,16 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let (index, started) = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let (index, submission, started) = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
         let result = loop {
             match self.mapped.try_recv() {
                 Ok(result) => break result,
-                Err(_) => self.gpu.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(e.to_string()))?,
+                Err(_) => {
+                    // Of this frame alone: the next one may be at work.
+                    let wait = wgpu::PollType::Wait { submission_index: Some(submission.clone()), timeout: None };
+                    self.gpu.device.poll(wait).map_err(|e| lost(e.to_string()))?;
+                }
             };
         };
         result.map_err(|e| lost(e.to_string()))?;

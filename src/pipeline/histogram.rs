@@ -1,0 +1,137 @@
+//! Percentiles of any number of times, in memory of a fixed size.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+/// Steps of a histogram in each doubling: a percentile is exact within 1/32.
+const STEPS: usize = 32;
+
+/// Doublings of a histogram, from 1 µs to 36 minutes.
+const DOUBLINGS: usize = 32;
+
+/// Times of any number of frames.
+#[derive(Debug, Clone)]
+pub struct Histogram {
+    counts: Box<[u64]>,
+    count: u64,
+    max: Duration,
+}
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self { counts: vec![0; STEPS * DOUBLINGS].into(), count: 0, max: Duration::ZERO }
+    }
+}
+
+impl Histogram {
+    /// Adds a time.
+    pub fn push(&mut self, time: Duration) {
+        let us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
+        if let Some(count) = self.counts.get_mut(bucket(us).min(STEPS * DOUBLINGS - 1)) {
+            *count += 1;
+        }
+        self.count += 1;
+        self.max = self.max.max(time);
+    }
+
+    /// Times added.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The percentile `percent` (0..=100), by nearest rank, at most 1/32 above the true one. None of no times.
+    pub fn percentile(&self, percent: f64) -> Option<Duration> {
+        let rank = ((percent / 100.0 * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
+        let mut below = 0;
+        let index = self.counts.iter().position(|count| {
+            below += count;
+            below >= rank
+        })?;
+        Some(Duration::from_micros(upper_bound(index)).min(self.max))
+    }
+
+    /// p50, p95, p99 and the greatest. None of no times.
+    pub fn percentiles(&self) -> Option<Percentiles> {
+        let ms = |percent| self.percentile(percent).map(|time| time.as_secs_f64() * 1e3);
+        Some(Percentiles {
+            count: self.count,
+            p50_ms: ms(50.0)?,
+            p95_ms: ms(95.0)?,
+            p99_ms: ms(99.0)?,
+            max_ms: self.max.as_secs_f64() * 1e3,
+        })
+    }
+}
+
+/// Index of the bucket of a time in µs: linear up to 32 µs, then 32 steps a doubling.
+fn bucket(us: u64) -> usize {
+    let steps = STEPS as u64;
+    if us < steps {
+        return us as usize;
+    }
+    let doubling = us.ilog2() - STEPS.ilog2();
+    ((u64::from(doubling) + 1) * steps + (us >> doubling) - steps) as usize
+}
+
+/// Greatest time of a bucket, µs.
+fn upper_bound(index: usize) -> u64 {
+    let (doubling, step) = (index / STEPS, (index % STEPS) as u64);
+    match doubling.checked_sub(1) {
+        None => step,
+        Some(doubling) => ((STEPS as u64 + step + 1) << doubling) - 1,
+    }
+}
+
+/// Percentiles of many times.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Times behind them.
+    pub count: u64,
+    /// Median, ms.
+    pub p50_ms: f64,
+    /// 95th percentile, ms.
+    pub p95_ms: f64,
+    /// 99th percentile, ms.
+    pub p99_ms: f64,
+    /// Greatest, ms.
+    pub max_ms: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn buckets_join_without_gaps() {
+        for index in 0..STEPS * DOUBLINGS - 1 {
+            let upper = upper_bound(index);
+            assert_eq!((bucket(upper), bucket(upper + 1)), (index, index + 1), "{upper}");
+        }
+    }
+
+    #[test]
+    fn percentiles_are_within_a_step() {
+        let mut histogram = Histogram::default();
+        for us in (1..=100_000).rev() {
+            histogram.push(Duration::from_micros(us));
+        }
+        for percent in [1.0, 50.0, 95.0, 99.0] {
+            let found = histogram.percentile(percent).unwrap().as_secs_f64() * 1e6;
+            let expected = percent * 1000.0;
+            assert!(found >= expected && found <= expected * (1.0 + 1.0 / 32.0), "{percent}: {found}");
+        }
+        assert_eq!(histogram.percentile(100.0), Some(Duration::from_millis(100)));
+        assert_eq!(histogram.percentiles().unwrap().count, 100_000);
+    }
+
+    #[test]
+    fn nothing_and_the_extremes_have_percentiles() {
+        let mut histogram = Histogram::default();
+        assert_eq!(histogram.percentiles(), None);
+        histogram.push(Duration::MAX);
+        histogram.push(Duration::ZERO);
+        assert_eq!(histogram.percentile(50.0), Some(Duration::ZERO));
+        assert!(histogram.percentile(100.0).unwrap() > Duration::from_secs(2000));
+    }
+}
