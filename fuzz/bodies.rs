@@ -298,6 +298,7 @@ fn recording_seeds() -> Vec<Vec<u8>> {
             device: "d".into(),
             scene: "s".into(),
             start_time_ns: 1_790_000_000_000_000_000,
+            sensor: None,
         };
         let mut writer = RecordingWriter::create(&path, &info).ok()?;
         for n in 0..messages {
@@ -305,7 +306,7 @@ fn recording_seeds() -> Vec<Vec<u8>> {
             let pose = insonify::pose::Pose::from_components([f64::from(n), 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]).ok()?;
             writer.raw(time_ns, insonify::tracker::ascii_line::encode(n, 1, &pose).as_bytes()).ok()?;
         }
-        writer.event(&Event { host_time_ns: info.start_time_ns, name: "e".into() }).ok()?;
+        writer.event(&Event::new(info.start_time_ns, "e")).ok()?;
         writer.finish().ok()?;
         std::fs::read(path).ok()
     };

@@ -16,7 +16,6 @@ pub(crate) struct LiveSinks {
     pub(crate) sinks: Vec<Box<dyn LiveSink>>,
     pub(crate) controls: mpsc::Receiver<Control>,
     /// Kept, so that the channel stays open where no sink takes input.
-    #[cfg_attr(not(feature = "window"), expect(dead_code, reason = "only kept"))]
     pub(crate) control: mpsc::Sender<Control>,
     #[cfg(feature = "window")]
     pub(crate) window: Option<insonify::sink::window::WindowSlot>,

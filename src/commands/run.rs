@@ -140,7 +140,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     #[cfg(feature = "window")]
     let window = live.window;
     let mut recorded: Option<RecordedSlot> = None;
-    let (mut before, mut after): (Vec<Box<dyn Part>>, Vec<Box<dyn Part>>) = (Vec::new(), Vec::new());
+    let mut before: Vec<Box<dyn Part>> = Vec::new();
+    let mut after: Vec<Box<dyn Part>> = Vec::new();
     let mut recording = None;
     let mut observer: Option<Arc<dyn Observer>> = None;
     if let Some(path) = &args.record {
@@ -203,8 +204,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 /// Names what of the tracker's measurements was not used.
 fn say_left_out(counters: &Counters) {
-    let named =
-        counters.named().into_iter().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
+    let named = counters.named().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
     let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
     if !list.is_empty() {
         eprintln!("tracker: {}", list.join(", "));
@@ -304,7 +304,7 @@ fn session(
     };
     #[cfg(feature = "window")]
     if let Some((slot, control)) = window {
-        let window = station.window.clone().unwrap_or_default();
+        let window = station.window.unwrap_or_default();
         return std::thread::scope(|scope| {
             let session = scope.spawn(run);
             let shown = run_on_main_thread(slot, &window, control.clone());

@@ -24,7 +24,7 @@ impl TrackedPoses {
 
     /// What was used and left out so far.
     pub fn counters(&self) -> Counters {
-        lock(&self.0).counters().clone()
+        *lock(&self.0).counters()
     }
 
     /// Starts the tracker's session. Its end, as of a recording that is over, ends the station's.
