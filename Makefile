@@ -5,10 +5,11 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo test test-browser test-window bench setup clean
+.PHONY: help demo live test test-browser test-window bench setup clean
 
 help:
 	@echo 'make demo   play the recorded exam over the obstetric phantom: frames, contact sheet, video, times'
+	@echo 'make live   the same exam as a live station, in the browser'
 	@echo 'make test   format, lints, all tests and documentation'
 	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
 	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'
@@ -18,6 +19,9 @@ help:
 
 demo: setup
 	$(CARGO) run --release -- demo $(ARGS)
+
+live: setup
+	$(CARGO) run --release -- run configs/live.toml $(ARGS)
 
 test: setup
 	$(CARGO) fmt --check
