@@ -58,7 +58,12 @@ class Display:
     def key(self, name):
         # Without a window manager nothing gives the window the focus.
         command = ["xdotool", "search", "--name", "^insonify$", "windowfocus", "key", name]
-        subprocess.run(command, env={**os.environ, "DISPLAY": self.name}, check=True)
+        # A window that xdotool found may be gone when it is sent to: one that was made anew, or of the search itself.
+        for attempt in range(5):
+            if subprocess.run(command, env={**os.environ, "DISPLAY": self.name}).returncode == 0:
+                return
+            time.sleep(0.2)
+        raise AssertionError(f"xdotool could not send {name} to the window")
 
     def close(self):
         self.process.terminate()

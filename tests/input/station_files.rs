@@ -153,8 +153,28 @@ fn files_that_cannot_be_read_are_named() {
 }
 
 /// A station file with `doc`'s key set to `value`, and what that key needs to apply.
+/// What a key of `[tracker]` needs beside it.
+fn tracker_needs(key: &str, value: &str) -> &'static str {
+    const SERIAL: &str = "transport = 'serial'\nprotocol = 'ascii-line'\nport = '/dev/x'\n";
+    match (key, value.trim_matches(['\'', '"'])) {
+        ("transport", "serial") => "protocol = 'ascii-line'\nport = '/dev/x'\n",
+        ("transport", "tcp") => "protocol = 'ascii-line'\naddress = 'localhost:1'\n",
+        ("transport", "udp") => "protocol = 'opentrack'\n",
+        ("transport", "recording") => "recording = '/x.mcap'\n",
+        ("baud", _) => SERIAL,
+        ("sensor" | "silence_ms" | "reset_delay_ms" | "hemisphere", _) => {
+            "transport = 'tcp'\nprotocol = 'fastrak-binary'\naddress = 'localhost:1'\n"
+        }
+        ("axis_map", _) => "transport = 'hid'\n",
+        ("speed" | "repeat", _) => "transport = 'recording'\nrecording = '/x.mcap'\n",
+        ("schedule" | "rate_hz" | "seed", _) => "transport = 'mock'\n",
+        _ => "",
+    }
+}
+
 fn with_key(doc: &KeyDoc, value: &str) -> String {
     let needs = match doc.key {
+        _ if doc.table == "tracker" => tracker_needs(doc.key, value),
         "path" | "phantom" => return format!("[scene]\n{} = {value}", doc.key),
         "phantom_scale" => return format!("[scene]\nphantom = 'obstetric'\nphantom_scale = {value}"),
         "width_mm" => "kind = 'linear'\n",
@@ -278,6 +298,10 @@ fn documented_defaults_are_those_of_the_parser() {
             ("scene", "phantom_scale") => assert_eq!(found.scene, SceneSource::ObstetricPhantom { scale: 1.0 }),
             ("probe", "width_mm") => assert_eq!(found.probe, parse("[probe]\nkind = 'linear'").unwrap().probe),
             ("openigtlink", _) => assert_eq!(found.openigtlink, parse("[openigtlink]").unwrap().openigtlink),
+            ("tracker", key) => {
+                let without = format!("[tracker]\n{}", tracker_needs(key, doc.default));
+                assert_eq!(found.tracker, parse(&without).unwrap().tracker, "{key}");
+            }
             ("browser", _) => assert_eq!(found.browser, parse("[browser]").unwrap().browser),
             ("window", _) => assert_eq!(found.window, parse("[window]").unwrap().window),
             ("pose", _) => assert_eq!(found.default_pose, parse("[pose]").unwrap().default_pose),
