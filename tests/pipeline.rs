@@ -1097,3 +1097,47 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
     assert!(names.iter().all(|name| name == "video.y4m"), "{names:?}");
     assert!(json_lines(&metrics).last().unwrap()["summary"].is_object());
 }
+
+/// The whole chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
+#[test]
+fn the_program_tracks_enhances_and_records() {
+    use insonify::tracker::Protocol;
+    use insonify::tracker::recording::{RecordingInfo, RecordingWriter, poses};
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    // A protocol that the station doesn't name: only the recording knows it.
+    let info = RecordingInfo {
+        protocol: Protocol::OpenTrack,
+        device: "test".into(),
+        scene: "sphere".into(),
+        start_time_ns: 1_790_000_000_000_000_000,
+        sensor: None,
+    };
+    let taken = dir.path().join("taken.mcap");
+    let mut writer = RecordingWriter::create(&taken, &info).unwrap();
+    for i in 0..120_u64 {
+        let datagram: Vec<u8> =
+            [0.01 * i as f64, 0.0, 5.0, 0.0, 0.0, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+        writer.raw(info.start_time_ns + i * 25_000_000, &datagram).unwrap();
+    }
+    writer.finish().unwrap();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
+    let tables = format!(
+        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nbudget_ms = 5000\n",
+        taken.display(),
+        model.display()
+    );
+    let station = small_station(dir.path(), &tables);
+    let (kept, metrics) = (dir.path().join("kept.mcap"), dir.path().join("frames.jsonl"));
+    let paths = [&kept, &metrics].map(|path| path.to_str().unwrap().to_owned());
+    let done = insonify(&["run", &station, "--record", &paths[0], "--metrics", &paths[1], "--json"]).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let summary: Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert!(summary["enhanced_ratio"].as_f64().unwrap() > 0.0, "{summary}");
+    let sums: Vec<_> = [&taken, &kept].into_iter().map(|path| poses(path).unwrap()).collect();
+    assert_eq!(sums[1].1.info.protocol, Protocol::OpenTrack);
+    assert_eq!(
+        sums[0].0.iter().map(|p| p.pose).collect::<Vec<_>>(),
+        sums[1].0.iter().map(|p| p.pose).collect::<Vec<_>>()
+    );
+}

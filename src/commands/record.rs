@@ -6,16 +6,16 @@ use std::net::TcpStream;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::thread;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Parser;
 use insonify::sink::create_dir;
 use insonify::station::Station;
-use insonify::tracker::Protocol;
 use insonify::tracker::recording::{
     Event, QueueLimits, Recorded, Recorder, RecorderHandle, RecordingInfo, RecordingWriter, SessionSettings,
 };
+use insonify::tracker::{Protocol, host_time_ns};
 use serde::Serialize;
 use tokio::sync::oneshot;
 
@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         protocol: args.protocol,
         device: args.from.to_string(),
         scene: args.station.display().to_string(),
-        start_time_ns: now_ns(),
+        start_time_ns: host_time_ns(),
         sensor: args.sensor,
     };
     let mut writer = RecordingWriter::create(&args.out, &info)?;
@@ -152,7 +152,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     eprintln!("recording {} to {}; Ctrl-C ends it", args.from, args.out.display());
     let reason = wait(duration, ended, &handle)?;
     eprintln!("{reason}");
-    handle.event(Event::new(now_ns(), "end").with(reason));
+    handle.event(Event::new(host_time_ns(), "end").with(reason));
     finish(args, recorder.finish())
 }
 
@@ -176,7 +176,7 @@ fn listen(mut source: Box<dyn Read + Send>, handle: RecorderHandle) -> Result<on
         let reason = loop {
             match source.read(&mut piece) {
                 Ok(0) => break "the stream ended".to_owned(),
-                Ok(read) => handle.raw_within(now_ns(), &piece[..read], PATIENCE),
+                Ok(read) => handle.raw_within(host_time_ns(), &piece[..read], PATIENCE),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => break format!("the stream broke: {error}"),
             }
@@ -235,12 +235,6 @@ fn seconds(seconds: f64) -> Result<Duration, Failure> {
         Ok(duration) if !duration.is_zero() => Ok(duration),
         _ => Err(Failure::Input(anyhow!("--duration is {seconds}; it must be a number of seconds above 0"))),
     }
-}
-
-/// ns since 1970 (UTC).
-fn now_ns() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
 
 #[cfg(test)]

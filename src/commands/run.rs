@@ -124,6 +124,9 @@ fn seconds(text: &str) -> Result<Duration, String> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     let (poses, length, tracked) = pose_source(args, &station)?;
+    if args.record.is_some() && tracked.is_none() {
+        return Err(Failure::Input(anyhow!("--record keeps a tracker's bytes, and this session has no tracker")));
+    }
     let gpu = session::open_gpu()?;
     let scene = Arc::new(session::load_scene(&station)?);
     let factory = GpuFactory::new(GpuOptions::default(), scene)?;
@@ -269,7 +272,7 @@ fn recorder(path: &Path, args: &Args, station: &Station, adapter: &AdapterRecord
         insonify::sink::create_dir(directory)?;
     }
     let info = RecordingInfo {
-        protocol: station.tracker.protocol,
+        protocol: insonify::tracker::stream_protocol(&station.tracker)?,
         device: "station's tracker".to_owned(),
         scene: args.station.display().to_string(),
         start_time_ns: insonify::tracker::host_time_ns(),

@@ -10,7 +10,9 @@ use super::parts::{PoseSample, PoseSource};
 use super::shutdown::{Part, Stop};
 use crate::pose::{Counters, Estimator, Measurement, Reading};
 use crate::tracker::recording::{Event, RecorderHandle};
-use crate::tracker::{Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn};
+use crate::tracker::{
+    Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_protocol,
+};
 
 /// Poses of a live tracker; clones look at the same estimator.
 #[derive(Clone)]
@@ -38,7 +40,7 @@ impl TrackedPoses {
         stop: Stop,
     ) -> Result<TrackerPart, TrackerError> {
         let cancel = CancellationToken::new();
-        let rates = settings.protocol == Protocol::SpaceMouse;
+        let rates = stream_protocol(settings)? == Protocol::SpaceMouse;
         let ear = Ear { estimator: self.0.clone(), recorder, stop, rates };
         let session = spawn(settings, Box::new(ear), cancel.clone())?;
         Ok(TrackerPart { session, cancel })

@@ -52,7 +52,7 @@ mod transport;
 pub use axis_map::{AxisMap, AxisMapError};
 pub use clock::host_time_ns;
 pub use monitor::{Monitor, Report, SessionState};
-pub use session::{Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn};
+pub use session::{Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn, stream_protocol};
 pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.

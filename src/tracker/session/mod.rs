@@ -13,10 +13,10 @@ use tokio_util::sync::CancellationToken;
 use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
 use crate::tracker::driver::{Driver, Passive};
-use crate::tracker::recording::RecordingError;
+use crate::tracker::recording::{RecordingError, RecordingReader};
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
-use crate::tracker::{AxisMap, DecodeError, Record};
+use crate::tracker::{AxisMap, DecodeError, Protocol, Record};
 
 #[cfg(test)]
 mod tests;
@@ -143,6 +143,17 @@ impl SessionHandle {
     /// goes on here.
     pub fn join(self) -> SessionSummary {
         self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    }
+}
+
+/// What the bytes of a tracker mean: the station's protocol, but a recording knows its own.
+///
+/// # Errors
+/// A recording that can't be read.
+pub fn stream_protocol(settings: &Settings) -> Result<Protocol, TrackerError> {
+    match &settings.transport {
+        Transport::Recording { path, .. } => Ok(RecordingReader::open(path)?.info().protocol),
+        _ => Ok(settings.protocol),
     }
 }
 
