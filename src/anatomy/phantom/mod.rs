@@ -19,6 +19,7 @@ mod landmarks;
 mod meshing;
 mod mother;
 mod organ;
+pub mod parameters;
 pub mod sdf;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,6 +32,7 @@ pub use biometry::Biometry;
 pub use cache::{CacheError, cached};
 pub use landmarks::{Landmarks, landmarks};
 pub use organ::{Body, Organ};
+pub use parameters::Parameters;
 
 pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 

@@ -1,0 +1,130 @@
+//! What differs from phantom to phantom.
+
+use thiserror::Error;
+
+/// Least and greatest gestational age, completed weeks.
+pub const WEEKS_RANGE: std::ops::RangeInclusive<f64> = 16.0..=34.0;
+/// Least and greatest flexion.
+pub const FLEXION_RANGE: std::ops::RangeInclusive<f64> = 0.0..=1.0;
+/// Least and greatest roll, degrees.
+pub const ROLL_RANGE_DEG: std::ops::RangeInclusive<f64> = -180.0..=180.0;
+/// Least and greatest amniotic fluid index, mm: oligohydramnios to polyhydramnios.
+pub const FLUID_INDEX_RANGE_MM: std::ops::RangeInclusive<f64> = 50.0..=250.0;
+/// Least and greatest thickness of the mother's subcutaneous fat, mm.
+pub const FAT_RANGE_MM: std::ops::RangeInclusive<f64> = 5.0..=60.0;
+
+/// Which way the fetus' long axis points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Lie {
+    /// Head down.
+    #[default]
+    Cephalic,
+    /// Head up.
+    Breech,
+    /// Across, the head to the mother's left.
+    TransverseHeadLeft,
+    /// Across, the head to the mother's right.
+    TransverseHeadRight,
+}
+
+/// Where on the uterine wall the placenta sits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PlacentaSite {
+    /// Towards the belly, left and fundal.
+    #[default]
+    Anterior,
+    /// Towards the spine.
+    Posterior,
+    /// At the uterus' top.
+    Fundal,
+    /// On the mother's left.
+    Left,
+    /// On the mother's right.
+    Right,
+}
+
+/// What differs from phantom to phantom; the same parameters give the same bytes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameters {
+    /// Gestational age in weeks, within [`WEEKS_RANGE`].
+    pub gestational_weeks: f64,
+    /// Lie of the fetus.
+    pub lie: Lie,
+    /// Turn of the fetus about its long axis from where its left side is up, degrees, within [`ROLL_RANGE_DEG`].
+    pub roll_deg: f64,
+    /// 0 is stretched, 1 tightly curled; within [`FLEXION_RANGE`].
+    pub flexion: f64,
+    /// Site of the placenta.
+    pub placenta: PlacentaSite,
+    /// Amniotic fluid index, mm, within [`FLUID_INDEX_RANGE_MM`].
+    pub fluid_index_mm: f64,
+    /// Thickness of the mother's subcutaneous fat over the belly, mm, within [`FAT_RANGE_MM`].
+    pub maternal_fat_mm: f64,
+    /// Seed of the small variations from one individual to the next.
+    pub seed: u64,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            gestational_weeks: 22.0,
+            lie: Lie::Cephalic,
+            roll_deg: 0.0,
+            flexion: 0.5,
+            placenta: PlacentaSite::Anterior,
+            fluid_index_mm: 140.0,
+            maternal_fat_mm: 13.5,
+            seed: 0,
+        }
+    }
+}
+
+/// A parameter outside its range.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("the phantom's {name} is {value}; it must lie in {min}..={max}")]
+pub struct ParametersError {
+    /// Which parameter.
+    pub name: &'static str,
+    /// Value found.
+    pub value: f64,
+    /// Least accepted.
+    pub min: f64,
+    /// Greatest accepted.
+    pub max: f64,
+}
+
+impl Parameters {
+    /// Checks every value against its range.
+    ///
+    /// # Errors
+    /// The first value outside its range, NaN included.
+    pub fn validate(&self) -> Result<(), ParametersError> {
+        let checks = [
+            ("gestational age in weeks", self.gestational_weeks, WEEKS_RANGE),
+            ("roll in degrees", self.roll_deg, ROLL_RANGE_DEG),
+            ("flexion", self.flexion, FLEXION_RANGE),
+            ("amniotic fluid index in mm", self.fluid_index_mm, FLUID_INDEX_RANGE_MM),
+            ("maternal fat in mm", self.maternal_fat_mm, FAT_RANGE_MM),
+        ];
+        for (name, value, range) in checks {
+            if !range.contains(&value) {
+                return Err(ParametersError { name, value, min: *range.start(), max: *range.end() });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_outside_their_range_are_named() {
+        assert_eq!(Parameters::default().validate(), Ok(()));
+        for weeks in [15.9, 34.1, f64::NAN] {
+            let error = Parameters { gestational_weeks: weeks, ..Parameters::default() }.validate().unwrap_err();
+            assert!(error.to_string().contains("16..=34"), "{error}");
+        }
+    }
+}
