@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::{Quat, Vec3};
 
-use super::{Mesh, Scene, Surface, TissueTable};
+use super::{Mesh, Motion, Scene, Surface, TissueTable};
 
 /// A mesh with the name of its tissue: a surface that needs no tissue table.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +29,12 @@ pub fn scene(parts: Vec<Part>, tissues: &TissueTable, background: &str) -> Optio
         Some(Surface { name: name.to_owned(), tissue: tissues.index_of(tissue)?, priority, mesh })
     };
     let surfaces = parts.into_iter().map(surface).collect::<Option<_>>()?;
-    let mut scene = Scene { tissues: tissues.clone(), background: tissues.index_of(background)?, surfaces };
+    let mut scene = Scene {
+        tissues: tissues.clone(),
+        background: tissues.index_of(background)?,
+        surfaces,
+        motion: Motion::default(),
+    };
     scene.sort_by_priority();
     Some(scene)
 }

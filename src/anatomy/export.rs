@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::Mesh;
+use super::{Mesh, Motion};
 
 /// A surface that carries the name of its tissue.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,13 +64,21 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// # Errors
 /// The file cannot be written, or would pass the format's 4 GiB.
 pub fn write_glb(surfaces: &[LabelledSurface], path: &Path) -> Result<(), ExportError> {
+    write_moving_glb(surfaces, &Motion::default(), path)
+}
+
+/// As [`write_glb`], with what moves in `extras.motion` of the glTF scene.
+///
+/// # Errors
+/// As [`write_glb`].
+pub fn write_moving_glb(surfaces: &[LabelledSurface], motion: &Motion, path: &Path) -> Result<(), ExportError> {
     let io = |source| ExportError::Io { path: path.to_owned(), source };
     let mut binary = Vec::new();
     let mut document = Document::default();
     for surface in surfaces {
         document.add(surface, &mut binary);
     }
-    let mut text = serde_json::to_vec(&document.finish(binary.len()))
+    let mut text = serde_json::to_vec(&document.finish(motion, binary.len()))
         .map_err(|source| ExportError::Json { path: path.to_owned(), source })?;
     text.resize(text.len().next_multiple_of(4), b' ');
 
@@ -171,13 +179,17 @@ impl Document {
         binary.resize(binary.len().next_multiple_of(4), 0);
     }
 
-    fn finish(self, bytes: usize) -> Value {
+    fn finish(self, motion: &Motion, bytes: usize) -> Value {
         let materials: Vec<Value> = self.materials.iter().map(|name| material(name)).collect();
         let roots: Vec<usize> = (0..self.nodes.len()).collect();
+        let scene = match motion.is_empty() {
+            true => json!({ "nodes": roots }),
+            false => json!({ "nodes": roots, "extras": { "motion": motion } }),
+        };
         json!({
             "asset": { "version": "2.0", "generator": concat!("insonify ", env!("CARGO_PKG_VERSION")) },
             "scene": 0,
-            "scenes": [{ "nodes": roots }],
+            "scenes": [scene],
             "nodes": self.nodes,
             "meshes": self.meshes,
             "materials": materials,

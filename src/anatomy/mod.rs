@@ -7,11 +7,13 @@ pub mod exam;
 pub mod export;
 pub mod import;
 pub mod mesh;
+pub mod motion;
 pub mod phantom;
 pub mod scene;
 pub mod tissue;
 
 pub use bvh::{Bvh, BvhError};
 pub use mesh::Mesh;
+pub use motion::Motion;
 pub use scene::{Scene, SceneError, Surface};
 pub use tissue::{Tissue, TissueError, TissueTable};

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::motion::Motion;
 use super::{Mesh, TissueTable};
 
 /// Most surfaces of a scene: a path keeps one bit for each.
@@ -31,6 +32,8 @@ pub struct Scene {
     pub background: usize,
     /// Surfaces, ascending in priority: a later one wins where they overlap.
     pub surfaces: Vec<Surface>,
+    /// What moves, if anything.
+    pub motion: Motion,
 }
 
 /// Why a scene could not be read.
@@ -75,6 +78,14 @@ pub enum SceneError {
         value: String,
         /// What would be right.
         expected: &'static str,
+    },
+    /// The scene's motion is not what it should be.
+    #[error("`extras.motion` of the scene of {path}: {reason}")]
+    BadMotion {
+        /// File.
+        path: PathBuf,
+        /// What is wrong, and what would be right.
+        reason: String,
     },
     /// A surface names a tissue that no table has.
     #[error("surface `{surface}` of {path} names the unknown tissue `{tissue}`{suggestion}")]

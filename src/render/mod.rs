@@ -2,6 +2,7 @@
 
 mod frame;
 mod gpu;
+mod motion;
 mod params;
 mod readback;
 mod renderer;

@@ -15,8 +15,8 @@ const SEGMENT_BYTES_MAX: u64 = 96 << 20;
 #[derive(Debug)]
 pub(crate) struct Buffers {
     pub(crate) params: wgpu::Buffer,
-    nodes: wgpu::Buffer,
-    triangles: wgpu::Buffer,
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
     surface_tissue: wgpu::Buffer,
     rays: wgpu::Buffer,
     map_rays: wgpu::Buffer,

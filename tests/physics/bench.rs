@@ -57,7 +57,12 @@ impl Bench {
     /// The scene. Tissue i keeps its index.
     pub(crate) fn scene(self) -> Scene {
         let named = self.tissues.into_iter().enumerate().map(|(i, t)| (format!("t{i:03}"), t));
-        let mut scene = Scene { tissues: TissueTable::new(named).unwrap(), background: 0, surfaces: self.surfaces };
+        let mut scene = Scene {
+            tissues: TissueTable::new(named).unwrap(),
+            background: 0,
+            surfaces: self.surfaces,
+            motion: Default::default(),
+        };
         scene.sort_by_priority();
         scene
     }

@@ -4,13 +4,16 @@
 //! node). Its tissue is `extras.tissue` of its node, else of the nearest ancestor that has one, else the name of its
 //! material; its priority is `extras.priority` (a whole number) of its node, else of the nearest ancestor, else 0.
 //! Positions are in metres, as glTF says, and become mm of the scene frame. A surface should be closed; what is not
-//! as it should be, but can be used, is a [`Finding`]. Animations, skins and morph targets are not applied.
+//! as it should be, but can be used, is a [`Finding`]. What moves is
+//! told by `extras.motion` of the glTF scene ([`crate::anatomy::Motion`]); glTF's own animations, skins and morph
+//! targets are not applied.
 //!
 //! Buffers lie in the `.glb`, in files beside a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
 //! (extensions) is refused by name.
 
 mod accessor;
 mod document;
+mod movement;
 mod surface;
 mod walk;
 
@@ -125,7 +128,8 @@ pub fn load_with_findings(
     if surfaces.is_empty() {
         return Err(SceneError::Empty { path: path.to_owned() });
     }
-    let mut scene = Scene { tissues: tissues.clone(), background, surfaces };
+    let motion = movement::motion(&file, surfaces.iter().map(|s| s.name.as_str()))?;
+    let mut scene = Scene { tissues: tissues.clone(), background, surfaces, motion };
     scene.sort_by_priority();
     Ok((scene, findings))
 }

@@ -1,0 +1,197 @@
+//! A compressed wide BVH (Ylitie et al., HPG 2017) over a scene's triangles, laid out for the GPU.
+//!
+//! Built by obvhs. A node is 80 bytes, read as five `vec4<u32>`:
+//! `[p.x, p.y, p.z, e.x | e.y<<8 | e.z<<16 | imask<<24]`, `[child base, triangle base, meta 0..3, meta 4..7]`,
+//! `[min_x 0..7, max_x 0..7]`, the same for y, the same for z.
+
+mod moving;
+mod refit;
+
+use std::ops::Range;
+use std::time::Duration;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
+use obvhs::{BvhBuildParams, triangle::Triangle};
+use thiserror::Error;
+
+use super::Scene;
+use moving::Moving;
+
+/// Entries of the traversal stack in the shaders; a node pushes at most one.
+pub const STACK_DEPTH_MAX: usize = 32;
+
+/// How far a triangle reaches beyond its edges, relative to the longest edge and each mm of distance: rays
+/// through a shared edge hit at least one of its triangles in spite of rounding.
+pub const EDGE_TOLERANCE_PER_MM: f32 = 2.0e-7;
+
+/// A triangle in leaf order, 48 bytes.
+#[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub struct PackedTriangle {
+    /// First corner relative to the tree's centre, mm.
+    pub corner: [f32; 3],
+    /// Index of the surface.
+    pub surface: u32,
+    /// Second corner minus the first, mm.
+    pub edge1: [f32; 3],
+    /// Index of the triangle in the scene, counted through all surfaces.
+    pub triangle: u32,
+    /// Third corner minus the first, mm.
+    pub edge2: [f32; 3],
+    /// Tolerance of the edge functions a mm of distance, mm: longest edge × [`EDGE_TOLERANCE_PER_MM`].
+    pub tolerance: f32,
+}
+
+/// Why no BVH could be built.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum BvhError {
+    /// Nothing to build from.
+    #[error("the scene has no triangles")]
+    Empty,
+    /// Too deep for the shaders' stack.
+    #[error(
+        "the scene's BVH is {depth} levels deep; the traversal stack holds {STACK_DEPTH_MAX}: the mesh has too many coincident triangles"
+    )]
+    TooDeep {
+        /// Levels found.
+        depth: usize,
+    },
+}
+
+/// The tree and its triangles.
+///
+/// What moves has trees of its own: the root then joins the tree of what rests and one of each motion field, and
+/// [`Bvh::set_time_s`] moves the corners and refits the trees that changed.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    /// Scene-frame point that all coordinates are relative to, mm.
+    pub centre_mm: DVec3,
+    /// Nodes, 80 bytes each.
+    pub nodes: Vec<[u32; 20]>,
+    /// Triangles in leaf order.
+    pub triangles: Vec<PackedTriangle>,
+    /// Half the diagonal of the scene's bounds about the centre, and as far as anything moves, mm.
+    pub radius_mm: f64,
+    moving: Option<Moving>,
+}
+
+/// Ranges of [`Bvh::nodes`] and [`Bvh::triangles`] that a change of time touched.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Changed {
+    /// Nodes.
+    pub nodes: Range<usize>,
+    /// Triangles.
+    pub triangles: Range<usize>,
+}
+
+impl Bvh {
+    /// Builds the tree of all of `scene`'s triangles, at rest.
+    ///
+    /// # Errors
+    /// A scene without triangles, or one whose tree is too deep for the traversal stack.
+    pub fn build(scene: &Scene) -> Result<Self, BvhError> {
+        let corners: Vec<([Vec3; 3], u32)> = scene
+            .surfaces
+            .iter()
+            .zip(0u32..)
+            .flat_map(|(surface, index)| surface.mesh.corners_mm().map(move |c| (c, index)))
+            .collect();
+        let first = corners.first().ok_or(BvhError::Empty)?.0[0].as_dvec3();
+        let (low, high) = corners.iter().flat_map(|(c, _)| c).fold((first, first), |(low, high), corner| {
+            let corner = corner.as_dvec3();
+            (low.min(corner), high.max(corner))
+        });
+        let centre_mm = 0.5 * (low + high);
+        let triangles: Vec<Triangle> = corners
+            .iter()
+            .map(|(c, _)| {
+                let [v0, v1, v2] = c.map(|corner| local(corner, centre_mm).into());
+                Triangle { v0, v1, v2 }
+            })
+            .collect();
+
+        let groups = moving::groups(scene);
+        let trees: Vec<(CwBvh, &[u32])> = groups
+            .iter()
+            .map(|group| {
+                let of_group: Vec<Triangle> = group.triangles.iter().map(|&i| triangles[i as usize]).collect();
+                let build = BvhBuildParams::medium_build();
+                (build_cwbvh_from_tris(&of_group, build, &mut Duration::default()), group.triangles.as_slice())
+            })
+            .collect();
+        let order: Vec<u32> =
+            trees.iter().flat_map(|(tree, of)| tree.primitive_indices.iter().map(|&i| of[i as usize])).collect();
+        let packed = order.iter().map(|&index| {
+            let t = &triangles[index as usize];
+            PackedTriangle::new([t.v0, t.v1, t.v2].map(Vec3::from), corners[index as usize].1, index)
+        });
+        let mut bvh = Self {
+            centre_mm,
+            nodes: Vec::new(),
+            triangles: packed.collect(),
+            radius_mm: 0.5 * (high - low).length() + scene.motion.reach_mm(),
+            moving: None,
+        };
+        if let [(tree, _)] = trees.as_slice() {
+            bvh.nodes = bytemuck::cast_slice(&tree.nodes).to_vec();
+        } else {
+            let (nodes, moving) = moving::join(scene, &groups, &trees, &order, centre_mm);
+            bvh.nodes = nodes;
+            bvh.moving = Some(moving);
+            refit::fit_root(&mut bvh.nodes, trees.len());
+        }
+        let depth = depth(&bvh.nodes);
+        if depth >= STACK_DEPTH_MAX {
+            return Err(BvhError::TooDeep { depth });
+        }
+        Ok(bvh)
+    }
+
+    /// Moves everything to where it is at `time_s`; [`Bvh::changed`] then says what changed.
+    pub fn set_time_s(&mut self, time_s: f64) {
+        if let Some(moving) = &mut self.moving {
+            moving.set_time_s(time_s, self.centre_mm, &mut self.nodes, &mut self.triangles);
+        }
+    }
+
+    /// What the last change of time touched.
+    pub fn changed(&self) -> &[Changed] {
+        self.moving.as_ref().map_or(&[], Moving::changed)
+    }
+}
+
+impl PackedTriangle {
+    /// A triangle of these corners relative to the tree's centre, mm.
+    fn new(corners: [Vec3; 3], surface: u32, triangle: u32) -> Self {
+        let (edge1, edge2) = (corners[1] - corners[0], corners[2] - corners[0]);
+        let longest = edge1.length().max(edge2.length()).max((edge2 - edge1).length());
+        Self {
+            corner: corners[0].to_array(),
+            surface,
+            edge1: edge1.to_array(),
+            triangle,
+            edge2: edge2.to_array(),
+            tolerance: longest * EDGE_TOLERANCE_PER_MM,
+        }
+    }
+}
+
+/// A point of the scene relative to the tree's centre.
+fn local(corner: Vec3, centre_mm: DVec3) -> Vec3 {
+    (corner.as_dvec3() - centre_mm).as_vec3()
+}
+
+/// Levels of the tree.
+fn depth(nodes: &[[u32; 20]]) -> usize {
+    let mut deepest = 0;
+    let mut open = vec![(0u32, 1usize)];
+    while let Some((node, level)) = open.pop() {
+        deepest = deepest.max(level);
+        let words = &nodes[node as usize];
+        let children = (words[3] >> 24).count_ones();
+        open.extend((0..children).map(|child| (words[4] + child, level + 1)));
+    }
+    deepest
+}

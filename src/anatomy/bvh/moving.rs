@@ -1,0 +1,320 @@
+//! The trees of what moves.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use obvhs::cwbvh::CwBvh;
+
+use super::refit::{self, Extent};
+use super::{Changed, PackedTriangle, local};
+use crate::anatomy::Scene;
+use crate::anatomy::motion::Motion;
+
+/// Triangles that share a tree: those that rest, or those whose first field is the same.
+#[derive(Debug)]
+pub(super) struct Group {
+    /// Indices of the triangles, counted through all surfaces.
+    pub(super) triangles: Vec<u32>,
+    /// Every field that moves any of them.
+    fields: u32,
+}
+
+/// A vertex that moves.
+#[derive(Debug, Clone, Copy)]
+struct Vertex {
+    /// At rest, scene frame, mm.
+    rest_mm: Vec3,
+    /// Fields that move it.
+    fields: u32,
+    /// Now, relative to the tree's centre, mm.
+    now: Vec3,
+}
+
+/// The tree of a group.
+#[derive(Debug, Clone)]
+struct Tree {
+    fields: u32,
+    /// Index of its root; its other nodes lie together elsewhere.
+    root: usize,
+    nodes: Range<usize>,
+    triangles: Range<usize>,
+    vertices: Range<usize>,
+}
+
+/// What is needed to move a tree's triangles and to refit it, without allocation.
+#[derive(Debug, Clone)]
+pub(super) struct Moving {
+    motion: Motion,
+    /// How far each field has moved.
+    amounts: Vec<[f32; 2]>,
+    trees: Vec<Tree>,
+    vertices: Vec<Vertex>,
+    /// Vertices of each triangle in leaf order, from the first that moves.
+    corners: Vec<[u32; 3]>,
+    /// First triangle that moves.
+    first_triangle: usize,
+    /// Exact boxes of all nodes.
+    extents: Vec<Extent>,
+    changed: Vec<Changed>,
+}
+
+/// Sorts triangles by the first field that moves one of their corners at any time: what rests first, then a group a
+/// field. One group where nothing moves.
+pub(super) fn groups(scene: &Scene) -> Vec<Group> {
+    let motion = &scene.motion;
+    let mut groups: Vec<Group> =
+        (0..=motion.fields.len()).map(|_| Group { triangles: Vec::new(), fields: 0 }).collect();
+    let mut first = 0u32;
+    for surface in &scene.surfaces {
+        let mesh = &surface.mesh;
+        let mask = motion.mask_of(&surface.name);
+        let moved: Vec<u32> =
+            if mask == 0 { Vec::new() } else { mesh.vertices_mm.iter().map(|&v| motion.fields_at(v, mask)).collect() };
+        for (triangle, index) in mesh.triangles.iter().zip(first..) {
+            let fields = if mask == 0 { 0 } else { triangle.iter().fold(0, |all, &v| all | moved[v as usize]) };
+            let group = if fields == 0 { 0 } else { fields.trailing_zeros() as usize + 1 };
+            groups[group].triangles.push(index);
+            groups[group].fields |= fields;
+        }
+        first += mesh.triangles.len() as u32;
+    }
+    groups.retain(|group| !group.triangles.is_empty());
+    groups
+}
+
+/// One array of nodes of all trees under a root, and how to move them. `order` is the triangles of all trees in leaf
+/// order. The root's boxes are still empty.
+pub(super) fn join(
+    scene: &Scene,
+    groups: &[Group],
+    trees: &[(CwBvh, &[u32])],
+    order: &[u32],
+    centre_mm: DVec3,
+) -> (Vec<[u32; 20]>, Moving) {
+    let mut nodes = vec![refit::joint(trees.len())];
+    nodes.resize(1 + trees.len(), [0; 20]);
+    let mut moving = Moving {
+        motion: scene.motion.clone(),
+        amounts: vec![[0.0; 2]; scene.motion.fields.len()],
+        trees: Vec::new(),
+        vertices: Vec::new(),
+        corners: Vec::new(),
+        first_triangle: order.len(),
+        extents: Vec::new(),
+        changed: Vec::with_capacity(trees.len() + 1),
+    };
+    let mut first_triangle = 0;
+    for (i, ((tree, _), group)) in trees.iter().zip(groups).enumerate() {
+        // A tree's root goes after the joint root; its node k lies at `start + k - 1`.
+        let start = nodes.len() as u32;
+        let shifted = tree.nodes.iter().map(|node| {
+            let mut node = *node;
+            node.child_base_idx = (node.child_base_idx + start).saturating_sub(1);
+            node.primitive_base_idx += first_triangle as u32;
+            bytemuck::cast::<_, [u32; 20]>(node)
+        });
+        let mut shifted = shifted.collect::<Vec<_>>().into_iter();
+        if let Some(root) = shifted.next() {
+            nodes[1 + i] = root;
+        }
+        nodes.extend(shifted);
+        let triangles = first_triangle..first_triangle + tree.primitive_indices.len();
+        first_triangle = triangles.end;
+        if group.fields != 0 {
+            moving.first_triangle = moving.first_triangle.min(triangles.start);
+            let first_vertex = moving.vertices.len();
+            moving.add_corners(scene, &order[triangles.clone()], centre_mm);
+            moving.trees.push(Tree {
+                fields: group.fields,
+                root: 1 + i,
+                nodes: start as usize..nodes.len(),
+                triangles,
+                vertices: first_vertex..moving.vertices.len(),
+            });
+        }
+    }
+    moving.extents = vec![Extent::default(); nodes.len()];
+    (nodes, moving)
+}
+
+impl Moving {
+    /// Notes the vertices of `triangles`, given by their index through all surfaces.
+    fn add_corners(&mut self, scene: &Scene, triangles: &[u32], centre_mm: DVec3) {
+        let starts: Vec<u32> = scene
+            .surfaces
+            .iter()
+            .scan(0u32, |next, surface| {
+                let start = *next;
+                *next += surface.mesh.triangles.len() as u32;
+                Some(start)
+            })
+            .collect();
+        let mut known: HashMap<(usize, u32), u32> = HashMap::new();
+        for &triangle in triangles {
+            let surface = starts.partition_point(|&start| start <= triangle) - 1;
+            let mesh = &scene.surfaces[surface].mesh;
+            let mask = scene.motion.mask_of(&scene.surfaces[surface].name);
+            let corners = mesh.triangles[(triangle - starts[surface]) as usize].map(|v| {
+                *known.entry((surface, v)).or_insert_with(|| {
+                    let rest_mm = mesh.vertices_mm[v as usize];
+                    let fields = scene.motion.fields_at(rest_mm, mask);
+                    self.vertices.push(Vertex { rest_mm, fields, now: local(rest_mm, centre_mm) });
+                    self.vertices.len() as u32 - 1
+                })
+            });
+            self.corners.push(corners);
+        }
+    }
+
+    /// As [`super::Bvh::set_time_s`].
+    pub(super) fn set_time_s(
+        &mut self,
+        time_s: f64,
+        centre_mm: DVec3,
+        nodes: &mut [[u32; 20]],
+        triangles: &mut [PackedTriangle],
+    ) {
+        self.changed.clear();
+        let mut dirty = 0u32;
+        for (i, field) in self.motion.fields.iter().enumerate() {
+            let amounts = field.amounts(time_s);
+            if amounts != self.amounts[i] {
+                self.amounts[i] = amounts;
+                dirty |= 1 << i;
+            }
+        }
+        let (motion, amounts) = (&self.motion, &self.amounts);
+        for tree in self.trees.iter().filter(|tree| tree.fields & dirty != 0) {
+            for vertex in &mut self.vertices[tree.vertices.clone()] {
+                if vertex.fields & dirty != 0 {
+                    vertex.now = local(motion.moved(vertex.rest_mm, vertex.fields, amounts), centre_mm);
+                }
+            }
+            for index in tree.triangles.clone() {
+                let corners = self.corners[index - self.first_triangle].map(|v| self.vertices[v as usize].now);
+                let packed = &mut triangles[index];
+                *packed = PackedTriangle::new(corners, packed.surface, packed.triangle);
+            }
+            // Children come after their parents.
+            for index in tree.nodes.clone().rev().chain([tree.root]) {
+                self.extents[index] = refit::fit(nodes, index, triangles, &self.extents);
+            }
+            self.changed.push(Changed { nodes: tree.nodes.clone(), triangles: tree.triangles.clone() });
+        }
+        if !self.changed.is_empty() {
+            let roots = nodes[0][3] >> 24;
+            let trees = roots.count_ones() as usize;
+            refit::fit_root(nodes, trees);
+            self.changed.push(Changed { nodes: 0..1 + trees, triangles: 0..0 });
+        }
+    }
+
+    /// What the last call of [`Moving::set_time_s`] changed.
+    pub(super) fn changed(&self) -> &[Changed] {
+        &self.changed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use glam::Vec3;
+    use obvhs::cwbvh::node::CwBvhNode;
+
+    use super::*;
+    use crate::anatomy::motion::{Field, Rhythm, Shape};
+    use crate::anatomy::{Bvh, TissueTable, analytic};
+
+    fn ball(name: &'static str, centre: Vec3, radius: f32) -> analytic::Part {
+        analytic::Part { name, tissue: "soft_tissue", priority: 0, mesh: analytic::sphere(centre, radius, 3) }
+    }
+
+    fn scene() -> Scene {
+        let parts = vec![
+            ball("skin", Vec3::ZERO, 60.0),
+            ball("heart", Vec3::new(10.0, 0.0, 5.0), 9.0),
+            ball("arm", Vec3::new(-20.0, 10.0, 0.0), 12.0),
+        ];
+        let mut scene = analytic::scene(parts, &TissueTable::builtin().unwrap(), "gel").unwrap();
+        let field = |name: &str, shape, rhythm| Field { name: name.into(), surfaces: vec![name.into()], shape, rhythm };
+        let (axis, radius_mm) = (Vec3::Z, 9.0);
+        let heart = Shape::Beat { centre_mm: Vec3::new(10.0, 0.0, 5.0), axis, radius_mm, squeeze: 0.3, shorten: 0.2 };
+        let [joint_mm, end_mm] = [Vec3::new(-20.0, 5.0, 0.0), Vec3::new(-20.0, 20.0, 0.0)];
+        let arm = Shape::Swing { joint_mm, end_mm, axis, radius_mm: 10.0, angle_deg: 30.0 };
+        scene.motion.fields = vec![
+            field("heart", heart, Rhythm::Heart { beats_per_min: 150.0 }),
+            field("arm", arm, Rhythm::Twitch { every_s: 2.0, lasts_s: 0.9, seed: 1 }),
+        ];
+        scene
+    }
+
+    /// Triangles below a node; panics where one reaches out of a box above it.
+    fn check(bvh: &Bvh, index: u32, found: &mut BTreeMap<u32, PackedTriangle>) -> Extent {
+        let node: &CwBvhNode = bytemuck::cast_ref(&bvh.nodes[index as usize]);
+        let mut all = Extent::default();
+        for slot in 0..8 {
+            if node.is_child_empty(slot) {
+                continue;
+            }
+            let extent = if node.is_leaf(slot) {
+                let (first, count) = node.child_primitives(slot);
+                let leaf = &bvh.triangles[first as usize..(first + count) as usize];
+                for t in leaf {
+                    assert!(found.insert(t.triangle, *t).is_none(), "triangle {} is in two leaves", t.triangle);
+                }
+                leaf.iter().fold(Extent::default(), |e, t| e.with(Extent::of(t)))
+            } else {
+                check(bvh, node.child_node_index(slot), found)
+            };
+            let held = node.child_aabb(slot);
+            let held = Extent { low: Vec3::from(held.min) - 1e-4, high: Vec3::from(held.max) + 1e-4 };
+            assert_eq!(held.with(extent), held, "child {slot} of node {index}");
+            all = all.with(extent);
+        }
+        all
+    }
+
+    #[test]
+    fn the_moved_tree_holds_the_moved_triangles_at_any_time() {
+        let scene = scene();
+        let mut bvh = Bvh::build(&scene).unwrap();
+        bvh.set_time_s(0.0);
+        assert_eq!(bvh.changed(), &[], "all is at rest at time 0");
+        let mut moved = 0;
+        for step in 0..40 {
+            let time_s = f64::from(step * 7 % 40) * 0.13;
+            bvh.set_time_s(time_s);
+            let mut found = BTreeMap::new();
+            check(&bvh, 0, &mut found);
+            let displaced = Scene { motion: Motion::default(), ..scene.motion.displaced(&scene, time_s) };
+            let fresh = Bvh::build(&displaced).unwrap();
+            assert_eq!(fresh.centre_mm, bvh.centre_mm);
+            let expected: BTreeMap<u32, PackedTriangle> = fresh.triangles.iter().map(|t| (t.triangle, *t)).collect();
+            assert_eq!(found, expected, "at {time_s} s");
+            moved += usize::from(displaced.surfaces != scene.surfaces);
+        }
+        assert!(moved > 20, "{moved} of 40 times differ from rest");
+    }
+
+    #[test]
+    fn what_changed_is_named_and_rest_restores_the_first_tree() {
+        let scene = scene();
+        let first = Bvh::build(&scene).unwrap();
+        let mut bvh = first.clone();
+        let before = bvh.clone();
+        bvh.set_time_s(0.08);
+        let changed = bvh.changed().to_vec();
+        assert_eq!(changed.len(), 2, "the heart's tree and the root: {changed:?}");
+        let covered = |i: usize, of: fn(&Changed) -> &Range<usize>| changed.iter().any(|c| of(c).contains(&i));
+        for i in 0..bvh.nodes.len() {
+            assert!(bvh.nodes[i] == before.nodes[i] || covered(i, |c| &c.nodes), "node {i}");
+        }
+        for i in 0..bvh.triangles.len() {
+            assert!(bvh.triangles[i] == before.triangles[i] || covered(i, |c| &c.triangles), "triangle {i}");
+        }
+        bvh.set_time_s(0.0);
+        assert_eq!(bvh.triangles, first.triangles);
+    }
+}

@@ -1,0 +1,102 @@
+//! New boxes for a tree whose triangles have moved, its shape kept.
+
+use glam::Vec3;
+use obvhs::cwbvh::node::CwBvhNode;
+
+use super::PackedTriangle;
+
+/// Least and greatest corner, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Extent {
+    pub(super) low: Vec3,
+    pub(super) high: Vec3,
+}
+
+impl Extent {
+    /// Holds nothing.
+    const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+
+    pub(super) fn with(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    pub(super) fn of(t: &PackedTriangle) -> Self {
+        let a = Vec3::from(t.corner);
+        let (b, c) = (a + Vec3::from(t.edge1), a + Vec3::from(t.edge2));
+        Self { low: a.min(b).min(c), high: a.max(b).max(c) }
+    }
+}
+
+/// Gives node `index` the boxes of its children: inner ones have theirs in `extents` already, indexed as `nodes`.
+/// Returns the node's own extent.
+pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTriangle], extents: &[Extent]) -> Extent {
+    let node: &mut CwBvhNode = bytemuck::cast_mut(&mut nodes[index]);
+    let mut children = [Extent::NONE; 8];
+    for (slot, extent) in children.iter_mut().enumerate() {
+        if node.is_child_empty(slot) {
+            continue;
+        }
+        *extent = if node.is_leaf(slot) {
+            let (first, count) = node.child_primitives(slot);
+            let leaf = &triangles[first as usize..(first + count) as usize];
+            leaf.iter().fold(Extent::NONE, |extent, t| extent.with(Extent::of(t)))
+        } else {
+            extents[node.child_node_index(slot) as usize]
+        };
+    }
+    quantise(node, &children)
+}
+
+/// Writes the root that joins `trees` whose roots are the nodes after it.
+pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
+    let roots: Vec<Extent> = nodes[1..=trees]
+        .iter()
+        .map(|words| {
+            let node: &CwBvhNode = bytemuck::cast_ref(words);
+            (0..8).filter(|&slot| !node.is_child_empty(slot)).fold(Extent::NONE, |extent, slot| {
+                let child = node.child_aabb(slot);
+                extent.with(Extent { low: child.min.into(), high: child.max.into() })
+            })
+        })
+        .collect();
+    let mut children = [Extent::NONE; 8];
+    children[..trees].copy_from_slice(&roots);
+    quantise(bytemuck::cast_mut(&mut nodes[0]), &children);
+}
+
+/// The root of `trees` whose roots are the nodes after it; its boxes are still empty.
+pub(super) fn joint(trees: usize) -> [u32; 20] {
+    let mut node = CwBvhNode { child_base_idx: 1, imask: (0xff_u32 >> (8 - trees)) as u8, ..CwBvhNode::default() };
+    for slot in 0..trees {
+        node.child_meta[slot] = 1 << 5 | (24 + slot as u8);
+    }
+    bytemuck::cast(node)
+}
+
+/// Boxes in steps of a power of two from the node's least corner, outward (Ylitie et al. 2017).
+fn quantise(node: &mut CwBvhNode, children: &[Extent; 8]) -> Extent {
+    let whole = children.iter().fold(Extent::NONE, |all, child| all.with(*child));
+    node.p = whole.low;
+    let steps = ((whole.high - whole.low).max(Vec3::splat(1e-20)) / 255.0).to_array().map(|x| {
+        // The least power of two from x up.
+        let bits = x.to_bits();
+        f32::from_bits((bits + 0x007f_ffff) & 0x7f80_0000)
+    });
+    node.e = steps.map(|step| (step.to_bits() >> 23) as u8);
+    for (slot, child) in children.iter().enumerate() {
+        if node.is_child_empty(slot) {
+            continue;
+        }
+        let low = ((child.low - whole.low) / Vec3::from(steps)).floor().clamp(Vec3::ZERO, Vec3::splat(255.0));
+        let high = ((child.high - whole.low) / Vec3::from(steps)).ceil().clamp(Vec3::ZERO, Vec3::splat(255.0));
+        [node.child_min_x[slot], node.child_min_y[slot], node.child_min_z[slot]] = low.to_array().map(|x| x as u8);
+        [node.child_max_x[slot], node.child_max_y[slot], node.child_max_z[slot]] = high.to_array().map(|x| x as u8);
+    }
+    whole
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self::NONE
+    }
+}

@@ -1,0 +1,19 @@
+//! What moves, from `extras.motion` of the glTF scene.
+
+use serde_json::Value;
+
+use super::document::File;
+use crate::anatomy::{Motion, SceneError};
+
+/// The scene's motion, checked against the names of its surfaces; none where the file tells none.
+pub(super) fn motion<'a>(file: &File, surfaces: impl Iterator<Item = &'a str> + Clone) -> Result<Motion, SceneError> {
+    let scene = file.document.default_scene().or_else(|| file.document.scenes().next());
+    let extras = scene.and_then(|scene| scene.extras().clone());
+    // Extras may be any JSON: what is no object has none of our keys.
+    let extras: Option<Value> = extras.and_then(|raw| serde_json::from_str(raw.get()).ok());
+    let Some(value) = extras.as_ref().and_then(|extras| extras.get("motion")) else { return Ok(Motion::default()) };
+    let wrong = |reason: String| SceneError::BadMotion { path: file.path.clone(), reason };
+    let motion: Motion = serde_json::from_value(value.clone()).map_err(|e| wrong(e.to_string()))?;
+    motion.validate(surfaces).map_err(|e| wrong(e.to_string()))?;
+    Ok(motion)
+}

@@ -1,0 +1,228 @@
+//! What moves in a scene: a heart that beats, a chest that breathes, limbs that twitch, a mother who breathes.
+//!
+//! A [`Field`] is a smooth displacement of named surfaces ([`Shape`]) with a [`Rhythm`]. Where things are is a pure
+//! function of time; at time 0 the scene is as its file has it. A scene file carries its motion as JSON in
+//! `extras.motion` of its glTF scene, lengths in mm of the scene frame.
+
+mod rhythm;
+mod shape;
+mod vector;
+
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+pub use rhythm::Rhythm;
+pub use shape::Shape;
+
+use super::Scene;
+use crate::pose::Pose;
+
+/// Most fields of a scene: each has a tree of its own under one node of eight children.
+pub const FIELDS_MAX: usize = 7;
+
+/// All that moves in a scene.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// Displacements, at most [`FIELDS_MAX`]; where several reach a point their displacements add up.
+    #[serde(default)]
+    pub fields: Vec<Field>,
+    /// A movement of the whole scene under the probe, as of a mother who breathes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Drift>,
+}
+
+/// A displacement of some surfaces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Field {
+    /// Name, for messages and to switch it off.
+    pub name: String,
+    /// Names of the surfaces that it moves; a `*` at the end stands for any ending.
+    pub surfaces: Vec<String>,
+    /// Where.
+    pub shape: Shape,
+    /// When.
+    pub rhythm: Rhythm,
+}
+
+/// A movement of the whole scene.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drift {
+    /// Way of the scene at the greatest amount, scene frame, mm; at most 50 mm long.
+    #[serde(with = "vector")]
+    pub way_mm: Vec3,
+    /// When.
+    pub rhythm: Rhythm,
+}
+
+/// Motion that can't be.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum MotionError {
+    /// More fields than a tree's node has children.
+    #[error("{count} motion fields; at most {FIELDS_MAX} are traced: join those that move the same way")]
+    TooMany {
+        /// Fields found.
+        count: usize,
+    },
+    /// A value outside of its range.
+    #[error("`{key}` of motion `{field}` is {value}; it must be {right}")]
+    Value {
+        /// Name of the field.
+        field: String,
+        /// Which value.
+        key: &'static str,
+        /// Value found.
+        value: f64,
+        /// What would be right.
+        right: &'static str,
+    },
+    /// A field moves nothing.
+    #[error("motion `{field}` names no surface of the scene: {surfaces:?}")]
+    NoSurface {
+        /// Name of the field.
+        field: String,
+        /// What it names.
+        surfaces: Vec<String>,
+    },
+}
+
+impl Motion {
+    /// Whether nothing ever moves.
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty() && self.drift.is_none()
+    }
+
+    /// Checks every value, and that each field moves something in a scene with surfaces of these names.
+    ///
+    /// # Errors
+    /// What is wrong first.
+    pub fn validate<'a>(&self, surfaces: impl Iterator<Item = &'a str> + Clone) -> Result<(), MotionError> {
+        if self.fields.len() > FIELDS_MAX {
+            return Err(MotionError::TooMany { count: self.fields.len() });
+        }
+        for field in &self.fields {
+            if let Some((key, value, right)) = field.shape.wrong().or(field.rhythm.wrong()) {
+                return Err(MotionError::Value { field: field.name.clone(), key, value, right });
+            }
+            if !surfaces.clone().any(|name| field.moves(name)) {
+                return Err(MotionError::NoSurface { field: field.name.clone(), surfaces: field.surfaces.clone() });
+            }
+        }
+        if let Some(drift) = &self.drift {
+            let wrong = (!(drift.way_mm.length() <= 50.0))
+                .then(|| ("way_mm", f64::from(drift.way_mm.length()), "at most 50 mm long"));
+            if let Some((key, value, right)) = wrong.or(drift.rhythm.wrong()) {
+                return Err(MotionError::Value { field: "drift".to_owned(), key, value, right });
+            }
+        }
+        Ok(())
+    }
+
+    /// `scene_from_probe` against the scene at rest, for a probe at `scene_from_probe` while the scene has drifted.
+    pub fn drifted(&self, scene_from_probe: &Pose, time_s: f64) -> Pose {
+        let way = self.drift.map_or(DVec3::ZERO, |d| d.way_mm.as_dvec3() * d.rhythm.at(time_s)[0]);
+        Pose { position_mm: scene_from_probe.position_mm - way, ..*scene_from_probe }
+    }
+
+    /// `scene` as it is at `time_s`, drift left out.
+    pub fn displaced(&self, scene: &Scene, time_s: f64) -> Scene {
+        let amounts: Vec<[f32; 2]> = self.fields.iter().map(|f| f.amounts(time_s)).collect();
+        let mut scene = scene.clone();
+        for surface in &mut scene.surfaces {
+            let fields = self.mask_of(&surface.name);
+            surface.mesh.vertices_mm.iter_mut().for_each(|v| *v = self.moved(*v, fields, &amounts));
+        }
+        scene
+    }
+
+    /// One bit for each field that may move the surface `name`.
+    pub(super) fn mask_of(&self, name: &str) -> u32 {
+        self.fields.iter().enumerate().filter(|(_, f)| f.moves(name)).fold(0, |mask, (i, _)| mask | 1 << i)
+    }
+
+    /// Those of `mask` that ever move the point `p` at rest.
+    pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
+        // Every amount moves what any amount moves: fields fade out in space, not in time.
+        let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;
+        self.fields
+            .iter()
+            .enumerate()
+            .filter(|(i, field)| mask & 1 << i != 0 && moves(&field.shape))
+            .fold(0, |fields, (i, _)| fields | 1 << i)
+    }
+
+    /// Farthest that anything gets from its rest, mm.
+    pub(super) fn reach_mm(&self) -> f64 {
+        self.fields.iter().map(|field| f64::from(field.shape.reach_mm())).sum()
+    }
+
+    /// Where a point at rest is, moved by the fields of `mask`.
+    pub(super) fn moved(&self, p: Vec3, mask: u32, amounts: &[[f32; 2]]) -> Vec3 {
+        let mut moved = p;
+        for (i, field) in self.fields.iter().enumerate() {
+            if mask & 1 << i != 0 {
+                moved += field.shape.moved(p, amounts[i]) - p;
+            }
+        }
+        moved
+    }
+}
+
+impl Field {
+    /// Amounts of the movement at `time_s`.
+    pub(super) fn amounts(&self, time_s: f64) -> [f32; 2] {
+        self.rhythm.at(time_s).map(|a| a as f32)
+    }
+
+    fn moves(&self, surface: &str) -> bool {
+        self.surfaces.iter().any(|name| match name.strip_suffix('*') {
+            Some(start) => surface.starts_with(start),
+            None => surface == name,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heart() -> Field {
+        Field {
+            name: "heart".into(),
+            surfaces: vec!["heart*".into(), "left_atrium".into()],
+            shape: Shape::Beat { centre_mm: Vec3::ZERO, axis: Vec3::X, radius_mm: 9.0, squeeze: 0.3, shorten: 0.2 },
+            rhythm: Rhythm::Heart { beats_per_min: 140.0 },
+        }
+    }
+
+    #[test]
+    fn motion_is_the_same_through_json() {
+        let motion = Motion {
+            fields: vec![heart()],
+            drift: Some(Drift {
+                way_mm: Vec3::new(0.0, -8.0, 0.0),
+                rhythm: Rhythm::Breath { breaths_per_min: 15.0, bout_s: 1.0, pause_s: 0.0, seed: 0 },
+            }),
+        };
+        let json = serde_json::to_string(&motion).unwrap();
+        assert_eq!(serde_json::from_str::<Motion>(&json).unwrap(), motion);
+        assert!(serde_json::from_str::<Motion>(r#"{"feilds": []}"#).is_err());
+    }
+
+    #[test]
+    fn wrong_values_and_unknown_surfaces_are_named() {
+        let names = ["skin", "heart_wall"];
+        let motion = |field| Motion { fields: vec![field], drift: None };
+        assert_eq!(motion(heart()).validate(names.into_iter()), Ok(()));
+        let none = motion(heart()).validate(["skin"].into_iter()).unwrap_err();
+        assert!(none.to_string().contains("left_atrium"), "{none}");
+        let fast = Field { rhythm: Rhythm::Heart { beats_per_min: f64::NAN }, ..heart() };
+        let error = motion(fast).validate(names.into_iter()).unwrap_err();
+        assert!(error.to_string().contains("beats_per_min") && error.to_string().contains("20 to 300"), "{error}");
+        let many = Motion { fields: vec![heart(); 8], drift: None };
+        assert_eq!(many.validate(names.into_iter()), Err(MotionError::TooMany { count: 8 }));
+    }
+}
