@@ -158,12 +158,13 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    pub(crate) fn new(params: &Params, tables: &Tables, bvh: &Bvh) -> Self {
+    pub(crate) fn new(params: &Params, tables: &Tables, surface_tissue: &[u32], bvh: &Bvh) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
             table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
         };
         let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
+        let kernels = &tables.kernels;
         let mut line_rays = rays(&tables.rays);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
         let layer = |l: &[f32; 4]| Layer { offset_mm: l[0].into(), slope: l[1].into(), weight: l[2].into() };
@@ -202,17 +203,13 @@ impl Inputs {
             axes,
             layers: tables.layers.iter().map(layer).collect(),
             triangles: triangles.collect(),
-            surface_tissue: tables.surface_tissue.iter().map(|&t| t as usize).collect(),
+            surface_tissue: surface_tissue.iter().map(|&t| t as usize).collect(),
             media: tables.tissues.iter().map(Medium::from).collect(),
             background: params.background as usize,
-            scatterer_gain: wide(&tables.scatterer_gain),
-            lateral_kernels: tables
-                .lateral_kernels
-                .chunks_exact(2 * tables.lateral_half as usize + 1)
-                .map(wide)
-                .collect(),
+            scatterer_gain: wide(&kernels.scatterer_gain),
+            lateral_kernels: kernels.lateral.chunks_exact(2 * kernels.lateral_half as usize + 1).map(wide).collect(),
             depth_block: DEPTH_BLOCK as usize,
-            pulse: wide(&tables.pulse[PULSE_PAD as usize..tables.pulse.len() - PULSE_PAD as usize]),
+            pulse: wide(&kernels.pulse[PULSE_PAD as usize..kernels.pulse.len() - PULSE_PAD as usize]),
             dynamic_range_db: params.dynamic_range_db.into(),
             gain_db: params.gain_db.into(),
             tgc_db_per_mm: params.tgc_db_per_mm.into(),
