@@ -11,9 +11,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
-use insonify::anatomy::{Bvh, Scene, phantom};
+use insonify::anatomy::{Scene, phantom};
 use insonify::pose::{Pose, TrackingState};
-use insonify::render::{Frame, Gpu, GpuOptions, Renderer, ShaderSet};
+use insonify::render::{Frame, Gpu, GpuOptions, Renderer};
 use insonify::sink::browser::{BrowserSink, SceneInfo, Settings};
 use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
 use insonify::sink::window::{WindowSink, run_on_main_thread};
@@ -118,9 +118,6 @@ fn load_scene(station: &Station) -> anyhow::Result<Scene> {
 }
 
 struct Demo {
-    gpu: Gpu,
-    scene: Scene,
-    bvh: Bvh,
     station: Station,
     renderer: Renderer,
     live: LiveSettings,
@@ -132,15 +129,7 @@ struct Demo {
 impl Demo {
     fn new(scene: Scene, station: Station) -> anyhow::Result<Self> {
         let gpu = Gpu::new(&GpuOptions::default())?;
-        let bvh = Bvh::build(&scene)?;
-        let renderer = Renderer::with_shaders(
-            &gpu,
-            &scene,
-            bvh.clone(),
-            &station.probe,
-            &station.settings,
-            &ShaderSet::default(),
-        )?;
+        let renderer = Renderer::new(&gpu, &scene, &station.probe, &station.settings)?;
         let live = LiveSettings {
             image: station.settings.image,
             depth_mm: station.probe.depth_mm,
@@ -168,7 +157,7 @@ impl Demo {
             notice: None,
         };
         let (frame, started) = (Frame::default(), Instant::now());
-        Ok(Self { gpu, scene, bvh, station, renderer, live, frame, shown, started })
+        Ok(Self { station, renderer, live, frame, shown, started })
     }
 
     /// Follows a control. Returns whether the renderer must be built anew.
@@ -209,9 +198,7 @@ impl Demo {
         self.station.settings.quality.layers = self.live.layers;
         self.station.probe.depth_mm = self.live.depth_mm;
         self.station.probe.focus_mm = self.live.focus_mm;
-        let (probe, settings) = (&self.station.probe, &self.station.settings);
-        let bvh = self.bvh.clone();
-        self.renderer = Renderer::with_shaders(&self.gpu, &self.scene, bvh, probe, settings, &ShaderSet::default())?;
+        self.renderer.reconfigure(&self.station.probe, &self.station.settings)?;
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-// From scanlines to pixels: B-mode, segmentation and attenuation in one pass. Four pixels of a row, a word, a thread;
+// From scanlines to pixels: B-mode and, where they are wanted, segmentation and attenuation in one pass. Four pixels of a row, a word, a thread;
 // words outside the sector have no thread and stay zero.
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -14,6 +14,9 @@
 @group(0) @binding(8) var<storage, read_write> attenuation: array<vec4<f32>>;
 // Where in the image each of those words lies.
 @group(0) @binding(9) var<storage, read> words: array<u32>;
+
+// Whether the maps are written beside the image.
+override MAPS: bool = true;
 
 const OUTSIDE: u32 = 0xffffffffu;
 const ACROSS_SCALE: f32 = 1.0 / f32((1u << ACROSS_BITS) - 2u);
@@ -84,6 +87,10 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     let a = unpack2x16unorm(polar[row0 + sample0]);
     let b = unpack2x16unorm(polar[row1 + sample0]);
     let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
+    let inside = place != OUTSIDE;
+    if !MAPS {
+        return Pixel(select(0u, grey, inside), 0u, 0.0);
+    }
 
     let depth_mm = depth * params.depth_mm;
     // Between two map rays, and half a ray beyond the last ones, Σμ is linear; the tissue is the nearer one's.
@@ -96,7 +103,6 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     let tissue = select(one.tissue, next.tissue, part >= 0.5);
     let ln_level = percentile_np - sum;
     let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
-    let inside = place != OUTSIDE;
     return Pixel(select(0u, grey, inside), select(0u, tissue + 1u, inside), select(0.0, level, inside));
 }
 
@@ -112,7 +118,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let p1 = convert(places.y, p);
     let p2 = convert(places.z, p);
     let p3 = convert(places.w, p);
-    attenuation[word] = vec4<f32>(p0.level, p1.level, p2.level, p3.level);
     bmode[word] = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
-    segmentation[word] = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;
+    if MAPS {
+        attenuation[word] = vec4<f32>(p0.level, p1.level, p2.level, p3.level);
+        segmentation[word] = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;
+    }
 }

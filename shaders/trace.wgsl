@@ -21,6 +21,11 @@
 @group(0) @binding(12) var<storage, read_write> segment_counts: array<u32>;
 // Segment that holds the first sample of each block of HINT_BLOCK, four to a word.
 @group(0) @binding(13) var<storage, read_write> hints: array<u32>;
+// How far each triangle is from where it rests, mm; only read where something moves.
+@group(0) @binding(14) var<storage, read> displacements: array<vec4<f32>>;
+
+// Whether anything in the scene moves.
+override MOVING: bool = false;
 
 // Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
 // the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
@@ -130,6 +135,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var open = true;
     var lost = 0u;
     var crossed = 0u;
+    // From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
+    var carried_mm = vec3<f32>(0.0);
     loop {
         // A segment begins here.
         let tissue = tissues[here];
@@ -137,7 +144,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let step = direction * tissue.speed_ratio + shift_step;
         let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
         starts[path * STARTS + count] = range_mm;
-        segments[3u * at] = vec4<f32>(origin + shift_start + (shift_step - step) * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
+        segments[3u * at] = vec4<f32>(origin - carried_mm + shift_start + (shift_step - step) * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
         segments[3u * at + 1u] = vec4<f32>(step, fall);
         segments[3u * at + 2u] = vec4<f32>(
             tissue.scatterer_mean, tissue.scatterer_deviation, bitcast<f32>(TAG | tissue.scatterer_density), 0.0);
@@ -154,6 +161,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         var there = here;
         var chosen = 0u;
         var before = inside;
+        var moves = false;
         var done = false;
         loop {
             let left_mm = (params.depth_mm - range_mm) * tissue.speed_ratio;
@@ -180,7 +188,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             before = inside;
             cross_place(0u);
             chosen = place_interface();
-            there = medium();
+            let word = medium_word();
+            there = word & TISSUE_MASK;
+            moves = (word & MOVES) != 0u;
             origin += direction * t;
             range_mm += t / tissue.speed_ratio;
             ln_amplitude -= tissue.attenuation_np_mm * t;
@@ -255,6 +265,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 ln_amplitude += ln_passed;
             }
             here = there;
+            if MOVING {
+                carried_mm = select(vec3<f32>(0.0), displacements[chosen].xyz, moves);
+            }
             let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
             if dot(bent, normal) < 0.0 {
                 direction = normalize(bent);

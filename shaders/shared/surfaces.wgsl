@@ -8,12 +8,21 @@ fn set_inside(surface: u32, value: bool) {
     inside[word] = select(inside[word] & ~bit, inside[word] | bit, value);
 }
 
-// Tissue of the medium: that of the highest surface the point is inside, else the background.
-fn medium() -> u32 {
+const TISSUE_MASK: u32 = 0xffffu;
+// Set with the tissue of a surface that moves.
+const MOVES: u32 = 0x10000u;
+
+// Tissue of the medium, and whether its surface moves: that of the highest surface the point is inside, else the
+// background.
+fn medium_word() -> u32 {
     for (var word = 7; word >= 0; word--) {
         if inside[word] != 0u {
             return surface_tissue[u32(word) * 32u + firstLeadingBit(inside[word])];
         }
     }
     return params.background;
+}
+
+fn medium() -> u32 {
+    return medium_word() & TISSUE_MASK;
 }

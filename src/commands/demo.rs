@@ -1,12 +1,13 @@
 //! `insonify demo`: a recorded exam over the obstetric phantom, to look at.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Parser;
-use insonify::anatomy::Scene;
+use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
+use insonify::render::{Frame, Gpu, Quality, RenderError, RenderSettings, Renderer, ShaderSet};
 use insonify::sink::contact_sheet::{Map, Panel};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::time_table::{SideBySide, StageTime};
@@ -104,8 +105,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
     let gpu = session::open_gpu()?;
     let scene = session::load_scene(&station)?;
-    let mut lq = Stage::new(&gpu, &scene, &station, Quality::LQ)?;
-    let mut hq = Stage::new(&gpu, &scene, &station, Quality::HQ)?;
+    let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
+    let mut lq = Stage::new(&gpu, &scene, &bvh, &station, Quality::LQ)?;
+    let mut hq = Stage::new(&gpu, &scene, &bvh, &station, Quality::HQ)?;
     let sector = *lq.renderer.sector();
 
     // Half the size: uncompressed video of the full frames would take a third of a gigabyte.
@@ -200,10 +202,11 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(gpu: &Gpu, scene: &Scene, station: &Station, quality: Quality) -> Result<Self, Failure> {
+    fn new(gpu: &Gpu, scene: &Scene, bvh: &Arc<Bvh>, station: &Station, quality: Quality) -> Result<Self, Failure> {
         let quality = Quality { seed: station.settings.quality.seed, ..quality };
         let settings = RenderSettings { quality, ..station.settings };
-        let renderer = session::renderer(gpu, scene, station, &settings)?;
+        let shaders = ShaderSet::default();
+        let renderer = Renderer::with_shaders(gpu, scene, bvh.clone(), &station.probe, &settings, &shaders)?;
         Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 

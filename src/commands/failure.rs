@@ -129,9 +129,10 @@ impl From<GpuError> for Failure {
     fn from(error: GpuError) -> Self {
         match error {
             // What the caller can mend: install a driver, ask for less.
-            GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } | GpuError::Limit { .. } => {
-                Self::Input(error.into())
-            }
+            GpuError::NoAdapter { .. }
+            | GpuError::NoDevice { .. }
+            | GpuError::Limit { .. }
+            | GpuError::Memory { .. } => Self::Input(error.into()),
             _ => Self::Other(error.into()),
         }
     }

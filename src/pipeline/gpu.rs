@@ -10,9 +10,6 @@ use crate::transducer::Probe;
 
 /// A renderer that can be configured anew.
 pub struct GpuRenderer {
-    gpu: Gpu,
-    scene: Arc<Scene>,
-    bvh: Bvh,
     renderer: Renderer,
 }
 
@@ -20,7 +17,7 @@ pub struct GpuRenderer {
 pub struct GpuFactory {
     options: GpuOptions,
     scene: Arc<Scene>,
-    bvh: Bvh,
+    bvh: Arc<Bvh>,
 }
 
 impl GpuFactory {
@@ -29,7 +26,7 @@ impl GpuFactory {
     /// # Errors
     /// A scene that can't be traced.
     pub fn new(options: GpuOptions, scene: Arc<Scene>) -> Result<Self, RenderError> {
-        Ok(Self { options, bvh: Bvh::build(&scene)?, scene })
+        Ok(Self { options, bvh: Arc::new(Bvh::build(&scene)?), scene })
     }
 
     /// A renderer on an open device.
@@ -37,9 +34,8 @@ impl GpuFactory {
     /// # Errors
     /// As [`Renderer::new`].
     pub fn build_on(&self, gpu: &Gpu, probe: &Probe, settings: &RenderSettings) -> Result<GpuRenderer, RenderError> {
-        let (gpu, scene, bvh) = (gpu.clone(), self.scene.clone(), self.bvh.clone());
-        let renderer = Renderer::with_shaders(&gpu, &scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
-        Ok(GpuRenderer { gpu, scene, bvh, renderer })
+        let (bvh, shaders) = (self.bvh.clone(), ShaderSet::default());
+        Ok(GpuRenderer { renderer: Renderer::with_shaders(gpu, &self.scene, bvh, probe, settings, &shaders)? })
     }
 }
 
@@ -65,19 +61,22 @@ impl FrameRenderer for GpuRenderer {
     }
 
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
-        let (bvh, shaders) = (self.bvh.clone(), ShaderSet::default());
-        self.renderer =
-            Renderer::with_shaders(&self.gpu, &self.scene, bvh, probe, settings, &shaders).map_err(fault)?;
-        Ok(())
+        // Whether there are maps is chosen for each frame.
+        let settings = RenderSettings { maps: self.renderer.settings().maps, ..*settings };
+        self.renderer.reconfigure(probe, &settings).map_err(fault)
+    }
+
+    fn set_maps(&mut self, wanted: bool) {
+        self.renderer.set_maps(wanted);
     }
 }
 
 /// What of an error another device may mend.
 fn fault(error: RenderError) -> RenderFault {
     match error {
-        RenderError::Gpu(GpuError::Limit { .. }) | RenderError::Probe(_) | RenderError::Settings(_) => {
-            RenderFault::Refused(error.to_string())
-        }
+        RenderError::Gpu(GpuError::Limit { .. } | GpuError::Memory { .. })
+        | RenderError::Probe(_)
+        | RenderError::Settings(_) => RenderFault::Refused(error.to_string()),
         _ => RenderFault::Lost(error.to_string()),
     }
 }

@@ -71,6 +71,10 @@ pub trait FrameRenderer: Send {
     /// # Errors
     /// A device that fails; settings that it refuses, after which it goes on with the ones before.
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault>;
+
+    /// Whether somebody reads segmentation and attenuation of the frames that are submitted from now on. Those that
+    /// nobody reads may be empty; one that always makes them need not listen.
+    fn set_maps(&mut self, _wanted: bool) {}
 }
 
 /// Makes renderers, after the first one's device was lost.

@@ -16,7 +16,7 @@ use super::shutdown::Stop;
 use super::slot::Slot;
 use crate::pose::{Pose, TrackingState};
 use crate::render::{FRAMES_IN_FLIGHT, Frame};
-use crate::sink::live::{FrameTimeline, LiveSettings};
+use crate::sink::live::{FrameTimeline, LiveSettings, MapsWanted};
 
 /// Rendered frames that stages may hold: in each slot, at work in the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
@@ -55,8 +55,17 @@ pub(super) struct RenderParts {
     pub(super) controls: Controls,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
+    /// Sinks that may read segmentation and attenuation.
+    pub(super) map_readers: Vec<MapsWanted>,
     pub(super) period: Duration,
     pub(super) budget: Duration,
+}
+
+impl RenderParts {
+    /// Whether the generator or a sink reads the maps of a frame that is submitted now.
+    fn maps_wanted(&self, settings: &LiveSettings) -> bool {
+        (self.to_generator.is_some() && settings.enhance) || self.map_readers.iter().any(|wanted| wanted())
+    }
 }
 
 /// The stage.
@@ -130,9 +139,11 @@ impl RenderStage {
         self.number += 1;
         count(&self.parts.metrics.produced);
         let settings = self.parts.controls.live();
+        let maps = self.parts.maps_wanted(&settings);
         match (&mut self.device, sample.scene_from_probe) {
             (Device::Ready(renderer), Some(pose)) => {
                 let _span = tracing::debug_span!("submit", number).entered();
+                renderer.set_maps(maps);
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);

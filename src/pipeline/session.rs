@@ -175,6 +175,7 @@ impl Pipeline {
         let started_at = clock.now();
         let seconds = |ms: f64| Duration::from_secs_f64((ms * 1e-3).max(0.0));
 
+        let map_readers = parts.sinks.iter().filter_map(|sink| sink.maps_wanted()).collect();
         let mut sinks = Vec::new();
         for sink in parts.sinks {
             let refused = refused(sink.name());
@@ -228,6 +229,7 @@ impl Pipeline {
             controls: Controls::new(parts.controls, parts.probe, parts.render, has_generator),
             to_presenter: to_presenter.clone(),
             to_generator: to_generator.clone(),
+            map_readers,
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
             budget: seconds(settings.budget_ms),
         };

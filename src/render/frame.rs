@@ -27,11 +27,13 @@ pub struct Frame {
     pub height: u32,
     /// B-mode grey levels [height × width], 0 outside the sector.
     pub bmode: Vec<u8>,
-    /// Tissue numbers [height × width]: index in the scene's table + 1; 0 outside the sector.
+    /// Tissue numbers [height × width]: index in the scene's table + 1; 0 outside the sector. Empty without
+    /// [`RenderSettings::maps`](super::RenderSettings::maps).
     pub segmentation: Vec<u8>,
     /// One-way attenuation e^(−Σμ) over its 98th percentile, clipped to 0..=1 [height × width]; 0 outside the sector.
+    /// Empty without [`RenderSettings::maps`](super::RenderSettings::maps).
     pub attenuation: Vec<f32>,
-    /// The 98th percentile that `attenuation` was divided by.
+    /// The 98th percentile that `attenuation` was divided by; 0 without maps.
     pub attenuation_p98: f32,
     /// 255 inside the sector, 0 outside [height × width].
     pub mask: Vec<u8>,

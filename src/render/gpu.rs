@@ -39,6 +39,20 @@ pub enum GpuError {
         /// Adapter.
         adapter: String,
     },
+    /// The device has no memory left for a buffer.
+    #[error(
+        "{adapter} has no memory left for {what} ({bytes} bytes): {reason}. Close what else uses the device, or lower the rays, scanlines, samples or image size"
+    )]
+    Memory {
+        /// What the buffer is for.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+        /// What wgpu said.
+        reason: String,
+        /// Adapter.
+        adapter: String,
+    },
     /// A shader or a pipeline was refused.
     #[error("the device refused the pass `{pass}`: {reason}")]
     Pipeline {
@@ -128,6 +142,31 @@ impl Gpu {
         }
     }
 
+    /// A buffer of `bytes` zeros.
+    pub(crate) fn buffer(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let refused = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let exhausted = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: bytes,
+            usage,
+            mapped_at_creation: false,
+        });
+        let errors = [pollster::block_on(exhausted.pop()), pollster::block_on(refused.pop())];
+        match errors.into_iter().flatten().next() {
+            Some(error) => {
+                let reason = error.to_string();
+                Err(GpuError::Memory { what, bytes, reason, adapter: self.adapter_name() })
+            }
+            None => Ok(buffer),
+        }
+    }
+
     /// Name of the adapter.
     pub fn adapter_name(&self) -> String {
         self.info.name.clone()
@@ -141,5 +180,20 @@ impl Gpu {
     /// Whether the adapter is software on the CPU.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_buffer_that_finds_no_memory_is_an_error_of_its_own_and_no_fault_of_the_device() {
+        let gpu = Gpu::new(&GpuOptions::default()).unwrap();
+        let bytes = 1 << 50;
+        let error = gpu.buffer("segments", bytes, wgpu::BufferUsages::STORAGE).unwrap_err();
+        assert!(matches!(error, GpuError::Memory { what: "segments", bytes: b, .. } if b == bytes), "{error}");
+        gpu.check().unwrap();
+        gpu.buffer("segments", 1 << 10, wgpu::BufferUsages::STORAGE).unwrap();
     }
 }

@@ -1,12 +1,15 @@
 //! From a pose to a frame: passes on the GPU, each with an f64 twin on the CPU.
 
+mod buffers;
+mod configuration;
 mod frame;
 mod gpu;
+mod kernels;
 mod motion;
 mod params;
+mod passes;
 mod readback;
 mod renderer;
-mod resources;
 mod settings;
 mod shaders;
 mod snapshot;
@@ -15,6 +18,7 @@ pub mod twin;
 
 pub use frame::{Frame, FrameTimes, PassTime};
 pub use gpu::{Gpu, GpuError, GpuOptions};
+pub use kernels::{ClippedKernel, Kernel};
 pub use renderer::{FRAMES_IN_FLIGHT, RenderError, Renderer};
 pub use settings::{ImageSettings, Quality, RenderSettings, SettingsError};
 pub use shaders::ShaderSet;

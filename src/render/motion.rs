@@ -1,5 +1,7 @@
 //! A scene that moves, on the device.
 
+use std::sync::Arc;
+
 use super::renderer::Renderer;
 use crate::anatomy::bvh::PackedTriangle;
 
@@ -9,21 +11,31 @@ impl Renderer {
     /// Only corners and boxes that changed are uploaded; a scene that does not move costs nothing. A new renderer shows
     /// time 0, at which everything rests.
     pub fn set_time_s(&mut self, time_s: f64) {
-        self.bvh.set_time_s(time_s);
-        for changed in self.bvh.changed() {
-            let nodes = &self.bvh.nodes[changed.nodes.clone()];
-            let triangles = &self.bvh.triangles[changed.triangles.clone()];
+        if !self.bvh.moves() {
+            return;
+        }
+        // Several renderers may start from one tree; each moves its own.
+        let bvh = Arc::make_mut(&mut self.bvh);
+        bvh.set_time_s(time_s);
+        for changed in bvh.changed() {
+            let nodes = &bvh.nodes[changed.nodes.clone()];
+            let triangles = &bvh.triangles[changed.triangles.clone()];
             // Writes are in order with submissions: a frame in flight keeps what it was submitted with.
             self.gpu.queue.write_buffer(
-                &self.buffers.nodes,
+                &self.scene.nodes,
                 (changed.nodes.start * size_of::<[u32; 20]>()) as u64,
                 bytemuck::cast_slice(nodes),
             );
             if !triangles.is_empty() {
                 self.gpu.queue.write_buffer(
-                    &self.buffers.triangles,
+                    &self.scene.triangles,
                     (changed.triangles.start * size_of::<PackedTriangle>()) as u64,
                     bytemuck::cast_slice(triangles),
+                );
+                self.gpu.queue.write_buffer(
+                    &self.scene.displacements,
+                    (changed.triangles.start * size_of::<[f32; 4]>()) as u64,
+                    bytemuck::cast_slice(&bvh.displacements()[changed.triangles.clone()]),
                 );
             }
         }

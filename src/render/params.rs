@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::RenderSettings;
 use super::tables::{HINT_BLOCK, ROW_ALIGN, Tables};
-use crate::anatomy::{Bvh, Scene};
+use crate::anatomy::Bvh;
 use crate::pose::Pose;
 use crate::transducer::Probe;
 
@@ -49,7 +49,7 @@ pub(crate) struct Params {
 
 impl Params {
     /// Uniforms of a frame, but for its pose and its batch of layers.
-    pub(crate) fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings, tables: &Tables) -> Self {
+    pub(crate) fn new(background: u32, probe: &Probe, settings: &RenderSettings, tables: &Tables) -> Self {
         let image = &settings.image;
         Self {
             lateral: [0.0; 4],
@@ -62,8 +62,8 @@ impl Params {
             layer_count: settings.quality.layers,
             seed: settings.quality.seed,
             paths_per_sample: settings.paths_per_sample.clamp(1, settings.quality.rays),
-            lateral_half: tables.lateral_half,
-            axial_half: tables.axial_half,
+            lateral_half: tables.kernels.lateral_half,
+            axial_half: tables.kernels.axial_half,
             map_rays: tables.map_ray_count,
             width: image.width,
             height: image.height,
@@ -77,7 +77,7 @@ impl Params {
             gain_db: image.gain_db as f32,
             tgc_db_per_mm: (image.tgc_db_per_cm / 10.0) as f32,
             face_radius_mm: probe.face_radius_mm().map_or(-1.0, |r| r as f32),
-            background: scene.background as u32,
+            background,
             row_samples: probe.samples.div_ceil(ROW_ALIGN) * ROW_ALIGN,
             hint_words: probe.samples.div_ceil(4 * HINT_BLOCK) + 1,
             map_depths: tables.map_depths,
@@ -89,7 +89,7 @@ impl Params {
 
     /// Places the probe.
     pub(crate) fn set_pose(&mut self, pose: &Pose, bvh: &Bvh, probe: &Probe) {
-        let origin = pose.position_mm - bvh.centre_mm;
+        let origin = pose.position_mm - bvh.drift_mm() - bvh.centre_mm;
         let column = |axis: DVec3, translation: f64| {
             let v = pose.transform_vector(axis);
             [v.x as f32, v.y as f32, v.z as f32, translation as f32]

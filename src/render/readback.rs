@@ -2,8 +2,8 @@
 
 use std::sync::mpsc;
 
+use super::buffers::Buffers;
 use super::gpu::{Gpu, GpuError};
-use super::resources::Buffers;
 use super::{Frame, PassTime};
 
 /// Staging memory of one frame in flight.
@@ -13,10 +13,28 @@ pub(crate) struct Slot {
     staging: wgpu::Buffer,
     layout: Layout,
     queries: Option<Queries>,
-    /// Samples of a row, and with its padding.
-    rows: (u32, u32),
-    names: Vec<&'static str>,
+    shape: Shape,
 }
+
+/// Sizes that a slot is made for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Shape {
+    /// Image, pixels.
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Words of four pixels a row.
+    pub(crate) row_words: u32,
+    /// Scanlines that are kept as complex lines; 0 where none are.
+    pub(crate) lines: u32,
+    /// Samples of a row, and with its padding.
+    pub(crate) samples: u32,
+    pub(crate) row_samples: u32,
+    /// Passes of a frame with maps, in their order.
+    pub(crate) passes: Vec<&'static str>,
+}
+
+/// Passes that a frame without maps leaves out.
+pub(crate) const MAP_PASSES: [&str; 2] = ["section", "percentile"];
 
 #[derive(Debug)]
 struct Queries {
@@ -54,33 +72,40 @@ impl Layout {
 }
 
 impl Slot {
-    pub(crate) fn new(gpu: &Gpu, pixels: u64, line_bytes: u64, rows: (u32, u32), names: Vec<&'static str>) -> Self {
-        let queries = gpu.timestamps.then(|| {
-            let count = 2 * names.len() as u32;
-            Queries {
+    pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, GpuError> {
+        let count = 2 * shape.passes.len() as u32;
+        let queries = if gpu.timestamps {
+            let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
+            Some(Queries {
                 set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("pass times"),
                     ty: wgpu::QueryType::Timestamp,
                     count,
                 }),
-                resolved: gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some("pass times"),
-                    size: u64::from(count) * 8,
-                    usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-                    mapped_at_creation: false,
-                }),
+                resolved: gpu.buffer("pass times", u64::from(count) * 8, usage)?,
                 period_ns: f64::from(gpu.queue.get_timestamp_period()),
-            }
-        });
-        let layout =
-            Layout { pixels, lines: line_bytes, queries: if queries.is_some() { 2 * names.len() as u64 } else { 0 } };
-        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read-back"),
-            size: layout.size(),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        Self { staging, layout, queries, rows, names }
+            })
+        } else {
+            None
+        };
+        let layout = Layout {
+            pixels: u64::from(shape.row_words * 4) * u64::from(shape.height),
+            lines: u64::from(shape.lines) * u64::from(shape.row_samples) * 8,
+            queries: if queries.is_some() { count.into() } else { 0 },
+        };
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let staging = gpu.buffer("read-back", layout.size(), usage)?;
+        Ok(Self { staging, layout, queries, shape: shape.clone() })
+    }
+
+    /// What it was made for.
+    pub(crate) fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// Passes of a frame.
+    fn passes(&self, maps: bool) -> impl Iterator<Item = &'static str> {
+        self.shape.passes.iter().copied().filter(move |name| maps || !MAP_PASSES.contains(name))
     }
 
     /// Timestamps around the pass that is recorded as the `index`-th.
@@ -93,19 +118,22 @@ impl Slot {
     }
 
     /// Records the copies from the working buffers.
-    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers) {
+    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, maps: bool) {
         let l = &self.layout;
         encoder.copy_buffer_to_buffer(&buffers.bmode, 0, &self.staging, 0, Some(l.pixels));
-        encoder.copy_buffer_to_buffer(&buffers.segmentation, 0, &self.staging, l.segmentation(), Some(l.pixels));
-        encoder.copy_buffer_to_buffer(&buffers.attenuation, 0, &self.staging, l.attenuation(), Some(4 * l.pixels));
-        encoder.copy_buffer_to_buffer(&buffers.percentile, 0, &self.staging, l.scalars(), Some(16));
+        if maps {
+            encoder.copy_buffer_to_buffer(&buffers.segmentation, 0, &self.staging, l.segmentation(), Some(l.pixels));
+            encoder.copy_buffer_to_buffer(&buffers.attenuation, 0, &self.staging, l.attenuation(), Some(4 * l.pixels));
+            encoder.copy_buffer_to_buffer(&buffers.percentile, 0, &self.staging, l.scalars(), Some(16));
+        }
         encoder.copy_buffer_to_buffer(&buffers.overflows, 0, &self.staging, l.scalars() + 16, Some(16));
         if l.lines > 0 {
             encoder.copy_buffer_to_buffer(&buffers.lines, 0, &self.staging, l.lines(), Some(l.lines));
         }
         if let Some(queries) = &self.queries {
-            encoder.resolve_query_set(&queries.set, 0..2 * self.names.len() as u32, &queries.resolved, 0);
-            encoder.copy_buffer_to_buffer(&queries.resolved, 0, &self.staging, l.times(), Some(l.queries * 8));
+            let count = 2 * self.passes(maps).count() as u32;
+            encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
+            encoder.copy_buffer_to_buffer(&queries.resolved, 0, &self.staging, l.times(), Some(u64::from(count) * 8));
         }
     }
 
@@ -119,33 +147,39 @@ impl Slot {
     }
 
     /// Copies the mapped frame out and gives the memory back.
-    pub(crate) fn read(&self, frame: &mut Frame) -> Result<(), GpuError> {
+    pub(crate) fn read(&self, frame: &mut Frame, maps: bool) -> Result<(), GpuError> {
         let lost = |e: wgpu::MapRangeError| GpuError::Lost { reason: e.to_string() };
         {
             let view = self.staging.slice(..).get_mapped_range().map_err(lost)?;
             let bytes: &[u8] = &view;
             let l = &self.layout;
             let at = |offset: u64, size: u64| &bytes[offset as usize..(offset + size) as usize];
-            let (width, height) = (frame.width as usize, frame.height as usize);
-            let stride = l.pixels as usize / height;
+            (frame.width, frame.height) = (self.shape.width, self.shape.height);
+            let (width, stride) = (self.shape.width as usize, 4 * self.shape.row_words as usize);
             unpad(&mut frame.bmode, at(0, l.pixels), width, stride);
-            unpad(&mut frame.segmentation, at(l.segmentation(), l.pixels), width, stride);
-            let levels: &[f32] = bytemuck::cast_slice(at(l.attenuation(), 4 * l.pixels));
-            unpad(&mut frame.attenuation, levels, width, stride);
             let scalars: &[u32] = bytemuck::cast_slice(at(l.scalars(), 32));
-            frame.attenuation_p98 = (-f32::from_bits(scalars[0])).exp();
+            // Of a frame without maps none are left of an earlier one.
+            frame.segmentation.clear();
+            frame.attenuation.clear();
+            frame.attenuation_p98 = 0.0;
+            if maps {
+                unpad(&mut frame.segmentation, at(l.segmentation(), l.pixels), width, stride);
+                let levels: &[f32] = bytemuck::cast_slice(at(l.attenuation(), 4 * l.pixels));
+                unpad(&mut frame.attenuation, levels, width, stride);
+                frame.attenuation_p98 = (-f32::from_bits(scalars[0])).exp();
+            }
             frame.overflows = scalars[4];
             frame.lines.clear();
             if l.lines > 0 {
                 let lines: &[[f32; 2]] = bytemuck::cast_slice(at(l.lines(), l.lines));
-                unpad(&mut frame.lines, lines, self.rows.0 as usize, self.rows.1 as usize);
+                unpad(&mut frame.lines, lines, self.shape.samples as usize, self.shape.row_samples as usize);
             }
             frame.times.passes.clear();
             if let Some(queries) = &self.queries {
                 let ticks: &[u64] = bytemuck::cast_slice(at(l.times(), l.queries * 8));
-                for (name, pair) in self.names.iter().zip(ticks.chunks_exact(2)) {
+                for (name, pair) in self.passes(maps).zip(ticks.chunks_exact(2)) {
                     let ms = pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6;
-                    match frame.times.passes.iter_mut().find(|p| p.name == *name) {
+                    match frame.times.passes.iter_mut().find(|p| p.name == name) {
                         Some(pass) => pass.ms += ms,
                         None => frame.times.passes.push(PassTime { name, ms }),
                     }

@@ -1,19 +1,20 @@
 //! Frames from poses: records the passes, keeps up to two frames in flight, reads them back.
 
 use std::collections::VecDeque;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::time::Instant;
 
 use thiserror::Error;
 
+use super::buffers::{PARAMS_STRIDE, SceneBuffers};
+use super::configuration::{Configuration, Media};
 use super::gpu::{Gpu, GpuError};
-use super::params::Params;
+use super::passes::Pipelines;
 use super::readback::Slot;
-use super::resources::{BatchPlan, Buffers, PARAMS_STRIDE, Pass};
 use super::settings::SettingsError;
 use super::shaders::ShaderSet;
-use super::tables::{TISSUES_MAX, Tables};
-use super::{Frame, RenderSettings};
+use super::tables::TISSUES_MAX;
+use super::{ClippedKernel, Frame, RenderSettings};
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, BvhError, Scene};
 use crate::pose::Pose;
@@ -57,21 +58,26 @@ pub enum RenderError {
     },
 }
 
-/// Renders frames of one scene with one probe and one set of settings.
+/// A frame that was submitted and not received, with what reading it needs: later settings may differ.
+#[derive(Debug)]
+struct InFlight {
+    slot: Arc<Slot>,
+    mask: Arc<[u8]>,
+    maps: bool,
+    submission: wgpu::SubmissionIndex,
+    started: Instant,
+}
+
+/// Renders frames of one scene.
 #[derive(Debug)]
 pub struct Renderer {
     pub(super) gpu: Gpu,
-    pub(super) bvh: Bvh,
-    probe: Probe,
-    pub(super) params: Params,
-    pub(super) tables: Tables,
-    pub(super) plan: BatchPlan,
-    pub(super) buffers: Buffers,
-    pub(super) path_passes: Vec<Pass>,
-    pub(super) image_passes: Vec<Pass>,
-    slots: Vec<Slot>,
-    /// Slot, submission and start of each frame that was not received.
-    pub(super) in_flight: VecDeque<(usize, wgpu::SubmissionIndex, Instant)>,
+    pub(super) bvh: Arc<Bvh>,
+    pub(super) media: Media,
+    pub(super) scene: SceneBuffers,
+    pipelines: Pipelines,
+    pub(super) now: Configuration,
+    in_flight: VecDeque<InFlight>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
@@ -82,91 +88,125 @@ impl Renderer {
     /// Builds the BVH, the tables and the pipelines, and warms the pipelines up.
     ///
     /// # Errors
-    /// A value outside its range, a scene without triangles, or a device that fails or is too small.
+    /// A value outside its range, a scene without triangles, or a device that fails, is too small or has no memory left.
     pub fn new(gpu: &Gpu, scene: &Scene, probe: &Probe, settings: &RenderSettings) -> Result<Self, RenderError> {
         Self::with_shaders(gpu, scene, Bvh::build(scene)?, probe, settings, &ShaderSet::default())
     }
 
-    /// As [`Renderer::new`] with a BVH built before, and shaders that may differ from the shipped ones.
+    /// As [`Renderer::new`] with a BVH built before, which renderers may share, and shaders that may differ from the
+    /// shipped ones.
     ///
     /// # Errors
     /// As [`Renderer::new`].
     pub fn with_shaders(
         gpu: &Gpu,
         scene: &Scene,
-        bvh: Bvh,
+        bvh: impl Into<Arc<Bvh>>,
         probe: &Probe,
         settings: &RenderSettings,
         shaders: &ShaderSet,
     ) -> Result<Self, RenderError> {
+        let bvh = bvh.into();
+        // Before anything is made for them.
         probe.validate()?;
         settings.validate()?;
         check_scene(scene, &bvh)?;
-        let tables = Tables::new(scene, probe, settings);
-        if tables.sector_words.is_empty() {
-            tracing::warn!(
-                "the sector is thinner than a pixel and the image stays black: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
-            );
-        }
-        let params = Params::new(scene, probe, settings, &tables);
-        let plan = BatchPlan::new(probe.scanlines, settings.quality.rays, settings.quality.layers);
-        let buffers = Buffers::new(gpu, scene, &bvh, &tables, &params, &plan, settings.lines)?;
-        let pass = |name, groups, constants: &[(&str, f64)]| Pass::new(gpu, shaders, &buffers, name, groups, constants);
-        let paths = params.scanlines * params.rays * plan.layers_per_batch;
-        let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
-        let single_path = settings.quality.rays == 1 && settings.quality.layers == 1;
-        let single = [("SINGLE_PATH", f64::from(u8::from(single_path)))];
-        let path_passes = vec![
-            pass("locate", [paths.div_ceil(64), 1, 1], &[])?,
-            pass("trace", [paths.div_ceil(64), 1, 1], &[])?,
-            pass("march", samples_by(16), &single)?,
-            pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?,
-        ];
-        let keep = [("KEEP_LINES", if settings.lines { 1.0 } else { 0.0 })];
-        let image_passes = vec![
-            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
-            pass("detect", samples_by(8), &keep)?,
-            pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
-            pass("percentile", [1, 1, 1], &[])?,
-            pass("scan_convert", [params.sector_words.div_ceil(128), 1, 1], &[])?,
-        ];
-        let mut names = Vec::new();
-        for _ in 0..plan.batches {
-            names.extend(path_passes.iter().map(|p| p.name));
-        }
-        names.extend(image_passes.iter().map(|p| p.name));
-        let pixels = u64::from(params.row_words * 4) * u64::from(params.height);
-        let line_bytes =
-            if settings.lines { u64::from(params.scanlines) * u64::from(params.row_samples) * 8 } else { 0 };
-        let rows = (params.samples, params.row_samples);
-        let slots = (0..FRAMES_IN_FLIGHT).map(|_| Slot::new(gpu, pixels, line_bytes, rows, names.clone())).collect();
+        let media = Media::new(scene);
+        let scene = SceneBuffers::new(gpu, &media.surface_words, &bvh)?;
+        let mut pipelines = Pipelines::new(shaders);
+        let now = Configuration::new(gpu, (&scene, &media), &mut pipelines, probe, settings, None)?;
+        now.fill(gpu, None);
+        pipelines.take_cold();
         let (map_done, mapped) = mpsc::sync_channel(FRAMES_IN_FLIGHT);
         let mut renderer = Self {
             gpu: gpu.clone(),
             bvh,
-            probe: *probe,
-            params,
-            tables,
-            plan,
-            buffers,
-            path_passes,
-            image_passes,
-            slots,
+            media,
+            scene,
+            pipelines,
+            now,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             next_slot: 0,
             mapped,
             map_done,
-            uniforms: vec![0; (PARAMS_STRIDE * u64::from(plan.batches)) as usize],
+            uniforms: Vec::new(),
         };
-        // Drivers compile at the first dispatch: not in a user's first frame.
-        let far = Pose { position_mm: renderer.bvh.centre_mm, orientation: glam::DQuat::IDENTITY };
-        renderer.render(&far, &mut Frame::default())?;
+        renderer.warm_up(&[true, false])?;
         Ok(renderer)
+    }
+
+    /// Goes on with another probe and other settings. The device, the scene's buffers and compiled passes are kept:
+    ///
+    /// - gain, dynamic range, TGC, seed, paths a sample and maps are numbers of the next frame and cost nothing;
+    /// - all else makes the tables anew and those buffers whose sizes change; what was never rendered with before (several
+    ///   paths after a single one, kept lines) is compiled, and then a frame of its own warms it up.
+    ///
+    /// Frames in flight stay as they were submitted: they are received after it in their order, with their own size and
+    /// maps, and none is lost. While both are held, the memory of both is used.
+    ///
+    /// # Errors
+    /// A value outside its range, or more than the device has: the renderer is then as it was before. A device that
+    /// fails in the warm-up.
+    pub fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderError> {
+        probe.validate()?;
+        settings.validate()?;
+        if self.now.has_tables_of(probe, settings) {
+            self.now.take(&self.media, settings);
+            return Ok(());
+        }
+        let scene = (&self.scene, &self.media);
+        let next = Configuration::new(&self.gpu, scene, &mut self.pipelines, probe, settings, Some(&self.now))?;
+        next.fill(&self.gpu, Some(&self.now));
+        self.now = next;
+        // With frames in flight the ring has no room: the next frame compiles what is new.
+        if self.pipelines.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
+    }
+
+    /// Renders a frame for each of `with` or without maps: drivers compile at the first dispatch, not in a user's first
+    /// frame.
+    fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
+        let maps = self.now.settings.maps;
+        // Looks away from the scene, as that takes the least time.
+        let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * glam::DVec3::Z;
+        let away = Pose { position_mm: beside_mm, orientation: glam::DQuat::IDENTITY };
+        for &with in with_maps {
+            self.now.settings.maps = with;
+            let rendered = self.render(&away, &mut Frame::default());
+            self.now.settings.maps = maps;
+            rendered?;
+        }
+        Ok(())
+    }
+
+    /// Whether the next frames carry segmentation and attenuation: as [`Renderer::reconfigure`] with
+    /// [`RenderSettings::maps`], at no cost, for a choice that is made for each frame.
+    pub fn set_maps(&mut self, maps: bool) {
+        self.now.settings.maps = maps;
+    }
+
+    /// The settings it renders with.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.now.settings
+    }
+
+    /// The probe it renders with.
+    pub fn probe(&self) -> &Probe {
+        &self.now.probe
+    }
+
+    /// Kernels of the point-spread function that are wider than their passes hold and are cut; none for usual probes.
+    pub fn clipped_kernels(&self) -> &[ClippedKernel] {
+        &self.now.tables.kernels.clipped
+    }
+
+    /// Frames that were submitted and not received.
+    pub fn frames_in_flight(&self) -> usize {
+        self.in_flight.len()
     }
 
     /// How the sector lies in the image.
     pub fn sector(&self) -> &Sector {
-        &self.tables.sector
+        &self.now.tables.sector
     }
 
     /// Renders one frame and waits for it.
@@ -183,16 +223,17 @@ impl Renderer {
 
     /// Places the probe: uploads the uniforms of every batch.
     pub(super) fn place(&mut self, pose: &Pose) {
-        self.params.set_pose(pose, &self.bvh, &self.probe);
-        let layers = self.params.layer_count;
-        for batch in 0..self.plan.batches {
-            let mut params = self.params;
-            params.layer_first = batch * self.plan.layers_per_batch;
-            params.layer_count = self.plan.layers_per_batch.min(layers - params.layer_first);
-            let at = (u64::from(batch) * PARAMS_STRIDE) as usize;
-            self.uniforms[at..at + size_of::<Params>()].copy_from_slice(bytemuck::bytes_of(&params));
+        let now = &mut self.now;
+        now.params.set_pose(pose, &self.bvh, &now.probe);
+        self.uniforms.clear();
+        for batch in 0..now.plan.batches {
+            let mut params = now.params;
+            params.layer_first = batch * now.plan.layers_per_batch;
+            params.layer_count = now.plan.layers_per_batch.min(now.params.layer_count - params.layer_first);
+            self.uniforms.resize((u64::from(batch) * PARAMS_STRIDE) as usize, 0);
+            self.uniforms.extend_from_slice(bytemuck::bytes_of(&params));
         }
-        self.gpu.queue.write_buffer(&self.buffers.params, 0, &self.uniforms);
+        self.gpu.queue.write_buffer(&now.buffers.params, 0, &self.uniforms);
     }
 
     /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received.
@@ -205,22 +246,23 @@ impl Renderer {
         }
         let started = Instant::now();
         self.place(pose);
-        let slot = &self.slots[self.next_slot];
+        let (now, maps) = (&self.now, self.now.settings.maps);
+        let slot = &now.slots[self.next_slot];
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        encoder.clear_buffer(&self.buffers.overflows, 0, None);
-        let batches = (0..self.plan.batches).flat_map(|batch| self.path_passes.iter().map(move |pass| (pass, batch)));
-        for (index, (pass, batch)) in batches.chain(self.image_passes.iter().map(|pass| (pass, 0))).enumerate() {
+        encoder.clear_buffer(&now.buffers.overflows, 0, None);
+        for (index, (pass, batch)) in now.passes(maps).enumerate() {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(pass.name),
                 timestamp_writes: slot.timestamps(index),
             });
             pass.record(&mut compute, batch);
         }
-        slot.record(&mut encoder, &self.buffers);
+        slot.record(&mut encoder, &now.buffers, maps);
         let submission = self.gpu.queue.submit([encoder.finish()]);
         slot.map(&self.map_done);
-        self.in_flight.push_back((self.next_slot, submission, started));
+        let (slot, mask) = (slot.clone(), now.tables.mask.clone());
+        self.in_flight.push_back(InFlight { slot, mask, maps, submission, started });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }
@@ -230,7 +272,8 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let (index, submission, started) = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let InFlight { slot, mask, maps, submission, started } =
+            self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
         let result = loop {
             match self.mapped.try_recv() {
@@ -244,11 +287,9 @@ impl Renderer {
         };
         result.map_err(|e| lost(e.to_string()))?;
         self.gpu.check()?;
-        frame.width = self.params.width;
-        frame.height = self.params.height;
-        self.slots[index].read(frame)?;
+        slot.read(frame, maps)?;
         frame.mask.clear();
-        frame.mask.extend_from_slice(&self.tables.mask);
+        frame.mask.extend_from_slice(&mask);
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }

@@ -81,11 +81,19 @@ pub struct RenderSettings {
     pub paths_per_sample: u32,
     /// Whether frames carry the complex baseband lines.
     pub lines: bool,
+    /// Whether frames carry segmentation and attenuation. Without them the image is the same, bit for bit, and sooner there.
+    pub maps: bool,
 }
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { image: ImageSettings::default(), quality: Quality::default(), paths_per_sample: 1, lines: false }
+        Self {
+            image: ImageSettings::default(),
+            quality: Quality::default(),
+            paths_per_sample: 1,
+            lines: false,
+            maps: true,
+        }
     }
 }
 

@@ -50,25 +50,26 @@ pub struct Snapshot {
 }
 
 impl Renderer {
-    /// Renders a frame and reads every intermediate buffer back. Slow: for tests and study.
+    /// Renders a frame with its maps, whatever the settings say, and reads every intermediate buffer back. Slow: for tests
+    /// and study.
     ///
     /// # Errors
     /// Frames in flight, settings whose layers don't fit in one batch, or a device that fails.
     pub fn snapshot(&mut self, pose: &Pose) -> Result<Snapshot, RenderError> {
-        if !self.in_flight.is_empty() {
+        if self.frames_in_flight() > 0 {
             return Err(RenderError::RingFull);
         }
-        if self.plan.batches != 1 {
-            return Err(RenderError::Batches { batches: self.plan.batches });
+        if self.now.plan.batches != 1 {
+            return Err(RenderError::Batches { batches: self.now.plan.batches });
         }
         self.place(pose);
-        let buffers = &self.buffers;
+        let (now, buffers) = (&self.now, &self.now.buffers);
         let label = wgpu::CommandEncoderDescriptor { label: Some("snapshot") };
         let mut encoder = self.gpu.device.create_command_encoder(&label);
         encoder.clear_buffer(&buffers.overflows, 0, None);
         // The echoes are added in place: the scatterers alone are kept on the way.
         let mut scattered = None;
-        for pass in self.path_passes.iter().chain(&self.image_passes) {
+        for pass in now.path_passes.iter().chain(&now.image_passes) {
             {
                 let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some(pass.name),
@@ -135,8 +136,8 @@ impl Renderer {
             return Err(lost("a buffer was not read back".to_owned()));
         };
 
-        let inputs = Inputs::new(&self.params, &self.tables, &self.bvh);
-        let rows = (self.params.samples as usize, self.params.row_samples as usize);
+        let inputs = Inputs::new(&now.params, &now.tables, &self.media.surface_words, &self.bvh);
+        let rows = (now.params.samples as usize, now.params.row_samples as usize);
         let complex = |words: &[u32]| {
             let row =
                 |row: &[u32]| row[..2 * rows.0].chunks_exact(2).map(|c| DVec2::new(real(c[0]), real(c[1]))).collect();
@@ -155,7 +156,7 @@ impl Renderer {
             .iter()
             .map(|word| RasterPoint { sum_np: real((word & 0xffff_fe00) >> 1), tissue: (word & 0xff) as usize })
             .collect();
-        let (width, stride) = (inputs.width, 4 * self.params.row_words as usize);
+        let (width, stride) = (inputs.width, 4 * now.params.row_words as usize);
         let cropped = |bytes: &[u8]| bytes.chunks_exact(stride).flat_map(|r| r[..width].to_vec()).collect::<Vec<_>>();
         Ok(Snapshot {
             starts_inside: starts_inside

@@ -1,11 +1,14 @@
 //! What is computed once, in f64, and uploaded: ray directions, beam kernels, the pulse, pixel positions, tissues.
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::RenderSettings;
+use super::kernels::{AXIAL_HALF_MAX, Kernels};
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
-use crate::anatomy::{Scene, Tissue};
+use crate::anatomy::Tissue;
 use crate::transducer::{Probe, Sector};
 
 /// Samples that share one lateral kernel and one scatterer gain.
@@ -30,10 +33,6 @@ pub(crate) const ROW_ALIGN: u32 = 16;
 pub(crate) const PULSE_PAD: u32 = 8;
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
-/// Widest lateral kernel, scanlines to either side.
-const LATERAL_HALF_MAX: u32 = 32;
-/// Widest axial kernel, samples to either side.
-const AXIAL_HALF_MAX: u32 = 128;
 /// Tiles that the image is converted by.
 const TILE_ROWS: u32 = 16;
 const TILE_WORDS: u32 = 4;
@@ -97,41 +96,22 @@ pub(crate) struct Tables {
     /// Elevational offset at the face (mm), its slope, weight, 0.
     pub(crate) layers: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<GpuTissue>,
-    /// Tissue of each surface.
-    pub(crate) surface_tissue: Vec<u32>,
-    /// [blocks][2·lateral_half + 1], each block's sum 1.
-    pub(crate) lateral_kernels: Vec<f32>,
-    pub(crate) lateral_half: u32,
-    /// [2·axial_half + 1] between PULSE_PAD zeros, 1 at the peak.
-    pub(crate) pulse: Vec<f32>,
-    pub(crate) axial_half: u32,
-    /// [blocks].
-    pub(crate) scatterer_gain: Vec<f32>,
+    /// The point-spread function.
+    pub(crate) kernels: Kernels,
     /// Packed place of each pixel [height × 4·row_words].
     pub(crate) pixels: Vec<u32>,
     /// Words of four pixels that meet the sector, tile by tile: index of each in the image.
     pub(crate) sector_words: Vec<u32>,
     /// 255 inside the sector [height × width].
-    pub(crate) mask: Vec<u8>,
+    pub(crate) mask: Arc<[u8]>,
     pub(crate) sector: Sector,
 }
 
 impl Tables {
-    pub(crate) fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings) -> Self {
+    pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings) -> Self {
         let sector = Sector::fit(probe, settings.image.width, settings.image.height);
         let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
         let map_ray_count = map_ray_count(probe, map_step_mm);
-        let (lateral_half, kernels) = lateral_kernels(probe);
-        let (axial_half, pulse) = pulse(probe);
-        let axial_gain = axial_speckle_gain(&pulse, probe.sample_spacing_mm());
-        let width = 2 * lateral_half as usize + 1;
-        let scatterer_gain = kernels
-            .chunks_exact(width)
-            .map(|kernel| {
-                let power: f64 = kernel.iter().map(|w| w * w).sum();
-                (1.0 / (power * axial_gain).sqrt()) as f32
-            })
-            .collect();
         let (pixels, mask) = pixels(probe, &sector);
         let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
         let mut sector_words: Vec<u32> =
@@ -146,16 +126,11 @@ impl Tables {
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
             layers: layers(probe, settings.quality.layers),
-            tissues: scene.tissues.tissues().iter().map(|t| GpuTissue::new(t, probe)).collect(),
-            surface_tissue: scene.surfaces.iter().map(|s| s.tissue as u32).collect(),
-            lateral_kernels: kernels.iter().map(|&w| w as f32).collect(),
-            lateral_half,
-            pulse: padded(&pulse),
-            axial_half,
-            scatterer_gain,
+            tissues: tissues.iter().map(|t| GpuTissue::new(t, probe)).collect(),
+            kernels: Kernels::new(probe),
             pixels,
             sector_words,
-            mask,
+            mask: mask.into(),
             sector,
         }
     }
@@ -252,72 +227,6 @@ fn gauss_hermite(count: u32) -> Vec<(f64, f64)> {
     nodes
 }
 
-/// Half width and kernels of the lateral beam for each block of samples.
-fn lateral_kernels(probe: &Probe) -> (u32, Vec<f64>) {
-    let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
-    let sigma_lines = |block: u32| {
-        let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
-        let depth = (sample * probe.sample_spacing_mm()).min(probe.depth_mm);
-        probe.lateral_sigma_mm(depth) / probe.line_spacing_mm(depth).max(1e-9)
-    };
-    let widest = (0..blocks).map(sigma_lines).fold(0.0, f64::max);
-    let half = ((2.5 * widest).ceil() as u32).clamp(1, LATERAL_HALF_MAX).min(probe.scanlines.max(2) - 1).max(1);
-    let mut kernels = Vec::new();
-    for block in 0..blocks {
-        let sigma = sigma_lines(block).max(1e-3);
-        let kernel: Vec<f64> =
-            (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
-        let sum: f64 = kernel.iter().sum();
-        kernels.extend(kernel.iter().map(|w| w / sum));
-    }
-    (half, kernels)
-}
-
-/// Half width and envelope of the pulse in samples, 1 at its peak.
-fn pulse(probe: &Probe) -> (u32, Vec<f64>) {
-    let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
-    let half = ((4.0 * sigma).ceil() as u32).clamp(1, AXIAL_HALF_MAX);
-    let kernel =
-        (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
-    (half, kernel)
-}
-
-/// The pulse between zeros.
-fn padded(pulse: &[f64]) -> Vec<f32> {
-    let zeros = || std::iter::repeat_n(0.0, PULSE_PAD as usize);
-    zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
-}
-
-/// Power of unit scatterers after the pulse: the samples that one lattice cell spans carry one echo, so that they add in
-/// amplitude. The chance that two points of a ray x apart share a cell is averaged over all directions.
-fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
-    const STEPS: i32 = 24;
-    let shared = |distance: f64| {
-        let mut sum = 0.0;
-        for i in 0..STEPS {
-            for j in 0..STEPS {
-                // Directions spread evenly over one octant of the sphere.
-                let z = (f64::from(i) + 0.5) / f64::from(STEPS);
-                let angle = (f64::from(j) + 0.5) / f64::from(STEPS) * std::f64::consts::FRAC_PI_2;
-                let radius = (1.0 - z * z).sqrt();
-                sum += [radius * angle.cos(), radius * angle.sin(), z]
-                    .iter()
-                    .map(|n| (1.0 - distance * n / CELL_MM).max(0.0))
-                    .product::<f64>();
-            }
-        }
-        sum / f64::from(STEPS * STEPS)
-    };
-    let chances: Vec<f64> = (0..pulse.len()).map(|lag| shared(lag as f64 * spacing_mm)).collect();
-    let mut power = 0.0;
-    for (i, a) in pulse.iter().enumerate() {
-        for (j, b) in pulse.iter().enumerate() {
-            power += a * b * chances[i.abs_diff(j)];
-        }
-    }
-    power
-}
-
 /// Place of every pixel, rows padded to whole words, and the mask.
 fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     let stride = sector.width.div_ceil(4) * 4;
@@ -381,15 +290,5 @@ mod tests {
                 assert!((variance - 1.0).abs() < 1e-6, "{count}: {variance}");
             }
         }
-    }
-
-    #[test]
-    fn kernels_are_normalised() {
-        let (half, kernels) = lateral_kernels(&Probe::default());
-        for kernel in kernels.chunks_exact(2 * half as usize + 1) {
-            assert!((kernel.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-        }
-        let (half, kernel) = pulse(&Probe::default());
-        assert_eq!(kernel[half as usize], 1.0);
     }
 }

@@ -32,6 +32,8 @@ impl FrameFiles<'_> {
     /// | `lines.npy` | complex64 [scanlines, samples], baseband; only if the frame carries its lines |
     /// | `frame.json` | the record; written last, so that its presence says that the rest is whole |
     ///
+    /// Of a frame that was rendered without maps there are no `segmentation.png`, `tissues.json` and `attenuation.npy`.
+    ///
     /// # Errors
     /// A map that does not have the frame's size, or a file that cannot be written.
     pub fn write(&self, dir: &Path) -> Result<Vec<PathBuf>, SinkError> {
@@ -46,9 +48,16 @@ impl FrameFiles<'_> {
             dir.join(name)
         };
         png::write_grey(&file("bmode.png"), width, height, &frame.bmode, Effort::Small)?;
-        png::write_grey(&file("segmentation.png"), width, height, &frame.segmentation, Effort::Small)?;
-        write_json(&file("tissues.json"), &tissue_numbers(tissues))?;
-        npy::write_f32(&file("attenuation.npy"), [height as usize, width as usize], &frame.attenuation)?;
+        if frame.segmentation.is_empty() && frame.attenuation.is_empty() {
+            // Rendered without maps: none of an earlier frame may stand beside this one's image.
+            for name in ["segmentation.png", "tissues.json", "attenuation.npy"] {
+                remove(&dir.join(name))?;
+            }
+        } else {
+            png::write_grey(&file("segmentation.png"), width, height, &frame.segmentation, Effort::Small)?;
+            write_json(&file("tissues.json"), &tissue_numbers(tissues))?;
+            npy::write_f32(&file("attenuation.npy"), [height as usize, width as usize], &frame.attenuation)?;
+        }
         png::write_grey(&file("mask.png"), width, height, &frame.mask, Effort::Small)?;
         if !frame.lines.is_empty() {
             let shape = [record.probe.scanlines as usize, record.probe.samples as usize];

@@ -3,6 +3,7 @@
 //! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`](std::sync::Arc) that the presenter
 //! reuses once all sinks have dropped it: a sink that keeps a frame for long makes the presenter take another one.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::pose::{Pose, TrackingState};
@@ -80,9 +81,9 @@ pub struct PresentedFrame {
     pub pixel_mm: f64,
     /// Grey levels shown [height × width].
     pub image: Vec<u8>,
-    /// Tissue numbers [height × width]; 0 outside the sector.
+    /// Tissue numbers [height × width]; 0 outside the sector. Empty where neither the generator nor a sink reads it.
     pub segmentation: Vec<u8>,
-    /// One-way attenuation over its 98th percentile [height × width].
+    /// One-way attenuation over its 98th percentile [height × width]. Empty where `segmentation` is.
     pub attenuation: Vec<f32>,
     /// 255 inside the sector [height × width].
     pub mask: Vec<u8>,
@@ -151,10 +152,19 @@ pub enum Control {
     Quit,
 }
 
+/// Says whether a sink reads segmentation and attenuation just now.
+pub type MapsWanted = Arc<dyn Fn() -> bool + Send + Sync>;
+
 /// Takes frames, on a thread of its own: a slow sink drops frames, counted under its name, and delays nobody.
 pub trait LiveSink: Send {
     /// Name under which its drops and errors are counted.
     fn name(&self) -> &str;
+
+    /// What tells, for each frame anew and on another thread, whether it reads segmentation and attenuation; none if it
+    /// never does. Maps that nobody reads are not rendered.
+    fn maps_wanted(&self) -> Option<MapsWanted> {
+        None
+    }
 
     /// Shows or stores one frame.
     ///

@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod compare;
+mod moving;
+mod reconfigure;
 mod scenes;
 
 use compare::{PASSES, compare};

@@ -30,17 +30,17 @@ impl Case {
     }
 }
 
-fn scene(parts: Vec<Part>, background: &str) -> Scene {
+pub(crate) fn scene(parts: Vec<Part>, background: &str) -> Scene {
     analytic::scene(parts, &TissueTable::builtin().unwrap(), background).unwrap()
 }
 
-fn probe(kind: ProbeKind, depth_mm: f64, scanlines: u32, samples: u32) -> Probe {
+pub(crate) fn probe(kind: ProbeKind, depth_mm: f64, scanlines: u32, samples: u32) -> Probe {
     // A narrow aperture: the beam spans several of the few scanlines.
     let beam = Probe { focus_mm: 0.5 * depth_mm, aperture_mm: 5.0, ..Probe::default() };
     Probe { kind, depth_mm, scanlines, samples, ..beam }
 }
 
-fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -> RenderSettings {
+pub(crate) fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -> RenderSettings {
     let image = ImageSettings {
         width,
         height: 150,
@@ -49,7 +49,7 @@ fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -> RenderSet
         ..ImageSettings::default()
     };
     let quality = Quality { rays: quality.0, layers: quality.1, seed: 7 };
-    RenderSettings { image, quality, paths_per_sample, lines: true }
+    RenderSettings { image, quality, paths_per_sample, lines: true, maps: true }
 }
 
 /// Looks at `target` from `from`, turned a little so that nothing lies in a plane of coordinates.
@@ -58,7 +58,7 @@ fn pose(from: [f64; 3], target: [f64; 3]) -> Pose {
     Pose::looking(from, target - from, DVec3::new(1.0, 0.13, 0.07))
 }
 
-fn part(name: &'static str, tissue: &'static str, priority: i32, mesh: Mesh) -> Part {
+pub(crate) fn part(name: &'static str, tissue: &'static str, priority: i32, mesh: Mesh) -> Part {
     Part { name, tissue, priority, mesh }
 }
 

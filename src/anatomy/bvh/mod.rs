@@ -17,6 +17,7 @@ use obvhs::{BvhBuildParams, triangle::Triangle};
 use thiserror::Error;
 
 use super::Scene;
+use super::motion::Drift;
 use moving::Moving;
 
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
@@ -75,6 +76,8 @@ pub struct Bvh {
     /// Half the diagonal of the scene's bounds about the centre, and as far as anything moves, mm.
     pub radius_mm: f64,
     moving: Option<Moving>,
+    drift: Option<Drift>,
+    drift_mm: DVec3,
 }
 
 /// Ranges of [`Bvh::nodes`] and [`Bvh::triangles`] that a change of time touched.
@@ -133,6 +136,8 @@ impl Bvh {
             triangles: packed.collect(),
             radius_mm: 0.5 * (high - low).length() + scene.motion.reach_mm(),
             moving: None,
+            drift: scene.motion.drift,
+            drift_mm: DVec3::ZERO,
         };
         if let [(tree, _)] = trees.as_slice() {
             bvh.nodes = bytemuck::cast_slice(&tree.nodes).to_vec();
@@ -149,11 +154,27 @@ impl Bvh {
         Ok(bvh)
     }
 
+    /// How far each triangle is from where it rests `[x, y, z, 0]`, mm, in leaf order; empty where nothing moves.
+    pub fn displacements(&self) -> &[[f32; 4]] {
+        self.moving.as_ref().map_or(&[], Moving::displacements)
+    }
+
+    /// Whether anything in the scene ever moves.
+    pub fn moves(&self) -> bool {
+        self.moving.is_some() || self.drift.is_some()
+    }
+
     /// Moves everything to where it is at `time_s`; [`Bvh::changed`] then says what changed.
     pub fn set_time_s(&mut self, time_s: f64) {
         if let Some(moving) = &mut self.moving {
             moving.set_time_s(time_s, self.centre_mm, &mut self.nodes, &mut self.triangles);
         }
+        self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
+    }
+
+    /// How far the whole scene has drifted under the probe, mm: a probe sees it from its own place minus this.
+    pub fn drift_mm(&self) -> DVec3 {
+        self.drift_mm
     }
 
     /// What the last change of time touched.

@@ -27,7 +27,8 @@ struct Vertex {
     rest_mm: Vec3,
     /// Fields that move it.
     fields: u32,
-    /// Now, relative to the tree's centre, mm.
+    /// At rest and now, relative to the tree's centre, mm.
+    rest: Vec3,
     now: Vec3,
 }
 
@@ -52,6 +53,8 @@ pub(super) struct Moving {
     vertices: Vec<Vertex>,
     /// Vertices of each triangle in leaf order, from the first that moves.
     corners: Vec<[u32; 3]>,
+    /// How far each triangle is from its rest, mm; all triangles.
+    displacements: Vec<[f32; 4]>,
     /// First triangle that moves.
     first_triangle: usize,
     /// Exact boxes of all nodes.
@@ -100,6 +103,7 @@ pub(super) fn join(
         trees: Vec::new(),
         vertices: Vec::new(),
         corners: Vec::new(),
+        displacements: vec![[0.0; 4]; order.len()],
         first_triangle: order.len(),
         extents: Vec::new(),
         changed: Vec::with_capacity(trees.len() + 1),
@@ -159,7 +163,8 @@ impl Moving {
                 *known.entry((surface, v)).or_insert_with(|| {
                     let rest_mm = mesh.vertices_mm[v as usize];
                     let fields = scene.motion.fields_at(rest_mm, mask);
-                    self.vertices.push(Vertex { rest_mm, fields, now: local(rest_mm, centre_mm) });
+                    let rest = local(rest_mm, centre_mm);
+                    self.vertices.push(Vertex { rest_mm, fields, rest, now: rest });
                     self.vertices.len() as u32 - 1
                 })
             });
@@ -192,9 +197,12 @@ impl Moving {
                 }
             }
             for index in tree.triangles.clone() {
-                let corners = self.corners[index - self.first_triangle].map(|v| self.vertices[v as usize].now);
+                let vertices = self.corners[index - self.first_triangle].map(|v| self.vertices[v as usize]);
+                let corners = vertices.map(|v| v.now);
                 let packed = &mut triangles[index];
                 *packed = PackedTriangle::new(corners, packed.surface, packed.triangle);
+                let moved = vertices.map(|v| v.now - v.rest).iter().sum::<Vec3>() / 3.0;
+                self.displacements[index] = moved.extend(0.0).to_array();
             }
             // Children come after their parents.
             for index in tree.nodes.clone().rev().chain([tree.root]) {
@@ -208,6 +216,11 @@ impl Moving {
             refit::fit_root(nodes, trees);
             self.changed.push(Changed { nodes: 0..1 + trees, triangles: 0..0 });
         }
+    }
+
+    /// As [`super::Bvh::displacements`].
+    pub(super) fn displacements(&self) -> &[[f32; 4]] {
+        &self.displacements
     }
 
     /// What the last call of [`Moving::set_time_s`] changed.

@@ -16,7 +16,6 @@ pub use rhythm::Rhythm;
 pub use shape::Shape;
 
 use super::Scene;
-use crate::pose::Pose;
 
 /// Most fields of a scene: each has a tree of its own under one node of eight children.
 pub const FIELDS_MAX: usize = 7;
@@ -95,6 +94,11 @@ impl Motion {
         self.fields.is_empty() && self.drift.is_none()
     }
 
+    /// Whether a surface of this name ever moves against the others.
+    pub fn moves(&self, surface: &str) -> bool {
+        self.mask_of(surface) != 0
+    }
+
     /// Checks every value, and that each field moves something in a scene with surfaces of these names.
     ///
     /// # Errors
@@ -119,12 +123,6 @@ impl Motion {
             }
         }
         Ok(())
-    }
-
-    /// `scene_from_probe` against the scene at rest, for a probe at `scene_from_probe` while the scene has drifted.
-    pub fn drifted(&self, scene_from_probe: &Pose, time_s: f64) -> Pose {
-        let way = self.drift.map_or(DVec3::ZERO, |d| d.way_mm.as_dvec3() * d.rhythm.at(time_s)[0]);
-        Pose { position_mm: scene_from_probe.position_mm - way, ..*scene_from_probe }
     }
 
     /// `scene` as it is at `time_s`, drift left out.
@@ -168,6 +166,13 @@ impl Motion {
             }
         }
         moved
+    }
+}
+
+impl Drift {
+    /// Way of the scene at `time_s`, mm.
+    pub(super) fn at(&self, time_s: f64) -> DVec3 {
+        self.way_mm.as_dvec3() * self.rhythm.at(time_s)[0]
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3, Vec3, Vec4};
 
 use crate::anatomy::Bvh;
+use crate::render::configuration::MOVES;
 use crate::render::params::Params;
 use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables, unpack_place};
 
@@ -80,6 +81,8 @@ pub struct Triangle {
     pub surface: u32,
     /// Index of the triangle in the scene.
     pub index: u32,
+    /// How far it is from where it rests, mm.
+    pub displacement_mm: DVec3,
 }
 
 /// Everything that the passes of one frame read.
@@ -121,6 +124,8 @@ pub struct Inputs {
     pub triangles: Vec<Triangle>,
     /// Index of each surface's tissue.
     pub surface_tissue: Vec<usize>,
+    /// Whether each surface moves.
+    pub surface_moves: Vec<bool>,
     /// Tissues.
     pub media: Vec<Medium>,
     /// Index of the tissue outside of all surfaces.
@@ -158,22 +163,25 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    pub(crate) fn new(params: &Params, tables: &Tables, bvh: &Bvh) -> Self {
+    pub(crate) fn new(params: &Params, tables: &Tables, surface_words: &[u32], bvh: &Bvh) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
             table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
         };
         let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
+        let kernels = &tables.kernels;
         let mut line_rays = rays(&tables.rays);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
         let layer = |l: &[f32; 4]| Layer { offset_mm: l[0].into(), slope: l[1].into(), weight: l[2].into() };
-        let triangles = bvh.triangles.iter().map(|t| Triangle {
+        let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
+        let triangles = bvh.triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
             corner_mm: Vec3::from(t.corner).as_dvec3(),
             edge1_mm: Vec3::from(t.edge1).as_dvec3(),
             edge2_mm: Vec3::from(t.edge2).as_dvec3(),
             tolerance: t.tolerance.into(),
             surface: t.surface,
             index: t.triangle,
+            displacement_mm: vector(displacement),
         });
         let stride = 4 * params.row_words as usize;
         let place = |&word: &u32| {
@@ -202,17 +210,14 @@ impl Inputs {
             axes,
             layers: tables.layers.iter().map(layer).collect(),
             triangles: triangles.collect(),
-            surface_tissue: tables.surface_tissue.iter().map(|&t| t as usize).collect(),
+            surface_tissue: surface_words.iter().map(|&w| (w & (MOVES - 1)) as usize).collect(),
+            surface_moves: surface_words.iter().map(|&w| w & MOVES != 0).collect(),
             media: tables.tissues.iter().map(Medium::from).collect(),
             background: params.background as usize,
-            scatterer_gain: wide(&tables.scatterer_gain),
-            lateral_kernels: tables
-                .lateral_kernels
-                .chunks_exact(2 * tables.lateral_half as usize + 1)
-                .map(wide)
-                .collect(),
+            scatterer_gain: wide(&kernels.scatterer_gain),
+            lateral_kernels: kernels.lateral.chunks_exact(2 * kernels.lateral_half as usize + 1).map(wide).collect(),
             depth_block: DEPTH_BLOCK as usize,
-            pulse: wide(&tables.pulse[PULSE_PAD as usize..tables.pulse.len() - PULSE_PAD as usize]),
+            pulse: wide(&kernels.pulse[PULSE_PAD as usize..kernels.pulse.len() - PULSE_PAD as usize]),
             dynamic_range_db: params.dynamic_range_db.into(),
             gain_db: params.gain_db.into(),
             tgc_db_per_mm: params.tgc_db_per_mm.into(),

@@ -95,6 +95,8 @@ struct Tracer<'a> {
     /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
     ln_scatter: f64,
     bounce: u32,
+    /// From where the medium rests to where it is, mm: speckle goes with its tissue.
+    carried_mm: DVec3,
 }
 
 /// Where a path meets a change of medium.
@@ -123,6 +125,7 @@ impl<'a> Tracer<'a> {
             ln_amplitude: 0.0,
             ln_scatter: 0.0,
             bounce: 0,
+            carried_mm: DVec3::ZERO,
         }
     }
 
@@ -171,6 +174,8 @@ impl<'a> Tracer<'a> {
                     self.ln_amplitude += ln_passed;
                 }
                 here = meeting.there;
+                let moves = self.inside.highest().is_some_and(|s| self.inputs.surface_moves[s as usize]);
+                self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
                 self.refract(normal, cos_incident, split.cos_transmitted, beyond.speed_ratio / tissue.speed_ratio);
             }
             if reflections > REFLECTIONS_MAX || self.ln_amplitude <= LN_GIVEN_UP {
@@ -187,7 +192,7 @@ impl<'a> Tracer<'a> {
         let fall_np_mm = tissue.attenuation_np_mm * tissue.speed_ratio;
         Segment {
             start_mm: self.range_mm,
-            origin_mm: self.ray.origin_mm - step * self.range_mm + self.shift.0,
+            origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm + self.shift.0,
             step: step + self.shift.1,
             ln_amplitude_at_zero: self.ln_amplitude + self.ln_scatter + fall_np_mm * self.range_mm,
             fall_np_mm,

@@ -14,7 +14,7 @@ use super::server::{self, Shared};
 use super::wire::{self, Map};
 use super::{SceneInfo, Settings, messages};
 use crate::sink::SinkError;
-use crate::sink::live::{Control, LiveSink, PresentedFrame};
+use crate::sink::live::{Control, LiveSink, MapsWanted, PresentedFrame};
 
 const NAME: &str = "browser";
 
@@ -103,6 +103,14 @@ impl BrowserSink {
 impl LiveSink for BrowserSink {
     fn name(&self) -> &str {
         NAME
+    }
+
+    fn maps_wanted(&self) -> Option<MapsWanted> {
+        let shared = self.shared.clone();
+        Some(Arc::new(move || {
+            let wanted = shared.wanted();
+            wanted.segmentation || wanted.attenuation
+        }))
     }
 
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {

@@ -1,0 +1,296 @@
+//! What passes read and write on the device: the scene's buffers, made once, and those of a configuration.
+
+use super::gpu::{Gpu, GpuError};
+use super::params::Params;
+use super::tables::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX, Tables};
+use crate::anatomy::Bvh;
+
+/// Stride of one batch's uniforms; every device aligns to 256 at the most.
+pub(crate) const PARAMS_STRIDE: u64 = 256;
+/// Largest buffer of segments: within the 128 MiB that every device binds.
+const SEGMENT_BYTES_MAX: u64 = 96 << 20;
+
+const STORAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
+const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
+
+fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, GpuError> {
+    let limits = gpu.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if size > limit {
+        return Err(GpuError::Limit {
+            what: label,
+            needed: size,
+            limit_name: "bytes a storage buffer",
+            offered: limit,
+            adapter: gpu.adapter_name(),
+        });
+    }
+    gpu.buffer(label, size.max(16), STORAGE)
+}
+
+/// What doesn't change with probe and settings.
+#[derive(Debug)]
+pub(crate) struct SceneBuffers {
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
+    surface_tissue: wgpu::Buffer,
+    /// How far each triangle is from its rest; one entry where nothing moves.
+    pub(super) displacements: wgpu::Buffer,
+}
+
+impl SceneBuffers {
+    pub(crate) fn new(gpu: &Gpu, surface_words: &[u32], bvh: &Bvh) -> Result<Self, GpuError> {
+        let filled = |label: &'static str, bytes: &[u8]| {
+            let buffer = storage(gpu, label, bytes.len() as u64)?;
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            Ok(buffer)
+        };
+        Ok(Self {
+            nodes: filled("BVH nodes", bytemuck::cast_slice(&bvh.nodes))?,
+            triangles: filled("triangles", bytemuck::cast_slice(&bvh.triangles))?,
+            surface_tissue: filled("surface tissues", bytemuck::cast_slice(surface_words))?,
+            displacements: filled("displacements", bytemuck::cast_slice(bvh.displacements()))?,
+        })
+    }
+}
+
+/// What a configuration of probe and settings reads and writes. Cloning shares the memory.
+#[derive(Debug, Clone)]
+pub(crate) struct Buffers {
+    pub(crate) params: wgpu::Buffer,
+    rays: wgpu::Buffer,
+    map_rays: wgpu::Buffer,
+    layers: wgpu::Buffer,
+    tissues: wgpu::Buffer,
+    lateral_kernels: wgpu::Buffer,
+    pulse: wgpu::Buffer,
+    scatterer_gain: wgpu::Buffer,
+    pixels: wgpu::Buffer,
+    sector_words: wgpu::Buffer,
+    pub(crate) starts_inside: wgpu::Buffer,
+    pub(crate) overflows: wgpu::Buffer,
+    pub(crate) starts: wgpu::Buffer,
+    pub(crate) segments: wgpu::Buffer,
+    pub(crate) echoes: wgpu::Buffer,
+    pub(crate) hints: wgpu::Buffer,
+    pub(crate) raster: wgpu::Buffer,
+    pub(crate) segment_counts: wgpu::Buffer,
+    pub(crate) baseband: wgpu::Buffer,
+    pub(crate) focused: wgpu::Buffer,
+    pub(crate) polar: wgpu::Buffer,
+    pub(crate) lines: wgpu::Buffer,
+    pub(crate) entries: wgpu::Buffer,
+    pub(crate) entry_counts: wgpu::Buffer,
+    pub(crate) percentile: wgpu::Buffer,
+    pub(crate) bmode: wgpu::Buffer,
+    pub(crate) segmentation: wgpu::Buffer,
+    pub(crate) attenuation: wgpu::Buffer,
+}
+
+impl Buffers {
+    /// Makes the buffers, those of `previous` taken where they have the size. What is taken keeps its contents until
+    /// [`Buffers::fill`], so that a configuration that fails leaves `previous` whole.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        tables: &Tables,
+        params: &Params,
+        plan: &BatchPlan,
+        keep_lines: bool,
+        previous: Option<&Self>,
+    ) -> Result<Self, GpuError> {
+        let paths = u64::from(params.scanlines * params.rays * plan.layers_per_batch);
+        let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
+        let pixels = u64::from(params.row_words * 4) * u64::from(params.height);
+        let sector_pixels = tables.sector_words.len() as u64 * 16;
+        type Of = fn(&Buffers) -> &wgpu::Buffer;
+        let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();
+        let work = |label: &'static str, size: u64, of: Of| match taken(of, size.max(16)) {
+            Some(buffer) => Ok(buffer),
+            None => storage(gpu, label, size),
+        };
+        let filled = |label, bytes: &[[f32; 4]], of: Of| work(label, size_of_val(bytes) as u64, of);
+        // Small tables are uniforms: software devices read those several times faster.
+        let uniform = |label: &'static str, size: u64, of: Of| match taken(of, size) {
+            Some(buffer) => Ok(buffer),
+            None => gpu.buffer(label, size, UNIFORM),
+        };
+        Ok(Self {
+            params: uniform("params", PARAMS_STRIDE * u64::from(plan.batches), |b| &b.params)?,
+            rays: filled("rays", &tables.rays, |b| &b.rays)?,
+            map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
+            layers: uniform("layers", 16 * u64::from(LAYERS_MAX), |b| &b.layers)?,
+            tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
+            lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
+            pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
+            scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
+            pixels: work("pixels", sector_pixels, |b| &b.pixels)?,
+            sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
+            starts_inside: work("start membership", paths * 32, |b| &b.starts_inside)?,
+            overflows: work("overflows", 16, |b| &b.overflows)?,
+            starts: work("segment starts", paths * u64::from(STARTS) * 4, |b| &b.starts)?,
+            segments: work("segments", paths * u64::from(SEGMENTS) * 48, |b| &b.segments)?,
+            echoes: work("interface echoes", paths * u64::from(SEGMENTS) * 8, |b| &b.echoes)?,
+            hints: work("segment hints", paths * u64::from(params.hint_words) * 4, |b| &b.hints)?,
+            raster: work("map raster", u64::from(params.map_rays) * u64::from(params.map_depths) * 4, |b| &b.raster)?,
+            segment_counts: work("segment counts", paths * 4, |b| &b.segment_counts)?,
+            baseband: work("baseband", samples * 8, |b| &b.baseband)?,
+            focused: work("focused baseband", samples * 8, |b| &b.focused)?,
+            polar: work("polar image", samples * 4, |b| &b.polar)?,
+            lines: work("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
+            entries: work("section", u64::from(params.map_rays) * u64::from(ENTRIES) * 16, |b| &b.entries)?,
+            entry_counts: work("section counts", u64::from(params.map_rays) * 4, |b| &b.entry_counts)?,
+            percentile: work("percentile", 16, |b| &b.percentile)?,
+            bmode: work("B-mode", pixels, |b| &b.bmode)?,
+            segmentation: work("segmentation", pixels, |b| &b.segmentation)?,
+            attenuation: work("attenuation", pixels * 4, |b| &b.attenuation)?,
+        })
+    }
+
+    /// Uploads the tables and clears what passes write: image words outside of the sector are written by none, and a pass
+    /// must not find what another configuration left.
+    pub(crate) fn fill(&self, gpu: &Gpu, tables: &Tables, previous: Option<&Self>) {
+        let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
+        let sector_pixels: Vec<u32> = tables.sector_words.iter().flat_map(word_pixels).collect();
+        let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
+        // Zeros behind a table that is shorter than its uniform.
+        let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {
+            let mut whole = bytes.to_vec();
+            whole.resize(buffer.size() as usize, 0);
+            write(buffer, &whole);
+        };
+        write(&self.rays, bytemuck::cast_slice(&tables.rays));
+        write(&self.map_rays, bytemuck::cast_slice(&tables.map_rays));
+        padded(&self.layers, bytemuck::cast_slice(&tables.layers));
+        padded(&self.tissues, bytemuck::cast_slice(&tables.tissues));
+        write(&self.lateral_kernels, bytemuck::cast_slice(&tables.kernels.lateral));
+        padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
+        padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
+        write(&self.pixels, bytemuck::cast_slice(&sector_pixels));
+        write(&self.sector_words, bytemuck::cast_slice(&tables.sector_words));
+        // New memory is zero.
+        let Some(previous) = previous else { return };
+        let label = wgpu::CommandEncoderDescriptor { label: Some("clear") };
+        let mut encoder = gpu.device.create_command_encoder(&label);
+        for (buffer, _) in self.written().into_iter().zip(previous.written()).filter(|(new, old)| new == old) {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// What passes write.
+    fn written(&self) -> [&wgpu::Buffer; 18] {
+        [
+            &self.starts_inside,
+            &self.overflows,
+            &self.starts,
+            &self.segments,
+            &self.echoes,
+            &self.hints,
+            &self.raster,
+            &self.segment_counts,
+            &self.baseband,
+            &self.focused,
+            &self.polar,
+            &self.lines,
+            &self.entries,
+            &self.entry_counts,
+            &self.percentile,
+            &self.bmode,
+            &self.segmentation,
+            &self.attenuation,
+        ]
+    }
+
+    /// Buffers that a pass binds after its parameters, in the order of its bindings.
+    pub(crate) fn of_pass<'a>(&'a self, scene: &'a SceneBuffers, name: &str) -> Vec<(&'a wgpu::Buffer, Binding)> {
+        let (read, write, uniform) = (Binding::Read, Binding::Write, Binding::Uniform);
+        match name {
+            "locate" => vec![
+                (&scene.nodes, read),
+                (&scene.triangles, read),
+                (&scene.surface_tissue, read),
+                (&self.rays, read),
+                (&self.layers, uniform),
+                (&self.starts_inside, write),
+                (&self.overflows, write),
+            ],
+            "trace" => vec![
+                (&scene.nodes, read),
+                (&scene.triangles, read),
+                (&scene.surface_tissue, read),
+                (&self.rays, read),
+                (&self.layers, uniform),
+                (&self.starts_inside, read),
+                (&self.overflows, write),
+                (&self.tissues, uniform),
+                (&self.starts, write),
+                (&self.segments, write),
+                (&self.echoes, write),
+                (&self.segment_counts, write),
+                (&self.hints, write),
+                (&scene.displacements, read),
+            ],
+            "march" => vec![
+                (&self.starts, read),
+                (&self.segments, read),
+                (&self.hints, read),
+                (&self.layers, uniform),
+                (&self.scatterer_gain, uniform),
+                (&self.baseband, write),
+            ],
+            "echo" => vec![(&self.echoes, read), (&self.segment_counts, read), (&self.baseband, write)],
+            "lateral" => vec![(&self.lateral_kernels, read), (&self.baseband, read), (&self.focused, write)],
+            "detect" => {
+                vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]
+            }
+            "section" => vec![
+                (&scene.nodes, read),
+                (&scene.triangles, read),
+                (&scene.surface_tissue, read),
+                (&self.map_rays, read),
+                (&self.tissues, uniform),
+                (&self.entries, write),
+                (&self.entry_counts, write),
+                (&self.overflows, write),
+                (&self.raster, write),
+            ],
+            "percentile" => vec![(&self.entries, read), (&self.entry_counts, read), (&self.percentile, write)],
+            "scan_convert" => vec![
+                (&self.pixels, read),
+                (&self.polar, read),
+                (&self.raster, read),
+                (&self.percentile, read),
+                (&self.tissues, uniform),
+                (&self.bmode, write),
+                (&self.segmentation, write),
+                (&self.attenuation, write),
+                (&self.sector_words, read),
+            ],
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// How a pass binds a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Binding {
+    Read,
+    Write,
+    Uniform,
+}
+
+/// How the layers are split so that their segments fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BatchPlan {
+    pub(crate) layers_per_batch: u32,
+    pub(crate) batches: u32,
+}
+
+impl BatchPlan {
+    pub(crate) fn new(scanlines: u32, rays: u32, layers: u32) -> Self {
+        let layer_bytes = u64::from(scanlines) * u64::from(rays) * u64::from(SEGMENTS) * 48;
+        let fits = (SEGMENT_BYTES_MAX / layer_bytes).clamp(1, u64::from(layers)) as u32;
+        Self { layers_per_batch: fits, batches: layers.div_ceil(fits) }
+    }
+}

@@ -1,0 +1,179 @@
+//! What a renderer has for one probe and one set of settings, beside device, scene and compiled passes.
+
+use std::sync::Arc;
+
+use super::buffers::{BatchPlan, Buffers, SceneBuffers};
+use super::gpu::Gpu;
+use super::params::Params;
+use super::passes::{Constants, Pass, Pipelines};
+use super::readback::{MAP_PASSES, Shape, Slot};
+use super::renderer::{FRAMES_IN_FLIGHT, RenderError};
+use super::tables::Tables;
+use super::{ClippedKernel, RenderSettings};
+use crate::anatomy::{Scene, Tissue};
+use crate::transducer::Probe;
+
+/// Set in the word of a surface that moves, beside its tissue.
+pub(super) const MOVES: u32 = 1 << 16;
+
+/// What tables need of a scene.
+#[derive(Debug)]
+pub(super) struct Media {
+    tissues: Vec<Tissue>,
+    background: u32,
+    /// Tissue of each surface, with [`MOVES`] where it moves.
+    pub(super) surface_words: Vec<u32>,
+    moving: bool,
+}
+
+impl Media {
+    pub(super) fn new(scene: &Scene) -> Self {
+        Self {
+            tissues: scene.tissues.tissues().to_vec(),
+            background: scene.background as u32,
+            surface_words: scene
+                .surfaces
+                .iter()
+                .map(|s| s.tissue as u32 | if scene.motion.moves(&s.name) { MOVES } else { 0 })
+                .collect(),
+            moving: !scene.motion.fields.is_empty(),
+        }
+    }
+}
+
+/// Tables, buffers and passes of one probe and one set of settings.
+#[derive(Debug)]
+pub(super) struct Configuration {
+    pub(super) probe: Probe,
+    pub(super) settings: RenderSettings,
+    pub(super) params: Params,
+    pub(super) tables: Tables,
+    pub(super) plan: BatchPlan,
+    pub(super) buffers: Buffers,
+    pub(super) path_passes: Vec<Pass>,
+    pub(super) image_passes: Vec<Pass>,
+    /// The last of `image_passes` where no maps are wanted.
+    image_alone: Pass,
+    pub(super) slots: [Arc<Slot>; FRAMES_IN_FLIGHT],
+}
+
+impl Configuration {
+    /// Makes all that differs from `previous`, and takes the rest from it. Nothing of `previous` changes before
+    /// [`Configuration::fill`].
+    ///
+    /// # Errors
+    /// A value outside its range, or more than the device has.
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: (&SceneBuffers, &Media),
+        pipelines: &mut Pipelines,
+        probe: &Probe,
+        settings: &RenderSettings,
+        previous: Option<&Self>,
+    ) -> Result<Self, RenderError> {
+        probe.validate()?;
+        settings.validate()?;
+        let (scene, media) = scene;
+        let tables = Tables::new(&media.tissues, probe, settings);
+        let params = Params::new(media.background, probe, settings, &tables);
+        let plan = BatchPlan::new(probe.scanlines, settings.quality.rays, settings.quality.layers);
+        let buffers = Buffers::new(gpu, &tables, &params, &plan, settings.lines, previous.map(|p| &p.buffers))?;
+
+        let mut pass =
+            |name, groups, constants: Constants| Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants);
+        let paths = params.scanlines * params.rays * plan.layers_per_batch;
+        let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
+        let pixels = [params.sector_words.div_ceil(128), 1, 1];
+        let single_path = settings.quality.rays == 1 && settings.quality.layers == 1;
+        let single: Constants = if single_path { &[("SINGLE_PATH", 1.0)] } else { &[("SINGLE_PATH", 0.0)] };
+        let keep: Constants = if settings.lines { &[("KEEP_LINES", 1.0)] } else { &[("KEEP_LINES", 0.0)] };
+        let moving: Constants = if media.moving { &[("MOVING", 1.0)] } else { &[("MOVING", 0.0)] };
+        let path_passes = vec![
+            pass("locate", [paths.div_ceil(64), 1, 1], &[])?,
+            pass("trace", [paths.div_ceil(64), 1, 1], moving)?,
+            pass("march", samples_by(16), single)?,
+            pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?,
+        ];
+        let image_passes = vec![
+            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
+            pass("detect", samples_by(8), keep)?,
+            pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
+            pass("percentile", [1, 1, 1], &[])?,
+            pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
+        ];
+        let image_alone = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
+
+        let of_paths = (0..plan.batches).flat_map(|_| &path_passes);
+        let shape = Shape {
+            width: params.width,
+            height: params.height,
+            row_words: params.row_words,
+            lines: if settings.lines { params.scanlines } else { 0 },
+            samples: params.samples,
+            row_samples: params.row_samples,
+            passes: of_paths.chain(&image_passes).map(|pass| pass.name).collect(),
+        };
+        let slots = match previous {
+            Some(previous) if *previous.slots[0].shape() == shape => previous.slots.clone(),
+            _ => [Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)],
+        };
+        Ok(Self {
+            probe: *probe,
+            settings: *settings,
+            params,
+            tables,
+            plan,
+            buffers,
+            path_passes,
+            image_passes,
+            image_alone,
+            slots,
+        })
+    }
+
+    /// Brings the tables to the device. From now on `previous` can't be rendered with.
+    pub(super) fn fill(&self, gpu: &Gpu, previous: Option<&Self>) {
+        self.buffers.fill(gpu, &self.tables, previous.map(|p| &p.buffers));
+        if self.tables.sector_words.is_empty() {
+            tracing::warn!(
+                "the sector is thinner than a pixel and the image stays black: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
+            );
+        }
+        let known = |clipped: &ClippedKernel| previous.is_some_and(|p| p.tables.kernels.clipped.contains(clipped));
+        for clipped in self.tables.kernels.clipped.iter().filter(|clipped| !known(clipped)) {
+            tracing::warn!("{clipped}");
+        }
+    }
+
+    /// Whether `probe` and `settings` need no other tables, buffers or passes: gain, dynamic range, TGC, seed, paths a
+    /// sample and maps are uniforms, or chosen for each frame.
+    pub(super) fn has_tables_of(&self, probe: &Probe, settings: &RenderSettings) -> bool {
+        let mut like_these = *settings;
+        let (image, mine) = (&mut like_these.image, &self.settings.image);
+        image.dynamic_range_db = mine.dynamic_range_db;
+        image.gain_db = mine.gain_db;
+        image.tgc_db_per_cm = mine.tgc_db_per_cm;
+        image.tgc_sliders_db = mine.tgc_sliders_db;
+        like_these.quality.seed = self.settings.quality.seed;
+        like_these.paths_per_sample = self.settings.paths_per_sample;
+        like_these.maps = self.settings.maps;
+        *probe == self.probe && like_these == self.settings
+    }
+
+    /// Takes settings of which [`Configuration::has_tables_of`] holds.
+    pub(super) fn take(&mut self, media: &Media, settings: &RenderSettings) {
+        self.settings = *settings;
+        self.params = Params::new(media.background, &self.probe, settings, &self.tables);
+    }
+
+    /// Passes of a frame in their order, each with its batch.
+    pub(super) fn passes(&self, maps: bool) -> impl Iterator<Item = (&Pass, u32)> {
+        let paths = (0..self.plan.batches).flat_map(|batch| self.path_passes.iter().map(move |pass| (pass, batch)));
+        let left_out = |pass: &&Pass| !MAP_PASSES.contains(&pass.name);
+        let image = self.image_passes.iter().filter(move |pass| maps || left_out(pass)).map(move |pass| {
+            let alone = !maps && pass.name == self.image_alone.name;
+            (if alone { &self.image_alone } else { pass }, 0)
+        });
+        paths.chain(image)
+    }
+}

@@ -1,0 +1,218 @@
+//! The point-spread function as kernels: the lateral beam by depth, the pulse, and the gain of scatterers that both leave.
+
+use std::fmt;
+
+use super::tables::{CELL_MM, DEPTH_BLOCK, PULSE_PAD};
+use crate::transducer::Probe;
+
+/// Widest lateral kernel, scanlines to either side.
+pub(crate) const LATERAL_HALF_MAX: u32 = 32;
+/// Widest axial kernel, samples to either side.
+pub(crate) const AXIAL_HALF_MAX: u32 = 128;
+/// Standard deviations that a kernel holds to either side of its middle.
+const LATERAL_REACH: f64 = 2.5;
+const AXIAL_REACH: f64 = 4.0;
+
+/// Which kernel of the point-spread function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kernel {
+    /// The beam across scanlines, of the pass `lateral`: at the most 32 scanlines to either side.
+    Lateral,
+    /// The pulse along a scanline, of the pass `detect`: at the most 128 samples to either side.
+    Axial,
+}
+
+/// A kernel that is wider than its pass holds and is cut there: the speckle is narrower than the beam or pulse makes it,
+/// its level stays right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClippedKernel {
+    /// Which one.
+    pub kernel: Kernel,
+    /// Scanlines or samples to either side that it takes, where it is the widest.
+    pub wanted: u32,
+    /// Scanlines or samples to either side that it has.
+    pub kept: u32,
+    /// Depths from and to which it is cut, mm.
+    pub depths_mm: [f64; 2],
+    /// Value of the key that makes it so wide: `probe.scanlines` of the lateral, `probe.samples` of the axial one.
+    pub value: u32,
+}
+
+impl fmt::Display for ClippedKernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { wanted, kept, depths_mm: [from, to], value, .. } = self;
+        match self.kernel {
+            Kernel::Lateral => write!(
+                f,
+                "between {from:.1} and {to:.1} mm the beam is up to ±{wanted} scanlines wide and is cut at ±{kept}: lower probe.scanlines (now {value}) for the whole beam"
+            ),
+            Kernel::Axial => write!(
+                f,
+                "the pulse is ±{wanted} samples long and is cut at ±{kept}: lower probe.samples (now {value}), or raise probe.fractional_bandwidth or probe.frequency_mhz"
+            ),
+        }
+    }
+}
+
+/// The kernels of a probe.
+#[derive(Debug, Clone)]
+pub(crate) struct Kernels {
+    /// [blocks of DEPTH_BLOCK samples][2·lateral_half + 1], each block's sum 1.
+    pub(crate) lateral: Vec<f32>,
+    pub(crate) lateral_half: u32,
+    /// [2·axial_half + 1] between PULSE_PAD zeros, 1 at the peak.
+    pub(crate) pulse: Vec<f32>,
+    pub(crate) axial_half: u32,
+    /// Gain of the scatterers [blocks], so that their level is that of the tissue at every depth.
+    pub(crate) scatterer_gain: Vec<f32>,
+    pub(crate) clipped: Vec<ClippedKernel>,
+}
+
+impl Kernels {
+    pub(crate) fn new(probe: &Probe) -> Self {
+        let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe);
+        let (axial_half, pulse, clipped_pulse) = pulse(probe);
+        let axial_gain = axial_speckle_gain(&pulse, probe.sample_spacing_mm());
+        let width = 2 * lateral_half as usize + 1;
+        let scatterer_gain = kernels
+            .chunks_exact(width)
+            .map(|kernel| {
+                let power: f64 = kernel.iter().map(|w| w * w).sum();
+                (1.0 / (power * axial_gain).sqrt()) as f32
+            })
+            .collect();
+        Self {
+            lateral: kernels.iter().map(|&w| w as f32).collect(),
+            lateral_half,
+            pulse: padded(&pulse),
+            axial_half,
+            scatterer_gain,
+            clipped: clipped_beam.into_iter().chain(clipped_pulse).collect(),
+        }
+    }
+}
+
+/// Half width and kernels of the lateral beam for each block of samples.
+fn lateral_kernels(probe: &Probe) -> (u32, Vec<f64>, Option<ClippedKernel>) {
+    let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
+    let depth_mm = |block: u32| {
+        let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
+        (sample * probe.sample_spacing_mm()).min(probe.depth_mm)
+    };
+    let sigma_lines = |block: u32| {
+        let depth = depth_mm(block);
+        probe.lateral_sigma_mm(depth) / probe.line_spacing_mm(depth).max(1e-9)
+    };
+    // Beyond the other end of the array there is nothing to take.
+    let array = probe.scanlines.max(2) - 1;
+    let wanted = |block: u32| ((LATERAL_REACH * sigma_lines(block)).ceil() as u32).clamp(1, array);
+    let widest = (0..blocks).map(wanted).max().unwrap_or(1);
+    let half = widest.min(LATERAL_HALF_MAX);
+    let mut cut = (0..blocks).filter(|&block| wanted(block) > half);
+    let clipped = cut.next().map(|first| ClippedKernel {
+        kernel: Kernel::Lateral,
+        wanted: widest,
+        kept: half,
+        depths_mm: [depth_mm(first), depth_mm(cut.next_back().unwrap_or(first))],
+        value: probe.scanlines,
+    });
+    let mut kernels = Vec::new();
+    for block in 0..blocks {
+        let sigma = sigma_lines(block).max(1e-3);
+        let kernel: Vec<f64> =
+            (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
+        let sum: f64 = kernel.iter().sum();
+        kernels.extend(kernel.iter().map(|w| w / sum));
+    }
+    (half, kernels, clipped)
+}
+
+/// Half width and envelope of the pulse in samples, 1 at its peak.
+fn pulse(probe: &Probe) -> (u32, Vec<f64>, Option<ClippedKernel>) {
+    let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
+    let wanted = ((AXIAL_REACH * sigma).ceil() as u32).max(1);
+    let half = wanted.min(AXIAL_HALF_MAX);
+    let kernel =
+        (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
+    let clipped = (wanted > half).then_some(ClippedKernel {
+        kernel: Kernel::Axial,
+        wanted,
+        kept: half,
+        depths_mm: [0.0, probe.depth_mm],
+        value: probe.samples,
+    });
+    (half, kernel, clipped)
+}
+
+/// The pulse between zeros.
+fn padded(pulse: &[f64]) -> Vec<f32> {
+    let zeros = || std::iter::repeat_n(0.0, PULSE_PAD as usize);
+    zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
+}
+
+/// Power of unit scatterers after the pulse: the samples that one lattice cell spans carry one echo, so that they add in
+/// amplitude. The chance that two points of a ray x apart share a cell is averaged over all directions.
+fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
+    const STEPS: i32 = 24;
+    let shared = |distance: f64| {
+        let mut sum = 0.0;
+        for i in 0..STEPS {
+            for j in 0..STEPS {
+                // Directions spread evenly over one octant of the sphere.
+                let z = (f64::from(i) + 0.5) / f64::from(STEPS);
+                let angle = (f64::from(j) + 0.5) / f64::from(STEPS) * std::f64::consts::FRAC_PI_2;
+                let radius = (1.0 - z * z).sqrt();
+                sum += [radius * angle.cos(), radius * angle.sin(), z]
+                    .iter()
+                    .map(|n| (1.0 - distance * n / CELL_MM).max(0.0))
+                    .product::<f64>();
+            }
+        }
+        sum / f64::from(STEPS * STEPS)
+    };
+    let chances: Vec<f64> = (0..pulse.len()).map(|lag| shared(lag as f64 * spacing_mm)).collect();
+    let mut power = 0.0;
+    for (i, a) in pulse.iter().enumerate() {
+        for (j, b) in pulse.iter().enumerate() {
+            power += a * b * chances[i.abs_diff(j)];
+        }
+    }
+    power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_are_normalised() {
+        let (half, kernels, _) = lateral_kernels(&Probe::default());
+        for kernel in kernels.chunks_exact(2 * half as usize + 1) {
+            assert!((kernel.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+        let (half, kernel, _) = pulse(&Probe::default());
+        assert_eq!(kernel[half as usize], 1.0);
+    }
+
+    #[test]
+    fn a_kernel_that_is_cut_says_so_and_names_its_key() {
+        assert_eq!(Kernels::new(&Probe::default()).clipped, []);
+        let many = Kernels::new(&Probe { scanlines: 1024, ..Probe::default() });
+        let [beam] = many.clipped[..] else { panic!("{:?}", many.clipped) };
+        assert_eq!((beam.kernel, beam.kept, beam.value), (Kernel::Lateral, LATERAL_HALF_MAX, 1024));
+        assert!(beam.wanted > LATERAL_HALF_MAX && beam.depths_mm[0] < beam.depths_mm[1], "{beam:?}");
+        assert!(beam.to_string().contains("probe.scanlines (now 1024)"), "{beam}");
+
+        let long = Probe { samples: 8192, depth_mm: 30.0, frequency_mhz: 1.0, ..Probe::default() };
+        let long = Kernels::new(&long);
+        assert_eq!(long.axial_half, AXIAL_HALF_MAX);
+        let cut = long.clipped.iter().find(|c| c.kernel == Kernel::Axial).expect("a pulse that is cut");
+        assert!(cut.wanted > cut.kept && cut.to_string().contains("probe.samples (now 8192)"), "{cut}");
+    }
+
+    #[test]
+    fn a_beam_wider_than_the_array_is_not_cut() {
+        let narrow = Kernels::new(&Probe { scanlines: 8, ..Probe::default() });
+        assert!(narrow.lateral_half <= 7 && narrow.clipped.is_empty(), "{:?}", narrow.clipped);
+    }
+}

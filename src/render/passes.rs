@@ -1,0 +1,187 @@
+//! Compiled passes, kept by what their shaders are specialised to, and what each binds.
+
+use std::sync::Arc;
+
+use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
+use super::gpu::{Gpu, GpuError};
+use super::params::Params;
+use super::shaders::ShaderSet;
+
+/// What a shader is specialised to: its overrides and their values.
+pub(crate) type Constants = &'static [(&'static str, f64)];
+
+/// A compiled pass.
+#[derive(Debug)]
+struct Compiled {
+    name: &'static str,
+    constants: Constants,
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// Every pass compiled so far: it depends on the shader and its overrides alone.
+#[derive(Debug)]
+pub(crate) struct Pipelines {
+    shaders: ShaderSet,
+    compiled: Vec<Arc<Compiled>>,
+    /// How many of `compiled` the last call of `take_cold` saw.
+    warm: usize,
+}
+
+impl Pipelines {
+    pub(crate) fn new(shaders: &ShaderSet) -> Self {
+        Self { shaders: shaders.clone(), compiled: Vec::new(), warm: 0 }
+    }
+
+    /// Whether some were compiled since the last call.
+    pub(crate) fn take_cold(&mut self) -> bool {
+        let cold = self.warm < self.compiled.len();
+        self.warm = self.compiled.len();
+        cold
+    }
+
+    /// The pass `name`, compiled if it wasn't yet; `bound` is what it binds.
+    fn get(
+        &mut self,
+        gpu: &Gpu,
+        name: &'static str,
+        constants: Constants,
+        bound: &[(&wgpu::Buffer, Binding)],
+    ) -> Result<Arc<Compiled>, GpuError> {
+        if let Some(known) = self.compiled.iter().find(|c| c.name == name && c.constants == constants) {
+            return Ok(known.clone());
+        }
+        let compiled = Arc::new(compile(gpu, &self.shaders, name, constants, bound)?);
+        self.compiled.push(compiled.clone());
+        Ok(compiled)
+    }
+}
+
+fn compile(
+    gpu: &Gpu,
+    shaders: &ShaderSet,
+    name: &'static str,
+    constants: Constants,
+    bound: &[(&wgpu::Buffer, Binding)],
+) -> Result<Compiled, GpuError> {
+    let device = &gpu.device;
+    let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let descriptor = wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(shaders.source(name).into()),
+    };
+    let checks = wgpu::ShaderRuntimeChecks {
+        bounds_checks: shaders.bounds_checks,
+        force_loop_bounding: false,
+        ..wgpu::ShaderRuntimeChecks::checked()
+    };
+    // SAFETY: every index is bounded by the counts that the buffers were sized from (`Params`, `Tables`), every loop by
+    // such a count or a constant; `check_scene` has seen every index of the scene. Checks cost time on every read.
+    let module = unsafe { device.create_shader_module_trusted(descriptor, checks) };
+    let uniform = wgpu::BindGroupLayoutEntry {
+        binding: 0,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: true,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let storage = bound.iter().zip(1u32..).map(|((_, kind), binding)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: match kind {
+                Binding::Uniform => wgpu::BufferBindingType::Uniform,
+                Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                Binding::Write => wgpu::BufferBindingType::Storage { read_only: false },
+            },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    });
+    let entries: Vec<_> = std::iter::once(uniform).chain(storage).collect();
+    let layout =
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(name),
+        bind_group_layouts: &[Some(&layout)],
+        immediate_size: 0,
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: Some(&pipeline_layout),
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: true },
+        cache: None,
+    });
+    match pollster::block_on(scope.pop()) {
+        Some(error) => Err(GpuError::Pipeline { pass: name, reason: error.to_string() }),
+        None => Ok(Compiled { name, constants, layout, pipeline }),
+    }
+}
+
+/// A compiled pass with what it binds in one configuration.
+#[derive(Debug)]
+pub(crate) struct Pass {
+    pub(crate) name: &'static str,
+    compiled: Arc<Compiled>,
+    bindings: wgpu::BindGroup,
+    groups: [u32; 3],
+}
+
+impl Pass {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        pipelines: &mut Pipelines,
+        buffers: (&SceneBuffers, &Buffers),
+        name: &'static str,
+        groups: [u32; 3],
+        constants: Constants,
+    ) -> Result<Self, GpuError> {
+        let limit = gpu.device.limits().max_compute_workgroups_per_dimension;
+        if let Some(&needed) = groups.iter().find(|&&g| g > limit) {
+            return Err(GpuError::Limit {
+                what: name,
+                needed: needed.into(),
+                limit_name: "workgroups a dispatch",
+                offered: limit.into(),
+                adapter: gpu.adapter_name(),
+            });
+        }
+        let (scene, buffers) = buffers;
+        let bound = buffers.of_pass(scene, name);
+        let compiled = pipelines.get(gpu, name, constants, &bound)?;
+        let params = wgpu::BufferBinding {
+            buffer: &buffers.params,
+            offset: 0,
+            size: wgpu::BufferSize::new(size_of::<Params>() as u64),
+        };
+        let bound = bound.iter().map(|(buffer, _)| buffer.as_entire_binding());
+        let entries: Vec<_> = std::iter::once(wgpu::BindingResource::Buffer(params))
+            .chain(bound)
+            .zip(0u32..)
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(name),
+            layout: &compiled.layout,
+            entries: &entries,
+        });
+        match pollster::block_on(scope.pop()) {
+            Some(error) => Err(GpuError::Pipeline { pass: name, reason: error.to_string() }),
+            None => Ok(Self { name, compiled, bindings, groups }),
+        }
+    }
+
+    /// Records the pass with the uniforms of `batch`.
+    pub(crate) fn record(&self, encoder: &mut wgpu::ComputePass<'_>, batch: u32) {
+        encoder.set_pipeline(&self.compiled.pipeline);
+        encoder.set_bind_group(0, &self.bindings, &[batch * PARAMS_STRIDE as u32]);
+        encoder.dispatch_workgroups(self.groups[0], self.groups[1], self.groups[2]);
+    }
+}

@@ -1,0 +1,170 @@
+//! A renderer that was configured anew against one that was built so: every frame is the same, bit for bit.
+
+use std::sync::LazyLock;
+
+use insonify::render::{
+    Frame, FrameTimes, GpuError, ImageSettings, Quality, RenderError, RenderSettings, Renderer, ShaderSet,
+};
+use insonify::transducer::{Probe, ProbeKind};
+
+use crate::scenes::{Case, cases, nested};
+
+type Change = fn(&mut Probe, &mut RenderSettings);
+
+/// What a station changes, alone and together.
+const CHANGES: [(&str, Change); 15] = [
+    ("nothing", |_, _| ()),
+    ("gain", |_, s| s.image.gain_db = 31.0),
+    ("dynamic range", |_, s| s.image.dynamic_range_db = 45.0),
+    ("TGC", |_, s| (s.image.tgc_db_per_cm, s.image.tgc_sliders_db[3]) = (5.0, -7.0)),
+    ("seed", |_, s| s.quality.seed = 99),
+    ("depth", |p, _| p.depth_mm *= 0.6),
+    ("focus", |p, _| p.focus_mm *= 0.5),
+    ("frequency", |p, _| p.frequency_mhz = 3.5),
+    ("4 × 2", |_, s| (s.quality.rays, s.quality.layers, s.paths_per_sample) = (4, 2, 2)),
+    ("1 × 1", |_, s| (s.quality.rays, s.quality.layers, s.paths_per_sample) = (1, 1, 1)),
+    ("image", |_, s| (s.image.width, s.image.height) = (97, 61)),
+    ("lines", |_, s| s.lines = !s.lines),
+    ("samples", |p, _| (p.samples, p.scanlines) = (333, 17)),
+    ("linear", |p, _| p.kind = ProbeKind::Linear { width_mm: 60.0 }),
+    ("all", |p, s| {
+        p.kind = ProbeKind::Phased { fov_deg: 80.0 };
+        p.depth_mm = 70.0;
+        s.image = ImageSettings { width: 130, height: 90, gain_db: 12.0, ..s.image };
+        s.quality = Quality { rays: 3, layers: 3, seed: 5 };
+        s.lines = false;
+    }),
+];
+
+fn render(renderer: &mut Renderer, case: &Case) -> Frame {
+    let mut frame = Frame::default();
+    renderer.render(&case.pose, &mut frame).unwrap();
+    untimed(frame)
+}
+
+fn untimed(frame: Frame) -> Frame {
+    Frame { times: FrameTimes::default(), ..frame }
+}
+
+/// The nested scene with a change, and a renderer's frame of it.
+fn built(change: Change) -> (Case, Frame) {
+    let mut case = nested();
+    change(&mut case.probe, &mut case.settings);
+    let frame = render(&mut case.renderer(&ShaderSet::default()), &case);
+    (case, frame)
+}
+
+/// What renderers that were built so show, once for all tests.
+static BUILT: LazyLock<Vec<(&str, Case, Frame)>> = LazyLock::new(|| {
+    let frame = |(name, change)| {
+        let (case, frame) = built(change);
+        (name, case, frame)
+    };
+    CHANGES.into_iter().map(frame).collect()
+});
+
+#[test]
+fn a_renderer_configured_anew_is_one_that_was_built_so() {
+    let start = nested();
+    let mut renderer = start.renderer(&ShaderSet::default());
+    let begun = render(&mut renderer, &start);
+    for (name, case, expected) in BUILT.iter() {
+        assert!(expected.bmode.iter().any(|&grey| grey > 20), "{name}: a black image proves nothing");
+        // From the start to the change, and from one change to the next.
+        renderer.reconfigure(&case.probe, &case.settings).unwrap();
+        assert!(render(&mut renderer, case) == *expected, "{name}");
+        assert_eq!((renderer.probe(), renderer.settings()), (&case.probe, &case.settings));
+        assert_eq!(*name == "nothing", *expected == begun, "{name}");
+    }
+    renderer.reconfigure(&start.probe, &start.settings).unwrap();
+    assert!(render(&mut renderer, &start) == begun, "back at the start");
+    for (name, case, _) in BUILT.iter() {
+        renderer.reconfigure(&case.probe, &case.settings).unwrap();
+        renderer.reconfigure(&start.probe, &start.settings).unwrap();
+        assert!(render(&mut renderer, &start) == begun, "there and back without a frame: {name}");
+    }
+}
+
+#[test]
+fn frames_in_flight_stay_as_they_were_submitted() {
+    let start = nested();
+    let mut renderer = start.renderer(&ShaderSet::default());
+    let begun = render(&mut renderer, &start);
+    let mut frame = Frame::default();
+    for (name, case, expected) in BUILT.iter() {
+        // One in flight, then the ring full.
+        renderer.submit(&start.pose).unwrap();
+        renderer.reconfigure(&case.probe, &case.settings).unwrap();
+        renderer.submit(&case.pose).unwrap();
+        assert_eq!(renderer.frames_in_flight(), 2);
+        renderer.reconfigure(&start.probe, &start.settings).unwrap();
+        for expected in [&begun, expected] {
+            renderer.receive(&mut frame).unwrap();
+            assert!(untimed(frame.clone()) == *expected, "{name}");
+        }
+        assert!(render(&mut renderer, &start) == begun, "{name}: after it");
+    }
+}
+
+#[test]
+fn what_is_refused_leaves_the_renderer_as_it_was() {
+    let start = nested();
+    let mut renderer = start.renderer(&ShaderSet::default());
+    let begun = render(&mut renderer, &start);
+    let refused: [(Change, fn(&RenderError) -> bool); 4] = [
+        (|_, s| s.image.gain_db = f64::NAN, |e| matches!(e, RenderError::Settings(_))),
+        (|_, s| s.quality.rays = 0, |e| matches!(e, RenderError::Settings(_))),
+        (|p, _| p.depth_mm = 0.0, |e| matches!(e, RenderError::Probe(_))),
+        // In range each, but more than any device binds at once: its paths' buffers are made before it is found out.
+        (
+            |p, s| {
+                (p.scanlines, p.kind) = (1024, ProbeKind::Linear { width_mm: 40.0 });
+                (s.quality.rays, s.quality.layers) = (256, 33);
+            },
+            |e| matches!(e, RenderError::Gpu(GpuError::Limit { .. } | GpuError::Memory { .. })),
+        ),
+    ];
+    for (i, (change, expected)) in refused.into_iter().enumerate() {
+        let mut case = nested();
+        change(&mut case.probe, &mut case.settings);
+        renderer.submit(&start.pose).unwrap();
+        match renderer.reconfigure(&case.probe, &case.settings) {
+            Err(error) => assert!(expected(&error), "{i}: {error}"),
+            // A device that can do it.
+            Ok(()) if i == 3 => renderer.reconfigure(&start.probe, &start.settings).unwrap(),
+            Ok(()) => panic!("{i} was taken"),
+        }
+        let mut frame = Frame::default();
+        renderer.receive(&mut frame).unwrap();
+        assert!(untimed(frame) == begun, "{i}: in flight");
+        assert!(render(&mut renderer, &start) == begun, "{i}");
+        assert_eq!((renderer.probe(), renderer.settings()), (&start.probe, &start.settings));
+    }
+}
+
+#[test]
+fn an_image_without_maps_is_the_image_with_them() {
+    for case in cases() {
+        let mut renderer = case.renderer(&ShaderSet::default());
+        let with = render(&mut renderer, &case);
+        renderer.set_maps(false);
+        let mut frame = with.clone();
+        renderer.submit(&case.pose).unwrap();
+        // Of frames in flight each keeps its own choice.
+        renderer.set_maps(true);
+        renderer.submit(&case.pose).unwrap();
+        renderer.receive(&mut frame).unwrap();
+        assert!(frame.segmentation.is_empty() && frame.attenuation.is_empty(), "{}", case.name);
+        assert_eq!(frame.attenuation_p98, 0.0);
+        assert!(frame.times.passes.iter().all(|pass| !["section", "percentile"].contains(&pass.name)));
+        assert_eq!((frame.width, frame.height, &frame.mask), (with.width, with.height, &with.mask));
+        assert!(frame.bmode == with.bmode && frame.lines == with.lines, "{}", case.name);
+        renderer.receive(&mut frame).unwrap();
+        assert!(untimed(frame) == with, "{}", case.name);
+
+        let settings = RenderSettings { maps: false, ..case.settings };
+        let case = Case { settings, ..case };
+        let frame = render(&mut case.renderer(&ShaderSet::default()), &case);
+        assert!(frame.segmentation.is_empty() && frame.bmode == with.bmode, "{}", case.name);
+    }
+}
