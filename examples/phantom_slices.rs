@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use glam::Vec3;
 use image::{Rgb, RgbImage};
 use insonify::anatomy::export::tissue_colour;
-use insonify::anatomy::phantom::{Organ, landmarks, organs};
+use insonify::anatomy::phantom::{Organ, Parameters, landmarks, organs};
 use rayon::prelude::*;
 
 /// A plane: file name, centre, right and up on the picture, half width and half height, all mm.
@@ -26,17 +26,18 @@ const PIXEL_MM: f32 = 0.25;
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("give a folder to write to")?);
     std::fs::create_dir_all(&folder)?;
-    let mut organs = organs();
+    let parameters = Parameters::default();
+    let mut organs = organs(&parameters);
     organs.sort_by_key(|o| o.priority);
-    for cut in cuts() {
+    for cut in cuts(&parameters) {
         let image = slice(&organs, &cut);
         image.save(folder.join(format!("{}.png", cut.name)))?;
     }
     Ok(())
 }
 
-fn cuts() -> Vec<Cut> {
-    let l = landmarks();
+fn cuts(parameters: &Parameters) -> Vec<Cut> {
+    let l = landmarks(parameters);
     let head = |name, offset: f32| Cut {
         name,
         centre: l.head_centre_mm + l.head_vertex * offset,

@@ -6,6 +6,7 @@
 use glam::{Quat, Vec3};
 
 use super::biometry::Biometry;
+use super::parameters::Parameters;
 use super::sdf::{Isometry, catmull_rom};
 
 /// Vertebrae from C1 to S5. A *level* counts them from 0 at C1's cranial side: 7 is the top of T1, 19 of L1, 24 of S1.
@@ -40,6 +41,8 @@ pub struct Arm {
 /// The fetus' attitude and its place in the scene.
 #[derive(Debug, Clone)]
 pub struct Attitude {
+    /// Sizes of the fetus.
+    pub biometry: Biometry,
     /// `scene_from_fetus`.
     pub scene_from_fetus: Isometry,
     /// `fetus_from_head`: origin at the skull's centre, y to the vertex, z to the face.
@@ -58,8 +61,9 @@ pub struct Attitude {
 const HEIGHTS: [(usize, f32); 4] = [(7, 2.9), (12, 3.95), (5, 4.7), (5, 3.5)];
 
 impl Attitude {
-    /// Curled on its right side, cephalic, its back to the mother's right.
-    pub fn curled(biometry: &Biometry) -> Self {
+    /// How the fetus of `parameters` lies.
+    pub fn of(_: &Parameters) -> Self {
+        let biometry = Biometry::default();
         // Midsagittal knots from C1 to S5.
         let knots = [(36.9, -17.5), (29.5, -24.0), (21.0, -29.0), (10.0, -33.5), (-2.0, -36.8), (-14.0, -38.0)];
         let knots =
@@ -89,6 +93,7 @@ impl Attitude {
             Arm { shoulder, elbow, wrist: elbow + fore * fore_dir.normalize(), fingers: fingers.normalize() }
         };
         Self {
+            biometry,
             scene_from_fetus: scene_from_fetus(),
             fetus_from_head,
             legs: [
@@ -168,7 +173,7 @@ mod tests {
 
     #[test]
     fn frames_are_right_handed_and_go_down_the_back() {
-        let attitude = Attitude::curled(&Biometry::WEEKS_22);
+        let attitude = Attitude::of(&Parameters::default());
         for level in 0..=VERTEBRAE {
             let frame = attitude.vertebra(level as f32);
             assert!((frame.vector(Vec3::X) - Vec3::X).length() < 1e-4, "left is left at {level}");

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::attitude::Attitude;
-use super::biometry::Biometry;
+use super::parameters::Parameters;
 use super::{fetus, mother};
 
 /// Points (mm) and unit directions in the scene frame: x mother's left, y cranial, z anterior.
@@ -50,9 +50,9 @@ pub struct Landmarks {
 }
 
 /// Landmarks of the phantom that [`build`](super::build) makes.
-pub fn landmarks() -> Landmarks {
-    let biometry = Biometry::default();
-    let attitude = Attitude::curled(&biometry);
+pub fn landmarks(parameters: &Parameters) -> Landmarks {
+    let attitude = Attitude::of(parameters);
+    let biometry = attitude.biometry;
     let head = attitude.scene_from_fetus.then(&attitude.fetus_from_head);
     let abdomen = attitude.scene_from_fetus.then(&attitude.vertebra(fetus::ABDOMEN_LEVEL));
     let heart = attitude.scene_from_fetus.then(&fetus::heart_frame(&attitude));
@@ -76,7 +76,7 @@ pub fn landmarks() -> Landmarks {
         placenta_centre_mm,
         placenta_outward,
         maternal_bladder_mm: mother::BLADDER_CENTRE,
-        cavity_semi_mm: mother::CAVITY_SEMI,
-        belly_top_mm: Vec3::new(0.0, 0.0, mother::BELLY_TOP_MM),
+        cavity_semi_mm: mother::cavity_semi_mm(parameters),
+        belly_top_mm: Vec3::new(0.0, 0.0, mother::belly_top_mm(parameters)),
     }
 }

@@ -12,7 +12,6 @@ mod thorax;
 mod trunk;
 
 use super::attitude::Attitude;
-use super::biometry::Biometry;
 use super::organ::{Body, Organ};
 use super::sdf::Solid;
 
@@ -22,7 +21,8 @@ pub(super) use limbs::femur_tips;
 pub(super) use trunk::{ABDOMEN_LEVEL, NAVEL_LEVEL, navel, trunk_centre};
 
 /// Every surface of the fetus, scene frame.
-pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let biometry = &attitude.biometry;
     let parts = [
         skin::organs(biometry, attitude),
         thorax::organs(biometry, attitude),

@@ -56,12 +56,12 @@ pub(super) fn trunk_radius(biometry: &Biometry, level: f32) -> f32 {
 
 /// Centre of the trunk's circle at `level`, fetal frame.
 pub(in crate::anatomy::phantom) fn trunk_centre(attitude: &Attitude, level: f32) -> Vec3 {
-    let radius = trunk_radius(&Biometry::default(), level);
+    let radius = trunk_radius(&attitude.biometry, level);
     attitude.trunk(level, 0.0, radius - BACK_MM)
 }
 
 /// Where the cord enters the belly's skin, fetal frame.
 pub(in crate::anatomy::phantom) fn navel(attitude: &Attitude) -> Vec3 {
-    let radius = trunk_radius(&Biometry::default(), NAVEL_LEVEL);
+    let radius = trunk_radius(&attitude.biometry, NAVEL_LEVEL);
     attitude.trunk(NAVEL_LEVEL, 0.0, 2.0 * radius - BACK_MM)
 }

@@ -9,15 +9,35 @@ mod viscera;
 
 use super::attitude::Attitude;
 use super::organ::{Body, Organ};
+use super::parameters::Parameters;
 use super::sdf::Solid;
+use glam::Vec3;
 
-pub(super) use abdominal_wall::BELLY_TOP_MM;
 pub(super) use placenta::centre as placenta_centre;
-pub(super) use uterus::CAVITY_SEMI;
 pub(super) use viscera::BLADDER_CENTRE;
 
+/// Half axes of the uterine cavity, mm.
+pub(super) fn cavity_semi_mm(_: &Parameters) -> Vec3 {
+    uterus::CAVITY_SEMI
+}
+
+/// Height of the belly's skin above the origin, mm.
+pub(super) fn belly_top_mm(_: &Parameters) -> f32 {
+    abdominal_wall::BELLY_TOP_MM
+}
+
+/// The uterine cavity.
+pub(super) fn cavity(_: &Parameters) -> Solid {
+    uterus::cavity()
+}
+
+/// The placenta up to its fetal side.
+pub(super) fn placenta(_: &Parameters) -> Solid {
+    placenta::placenta()
+}
+
 /// Every surface of the mother, with placenta, cord and fluid.
-pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+pub(super) fn organs(_: &Parameters, attitude: &Attitude) -> Vec<Organ> {
     let parts = [
         abdominal_wall::organs(),
         viscera::organs(),
