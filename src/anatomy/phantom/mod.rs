@@ -20,7 +20,10 @@ mod meshing;
 mod mother;
 mod organ;
 pub mod parameters;
+mod placement;
 pub mod sdf;
+mod spine;
+mod vary;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
