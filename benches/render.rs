@@ -106,6 +106,7 @@ fn scene(station: &Station) -> Scene {
         let strategy = etcetera::choose_base_strategy().ok()?;
         Some(strategy.cache_dir().join("insonify"))
     });
-    let path = phantom::cached(&cache.expect("a cache directory"), 1.0, &|_| {}).expect("the phantom");
+    let path = phantom::cached(&cache.expect("a cache directory"), &phantom::PhantomOptions::default(), &|_| {})
+        .expect("the phantom");
     station.load_scene_from(&path).expect("the phantom's scene")
 }

@@ -20,7 +20,7 @@ fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     let mut group = criterion.benchmark_group("scene");
     group.sample_size(10).measurement_time(Duration::from_secs(20));
-    let options = PhantomOptions { scale: SCALE };
+    let options = PhantomOptions { scale: SCALE, ..PhantomOptions::default() };
     group.bench_function("phantom at scale 0.25", |bencher| {
         bencher.iter(|| build(&options, &|_| {}).expect("the phantom"));
     });

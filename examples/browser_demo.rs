@@ -109,9 +109,9 @@ fn present(
 fn load_scene(station: &Station) -> anyhow::Result<Scene> {
     let path = match &station.scene {
         SceneSource::File(path) => path.clone(),
-        SceneSource::ObstetricPhantom { scale } => {
+        SceneSource::ObstetricPhantom(options) => {
             let cache = std::env::var_os("INSONIFY_CACHE").context("set INSONIFY_CACHE to the phantom's directory")?;
-            phantom::cached(Path::new(&cache), *scale, &|_| {})?
+            phantom::cached(Path::new(&cache), options, &|_| {})?
         }
     };
     Ok(station.load_scene_from(&path)?)

@@ -1,6 +1,7 @@
 //! Cuts the obstetric phantom along the usual scan planes and writes each cut as a PNG, coloured by tissue.
 //!
-//! `cargo run --release --example phantom_slices -- OUT_DIR`
+//! `cargo run --release --example phantom_slices -- OUT_DIR [weeks=28] [lie=breech] [roll=90] [flexion=0.8]
+//! [placenta=posterior] [fluid=90] [fat=30] [seed=7] [only=head]`
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -8,7 +9,7 @@ use std::path::PathBuf;
 use glam::Vec3;
 use image::{Rgb, RgbImage};
 use insonify::anatomy::export::tissue_colour;
-use insonify::anatomy::phantom::{Organ, landmarks, organs};
+use insonify::anatomy::phantom::{Lie, Organ, Parameters, PlacentaSite, landmarks, organs};
 use rayon::prelude::*;
 
 /// A plane: file name, centre, right and up on the picture, half width and half height, all mm.
@@ -26,23 +27,71 @@ const PIXEL_MM: f32 = 0.25;
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("give a folder to write to")?);
     std::fs::create_dir_all(&folder)?;
-    let mut organs = organs();
+    let mut parameters = Parameters::default();
+    let mut only = String::new();
+    for argument in std::env::args().skip(2) {
+        let (key, value) = argument.split_once('=').ok_or("options are KEY=VALUE")?;
+        match key {
+            "weeks" => parameters.gestational_weeks = value.parse()?,
+            "lie" => parameters.lie = Lie::from_word(value).ok_or("no such lie")?,
+            "roll" => parameters.roll_deg = value.parse()?,
+            "flexion" => parameters.flexion = value.parse()?,
+            "placenta" => parameters.placenta = PlacentaSite::from_word(value).ok_or("no such site")?,
+            "fluid" => parameters.fluid_index_mm = value.parse()?,
+            "fat" => parameters.maternal_fat_mm = value.parse()?,
+            "seed" => parameters.seed = value.parse()?,
+            "only" => value.clone_into(&mut only),
+            _ => return Err(format!("no option {key}").into()),
+        }
+    }
+    parameters.validate()?;
+    let mut organs = organs(&parameters);
     organs.sort_by_key(|o| o.priority);
-    for cut in cuts() {
+    for cut in cuts(&parameters).into_iter().filter(|cut| cut.name.contains(&only)) {
         let image = slice(&organs, &cut);
         image.save(folder.join(format!("{}.png", cut.name)))?;
     }
     Ok(())
 }
 
-fn cuts() -> Vec<Cut> {
-    let l = landmarks();
+fn cuts(parameters: &Parameters) -> Vec<Cut> {
+    let l = landmarks(parameters);
     let head = |name, offset: f32| Cut {
         name,
         centre: l.head_centre_mm + l.head_vertex * offset,
         right: l.head_face,
         up: l.fetus_left,
         half_mm: [48.0, 40.0],
+    };
+    let cerebellum = 0.5 * (l.cerebellum_mm[0] + l.cerebellum_mm[1]);
+    let transcerebellar = Cut {
+        name: "head_transcerebellar",
+        centre: 0.5 * (cerebellum + l.cavum_mm),
+        right: (l.cavum_mm - cerebellum).normalize(),
+        up: l.fetus_left,
+        half_mm: [48.0, 40.0],
+    };
+    let [eye, other] = l.eyes_mm;
+    let orbits = Cut {
+        name: "head_orbits",
+        centre: 0.5 * (eye + other) - l.head_face * 22.0,
+        right: l.head_face,
+        up: l.fetus_left,
+        half_mm: [40.0, 32.0],
+    };
+    let profile = Cut {
+        name: "head_profile",
+        centre: l.head_centre_mm - l.head_vertex * 6.0,
+        right: l.head_face,
+        up: l.head_vertex,
+        half_mm: [48.0, 42.0],
+    };
+    let lips = Cut {
+        name: "head_nose_lips",
+        centre: l.nose_tip_mm - l.head_face * 6.0 - l.head_vertex * 4.0,
+        right: l.fetus_left,
+        up: l.head_vertex,
+        half_mm: [30.0, 30.0],
     };
     let trunk = |name, centre, cranial: Vec3| Cut {
         name,
@@ -55,8 +104,11 @@ fn cuts() -> Vec<Cut> {
     let along = (femur[1] - femur[0]).normalize();
     vec![
         head("head_transthalamic", 0.0),
-        head("head_transventricular", 5.0),
-        head("head_transcerebellar", -13.0),
+        head("head_transventricular", 3.0),
+        transcerebellar,
+        orbits,
+        profile,
+        lips,
         Cut {
             name: "head_coronal",
             centre: l.head_centre_mm,
@@ -66,7 +118,7 @@ fn cuts() -> Vec<Cut> {
         },
         trunk("abdomen", l.abdomen_centre_mm, l.abdomen_cranial),
         trunk("heart", l.heart_centre_mm, l.heart_cranial),
-        trunk("kidneys", l.abdomen_centre_mm - l.abdomen_cranial * 11.0, l.abdomen_cranial),
+        trunk("kidneys", 0.5 * (l.kidneys_mm[0][0] + l.kidneys_mm[1][0]) + l.abdomen_ventral * 10.0, l.abdomen_cranial),
         trunk("bladder", l.fetal_bladder_mm, (l.spine_mm[6] - l.spine_mm[7]).normalize()),
         Cut {
             name: "fetus_sagittal",

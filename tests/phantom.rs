@@ -9,12 +9,16 @@ use glam::{DVec3, Vec3};
 use insonify::anatomy::Mesh;
 use insonify::anatomy::export::write_glb;
 use insonify::anatomy::phantom::{
-    Biometry, Body, FETUS_TRIANGLES, MOTHER_TRIANGLES, Organ, PhantomError, PhantomOptions, PhantomSurface, build,
-    cached, landmarks, organs,
+    Biometry, Body, FETUS_TRIANGLES, MOTHER_TRIANGLES, Organ, Parameters, PhantomError, PhantomOptions, PhantomSurface,
+    build, cached, landmarks, organs,
 };
 
 /// Small enough to be quick; fine parts are then at their coarsest.
 const SMALL: f64 = 0.18;
+
+fn at_scale(scale: f64) -> PhantomOptions {
+    PhantomOptions { scale, ..PhantomOptions::default() }
+}
 
 fn full() -> &'static [PhantomSurface] {
     static FULL: OnceLock<Vec<PhantomSurface>> = OnceLock::new();
@@ -23,11 +27,11 @@ fn full() -> &'static [PhantomSurface] {
 
 fn small() -> &'static [PhantomSurface] {
     static SMALL_ONE: OnceLock<Vec<PhantomSurface>> = OnceLock::new();
-    SMALL_ONE.get_or_init(|| build(&PhantomOptions { scale: SMALL }, &|_| {}).unwrap())
+    SMALL_ONE.get_or_init(|| build(&at_scale(SMALL), &|_| {}).unwrap())
 }
 
 fn organ_of(name: &str) -> Organ {
-    organs().into_iter().find(|o| o.name == name).unwrap()
+    organs(&Parameters::default()).into_iter().find(|o| o.name == name).unwrap()
 }
 
 fn mesh_of(name: &str) -> &'static Mesh {
@@ -56,7 +60,7 @@ fn every_surface_is_closed_and_faces_outward() {
 
 #[test]
 fn vertices_lie_on_the_modelled_surfaces() {
-    let solids: HashMap<&str, Organ> = organs().into_iter().map(|o| (o.name, o)).collect();
+    let solids: HashMap<&str, Organ> = organs(&Parameters::default()).into_iter().map(|o| (o.name, o)).collect();
     for surface in full() {
         let solid = &solids[surface.name.as_str()].solid;
         let off = surface.mesh.vertices_mm.iter().filter(|&&v| solid.distance_mm(v).abs() > 0.02).count();
@@ -80,7 +84,7 @@ fn volumes_of_meshes_match_solids_at_both_scales() {
 
 #[test]
 fn budgets_are_met() {
-    let fetal: HashMap<&str, Body> = organs().iter().map(|o| (o.name, o.body)).collect();
+    let fetal: HashMap<&str, Body> = organs(&Parameters::default()).iter().map(|o| (o.name, o.body)).collect();
     for (surfaces, scale) in [(full(), 1.0), (small(), SMALL)] {
         for (body, budget) in [(Body::Fetus, FETUS_TRIANGLES), (Body::Mother, MOTHER_TRIANGLES)] {
             let own = surfaces.iter().filter(|s| fetal[s.name.as_str()] == body);
@@ -107,7 +111,7 @@ fn two_builds_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b] = ["a.glb", "b.glb"].map(|name| folder.path().join(name));
     write_glb(small(), &a).unwrap();
-    write_glb(&build(&PhantomOptions { scale: SMALL }, &|_| {}).unwrap(), &b).unwrap();
+    write_glb(&build(&at_scale(SMALL), &|_| {}).unwrap(), &b).unwrap();
     assert!(std::fs::read(a).unwrap() == std::fs::read(b).unwrap());
 }
 
@@ -120,10 +124,10 @@ fn the_cache_builds_once() {
         assert!(p.done >= 1 && p.done <= p.total);
         steps.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     };
-    let first = cached(&inner, SMALL, &count).unwrap();
+    let first = cached(&inner, &at_scale(SMALL), &count).unwrap();
     let after_first = steps.load(std::sync::atomic::Ordering::Relaxed);
     assert_eq!(after_first, 2 * full().len());
-    assert_eq!(cached(&inner, SMALL, &count).unwrap(), first);
+    assert_eq!(cached(&inner, &at_scale(SMALL), &count).unwrap(), first);
     assert_eq!(steps.load(std::sync::atomic::Ordering::Relaxed), after_first, "the second call builds nothing");
     assert_eq!(std::fs::read_dir(&inner).unwrap().count(), 1);
     assert!(gltf::Gltf::open(first).is_ok());
@@ -132,9 +136,9 @@ fn the_cache_builds_once() {
 #[test]
 fn scales_that_cannot_be_built_are_refused() {
     for scale in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
-        assert!(matches!(build(&PhantomOptions { scale }, &|_| {}), Err(PhantomError::Scale { .. })));
+        assert!(matches!(build(&at_scale(scale), &|_| {}), Err(PhantomError::Scale { .. })));
     }
-    let Err(PhantomError::ScaleTooSmall { least, .. }) = build(&PhantomOptions { scale: 0.02 }, &|_| {}) else {
+    let Err(PhantomError::ScaleTooSmall { least, .. }) = build(&at_scale(0.02), &|_| {}) else {
         panic!("fine parts need more")
     };
     assert!(least > 0.02 && least < SMALL, "least scale {least}");
@@ -182,7 +186,7 @@ fn assert_within(what: &str, measured: f64, expected: f64, tolerance: f64) {
 
 #[test]
 fn the_head_measures_as_at_22_weeks() {
-    let l = landmarks();
+    let l = landmarks(&Parameters::default());
     let biometry = Biometry::WEEKS_22;
     let (skull, inner) = (mesh_of("skull"), mesh_of("subarachnoid_space"));
     // Outer table on the near side to the inner table on the far side.
@@ -197,7 +201,7 @@ fn the_head_measures_as_at_22_weeks() {
 
 #[test]
 fn the_abdomen_measures_as_at_22_weeks() {
-    let l = landmarks();
+    let l = landmarks(&Parameters::default());
     let across = l.abdomen_cranial.cross(l.abdomen_ventral);
     let around = circumference(mesh_of("fetal_skin"), l.abdomen_centre_mm, l.abdomen_ventral, across);
     assert_within("abdominal circumference", around, f64::from(Biometry::WEEKS_22.abdominal_circumference_mm), 0.03);
@@ -205,7 +209,7 @@ fn the_abdomen_measures_as_at_22_weeks() {
 
 #[test]
 fn the_femurs_measure_as_at_22_weeks() {
-    let l = landmarks();
+    let l = landmarks(&Parameters::default());
     let bones = mesh_of("long_bones");
     for [hip, knee] in [l.left_femur_mm, l.right_femur_mm] {
         let axis = (knee - hip).normalize();
@@ -234,7 +238,7 @@ fn the_fetus_floats_free_in_the_cavity() {
 #[test]
 fn fetal_organs_lie_under_the_skin() {
     let skin = organ_of("fetal_skin").solid;
-    let fetal: HashMap<&str, Body> = organs().iter().map(|o| (o.name, o.body)).collect();
+    let fetal: HashMap<&str, Body> = organs(&Parameters::default()).iter().map(|o| (o.name, o.body)).collect();
     let own = full().iter().filter(|s| fetal[s.name.as_str()] == Body::Fetus && s.name != "fetal_skin");
     for surface in own {
         for &v in &surface.mesh.vertices_mm {
@@ -256,7 +260,7 @@ fn the_cord_reaches_from_the_placenta_to_the_navel_and_touches_little_else() {
     assert!((0.002..0.1).contains(&inside(&placenta)), "{} of the cord is in the placenta", inside(&placenta));
     assert!((0.002..0.1).contains(&inside(&skin)), "{} of the cord is in the fetus", inside(&skin));
     // The belly alone has the cord in it, not the limbs: every vertex inside is near the navel's entry.
-    let l = landmarks();
+    let l = landmarks(&Parameters::default());
     for &v in cord.vertices_mm.iter().filter(|&&v| skin.distance_mm(v) < -1.5) {
         let reach = v.distance(l.abdomen_centre_mm);
         assert!(reach < 40.0, "the cord runs through the fetus at {v}");
@@ -265,8 +269,8 @@ fn the_cord_reaches_from_the_placenta_to_the_navel_and_touches_little_else() {
 
 #[test]
 fn the_media_at_the_landmarks_are_the_organs_they_name() {
-    let l = landmarks();
-    let mut organs = organs();
+    let l = landmarks(&Parameters::default());
+    let mut organs = organs(&Parameters::default());
     organs.sort_by_key(|o| o.priority);
     let tissue = |p: Vec3| organs.iter().rev().find(|o| o.solid.distance_mm(p) < 0.0).map(|o| o.tissue);
     assert_eq!(tissue(l.stomach_mm), Some("amniotic_fluid"));

@@ -8,7 +8,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
-use super::phantom::{self, Landmarks};
+use super::phantom::{self, Landmarks, Parameters};
 use crate::pose::freehand::{Tremor, Waypoint, view_at};
 use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
@@ -59,7 +59,7 @@ pub enum ExamError {
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
-    let poses = sweep(&phantom::landmarks(), phantom_skin(), seed)?;
+    let poses = sweep(&phantom::landmarks(&Parameters::default()), phantom_skin(), seed)?;
     let info = RecordingInfo {
         protocol: Protocol::AsciiLine,
         device: "simulated hand".to_owned(),
@@ -159,7 +159,7 @@ fn across(direction: DVec3, axis: DVec3) -> DVec3 {
 pub fn phantom_skin() -> impl Fn(DVec3, DVec3) -> Option<DVec3> {
     /// Longer than from any point of the body to its skin, mm.
     const REACH_MM: u32 = 400;
-    let skin = phantom::organs().into_iter().find(|organ| organ.name == "skin");
+    let skin = phantom::organs(&Parameters::default()).into_iter().find(|organ| organ.name == "skin");
     move |from: DVec3, direction: DVec3| {
         let skin = &skin.as_ref()?.solid;
         let outside = |t: f64| skin.distance_mm((from + direction * t).as_vec3()) > 0.0;
@@ -180,7 +180,7 @@ mod tests {
     use crate::tracker::recording::poses;
 
     fn exam() -> Vec<TimedPose> {
-        sweep(&phantom::landmarks(), phantom_skin(), SEED).unwrap()
+        sweep(&phantom::landmarks(&Parameters::default()), phantom_skin(), SEED).unwrap()
     }
 
     fn key_pose(exam: &[TimedPose], name: &str) -> Pose {
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn the_face_stays_pressed_into_the_skin() {
-        let skin = phantom::organs().into_iter().find(|o| o.name == "skin").unwrap().solid;
+        let skin = phantom::organs(&Parameters::default()).into_iter().find(|o| o.name == "skin").unwrap().solid;
         for timed in exam() {
             let depth = -skin.distance_mm(timed.pose.position_mm.as_vec3());
             assert!((0.5..4.5).contains(&depth), "{depth} mm deep at {:?}", timed.pose.position_mm);
@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn key_frames_are_the_standard_views() {
-        let (exam, l) = (exam(), phantom::landmarks());
+        let (exam, l) = (exam(), phantom::landmarks(&Parameters::default()));
         let plane = |name: &str| key_pose(&exam, name).orientation * DVec3::Y;
         let tilt = |name, normal: Vec3| plane(name).dot(normal.as_dvec3().normalize()).abs().acos().to_degrees();
         let targets = [

@@ -3,19 +3,22 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_glb;
-use insonify::anatomy::phantom::{PhantomOptions, PhantomSurface, build};
+use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, build};
 use serde::Serialize;
 
 use super::output::thousands;
 use super::progress::Progress;
 use super::{Failure, output};
 
-/// Make the obstetric phantom: a pregnant belly at 22 weeks, as closed surfaces in a .glb file.
+/// Make the obstetric phantom: a pregnant belly, as closed surfaces in a .glb file.
 ///
-/// The same scale gives the same file, byte for byte. At scale 1 the fetus has 400 000 triangles and the mother 275 000.
+/// The same options give the same file, byte for byte. At scale 1 the fetus has 400 000 triangles and the mother 275 000.
 #[derive(Debug, Parser)]
-#[command(after_help = "Example:\n  insonify phantom --out out/phantom.glb --scale 0.25")]
+#[command(
+    after_help = "Example:\n  insonify phantom --out out/phantom.glb --weeks 28 --lie breech --placenta posterior --scale 0.25"
+)]
 pub(crate) struct Args {
     /// File to write (.glb)
     #[arg(long, value_name = "FILE")]
@@ -25,9 +28,65 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     scale: f64,
 
+    /// Gestational age in weeks, 16..=34
+    #[arg(long, value_name = "WEEKS", default_value_t = Parameters::default().gestational_weeks, allow_negative_numbers = true)]
+    weeks: f64,
+
+    /// Which way the fetus lies: head down, head up, or across
+    #[arg(long, value_name = "LIE", default_value = Parameters::default().lie.word(), value_parser = lie())]
+    lie: Lie,
+
+    /// Turn of the fetus about its long axis from where its left side is up, degrees, -180..=180
+    #[arg(long, value_name = "DEG", default_value_t = Parameters::default().roll_deg, allow_negative_numbers = true)]
+    roll: f64,
+
+    /// How curled the fetus is: 0 is stretched, 1 tightly curled, 0..=1
+    #[arg(long, value_name = "F", default_value_t = Parameters::default().flexion, allow_negative_numbers = true)]
+    flexion: f64,
+
+    /// Where on the uterine wall the placenta sits
+    #[arg(long, value_name = "SITE", default_value = Parameters::default().placenta.word(), value_parser = site())]
+    placenta: PlacentaSite,
+
+    /// Amniotic fluid index in mm: oligohydramnios to polyhydramnios, 50..=250
+    #[arg(long, value_name = "MM", default_value_t = Parameters::default().fluid_index_mm, allow_negative_numbers = true)]
+    fluid_index: f64,
+
+    /// The mother's subcutaneous fat over the belly in mm, 5..=60
+    #[arg(long, value_name = "MM", default_value_t = Parameters::default().maternal_fat_mm, allow_negative_numbers = true)]
+    fat: f64,
+
+    /// Seed of what differs from one individual to the next
+    #[arg(long, value_name = "N", default_value_t = Parameters::default().seed)]
+    seed: u64,
+
     /// Print the table of surfaces as JSON
     #[arg(long)]
     json: bool,
+}
+
+fn lie() -> impl TypedValueParser<Value = Lie> {
+    PossibleValuesParser::new(Lie::WORDS).try_map(|word| Lie::from_word(&word).ok_or("no such lie"))
+}
+
+fn site() -> impl TypedValueParser<Value = PlacentaSite> {
+    PossibleValuesParser::new(PlacentaSite::WORDS).try_map(|word| PlacentaSite::from_word(&word).ok_or("no such site"))
+}
+
+impl Args {
+    fn options(&self) -> PhantomOptions {
+        let parameters = Parameters {
+            gestational_weeks: self.weeks,
+            lie: self.lie,
+            roll_deg: self.roll,
+            flexion: self.flexion,
+            placenta: self.placenta,
+            fluid_index_mm: self.fluid_index,
+            maternal_fat_mm: self.fat,
+            seed: self.seed,
+        };
+        PhantomOptions { scale: self.scale, parameters }
+    }
 }
 
 #[derive(Serialize)]
@@ -60,7 +119,7 @@ fn row(surface: &PhantomSurface) -> Row<'_> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let progress = Progress::new("phantom", 0);
-    let surfaces = build(&PhantomOptions { scale: args.scale }, &|p| progress.set(p.done, p.total))?;
+    let surfaces = build(&args.options(), &|p| progress.set(p.done, p.total))?;
     drop(progress);
     if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
         insonify::sink::create_dir(directory)?;

@@ -23,9 +23,9 @@ pub(crate) fn adapter(gpu: &Gpu) -> AdapterRecord {
 pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
     match &station.scene {
         SceneSource::File(path) => Ok(station.load_scene_from(path)?),
-        SceneSource::ObstetricPhantom { scale } => {
+        SceneSource::ObstetricPhantom(options) => {
             let progress = Progress::new("phantom", 0);
-            let path = phantom::cached(&cache::directory()?, *scale, &|p| progress.set(p.done, p.total))?;
+            let path = phantom::cached(&cache::directory()?, options, &|p| progress.set(p.done, p.total))?;
             drop(progress);
             Ok(station.load_scene_from(&path)?)
         }

@@ -14,12 +14,14 @@ mod keys;
 mod openigtlink;
 mod parse;
 mod pipeline;
+mod scene;
 mod tracker_table;
 mod values;
 mod window;
 
 use std::path::{Path, PathBuf};
 
+use crate::anatomy::phantom::PhantomOptions;
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
@@ -38,10 +40,7 @@ pub enum SceneSource {
     /// A `.glb` or `.gltf` file.
     File(PathBuf),
     /// The generated obstetric phantom.
-    ObstetricPhantom {
-        /// Its number of triangles over that of the full phantom.
-        scale: f64,
-    },
+    ObstetricPhantom(PhantomOptions),
 }
 
 /// A station: what is scanned, by which probe, into which image.
@@ -108,7 +107,7 @@ impl Station {
     pub fn scene_file(&self) -> Option<&Path> {
         match &self.scene {
             SceneSource::File(path) => Some(path),
-            SceneSource::ObstetricPhantom { .. } => None,
+            SceneSource::ObstetricPhantom(_) => None,
         }
     }
 

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 
 use super::keys::Accepts;
 use super::values::{Values, optional, section, take, wrong_type};
-use super::{SceneSource, Station, StationError, calibration, filter};
+use super::{Station, StationError, calibration, filter};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::pose::Pose;
 use crate::render::{ImageSettings, Quality, RenderSettings};
@@ -43,7 +43,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     }
     let tissues = tissues(take(&mut root, "tissues")?)?;
     let scene_values = section(&mut root, "scene")?;
-    let scene = scene(&scene_values, dir)?;
+    let scene = super::scene::source(&scene_values, dir)?;
     let background = scene_values.text("background").unwrap_or("gel").to_owned();
     tissue_index(&tissues, &background)?;
     let probe = probe(&section(&mut root, "probe")?)?;
@@ -85,24 +85,6 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
         let suggestion = did_you_mean(name, tissues.names().iter().map(String::as_str));
         StationError::UnknownTissue { tissue: name.to_owned(), suggestion }
     })
-}
-
-fn scene(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
-    match (values.text("path"), values.text("phantom")) {
-        (Some(_), Some(_)) => Err(StationError::NotApplicable {
-            key: "scene.phantom".to_owned(),
-            reason: "`scene.path` is given, too; give one of the two".to_owned(),
-        }),
-        (Some(path), None) => {
-            values.refuse(&["phantom_scale"], "it scales a generated phantom; `scene.path` names a file")?;
-            Ok(SceneSource::File(dir.join(path)))
-        }
-        (None, Some(_)) => Ok(SceneSource::ObstetricPhantom { scale: values.number("phantom_scale").unwrap_or(1.0) }),
-        (None, None) => Err(StationError::Missing {
-            key: "scene.path".to_owned(),
-            needed: "give a glTF file, or `phantom = \"obstetric\"` in `[scene]`".to_owned(),
-        }),
-    }
 }
 
 fn probe(values: &Values) -> Result<Probe, StationError> {

@@ -53,7 +53,7 @@ fn every_station_file_of_configs_is_sound() {
                 let scene = station.load_scene_from(file).unwrap();
                 assert_eq!(scene.tissues.names()[scene.background], station.background);
             }
-            SceneSource::ObstetricPhantom { scale } => assert_eq!(*scale, 1.0),
+            SceneSource::ObstetricPhantom(options) => assert_eq!(options.scale, 1.0),
         }
     }
 }

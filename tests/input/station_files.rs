@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use insonify::anatomy::TissueTable;
+use insonify::anatomy::phantom::PhantomOptions;
 use insonify::pose::Pose;
 use insonify::render::{ImageSettings, Quality};
 use insonify::station::{Accepts, KEYS, KeyDoc, SceneSource, Station, print_keys};
@@ -31,7 +32,10 @@ fn only_the_scene_is_required() {
     let text = Station::parse("", Path::new("")).unwrap_err().to_string();
     assert_eq!(text, "`scene.path` is missing: give a glTF file, or `phantom = \"obstetric\"` in `[scene]`");
     let phantom = Station::parse("scene = { phantom = 'obstetric', phantom_scale = 0.25 }", Path::new("")).unwrap();
-    assert_eq!(phantom.scene, SceneSource::ObstetricPhantom { scale: 0.25 });
+    assert_eq!(
+        phantom.scene,
+        SceneSource::ObstetricPhantom(PhantomOptions { scale: 0.25, ..PhantomOptions::default() })
+    );
 }
 
 #[test]
@@ -176,7 +180,7 @@ fn with_key(doc: &KeyDoc, value: &str) -> String {
     let needs = match doc.key {
         _ if doc.table == "tracker" => tracker_needs(doc.key, value),
         "path" | "phantom" => return format!("[scene]\n{} = {value}", doc.key),
-        "phantom_scale" => return format!("[scene]\nphantom = 'obstetric'\nphantom_scale = {value}"),
+        key if key.starts_with("phantom_") => return format!("[scene]\nphantom = 'obstetric'\n{key} = {value}"),
         "width_mm" => "kind = 'linear'\n",
         _ => "",
     };
@@ -295,7 +299,9 @@ fn documented_defaults_are_those_of_the_parser() {
     for doc in KEYS.iter().filter(is_value) {
         let found = accepted(doc, doc.default).unwrap_or_else(|e| panic!("{}.{}: {e}", doc.table, doc.key));
         match (doc.table, doc.key) {
-            ("scene", "phantom_scale") => assert_eq!(found.scene, SceneSource::ObstetricPhantom { scale: 1.0 }),
+            ("scene", key) if key.starts_with("phantom_") => {
+                assert_eq!(found.scene, SceneSource::ObstetricPhantom(PhantomOptions::default()), "{key}");
+            }
             ("probe", "width_mm") => assert_eq!(found.probe, parse("[probe]\nkind = 'linear'").unwrap().probe),
             ("openigtlink", _) => assert_eq!(found.openigtlink, parse("[openigtlink]").unwrap().openigtlink),
             ("tracker", key) => {

@@ -1,15 +1,19 @@
 //! How the fetus lies: frames of its head, trunk and limbs.
 //!
 //! The **fetal frame** has x to the fetus' left, y cranial and z ventral. Parts are modelled in it, or in the frame of
-//! the head or of a vertebra (same axes, turned), and the fetus is then placed in the scene as a whole.
+//! the head or of a vertebra (same axes, turned), and the fetus is then placed in the scene as a whole. Trunk and head
+//! are drawn at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`].
 
 use glam::{Quat, Vec3};
 
 use super::biometry::Biometry;
-use super::sdf::{Isometry, catmull_rom};
+use super::parameters::Parameters;
+use super::sdf::{Isometry, Solid, ellipsoid};
+use super::spine::Spine;
+use super::vary::vary;
+use super::{fetus, placement};
 
-/// Vertebrae from C1 to S5. A *level* counts them from 0 at C1's cranial side: 7 is the top of T1, 19 of L1, 24 of S1.
-pub const VERTEBRAE: usize = 29;
+pub use super::spine::VERTEBRAE;
 
 /// Joints of one leg, fetal frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +44,8 @@ pub struct Arm {
 /// The fetus' attitude and its place in the scene.
 #[derive(Debug, Clone)]
 pub struct Attitude {
+    /// Sizes of the fetus.
+    pub biometry: Biometry,
     /// `scene_from_fetus`.
     pub scene_from_fetus: Isometry,
     /// `fetus_from_head`: origin at the skull's centre, y to the vertex, z to the face.
@@ -48,77 +54,191 @@ pub struct Attitude {
     pub legs: [Leg; 2],
     /// Left and right arm.
     pub arms: [Arm; 2],
-    /// Centres of the vertebral bodies, finely spaced, cranial to caudal, fetal frame.
-    spine: Vec<Vec3>,
-    /// Level at each of `spine`.
-    levels: Vec<f32>,
+    spine: Spine,
 }
 
-/// Relative heights of a cervical, thoracic, lumbar and sacral vertebra with its disc.
-const HEIGHTS: [(usize, f32); 4] = [(7, 2.9), (12, 3.95), (5, 4.7), (5, 3.5)];
+/// Directions of a left limb's segments (upper, lower, end) at flexions 0, 0.5 and 1, and what makes the right limb
+/// differ from the left one's mirror image.
+struct Pose {
+    upper: [[f32; 3]; 3],
+    lower: [[f32; 3]; 3],
+    end: [[f32; 3]; 3],
+}
+
+const LEGS: [Pose; 2] = [
+    Pose {
+        upper: [[0.12, 0.20, 0.97], [0.0, 0.60, 0.80], [0.04, 0.76, 0.65]],
+        lower: [[-0.08, -0.97, -0.10], [-0.24, -0.92, -0.34], [-0.26, -0.94, -0.22]],
+        end: [[-0.06, 0.10, 0.99], [-0.12, 0.36, 0.92], [-0.12, 0.30, 0.94]],
+    },
+    Pose {
+        upper: [[0.20, 0.06, 0.98], [0.12, 0.66, 0.75], [0.10, 0.80, 0.59]],
+        lower: [[-0.02, -0.98, 0.02], [-0.07, -0.97, -0.22], [-0.02, -0.97, -0.20]],
+        end: [[-0.06, 0.06, 0.99], [-0.10, 0.48, 0.86], [-0.10, 0.40, 0.90]],
+    },
+];
+
+const ARMS: [Pose; 2] = [
+    Pose {
+        upper: [[0.30, -0.62, 0.72], [0.12, -0.42, 0.86], [0.10, -0.40, 0.87]],
+        lower: [[-0.34, 0.30, 0.90], [-0.36, 0.72, 0.58], [-0.44, 0.70, 0.56]],
+        end: [[-0.20, 0.60, 0.70], [-0.15, 0.90, 0.30], [-0.15, 0.90, 0.30]],
+    },
+    Pose {
+        upper: [[0.26, -0.74, 0.62], [0.08, -0.50, 0.84], [0.06, -0.46, 0.86]],
+        lower: [[-0.30, 0.36, 0.88], [-0.40, 0.70, 0.56], [-0.46, 0.68, 0.56]],
+        end: [[-0.20, 0.70, 0.60], [-0.20, 0.85, 0.45], [-0.20, 0.85, 0.45]],
+    },
+];
+
+/// Between three key directions, at `flexion`.
+fn between(keys: &[[f32; 3]; 3], flexion: f32, side: f32) -> Vec3 {
+    let [a, b, c] = keys.map(|k| Vec3::from(k).normalize());
+    let v = if flexion < 0.5 { a.lerp(b, 2.0 * flexion) } else { b.lerp(c, 2.0 * flexion - 1.0) };
+    (v * Vec3::new(side, 1.0, 1.0)).normalize()
+}
+
+/// Greatest turn of a limb's segment from one individual to the next, radians.
+const LIMB_VARIATION_RAD: f32 = 0.16;
 
 impl Attitude {
-    /// Curled on its right side, cephalic, its back to the mother's right.
-    pub fn curled(biometry: &Biometry) -> Self {
-        // Midsagittal knots from C1 to S5.
-        let knots = [(36.9, -17.5), (29.5, -24.0), (21.0, -29.0), (10.0, -33.5), (-2.0, -36.8), (-14.0, -38.0)];
-        let knots =
-            knots.into_iter().chain([(-26.0, -37.4), (-38.0, -34.0), (-47.5, -29.0), (-55.0, -22.5), (-61.5, -15.0)]);
-        let knots: Vec<(Vec3, f32)> = knots.map(|(y, z)| (Vec3::new(0.0, y, z), 0.0)).collect();
-        let spine: Vec<Vec3> = catmull_rom(&knots, 12).into_iter().map(|(p, _)| p).collect();
-        let levels = levels_along(&spine);
+    /// How the fetus of `parameters` lies.
+    ///
+    /// A fetus too stretched for its room is curled as far as it must be.
+    pub fn of(parameters: &Parameters) -> Self {
+        let biometry = Biometry::at_weeks(parameters.gestational_weeks);
+        let room = placement::Room::of(parameters);
+        let mut best: Option<(f32, Self)> = None;
+        for step in 0..=5 {
+            let flexion = parameters.flexion as f32;
+            let curled = flexion + (1.0 - flexion) * 0.2 * step as f32;
+            let mut attitude = Self::varied(&biometry, curled, parameters.seed);
+            let (scene_from_fetus, overlap_mm) = room.place(&attitude);
+            attitude.scene_from_fetus = scene_from_fetus;
+            if best.as_ref().is_none_or(|(least, _)| overlap_mm < *least) {
+                best = Some((overlap_mm, attitude));
+            }
+            if overlap_mm < placement::ACCEPTED_MM {
+                break;
+            }
+        }
+        // The loop runs at least once.
+        best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0), |(_, attitude)| attitude)
+    }
 
-        let flexion = 25f32.to_radians();
-        let vertex = Vec3::new(0.0, flexion.cos(), flexion.sin());
-        let face = Vec3::new(0.0, -flexion.sin(), flexion.cos());
-        let fetus_from_head = Isometry::from_axes(Vec3::new(0.0, 58.0, 1.0), vertex, face);
-
-        // Joints lie a cartilage end beyond the ossified shafts.
-        let thigh = biometry.femur_mm + 6.5;
-        let shank = biometry.tibia_mm + 7.0;
-        let upper = biometry.humerus_mm + 6.0;
-        let fore = biometry.ulna_mm + 5.0;
-        let leg = |side: f32, thigh_dir: Vec3, shank_dir: Vec3, toes: Vec3| {
-            let hip = Vec3::new(side * 10.0, -51.0, -9.0);
-            let knee = hip + thigh * thigh_dir.normalize();
-            Leg { hip, knee, ankle: knee + shank * shank_dir.normalize(), toes: toes.normalize() }
-        };
-        let arm = |side: f32, upper_dir: Vec3, fore_dir: Vec3, fingers: Vec3| {
-            let shoulder = Vec3::new(side * 19.0, 12.0, -19.0);
-            let elbow = shoulder + upper * upper_dir.normalize();
-            Arm { shoulder, elbow, wrist: elbow + fore * fore_dir.normalize(), fingers: fingers.normalize() }
-        };
-        Self {
-            scene_from_fetus: scene_from_fetus(),
-            fetus_from_head,
-            legs: [
-                leg(1.0, Vec3::new(0.0, 0.60, 0.80), Vec3::new(-0.24, -0.92, -0.34), Vec3::new(-0.12, 0.36, 0.92)),
-                leg(-1.0, Vec3::new(-0.12, 0.66, 0.75), Vec3::new(0.07, -0.97, -0.22), Vec3::new(0.10, 0.48, 0.86)),
-            ],
-            arms: [
-                arm(1.0, Vec3::new(0.12, -0.42, 0.86), Vec3::new(-0.36, 0.72, 0.58), Vec3::new(-0.15, 0.90, 0.30)),
-                arm(-1.0, Vec3::new(-0.08, -0.50, 0.84), Vec3::new(0.40, 0.70, 0.56), Vec3::new(0.20, 0.85, 0.45)),
-            ],
-            spine,
-            levels,
+    /// The individual `seed`, its limbs as far from the mean as they go without crossing.
+    fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
+        let mut variation = if seed == 0 { 0.0 } else { 1.0 };
+        loop {
+            let attitude = Self::posed(biometry, flexion, seed, variation);
+            if variation == 0.0 || fetus::bones_apart(&attitude) {
+                return attitude;
+            }
+            variation = if variation > 0.2 { 0.5 * variation } else { 0.0 };
         }
     }
 
-    /// `fetus_from_vertebra`: the frame of the spine at `level`, y along the spine to cranial, z ventral.
-    pub fn vertebra(&self, level: f32) -> Isometry {
-        let last = self.spine.len() - 1;
-        let i = self.levels.partition_point(|&l| l < level).clamp(1, last);
-        let (a, b) = (self.levels[i - 1], self.levels[i]);
-        let t = ((level - a) / (b - a)).clamp(0.0, 1.0);
-        let origin = self.spine[i - 1].lerp(self.spine[i], t);
-        // The tangent over some distance, so that frames turn evenly.
-        let cranial = self.spine[i.saturating_sub(4)] - self.spine[(i + 3).min(last)];
-        Isometry::from_axes(origin, cranial, Vec3::X.cross(cranial))
+    /// Posed in the fetal frame, not placed in the scene.
+    fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32) -> Self {
+        let drawn = Spine::drawn();
+        let bend = 1.0 + 0.5 * (flexion - 0.5);
+        let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
+        let trunk = biometry.trunk_scale();
+        // The drawing's points, moved with the vertebra that they hang on.
+        let moved = |level: f32, point: Vec3| {
+            let local = drawn.vertebra(level).local_point(point);
+            spine.vertebra(level).point(local * trunk)
+        };
+        let turned =
+            |level: f32| (spine.vertebra(level).rotation * drawn.vertebra(level).rotation.conjugate()).normalize();
+
+        let nod = 25f32.to_radians();
+        let vertex = Vec3::new(0.0, nod.cos(), nod.sin());
+        let face = Vec3::new(0.0, -nod.sin(), nod.cos());
+        let drawn_head = Isometry::from_axes(Vec3::new(0.0, 58.0, 1.0), vertex, face);
+        let on_neck = drawn.vertebra(0.0).local_point(drawn_head.translation) * biometry.head_scale();
+        let neck = Quat::from_rotation_x((8.0 * (flexion - 0.5) + 3.0 * variation * vary(seed, 1)).to_radians());
+        let fetus_from_head = Isometry {
+            rotation: (neck * turned(0.0) * drawn_head.rotation).normalize(),
+            translation: spine.vertebra(0.0).translation + neck * (spine.vertebra(0.0).vector(on_neck)),
+        };
+
+        let limb = |pose: &Pose, i: usize, what: u64, level: f32| {
+            let side = if i == 0 { 1.0 } else { -1.0 };
+            let jitter = |v: Vec3, k: u64| {
+                let turn = |axis: u64| LIMB_VARIATION_RAD * variation * vary(seed, 100 * what + 10 * k + axis);
+                turned(level) * Quat::from_euler(glam::EulerRot::XYZ, turn(0), turn(1), turn(2)) * v
+            };
+            [&pose.upper, &pose.lower, &pose.end]
+                .into_iter()
+                .zip(0..)
+                .map(|(keys, k)| jitter(between(keys, flexion, side), k))
+                .collect::<Vec<_>>()
+        };
+        // Joints lie a cartilage end beyond the ossified shafts.
+        let (leg_scale, arm_scale) = (biometry.leg_scale(), biometry.arm_scale());
+        let leg = |i: usize| {
+            let side = if i == 0 { 1.0 } else { -1.0 };
+            let d = limb(&LEGS[i], i, 2 + i as u64, 26.0);
+            let hip = moved(26.0, Vec3::new(side * 10.0, -51.0, -9.0));
+            let knee = hip + (biometry.femur_mm + 6.5 * leg_scale) * d[0];
+            Leg { hip, knee, ankle: knee + (biometry.tibia_mm + 7.0 * leg_scale) * d[1], toes: d[2].normalize() }
+        };
+        let arm = |i: usize| {
+            let side = if i == 0 { 1.0 } else { -1.0 };
+            let d = limb(&ARMS[i], i, 4 + i as u64, 9.0);
+            let shoulder = moved(9.0, Vec3::new(side * 19.0, 12.0, -19.0));
+            let elbow = shoulder + (biometry.humerus_mm + 6.0 * arm_scale) * d[0];
+            Arm {
+                shoulder,
+                elbow,
+                wrist: elbow + (biometry.ulna_mm + 5.0 * arm_scale) * d[1],
+                fingers: d[2].normalize(),
+            }
+        };
+        Self {
+            biometry: *biometry,
+            scene_from_fetus: Isometry::IDENTITY,
+            fetus_from_head,
+            legs: [leg(0), leg(1)],
+            arms: [arm(0), arm(1)],
+            spine,
+        }
     }
 
-    /// The point `left`, `ventral` of the spine at `level`, fetal frame, mm.
+    /// `fetus_from_vertebra`: the frame of the spine at `level`, y along the spine to cranial, z ventral, in mm.
+    pub fn vertebra(&self, level: f32) -> Isometry {
+        self.spine.vertebra(level)
+    }
+
+    /// The point `left`, `ventral` (mm at 22 weeks) of the spine at `level`, fetal frame, mm.
     pub fn trunk(&self, level: f32, left: f32, ventral: f32) -> Vec3 {
-        self.vertebra(level).point(Vec3::new(left, 0.0, ventral))
+        self.vertebra(level).point(Vec3::new(left, 0.0, ventral) * self.biometry.trunk_scale())
+    }
+
+    /// A ball about [`Self::trunk`] of `radius` (mm at 22 weeks), fetal frame, mm.
+    pub fn knot(&self, level: f32, left: f32, ventral: f32, radius: f32) -> (Vec3, f32) {
+        (self.trunk(level, left, ventral), radius * self.biometry.trunk_scale())
+    }
+
+    /// A solid drawn about the vertebra at `level` in mm at 22 weeks, in the fetal frame.
+    pub fn in_trunk(&self, level: f32, solid: Solid) -> Solid {
+        solid.scaled(self.biometry.trunk_scale()).placed(self.vertebra(level))
+    }
+
+    /// An ellipsoid drawn about the vertebra at `level` in mm at 22 weeks, in the fetal frame.
+    pub fn in_trunk_ellipsoid(&self, level: f32, centre: Vec3, semi: Vec3) -> Solid {
+        self.in_trunk(level, ellipsoid(centre, semi))
+    }
+
+    /// A solid drawn in the head's frame in mm at 22 weeks, in the fetal frame.
+    pub fn in_head(&self, solid: Solid) -> Solid {
+        solid.scaled(self.biometry.head_scale()).placed(self.fetus_from_head)
+    }
+
+    /// A point drawn in the head's frame in mm at 22 weeks, in the fetal frame, mm.
+    pub fn head_point(&self, drawn: Vec3) -> Vec3 {
+        self.fetus_from_head.point(drawn * self.biometry.head_scale())
     }
 
     /// A point of the fetal frame in the scene, mm.
@@ -132,53 +252,53 @@ impl Attitude {
     }
 }
 
-/// Head down, ventral to the mother's left, left side up; tilted so that the trunk lies deeper than the head.
-fn scene_from_fetus() -> Isometry {
-    let lie = Isometry::from_axes(Vec3::new(-5.0, 0.0, -11.0), Vec3::NEG_Y, Vec3::X);
-    let tilt = Quat::from_rotation_x(-5.5f32.to_radians());
-    Isometry { rotation: (tilt * lie.rotation).normalize(), ..lie }
-}
-
-/// The level at each point of a spine from C1 to S5, spread by the vertebrae's relative heights.
-fn levels_along(spine: &[Vec3]) -> Vec<f32> {
-    let mut borders = vec![0.0f32];
-    for (count, height) in HEIGHTS {
-        for _ in 0..count {
-            borders.push(borders[borders.len() - 1] + height);
-        }
-    }
-    let mut lengths = vec![0.0f32];
-    for pair in spine.windows(2) {
-        lengths.push(lengths[lengths.len() - 1] + pair[0].distance(pair[1]));
-    }
-    let scale = borders[VERTEBRAE] / lengths[lengths.len() - 1];
-    lengths
-        .iter()
-        .map(|&length| {
-            let at = length * scale;
-            let i = borders.partition_point(|&b| b < at).clamp(1, VERTEBRAE);
-            (i - 1) as f32 + (at - borders[i - 1]) / (borders[i] - borders[i - 1])
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anatomy::phantom::parameters::Lie;
 
     #[test]
     fn frames_are_right_handed_and_go_down_the_back() {
-        let attitude = Attitude::curled(&Biometry::WEEKS_22);
-        for level in 0..=VERTEBRAE {
-            let frame = attitude.vertebra(level as f32);
-            assert!((frame.vector(Vec3::X) - Vec3::X).length() < 1e-4, "left is left at {level}");
-            assert!(frame.vector(Vec3::Z).z > 0.2, "ventral is ventral at {level}");
+        for flexion in [0.0, 0.5, 1.0] {
+            let attitude = Attitude::of(&Parameters { flexion, ..Parameters::default() });
+            for level in 0..=VERTEBRAE {
+                let frame = attitude.vertebra(level as f32);
+                assert!((frame.vector(Vec3::X) - Vec3::X).length() < 1e-4, "left is left at {level}");
+                assert!(frame.vector(Vec3::Z).z > 0.1, "ventral is ventral at {level}");
+            }
         }
-        let length: f32 = attitude.spine.windows(2).map(|p| p[0].distance(p[1])).sum();
-        assert!((100.0..125.0).contains(&length), "spine of {length} mm");
-        // Fetal cranial is the mother's caudal, fetal ventral her left.
-        assert!(attitude.scene_vector(Vec3::Y).y < -0.9);
-        assert!(attitude.scene_vector(Vec3::Z).x > 0.9);
-        assert!(attitude.scene_vector(Vec3::X).z > 0.9);
+    }
+
+    #[test]
+    fn the_head_points_where_the_lie_says() {
+        let head = [
+            (Lie::Cephalic, Vec3::NEG_Y),
+            (Lie::Breech, Vec3::Y),
+            (Lie::TransverseHeadLeft, Vec3::X),
+            (Lie::TransverseHeadRight, Vec3::NEG_X),
+        ];
+        for (lie, towards) in head {
+            let attitude = Attitude::of(&Parameters { lie, ..Parameters::default() });
+            assert!(attitude.scene_vector(Vec3::Y).dot(towards) > 0.85, "{lie:?}");
+            assert!(attitude.scene_vector(Vec3::X).z > 0.85, "{lie:?}: the left side is up");
+            assert!(attitude.scene_point(attitude.fetus_from_head.translation).dot(towards) > 30.0, "{lie:?}");
+        }
+        // A quarter turn brings the back or the belly up.
+        let rolled = Attitude::of(&Parameters { roll_deg: 90.0, ..Parameters::default() });
+        assert!(rolled.scene_vector(Vec3::Z).z.abs() > 0.85);
+    }
+
+    #[test]
+    fn bones_of_no_two_limbs_cross() {
+        for seed in 0..40 {
+            for flexion in [0.0, 0.25, 0.5, 0.75, 1.0] {
+                for weeks in [16.0, 22.0, 34.0] {
+                    let attitude = Attitude::varied(&Biometry::at_weeks(weeks), flexion, seed);
+                    assert!(fetus::bones_apart(&attitude), "seed {seed}, flexion {flexion}, {weeks} weeks");
+                }
+            }
+        }
+        let [a, b] = [1, 2].map(|seed| Attitude::varied(&Biometry::default(), 0.5, seed));
+        assert_ne!(a.legs, b.legs);
     }
 }

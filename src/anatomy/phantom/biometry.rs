@@ -1,20 +1,36 @@
-//! Sizes of the fetus.
+//! Sizes of the fetus by gestational age.
+
+use glam::Vec3;
 
 /// Sizes of a fetus that drive every organ, mm.
 ///
-/// Values at 22 weeks: head, abdomen and femur after Hadlock et al., "Estimating fetal age: computer-assisted analysis
-/// of multiple fetal growth parameters", Radiology 152:497 (1984); other long bones after Jeanty et al., "Estimation
-/// of gestational age from measurements of fetal long bones", J Ultrasound Med 3:75 (1984).
+/// Sources, by field: [`Biometry::at_weeks`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Biometry {
     /// Biparietal diameter, outer to inner table of the skull.
     pub biparietal_mm: f32,
+    /// Circumference of the skull's outer table in the transthalamic plane.
+    pub head_circumference_mm: f32,
     /// Occipitofrontal diameter, outer to outer.
     pub occipitofrontal_mm: f32,
     /// Thickness of the skull.
     pub skull_thickness_mm: f32,
+    /// Greatest width of the cerebellum.
+    pub cerebellum_mm: f32,
+    /// Depth of the cisterna magna, from the vermis to the inner table.
+    pub cisterna_magna_mm: f32,
+    /// Width of a lateral ventricle's atrium.
+    pub atrium_mm: f32,
+    /// Distance between the outer borders of the eyes.
+    pub binocular_mm: f32,
+    /// Diameter of an eye.
+    pub ocular_mm: f32,
     /// Circumference of the abdomen at the skin.
     pub abdominal_circumference_mm: f32,
+    /// Length of the spine from C1 to S5 along the vertebral bodies.
+    pub spine_mm: f32,
+    /// Length of a kidney.
+    pub kidney_mm: f32,
     /// Ossified length of the femur.
     pub femur_mm: f32,
     /// Ossified length of the tibia.
@@ -33,22 +49,91 @@ pub struct Biometry {
     pub skin_thickness_mm: f32,
 }
 
+/// Lengths of the long bones at every second week from 16 to 34, mm: humerus, radius, ulna, tibia, fibula. Medians after
+/// Jeanty et al., "Estimation of gestational age from measurements of fetal long bones", J Ultrasound Med 3:75 (1984),
+/// rounded to a millimetre.
+const LONG_BONES_MM: [[f32; 10]; 5] = [
+    [21.0, 27.0, 32.0, 36.0, 41.0, 45.0, 48.0, 51.0, 55.0, 58.0],
+    [18.0, 22.0, 27.0, 31.0, 34.0, 37.0, 40.0, 43.0, 45.0, 47.0],
+    [19.0, 24.0, 29.0, 33.0, 37.0, 41.0, 44.0, 47.0, 50.0, 53.0],
+    [17.0, 22.0, 27.0, 32.0, 37.0, 42.0, 45.0, 48.0, 52.0, 55.0],
+    [18.0, 23.0, 28.0, 33.0, 37.0, 42.0, 45.0, 48.0, 51.0, 53.0],
+];
+
+/// Width of the cerebellum at every second week from 16 to 34, mm: medians after Goldstein et al., "Cerebellar
+/// measurements with ultrasonography in the evaluation of fetal growth and development", Am J Obstet Gynecol 156:1065
+/// (1987).
+const CEREBELLUM_MM: [f32; 10] = [16.0, 18.0, 20.0, 23.0, 25.0, 29.0, 31.0, 35.0, 38.0, 40.0];
+
+/// Distance between the outer borders of the eyes and diameter of an eye, at every second week from 16 to 34, mm: after
+/// Jeanty et al., "The binocular distance: a new way to estimate fetal age", J Ultrasound Med 3:241 (1984), to about a
+/// millimetre.
+const EYES_MM: [[f32; 10]; 2] = [
+    [25.0, 30.0, 34.0, 37.0, 41.0, 44.0, 47.0, 50.0, 52.0, 54.0],
+    [7.0, 9.0, 10.0, 11.0, 12.0, 13.0, 13.5, 14.0, 14.5, 15.0],
+];
+
+/// Value at `weeks` of a table of every second week from 16 to 34.
+fn at(table: &[f32; 10], weeks: f64) -> f32 {
+    let place = ((weeks as f32 - 16.0) / 2.0).clamp(0.0, 9.0);
+    let i = (place as usize).min(8);
+    table[i] + (table[i + 1] - table[i]) * (place - i as f32)
+}
+
+/// Circumference of an ellipse of these diameters (Ramanujan's first approximation).
+fn ellipse_circumference(a: f32, b: f32) -> f32 {
+    0.5 * std::f32::consts::PI * (3.0 * (a + b) - ((3.0 * a + b) * (a + 3.0 * b)).sqrt())
+}
+
 impl Biometry {
-    /// A fetus of 22 weeks.
-    pub const WEEKS_22: Self = Self {
-        biparietal_mm: 54.0,
-        occipitofrontal_mm: 70.0,
-        skull_thickness_mm: 1.8,
-        abdominal_circumference_mm: 175.0,
-        femur_mm: 39.0,
-        tibia_mm: 34.0,
-        fibula_mm: 33.0,
-        humerus_mm: 37.0,
-        radius_mm: 31.0,
-        ulna_mm: 34.0,
-        foot_mm: 38.0,
-        skin_thickness_mm: 1.5,
-    };
+    /// A fetus of `weeks` menstrual weeks, within
+    /// [`WEEKS_RANGE`](super::parameters::WEEKS_RANGE).
+    ///
+    /// - Biparietal diameter, head and abdominal circumference and femur: the growth curves of Hadlock et al.,
+    ///   "Estimating fetal age: computer-assisted analysis of multiple fetal growth parameters", Radiology 152:497
+    ///   (1984), in cm of w weeks: BPD = −3.08 + 0.41 w − 0.000061 w³; HC = −11.48 + 1.56 w − 0.0002548 w³;
+    ///   AC = −13.3 + 1.61 w − 0.00998 w²; FL = −3.91 + 0.427 w − 0.0034 w².
+    /// - Other long bones: Jeanty 1984. The foot is as long as the femur (Campbell et al., J Ultrasound Med 7:187, 1988).
+    /// - Cerebellum: Goldstein 1987. Cisterna magna 5 mm (mean; Mahony et al., Radiology 153:773, 1984). Atrium 7.0 mm
+    ///   at all ages (mean 7.6, below 10; Cardoza et al., Radiology 169:711, 1988, whose callipers take in the walls).
+    ///   Eyes: Jeanty 1984.
+    /// - Assumed: the occipitofrontal diameter, such that the head's ellipse has its circumference; the skull's thickness
+    ///   (3.4 % of the biparietal diameter); the spine (grows as the mean of head and abdomen); the kidney (12.3 % of
+    ///   the abdominal circumference: their circumferences keep their ratio, Grannum et al., Am J Obstet Gynecol 136:249,
+    ///   1980); the skin's thickness.
+    pub fn at_weeks(weeks: f64) -> Self {
+        let w = weeks as f32;
+        let biparietal_mm = 10.0 * (-3.08 + 0.41 * w - 0.000_061 * w.powi(3));
+        let head_circumference_mm = 10.0 * (-11.48 + 1.56 * w - 0.000_254_8 * w.powi(3));
+        let abdominal_circumference_mm = 10.0 * (-13.3 + 1.61 * w - 0.009_98 * w * w);
+        let femur_mm = 10.0 * (-3.91 + 0.427 * w - 0.003_4 * w * w);
+        let skull_thickness_mm = 0.034 * biparietal_mm;
+        let [humerus_mm, radius_mm, ulna_mm, tibia_mm, fibula_mm] =
+            LONG_BONES_MM.each_ref().map(|bone| at(bone, weeks));
+        let [binocular_mm, ocular_mm] = EYES_MM.each_ref().map(|eyes| at(eyes, weeks));
+        Self {
+            biparietal_mm,
+            head_circumference_mm,
+            occipitofrontal_mm: occipitofrontal_mm(biparietal_mm + skull_thickness_mm, head_circumference_mm),
+            skull_thickness_mm,
+            cerebellum_mm: at(&CEREBELLUM_MM, weeks),
+            cisterna_magna_mm: 5.0,
+            atrium_mm: 7.0,
+            binocular_mm,
+            ocular_mm,
+            abdominal_circumference_mm,
+            spine_mm: 112.0 * 0.5 * (head_circumference_mm / 200.0 + abdominal_circumference_mm / 175.0),
+            kidney_mm: 0.123 * abdominal_circumference_mm,
+            femur_mm,
+            tibia_mm,
+            fibula_mm,
+            humerus_mm,
+            radius_mm,
+            ulna_mm,
+            foot_mm: femur_mm,
+            skin_thickness_mm: 1.5 * (abdominal_circumference_mm / 175.0).sqrt(),
+        }
+    }
 
     /// Radius of the abdomen at the skin, mm.
     pub fn abdominal_radius_mm(&self) -> f32 {
@@ -56,16 +141,97 @@ impl Biometry {
     }
 
     /// Half axes of the skull's outer table, mm: lateral, vertical, fore and aft.
-    pub fn skull_semi_mm(&self) -> glam::Vec3 {
+    pub fn skull_semi_mm(&self) -> Vec3 {
         // Outer to inner leaves out one table.
         let lateral = 0.5 * (self.biparietal_mm + self.skull_thickness_mm);
         let long = 0.5 * self.occipitofrontal_mm;
-        glam::Vec3::new(lateral, 0.85 * long, long)
+        Vec3::new(lateral, 0.85 * long, long)
     }
+
+    /// Size of the head over that of the model's drawing, whose head has 200 mm about it (22 weeks).
+    pub fn head_scale(&self) -> f32 {
+        self.head_circumference_mm / 200.0
+    }
+
+    /// Size of the trunk over that of the model's drawing, whose abdomen has 175 mm about it (22 weeks).
+    pub fn trunk_scale(&self) -> f32 {
+        self.abdominal_circumference_mm / 175.0
+    }
+
+    /// Size of the legs over that of the model's drawing, whose femur has 39 mm (22 weeks).
+    pub fn leg_scale(&self) -> f32 {
+        self.femur_mm / 39.0
+    }
+
+    /// Size of the arms over that of the model's drawing, whose humerus has 37 mm (22 weeks).
+    pub fn arm_scale(&self) -> f32 {
+        self.humerus_mm / 37.0
+    }
+}
+
+/// The long diameter of the head's ellipse of width `width_mm`. The brow makes the head's line
+/// [`BROW`] longer than an ellipse's.
+fn occipitofrontal_mm(width_mm: f32, circumference_mm: f32) -> f32 {
+    const BROW: f32 = 1.012;
+    let (mut short, mut long) = (width_mm, 2.0 * width_mm);
+    for _ in 0..30 {
+        let middle = 0.5 * (short + long);
+        if BROW * ellipse_circumference(width_mm, middle) < circumference_mm { short = middle } else { long = middle }
+    }
+    short
 }
 
 impl Default for Biometry {
     fn default() -> Self {
-        Self::WEEKS_22
+        Self::at_weeks(22.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_at_22_weeks_are_the_tables() {
+        let b = Biometry::at_weeks(22.0);
+        let near = |found: f32, table: f32| (found / table - 1.0).abs() < 0.03;
+        assert!(
+            near(b.biparietal_mm, 54.0) && near(b.abdominal_circumference_mm, 175.0) && near(b.femur_mm, 39.0),
+            "{b:?}"
+        );
+        assert!(near(b.head_circumference_mm, 200.0), "{b:?}");
+        // The cephalic index is 78 ± 9 (two deviations; Hadlock et al., Am J Roentgenol 137:83, 1981).
+        for weeks in 16..=34 {
+            let b = Biometry::at_weeks(f64::from(weeks));
+            let index = (b.biparietal_mm + b.skull_thickness_mm) / b.occipitofrontal_mm;
+            assert!((0.69..0.87).contains(&index), "{index} at {weeks} weeks");
+            assert!(b.atrium_mm < 10.0);
+        }
+    }
+
+    #[test]
+    fn everything_that_grows_grows_each_week() {
+        for weeks in 16..34 {
+            let [a, b] = [weeks, weeks + 1].map(|w| Biometry::at_weeks(f64::from(w)));
+            let sizes = |b: &Biometry| {
+                [
+                    b.biparietal_mm,
+                    b.head_circumference_mm,
+                    b.occipitofrontal_mm,
+                    b.cerebellum_mm,
+                    b.binocular_mm,
+                    b.ocular_mm,
+                    b.abdominal_circumference_mm,
+                    b.spine_mm,
+                    b.femur_mm,
+                    b.tibia_mm,
+                    b.fibula_mm,
+                    b.humerus_mm,
+                    b.radius_mm,
+                    b.ulna_mm,
+                ]
+            };
+            assert!(sizes(&a).iter().zip(sizes(&b)).all(|(&a, b)| b > a), "from week {weeks}");
+        }
     }
 }

@@ -8,7 +8,7 @@ use super::{PhantomError, PhantomOptions, Progress, build};
 use crate::anatomy::export::{ExportError, write_glb};
 
 /// Raised whenever the generator's output changes, so that an old file is not taken for a new one.
-const GENERATOR: &str = "obstetric-4";
+const GENERATOR: &str = "obstetric-5";
 
 /// Why the phantom's file could not be had.
 #[derive(Debug, Error)]
@@ -29,37 +29,67 @@ pub enum CacheError {
     },
 }
 
-/// The phantom at `scale` as a .glb in `cache_dir`, built unless this version of the generator has done so before.
+/// The phantom of `options` as a .glb in `cache_dir`, built unless this version of the generator has done so before.
 ///
 /// `progress` is only called where the phantom is built. Two processes may build at once: each renames a whole file
 /// into place, and both are the same.
 ///
 /// # Errors
-/// The phantom cannot be built at this scale, or the folder or file cannot be written.
-pub fn cached(cache_dir: &Path, scale: f64, progress: &(dyn Fn(Progress) + Sync)) -> Result<PathBuf, CacheError> {
-    let path = cache_dir.join(file_name(scale));
+/// The phantom cannot be built with these options, or the folder or file cannot be written.
+pub fn cached(
+    cache_dir: &Path,
+    options: &PhantomOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<PathBuf, CacheError> {
+    let path = cache_dir.join(file_name(options));
     if path.is_file() {
         return Ok(path);
     }
-    let surfaces = build(&PhantomOptions { scale }, progress)?;
+    let surfaces = build(options, progress)?;
     std::fs::create_dir_all(cache_dir).map_err(|source| CacheError::Folder { path: cache_dir.to_owned(), source })?;
     write_glb(&surfaces, &path)?;
     Ok(path)
 }
 
-fn file_name(scale: f64) -> String {
+fn file_name(options: &PhantomOptions) -> String {
+    let PhantomOptions { scale, parameters: p } = options;
+    let what = format!(
+        "{GENERATOR} {} {} {} {} {} {} {} {}",
+        p.gestational_weeks,
+        p.lie.word(),
+        p.roll_deg,
+        p.flexion,
+        p.placenta.word(),
+        p.fluid_index_mm,
+        p.maternal_fat_mm,
+        p.seed
+    );
     // FNV-1a: small, and the same on every machine and Rust version.
-    let hash =
-        GENERATOR.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-    format!("phantom-{scale}-{hash:016x}.glb")
+    let hash = what.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+    format!("phantom-{scale}-{}w-{}-{hash:016x}.glb", p.gestational_weeks, p.lie.word())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite};
 
     #[test]
-    fn scales_have_files_of_their_own() {
-        assert_ne!(file_name(1.0), file_name(0.5));
+    fn options_have_files_of_their_own() {
+        let p = Parameters::default();
+        let options = [
+            PhantomOptions::default(),
+            PhantomOptions { scale: 0.5, ..PhantomOptions::default() },
+            PhantomOptions { parameters: Parameters { gestational_weeks: 28.0, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { lie: Lie::Breech, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { roll_deg: 10.0, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { flexion: 0.7, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { placenta: PlacentaSite::Fundal, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { fluid_index_mm: 99.0, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { maternal_fat_mm: 30.0, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { seed: 1, ..p }, scale: 1.0 },
+        ];
+        let names: std::collections::BTreeSet<_> = options.iter().map(file_name).collect();
+        assert_eq!(names.len(), options.len(), "{names:?}");
     }
 }

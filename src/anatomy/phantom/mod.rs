@@ -1,8 +1,8 @@
-//! The obstetric phantom: a pregnant belly at 22 weeks, made by signed-distance modelling.
+//! The obstetric phantom: a pregnant belly, made by signed-distance modelling from [`Parameters`].
 //!
 //! Frame of the scene: x mother's left, y cranial, z anterior, in mm, the origin at the centre of the uterine cavity.
-//! The fetus lies head down on its right side, its back to the mother's right, so that a probe on the belly meets the
-//! head's side: the midline is across the beam. The placenta is anterior, left and fundal.
+//! By default the fetus is 22 weeks old and lies head down on its right side, its back to the mother's right, so that a
+//! probe on the belly meets the head's side: the midline is across the beam. The placenta is anterior, left and fundal.
 //!
 //! [`organs`] lists every closed surface as a solid, [`build`] meshes them, [`cached`] keeps the file, and
 //! [`landmarks()`] says where things are.
@@ -20,7 +20,10 @@ mod meshing;
 mod mother;
 mod organ;
 pub mod parameters;
+mod placement;
 pub mod sdf;
+mod spine;
+mod vary;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -32,7 +35,7 @@ pub use biometry::Biometry;
 pub use cache::{CacheError, cached};
 pub use landmarks::{Landmarks, landmarks};
 pub use organ::{Body, Organ};
-pub use parameters::Parameters;
+pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite};
 
 pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 
@@ -48,11 +51,13 @@ pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 pub struct PhantomOptions {
     /// Factor on the budgets of triangles, within [`SCALE_RANGE`].
     pub scale: f64,
+    /// Which phantom.
+    pub parameters: Parameters,
 }
 
 impl Default for PhantomOptions {
     fn default() -> Self {
-        Self { scale: 1.0 }
+        Self { scale: 1.0, parameters: Parameters::default() }
     }
 }
 
@@ -74,6 +79,9 @@ pub enum PhantomError {
         /// Scale asked for.
         scale: f64,
     },
+    /// A parameter is not in its range.
+    #[error(transparent)]
+    Parameters(#[from] ParametersError),
     /// So few triangles that a rib or a vessel would fall apart.
     #[error("the phantom's scale is {scale}; its finest parts need at least {least:.3}")]
     ScaleTooSmall {
@@ -84,12 +92,12 @@ pub enum PhantomError {
     },
 }
 
-/// Every surface of the phantom as a solid, the mother's first.
-pub fn organs() -> Vec<Organ> {
-    let biometry = Biometry::default();
-    let attitude = Attitude::curled(&biometry);
-    let mut organs = mother::organs(&attitude);
-    organs.extend(fetus::organs(&biometry, &attitude));
+/// Every surface of the phantom as a solid, the mother's first. Parameters outside their ranges give what they give:
+/// [`build`] checks them.
+pub fn organs(parameters: &Parameters) -> Vec<Organ> {
+    let attitude = Attitude::of(parameters);
+    let mut organs = mother::organs(parameters, &attitude);
+    organs.extend(fetus::organs(&attitude));
     organs
 }
 
@@ -98,16 +106,18 @@ pub fn organs() -> Vec<Organ> {
 /// every step and may be called from several threads.
 ///
 /// # Errors
-/// A scale outside [`SCALE_RANGE`], or one so small that fine parts would be lost.
+/// A scale outside [`SCALE_RANGE`] or a parameter outside its range, or a scale so small that fine parts would be lost.
 pub fn build(
     options: &PhantomOptions,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<PhantomSurface>, PhantomError> {
-    let scale = options.scale;
+    let PhantomOptions { scale, parameters } = *options;
     if !SCALE_RANGE.contains(&scale) {
         return Err(PhantomError::Scale { scale });
     }
-    let (mother, fetus): (Vec<Organ>, Vec<Organ>) = organs().into_iter().partition(|o| o.body == Body::Mother);
+    parameters.validate()?;
+    let (mother, fetus): (Vec<Organ>, Vec<Organ>) =
+        organs(&parameters).into_iter().partition(|o| o.body == Body::Mother);
     // One step a surface for its count, one for its mesh.
     let total = 2 * (mother.len() + fetus.len());
     let done = AtomicUsize::new(0);

@@ -43,6 +43,40 @@ pub enum PlacentaSite {
     Right,
 }
 
+impl Lie {
+    /// Words of the variants in station files and on the command line, in their order.
+    pub const WORDS: &'static [&'static str] = &["cephalic", "breech", "transverse-head-left", "transverse-head-right"];
+
+    /// The lie that `word` names.
+    pub fn from_word(word: &str) -> Option<Self> {
+        [Self::Cephalic, Self::Breech, Self::TransverseHeadLeft, Self::TransverseHeadRight]
+            .into_iter()
+            .find(|lie| lie.word() == word)
+    }
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        Self::WORDS[self as usize]
+    }
+}
+
+impl PlacentaSite {
+    /// Words of the variants in station files and on the command line, in their order.
+    pub const WORDS: &'static [&'static str] = &["anterior", "posterior", "fundal", "left", "right"];
+
+    /// The site that `word` names.
+    pub fn from_word(word: &str) -> Option<Self> {
+        [Self::Anterior, Self::Posterior, Self::Fundal, Self::Left, Self::Right]
+            .into_iter()
+            .find(|site| site.word() == word)
+    }
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        Self::WORDS[self as usize]
+    }
+}
+
 /// What differs from phantom to phantom; the same parameters give the same bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
@@ -118,6 +152,13 @@ impl Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_name_their_variants() {
+        assert!(Lie::WORDS.iter().all(|word| Lie::from_word(word).is_some_and(|lie| lie.word() == *word)));
+        assert!(PlacentaSite::WORDS.iter().all(|w| PlacentaSite::from_word(w).is_some_and(|site| site.word() == *w)));
+        assert_eq!((Lie::from_word("oblique"), PlacentaSite::from_word("")), (None, None));
+    }
 
     #[test]
     fn values_outside_their_range_are_named() {

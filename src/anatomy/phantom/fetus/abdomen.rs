@@ -1,47 +1,98 @@
-//! Liver, gall bladder, stomach, spleen, kidneys, bowel, bladder and the umbilical vessels within the belly.
+//! Liver, gall bladder, stomach, spleen, kidneys, adrenals, bowel and bladder.
 
 use glam::Vec3;
 
-use super::trunk::NAVEL_LEVEL;
-use super::{organ, trunk};
+use super::{organ, thorax};
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::biometry::Biometry;
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, ellipsoid, smooth_union, sweep, union};
+use crate::anatomy::phantom::sdf::{Isometry, Solid, catmull_rom, ellipsoid, smooth_union, sweep, union};
+
+/// Half axes of a kidney, mm as drawn: half its length follows the biometry.
+const KIDNEY_SEMI: Vec3 = Vec3::new(5.4, 10.8, 5.6);
+
+/// `(level, centre)` of the kidney on `side`, mm as drawn: the right one lies lower.
+fn kidney_place(side: f32) -> (f32, Vec3) {
+    (20.3 - 0.15 * side, Vec3::new(side * 10.0, 0.0, 4.0))
+}
 
 /// Organs of the belly.
-pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
-    let cavity = trunk::trunk(biometry, attitude, 5.2);
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let scale = attitude.biometry.trunk_scale();
+    let cavity = thorax::belly(attitude, -0.2);
     let v = Vec3::new;
-    let at = |level: f32, centre: Vec3, semi: Vec3| ellipsoid(centre, semi).placed(attitude.vertebra(level));
+    let at = |level: f32, centre: Vec3, semi: Vec3| attitude.in_trunk_ellipsoid(level, centre, semi);
     let liver = smooth_union(
         [
-            at(17.3, v(-8.5, 0.0, 20.0), v(16.0, 11.5, 17.5)),
-            at(16.8, v(6.0, 0.0, 28.0), v(14.0, 8.0, 10.5)),
-            at(18.8, v(-14.0, 0.0, 15.0), v(8.0, 10.0, 12.0)),
+            at(17.3, v(-8.5, 0.0, 20.0), v(17.5, 13.0, 18.5)),
+            at(16.8, v(6.0, 0.0, 28.0), v(15.0, 9.0, 11.5)),
+            at(18.8, v(-14.0, 0.0, 15.0), v(9.0, 11.0, 13.0)),
         ],
-        5.0,
+        5.0 * scale,
     )
-    .smooth_intersect(cavity.clone(), 2.0);
+    .smooth_intersect(cavity.clone(), 1.0);
     let spleen = at(17.7, v(16.5, 0.0, 7.5), v(3.6, 6.0, 5.5)).smooth_intersect(cavity.clone(), 1.5);
-    let kidneys = union([1.0, -1.0].map(|side| at(20.4 + 0.15 * side, v(side * 9.5, 0.0, 3.6), v(4.9, 10.2, 5.2))));
-    let pelves = union([1.0, -1.0].map(|side| at(20.4 + 0.15 * side, v(side * 8.0, 0.0, 4.2), v(1.9, 4.2, 1.3))));
     let gall = sweep(&[
-        (attitude.trunk(19.0, -9.0, 24.0), 1.2),
-        (attitude.trunk(19.2, -10.5, 29.0), 2.3),
-        (attitude.trunk(19.3, -11.0, 32.0), 2.5),
+        attitude.knot(19.0, -9.0, 24.0, 1.2),
+        attitude.knot(19.2, -10.5, 29.0, 2.3),
+        attitude.knot(19.3, -11.0, 32.0, 2.5),
     ]);
     let bladder = at(BLADDER_LEVEL, v(0.0, 0.0, BLADDER_VENTRAL_MM), v(5.0, 6.0, 5.2));
+    // Caps on the kidneys, dark in the fetus.
+    let adrenals = union([1.0, -1.0].map(|side| {
+        let (level, centre) = kidney_place(side);
+        at(level, centre + v(-1.5 * side, 10.0, 0.5), v(3.4, 2.6, 3.0))
+    }));
     vec![
-        organ("fetal_bowel", "bowel", 108, 0.95, 2.6, bowel(attitude).smooth_intersect(cavity, 1.5)),
-        organ("liver", "liver", 110, 0.95, 5.0, liver),
-        organ("spleen", "spleen", 111, 0.8, 2.6, spleen),
-        organ("kidneys", "kidney", 112, 0.75, 3.5, kidneys),
-        organ("renal_pelves", "urine", 114, 0.5, 1.2, pelves),
-        organ("gall_bladder", "urine", 114, 0.55, 1.6, gall),
-        organ("stomach", "amniotic_fluid", 115, 0.65, 2.4, stomach(attitude)),
-        organ("fetal_bladder", "urine", 115, 0.65, 2.6, bladder),
+        organ("fetal_bowel", "bowel", 109, 0.95, 2.6 * scale, bowel(attitude).smooth_intersect(cavity, 1.5)),
+        organ("liver", "liver", 110, 0.95, 5.0 * scale, liver),
+        organ("spleen", "spleen", 111, 0.8, 2.6 * scale, spleen),
+        organ("adrenals", "spleen", 111, 0.7, 2.2 * scale, adrenals),
+        organ("kidneys", "kidney", 112, 0.75, 3.5 * scale, kidneys(attitude)),
+        organ("renal_pyramids", "renal_medulla", 113, 0.55, 1.6 * scale, pyramids(attitude)),
+        organ("renal_pelves", "urine", 114, 0.5, 1.2 * scale, pelves(attitude)),
+        organ("gall_bladder", "urine", 114, 0.55, 1.6 * scale, gall),
+        organ("stomach", "amniotic_fluid", 115, 0.65, 2.4 * scale, stomach(attitude)),
+        organ("fetal_bladder", "urine", 115, 0.65, 2.6 * scale, bladder),
     ]
+}
+
+fn on_kidneys(attitude: &Attitude, part: impl Fn(f32) -> Solid) -> Solid {
+    union([1.0, -1.0].map(|side| {
+        let (level, centre) = kidney_place(side);
+        let moved = Isometry { translation: centre, ..Isometry::IDENTITY };
+        attitude.in_trunk(level, part(side).placed(moved))
+    }))
+}
+
+/// Bean-shaped: a hilum towards the spine.
+fn kidneys(attitude: &Attitude) -> Solid {
+    let length = 0.5 * attitude.biometry.kidney_mm / attitude.biometry.trunk_scale();
+    on_kidneys(attitude, |side| {
+        let bean = ellipsoid(Vec3::ZERO, KIDNEY_SEMI.with_y(length));
+        bean.smooth_subtract(ellipsoid(Vec3::new(-side * 6.8, 0.0, 0.8), Vec3::new(2.6, 3.6, 2.0)), 1.5)
+    })
+}
+
+/// Dark pyramids in two rows about the sinus.
+fn pyramids(attitude: &Attitude) -> Solid {
+    on_kidneys(attitude, |side| {
+        let rows = [2.4, -2.4].into_iter().flat_map(|ventral| {
+            [-6.6, -3.4, 0.0, 3.4, 6.6].map(|up: f32| {
+                let narrow = (1.0 - (up / 11.0).powi(2)).sqrt();
+                ellipsoid(Vec3::new(side * 1.6 * narrow, up, ventral * narrow), Vec3::new(1.35, 1.2, 1.15))
+            })
+        });
+        union(rows)
+    })
+}
+
+/// The renal pelvis, a little fluid in it, open to the hilum.
+fn pelves(attitude: &Attitude) -> Solid {
+    on_kidneys(attitude, |side| {
+        let body = ellipsoid(Vec3::new(-side * 1.6, 0.0, 0.4), Vec3::new(1.9, 4.4, 1.3));
+        let neck = ellipsoid(Vec3::new(-side * 4.2, -0.6, 0.6), Vec3::new(2.0, 1.5, 1.1));
+        smooth_union([body, neck], 0.8)
+    })
 }
 
 const BLADDER_LEVEL: f32 = 27.2;
@@ -57,13 +108,24 @@ pub(in crate::anatomy::phantom) fn stomach_centre(attitude: &Attitude) -> Vec3 {
     attitude.trunk(18.0, 13.0, 17.0)
 }
 
+/// Middle, upper and lower pole of the left and right kidney, fetal frame.
+pub(in crate::anatomy::phantom) fn kidney_poles(attitude: &Attitude) -> [[Vec3; 3]; 2] {
+    [1.0, -1.0].map(|side| {
+        let (level, centre) = kidney_place(side);
+        let frame = attitude.vertebra(level);
+        let half = 0.5 * attitude.biometry.kidney_mm;
+        let middle = frame.point(centre * attitude.biometry.trunk_scale());
+        [middle, middle + frame.vector(Vec3::Y) * half, middle - frame.vector(Vec3::Y) * half]
+    })
+}
+
 /// The bubble: fundus at the left back, body, and the bend to the pylorus.
 fn stomach(attitude: &Attitude) -> Solid {
     let knots = [
-        (attitude.trunk(17.4, 13.2, 12.5), 4.2),
-        (stomach_centre(attitude), 5.3),
-        (attitude.trunk(18.5, 10.0, 21.5), 4.0),
-        (attitude.trunk(18.8, 5.0, 22.5), 2.4),
+        attitude.knot(17.4, 13.2, 12.5, 4.2),
+        attitude.knot(18.0, 13.0, 17.0, 5.3),
+        attitude.knot(18.5, 10.0, 21.5, 4.0),
+        attitude.knot(18.8, 5.0, 22.5, 2.4),
     ];
     sweep(&catmull_rom(&knots, 6))
 }
@@ -76,35 +138,10 @@ fn bowel(attitude: &Attitude) -> Solid {
             .map(|i| {
                 let left = -14.0 + 3.5 * i as f32;
                 let ventral = if i % 2 == 0 { 17.0 } else { 33.0 } - 2.2 * row as f32;
-                (attitude.trunk(level + 0.2 * (i % 3) as f32, left * (1.0 - 0.14 * row as f32), ventral), 2.5)
+                attitude.knot(level + 0.2 * (i % 3) as f32, left * (1.0 - 0.14 * row as f32), ventral, 2.5)
             })
             .collect();
         sweep(&catmull_rom(&knots, 5))
     });
     union(coils)
-}
-
-/// The umbilical vein to the portal sinus, and the arteries beside the bladder.
-pub(super) fn umbilical_vessels(attitude: &Attitude) -> Vec<Solid> {
-    let at = |level: f32, left: f32, ventral: f32, radius: f32| (attitude.trunk(level, left, ventral), radius);
-    let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
-    // In the plane of the circumference the vein runs backward and turns to the right like a hockey stick.
-    let vein = tube(&[
-        at(NAVEL_LEVEL, 0.0, 41.5, 1.6),
-        at(19.6, 0.3, 38.5, 1.7),
-        at(18.2, 0.3, 31.0, 1.75),
-        at(17.9, -0.8, 24.5, 1.8),
-        at(17.9, -4.5, 20.5, 1.8),
-        at(18.0, -10.0, 19.5, 1.4),
-    ]);
-    let arteries = [1.0, -1.0].map(|side| {
-        tube(&[
-            at(25.3, 8.0 * side, 9.0, 0.9),
-            at(27.2, 7.0 * side, 14.0, 0.9),
-            at(26.4, 6.6 * side, 22.5, 0.9),
-            at(23.2, 2.6 * side, 34.5, 0.9),
-            at(NAVEL_LEVEL, 1.5 * side, 41.0, 0.9),
-        ])
-    });
-    std::iter::once(vein).chain(arteries).collect()
 }

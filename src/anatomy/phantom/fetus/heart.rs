@@ -1,20 +1,19 @@
-//! Heart with four chambers, the great vessels, aorta and vena cava.
+//! Heart: four chambers, septa, valves and the moderator band. What leaves and enters it is in `vessels`.
 
 use glam::Vec3;
 
-use super::abdomen;
 use super::organ;
 use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Isometry, Solid, catmull_rom, ellipsoid, smooth_union, sweep, union};
+use crate::anatomy::phantom::sdf::{Isometry, Solid, ellipsoid, round_cone, smooth_union, sphere, union};
 
 /// Level of the four-chamber plane: T6 to T7.
-const LEVEL: f32 = 13.4;
+pub(in crate::anatomy::phantom) const LEVEL: f32 = 13.4;
 
-/// `fetus_from_heart`: origin at the heart's centre, y cranial (normal of the four-chamber plane), z ventral.
+/// `fetus_from_heart`: origin at the heart's centre, y cranial (normal of the four-chamber plane), z ventral; in mm.
 pub(in crate::anatomy::phantom) fn heart_frame(attitude: &Attitude) -> Isometry {
     let frame = attitude.vertebra(LEVEL);
-    Isometry { translation: frame.point(Vec3::new(3.0, 0.0, 20.5)), ..frame }
+    Isometry { translation: attitude.trunk(LEVEL, 3.0, 20.5), ..frame }
 }
 
 /// The heart's own axes in the heart frame: to the apex (45° to the left), and from right to left heart.
@@ -25,59 +24,72 @@ fn axes() -> (Vec3, Vec3, Vec3) {
     (apex, leftward, leftward.cross(apex))
 }
 
+/// `(a, b, c)` to the apex, to the left heart and out of the four-chamber plane, in the heart frame.
+fn at(a: f32, b: f32, c: f32) -> Vec3 {
+    let (apex, leftward, out) = axes();
+    apex * a + leftward * b + out * c
+}
+
 /// An ellipsoid at `(a, b)` of the four-chamber plane, its long axis along the heart's.
 fn lobe(a: f32, b: f32, semi: Vec3) -> Solid {
     let (apex, leftward, _) = axes();
-    let frame = Isometry::from_axes(apex * a + leftward * b, apex, leftward);
     // Local axes: y to the apex, z to the left heart.
-    ellipsoid(Vec3::ZERO, semi).placed(frame)
+    ellipsoid(Vec3::ZERO, semi).placed(Isometry::from_axes(at(a, b, 0.0), apex, leftward))
 }
 
-/// Muscle, chambers and vessels.
+/// Middles of left and right ventricle, left and right atrium: (a, b), mm as drawn.
+const CHAMBERS: [(f32, f32); 4] = [(3.0, 3.6), (2.4, -3.8), (-6.4, 3.8), (-6.4, -3.9)];
+/// Rings of the mitral and tricuspid valve; the tricuspid lies nearer to the apex.
+const RINGS: [(f32, f32); 2] = [(-3.2, 3.7), (-2.5, -3.8)];
+
+/// Middles of left and right ventricle, left and right atrium, and the crux between them, fetal frame, mm.
+pub(in crate::anatomy::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec3; 4], Vec3) {
+    let frame = heart_frame(attitude);
+    let scale = attitude.biometry.trunk_scale();
+    let place = |a: f32, b: f32| frame.point(at(a, b, 0.0) * scale);
+    (CHAMBERS.map(|(a, b)| place(a, b)), place(-2.9, 0.0))
+}
+
+/// Muscle, chambers, and what hangs in them.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
-    let place = heart_frame(attitude);
+    let frame = heart_frame(attitude);
+    let scale = attitude.biometry.trunk_scale();
+    let place = |solid: Solid| solid.scaled(scale).placed(frame);
     let v = Vec3::new;
-    let muscle = smooth_union([lobe(1.5, 0.0, v(7.6, 11.0, 8.6)), lobe(-5.2, 0.0, v(6.6, 6.0, 8.2))], 3.0);
+    let muscle = smooth_union([lobe(1.5, 0.0, v(7.6, 11.0, 8.8)), lobe(-5.6, 0.0, v(6.8, 6.2, 8.6))], 3.0);
+    let [lv, rv, la, ra] = CHAMBERS;
     let chambers = [
-        lobe(3.0, 3.5, v(3.6, 6.0, 2.7)),
-        lobe(2.6, -3.6, v(3.9, 5.7, 2.9)),
-        lobe(-6.0, 3.6, v(3.5, 3.0, 2.9)),
-        lobe(-6.2, -3.7, v(3.7, 3.2, 3.1)),
+        lobe(lv.0, lv.1, v(3.9, 6.2, 2.6)),
+        lobe(rv.0, rv.1, v(4.2, 5.4, 2.9)),
+        lobe(la.0, la.1, v(3.9, 3.1, 3.1)),
+        lobe(ra.0, ra.1, v(4.1, 3.3, 3.2)),
     ];
+    // Orifices, and the oval foramen.
+    let orifices = RINGS.map(|(a, b)| round_cone(at(a - 1.6, b, 0.0), at(a + 1.6, b, 0.0), 2.1, 2.1));
+    let foramen = round_cone(at(-6.4, -1.6, 0.0), at(-6.4, 1.6, 0.0), 1.2, 1.2);
+    let blood = union(chambers.into_iter().chain(orifices).chain([foramen]));
     vec![
-        organ("heart", "heart", 118, 0.75, 3.5, muscle.placed(place)),
-        organ("heart_chambers", "blood", 120, 0.55, 1.6, union(chambers).placed(place)),
-        organ("fetal_vessels", "blood", 116, 0.55, 1.9, vessels(attitude)),
+        organ("heart", "heart", 118, 0.75, 3.5 * scale, place(muscle)),
+        organ("heart_chambers", "blood", 120, 0.5, 1.6 * scale, place(blood)),
+        organ("heart_valves", "heart", 121, 0.4, 0.75 * scale, place(leaflets())),
     ]
 }
 
-/// Great arteries, aorta to the iliacs, vena cava, umbilical vein and arteries.
-fn vessels(attitude: &Attitude) -> Solid {
-    let at = |level: f32, left: f32, ventral: f32, radius: f32| (attitude.trunk(level, left, ventral), radius);
-    let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
-    let arch = tube(&[
-        at(13.2, 1.5, 18.0, 1.6),
-        at(11.2, -0.5, 18.0, 1.7),
-        at(10.0, 1.0, 14.5, 1.7),
-        at(10.2, 3.2, 9.0, 1.6),
-        at(11.8, 3.4, 6.0, 1.6),
-    ]);
-    let descending =
-        tube(&[at(11.8, 3.4, 6.0, 1.6), at(14.5, 3.0, 5.4, 1.6), at(18.0, 2.2, 5.2, 1.55), at(22.3, 0.8, 5.2, 1.4)]);
-    let pulmonary =
-        tube(&[at(13.4, 0.0, 22.0, 1.6), at(11.8, 2.2, 19.5, 1.7), at(11.0, 3.6, 13.5, 1.5), at(11.4, 3.6, 7.5, 1.3)]);
-    let superior_cava = tube(&[at(9.0, -4.5, 12.5, 1.2), at(11.5, -5.0, 14.5, 1.35), at(13.0, -4.6, 16.0, 1.5)]);
-    let inferior_cava = tube(&[
-        at(13.8, -4.4, 15.5, 1.5),
-        at(15.5, -4.6, 13.0, 1.45),
-        at(18.0, -4.4, 8.2, 1.35),
-        at(22.3, -2.2, 5.4, 1.2),
-    ]);
-    let iliacs = [1.0, -1.0].map(|side| {
-        tube(&[at(22.3, 0.3 * side, 5.2, 1.2), at(24.0, 4.5 * side, 6.5, 1.05), at(25.3, 8.0 * side, 9.0, 0.9)])
+/// Both leaflets of the mitral and tricuspid valve as they stand half closed, the flap of the oval foramen and the
+/// moderator band.
+fn leaflets() -> Solid {
+    let leaflet = |from: Vec3, to: Vec3| {
+        // A thin plate, as broad as the ring.
+        let along = to - from;
+        let frame = Isometry::from_axes(0.5 * (from + to), along, axes().2);
+        ellipsoid(Vec3::ZERO, Vec3::new(0.42, 0.5 * along.length() + 0.3, 2.1)).placed(frame)
+    };
+    let valves = RINGS.into_iter().flat_map(|(a, b)| {
+        [1.0, -1.0].map(|side| leaflet(at(a, b + side * 2.3, 0.0), at(a + 2.2, b + side * 0.45, 0.0)))
     });
-    let mut parts = vec![arch, descending, pulmonary, superior_cava, inferior_cava];
-    parts.extend(iliacs);
-    parts.extend(abdomen::umbilical_vessels(attitude));
-    union(parts)
+    // The flap bulges into the left atrium.
+    let flap = leaflet(at(-8.2, 0.3, 0.0), at(-5.2, 1.9, 0.0));
+    let band = round_cone(at(5.0, -1.2, -0.6), at(4.4, -6.2, 0.6), 0.6, 0.5);
+    let papillary = [2.2, 5.0].map(|b| round_cone(at(6.6, b, 1.4), at(3.6, b, 0.8), 0.75, 0.4));
+    union(valves.chain([flap, band, sphere(at(5.0, -1.0, -0.6), 0.7)]).chain(papillary))
 }

@@ -1,29 +1,106 @@
-//! Arms and legs: outline, shafts of the long bones with their cartilage ends, hands, feet and girdles.
+//! Arms and legs: outline, pose, shafts of the long bones with their cartilage ends, hands, feet and girdles.
 
 use glam::Vec3;
 
 use super::organ;
 use crate::anatomy::phantom::attitude::{Arm, Attitude, Leg};
-use crate::anatomy::phantom::biometry::Biometry;
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{
     Isometry, Solid, catmull_rom, ellipsoid, round_cone, smooth_union, sphere, sweep, union,
 };
 
 /// The limbs up to the skin, fetal frame.
-pub(super) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
+pub(super) fn outline(attitude: &Attitude) -> Solid {
+    let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
     let legs = attitude.legs.iter().map(|leg| {
-        let thigh = sweep(&[(leg.hip, 11.0), (leg.hip.lerp(leg.knee, 0.45), 9.4), (leg.knee, 6.9)]);
+        let thigh = sweep(&[(leg.hip, 11.0 * l), (leg.hip.lerp(leg.knee, 0.45), 9.4 * l), (leg.knee, 6.9 * l)]);
         let calf = leg.knee.lerp(leg.ankle, 0.35);
-        let shank = sweep(&[(leg.knee, 6.7), (calf, 6.4), (leg.ankle, 4.3)]);
-        smooth_union([thigh, shank, foot(biometry, leg, 1.0)], 2.5)
+        let shank = sweep(&[(leg.knee, 6.7 * l), (calf, 6.4 * l), (leg.ankle, 4.3 * l)]);
+        smooth_union([thigh, shank, foot().scaled(l).placed(sole(leg))], 2.5 * l)
     });
     let arms = attitude.arms.iter().map(|arm| {
-        let upper = sweep(&[(arm.shoulder, 8.0), (arm.shoulder.lerp(arm.elbow, 0.5), 6.4), (arm.elbow, 5.3)]);
-        let fore = sweep(&[(arm.elbow, 5.2), (arm.elbow.lerp(arm.wrist, 0.3), 5.2), (arm.wrist, 3.4)]);
-        smooth_union([upper, fore, hand(arm)], 2.0)
+        let upper =
+            sweep(&[(arm.shoulder, 8.0 * a), (arm.shoulder.lerp(arm.elbow, 0.5), 6.4 * a), (arm.elbow, 5.3 * a)]);
+        let fore = sweep(&[(arm.elbow, 5.2 * a), (arm.elbow.lerp(arm.wrist, 0.3), 5.2 * a), (arm.wrist, 3.4 * a)]);
+        smooth_union([upper, fore, hand().scaled(a).placed(palm(arm))], 2.0 * a)
     });
     union(legs.chain(arms))
+}
+
+/// Balls that cover the limbs up to the skin: centre and radius, fetal frame, mm.
+pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
+    let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
+    let v = Vec3::new;
+    let legs = attitude.legs.iter().flat_map(|leg| {
+        let sole = sole(leg);
+        [
+            (leg.hip, 11.0 * l),
+            (leg.hip.lerp(leg.knee, 0.5), 9.4 * l),
+            (leg.knee, 7.0 * l),
+            (leg.knee.lerp(leg.ankle, 0.35), 6.6 * l),
+            (leg.ankle, 5.0 * l),
+            (sole.point(v(0.0, -4.0, -6.5) * l), 4.8 * l),
+            (sole.point(v(0.0, -6.5, 20.0) * l), 5.2 * l),
+            (sole.point(v(0.0, -7.0, 24.0) * l), 4.6 * l),
+        ]
+    });
+    let arms = attitude.arms.iter().flat_map(|arm| {
+        let palm = palm(arm);
+        [
+            (arm.shoulder, 8.0 * a),
+            (arm.elbow, 5.4 * a),
+            (arm.wrist, 4.0 * a),
+            (palm.point(v(0.0, 8.0, 0.0) * a), 6.0 * a),
+            (palm.point(v(0.0, 16.0, 2.5) * a), 5.5 * a),
+        ]
+    });
+    legs.chain(arms).collect()
+}
+
+/// Whether the bones of no two limbs, and of no limb and the skull, cross.
+pub(in crate::anatomy::phantom) fn bones_apart(attitude: &Attitude) -> bool {
+    let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
+    let v = Vec3::new;
+    // Ends of each bone or group of bones, and its radius.
+    let legs = attitude.legs.iter().map(|leg| {
+        let sole = sole(leg);
+        vec![
+            (leg.hip, leg.knee, 3.0 * l),
+            (leg.knee, leg.ankle, 4.5 * l),
+            (sole.point(v(0.0, -4.5, -6.0) * l), sole.point(v(0.0, -6.5, 22.0) * l), 4.0 * l),
+        ]
+    });
+    let arms = attitude.arms.iter().map(|arm| {
+        let palm = palm(arm);
+        vec![
+            (arm.shoulder, arm.elbow, 2.5 * a),
+            (arm.elbow, arm.wrist, 3.0 * a),
+            (arm.wrist, palm.point(v(0.0, 16.0, 3.0) * a), 4.0 * a),
+        ]
+    });
+    let limbs: Vec<_> = legs.chain(arms).collect();
+    let head = attitude.fetus_from_head;
+    let skull = ellipsoid(Vec3::ZERO, attitude.biometry.skull_semi_mm());
+    let clear_of_skull = |&(p, q, r): &(Vec3, Vec3, f32)| {
+        [0.0, 0.5, 1.0].into_iter().all(|t| skull.distance_mm(head.local_point(p.lerp(q, t))) > r)
+    };
+    let apart = |a: &(Vec3, Vec3, f32), b: &(Vec3, Vec3, f32)| segment_distance(a.0, a.1, b.0, b.1) > a.2 + b.2;
+    limbs.iter().enumerate().all(|(i, limb)| {
+        limb.iter().all(clear_of_skull)
+            && limbs[i + 1..].iter().all(|other| limb.iter().all(|a| other.iter().all(|b| apart(a, b))))
+    })
+}
+
+/// Least distance between the segments from `a` to `b` and from `c` to `d` (C. Ericson, Real-Time Collision Detection,
+/// section 5.1.9).
+fn segment_distance(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> f32 {
+    let (u, v, w) = (b - a, d - c, a - c);
+    let (uu, uv, vv, uw, vw) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));
+    let across = uu * vv - uv * uv;
+    let s = if across > 1e-6 { ((uv * vw - uw * vv) / across).clamp(0.0, 1.0) } else { 0.0 };
+    let t = ((uv * s + vw) / vv).clamp(0.0, 1.0);
+    let s = ((uv * t - uw) / uu).clamp(0.0, 1.0);
+    (a + u * s).distance(c + v * t)
 }
 
 /// The sole's frame: origin at the ankle, y away from the sole, z to the toes.
@@ -32,22 +109,17 @@ fn sole(leg: &Leg) -> Isometry {
     Isometry::from_axes(leg.ankle, up - leg.toes * up.dot(leg.toes), leg.toes)
 }
 
-fn foot(biometry: &Biometry, leg: &Leg, size: f32) -> Solid {
+/// A foot of 38 mm in the sole's frame.
+fn foot() -> Solid {
     let v = Vec3::new;
-    let scale = biometry.foot_mm / 38.0;
-    let heel = v(0.0, -4.0, -6.5 * scale);
-    let ball = v(0.0, -6.5, 20.0 * scale);
-    let core = sweep(&[(heel, 4.6 * size), (v(0.0, -3.5, 3.0), 4.9 * size), (ball, 3.2 * size)]);
+    let core = sweep(&[(v(0.0, -4.0, -6.5), 4.6), (v(0.0, -3.5, 3.0), 4.9), (v(0.0, -6.5, 20.0), 3.2)]);
     let toes = (0..5).map(|i| {
         let x = 2.2 * (i as f32 - 2.0);
-        round_cone(
-            v(0.7 * x, -6.2, 17.0 * scale),
-            v(x, -7.0, (25.0 - 0.5 * (i as f32 - 1.5).powi(2)) * scale),
-            2.4 * size,
-            1.9 * size,
-        )
+        let tip = v(x, -7.0, 25.0 - 0.5 * (i as f32 - 1.5).powi(2));
+        let thick = if i == 0 { 2.1 } else { 1.6 };
+        round_cone(v(0.7 * x, -6.2, 17.0), tip, 2.4, thick)
     });
-    smooth_union(std::iter::once(core).chain(toes), 1.6).placed(sole(leg))
+    smooth_union(std::iter::once(core).chain(toes), 1.0)
 }
 
 /// The palm's frame: origin at the wrist, y to the fingers, z out of the palm.
@@ -63,15 +135,18 @@ fn fingers() -> [[Vec3; 3]; 5] {
         if i == 0 {
             [v(-3.4, 3.0, 0.0), v(-6.0, 6.5, 1.5), v(-6.5, 10.0, 3.2)]
         } else {
-            [v(x * 0.7, 9.0, 0.0), v(x, 14.5, 0.8), v(x * 1.05, 17.8, 4.0)]
+            // The middle finger is the longest.
+            let long = [0.94, 1.0, 0.96, 0.84][i - 1];
+            [v(x * 0.7, 9.0, 0.0), v(x, 9.0 + 5.5 * long, 0.8), v(x * 1.05, 9.0 + 8.8 * long, 4.0)]
         }
     })
 }
 
-fn hand(arm: &Arm) -> Solid {
+/// A hand at 22 weeks in the palm's frame.
+fn hand() -> Solid {
     let palm_pad = ellipsoid(Vec3::new(0.0, 6.0, 0.0), Vec3::new(5.0, 6.5, 3.0));
-    let digits = fingers().map(|[a, b, c]| sweep(&[(a, 1.8), (b, 1.6), (c, 1.35)]));
-    smooth_union(std::iter::once(palm_pad).chain(digits), 1.2).placed(palm(arm))
+    let digits = fingers().map(|[a, b, c]| sweep(&[(a, 1.7), (b, 1.45), (c, 1.2)]));
+    smooth_union(std::iter::once(palm_pad).chain(digits), 0.9)
 }
 
 /// The tips of a shaft of `length_mm` in the middle between two joints.
@@ -82,8 +157,21 @@ fn shaft_tips(from: Vec3, to: Vec3, length_mm: f32) -> [Vec3; 2] {
 }
 
 /// Hip and knee tip of the ossified femur, fetal frame.
-pub(in crate::anatomy::phantom) fn femur_tips(biometry: &Biometry, leg: &Leg) -> [Vec3; 2] {
-    shaft_tips(leg.hip, leg.knee, biometry.femur_mm)
+pub(in crate::anatomy::phantom) fn femur_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
+    let leg = &attitude.legs[side];
+    shaft_tips(leg.hip, leg.knee, attitude.biometry.femur_mm)
+}
+
+/// Shoulder and elbow tip of the ossified humerus, fetal frame.
+pub(in crate::anatomy::phantom) fn humerus_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
+    let arm = &attitude.arms[side];
+    shaft_tips(arm.shoulder, arm.elbow, attitude.biometry.humerus_mm)
+}
+
+/// Knee and ankle tip of the ossified tibia, fetal frame.
+pub(in crate::anatomy::phantom) fn tibia_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
+    let leg = &attitude.legs[side];
+    shaft_tips(leg.knee, leg.ankle, attitude.biometry.tibia_mm)
 }
 
 /// A shaft from tip to tip, flared at its ends, slightly bowed towards `bow`.
@@ -102,84 +190,85 @@ fn shaft([a, b]: [Vec3; 2], middle_mm: f32, end_mm: f32, bow: Vec3) -> Solid {
 }
 
 /// Shafts, cartilage ends, small bones and girdles.
-pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let biometry = &attitude.biometry;
+    let (l, a) = (biometry.leg_scale(), biometry.arm_scale());
     let mut shafts = Vec::new();
     let mut ends = Vec::new();
     let mut small = Vec::new();
-    for leg in &attitude.legs {
+    for (i, leg) in attitude.legs.iter().enumerate() {
         let thigh = (leg.knee - leg.hip).normalize();
-        let front = (thigh - (leg.ankle - leg.knee).normalize()).normalize();
-        let side = thigh.cross(leg.ankle - leg.knee).normalize();
-        shafts.push(shaft(femur_tips(biometry, leg), 1.75, 2.4, (front - thigh * front.dot(thigh)) * 1.0));
-        shafts.push(shaft(shaft_tips(leg.knee, leg.ankle, biometry.tibia_mm), 1.6, 2.1, Vec3::ZERO));
-        let fibula = shaft_tips(leg.knee, leg.ankle, biometry.fibula_mm).map(|p| p + side * 3.1);
-        shafts.push(shaft(fibula, 0.85, 1.0, Vec3::ZERO));
-        ends.push(sphere(leg.hip, 4.0));
+        let shank = (leg.ankle - leg.knee).normalize();
+        let front = (thigh - shank).normalize_or(Vec3::Z);
+        let side = thigh.cross(shank).normalize_or(Vec3::X);
+        let bow = (front - thigh * front.dot(thigh)) * l;
+        shafts.push(shaft(femur_tips(attitude, i), 1.75 * l, 2.4 * l, bow));
+        shafts.push(shaft(tibia_tips(attitude, i), 1.6 * l, 2.1 * l, Vec3::ZERO));
+        let fibula = shaft_tips(leg.knee, leg.ankle, biometry.fibula_mm).map(|p| p + side * (3.1 * l));
+        shafts.push(shaft(fibula, 0.85 * l, 1.0 * l, Vec3::ZERO));
+        ends.push(sphere(leg.hip, 4.0 * l));
         ends.push(smooth_union(
-            [sphere(leg.knee - thigh * 1.5, 4.4), sphere(leg.knee.lerp(leg.ankle, 0.06), 4.0)],
+            [sphere(leg.knee - thigh * (1.5 * l), 4.4 * l), sphere(leg.knee.lerp(leg.ankle, 0.06), 4.0 * l)],
             1.0,
         ));
-        ends.push(sphere(leg.ankle, 2.9));
-        small.push(foot_bones(biometry, leg));
+        ends.push(sphere(leg.ankle, 2.9 * l));
+        small.push(foot_bones().scaled(l).placed(sole(leg)));
     }
-    for arm in &attitude.arms {
-        let side = (arm.elbow - arm.shoulder).cross(arm.wrist - arm.elbow).normalize();
-        shafts.push(shaft(shaft_tips(arm.shoulder, arm.elbow, biometry.humerus_mm), 1.6, 2.1, Vec3::ZERO));
-        shafts.push(shaft(
-            shaft_tips(arm.elbow, arm.wrist, biometry.ulna_mm).map(|p| p - side * 1.4),
-            0.95,
-            1.2,
-            Vec3::ZERO,
-        ));
-        shafts.push(shaft(
-            shaft_tips(arm.elbow, arm.wrist, biometry.radius_mm).map(|p| p + side * 1.4),
-            0.9,
-            1.15,
-            Vec3::ZERO,
-        ));
-        ends.push(sphere(arm.shoulder, 3.6));
-        ends.push(sphere(arm.elbow, 3.1));
-        ends.push(sphere(arm.wrist, 2.0));
-        small.push(hand_bones(arm));
+    for (i, arm) in attitude.arms.iter().enumerate() {
+        let side = (arm.elbow - arm.shoulder).cross(arm.wrist - arm.elbow).normalize_or(Vec3::X) * (1.4 * a);
+        let fore = |length_mm: f32, by: Vec3| shaft_tips(arm.elbow, arm.wrist, length_mm).map(|p| p + by);
+        shafts.push(shaft(humerus_tips(attitude, i), 1.6 * a, 2.1 * a, Vec3::ZERO));
+        shafts.push(shaft(fore(biometry.ulna_mm, -side), 0.95 * a, 1.2 * a, Vec3::ZERO));
+        shafts.push(shaft(fore(biometry.radius_mm, side), 0.9 * a, 1.15 * a, Vec3::ZERO));
+        ends.push(sphere(arm.shoulder, 3.6 * a));
+        ends.push(sphere(arm.elbow, 3.1 * a));
+        ends.push(sphere(arm.wrist, 2.0 * a));
+        small.push(hand_bones().scaled(a).placed(palm(arm)));
     }
+    let trunk = biometry.trunk_scale();
     vec![
-        organ("cartilage", "cartilage", 122, 0.8, 3.2, union(ends)),
-        organ("long_bones", "bone_fetal", 124, 0.6, 1.6, union(shafts)),
-        organ("hand_and_foot_bones", "bone_fetal", 126, 0.5, 1.05, union(small)),
-        organ("limb_girdles", "bone_fetal", 128, 0.6, 1.15, girdles(attitude)),
+        organ("cartilage", "cartilage", 122, 0.8, 3.2 * a, union(ends)),
+        organ("long_bones", "bone_fetal", 124, 0.6, 1.6 * a, union(shafts)),
+        organ("hand_and_foot_bones", "bone_fetal", 126, 0.5, 1.05 * a, union(small)),
+        organ("limb_girdles", "bone_fetal", 128, 0.6, 1.15 * trunk, girdles(attitude)),
     ]
 }
 
-fn hand_bones(arm: &Arm) -> Solid {
+/// Metacarpals and phalanges.
+fn hand_bones() -> Solid {
     let rods = fingers().map(|[a, b, c]| {
         let wrist = a * Vec3::new(0.8, 0.0, 1.0) + Vec3::Y * 2.0;
         let rod = |p: Vec3, q: Vec3| round_cone(p.lerp(q, 0.14), p.lerp(q, 0.86), 0.7, 0.65);
         union([rod(wrist, a), rod(a, b), rod(b, c)])
     });
-    union(rods).placed(palm(arm))
+    union(rods)
 }
 
-fn foot_bones(biometry: &Biometry, leg: &Leg) -> Solid {
+/// Metatarsals, phalanges and heel bone of a foot of 38 mm.
+fn foot_bones() -> Solid {
     let v = Vec3::new;
-    let scale = biometry.foot_mm / 38.0;
     let rods = (0..5).map(|i| {
         let x = 2.0 * (i as f32 - 2.0);
-        let (root, head, tip) =
-            (v(0.55 * x, -4.2, 7.0 * scale), v(0.8 * x, -5.8, 16.0 * scale), v(0.92 * x, -6.6, 22.5 * scale));
+        let (root, head, tip) = (v(0.55 * x, -4.2, 7.0), v(0.8 * x, -5.8, 16.0), v(0.92 * x, -6.6, 22.5));
         union([
             round_cone(root, root.lerp(head, 0.86), 0.8, 0.7),
             round_cone(head.lerp(tip, 0.12), head.lerp(tip, 0.8), 0.7, 0.65),
         ])
     });
-    let calcaneus = ellipsoid(v(0.0, -4.5, -4.5 * scale), v(1.6, 1.6, 2.2));
-    union(rods.chain(std::iter::once(calcaneus))).placed(sole(leg))
+    let calcaneus = ellipsoid(v(0.0, -4.5, -4.5), v(1.6, 1.6, 2.2));
+    let talus = ellipsoid(v(0.0, -2.0, 0.5), v(1.3, 1.0, 1.5));
+    union(rods.chain([calcaneus, talus]))
 }
 
 /// Iliac wings, ischia, scapulae and clavicles.
 fn girdles(attitude: &Attitude) -> Solid {
     let parts = [(0usize, 1.0f32), (1, -1.0)].into_iter().flat_map(|(i, side)| {
         let at = |level: f32, left: f32, ventral: f32| attitude.trunk(level, side * left, ventral);
-        let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 5));
+        let scale = attitude.biometry.trunk_scale();
+        let tube = |knots: &[(Vec3, f32)]| {
+            let knots: Vec<_> = knots.iter().map(|&(p, r)| (p, r * scale)).collect();
+            sweep(&catmull_rom(&knots, 5))
+        };
         let wing = union([
             tube(&[(at(24.4, 6.5, 0.0), 1.1), (at(23.2, 10.5, 3.5), 1.2), (at(23.4, 13.0, 8.5), 1.0)]),
             tube(&[(at(25.4, 6.8, 1.5), 1.1), (at(24.4, 10.0, 5.0), 1.3), (at(24.2, 12.2, 9.0), 1.0)]),
@@ -197,7 +286,7 @@ fn girdles(attitude: &Attitude) -> Solid {
         ]);
         let clavicle = tube(&[
             (shoulder.lerp(at(8.0, 2.0, 18.0), 0.15), 0.85),
-            (shoulder.lerp(at(8.0, 2.0, 18.0), 0.5) + Vec3::new(0.0, 0.6, 1.4), 0.8),
+            (shoulder.lerp(at(8.0, 2.0, 18.0), 0.5) + Vec3::new(0.0, 0.6, 1.4) * scale, 0.8),
             (at(8.6, 2.0, 18.5), 0.9),
         ]);
         [smooth_union([wing, ischium], 0.5), blade, clavicle]

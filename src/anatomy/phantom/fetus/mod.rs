@@ -2,37 +2,46 @@
 
 mod abdomen;
 mod brain;
+mod face;
 mod head;
 mod heart;
 mod limbs;
 mod ribs;
 mod skin;
+mod skull;
 mod spine;
 mod thorax;
 mod trunk;
+mod vessels;
 
 use super::attitude::Attitude;
-use super::biometry::Biometry;
 use super::organ::{Body, Organ};
 use super::sdf::Solid;
 
-pub(super) use abdomen::{bladder_centre, stomach_centre};
-pub(super) use heart::heart_frame;
-pub(super) use limbs::femur_tips;
+pub(super) use abdomen::{bladder_centre, kidney_poles, stomach_centre};
+pub(super) use brain::{atrium_walls, cavum_centre, cerebellum_ends, cisterna_magna};
+pub(super) use face::{chin, eye_centres, nose_tip};
+pub(super) use heart::{LEVEL as HEART_LEVEL, chamber_centres, heart_frame};
+pub(super) use limbs::{bones_apart, femur_tips, humerus_tips, tibia_tips};
+pub(super) use skin::balls;
+pub(super) use spine::ossification_centres;
 pub(super) use trunk::{ABDOMEN_LEVEL, NAVEL_LEVEL, navel, trunk_centre};
+pub(super) use vessels::{descending_aorta, portal_sinus};
 
 /// Every surface of the fetus, scene frame.
-pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let parts = [
-        skin::organs(biometry, attitude),
-        thorax::organs(biometry, attitude),
+        skin::organs(attitude),
+        thorax::organs(attitude),
         heart::organs(attitude),
-        abdomen::organs(biometry, attitude),
-        ribs::organs(biometry, attitude),
+        vessels::organs(attitude),
+        abdomen::organs(attitude),
+        ribs::organs(attitude),
         spine::organs(attitude),
-        limbs::organs(biometry, attitude),
-        head::organs(biometry, attitude),
-        brain::organs(biometry, attitude),
+        limbs::organs(attitude),
+        skull::organs(attitude),
+        face::organs(attitude),
+        brain::organs(attitude),
     ];
     let place = |o: Organ| Organ { solid: o.solid.placed(attitude.scene_from_fetus), ..o };
     parts.into_iter().flatten().map(place).collect()

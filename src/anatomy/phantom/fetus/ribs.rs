@@ -3,13 +3,12 @@
 use glam::Vec3;
 
 use super::organ;
-use super::trunk::{trunk_centre, trunk_radius};
+use super::trunk::under_skin;
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::biometry::Biometry;
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{catmull_rom, ellipsoid, sweep, union};
+use crate::anatomy::phantom::sdf::{Isometry, catmull_rom, ellipsoid, sweep, union};
 
-/// Ribs below the skin, mm.
+/// Ribs below the skin, mm as drawn.
 const UNDER_SKIN_MM: f32 = 4.6;
 const RIB_RADIUS_MM: f32 = 0.85;
 /// How far round each rib reaches from the back, degrees.
@@ -18,31 +17,28 @@ const REACH_DEG: [f32; 12] = [115.0, 122.0, 128.0, 130.0, 130.0, 128.0, 124.0, 1
 const FALL_LEVELS: f32 = 2.4;
 
 /// Ribs and sternum.
-pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let scale = attitude.biometry.trunk_scale();
     let ribs = (0..12).flat_map(|i| [1.0, -1.0].map(|side| (i, side))).map(|(i, side)| {
         let vertebra = 7.45 + i as f32;
-        let mut knots = vec![(attitude.trunk(vertebra, side * 3.6, -0.8), RIB_RADIUS_MM)];
+        let mut knots = vec![attitude.knot(vertebra, side * 3.6, -0.8, RIB_RADIUS_MM)];
         let from = 26f32.to_radians();
         let to = REACH_DEG[i].to_radians();
         for k in 0..=9 {
             let t = k as f32 / 9.0;
             let angle = from + (to - from) * t;
             let level = vertebra + FALL_LEVELS * (angle / std::f32::consts::PI).powf(1.3);
-            let radius = trunk_radius(biometry, level) - UNDER_SKIN_MM;
-            let frame = attitude.vertebra(level);
-            let round = frame.vector(Vec3::new(side * angle.sin(), 0.0, -angle.cos()));
-            knots.push((trunk_centre(attitude, level) + round * radius, RIB_RADIUS_MM * (1.0 - 0.12 * t)));
+            let at = under_skin(attitude, level, side, angle, UNDER_SKIN_MM);
+            knots.push((at, scale * RIB_RADIUS_MM * (1.0 - 0.12 * t)));
         }
         sweep(&catmull_rom(&knots, 4))
     });
     let sternum = (0..4).map(|i| {
         let level = 10.6 + 1.5 * i as f32;
-        let frame = attitude.vertebra(level);
-        let radius = trunk_radius(biometry, level) - 3.6;
-        let at = trunk_centre(attitude, level) + frame.vector(Vec3::Z) * radius;
-        ellipsoid(Vec3::ZERO, Vec3::new(1.7, 1.5, 1.0))
-            .placed(crate::anatomy::phantom::sdf::Isometry { translation: at, ..frame })
+        let at = under_skin(attitude, level, 0.0, std::f32::consts::PI, 3.6);
+        ellipsoid(Vec3::ZERO, Vec3::new(1.7, 1.5, 1.0) * scale)
+            .placed(Isometry { translation: at, ..attitude.vertebra(level) })
     });
     let cage: Vec<_> = ribs.collect();
-    vec![organ("ribs", "bone_fetal", 136, 0.55, 1.05, union(cage.into_iter().chain(sternum)))]
+    vec![organ("ribs", "bone_fetal", 136, 0.55, 1.05 * scale, union(cage.into_iter().chain(sternum)))]
 }

@@ -1,20 +1,32 @@
 //! Skin of head, trunk and limbs, and the soft tissue under it.
 
+use glam::Vec3;
+
 use super::{head, limbs, organ, trunk};
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::biometry::Biometry;
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, smooth_union, union};
+use crate::anatomy::phantom::sdf::{Solid, catmull_rom, smooth_union, union};
 
 /// The fetus up to its skin, fetal frame.
-pub(super) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
-    let core = smooth_union([trunk::trunk(biometry, attitude, 0.0), head::outline(biometry, attitude)], 6.0);
-    union([core, limbs::outline(biometry, attitude)])
+pub(in crate::anatomy::phantom) fn outline(attitude: &Attitude) -> Solid {
+    let blend = 6.0 * attitude.biometry.trunk_scale();
+    let core = smooth_union([trunk::trunk(attitude, 0.0), head::outline(attitude)], blend);
+    union([core, limbs::outline(attitude)])
+}
+
+/// Balls that cover the fetus up to its skin: centre and radius, fetal frame, mm.
+pub(in crate::anatomy::phantom) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
+    let trunk = catmull_rom(&trunk::knots(attitude), 2);
+    trunk.into_iter().chain(head::balls(attitude)).chain(limbs::balls(attitude)).collect()
 }
 
 /// Skin, and soft tissue within.
-pub(super) fn organs(biometry: &Biometry, attitude: &Attitude) -> Vec<Organ> {
-    let outline = outline(biometry, attitude);
-    let body = outline.grown(-biometry.skin_thickness_mm);
-    vec![organ("fetal_skin", "skin", 100, 1.2, 5.0, outline), organ("fetal_body", "soft_tissue", 102, 1.3, 5.0, body)]
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let scale = attitude.biometry.trunk_scale();
+    let outline = outline(attitude);
+    let body = outline.grown(-attitude.biometry.skin_thickness_mm);
+    vec![
+        organ("fetal_skin", "skin", 100, 1.2, 5.0 * scale, outline),
+        organ("fetal_body", "soft_tissue", 102, 1.3, 5.0 * scale, body),
+    ]
 }

@@ -1,29 +1,33 @@
-//! Vertebrae as three ossification centres each, spinal canal and cord.
+//! Vertebrae as three ossification centres each in their cartilage, spinal canal and cord.
 
 use glam::Vec3;
 
 use super::organ;
 use crate::anatomy::phantom::attitude::{Attitude, VERTEBRAE};
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, ellipsoid, round_cone, sweep, union};
+use crate::anatomy::phantom::sdf::{Solid, catmull_rom, ellipsoid, round_cone, smooth_union, sweep, union};
 
-/// The canal's centre behind the vertebral bodies' centres, mm.
+/// The canal's centre behind the vertebral bodies' centres, mm as drawn.
 const CANAL_MM: f32 = -4.0;
 
-/// Canal, cord and vertebrae.
+/// Cartilage and discs, canal, cord and vertebrae.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
-    let tube = |from: f32, to: f32, radius: f32| {
+    let scale = attitude.biometry.trunk_scale();
+    let tube = |from: f32, to: f32, ventral: f32, radius: f32| {
         let knots: Vec<(Vec3, f32)> = (0..=20)
             .map(|i| from + (to - from) * i as f32 / 20.0)
-            .map(|level| (attitude.trunk(level, 0.0, CANAL_MM), radius * taper(level)))
+            .map(|level| attitude.knot(level, 0.0, ventral, radius * taper(level)))
             .collect();
         sweep(&catmull_rom(&knots, 3))
     };
+    // What is not yet bone, and the discs.
+    let cartilage = smooth_union([tube(0.4, 28.6, 0.0, 2.9), tube(0.4, 26.0, CANAL_MM, 3.1)], 1.5 * scale);
     // At 22 weeks the cord ends at about L3; the sac goes on to the sacrum.
     vec![
-        organ("spinal_canal", "csf", 130, 0.75, 2.8, tube(0.2, 26.0, 2.5)),
-        organ("spinal_cord", "brain", 132, 0.6, 1.8, tube(0.2, 21.5, 1.35)),
-        organ("vertebrae", "bone_fetal", 134, 0.5, 1.4, vertebrae(attitude)),
+        organ("spinal_cartilage", "cartilage", 129, 0.95, 3.2 * scale, cartilage),
+        organ("spinal_canal", "csf", 130, 0.75, 2.8 * scale, tube(0.2, 26.0, CANAL_MM, 2.5)),
+        organ("spinal_cord", "brain", 132, 0.6, 1.8 * scale, tube(0.2, 21.5, CANAL_MM, 1.35)),
+        organ("vertebrae", "bone_fetal", 134, 0.5, 1.4 * scale, vertebrae(attitude)),
     ]
 }
 
@@ -31,7 +35,9 @@ fn taper(level: f32) -> f32 {
     1.0 - 0.35 * ((level - 20.0) / 6.0).clamp(0.0, 1.0)
 }
 
+/// One centre in each body and one in each half of the arch.
 fn vertebrae(attitude: &Attitude) -> Solid {
+    let scale = attitude.biometry.trunk_scale();
     union((0..VERTEBRAE).map(|i| {
         let level = i as f32 + 0.5;
         // Width grows to the loins and falls in the sacrum.
@@ -42,7 +48,9 @@ fn vertebrae(attitude: &Attitude) -> Solid {
             _ => 1.0 - 0.11 * (i - 24) as f32,
         };
         let v = |left: f32, up: f32, ventral: f32| Vec3::new(left * size, up, ventral * size);
-        let height = 0.5 * attitude.trunk(level - 0.5, 0.0, 0.0).distance(attitude.trunk(level + 0.5, 0.0, 0.0));
+        let height = 0.5
+            * attitude.vertebra(level - 0.5).translation.distance(attitude.vertebra(level + 0.5).translation)
+            / scale;
         let body = ellipsoid(Vec3::ZERO, Vec3::new(2.5 * size, 0.70 * height, 2.0 * size));
         // Pedicle to lamina, beside and behind the canal.
         let arch = union([
@@ -50,6 +58,11 @@ fn vertebrae(attitude: &Attitude) -> Solid {
             round_cone(v(3.5, 0.0, -4.6), v(1.9, -0.4, -6.6), 0.8, 0.6),
         ])
         .with_mirror_image();
-        union([body, arch]).placed(attitude.vertebra(level))
+        attitude.in_trunk(level, union([body, arch]))
     }))
+}
+
+/// Middles of both arch centres and of the body at `level`, fetal frame: what the axial view of the spine shows.
+pub(in crate::anatomy::phantom) fn ossification_centres(attitude: &Attitude, level: f32) -> [Vec3; 3] {
+    [attitude.trunk(level, 3.3, -4.6), attitude.trunk(level, -3.3, -4.6), attitude.trunk(level, 0.0, 0.0)]
 }

@@ -3,7 +3,6 @@
 use glam::Vec3;
 
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::biometry::Biometry;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep};
 
 /// Level of the stomach and the umbilical vein, where the abdominal circumference is measured: between T11 and T12.
@@ -26,42 +25,47 @@ const PROFILE: [(f32, f32); 11] = [
     (28.0, 0.56),
 ];
 
-/// Skin behind the centres of the vertebral bodies, mm.
+/// Radius of the drawn abdomen, mm: 175 mm about it.
+const ABDOMEN_RADIUS_MM: f32 = 175.0 / std::f32::consts::TAU;
+/// Skin behind the centres of the vertebral bodies as drawn, mm.
 const BACK_MM: f32 = 9.0;
 
 /// The knots of the trunk: centre and radius at the skin, mm.
-fn knots(biometry: &Biometry, attitude: &Attitude) -> Vec<(Vec3, f32)> {
-    let abdomen = biometry.abdominal_radius_mm();
-    PROFILE
-        .iter()
-        .map(|&(level, relative)| {
-            let radius = relative * abdomen;
-            (attitude.trunk(level, 0.0, radius - BACK_MM), radius)
-        })
-        .collect()
+pub(super) fn knots(attitude: &Attitude) -> Vec<(Vec3, f32)> {
+    let knots = PROFILE.iter().map(|&(level, relative)| {
+        let radius = relative * ABDOMEN_RADIUS_MM;
+        attitude.knot(level, 0.0, radius - BACK_MM, radius)
+    });
+    knots.collect()
 }
 
-/// The trunk and neck up to `under_skin_mm` below the skin, fetal frame.
-pub(super) fn trunk(biometry: &Biometry, attitude: &Attitude, under_skin_mm: f32) -> Solid {
-    let line = catmull_rom(&knots(biometry, attitude), 8);
-    sweep(&line.into_iter().map(|(p, r)| (p, r - under_skin_mm)).collect::<Vec<_>>())
+/// The trunk and neck up to `under_skin` (mm as drawn) below the skin, fetal frame.
+pub(super) fn trunk(attitude: &Attitude, under_skin: f32) -> Solid {
+    let under_skin = under_skin * attitude.biometry.trunk_scale();
+    let line = catmull_rom(&knots(attitude), 8);
+    sweep(&line.into_iter().map(|(p, r)| (p, r - under_skin)).collect::<Vec<_>>())
 }
 
-/// Radius of the trunk at the skin at `level`, mm.
-pub(super) fn trunk_radius(biometry: &Biometry, level: f32) -> f32 {
+/// Radius of the trunk at the skin at `level`, mm as drawn.
+pub(super) fn drawn_radius(level: f32) -> f32 {
     let i = PROFILE.partition_point(|&(l, _)| l < level).clamp(1, PROFILE.len() - 1);
     let ((la, ra), (lb, rb)) = (PROFILE[i - 1], PROFILE[i]);
-    biometry.abdominal_radius_mm() * (ra + (rb - ra) * ((level - la) / (lb - la)).clamp(0.0, 1.0))
+    ABDOMEN_RADIUS_MM * (ra + (rb - ra) * ((level - la) / (lb - la)).clamp(0.0, 1.0))
 }
 
 /// Centre of the trunk's circle at `level`, fetal frame.
 pub(in crate::anatomy::phantom) fn trunk_centre(attitude: &Attitude, level: f32) -> Vec3 {
-    let radius = trunk_radius(&Biometry::default(), level);
-    attitude.trunk(level, 0.0, radius - BACK_MM)
+    attitude.trunk(level, 0.0, drawn_radius(level) - BACK_MM)
+}
+
+/// The point `depth` (mm as drawn) under the trunk's skin at `level`, at `angle` from the back towards `side`.
+pub(super) fn under_skin(attitude: &Attitude, level: f32, side: f32, angle: f32, depth: f32) -> Vec3 {
+    let radius = drawn_radius(level);
+    let out = radius - depth;
+    attitude.trunk(level, side * angle.sin() * out, radius - BACK_MM - angle.cos() * out)
 }
 
 /// Where the cord enters the belly's skin, fetal frame.
 pub(in crate::anatomy::phantom) fn navel(attitude: &Attitude) -> Vec3 {
-    let radius = trunk_radius(&Biometry::default(), NAVEL_LEVEL);
-    attitude.trunk(NAVEL_LEVEL, 0.0, 2.0 * radius - BACK_MM)
+    attitude.trunk(NAVEL_LEVEL, 0.0, 2.0 * drawn_radius(NAVEL_LEVEL) - BACK_MM)
 }

@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use super::{organ, uterus};
 use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::parameters::{Parameters, PlacentaSite};
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 
 /// From the cavity's centre to the placenta's middle, in units of the cavity's half axes.
@@ -20,7 +21,7 @@ const LOBES_MM: f32 = 1.6;
 
 /// The point of the wall at the middle of the placenta, and the outward normal there.
 fn seat() -> (Vec3, Vec3) {
-    let cavity = uterus::cavity();
+    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
     let direction = (TOWARDS * uterus::CAVITY_SEMI).normalize();
     // The cavity is convex about the origin: bisect along the ray.
     let (mut inside, mut outside) = (0.0f32, 200.0f32);
@@ -33,8 +34,24 @@ fn seat() -> (Vec3, Vec3) {
 }
 
 /// Middle of its thickness, and the direction to the wall.
-pub(in crate::anatomy::phantom) fn centre() -> (Vec3, Vec3) {
-    let (wall, outward) = seat();
+pub(in crate::anatomy::phantom) fn placenta_centre(parameters: &Parameters) -> (Vec3, Vec3) {
+    let semi = super::cavity_semi_mm(parameters);
+    let towards = match parameters.placenta {
+        PlacentaSite::Anterior => TOWARDS,
+        PlacentaSite::Posterior => TOWARDS * Vec3::new(1.0, 1.0, -1.0),
+        PlacentaSite::Fundal => Vec3::new(0.1, 0.97, 0.2),
+        PlacentaSite::Left => Vec3::new(0.95, 0.25, 0.15),
+        PlacentaSite::Right => Vec3::new(-0.95, 0.25, 0.15),
+    };
+    let cavity = uterus::cavity(semi);
+    let direction = (towards * semi).normalize();
+    let (mut inside, mut outside) = (0.0f32, 400.0f32);
+    for _ in 0..40 {
+        let middle = 0.5 * (inside + outside);
+        if cavity.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
+    }
+    let wall = direction * inside;
+    let outward = cavity.normal(wall);
     (wall - outward * (0.5 * THICKNESS_MM), outward)
 }
 
@@ -42,7 +59,7 @@ pub(in crate::anatomy::phantom) fn centre() -> (Vec3, Vec3) {
 /// and caudal, where the fluid is.
 pub(super) fn insertion() -> (Vec3, Vec3) {
     let (wall, _) = seat();
-    let cavity = uterus::cavity();
+    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
     let beside = wall + INSERTION_OFFSET;
     let on_fetal_side = under_wall(&cavity, beside, fetal_side_mm(beside.distance(wall)) - 0.5);
     (on_fetal_side, -cavity.normal(on_fetal_side))
@@ -63,7 +80,7 @@ fn under_wall(cavity: &Solid, p: Vec3, depth_mm: f32) -> Vec3 {
 
 /// The placenta, from just within the wall to its fetal side.
 pub(in crate::anatomy::phantom) fn placenta() -> Solid {
-    let cavity = uterus::cavity();
+    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
     let (wall, _) = seat();
     let seated = cavity.grown(SEATED_MM);
     let bounds = seated.bounds();
@@ -89,7 +106,7 @@ pub(in crate::anatomy::phantom) fn placenta() -> Solid {
 pub(super) fn organs() -> Vec<Organ> {
     let (wall, outward) = seat();
     let (root, _) = insertion();
-    let cavity = uterus::cavity();
+    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
     let across = outward.any_orthonormal_vector();
     let tangent = |angle: f32| across * angle.cos() + outward.cross(across) * angle.sin();
     let vessels = (0..7).map(|i| {

@@ -16,21 +16,21 @@ const WALL_MM: f32 = 8.0;
 const FULLNESS: f32 = 2.25;
 
 /// The uterine cavity.
-pub(in crate::anatomy::phantom) fn cavity() -> Solid {
-    Solid::new(Bounds::around(Vec3::ZERO, CAVITY_SEMI), |p| {
-        let q = (p / CAVITY_SEMI).abs();
+pub(in crate::anatomy::phantom) fn cavity(semi: Vec3) -> Solid {
+    Solid::new(Bounds::around(Vec3::ZERO, semi), move |p| {
+        let q = (p / semi).abs();
         let f = q.to_array().iter().map(|x| x.powf(FULLNESS)).sum::<f32>().powf(1.0 / FULLNESS);
         if f < 1e-3 {
-            return -CAVITY_SEMI.z;
+            return -semi.min_element();
         }
         let gradient = (q / f).to_array().map(|x| x.powf(FULLNESS - 1.0));
-        (f - 1.0) / (Vec3::from(gradient) / CAVITY_SEMI).length()
+        (f - 1.0) / (Vec3::from(gradient) / semi).length()
     })
 }
 
 /// Wall, cervix with its canal, and fluid.
-pub(super) fn organs() -> Vec<Organ> {
-    let cavity = cavity();
+pub(super) fn organs(semi: Vec3) -> Vec<Organ> {
+    let cavity = cavity(semi);
     let bottom = Vec3::new(0.0, -100.0, -6.0);
     let os = Vec3::new(0.0, -130.0, -27.0);
     let neck = round_cone(bottom, os, 17.0, 13.0);

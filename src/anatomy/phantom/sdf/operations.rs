@@ -76,6 +76,12 @@ impl Solid {
         Self::new(bounds, move |p| self.distance_mm(outer_from_local.local_point(p)))
     }
 
+    /// `factor` times as large, about the origin.
+    pub fn scaled(self, factor: f32) -> Self {
+        let bounds = Bounds { min: self.bounds.min * factor, max: self.bounds.max * factor };
+        Self::new(bounds, move |p| factor * self.distance_mm(p / factor))
+    }
+
     /// With its mirror image in the plane x = 0; the solid itself must lie at x ≥ 0.
     pub fn with_mirror_image(self) -> Self {
         let Bounds { min, max } = self.bounds;

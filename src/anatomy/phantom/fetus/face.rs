@@ -1,0 +1,112 @@
+//! Eyes, nose, lips, jaws and the bones of face and skull base, in the head's frame, in mm as drawn.
+
+use glam::Vec3;
+
+use super::organ;
+use crate::anatomy::phantom::attitude::Attitude;
+use crate::anatomy::phantom::biometry::Biometry;
+use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::sdf::{
+    Solid, capsule, catmull_rom, ellipsoid, round_cone, smooth_union, sphere, sweep, union,
+};
+
+/// Centre of the left eye, and its radius.
+pub(super) fn eye(biometry: &Biometry) -> (Vec3, f32) {
+    let scale = biometry.head_scale();
+    let apart = 0.5 * (biometry.binocular_mm - biometry.ocular_mm) / scale;
+    (Vec3::new(apart, -13.0, 25.0), 0.5 * biometry.ocular_mm / scale)
+}
+
+/// Centres of the left and right eye, fetal frame.
+pub(in crate::anatomy::phantom) fn eye_centres(attitude: &Attitude) -> [Vec3; 2] {
+    let (eye, _) = eye(&attitude.biometry);
+    [1.0, -1.0].map(|side| attitude.head_point(eye * Vec3::new(side, 1.0, 1.0)))
+}
+
+const NOSE_TIP: Vec3 = Vec3::new(0.0, -18.3, 36.0);
+const NOSE_TIP_RADIUS: f32 = 2.2;
+
+/// Skin over the tip of the nose, fetal frame.
+pub(in crate::anatomy::phantom) fn nose_tip(attitude: &Attitude) -> Vec3 {
+    attitude.head_point(NOSE_TIP + Vec3::Z * NOSE_TIP_RADIUS)
+}
+
+/// Skin over the chin, fetal frame.
+pub(in crate::anatomy::phantom) fn chin(attitude: &Attitude) -> Vec3 {
+    attitude.head_point(Vec3::new(0.0, -34.0, 28.9))
+}
+
+/// Nose, lips and chin as they stand out of the face.
+pub(super) fn features() -> Solid {
+    let v = Vec3::new;
+    let bridge = sweep(&[(v(0.0, -10.5, 31.5), 2.0), (v(0.0, -14.5, 33.6), 2.0), (NOSE_TIP, NOSE_TIP_RADIUS)]);
+    let wings = sphere(v(2.9, -19.2, 33.4), 2.0).with_mirror_image();
+    let septum = round_cone(NOSE_TIP, v(0.0, -21.6, 31.6), 1.6, 1.3);
+    let arch = |y: f32, z: f32, width: f32, radius: f32| {
+        let knots = [
+            (v(-width, y - 0.6, z - 3.4), 0.55 * radius),
+            (v(-0.5 * width, y, z - 0.8), 0.95 * radius),
+            (v(0.0, y - 0.1, z), radius),
+            (v(0.5 * width, y, z - 0.8), 0.95 * radius),
+            (v(width, y - 0.6, z - 3.4), 0.55 * radius),
+        ];
+        sweep(&catmull_rom(&knots, 4))
+    };
+    let upper_lip =
+        union([arch(-23.6, 30.6, 6.0, 1.7), round_cone(v(0.0, -21.5, 30.6), v(0.0, -23.4, 30.8), 1.6, 1.6)]);
+    let lower_lip = arch(-27.2, 29.6, 5.4, 1.75);
+    let chin = sphere(v(0.0, -33.2, 25.6), 3.4);
+    smooth_union([smooth_union([bridge, wings, septum], 1.2), upper_lip, lower_lip, chin], 0.5)
+}
+
+/// Bones of face and skull base, eyes with their lenses.
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let scale = attitude.biometry.head_scale();
+    let (eye, radius) = eye(&attitude.biometry);
+    let eyes = sphere(eye, radius).with_mirror_image();
+    let lens = eye + Vec3::new(0.3, 0.0, 0.62 * radius);
+    let lenses = ellipsoid(lens, Vec3::new(0.34, 0.34, 0.25) * radius).with_mirror_image();
+    let place = |solid: Solid| attitude.in_head(solid);
+    vec![
+        organ("face_and_skull_base", "bone_fetal", 154, 0.6, 1.7 * scale, place(bones(eye, radius))),
+        organ("eyes", "csf", 156, 0.6, 1.8 * scale, place(eyes)),
+        organ("lenses", "cartilage", 158, 0.4, 0.9 * scale, place(lenses)),
+    ]
+}
+
+/// Bones that are not the vault. Each side is built at x ≥ 0.
+fn bones(eye: Vec3, radius: f32) -> Solid {
+    let v = Vec3::new;
+    let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
+    // Walls of the orbit: a cup about the eye, open to the front.
+    let orbit = sphere(eye - Vec3::Z * 0.6, radius + 2.0)
+        .subtract(sphere(eye - Vec3::Z * 0.2, radius + 0.8))
+        .subtract(ellipsoid(eye + v(0.5, 0.0, 8.0), v(radius + 4.0, radius + 4.0, 8.5)));
+    let cheek = eye.x + radius + 1.4;
+    let zygoma = tube(&[(v(cheek, -14.5, 21.5), 1.0), (v(cheek + 0.6, -18.5, 17.0), 1.1), (v(21.5, -18.0, 6.0), 0.9)]);
+    // The upper jaw with its tooth buds' ridge.
+    let maxilla = tube(&[
+        (v(0.0, -22.6, 27.6), 1.5),
+        (v(4.5, -22.6, 26.4), 1.5),
+        (v(8.4, -22.0, 21.5), 1.4),
+        (v(10.0, -21.2, 16.0), 1.3),
+        (v(10.5, -20.5, 11.0), 1.0),
+    ]);
+    let frontal_process = round_cone(v(3.6, -20.5, 27.2), v(3.0, -13.0, 29.2), 0.9, 0.7);
+    let mandible = tube(&[
+        (v(0.0, -31.8, 25.6), 1.4),
+        (v(5.0, -31.2, 23.8), 1.4),
+        (v(9.6, -30.0, 17.0), 1.35),
+        (v(12.6, -28.6, 10.0), 1.35),
+        (v(15.2, -25.4, 4.0), 1.4),
+        (v(16.4, -19.5, 1.0), 1.1),
+    ]);
+    let petrous = round_cone(v(19.5, -17.0, -5.0), v(6.5, -18.5, 2.0), 2.4, 1.5);
+    let sphenoid = round_cone(v(20.0, -13.5, 13.0), v(4.5, -16.0, 6.0), 0.9, 1.6);
+    let sides = union([orbit, zygoma, maxilla, frontal_process, mandible, petrous, sphenoid]).with_mirror_image();
+    let nasal = capsule(v(0.0, -12.5, 31.4), v(0.0, -16.6, 33.8), 0.95);
+    let palate = ellipsoid(v(0.0, -21.3, 18.5), v(8.5, 0.9, 8.0));
+    let vomer = ellipsoid(v(0.0, -18.5, 22.0), v(0.6, 2.6, 6.0));
+    let clivus = round_cone(v(0.0, -17.5, 3.0), v(0.0, -25.0, -6.0), 2.0, 1.4);
+    union([sides, nasal, palate, vomer, clivus])
+}

@@ -1,0 +1,81 @@
+//! The vault of the skull with its sutures and fontanelles.
+//!
+//! The skull is a solid with the brain's surfaces inside it. Sutures and fontanelles are membrane in place of bone: a
+//! surface of higher priority that cuts through the table where the bones leave gaps.
+
+use glam::Vec3;
+
+use super::{head, organ};
+use crate::anatomy::phantom::attitude::Attitude;
+use crate::anatomy::phantom::biometry::Biometry;
+use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::sdf::{Solid, ellipsoid, sweep, union};
+
+/// Skull, and the membranes of its gaps.
+pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+    let biometry = &attitude.biometry;
+    let scale = biometry.head_scale();
+    vec![
+        organ("skull", "calvaria_fetal", 140, 0.85, 6.0 * scale, attitude.in_head(head::cranium(biometry, 0.0))),
+        organ("sutures", "fascia", 141, 0.75, 1.2 * scale, attitude.in_head(gaps(biometry))),
+    ]
+}
+
+/// Half widths of a suture and of the narrow metopic suture, mm as drawn.
+const SUTURE_MM: f32 = 0.95;
+const METOPIC_MM: f32 = 0.7;
+/// How far the membranes reach past the bone's outer and inner side, mm as drawn.
+const PAST_MM: f32 = 0.35;
+
+fn gaps(biometry: &Biometry) -> Solid {
+    let v = Vec3::new;
+    let semi = head::semi(biometry);
+    let outer = head::cranium(biometry, PAST_MM);
+    let inner = head::cranium(biometry, -(head::table(biometry) + PAST_MM));
+    // Where a ray from the head's centre meets the skull: the vault is drawn for half axes of 27.9, 29.75 and 35 mm.
+    let on_skull = {
+        let skull = head::cranium(biometry, 0.0);
+        move |x: f32, y: f32, z: f32| {
+            let direction = (v(x, y, z) * semi / v(27.9, 29.75, 35.0)).normalize();
+            let (mut inside, mut outside) = (0.0f32, 80.0f32);
+            for _ in 0..24 {
+                let middle = 0.5 * (inside + outside);
+                if skull.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
+            }
+            direction * inside
+        }
+    };
+    // A suture is a tube along the bone's edge, thicker than the bone, cut to the table's depth.
+    let line = |points: &[Vec3], half_width: f32| {
+        let fine: Vec<(Vec3, f32)> = points
+            .windows(2)
+            .flat_map(|pair| (0..6).map(move |i| pair[0].lerp(pair[1], i as f32 / 6.0)))
+            .chain(points.last().copied())
+            .map(|p| on_skull(p.x, p.y, p.z) - p.normalize() * (0.5 * head::table(biometry)))
+            .map(|p| (p, half_width.hypot(0.5 * head::table(biometry))))
+            .collect();
+        sweep(&fine)
+    };
+    let bregma = on_skull(0.0, 26.0, 10.0);
+    let lambda = on_skull(0.0, 19.0, -27.0);
+    let pterion = on_skull(24.0, -7.0, 15.0);
+    let asterion = on_skull(21.0, -9.0, -20.0);
+    let middle = [
+        line(&[bregma, on_skull(0.0, 29.0, -8.0), lambda], SUTURE_MM),
+        line(&[bregma, on_skull(0.0, 17.0, 29.0), on_skull(0.0, 5.0, 35.0)], METOPIC_MM),
+        // The anterior fontanelle is a diamond, the posterior one a small triangle.
+        ellipsoid(bregma, v(5.6, 4.0, 7.6)),
+        ellipsoid(lambda, v(2.8, 3.0, 2.6)),
+    ];
+    let sides = union([
+        line(&[bregma, on_skull(17.0, 19.0, 11.5), on_skull(25.0, 7.0, 13.5), pterion], SUTURE_MM),
+        line(&[lambda, on_skull(10.0, 9.0, -29.0), on_skull(17.0, 0.0, -26.0), asterion], SUTURE_MM),
+        // The squamosal suture, below the plane of the biparietal diameter.
+        line(&[pterion, on_skull(27.0, -4.5, 6.0), on_skull(27.0, -4.5, -8.0), asterion], 0.8 * SUTURE_MM),
+        ellipsoid(pterion, v(2.4, 2.6, 2.6)),
+        ellipsoid(asterion, v(2.4, 2.6, 2.6)),
+    ]);
+    // Parts that touch the midline reach past it.
+    let sides = Solid::new(sides.bounds(), move |p| sides.distance_mm(p)).with_mirror_image();
+    union(middle.into_iter().chain([sides])).intersect(outer).subtract(inner)
+}

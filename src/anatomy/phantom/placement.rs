@@ -1,0 +1,104 @@
+//! Where the fetus comes to lie in the cavity.
+//!
+//! It starts in the middle, turned as lie and roll say, and is pushed off wall and placenta as a rigid body until it
+//! touches neither.
+
+use glam::{Quat, Vec3};
+
+use super::attitude::Attitude;
+use super::biometry::Biometry;
+use super::parameters::{Lie, Parameters, PlacentaSite};
+use super::sdf::{Isometry, Solid, ellipsoid};
+use super::{fetus, mother};
+
+/// Fluid left between the fetus and what is around it, mm.
+const CLEARANCE_MM: f32 = 2.5;
+/// Accepted lack of that clearance, mm.
+pub(super) const ACCEPTED_MM: f32 = 0.8;
+/// Half axes of the disc that stands for the placenta, its thickness along y, mm at 22 weeks.
+const PLACENTA_SEMI_MM: Vec3 = Vec3::new(60.0, 13.0, 60.0);
+/// Steps of pushing.
+const STEPS: usize = 240;
+
+/// What the fetus has to fit.
+pub(super) struct Room {
+    cavity: Solid,
+    /// About where the placenta is; it gives way to the fetus where there is no room for both.
+    placenta: Solid,
+    start: Isometry,
+}
+
+impl Room {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        let (centre, outward) = mother::placenta_centre(parameters);
+        let size = Biometry::at_weeks(parameters.gestational_weeks).trunk_scale();
+        let disc = ellipsoid(Vec3::ZERO, PLACENTA_SEMI_MM * size);
+        let placenta = disc.placed(Isometry::from_axes(centre, outward, outward.any_orthonormal_vector()));
+        Self { cavity: mother::cavity(parameters), placenta, start: start(parameters) }
+    }
+
+    /// `scene_from_fetus`, and by how much the fetus still lacks its clearance, mm.
+    pub(super) fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
+        let balls = fetus::balls(attitude);
+        let scale = attitude.biometry.trunk_scale();
+        let mut place = Isometry { translation: self.start.translation * scale, ..self.start };
+        let mut best = (place, f32::MAX);
+        for _ in 0..STEPS {
+            let (mut force, mut torque, mut weight, mut inertia) = (Vec3::ZERO, Vec3::ZERO, 0.0f32, 0.0f32);
+            let mut worst = 0.0f32;
+            let centre = place.translation;
+            let mut push = |at: Vec3, by: Vec3| {
+                let depth = by.length();
+                let arm = at - centre;
+                force += by * depth;
+                torque += arm.cross(by) * depth;
+                weight += depth;
+                inertia += depth * arm.length_squared();
+            };
+            for &(local, radius) in &balls {
+                let at = place.point(local);
+                let out_of_wall = self.cavity.distance_mm(at) + radius + CLEARANCE_MM;
+                if out_of_wall > 0.0 {
+                    worst = worst.max(out_of_wall);
+                    push(at, self.cavity.normal(at) * -out_of_wall);
+                }
+                let in_placenta = radius + CLEARANCE_MM - self.placenta.distance_mm(at);
+                if in_placenta > 0.0 {
+                    push(at, self.placenta.normal(at) * in_placenta);
+                }
+            }
+            // The wall counts; off the placenta as well is better.
+            if worst < best.1 || worst < 0.5 * ACCEPTED_MM {
+                best = (place, worst);
+            }
+            if weight < 0.5 * ACCEPTED_MM {
+                break;
+            }
+            place.translation += 0.7 * force / weight;
+            let turn = 0.5 * torque / inertia.max(1e-6);
+            place.rotation = (Quat::from_scaled_axis(turn.clamp_length_max(0.03)) * place.rotation).normalize();
+        }
+        best
+    }
+}
+
+/// Turned as lie and roll say, in the middle, a little behind it: the placenta is before it, or the belly's weight on
+/// it. The head lies a little nearer to the belly than the rump.
+fn start(parameters: &Parameters) -> Isometry {
+    let (cranial, ventral) = match parameters.lie {
+        Lie::Cephalic => (Vec3::NEG_Y, Vec3::X),
+        Lie::Breech => (Vec3::Y, Vec3::NEG_X),
+        Lie::TransverseHeadLeft => (Vec3::X, Vec3::Y),
+        Lie::TransverseHeadRight => (Vec3::NEG_X, Vec3::NEG_Y),
+    };
+    let roll = Quat::from_axis_angle(cranial, (parameters.roll_deg as f32).to_radians());
+    let lie = Isometry::from_axes(Vec3::ZERO, cranial, roll * ventral);
+    let tilt = Quat::from_axis_angle(cranial.cross(Vec3::Z), 5.5f32.to_radians());
+    let rotation = (tilt * lie.rotation).normalize();
+    let behind = match parameters.placenta {
+        PlacentaSite::Anterior => 11.0,
+        PlacentaSite::Posterior => -8.0,
+        PlacentaSite::Fundal | PlacentaSite::Left | PlacentaSite::Right => 2.0,
+    };
+    Isometry { rotation, translation: roll * ventral * -5.0 - Vec3::Z * behind }
+}

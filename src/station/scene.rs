@@ -1,0 +1,54 @@
+//! `[scene]`: what is scanned.
+
+use std::path::Path;
+
+use super::values::Values;
+use super::{SceneSource, StationError};
+use crate::anatomy::phantom::{Lie, PhantomOptions, PlacentaSite};
+
+/// Keys of a generated phantom.
+const PHANTOM: [&str; 9] = [
+    "phantom_scale",
+    "phantom_weeks",
+    "phantom_lie",
+    "phantom_roll_deg",
+    "phantom_flexion",
+    "phantom_placenta",
+    "phantom_fluid_index_mm",
+    "phantom_fat_mm",
+    "phantom_seed",
+];
+
+pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
+    match (values.text("path"), values.text("phantom")) {
+        (Some(_), Some(_)) => Err(StationError::NotApplicable {
+            key: "scene.phantom".to_owned(),
+            reason: "`scene.path` is given, too; give one of the two".to_owned(),
+        }),
+        (Some(path), None) => {
+            values.refuse(&PHANTOM[..1], "it scales a generated phantom; `scene.path` names a file")?;
+            values.refuse(&PHANTOM[1..], "it describes a generated phantom; `scene.path` names a file")?;
+            Ok(SceneSource::File(dir.join(path)))
+        }
+        (None, Some(_)) => Ok(SceneSource::ObstetricPhantom(phantom(values))),
+        (None, None) => Err(StationError::Missing {
+            key: "scene.path".to_owned(),
+            needed: "give a glTF file, or `phantom = \"obstetric\"` in `[scene]`".to_owned(),
+        }),
+    }
+}
+
+fn phantom(values: &Values) -> PhantomOptions {
+    let mut options = PhantomOptions::default();
+    values.set("phantom_scale", &mut options.scale);
+    let p = &mut options.parameters;
+    values.set("phantom_weeks", &mut p.gestational_weeks);
+    values.set("phantom_roll_deg", &mut p.roll_deg);
+    values.set("phantom_flexion", &mut p.flexion);
+    values.set("phantom_fluid_index_mm", &mut p.fluid_index_mm);
+    values.set("phantom_fat_mm", &mut p.maternal_fat_mm);
+    p.lie = values.text("phantom_lie").and_then(Lie::from_word).unwrap_or(p.lie);
+    p.placenta = values.text("phantom_placenta").and_then(PlacentaSite::from_word).unwrap_or(p.placenta);
+    p.seed = values.integer("phantom_seed").map_or(p.seed, u64::from);
+    options
+}
