@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use insonify::anatomy::export::write_glb;
-use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, build};
+use insonify::anatomy::export::write_moving_glb;
+use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, build, movement};
 use serde::Serialize;
 
 use super::output::thousands;
@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
         insonify::sink::create_dir(directory)?;
     }
-    write_glb(&surfaces, &args.out)?;
+    write_moving_glb(&surfaces, &movement(&args.options().parameters), &args.out)?;
     let rows: Vec<_> = surfaces.iter().map(row).collect();
     let triangles = rows.iter().map(|r| r.triangles).sum();
     if args.json {

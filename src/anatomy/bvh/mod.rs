@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use super::Scene;
 use super::motion::Drift;
-use moving::Moving;
+use moving::{Group, Moving};
 
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
 pub const STACK_DEPTH_MAX: usize = 32;
@@ -139,13 +139,14 @@ impl Bvh {
             drift: scene.motion.drift,
             drift_mm: DVec3::ZERO,
         };
-        if let [(tree, _)] = trees.as_slice() {
-            bvh.nodes = bytemuck::cast_slice(&tree.nodes).to_vec();
-        } else {
-            let (nodes, moving) = moving::join(scene, &groups, &trees, &order, centre_mm);
-            bvh.nodes = nodes;
-            bvh.moving = Some(moving);
-            refit::fit_root(&mut bvh.nodes, trees.len());
+        match trees.as_slice() {
+            [(tree, _)] if groups.iter().all(Group::rests) => bvh.nodes = bytemuck::cast_slice(&tree.nodes).to_vec(),
+            _ => {
+                let (nodes, moving) = moving::join(scene, &groups, &trees, &order, centre_mm);
+                bvh.nodes = nodes;
+                bvh.moving = Some(moving);
+                refit::fit_root(&mut bvh.nodes, trees.len());
+            }
         }
         let depth = depth(&bvh.nodes);
         if depth >= STACK_DEPTH_MAX {

@@ -20,6 +20,13 @@ pub(super) struct Group {
     fields: u32,
 }
 
+impl Group {
+    /// Whether nothing moves any of them.
+    pub(super) fn rests(&self) -> bool {
+        self.fields == 0
+    }
+}
+
 /// A vertex that moves.
 #[derive(Debug, Clone, Copy)]
 struct Vertex {

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::{PhantomError, PhantomOptions, Progress, build};
-use crate::anatomy::export::{ExportError, write_glb};
+use super::{PhantomError, PhantomOptions, Progress, build, movement};
+use crate::anatomy::export::{ExportError, write_moving_glb};
 
 /// Raised whenever the generator's output changes, so that an old file is not taken for a new one.
-const GENERATOR: &str = "obstetric-5";
+const GENERATOR: &str = "obstetric-6";
 
 /// Why the phantom's file could not be had.
 #[derive(Debug, Error)]
@@ -47,7 +47,7 @@ pub fn cached(
     }
     let surfaces = build(options, progress)?;
     std::fs::create_dir_all(cache_dir).map_err(|source| CacheError::Folder { path: cache_dir.to_owned(), source })?;
-    write_glb(&surfaces, &path)?;
+    write_moving_glb(&surfaces, &movement(&options.parameters), &path)?;
     Ok(path)
 }
 

@@ -18,6 +18,7 @@ mod fetus;
 mod landmarks;
 mod meshing;
 mod mother;
+mod movement;
 mod organ;
 pub mod parameters;
 mod placement;
@@ -34,6 +35,7 @@ pub use attitude::Attitude;
 pub use biometry::Biometry;
 pub use cache::{CacheError, cached};
 pub use landmarks::{Landmarks, landmarks};
+pub use movement::movement;
 pub use organ::{Body, Organ};
 pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite};
 
