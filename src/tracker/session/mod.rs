@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
 use crate::tracker::driver::{Driver, Passive};
+use crate::tracker::ndi::RomError;
 use crate::tracker::recording::{RecordingError, RecordingReader};
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
@@ -105,6 +106,9 @@ pub enum TrackerError {
     /// A recording that can't be played.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// The description of a wireless tool that can't be used.
+    #[error(transparent)]
+    Rom(#[from] RomError),
     /// The system has no thread or event queue left.
     #[error("cannot start the tracker's thread: {0}")]
     Thread(#[source] io::Error),
@@ -224,10 +228,14 @@ impl Session {
         // A recorded device can't be spoken to.
         let driver: Box<dyn Driver> = if let Port::Recording(recording) = &port {
             protocol = recording.protocol();
-            Box::new(Passive::new(protocol, settings.device.silence))
+            Box::new(Passive::new(protocol, &settings.device))
         } else {
             sensor = sensor.or(protocol.first_sensor());
-            protocol.driver(&settings.device)
+            let mut device = settings.device.clone();
+            if protocol == Protocol::Ndi {
+                device.ndi = device.ndi.load_roms()?;
+            }
+            protocol.driver(&device)
         };
         Ok(Self {
             port,
@@ -330,6 +338,8 @@ impl Session {
                 return Ok(Over::Cancelled);
             }
             self.speak().await?;
+            // A driver whose question was not answered says so although no byte has come.
+            self.decode();
             let silent_at = self.patient_from.saturating_add(self.patience());
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
             let wake_at = wake_at.min(self.now() + REST_LIMIT);
@@ -390,6 +400,14 @@ impl Session {
         self.listener.bytes(time_ns, piece);
         self.arrivals.push(piece.len(), time_ns);
         self.buffer.extend_from_slice(piece);
+        self.decode();
+        if self.port.has_messages() {
+            self.finish();
+        }
+    }
+
+    /// Takes what the driver makes of the bytes so far, and of the time.
+    fn decode(&mut self) {
         loop {
             let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
             let now = self.now();
@@ -406,9 +424,6 @@ impl Session {
                     self.wrong(first_byte_ns, error);
                 }
             }
-        }
-        if self.port.has_messages() {
-            self.finish();
         }
     }
 
