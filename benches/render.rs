@@ -7,16 +7,18 @@
 #![allow(clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use criterion::Criterion;
 use etcetera::BaseStrategy;
-use insonify::anatomy::{Scene, phantom};
+use insonify::anatomy::{Bvh, Scene, phantom};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
+use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer, ShaderSet};
 use insonify::sink::TimeTable;
 use insonify::sink::time_table::SideBySide;
 use insonify::station::Station;
 use insonify::tracker::recording;
+use insonify::transducer::Probe;
 
 /// Poses, spread over the exam.
 const POSES: usize = 12;
@@ -31,12 +33,51 @@ fn main() {
     let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
     println!("{} ({}), {} triangles", gpu.adapter_name(), gpu.driver(), scene.triangle_count());
 
-    for (name, quality) in [("LQ", Quality::LQ), ("HQ", Quality::HQ)] {
-        let settings = RenderSettings { quality, ..station.settings };
+    for (name, quality, maps) in
+        [("LQ", Quality::LQ, true), ("LQ without maps", Quality::LQ, false), ("HQ", Quality::HQ, true)]
+    {
+        let settings = RenderSettings { quality, maps, ..station.settings };
         let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &settings).expect("a renderer");
         whole_frames(&mut criterion, name, &mut renderer, &poses);
     }
+    reconfigurations(&mut criterion, &gpu, &scene, &station);
     criterion.final_summary();
+}
+
+/// Measures what a change of each kind takes, there and back, beside a renderer that is built.
+fn reconfigurations(criterion: &mut Criterion, gpu: &Gpu, scene: &Scene, station: &Station) {
+    type Change = fn(&mut Probe, &mut RenderSettings);
+    let changes: [(&str, Change); 6] = [
+        ("gain", |_, s| s.image.gain_db += 6.0),
+        ("focus", |p, _| p.focus_mm *= 0.5),
+        ("depth", |p, _| p.depth_mm *= 0.7),
+        ("frequency", |p, _| p.frequency_mhz *= 0.5),
+        ("4 x 2", |_, s| s.quality = Quality { rays: 4, layers: 2, ..s.quality }),
+        ("image size", |_, s| (s.image.width, s.image.height) = (1024, 768)),
+    ];
+    let bvh = Arc::new(Bvh::build(scene).expect("a scene that can be traced"));
+    let shaders = ShaderSet::default();
+    let built = || {
+        Renderer::with_shaders(gpu, scene, bvh.clone(), &station.probe, &station.settings, &shaders)
+            .expect("a renderer")
+    };
+    let mut group = criterion.benchmark_group("reconfigure, there and back");
+    group.sample_size(10);
+    for (name, change) in changes {
+        let mut renderer = built();
+        let (mut probe, mut settings) = (station.probe, station.settings);
+        change(&mut probe, &mut settings);
+        // Compiles what the change alone needs.
+        renderer.reconfigure(&probe, &settings).expect("a change");
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                renderer.reconfigure(&probe, &settings).expect("a change");
+                renderer.reconfigure(&station.probe, &station.settings).expect("a change back");
+            });
+        });
+    }
+    group.bench_function("a renderer built", |bencher| bencher.iter(&built));
+    group.finish();
 }
 
 /// Measures frames from the call until all maps lie in memory.

@@ -7,7 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::VecDeque;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock, mpsc};
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ use insonify::pipeline::{
 use insonify::pose::{Pose, TrackingState};
 use insonify::render::{Frame, RenderSettings};
 use insonify::sink::SinkError;
-use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, MapsWanted, PresentedFrame};
 use insonify::transducer::Probe;
 use serde_json::Value;
 
@@ -77,7 +77,9 @@ fn pose(x: f64) -> Pose {
 struct Device {
     clock: Arc<dyn Clock>,
     service: Duration,
-    in_flight: VecDeque<(Duration, Pose, u64)>,
+    /// When each is done, its pose, and whether it has maps.
+    in_flight: VecDeque<(Duration, Pose, bool)>,
+    maps: bool,
     free: Duration,
     received: Arc<AtomicU64>,
     faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
@@ -92,12 +94,12 @@ impl FrameRenderer for Device {
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
         self.free = self.free.max(self.clock.now()) + self.service;
-        self.in_flight.push_back((self.free, *pose, 0));
+        self.in_flight.push_back((self.free, *pose, self.maps));
         Ok(())
     }
 
     fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
-        let (done, pose, _) = self.in_flight.pop_front().expect("received more than was submitted");
+        let (done, pose, maps) = self.in_flight.pop_front().expect("received more than was submitted");
         self.clock.sleep_until(done);
         let number = self.received.fetch_add(1, Ordering::Relaxed);
         if (self.faults)(number) {
@@ -110,7 +112,15 @@ impl FrameRenderer for Device {
         }
         frame.attenuation.clear();
         frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
+        if !maps {
+            frame.segmentation.clear();
+            frame.attenuation.clear();
+        }
         Ok(())
+    }
+
+    fn set_maps(&mut self, wanted: bool) {
+        self.maps = wanted;
     }
 
     fn reconfigure(&mut self, _: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
@@ -205,12 +215,17 @@ fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn Enhancer> {
 
 struct Sink<F> {
     name: &'static str,
+    maps: Option<MapsWanted>,
     take: F,
 }
 
 impl<F: FnMut(&PresentedFrame) -> Result<(), SinkError> + Send> LiveSink for Sink<F> {
     fn name(&self) -> &str {
         self.name
+    }
+
+    fn maps_wanted(&self) -> Option<MapsWanted> {
+        self.maps.clone()
     }
 
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
@@ -226,7 +241,7 @@ fn sink(
     name: &'static str,
     take: impl FnMut(&PresentedFrame) -> Result<(), SinkError> + Send + 'static,
 ) -> Box<dyn LiveSink> {
-    Box::new(Sink { name, take })
+    Box::new(Sink { name, maps: None, take })
 }
 
 fn broken() -> SinkError {
@@ -252,7 +267,7 @@ type Log = Arc<Mutex<Vec<Seen>>>;
 
 fn logger(log: &Log) -> Box<dyn LiveSink> {
     let log = log.clone();
-    sink("log", move |frame| {
+    let take = move |frame: &PresentedFrame| {
         assert_eq!(
             [frame.image.len(), frame.segmentation.len(), frame.attenuation.len(), frame.mask.len()],
             [PIXELS; 4]
@@ -271,7 +286,8 @@ fn logger(log: &Log) -> Box<dyn LiveSink> {
             tier: frame.tier.clone(),
         });
         Ok(())
-    })
+    };
+    Box::new(Sink { name: "log", maps: Some(Arc::new(|| true)), take })
 }
 
 fn seen(log: &Log) -> Vec<Seen> {
@@ -328,6 +344,7 @@ impl Session {
             clock: clock.clone(),
             service,
             in_flight: VecDeque::with_capacity(2),
+            maps: true,
             free: Duration::ZERO,
             received: received.clone(),
             faults: faults.clone(),
@@ -392,6 +409,71 @@ fn without_a_generator_every_tick_is_a_frame_and_as_old_as_it_took() {
     let latency = summary.pose_to_present.unwrap();
     assert!(latency.p50_ms >= 25.0 && latency.max_ms < 25.1, "5 ms of age when sampled: {latency:?}");
     assert!((summary.frames_per_s - 20.0).abs() < 0.01);
+}
+
+/// Numbers of the frames that carried maps, each of them its own.
+fn frames_with_maps(
+    clock: &Arc<dyn Clock>,
+    enhancer: Option<Box<dyn Enhancer>>,
+    mut each: impl FnMut(u64, &AtomicBool, &tokio::sync::mpsc::Sender<Control>) + Send + 'static,
+) -> Vec<u64> {
+    let with_maps = Arc::<Mutex<Vec<u64>>>::default();
+    let wanted = Arc::new(AtomicBool::new(false));
+    let (sender, controls) = tokio::sync::mpsc::channel(4);
+    let (kept, asked) = (with_maps.clone(), wanted.clone());
+    let take = move |frame: &PresentedFrame| {
+        assert_eq!(frame.segmentation.len(), frame.attenuation.len());
+        assert_eq!([frame.image.len(), frame.mask.len()], [PIXELS; 2]);
+        if !frame.segmentation.is_empty() {
+            let x = frame.pose.map(|pose| pose.position_mm.x as f32);
+            assert!(frame.attenuation.iter().all(|&a| Some(a) == x), "another frame's maps: {}", frame.number);
+            kept.lock().unwrap().push(frame.number);
+        }
+        each(frame.number, &asked, &sender);
+        Ok(())
+    };
+    let maps: MapsWanted = Arc::new(move || wanted.load(Ordering::Relaxed));
+    let overlay = Box::new(Sink { name: "overlay", maps: Some(maps), take });
+    Session { controls, enhancer, sinks: vec![overlay], ..Session::new(clock, moving) }.run();
+    std::mem::take(&mut *with_maps.lock().unwrap())
+}
+
+#[test]
+fn maps_are_rendered_while_somebody_reads_them() {
+    let _guard = beside_others();
+    let clock = clock();
+    // An overlay that is shown from frame 50 to frame 120.
+    let with_maps = frames_with_maps(&clock, None, |number, wanted, _| {
+        wanted.store((50..120).contains(&number), Ordering::Relaxed);
+    });
+    let (first, last) = (with_maps[0], *with_maps.last().unwrap());
+    assert!((51..=53).contains(&first) && (120..=122).contains(&last), "{first}..={last}");
+    assert_eq!(with_maps.len() as u64, last - first + 1, "{with_maps:?}");
+}
+
+#[test]
+fn maps_are_rendered_while_the_generator_is_at_work() {
+    let _guard = beside_others();
+    let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
+    let read = Arc::<AtomicU64>::default();
+    let (runs, clock_of_run) = (read.clone(), clock.clone());
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        assert_eq!([frame.segmentation.len(), frame.attenuation.len()], [PIXELS; 2], "a generator without its maps");
+        runs.fetch_add(1, Ordering::Relaxed);
+        clock_of_run.sleep_until(clock_of_run.now() + 10 * MS);
+        out.resize(PIXELS, 200);
+        Ok(())
+    };
+    let enhancer = Some(Box::new(Translate { work, terminator: None }) as Box<dyn Enhancer>);
+    let with_maps = frames_with_maps(&clock, enhancer, |number, _, sender| match number {
+        50 => sender.try_send(Control::Enhance(false)).unwrap(),
+        120 => sender.try_send(Control::Enhance(true)).unwrap(),
+        _ => {}
+    });
+    assert!(with_maps.contains(&0) && with_maps.contains(&50) && with_maps.contains(&199));
+    let without: Vec<u64> = (0..200).filter(|number| !with_maps.contains(number)).collect();
+    assert!(without.len() >= 65 && without[0] > 50 && *without.last().unwrap() <= 123, "{without:?}");
+    assert!(read.load(Ordering::Relaxed) > 100);
 }
 
 #[test]
