@@ -36,15 +36,15 @@ mod tests {
     fn the_phantoms_points_register_a_tracker() {
         let points = of_phantom();
         assert_eq!(points.len(), PHANTOM.len());
-        let pairs: Vec<_> =
-            points.iter().map(|p| PointPair { scene_mm: p.point_mm, tracker_mm: p.point_mm + DVec3::X * 300.0 }).collect();
+        let pairs: Vec<_> = points
+            .iter()
+            .map(|p| PointPair { scene_mm: p.point_mm, tracker_mm: p.point_mm + DVec3::X * 300.0 })
+            .collect();
         let found = register(&pairs).unwrap();
         assert!(found.rms_mm < 1e-9 && !found.coplanar, "{found:?}");
         // A reversed axis is found out.
-        let mirrored: Vec<_> = pairs
-            .iter()
-            .map(|p| PointPair { tracker_mm: p.tracker_mm * DVec3::new(1.0, 1.0, -1.0), ..*p })
-            .collect();
+        let mirrored: Vec<_> =
+            pairs.iter().map(|p| PointPair { tracker_mm: p.tracker_mm * DVec3::new(1.0, 1.0, -1.0), ..*p }).collect();
         assert!(register(&mirrored).unwrap_err().to_string().contains("mirror image"));
     }
 }

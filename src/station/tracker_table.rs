@@ -222,7 +222,9 @@ mod tests {
 
     #[test]
     fn options_of_ndi_devices_and_pucks_are_read() {
-        let ndi = |rest: &str| read(&format!("[tracker]\ntransport = \"tcp\"\naddress = \"h:8765\"\nprotocol = \"ndi\"\n{rest}"));
+        let ndi = |rest: &str| {
+            read(&format!("[tracker]\ntransport = \"tcp\"\naddress = \"h:8765\"\nprotocol = \"ndi\"\n{rest}"))
+        };
         let found = ndi("ndi_reply = \"TX\"\nndi_roms = [\"tools/a.rom\", \"/b.rom\"]\nndi_out_of_volume = false");
         let found = found.unwrap().device.ndi;
         assert_eq!((found.format, found.out_of_volume), (ReplyFormat::Text, false));

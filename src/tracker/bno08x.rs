@@ -136,7 +136,9 @@ impl Decoder {
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match buffer.len() {
             0 => Ok(()),
-            length => Err(DecodeError { offset: self.offset.take(buffer, length), reason: Reason::Incomplete { length } }),
+            length => {
+                Err(DecodeError { offset: self.offset.take(buffer, length), reason: Reason::Incomplete { length } })
+            }
         }
     }
 

@@ -66,9 +66,7 @@ impl Tracker {
                 n += 1;
                 let pose = match *its_hand.lock().unwrap() {
                     Hand::Still(pose) => pose,
-                    Hand::Moving(pose) => {
-                        Pose { position_mm: pose.position_mm + DVec3::X * f64::from(n), ..pose }
-                    }
+                    Hand::Moving(pose) => Pose { position_mm: pose.position_mm + DVec3::X * f64::from(n), ..pose },
                     Hand::Gone => continue,
                 };
                 let _ = stream.write_all(ascii_line::encode(n, u64::from(n) * 2000, &pose).as_bytes());
@@ -224,5 +222,8 @@ fn an_input_that_ends_early_is_named() {
     asked.take(&tracker, &point("NAVEL"), DVec3::Z * 80.0, 0);
     let (code, _, said) = asked.end();
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("the input ended before `LEFT` was taken, with 1 of 3 landmarks; nothing was written"), "{said}");
+    assert!(
+        said.contains("the input ended before `LEFT` was taken, with 1 of 3 landmarks; nothing was written"),
+        "{said}"
+    );
 }

@@ -131,11 +131,12 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Err(mpsc::RecvTimeoutError::Disconnected) => break,
         }
-        if let Some(baud) = speed(&far) {
-            board.at_speed(baud);
-        }
         let mut input = [0; 256];
         if let Ok(length) = far.read(&mut input) {
+            // The host changes it before it writes, so that it is looked at after what was written.
+            if let Some(baud) = speed(&far) {
+                board.at_speed(baud);
+            }
             board.hear(start.elapsed(), &input[..length]);
         }
         while let Some(mut record) = board.say(start.elapsed()) {

@@ -135,7 +135,9 @@ fn ask(
 ) -> Result<Vec<NamedPair>, Failure> {
     // By point, none where it was skipped.
     let mut taken: Vec<Option<NamedPair>> = Vec::with_capacity(points.len());
-    eprintln!("Enter takes a landmark; `skip` leaves it out, `back` takes the one before again, `quit` ends without a result");
+    eprintln!(
+        "Enter takes a landmark; `skip` leaves it out, `back` takes the one before again, `quit` ends without a result"
+    );
     let mut trouble = String::new();
     while let Some(point) = points.get(taken.len()) {
         let number = taken.len() + 1;
@@ -203,7 +205,10 @@ mod tests {
     fn landmarks_are_taken_skipped_and_taken_again() {
         assert_eq!(asked("\n\n\n", |_| true).0.unwrap(), ["A", "B", "C"]);
         let (taken, tried) = asked("\nwhat\nskip\nback\n\n\n", |_| true);
-        assert_eq!((taken.unwrap(), tried), (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()]));
+        assert_eq!(
+            (taken.unwrap(), tried),
+            (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
+        );
         assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
         // One that moves is asked for again.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
@@ -213,10 +218,7 @@ mod tests {
     #[test]
     fn an_end_before_the_last_landmark_is_an_error() {
         let error = asked("\n\n", |attempt| attempt == 1).0.unwrap_err();
-        assert_eq!(
-            error,
-            "the input ended before `B` was taken, with 1 of 3 landmarks; nothing was written; it moves"
-        );
+        assert_eq!(error, "the input ended before `B` was taken, with 1 of 3 landmarks; nothing was written; it moves");
         assert!(asked("\nquit\n", |_| true).0.unwrap_err().starts_with("ended with 1 landmarks taken"));
     }
 }
