@@ -51,7 +51,7 @@ pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
 pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
-pub use sources::{RecordedPoses, StandingPose};
+pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, SinkSummary, Summary};
 pub use tiered::TieredEnhancer;
 pub use tracked::{TrackedPoses, TrackerPart};
