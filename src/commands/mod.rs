@@ -27,6 +27,7 @@ mod station_keys;
 mod status_line;
 mod timeline;
 mod tissues;
+mod tracker_args;
 mod trackers;
 
 use clap::{Parser, Subcommand};

@@ -25,6 +25,7 @@ mod presenter;
 mod recorded;
 mod render_stage;
 mod rendered;
+mod replayed;
 mod session;
 mod shutdown;
 mod simulated;
@@ -47,6 +48,7 @@ pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
+pub use replayed::{ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
 pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
