@@ -20,6 +20,7 @@ mod quality;
 mod record;
 mod render;
 mod replay;
+mod replay_args;
 mod run;
 mod run_table;
 mod session;

@@ -11,7 +11,6 @@ use super::metrics::{Metrics, count};
 use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
-use crate::pose::TrackingState;
 use crate::render::Frame;
 use crate::sink::live::{FrameSource, FrameTimeline, PresentedFrame};
 
