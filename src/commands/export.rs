@@ -79,14 +79,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let images: Vec<_> = frames.clone().map(tracking).collect();
     let mut writer = MetaImageWriter::create(&args.out, &sector, &images, args.compress)?;
     let progress = Progress::new("export", images.len());
-    replay.render(&gpu, &scene, |_| {}, |i, frame| {
-        writer.push(match args.map {
-            Map::Bmode => &frame.bmode,
-            Map::Segmentation => &frame.segmentation,
-        })?;
-        progress.set(i + 1, images.len());
-        Ok(())
-    })?;
+    replay.render(
+        &gpu,
+        &scene,
+        |_| {},
+        |i, frame| {
+            writer.push(match args.map {
+                Map::Bmode => &frame.bmode,
+                Map::Segmentation => &frame.segmentation,
+            })?;
+            progress.set(i + 1, images.len());
+            Ok(())
+        },
+    )?;
     drop(progress);
     writer.finish()?;
     let invalid = images.iter().filter(|image| !image.tracked).count();

@@ -46,13 +46,11 @@ const TOLD: usize = 4;
 /// it can be replayed without it. While it runs its file is called FILE.part; after a kill that holds all but the last
 /// second.
 #[derive(Debug, Parser)]
-#[command(
-    after_help = "Examples:\n  \
+#[command(after_help = "Examples:\n  \
                   insonify record station.toml --out session.mcap              the station's own [tracker]\n  \
                   insonify record station.toml --port 0403:6001 --protocol liberty --out session.mcap\n  \
                   insonify record station.toml --address 192.168.1.20:4000 --protocol ascii-line --out session.mcap\n  \
-                  cat log.bin | insonify record station.toml --stdin --protocol ascii-line --out session.mcap"
-)]
+                  cat log.bin | insonify record station.toml --stdin --protocol ascii-line --out session.mcap")]
 pub(crate) struct Args {
     /// Station file (TOML); `insonify station-keys` lists its keys
     station: PathBuf,

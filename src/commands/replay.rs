@@ -161,29 +161,34 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut pace = Pace::new(args.speed, rate.fps());
     let mut hash = Sha256::new();
     let mut mask: Vec<u8> = Vec::new();
-    replay.render(&gpu, &scene, |i| pace.wait(i), |i, frame| {
-        let name = |map: &str, extension| args.out.join(map).join(format!("{:05}.{extension}", start + i));
-        let (w, h) = (frame.width, frame.height);
-        png::write_grey(&name("bmode", "png"), w, h, &frame.bmode, Effort::Fast)?;
-        video.push(&frame.bmode)?;
-        if args.maps {
-            png::write_grey(&name("segmentation", "png"), w, h, &frame.segmentation, Effort::Fast)?;
-            npy::write_f32(&name("attenuation", "npy"), [h as usize, w as usize], &frame.attenuation)?;
-        }
-        if mask != frame.mask {
-            // Another depth has another sector.
-            let name = if i == 0 { "mask.png".to_owned() } else { format!("mask_{:05}.png", start + i) };
-            png::write_grey(&args.out.join(name), w, h, &frame.mask, Effort::Small)?;
-            mask.clone_from(&frame.mask);
-        }
-        hash.update(&frame.bmode);
-        hash.update(&frame.segmentation);
-        hash.update(bytemuck::cast_slice::<f32, u8>(&frame.attenuation));
-        times.push(&frame.times);
-        overflowed += usize::from(frame.overflows > 0);
-        progress.set(i + 1, end - start);
-        Ok(())
-    })?;
+    replay.render(
+        &gpu,
+        &scene,
+        |i| pace.wait(i),
+        |i, frame| {
+            let name = |map: &str, extension| args.out.join(map).join(format!("{:05}.{extension}", start + i));
+            let (w, h) = (frame.width, frame.height);
+            png::write_grey(&name("bmode", "png"), w, h, &frame.bmode, Effort::Fast)?;
+            video.push(&frame.bmode)?;
+            if args.maps {
+                png::write_grey(&name("segmentation", "png"), w, h, &frame.segmentation, Effort::Fast)?;
+                npy::write_f32(&name("attenuation", "npy"), [h as usize, w as usize], &frame.attenuation)?;
+            }
+            if mask != frame.mask {
+                // Another depth has another sector.
+                let name = if i == 0 { "mask.png".to_owned() } else { format!("mask_{:05}.png", start + i) };
+                png::write_grey(&args.out.join(name), w, h, &frame.mask, Effort::Small)?;
+                mask.clone_from(&frame.mask);
+            }
+            hash.update(&frame.bmode);
+            hash.update(&frame.segmentation);
+            hash.update(bytemuck::cast_slice::<f32, u8>(&frame.attenuation));
+            times.push(&frame.times);
+            overflowed += usize::from(frame.overflows > 0);
+            progress.set(i + 1, end - start);
+            Ok(())
+        },
+    )?;
     drop(progress);
     let video = video.finish()?;
     let wall_s = started.elapsed().as_secs_f64();

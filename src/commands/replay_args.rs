@@ -161,7 +161,8 @@ impl ReplayArgs {
             match parts.last_mut() {
                 Some(part) if last.is_some_and(|last| same_picture(&last, now)) => part.frames.end = frame + 1,
                 _ => {
-                    let (probe, mut settings) = controls.apply(now).map_err(|reason| Failure::Input(anyhow!(reason)))?;
+                    let (probe, mut settings) =
+                        controls.apply(now).map_err(|reason| Failure::Input(anyhow!(reason)))?;
                     let Quality { seed, .. } = settings.quality;
                     settings.quality = self.quality.map_or(settings.quality, |quality| quality.with_seed(seed));
                     parts.push(Part { frames: frame..frame + 1, probe, settings });
@@ -196,8 +197,7 @@ impl Replay {
         let bvh = Bvh::build(scene).map_err(insonify::render::RenderError::from)?;
         for Part { frames, probe, settings } in &self.parts {
             let from = frames.start - self.frames.start;
-            let mut renderer =
-                Renderer::with_shaders(gpu, scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
+            let mut renderer = Renderer::with_shaders(gpu, scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
             let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
             session::render_paced(&mut renderer, poses, |i| before(from + i), |i, frame| each(from + i, frame))?;
         }

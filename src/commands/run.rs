@@ -20,9 +20,7 @@ use insonify::sink::live::Control;
 #[cfg(feature = "window")]
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
-use insonify::tracker::recording::{
-    QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings,
-};
+use insonify::tracker::recording::{QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
 use insonify::tracker::{Protocol, Speed, Transport, stream_protocol};
 use serde::Serialize;
 #[cfg(feature = "window")]

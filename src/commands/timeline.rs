@@ -160,7 +160,8 @@ mod tests {
 
     #[test]
     fn a_frozen_probe_stands_where_it_was() {
-        let mut timeline = Timeline::new(&[pose(0, 0.0), pose(200, 2.0), pose(400, 4.0)], FrameRate::new(10.0).unwrap());
+        let mut timeline =
+            Timeline::new(&[pose(0, 0.0), pose(200, 2.0), pose(400, 4.0)], FrameRate::new(10.0).unwrap());
         let live = [false, true, true, false, true].map(|frozen| LiveSettings { frozen, ..LiveSettings::default() });
         timeline.freeze(&live);
         assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 3.0, 3.0]);

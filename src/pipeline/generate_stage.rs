@@ -126,7 +126,9 @@ impl GeneratorLink {
                     }
                     None => "and its provider cannot end it",
                 };
-                Some(format!("the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"))
+                Some(format!(
+                    "the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"
+                ))
             }
             Hang::Told(at) if now >= at.saturating_add(GIVE_UP) => {
                 state.hang = Hang::GivenUp;
@@ -172,7 +174,7 @@ impl GenerateStage {
         let mut pool: Option<Pool<Generated>> = None;
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
-            if self.clock.now() < health.resting_until {
+            if self.clock.now() < health.resting_until || !self.enhancer.ready() {
                 lock(&self.link.state).counts.dropped += 1;
                 continue;
             }

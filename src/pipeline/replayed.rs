@@ -77,14 +77,8 @@ impl ReplayedControls {
     /// Of a session that began with `probe` and `settings`; `events` may tell of others at its start already.
     pub fn new(probe: &Probe, settings: &RenderSettings, events: &[Event]) -> Self {
         let begin = super::controls::live_settings(probe, settings, false, false);
-        let mut replayed = Self {
-            probe: *probe,
-            settings: *settings,
-            live: begin,
-            changes: Vec::new(),
-            next: 0,
-            refused: Vec::new(),
-        };
+        let mut replayed =
+            Self { probe: *probe, settings: *settings, live: begin, changes: Vec::new(), next: 0, refused: Vec::new() };
         let mut events: Vec<&Event> = events.iter().collect();
         events.sort_by_key(|event| event.host_time_ns);
         let mut last = begin;

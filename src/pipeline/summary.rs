@@ -34,7 +34,7 @@ pub struct GeneratorSummary {
     pub done: u64,
     /// Of these, after their deadline.
     pub late: u64,
-    /// Frames that newer ones replaced, or that came while it was paused.
+    /// Frames that newer ones replaced, or that came while it rested or no tier kept the budget.
     pub dropped: u64,
     /// Frames that it failed on.
     pub failed: u64,
