@@ -49,7 +49,7 @@ pub(crate) struct Cli {
 
 const AFTER_HELP: &str = "\
 Examples:
-  insonify demo                                          a recorded exam over a fetus, to look at in out/demo
+  insonify demo                                          a recorded exam over a fetus: live in the browser, and in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
   insonify trackers                                      serial ports and HID devices to read a tracker from
   insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C
