@@ -8,8 +8,8 @@ ARGS ?=
 .PHONY: help demo live test test-browser test-window bench soak setup clean
 
 help:
-	@echo 'make demo   play the recorded exam over the obstetric phantom: frames, contact sheet, video, times'
-	@echo 'make live   the same exam as a live station, in the browser'
+	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
+	@echo 'make live   the same exam as a live station, again and again until Ctrl-C'
 	@echo 'make test   format, lints, all tests and documentation'
 	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
 	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'

@@ -228,6 +228,7 @@ impl Session {
         // A recorded device can't be spoken to.
         let driver: Box<dyn Driver> = if let Port::Recording(recording) = &port {
             protocol = recording.protocol();
+            sensor = sensor.or(recording.sensor());
             Box::new(Passive::new(protocol, &settings.device))
         } else {
             sensor = sensor.or(protocol.first_sensor());
