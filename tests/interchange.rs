@@ -480,7 +480,8 @@ fn an_exported_sequence_holds_the_replays_frames() {
     let report = json(&["import", text(&file), "--out", text(&back)]);
     assert_eq!((&report["poses"], &report["without_pose"]), (&8.into(), &3.into()));
     let (found, _) = poses(&back).unwrap();
-    assert!((found[7].pose.position_mm.x - 18.0).abs() < 1e-3, "{:?}", found[7]);
+    // The filter is a little behind the probe at 18 mm.
+    assert!((found[7].pose.position_mm.x - 18.0).abs() < 0.5, "{:?}", found[7]);
 }
 
 #[test]

@@ -211,6 +211,8 @@ struct Session {
     heard: Duration,
     /// From when on the device's silence counts: as `heard`, or when it was started anew.
     patient_from: Duration,
+    /// How long it was allowed to be silent when that was looked at last.
+    patient_for: Duration,
     /// Restarts since the last record.
     attempt: u32,
     retry: Duration,
@@ -253,6 +255,7 @@ impl Session {
             arrivals: ArrivalTimes::default(),
             heard: Duration::ZERO,
             patient_from: Duration::ZERO,
+            patient_for: Duration::ZERO,
             attempt: 0,
             retry: RETRY[0],
             summary: SessionSummary::default(),
@@ -316,6 +319,17 @@ impl Session {
         over
     }
 
+    /// When the device has been silent for too long.
+    fn silent_at(&mut self) -> Duration {
+        let patience = self.patience();
+        // A device that took its time to be set up has the whole of the shorter time for its first record.
+        if patience < self.patient_for {
+            self.patient_from = self.now();
+        }
+        self.patient_for = patience;
+        self.patient_from.saturating_add(patience)
+    }
+
     /// Starts the device; a part of a record that came before is of no use.
     fn restart(&mut self) {
         self.finish();
@@ -341,7 +355,7 @@ impl Session {
             self.speak().await?;
             // A driver whose question was not answered says so although no byte has come.
             self.decode();
-            let silent_at = self.patient_from.saturating_add(self.patience());
+            let silent_at = self.silent_at();
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
             let wake_at = wake_at.min(self.now() + REST_LIMIT);
             piece.clear();
@@ -357,7 +371,7 @@ impl Session {
             }
             let now = self.now();
             // A record that has just come has moved it.
-            if now >= self.patient_from.saturating_add(self.patience()) {
+            if now >= self.silent_at() {
                 let for_ = now - self.heard;
                 self.attempt = self.attempt.saturating_add(1);
                 self.summary.silences += 1;
