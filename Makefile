@@ -5,15 +5,16 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo live test test-browser test-window bench setup clean
+.PHONY: help demo live test test-browser test-window bench soak setup clean
 
 help:
-	@echo 'make demo   play the recorded exam over the obstetric phantom: frames, contact sheet, video, times'
-	@echo 'make live   the same exam as a live station, in the browser'
+	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
+	@echo 'make live   the same exam as a live station, again and again until Ctrl-C'
 	@echo 'make test   format, lints, all tests and documentation'
 	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
 	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
+	@echo 'make soak   ten minutes of a live station on a bad day: memory, latency and drops; scripts/soak --help'
 	@echo 'make setup  what the others do first; scripts/setup --help says more'
 	@echo 'make clean  remove what was built and rendered'
 
@@ -39,6 +40,10 @@ test-window: setup
 
 bench: setup
 	$(CARGO) bench $(ARGS)
+
+soak: setup
+	$(CARGO) build --release --bin insonify
+	python3 scripts/soak $(ARGS)
 
 setup:
 	@scripts/setup

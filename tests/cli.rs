@@ -279,7 +279,7 @@ fn a_recording_becomes_frames_and_a_video() {
         let report: Value = serde_json::from_slice(&output.stdout).unwrap();
         (report, stderr(&output))
     };
-    let (report, _) = replay(&["--fps", "10", "--frames", "3..8", "--maps"]);
+    let (report, _) = replay(&["--fps", "10", "--frames", "3..8", "--maps", "--raw-poses"]);
     assert_eq!((&report["rendered"], &report["held"], &report["overflowed"]), (&5.into(), &0.into(), &0.into()));
     assert_eq!(report["recording"]["clean"], true);
     let names = |map: &str| {
@@ -362,9 +362,10 @@ fn tables_are_printed_for_people_and_machines() {
 #[test]
 fn help_suffices() {
     for (command, words) in [
-        ("demo", ["contact_sheet.png", "--fps", "Examples:"]),
+        ("demo", ["contact_sheet.png", "--no-live", "--once"]),
+        ("record", ["--stdin", "--protocol", "FILE.part"]),
         ("render", ["x,y,z,qw,qx,qy,qz", "segmentation.png", "1..=256"]),
-        ("replay", ["truncated", "a..b", "Example:"]),
+        ("replay", ["truncated", "--raw-poses", "--ignore-controls"]),
         ("phantom", ["--scale", "0.01..=20", "Example:"]),
         ("exam", ["--seed", "obstetric_sweep.mcap", "Example"]),
         ("tissues", ["--json", "ranges", "sources"]),

@@ -405,6 +405,61 @@ fn the_same_recording_seed_and_settings_give_the_same_frames_at_any_speed() {
 }
 
 #[test]
+fn a_replay_does_what_the_recorded_session_did_and_each_part_can_be_left_out() {
+    let (dir, station, recording) = station();
+    let text_of = fs::read_to_string(&station).unwrap();
+    // The tracker's frame lies 5 mm beside the scene's.
+    let calibration = dir.path().join("calibrated.toml");
+    fs::write(&calibration, format!("{text_of}[calibration]\nsensor_from_probe_mm = [0, 0, 5]\n")).unwrap();
+    let start_ns = 1_790_000_000_000_000_000;
+    let info = poses(&recording).unwrap().1.info;
+    let set = dir.path().join("set.mcap");
+    let mut writer = RecordingWriter::create(&set, &info).unwrap();
+    for i in 0..61_u32 {
+        let time_ns = start_ns + u64::from(i) * 1_000_000_000 / 60;
+        let pose = Pose { position_mm: DVec3::X * f64::from(i) * 0.3, orientation: DQuat::IDENTITY };
+        writer.raw(time_ns, ascii_line::encode(i, u64::from(i) * 16_667, &pose).as_bytes()).unwrap();
+        let value = match i {
+            15 => serde_json::json!({"gain_db": 6.0, "frozen": true}),
+            30 => serde_json::json!({"depth_mm": 60.0, "rays": 2, "tgc_sliders_db": [1, 2, 3, 4, 5, 6, 7, 8]}),
+            45 => serde_json::json!({"frozen": false, "focus_mm": 30.0, "dynamic_range_db": 40.0}),
+            50 => serde_json::json!({"gain_db": 1e9}),
+            _ => continue,
+        };
+        writer.event(&Event::new(time_ns, "settings").with(value)).unwrap();
+    }
+    writer.finish().unwrap();
+    let replay = |recording: &Path, station: &Path, name: &str, more: &[&str]| {
+        let out = dir.path().join(name);
+        let report =
+            json(&[&["replay", text(recording), text(station), "--fps", "10", "--out", text(&out)], more].concat());
+        let file: Value = serde_json::from_slice(&fs::read(out.join("replay.json")).unwrap()).unwrap();
+        let at = |i: usize, axis: usize| file["frames"][i]["pose"]["position_mm"][axis].as_f64().unwrap();
+        let (xs, zs): (Vec<f64>, Vec<f64>) = (0..11).map(|i| (at(i, 0), at(i, 2))).unzip();
+        (report["frames_sha256"].as_str().unwrap().to_owned(), report["changes"].as_u64().unwrap(), xs, zs)
+    };
+    let (whole, changes, xs, _) = replay(&set, &station, "set", &[]);
+    assert_eq!(changes, 3);
+    // Frozen from 250 to 750 ms at the pose of 200 ms, then on with the probe.
+    assert!(xs[3..8].iter().all(|x| *x == xs[2]) && xs[8] > xs[2] + 5.0, "{xs:?}");
+    for (name, speed) in [("again", "max"), ("paced", "30")] {
+        assert_eq!(replay(&set, &station, name, &["--speed", speed]).0, whole, "{name}");
+    }
+    let (ignored, changes, xs, _) = replay(&set, &station, "ignored", &["--ignore-controls"]);
+    assert!(ignored != whole && changes == 0 && xs.windows(2).all(|x| x[1] > x[0]), "{xs:?}");
+    let (raw, _, raw_xs, zs) = replay(&set, &calibration, "raw", &["--raw-poses", "--ignore-controls"]);
+    assert!(raw != ignored && (raw_xs[5] - 9.0).abs() < 1e-3 && zs[5] == 0.0, "{raw_xs:?}");
+    // The filter is a little behind, and the calibration is the station's.
+    assert!(xs[5] != raw_xs[5] && (xs[5] - raw_xs[5]).abs() < 2.0, "{xs:?}");
+    let (_, _, _, zs) = replay(&set, &calibration, "calibrated", &[]);
+    assert!((zs[5] - 5.0).abs() < 1e-3, "{zs:?}");
+    let sequence = dir.path().join("set.igs.mha");
+    let export = ["export", text(&set), text(&station), "--fps", "10", "--out", text(&sequence)];
+    assert!(refused(&export).contains("changes the depth at frame 5"));
+    json(&[&export[..], &["--frames", "..5"]].concat());
+}
+
+#[test]
 fn an_exported_sequence_holds_the_replays_frames() {
     let (dir, station, recording) = station();
     let out = dir.path().join("replay");
@@ -425,7 +480,8 @@ fn an_exported_sequence_holds_the_replays_frames() {
     let report = json(&["import", text(&file), "--out", text(&back)]);
     assert_eq!((&report["poses"], &report["without_pose"]), (&8.into(), &3.into()));
     let (found, _) = poses(&back).unwrap();
-    assert!((found[7].pose.position_mm.x - 18.0).abs() < 1e-3, "{:?}", found[7]);
+    // The filter is a little behind the probe at 18 mm.
+    assert!((found[7].pose.position_mm.x - 18.0).abs() < 0.5, "{:?}", found[7]);
 }
 
 #[test]
@@ -494,26 +550,64 @@ fn a_recording_is_inspected() {
 }
 
 #[test]
-fn record_takes_a_stream_from_tcp_and_keeps_the_station() {
+fn record_takes_a_tracker_from_tcp_and_keeps_the_station() {
     let (dir, station, _) = station();
     let out = dir.path().join("live.mcap");
     let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = format!("tcp:{}", server.local_addr().unwrap());
+    let address = server.local_addr().unwrap().to_string();
     let lines: String = (0..50).map(|i| ascii_line::encode(i, u64::from(i) * 10_000, &tracking(i).pose)).collect();
     let sent = lines.clone();
+    // The tracker goes away when it has said all; whoever records waits for it to come back.
     let sender = std::thread::spawn(move || server.accept().unwrap().0.write_all(sent.as_bytes()).unwrap());
-    let report = json(&["record", text(&station), "--from", &address, "--out", text(&out)]);
+    let from = ["record", text(&station), "--address", &address, "--protocol", "ascii-line", "--out", text(&out)];
+    let report = json(&[&from[..], &["--duration", "1"]].concat());
     sender.join().unwrap();
-    assert_eq!(report["bytes"], lines.len());
+    assert_eq!((&report["bytes"], &report["records"]), (&lines.len().into(), &50.into()));
     let (found, summary) = poses(&out).unwrap();
     assert_eq!((found.len(), summary.is_clean()), (50, true), "{summary}");
     let settings = summary.settings.unwrap();
     assert_eq!(settings.station, fs::read_to_string(&station).unwrap());
-    assert_eq!(summary.events[0].value, Some("the stream ended".into()));
+    let events: Vec<_> = summary.events.iter().map(|event| event.name.as_str()).collect();
+    assert!(events.starts_with(&["tracker", "tracker-disconnected"]) && events.ends_with(&["end"]), "{events:?}");
+    assert_eq!(summary.events.last().unwrap().value, Some("the duration was over".into()));
     let printed = insonify(&["inspect", text(&out), "--station"]);
     assert_eq!(String::from_utf8_lossy(&printed.stdout), settings.station);
-    let message = refused(&["record", text(&station), "--from", &address, "--out", text(&out)]);
+    let message = refused(&from);
     assert!(message.contains("is there already; --force replaces it"), "{message}");
+    let message = refused(&["record", text(&station), "--out", text(&dir.path().join("other.mcap"))]);
+    assert!(message.contains("--port or --address, or --stdin"), "{message}");
+}
+
+#[cfg(unix)]
+#[test]
+fn record_takes_the_stations_tracker_until_ctrl_c() {
+    use std::io::{BufRead, BufReader, Read};
+
+    let (dir, station, _) = station();
+    let text_of = fs::read_to_string(&station).unwrap();
+    let tracker = "[tracker]\ntransport = \"mock\"\nschedule = \"move 60\"\nrate_hz = 200\n";
+    fs::write(&station, format!("{text_of}{tracker}")).unwrap();
+    let out = dir.path().join("mock.mcap");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_insonify"))
+        .args(["record", text(&station), "--out", text(&out), "--json"])
+        .env_remove("RUST_LOG")
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(said.by_ref().any(|line| line.unwrap().contains("connected to")));
+    let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
+    nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    assert!(child.wait().unwrap().success(), "{rest:?}");
+    let mut printed = String::new();
+    child.stdout.take().unwrap().read_to_string(&mut printed).unwrap();
+    let report: Value = serde_json::from_str(&printed).unwrap();
+    assert!(report["records"].as_u64().unwrap() > 0, "{report}");
+    let (found, summary) = poses(&out).unwrap();
+    assert_eq!((found.len() as u64, summary.is_clean()), (report["records"].as_u64().unwrap(), true), "{summary}");
+    assert_eq!(summary.events.last().unwrap().value, Some("it was stopped".into()));
 }
 
 proptest! {

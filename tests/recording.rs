@@ -396,7 +396,14 @@ fn record_stdin(out: &Path, before: &str) -> Child {
     let station = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/sphere.toml");
     let mut command = Command::new("sh");
     command.args(["-c", &format!("{before} exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_insonify"), "record"]);
-    command.arg(station).arg("--out").arg(out).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+        .arg(station)
+        .arg("--stdin")
+        .arg("--out")
+        .arg(out)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
     command.spawn().unwrap()
 }
 

@@ -5,6 +5,7 @@ pub mod builtin;
 pub mod bvh;
 pub mod exam;
 pub mod export;
+pub mod fiducials;
 pub mod import;
 pub mod mesh;
 pub mod motion;

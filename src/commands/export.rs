@@ -2,18 +2,14 @@
 
 use std::path::PathBuf;
 
+use anyhow::anyhow;
 use clap::Parser;
-use insonify::render::Quality;
-use insonify::sink::FrameRate;
 use insonify::sink::meta_image::{ImageTracking, MetaImageWriter};
-use insonify::station::Station;
-use insonify::tracker::recording;
+use insonify::transducer::Sector;
 use serde::Serialize;
 
 use super::progress::Progress;
-use super::quality::RaysLayers;
-use super::replay::FrameRange;
-use super::timeline::{Timeline, check_length};
+use super::replay_args::{Part, ReplayArgs};
 use super::{Failure, output, session};
 
 /// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images, times, transforms.
@@ -21,11 +17,8 @@ use super::{Failure, output, session};
 #[command(after_help = "Example:\n  \
                         insonify export assets/exams/obstetric_sweep.mcap configs/obstetric.toml --frames ..40 --out sweep.igs.mha")]
 pub(crate) struct Args {
-    /// Recording (.mcap)
-    recording: PathBuf,
-
-    /// Station file (TOML)
-    station: PathBuf,
+    #[command(flatten)]
+    replay: ReplayArgs,
 
     /// Sequence to write (.igs.mha)
     #[arg(long, value_name = "FILE")]
@@ -34,22 +27,6 @@ pub(crate) struct Args {
     /// What the pixels are
     #[arg(long, value_enum, default_value_t)]
     map: Map,
-
-    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the station's own]
-    #[arg(long, value_name = "QUALITY")]
-    quality: Option<RaysLayers>,
-
-    /// Seed of every random choice, 0..=4294967295 [default: the station's own]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    seed: Option<u32>,
-
-    /// Frames per second of the recording, 0.1..=1000
-    #[arg(long, value_name = "FPS", default_value_t = 20.0, allow_negative_numbers = true)]
-    fps: f64,
-
-    /// Only these frames: a..b (b not included), a.. or ..b
-    #[arg(long, value_name = "RANGE", default_value = "..")]
-    frames: FrameRange,
 
     /// Compress the pixels (zlib)
     #[arg(long)]
@@ -82,23 +59,18 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let rate = FrameRate::new(args.fps)?;
-    let station = Station::load(&args.station)?;
-    let (poses, summary) = recording::poses(&args.recording)?;
-    if !summary.is_clean() {
-        eprintln!("warning: {}: {summary}", args.recording.display());
+    let replay = args.replay.read()?;
+    let (timeline, frames) = (&replay.timeline, replay.frames.clone());
+    let Part { probe, settings, .. } = replay.first()?;
+    if let Some(part) = replay.parts.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {
+        let at = part.frames.start;
+        return Err(Failure::Input(anyhow!(
+            "the recorded session changes the depth at frame {at}, and a sequence has one size of its pixels; export parts with --frames ..{at} and {at}.., or use --ignore-controls"
+        )));
     }
-    check_length(&poses, rate)?;
-    let timeline = Timeline::new(&poses, rate);
-    let frames = args.frames.within(timeline.poses.len(), args.fps)?;
-    let mut settings = station.settings;
-    let seed = args.seed.unwrap_or(settings.quality.seed);
-    settings.quality = args.quality.map_or(Quality { seed, ..settings.quality }, |q| q.with_seed(seed));
-
     let gpu = session::open_gpu()?;
-    let scene = session::load_scene(&station)?;
-    let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
-    let sector = *renderer.sector();
+    let scene = session::load_scene(&replay.station)?;
+    let sector = Sector::fit(probe, settings.image.width, settings.image.height);
     let tracking = |index: usize| ImageTracking {
         time_s: timeline.seconds(index),
         pose: timeline.poses[index],
@@ -107,14 +79,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let images: Vec<_> = frames.clone().map(tracking).collect();
     let mut writer = MetaImageWriter::create(&args.out, &sector, &images, args.compress)?;
     let progress = Progress::new("export", images.len());
-    session::render_all(&mut renderer, &timeline.poses[frames], |i, frame| {
-        writer.push(match args.map {
-            Map::Bmode => &frame.bmode,
-            Map::Segmentation => &frame.segmentation,
-        })?;
-        progress.set(i + 1, images.len());
-        Ok(())
-    })?;
+    replay.render(
+        &gpu,
+        &scene,
+        |_| {},
+        |i, frame| {
+            writer.push(match args.map {
+                Map::Bmode => &frame.bmode,
+                Map::Segmentation => &frame.segmentation,
+            })?;
+            progress.set(i + 1, images.len());
+            Ok(())
+        },
+    )?;
     drop(progress);
     writer.finish()?;
     let invalid = images.iter().filter(|image| !image.tracked).count();

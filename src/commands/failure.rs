@@ -25,6 +25,8 @@ pub(crate) enum Failure {
     Other(anyhow::Error),
     /// Nobody reads the output any more (`insonify … | head`): no fault of ours.
     OutputClosed,
+    /// Ended by Ctrl-C, with more to do: exit code 130.
+    Interrupted,
 }
 
 /// Sorts errors without a type of their own here into those of the input and others.
@@ -52,6 +54,7 @@ impl Failure {
             Self::Input(error) => (error, 2),
             Self::Other(error) => (error, 1),
             Self::OutputClosed => return ExitCode::SUCCESS,
+            Self::Interrupted => return ExitCode::from(130),
         };
         eprintln!("error: {}", paragraph(&error));
         ExitCode::from(code)

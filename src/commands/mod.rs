@@ -10,6 +10,7 @@ mod frame_dir;
 mod generator;
 mod import;
 mod inspect;
+mod live;
 mod live_sinks;
 mod output;
 mod pace;
@@ -19,12 +20,15 @@ mod quality;
 mod record;
 mod render;
 mod replay;
+mod replay_args;
 mod run;
 mod run_table;
 mod session;
 mod station_keys;
+mod status_line;
 mod timeline;
 mod tissues;
+mod tracker_args;
 mod trackers;
 
 use clap::{Parser, Subcommand};
@@ -45,7 +49,7 @@ pub(crate) struct Cli {
 
 const AFTER_HELP: &str = "\
 Examples:
-  insonify demo                                          a recorded exam over a fetus, to look at in out/demo
+  insonify demo                                          a recorded exam over a fetus: live in the browser, and in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
   insonify trackers                                      serial ports and HID devices to read a tracker from
   insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C

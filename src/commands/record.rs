@@ -1,43 +1,56 @@
 //! `insonify record`: a tracker's bytes become a recording.
 
-use std::fmt;
 use std::io::{ErrorKind, Read};
-use std::net::TcpStream;
-use std::path::PathBuf;
-use std::str::FromStr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
+use bytes::BytesMut;
 use clap::Parser;
 use insonify::sink::create_dir;
 use insonify::station::Station;
 use insonify::tracker::recording::{
-    Event, QueueLimits, Recorded, Recorder, RecorderHandle, RecordingInfo, RecordingWriter, SessionSettings,
+    Event, QueueLimits, Recorded, Recorder, RecorderHandle, RecordingInfo, RecordingWriter, SessionSettings, event_of,
 };
-use insonify::tracker::{Protocol, host_time_ns};
+use insonify::tracker::{
+    Listener, Monitor, Protocol, Record, SessionHandle, SessionState, Settings, TrackerEvent, Transport, host_time_ns,
+    spawn, stream_protocol,
+};
 use serde::Serialize;
 use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
 
+use super::status_line::StatusLine;
+use super::tracker_args::TrackerArgs;
 use super::{Classify, Failure, output};
 
-/// How often a recording that has nothing to read looks whether the disk still takes it.
+/// How often the recording looks at itself.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// How long a stream may wait for a slow disk.
+/// How long a stream that nobody watches may wait for a slow disk.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Longest piece that is read at once, bytes.
+/// Longest piece that is read from stdin at once, bytes.
 const PIECE: usize = 4096;
 
-/// Record a tracker's bytes as they come, until the stream ends, the duration is over, or Ctrl-C.
+/// Events of the tracker that are told at one look.
+const TOLD: usize = 4;
+
+/// Record a tracker's bytes as they come, until Ctrl-C, or the duration or the stream is over.
 ///
-/// The recording keeps the station file, so that it can be replayed without it. While it runs its file is called
-/// FILE.part; after a kill that holds all but the last second.
+/// The tracker is the station's, or one chosen here as for `insonify trackers`; --stdin takes bytes from a pipe. One that
+/// is not there yet is waited for, and one that goes away is found again. The recording keeps the station file, so that
+/// it can be replayed without it. While it runs its file is called FILE.part; after a kill that holds all but the last
+/// second.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
-                        insonify record configs/obstetric.toml --from tcp:192.168.1.20:4000 --out session.mcap\n  \
-                        cat /dev/ttyACM0 | insonify record configs/obstetric.toml --duration 60 --out session.mcap")]
+                  insonify record station.toml --out session.mcap              the station's own [tracker]\n  \
+                  insonify record station.toml --port 0403:6001 --protocol liberty --out session.mcap\n  \
+                  insonify record station.toml --address 192.168.1.20:4000 --protocol ascii-line --out session.mcap\n  \
+                  cat log.bin | insonify record station.toml --stdin --protocol ascii-line --out session.mcap")]
 pub(crate) struct Args {
     /// Station file (TOML); `insonify station-keys` lists its keys
     station: PathBuf,
@@ -46,17 +59,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 
-    /// Where the bytes come from: stdin, or tcp:HOST:PORT
-    #[arg(long, value_name = "SOURCE", default_value = "stdin")]
-    from: Source,
+    #[command(flatten)]
+    tracker: TrackerArgs,
 
-    /// Wire format of the bytes
-    #[arg(long, value_name = "PROTOCOL", default_value = "ascii-line")]
-    protocol: Protocol,
-
-    /// Sensor whose poses count, where the tracker has several [default: the first that reports]
-    #[arg(long, value_name = "N")]
-    sensor: Option<u16>,
+    /// Take the bytes from stdin; they are of --protocol, or else of the station's tracker's
+    #[arg(long, conflicts_with_all = ["port", "address", "baud"])]
+    stdin: bool,
 
     /// End after so many seconds
     #[arg(long, value_name = "S")]
@@ -71,51 +79,12 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Where bytes come from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum Source {
-    Stdin,
-    Tcp(String),
-}
-
-impl FromStr for Source {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':') {
-            None if text == "stdin" => Ok(Self::Stdin),
-            Some(("tcp", address)) if address.contains(':') => Ok(Self::Tcp(address.to_owned())),
-            _ => Err("expected stdin or tcp:HOST:PORT".to_owned()),
-        }
-    }
-}
-
-impl fmt::Display for Source {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Stdin => f.write_str("stdin"),
-            Self::Tcp(address) => write!(f, "tcp:{address}"),
-        }
-    }
-}
-
-impl Source {
-    fn open(&self) -> Result<Box<dyn Read + Send>, Failure> {
-        match self {
-            Self::Stdin => Ok(Box::new(std::io::stdin())),
-            Self::Tcp(address) => {
-                let stream = TcpStream::connect(address).with_context(|| format!("cannot connect to {address}"));
-                Ok(Box::new(stream.input()?))
-            }
-        }
-    }
-}
-
 #[derive(Serialize)]
 struct Report<'a> {
-    path: &'a PathBuf,
+    path: &'a Path,
     messages: u64,
     bytes: u64,
+    records: u64,
     events: u64,
 }
 
@@ -127,17 +96,23 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.out.exists() && !args.force {
         return Err(Failure::Input(anyhow!("{} is there already; --force replaces it", args.out.display())));
     }
+    let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
+    let protocol = match &tracker {
+        Some(tracker) => stream_protocol(tracker)?,
+        None => args.tracker.protocol.unwrap_or(station.tracker.protocol),
+    };
+    let from = tracker.as_ref().map_or_else(|| "stdin".to_owned(), name);
+    let device = tracker.as_ref().map_or(&station.tracker.device, |tracker| &tracker.device);
+    let info = RecordingInfo {
+        protocol,
+        device: from.clone(),
+        scene: args.station.display().to_string(),
+        start_time_ns: host_time_ns(),
+        sensor: args.tracker.sensor.or(device.sensor),
+    };
     if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
         create_dir(directory)?;
     }
-    let source = args.from.open()?;
-    let info = RecordingInfo {
-        protocol: args.protocol,
-        device: args.from.to_string(),
-        scene: args.station.display().to_string(),
-        start_time_ns: host_time_ns(),
-        sensor: args.sensor,
-    };
     let mut writer = RecordingWriter::create(&args.out, &info)?;
     writer.settings(&SessionSettings {
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -147,36 +122,158 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         station: text,
     })?;
     let recorder = Recorder::start(writer, QueueLimits::default()).other()?;
-    let handle = recorder.handle();
-    let ended = listen(source, handle.clone())?;
-    eprintln!("recording {} to {}; Ctrl-C ends it", args.from, args.out.display());
-    let reason = wait(duration, ended, &handle)?;
+    let tap = Tap::new(&recorder.handle(), tracker.as_ref());
+    let source = match &tracker {
+        Some(tracker) => {
+            let cancel = CancellationToken::new();
+            Source::Tracker(spawn(tracker, Box::new(tap.clone()), cancel.clone())?, cancel)
+        }
+        None => Source::Stdin(read_stdin(tap.clone(), protocol)?),
+    };
+    eprintln!("recording {from} to {}; Ctrl-C ends it", args.out.display());
+    let (reason, records) = wait(duration, source, &tap)?;
     eprintln!("{reason}");
-    handle.event(Event::new(host_time_ns(), "end").with(reason));
-    finish(args, recorder.finish())
+    tap.handle.event(Event::new(host_time_ns(), "end").with(reason));
+    finish(args, recorder.finish(), records)
 }
 
-fn finish(args: &Args, recorded: Recorded) -> Result<(), Failure> {
+/// The tracker to record.
+fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
+    let chosen = args.tracker.over(station.tracker.clone())?;
+    let mut settings = chosen.unwrap_or_else(|| station.tracker.clone());
+    settings.device.sensor = args.tracker.sensor.or(settings.device.sensor);
+    match &mut settings.transport {
+        Transport::None => {
+            let path = args.station.display();
+            Err(Failure::Input(anyhow!(
+                "{path} has no [tracker] with a `transport`: give --protocol with --port or --address, or --stdin"
+            )))
+        }
+        // One that repeats would be recorded for ever.
+        Transport::Recording { repeat, .. } => {
+            *repeat = false;
+            Ok(settings)
+        }
+        _ => Ok(settings),
+    }
+}
+
+/// The tracker, for people.
+fn name(tracker: &Settings) -> String {
+    match &tracker.transport {
+        Transport::None => "no tracker".to_owned(),
+        Transport::Serial { port, baud } => format!("{} on {port} at {baud} baud", tracker.protocol.name()),
+        Transport::Tcp { address } => format!("{} from tcp {address}", tracker.protocol.name()),
+        Transport::Udp { address } => format!("{} at udp {address}", tracker.protocol.name()),
+        Transport::Hid { device: Some(device) } => format!("{} on {device}", tracker.protocol.name()),
+        Transport::Hid { device: None } => format!("the first {}", tracker.protocol.name()),
+        Transport::Mock(_) => "a mock tracker".to_owned(),
+        Transport::Recording { path, .. } => path.display().to_string(),
+    }
+}
+
+fn finish(args: &Args, recorded: Recorded, records: u64) -> Result<(), Failure> {
     if let Some(failure) = recorded.failure {
         return Err(Failure::Other(anyhow!("{failure}; what was written before can be replayed")));
     }
     let Recorded { messages, bytes, events, .. } = recorded;
-    if args.json {
-        return output::json(&Report { path: &args.out, messages, bytes, events });
+    if bytes == 0 {
+        eprintln!("warning: the tracker sent nothing");
+    } else if records == 0 {
+        eprintln!("warning: no record was found in these bytes; is it another protocol?");
     }
-    output::line(format!("{bytes} bytes in {messages} messages"))?;
+    if args.json {
+        return output::json(&Report { path: &args.out, messages, bytes, records, events });
+    }
+    output::line(format!("{records} records, {bytes} bytes in {messages} messages"))?;
     output::line(args.out.display())
 }
 
-/// Reads `source` on a thread of its own, which is left behind if it never ends; sends why it ended.
-fn listen(mut source: Box<dyn Read + Send>, handle: RecorderHandle) -> Result<oneshot::Receiver<String>, Failure> {
+/// Hears the tracker: records its bytes, and counts what they say.
+#[derive(Clone)]
+struct Tap {
+    handle: RecorderHandle,
+    monitor: Monitor,
+    bytes: Arc<AtomicU64>,
+    /// How long a byte may wait for the disk: only where nothing else would be late by it.
+    patience: Duration,
+}
+
+impl Tap {
+    fn new(handle: &RecorderHandle, tracker: Option<&Settings>) -> Self {
+        let waits = tracker.is_none_or(|t| matches!(t.transport, Transport::Recording { .. }));
+        let patience = if waits { PATIENCE } else { Duration::ZERO };
+        Self { handle: handle.clone(), monitor: Monitor::default(), bytes: Arc::default(), patience }
+    }
+}
+
+impl Listener for Tap {
+    fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
+        self.bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.handle.raw_within(host_time_ns, bytes, self.patience);
+    }
+
+    fn record(&mut self, host_time_ns: u64, record: &Record) {
+        self.monitor.record(host_time_ns, record);
+    }
+
+    fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
+        self.monitor.event(host_time_ns, event);
+        if let Some(event) = event_of(host_time_ns, event) {
+            self.handle.event(event);
+        }
+    }
+}
+
+/// Where the bytes come from.
+enum Source {
+    Tracker(SessionHandle, CancellationToken),
+    /// Tells why it ended.
+    Stdin(oneshot::Receiver<String>),
+}
+
+impl Source {
+    /// Why it is over, if it is.
+    fn over(&mut self) -> Option<String> {
+        match self {
+            Self::Tracker(session, _) => session.is_finished().then(|| "the tracker's session is over".to_owned()),
+            Self::Stdin(ended) => match ended.try_recv() {
+                Ok(reason) => Some(reason),
+                Err(oneshot::error::TryRecvError::Empty) => None,
+                Err(oneshot::error::TryRecvError::Closed) => Some("the reader stopped".to_owned()),
+            },
+        }
+    }
+
+    /// Ends a tracker's session; a stdin that never ends is left behind.
+    fn end(self) {
+        if let Self::Tracker(session, cancel) = self {
+            cancel.cancel();
+            session.join();
+        }
+    }
+}
+
+/// Reads stdin on a thread of its own, which is left behind if it never ends; sends why it ended.
+fn read_stdin(mut tap: Tap, protocol: Protocol) -> Result<oneshot::Receiver<String>, Failure> {
     let (end, ended) = oneshot::channel();
     let read = move || {
-        let mut piece = [0; PIECE];
+        let (mut piece, mut decoder, mut buffer) = ([0; PIECE], protocol.decoder(), BytesMut::new());
         let reason = loop {
-            match source.read(&mut piece) {
+            match std::io::stdin().read(&mut piece) {
                 Ok(0) => break "the stream ended".to_owned(),
-                Ok(read) => handle.raw_within(host_time_ns(), &piece[..read], PATIENCE),
+                Ok(read) => {
+                    let now_ns = host_time_ns();
+                    tap.bytes(now_ns, &piece[..read]);
+                    buffer.extend_from_slice(&piece[..read]);
+                    loop {
+                        match decoder.decode(&mut buffer) {
+                            Ok(Some(record)) => tap.record(now_ns, &record),
+                            Ok(None) => break,
+                            Err(error) => tap.event(now_ns, &TrackerEvent::DecodeError(error)),
+                        }
+                    }
+                }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => break format!("the stream broke: {error}"),
             }
@@ -188,32 +285,71 @@ fn listen(mut source: Box<dyn Read + Send>, handle: RecorderHandle) -> Result<on
     Ok(ended)
 }
 
-/// Waits for whatever ends the recording, and says what it was.
-fn wait(
-    duration: Option<Duration>,
-    ended: oneshot::Receiver<String>,
-    handle: &RecorderHandle,
-) -> Result<String, Failure> {
+/// Waits for whatever ends the recording, and says how it goes; gives why it ended and how many records there were.
+fn wait(duration: Option<Duration>, mut source: Source, tap: &Tap) -> Result<(String, u64), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().other()?;
-    let over = async {
-        match duration {
-            Some(duration) => tokio::time::sleep(duration).await,
-            None => std::future::pending().await,
+    let started = Instant::now();
+    let mut line = StatusLine::new();
+    let mut progress = Progress::default();
+    let reason: Result<String, Failure> = runtime.block_on(async {
+        let mut stopped = std::pin::pin!(stop_signal());
+        loop {
+            let left = duration.map_or(LOOK, |duration| duration.saturating_sub(started.elapsed()).min(LOOK));
+            let asked = tokio::select! {
+                stopped = &mut stopped => {
+                    stopped.other()?;
+                    Some("it was stopped".to_owned())
+                }
+                () = tokio::time::sleep(left) => None,
+            };
+            let over = source.over();
+            progress.look(tap, started.elapsed(), &mut line);
+            let failed = tap.handle.failure().map(|_| "the disk does not take it".to_owned());
+            let done = duration.is_some_and(|duration| started.elapsed() >= duration);
+            let done = done.then(|| "the duration was over".to_owned());
+            if let Some(reason) = failed.or(over).or(asked).or(done) {
+                return Ok(reason);
+            }
         }
-    };
-    let failed = async {
-        while handle.failure().is_none() {
-            tokio::time::sleep(LOOK).await;
+    });
+    source.end();
+    progress.look(tap, started.elapsed(), &mut line);
+    line.clear();
+    Ok((reason?, progress.records))
+}
+
+/// How the recording goes.
+#[derive(Default)]
+struct Progress {
+    records: u64,
+    state: SessionState,
+}
+
+impl Progress {
+    fn look(&mut self, tap: &Tap, elapsed: Duration, line: &mut StatusLine) {
+        let report = tap.monitor.report();
+        self.records += report.records;
+        self.state = report.state;
+        for event in report.events.iter().take(TOLD) {
+            line.say(&format!("tracker: {event}"));
         }
-    };
-    runtime.block_on(async {
-        tokio::select! {
-            reason = ended => Ok(reason.unwrap_or_else(|_| "the reader stopped".to_owned())),
-            () = over => Ok("the duration was over".to_owned()),
-            () = failed => Ok("the disk does not take it".to_owned()),
-            stopped = stop_signal() => stopped.map(|()| "it was stopped".to_owned()).other(),
+        let more = report.events_dropped + report.events.len().saturating_sub(TOLD) as u64;
+        if more > 0 {
+            line.say(&format!("tracker: and {more} more"));
         }
-    })
+        line.set(elapsed.as_secs_f64(), || {
+            let rate = report.rate_hz.map_or_else(|| "-".to_owned(), |rate| format!("{rate:.1}"));
+            let bytes = tap.bytes.load(Ordering::Relaxed);
+            format!(
+                "{:7.1} s  {:<12} {} records  {bytes} bytes  {rate} Hz  lost {}  damaged {}",
+                elapsed.as_secs_f64(),
+                self.state.name(),
+                self.records,
+                report.missing,
+                report.decode_errors,
+            )
+        });
+    }
 }
 
 /// Ctrl-C, or the signal that a service manager sends.
@@ -234,20 +370,5 @@ fn seconds(seconds: f64) -> Result<Duration, Failure> {
     match Duration::try_from_secs_f64(seconds) {
         Ok(duration) if !duration.is_zero() => Ok(duration),
         _ => Err(Failure::Input(anyhow!("--duration is {seconds}; it must be a number of seconds above 0"))),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sources_are_understood() {
-        for text in ["stdin", "tcp:localhost:4000", "tcp:[::1]:4000"] {
-            assert_eq!(text.parse::<Source>().unwrap().to_string(), text);
-        }
-        for wrong in ["", "tcp", "tcp:", "tcp:4000", "udp:localhost:4000", "Stdin"] {
-            assert!(wrong.parse::<Source>().is_err(), "{wrong}");
-        }
     }
 }

@@ -1,42 +1,33 @@
 //! `insonify run`: a live session.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressStyle};
-use insonify::generator::{GeneratorError, load_tiers};
 use insonify::pipeline::{
-    Clock, Enhancer, GpuFactory, Limits, Observer, Part, Parts, Pipeline, PoseSource, RecordedPoses, RecordedSlot,
-    RecorderPart, RecordingObserver, StandingPose, Status, Stop, Summary, SystemClock, TieredEnhancer, TrackedPoses,
-    on_ctrl_c,
+    Clock, GpuFactory, Limits, Observer, Part, Parts, PoseSource, RecordedSlot, RecorderPart, RecordingObserver,
+    StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
 };
-use insonify::pose::{Counters, Estimator, Pose};
+use insonify::pose::{Estimator, Pose};
 use insonify::render::GpuOptions;
 use insonify::sink::LiveSinkKind;
-use insonify::sink::frame_line::{source_name, tracking_name};
 use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
 use insonify::sink::live::Control;
 #[cfg(feature = "window")]
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
-use insonify::tracker::Transport;
-use insonify::tracker::recording::{
-    self, QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings,
-};
+use insonify::tracker::recording::{QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
+use insonify::tracker::{Protocol, Speed, Transport, stream_protocol};
 use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;
 
 use super::run_table::SummaryTable;
-use super::{Classify, Failure, live_sinks, output, session};
-
-/// Time between two status lines where there is no terminal.
-const LINE_INTERVAL_S: f64 = 5.0;
+use super::{Classify, Failure, live, live_sinks, output, session};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
@@ -47,7 +38,9 @@ pub(crate) struct Args {
     /// Station file (TOML); `insonify station-keys` lists its keys
     station: PathBuf,
 
-    /// Take the poses of this recording (.mcap), in real time; the session ends with it
+    /// Play this recording (.mcap) in place of the station's tracker, in real time, through the same decoder, calibration
+    /// and filter; the session ends with it. What was set while it was recorded (gain, depth, freeze ...) is left alone:
+    /// `insonify replay` applies it
     #[arg(long, value_name = "FILE", conflicts_with = "pose")]
     replay: Option<PathBuf>,
 
@@ -122,8 +115,10 @@ fn seconds(text: &str) -> Result<Duration, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let station = Station::load(&args.station)?;
-    let (poses, length, tracked) = pose_source(args, &station)?;
+    let station = station(args)?;
+    // A recording that can't be played is refused before anything is opened.
+    let protocol = stream_protocol(&station.tracker)?;
+    let (poses, tracked) = pose_source(args, &station)?;
     if args.record.is_some() && tracked.is_none() {
         return Err(Failure::Input(anyhow!("--record keeps a tracker's bytes, and this session has no tracker")));
     }
@@ -136,19 +131,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let stop = Stop::new(&clock);
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = session::adapter(&gpu);
-    let enhancer = enhancer(args, &station, &clock)?;
-    let live = live_sinks::open(&args.sinks, &station, &args.out, args.metrics.as_deref())?;
+    let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
+    let opened = live_sinks::open(&args.sinks, &station, &args.out, args.metrics.as_deref())?;
     // The sender is kept: the channel must stay open where no sink takes input.
-    let (sinks, controls, control) = (live.sinks, live.controls, live.control);
+    let (sinks, controls, control) = (opened.sinks, opened.controls, opened.control);
     #[cfg(feature = "window")]
-    let window = live.window;
+    let window = opened.window;
     let mut recorded: Option<RecordedSlot> = None;
     let mut before: Vec<Box<dyn Part>> = Vec::new();
     let mut after: Vec<Box<dyn Part>> = Vec::new();
     let mut recording = None;
     let mut observer: Option<Arc<dyn Observer>> = None;
     if let Some(path) = &args.record {
-        let recorder = recorder(path, args, &station, &adapter)?;
+        let recorder = recorder(path, args, &station, protocol, &adapter)?;
         recording = Some(recorder.handle());
         observer = Some(Arc::new(RecordingObserver(recorder.handle())));
         let (part, slot) = RecorderPart::new(recorder);
@@ -158,7 +153,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(tracked) = &tracked {
         before.push(Box::new(tracked.track(&station.tracker, recording, stop.clone())?));
     }
-    let duration = [args.duration, length].into_iter().flatten().min();
     let parts = Parts {
         clock,
         stop,
@@ -174,7 +168,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         before,
         after,
     };
-    let limits = Limits { duration, frames: args.frames };
+    let limits = Limits { duration: args.duration, frames: args.frames };
     let summary = session(
         &station,
         limits,
@@ -185,7 +179,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     drop(control);
     report(args, &summary, adapter)?;
     if let Some(tracked) = &tracked {
-        say_left_out(&tracked.counters());
+        live::say_left_out(&tracked.counters());
     }
     if let (Some(slot), Some(path)) = (recorded, &args.record) {
         let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
@@ -205,74 +199,46 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Names what of the tracker's measurements was not used.
-fn say_left_out(counters: &Counters) {
-    let named = counters.named().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
-    let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
-    if !list.is_empty() {
-        eprintln!("tracker: {}", list.join(", "));
-    }
-}
-
-/// Poses, how long they go on, and the tracker that they come from where it is a live one.
-type Source = (Box<dyn PoseSource>, Option<Duration>, Option<TrackedPoses>);
+/// Poses, and the tracker that they come from where there is one.
+type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
 /// Where the poses come from.
 fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
-    if let Some(path) = &args.replay {
-        let (poses, summary) = recording::poses(path)?;
-        if !summary.is_clean() {
-            eprintln!("warning: {}: {summary}", path.display());
-        }
-        return Ok((Box::new(RecordedPoses::new(poses)), Some(summary.duration), None));
-    }
     if args.pose.is_none() && station.tracker.transport != Transport::None {
         let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
-        return Ok((Box::new(tracked.clone()), None, Some(tracked)));
+        return Ok((Box::new(tracked.clone()), Some(tracked)));
     }
     let pose = args.pose.or(station.default_pose).ok_or_else(|| {
         let station = args.station.display();
         anyhow!("no pose: give --replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [tracker], or a [pose] with position_mm and quaternion in {station}")
     });
-    Ok((Box::new(StandingPose(pose.input()?)), None, None))
+    Ok((Box::new(StandingPose(pose.input()?)), None))
 }
 
-/// The station's generators; none where there are none, where ONNX Runtime is missing, or where every model is refused:
-/// the station goes on with what it renders, and says so.
-fn enhancer(args: &Args, station: &Station, clock: &Arc<dyn Clock>) -> Result<Option<Box<dyn Enhancer>>, Failure> {
-    if args.no_generator || !station.generator.enabled || station.generator.models.is_empty() {
-        return Ok(None);
+/// The station, with a recording in place of its tracker where one is to be played.
+fn station(args: &Args) -> Result<Station, Failure> {
+    let mut station = Station::load(&args.station)?;
+    if let Some(path) = &args.replay {
+        station.tracker.transport =
+            Transport::Recording { path: path.clone(), speed: Speed::Factor(1.0), repeat: false };
     }
-    let (width, height) = (station.settings.image.width, station.settings.image.height);
-    let mut loaded = match load_tiers(&station.generator, station.tissues.names(), width, height) {
-        Ok(loaded) => loaded,
-        Err(error) => {
-            eprintln!("warning: no generator runs, the rendered image is shown: {error}");
-            return Ok(None);
-        }
-    };
-    for refused in &loaded.refused {
-        // A provider that was asked for and isn't there is an error, never a silent fallback.
-        if let GeneratorError::Provider { .. } = refused.error {
-            return Err(Failure::Input(anyhow!("{}: {}", refused.path.display(), refused.error)));
-        }
-        eprintln!("warning: {} is not used: {}", refused.path.display(), refused.error);
-    }
-    for tier in loaded.tiers.report() {
-        let p50 = tier.p50.map_or(0.0, |t| t.as_secs_f64() * 1e3);
-        eprintln!("generator: {} ({p50:.0} ms, budget {} ms)", tier.name, station.generator.budget_ms);
-    }
-    Ok(TieredEnhancer::new(loaded, clock.clone()).map(|enhancer| Box::new(enhancer) as Box<dyn Enhancer>))
+    Ok(station)
 }
 
 /// A recorder of the session in `path`.
-fn recorder(path: &Path, args: &Args, station: &Station, adapter: &AdapterRecord) -> Result<Recorder, Failure> {
+fn recorder(
+    path: &Path,
+    args: &Args,
+    station: &Station,
+    protocol: Protocol,
+    adapter: &AdapterRecord,
+) -> Result<Recorder, Failure> {
     let text = std::fs::read_to_string(&args.station).context("cannot read the station file again").input()?;
     if let Some(directory) = path.parent().filter(|d| !d.as_os_str().is_empty()) {
         insonify::sink::create_dir(directory)?;
     }
     let info = RecordingInfo {
-        protocol: insonify::tracker::stream_protocol(&station.tracker)?,
+        protocol,
         device: "station's tracker".to_owned(),
         scene: args.station.display().to_string(),
         start_time_ns: insonify::tracker::host_time_ns(),
@@ -296,15 +262,7 @@ fn session(
     parts: Parts,
     #[cfg(feature = "window")] window: Option<(WindowSlot, mpsc::Sender<Control>)>,
 ) -> Result<Summary, Failure> {
-    let mut status = StatusLine::new();
-    let mut settings = station.pipeline;
-    // A run that is far over its budget is ended there, not only where it hangs.
-    settings.hang_ms = settings.hang_ms.min(station.generator.budget().stop_after.as_secs_f64() * 1e3);
-    let run = move || {
-        let summary = Pipeline::run(&settings, limits, parts, |now| status.set(now)).other();
-        status.clear();
-        summary
-    };
+    let run = move || live::run(station, limits, parts, |_, _| {});
     #[cfg(feature = "window")]
     if let Some((slot, control)) = window {
         let window = station.window.unwrap_or_default();
@@ -336,53 +294,6 @@ fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), 
     }
     output::line(format!("device             {} ({})", adapter.name, adapter.driver))?;
     output::line(SummaryTable(summary))
-}
-
-/// How the session goes: a line that is overwritten on a terminal, else a line now and then.
-struct StatusLine {
-    bar: Option<ProgressBar>,
-    next_line_s: f64,
-}
-
-impl StatusLine {
-    fn new() -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new_spinner();
-            if let Ok(style) = ProgressStyle::with_template("{msg}") {
-                bar.set_style(style);
-            }
-            bar
-        });
-        Self { bar, next_line_s: LINE_INTERVAL_S }
-    }
-
-    fn set(&mut self, status: &Status) {
-        let latency = status.latency_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.0} ms"));
-        let frozen = if status.frozen { "  frozen" } else { "" };
-        let line = format!(
-            "{:7.1} s  {:5.1} frames/s  latency {latency}  pose {}  {}{frozen}  {} presented, {} dropped",
-            status.elapsed_s,
-            status.frames_per_s,
-            tracking_name(status.tracking),
-            source_name(status.source),
-            status.presented,
-            status.dropped,
-        );
-        match &self.bar {
-            Some(bar) => bar.set_message(line),
-            None if status.elapsed_s >= self.next_line_s => {
-                self.next_line_s = status.elapsed_s + LINE_INTERVAL_S;
-                eprintln!("{line}");
-            }
-            None => {}
-        }
-    }
-
-    fn clear(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
 }
 
 #[cfg(test)]

@@ -31,10 +31,11 @@ impl fmt::Display for SummaryTable<'_> {
         }
         writeln!(f, "  {:>8}  ticks without a frame", s.missed_ticks)?;
         if let Some(g) = &s.generator {
-            let (done, late, dropped, failed, hung) = (g.done, g.late, g.dropped, g.failed, g.hung);
+            let (done, late, dropped, failed) = (g.done, g.late, g.dropped, g.failed);
+            let (hung, given_up) = (g.hung, g.given_up);
             writeln!(
                 f,
-                "generator          {done} done ({late} late), {dropped} dropped, {failed} failed, {hung} hung"
+                "generator          {done} done ({late} late), {dropped} dropped, {failed} failed, {hung} hung ({given_up} given up)"
             )?;
         }
         for sink in &s.sinks {

@@ -42,16 +42,8 @@ pub(crate) fn renderer(
     Ok(Renderer::new(gpu, scene, &station.probe, settings)?)
 }
 
-/// Renders `poses` in order, two in flight, and hands each frame to `each` with its index.
-pub(crate) fn render_all(
-    renderer: &mut Renderer,
-    poses: &[Pose],
-    each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
-) -> Result<(), Failure> {
-    render_paced(renderer, poses, |_| {}, each)
-}
-
-/// As [`render_all`]; `before` is called before each frame is submitted, and may wait.
+/// Renders `poses` in order, two in flight, and hands each frame to `each` with its index; `before` is called before each
+/// frame is submitted, and may wait.
 pub(crate) fn render_paced(
     renderer: &mut Renderer,
     poses: &[Pose],

@@ -1,7 +1,9 @@
 //! A recording's poses at the times of a video's frames.
 
-use insonify::pose::{Pose, TimedPose, interpolate};
+use insonify::pipeline::ReplayedPoses;
+use insonify::pose::{Pose, TimedPose, TrackingState, interpolate};
 use insonify::sink::FrameRate;
+use insonify::sink::live::LiveSettings;
 use insonify::tracker::recording::GAP_NS;
 
 use super::failure::Failure;
@@ -10,13 +12,13 @@ use super::failure::Failure;
 pub(crate) const GAP_LIMIT_NS: u64 = GAP_NS;
 
 /// Poses at equal distances in time.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Timeline {
-    /// A pose for each frame; in a gap of the recording the one before it.
+    /// A pose for each frame; where none is known the one before it.
     pub(crate) poses: Vec<Pose>,
     /// Host time of each frame, ns.
     pub(crate) times_ns: Vec<u64>,
-    /// Which frames lie in gaps.
+    /// Which frames have a pose that is not quite of their time.
     held: Vec<bool>,
 }
 
@@ -26,7 +28,12 @@ const FRAMES_MAX: u128 = 1_000_000;
 /// Refuses poses that would make more frames than a session can have: a wrong clock, most likely.
 pub(crate) fn check_length(poses: &[TimedPose], rate: FrameRate) -> Result<(), Failure> {
     let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(()) };
-    let span_ns = u128::from(last.host_time_ns.saturating_sub(first.host_time_ns));
+    check_span(first.host_time_ns, last.host_time_ns, rate)
+}
+
+/// As [`check_length`], by the first and the last time.
+pub(crate) fn check_span(first_ns: u64, last_ns: u64, rate: FrameRate) -> Result<(), Failure> {
+    let span_ns = u128::from(last_ns.saturating_sub(first_ns));
     let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
     if frames > FRAMES_MAX {
         return Err(Failure::Input(anyhow::anyhow!(
@@ -41,33 +48,65 @@ pub(crate) fn check_length(poses: &[TimedPose], rate: FrameRate) -> Result<(), F
 impl Timeline {
     /// Samples `poses` from the first to the last at `rate`.
     pub(crate) fn new(poses: &[TimedPose], rate: FrameRate) -> Self {
-        let mut timeline = Self { poses: Vec::new(), times_ns: Vec::new(), held: Vec::new() };
-        let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return timeline };
-        let mut held = first.pose;
+        let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Self::default() };
+        Self::sampled(first.host_time_ns, last.host_time_ns, rate, |time_ns| {
+            let pose = interpolate(poses, time_ns, GAP_LIMIT_NS);
+            (pose, pose.is_some())
+        })
+    }
+
+    /// As a live session had known the poses, from `first_ns` to `last_ns` at `rate`. It begins with the first pose.
+    pub(crate) fn replayed(poses: &mut ReplayedPoses, first_ns: u64, last_ns: u64, rate: FrameRate) -> Self {
+        Self::sampled(first_ns, last_ns, rate, |time_ns| {
+            let (pose, state) = poses.at(time_ns);
+            (pose, state == TrackingState::Good)
+        })
+    }
+
+    /// Samples by `pose_at`, which also says whether the pose is one of its time.
+    fn sampled(
+        first_ns: u64,
+        last_ns: u64,
+        rate: FrameRate,
+        mut pose_at: impl FnMut(u64) -> (Option<Pose>, bool),
+    ) -> Self {
+        let mut timeline = Self::default();
         for frame in 0u64.. {
             let offset_ns =
                 u128::from(frame) * u128::from(rate.denominator) * 1_000_000_000 / u128::from(rate.numerator);
-            let Some(time_ns) = u64::try_from(offset_ns).ok().and_then(|o| first.host_time_ns.checked_add(o)) else {
+            let Some(time_ns) = u64::try_from(offset_ns).ok().and_then(|o| first_ns.checked_add(o)) else {
                 break;
             };
-            if time_ns > last.host_time_ns {
+            if time_ns > last_ns {
                 break;
             }
-            let pose = interpolate(poses, time_ns, GAP_LIMIT_NS);
-            held = pose.unwrap_or(held);
-            timeline.held.push(pose.is_none());
-            timeline.poses.push(held);
-            timeline.times_ns.push(time_ns);
+            let (pose, known) = pose_at(time_ns);
+            if let Some(pose) = pose.or(timeline.poses.last().copied()) {
+                timeline.held.push(!known);
+                timeline.poses.push(pose);
+                timeline.times_ns.push(time_ns);
+            }
         }
         timeline
     }
 
-    /// How many of `frames` lie in gaps.
+    /// Lets the pose stand still where `live`, the settings of each frame, says so.
+    pub(crate) fn freeze(&mut self, live: &[LiveSettings]) {
+        let mut last = None;
+        for (pose, live) in self.poses.iter_mut().zip(live) {
+            if live.frozen {
+                *pose = last.unwrap_or(*pose);
+            }
+            last = Some(*pose);
+        }
+    }
+
+    /// How many of `frames` have a pose that is not quite of their time.
     pub(crate) fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 
-    /// Whether a frame lies in a gap.
+    /// Whether a frame's pose is not quite of its time.
     pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }
@@ -117,6 +156,17 @@ mod tests {
         let timeline = Timeline::new(&[pose(0, 0.0), pose(100, 1.0), pose(600, 6.0)], FrameRate::new(5.0).unwrap());
         assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 6.0]);
         assert_eq!((timeline.held_in(0..4), timeline.held_in(2..4)), (2, 1));
+    }
+
+    #[test]
+    fn a_frozen_probe_stands_where_it_was() {
+        let mut timeline =
+            Timeline::new(&[pose(0, 0.0), pose(200, 2.0), pose(400, 4.0)], FrameRate::new(10.0).unwrap());
+        let live = [false, true, true, false, true].map(|frozen| LiveSettings { frozen, ..LiveSettings::default() });
+        timeline.freeze(&live);
+        assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 3.0, 3.0]);
+        timeline.freeze(&[LiveSettings { frozen: true, ..LiveSettings::default() }]);
+        assert_eq!(xs(&timeline)[0], 0.0, "frozen from the start, at the first pose");
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! `insonify trackers`: what a tracker could be plugged into, and what one says.
 
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -9,10 +8,11 @@ use clap::Parser;
 use insonify::pose::Reading;
 use insonify::station::Station;
 use insonify::tracker::devices::{self, HidDevice, SerialDevice};
-use insonify::tracker::{Monitor, PortName, Protocol, Report, SessionState, Settings, Transport, spawn};
+use insonify::tracker::{Monitor, PortName, Report, SessionState, Settings, Transport, spawn};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 
+use super::tracker_args::TrackerArgs;
 use super::{Classify, Failure, output};
 
 /// List serial ports and HID devices, or print what a tracker says.
@@ -26,25 +26,8 @@ pub(crate) struct Args {
     #[arg(conflicts_with_all = ["port", "address", "protocol", "baud", "sensor"])]
     station: Option<PathBuf>,
 
-    /// Serial port or HID device: a path, or vendor:product, or vendor:product:serial
-    #[arg(long, conflicts_with = "address", requires = "protocol")]
-    port: Option<PortName>,
-
-    /// host:port of a tracker that is a TCP server; for opentrack where to listen
-    #[arg(long, requires = "protocol")]
-    address: Option<String>,
-
-    /// What it speaks: ascii-line, fastrak-ascii, fastrak-binary, liberty, patriot ...
-    #[arg(long)]
-    protocol: Option<Protocol>,
-
-    /// Speed of the serial port, 300..=4000000 baud [default: the protocol's usual one]
-    #[arg(long, requires = "port", value_parser = clap::value_parser!(u32).range(300..=4_000_000))]
-    baud: Option<u32>,
-
-    /// Station, port handle or tool to watch
-    #[arg(long)]
-    sensor: Option<u16>,
+    #[command(flatten)]
+    tracker: TrackerArgs,
 
     /// Stop after so many seconds, 0.1..=86400
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
@@ -86,28 +69,7 @@ fn settings(args: &Args) -> Result<Option<Settings>, Failure> {
         }
         return Ok(Some(tracker));
     }
-    let Some(protocol) = args.protocol else { return Ok(None) };
-    let mut settings = Settings { protocol, ..Settings::default() };
-    settings.device.sensor = args.sensor;
-    let hid = Transport::Hid { device: args.port.clone() };
-    settings.transport = match (&args.port, &args.address) {
-        _ if hid.carries(protocol) => hid,
-        (Some(port), _) => Transport::Serial { port: port.clone(), baud: args.baud.unwrap_or(protocol.usual_baud()) },
-        (None, Some(address)) => {
-            let tcp = Transport::Tcp { address: address.clone() };
-            if tcp.carries(protocol) {
-                tcp
-            } else {
-                let address: SocketAddr = address
-                    .parse()
-                    .with_context(|| format!("`{address}` is no address to listen at; it must be IP:port"))
-                    .input()?;
-                Transport::Udp { address }
-            }
-        }
-        (None, None) => return Err(Failure::Input(anyhow!("give --port or --address, too"))),
-    };
-    Ok(Some(settings))
+    args.tracker.over(Settings::default())
 }
 
 #[derive(Serialize)]

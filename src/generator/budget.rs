@@ -9,8 +9,6 @@ pub struct Budget {
     pub run: Duration,
     /// A run older than this is stopped. Above `run`, so that a run that is a little late still gives its image.
     pub stop_after: Duration,
-    /// A run that goes on for so long after it was told to stop is left to itself, and its tier with it.
-    pub abandon_after: Duration,
     /// Runs that the 95th percentile looks back on.
     pub window: usize,
     /// Runs after which the 95th percentile counts. Of fewer than 20 it is the slowest of all.
@@ -31,7 +29,6 @@ impl Budget {
         Self {
             run,
             stop_after: run * 2,
-            abandon_after: Duration::from_secs(1).max(run * 4),
             window: 64,
             settle: 20,
             overshoots: 3,

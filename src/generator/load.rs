@@ -51,7 +51,7 @@ pub fn load_tiers(
             .and_then(|mut generator| generator.measure(width, height, MEASURED_RUNS).map(|times| (generator, times)));
         match measured {
             Ok((generator, times)) => {
-                loaded.tiers.add(&generator.manifest().name, settings.provider.can_stop(), &times);
+                loaded.tiers.add(&generator.manifest().name, &times);
                 loaded.generators.push(generator);
             }
             Err(error) => loaded.refused.push(RefusedModel { path: path.clone(), error }),

@@ -33,4 +33,4 @@ pub use provider::Provider;
 pub use runtime::{Runtime, RuntimeError};
 pub use session::Terminator;
 pub use settings::Settings;
-pub use tiers::{Change, Intervention, Outcome, RunTicket, TierReport, TierState, Tiers};
+pub use tiers::{Change, Outcome, RunTicket, TierReport, TierState, Tiers};

@@ -18,15 +18,6 @@ pub enum Outcome {
     Failed(String),
 }
 
-/// What must be done about a run that takes too long.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Intervention {
-    /// Stop the run of this tier by its [`Terminator`](super::Terminator).
-    Stop(usize),
-    /// The run of this tier does not end: leave its thread and its generator to themselves.
-    Abandon(usize),
-}
-
 /// A change of tier; none stands for the rendered image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
@@ -52,8 +43,6 @@ pub enum TierState {
     TooSlow,
     /// It failed again and again, the last time for this reason.
     Failed(String),
-    /// A run of it does not end.
-    Abandoned,
 }
 
 /// What a tier did.
@@ -88,7 +77,6 @@ pub struct RunTicket {
 #[derive(Debug)]
 struct Tier {
     name: String,
-    can_stop: bool,
     state: TierState,
     times: RunTimes,
     /// Time from a failed step up to the next attempt.
@@ -105,8 +93,6 @@ struct Tier {
 struct Run {
     ticket: RunTicket,
     started: Duration,
-    /// When it was told to stop, or should have been.
-    overdue: Option<Duration>,
 }
 
 /// Decides between tiers, the best first. Times are those of the session's clock, which must not run backward; one that
@@ -130,7 +116,7 @@ impl Tiers {
 
     /// Adds a tier below those there are, with the times of runs made before the session. One whose fastest run is over
     /// the budget is never started; one whose 95th percentile is, not at first.
-    pub fn add(&mut self, name: &str, can_stop: bool, measured: &[Duration]) {
+    pub fn add(&mut self, name: &str, measured: &[Duration]) {
         let budget = self.budget;
         let mut times = RunTimes::new(budget.window);
         measured.iter().for_each(|time| times.push(*time));
@@ -146,7 +132,6 @@ impl Tiers {
         }
         self.tiers.push(Tier {
             name: name.to_owned(),
-            can_stop,
             state,
             times,
             hold: budget.hold,
@@ -204,11 +189,11 @@ impl Tiers {
         }
         self.runs += 1;
         let ticket = RunTicket { tier, number: self.runs };
-        self.running = Some(Run { ticket, started: now, overdue: None });
+        self.running = Some(Run { ticket, started: now });
         Some(ticket)
     }
 
-    /// Ends a run. The end of an abandoned one is not counted.
+    /// Ends a run; one that isn't in progress is not counted.
     pub fn finish(&mut self, ticket: RunTicket, now: Duration, outcome: &Outcome) -> Option<Change> {
         let run = self.running.filter(|run| run.ticket == ticket)?;
         self.running = None;
@@ -248,39 +233,6 @@ impl Tiers {
         tier.state = TierState::OverBudget { retry_at: now + tier.hold };
         tier.hold = (tier.hold * 2).min(budget.longest_hold);
         self.leave(ticket.tier, now, reason)
-    }
-
-    /// What must be done about the run in progress, if anything. Each intervention is told once.
-    pub fn watch(&mut self, now: Duration) -> Option<Intervention> {
-        let run = self.running.as_mut()?;
-        let tier = run.ticket.tier;
-        match run.overdue {
-            None if now.saturating_sub(run.started) >= self.budget.stop_after => {
-                run.overdue = Some(now);
-                // One that cannot be stopped gets the time that stopping would take.
-                self.tiers.get(tier)?.can_stop.then_some(Intervention::Stop(tier))
-            }
-            Some(overdue) if now.saturating_sub(overdue) >= self.budget.abandon_after => {
-                Some(Intervention::Abandon(tier))
-            }
-            _ => None,
-        }
-    }
-
-    /// When [`Tiers::watch`] is to be called next; none while nothing runs.
-    pub fn watch_at(&self) -> Option<Duration> {
-        let run = self.running?;
-        Some(run.overdue.map_or(run.started + self.budget.stop_after, |overdue| overdue + self.budget.abandon_after))
-    }
-
-    /// Gives up the run in progress and its tier, after [`Intervention::Abandon`] or when the tier's thread is gone.
-    pub fn abandon(&mut self, now: Duration) -> Option<Change> {
-        let run = self.running.take()?;
-        let tier = self.tiers.get_mut(run.ticket.tier)?;
-        tier.state = TierState::Abandoned;
-        tier.overshoots += 1;
-        let reason = format!("a run of `{}` does not end", tier.name);
-        self.leave(run.ticket.tier, now, reason)
     }
 
     /// What each tier did, the best first.

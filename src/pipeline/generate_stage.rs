@@ -20,6 +20,9 @@ const FRAMES: usize = 4;
 const FAILURES: u32 = 3;
 const REST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(60));
 
+/// A run that goes on for so long after it was told to end won't.
+const GIVE_UP: Duration = Duration::from_secs(1);
+
 /// Weight of the latest run in the estimate of their time.
 const WEIGHT: f64 = 0.2;
 
@@ -44,6 +47,18 @@ pub(super) struct Generated {
     pub(super) tier: String,
 }
 
+/// How far the watch over one run has gone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Hang {
+    /// It is not too long yet.
+    #[default]
+    No,
+    /// It was told to end, or should have been, at this time.
+    Told(Duration),
+    /// It does not end. Nobody waits for it any more; should it come back, the generator goes on.
+    GivenUp,
+}
+
 /// What the presenter knows of the generator while it runs.
 #[derive(Debug, Default)]
 pub(super) struct GeneratorState {
@@ -51,8 +66,8 @@ pub(super) struct GeneratorState {
     pub(super) busy: Option<(u64, Duration)>,
     /// Time that a run takes, by the last ones; zero before the first.
     pub(super) estimate: Duration,
-    /// Whether the run at work was already told to end.
-    terminated: bool,
+    /// What came of the run at work being too long.
+    hang: Hang,
     pub(super) counts: GeneratorSummary,
 }
 
@@ -71,7 +86,8 @@ impl GeneratorLink {
     /// When the picture of frame `number`, which the generator was given, may be expected.
     pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
         let state = lock(&self.state);
-        if state.estimate.is_zero() {
+        // A run that hangs says nothing about when the next one is done.
+        if state.estimate.is_zero() || state.hang != Hang::No {
             return None;
         }
         match state.busy {
@@ -82,31 +98,47 @@ impl GeneratorLink {
         }
     }
 
-    /// When the run at work is too long, if one is at work that was not told to end yet.
+    /// When the run at work is to be looked at again, if one is at work that was not given up.
     pub(super) fn hangs_at(&self) -> Option<Duration> {
         let state = lock(&self.state);
-        state.busy.filter(|_| !state.terminated).map(|(_, started)| started.saturating_add(self.hang))
+        let (_, started) = state.busy?;
+        match state.hang {
+            Hang::No => Some(started.saturating_add(self.hang)),
+            Hang::Told(at) => Some(at.saturating_add(GIVE_UP)),
+            Hang::GivenUp => None,
+        }
     }
 
-    /// Ends a run that takes too long. Returns what to say about it.
+    /// Ends a run that takes too long, and gives up one that doesn't end. Returns what to say about it.
     pub(super) fn watch(&self, now: Duration) -> Option<String> {
         let mut state = lock(&self.state);
-        let (number, started) = state.busy.filter(|_| !state.terminated)?;
-        if now < started.saturating_add(self.hang) {
-            return None;
-        }
-        state.terminated = true;
-        state.counts.hung += 1;
-        drop(state);
-        let did = match &self.terminator {
-            Some(terminate) => {
-                terminate();
-                "and is terminated"
+        let (number, started) = state.busy?;
+        let after_s = now.saturating_sub(started).as_secs_f64();
+        match state.hang {
+            Hang::No if now >= started.saturating_add(self.hang) => {
+                state.hang = Hang::Told(now);
+                state.counts.hung += 1;
+                drop(state);
+                let did = match &self.terminator {
+                    Some(terminate) => {
+                        terminate();
+                        "and is told to end"
+                    }
+                    None => "and its provider cannot end it",
+                };
+                Some(format!(
+                    "the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"
+                ))
             }
-            None => "and its provider cannot terminate it",
-        };
-        let after_s = (now - started).as_secs_f64();
-        Some(format!("the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"))
+            Hang::Told(at) if now >= at.saturating_add(GIVE_UP) => {
+                state.hang = Hang::GivenUp;
+                state.counts.given_up += 1;
+                Some(format!(
+                    "the generator does not come back from frame {number} after {after_s:.1} s and is given up; rendered frames are shown"
+                ))
+            }
+            _ => None,
+        }
     }
 
     /// Ends the run at work, for the session's end.
@@ -142,7 +174,7 @@ impl GenerateStage {
         let mut pool: Option<Pool<Generated>> = None;
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
-            if self.clock.now() < health.resting_until {
+            if self.clock.now() < health.resting_until || !self.enhancer.ready() {
                 lock(&self.link.state).counts.dropped += 1;
                 continue;
             }
@@ -158,7 +190,7 @@ impl GenerateStage {
         let started = self.clock.now();
         {
             let mut state = lock(&self.link.state);
-            (state.busy, state.terminated) = (Some((rendered.number, started)), false);
+            (state.busy, state.hang) = (Some((rendered.number, started)), Hang::No);
         }
         let filled = pool.fill(|generated| {
             let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
@@ -181,6 +213,10 @@ impl GenerateStage {
         let ended = self.clock.now();
         let mut state = lock(&self.link.state);
         state.busy = None;
+        if std::mem::take(&mut state.hang) == Hang::GivenUp {
+            let after_s = ended.saturating_sub(started).as_secs_f64();
+            self.events.info(&format!("the generator that was given up is back after {after_s:.1} s"));
+        }
         match filled {
             Some((generated, Ok(()))) => {
                 let took = ended.saturating_sub(started);

@@ -25,6 +25,7 @@ mod presenter;
 mod recorded;
 mod render_stage;
 mod rendered;
+mod replayed;
 mod session;
 mod shutdown;
 mod simulated;
@@ -47,11 +48,12 @@ pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
+pub use replayed::{ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
 pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
-pub use sources::{RecordedPoses, StandingPose};
+pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, SinkSummary, Summary};
 pub use tiered::TieredEnhancer;
 pub use tracked::{TrackedPoses, TrackerPart};

@@ -99,6 +99,11 @@ pub trait Enhancer: Send {
     /// Name of the tier at work.
     fn tier(&self) -> &str;
 
+    /// Whether anything may run now. Where not, the frame is left out, which is no failure.
+    fn ready(&mut self) -> bool {
+        true
+    }
+
     /// Translates `frame` into `out`, grey levels [height × width].
     ///
     /// # Errors

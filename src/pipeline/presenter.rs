@@ -11,7 +11,6 @@ use super::metrics::{Metrics, count};
 use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
-use crate::pose::TrackingState;
 use crate::render::Frame;
 use crate::sink::live::{FrameSource, FrameTimeline, PresentedFrame};
 
@@ -122,24 +121,7 @@ impl Presenter {
         let held = state.held.as_deref().filter(|_| source != FrameSource::LowQuality);
         let number = self.metrics.shown(|s| s.presented);
         let settings = rendered.settings;
-        let empty = move || PresentedFrame {
-            number: 0,
-            source: FrameSource::LowQuality,
-            width: 0,
-            height: 0,
-            pixel_mm: 0.0,
-            image: Vec::new(),
-            segmentation: Vec::new(),
-            attenuation: Vec::new(),
-            mask: Vec::new(),
-            pose: None,
-            tracking: TrackingState::Lost,
-            timeline: FrameTimeline::default(),
-            settings,
-            tier: None,
-            notice: None,
-        };
-        let pool = state.pool.get_or_insert_with(|| Pool::new(FRAMES, empty));
+        let pool = state.pool.get_or_insert_with(|| Pool::new(FRAMES, move || PresentedFrame::empty(settings)));
         let filled = pool.fill(|frame| {
             frame.number = number;
             frame.source = source;

@@ -2,12 +2,17 @@
 
 use std::sync::{Arc, Mutex};
 
+use serde_json::Value;
+
 use super::clock::lock;
 use super::events::Observer;
 use super::parts::PoseSample;
 use super::shutdown::Part;
 use crate::sink::live::LiveSettings;
 use crate::tracker::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
+
+/// Name of the events at which settings change.
+const SETTINGS_EVENT: &str = "settings";
 
 /// Hands what a session does to its recorder.
 pub struct RecordingObserver(pub RecorderHandle);
@@ -24,21 +29,70 @@ impl Observer for RecordingObserver {
     }
 
     fn settings(&self, unix_ns: u64, settings: &LiveSettings) {
-        let image = &settings.image;
-        let value = serde_json::json!({
-            "gain_db": image.gain_db,
-            "dynamic_range_db": image.dynamic_range_db,
-            "tgc_db_per_cm": image.tgc_db_per_cm,
-            "tgc_sliders_db": image.tgc_sliders_db,
-            "depth_mm": settings.depth_mm,
-            "focus_mm": settings.focus_mm,
-            "rays": settings.rays,
-            "layers": settings.layers,
-            "frozen": settings.frozen,
-            "enhance": settings.enhance,
-        });
-        self.0.event(Event::new(unix_ns, "settings").with(value));
+        self.0.event(Event::new(unix_ns, SETTINGS_EVENT).with(settings_value(settings)));
     }
+}
+
+/// Settings as an event holds them.
+pub(super) fn settings_value(settings: &LiveSettings) -> Value {
+    let image = &settings.image;
+    serde_json::json!({
+        "gain_db": image.gain_db,
+        "dynamic_range_db": image.dynamic_range_db,
+        "tgc_db_per_cm": image.tgc_db_per_cm,
+        "tgc_sliders_db": image.tgc_sliders_db,
+        "depth_mm": settings.depth_mm,
+        "focus_mm": settings.focus_mm,
+        "rays": settings.rays,
+        "layers": settings.layers,
+        "frozen": settings.frozen,
+        "enhance": settings.enhance,
+    })
+}
+
+/// The settings that hold after `event`, if it is about settings: one of [`SETTINGS_EVENT`], or one named as a setting
+/// with its value. Where it is silent they are as `before`.
+///
+/// # Errors
+/// A value of another type. Its range is not checked.
+pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Result<LiveSettings, String>> {
+    let mut settings = *before;
+    let value = event.value.as_ref()?;
+    if event.name == SETTINGS_EVENT {
+        let Some(values) = value.as_object() else { return Some(Err(format!("it is {value}, no table"))) };
+        for (key, value) in values {
+            // A later version may know more.
+            if let Some(Err(reason)) = set(&mut settings, key, value) {
+                return Some(Err(reason));
+            }
+        }
+        return Some(Ok(settings));
+    }
+    set(&mut settings, &event.name, value).map(|result| result.map(|()| settings))
+}
+
+/// Sets `key`; None where there is no such setting.
+fn set(settings: &mut LiveSettings, key: &str, value: &Value) -> Option<Result<(), String>> {
+    let LiveSettings { image, depth_mm, focus_mm, rays, layers, frozen, enhance } = settings;
+    let done = match key {
+        "gain_db" => read(value, &mut image.gain_db),
+        "dynamic_range_db" => read(value, &mut image.dynamic_range_db),
+        "tgc_db_per_cm" => read(value, &mut image.tgc_db_per_cm),
+        "tgc_sliders_db" => read(value, &mut image.tgc_sliders_db),
+        "depth_mm" => read(value, depth_mm),
+        "focus_mm" => read(value, focus_mm),
+        "rays" => read(value, rays),
+        "layers" => read(value, layers),
+        "frozen" => read(value, frozen),
+        "enhance" => read(value, enhance),
+        _ => return None,
+    };
+    Some(done.map_err(|error| format!("`{key}` is {value}: {error}")))
+}
+
+fn read<T: serde::de::DeserializeOwned>(value: &Value, into: &mut T) -> Result<(), serde_json::Error> {
+    *into = serde_json::from_value(value.clone())?;
+    Ok(())
 }
 
 /// What a recorder recorded, once it has ended.

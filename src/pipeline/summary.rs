@@ -34,12 +34,14 @@ pub struct GeneratorSummary {
     pub done: u64,
     /// Of these, after their deadline.
     pub late: u64,
-    /// Frames that newer ones replaced, or that came while it was paused.
+    /// Frames that newer ones replaced, or that came while it rested or no tier kept the budget.
     pub dropped: u64,
     /// Frames that it failed on.
     pub failed: u64,
-    /// Runs that were ended since they took too long.
+    /// Runs that were told to end since they took too long, or that no provider could tell.
     pub hung: u64,
+    /// Of these, runs that did not end all the same, and were given up.
+    pub given_up: u64,
     /// Whether it had not come back when the session ended.
     pub stuck: bool,
 }

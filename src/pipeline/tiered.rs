@@ -39,9 +39,13 @@ impl Enhancer for TieredEnhancer {
         &self.name
     }
 
-    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+    fn ready(&mut self) -> bool {
         let step = self.tiers.step_up(self.clock.now());
         self.changed(step);
+        self.tiers.current().is_some()
+    }
+
+    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
         let ticket = self.tiers.start(self.clock.now());
         let Some((ticket, generator)) = ticket.and_then(|t| Some((t, self.generators.get_mut(t.tier)?))) else {
             return Err(EnhanceError("no generator keeps the budget".to_owned()));

@@ -9,7 +9,7 @@ use super::clock::lock;
 use super::parts::{PoseSample, PoseSource};
 use super::shutdown::{Part, Stop};
 use crate::pose::{Counters, Estimator, Measurement, Reading};
-use crate::tracker::recording::{Event, RecorderHandle};
+use crate::tracker::recording::{self, RecorderHandle};
 use crate::tracker::{
     Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_protocol,
 };
@@ -116,14 +116,13 @@ impl Listener for Ear {
             }
             TrackerEvent::Ended => self.stop.request("the recording is over"),
             // Counted by the session; its bytes are in the recording.
-            TrackerEvent::DecodeError(error) => {
-                tracing::debug!("tracker: {error}");
-                return;
-            }
+            TrackerEvent::DecodeError(error) => tracing::debug!("tracker: {error}"),
             _ => tracing::warn!("tracker: {event}"),
         }
-        if let Some(recorder) = &self.recorder {
-            recorder.event(Event::new(host_time_ns, "tracker").with(event.to_string()));
+        if let Some(recorder) = &self.recorder
+            && let Some(event) = recording::event_of(host_time_ns, event)
+        {
+            recorder.event(event);
         }
     }
 }

@@ -47,8 +47,45 @@ pub struct NamedPair {
     pub pair: PointPair,
 }
 
+/// A point with its name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPoint {
+    /// Its name, or its number from 1.
+    pub name: String,
+    /// Where it is, mm.
+    pub point_mm: DVec3,
+}
+
+const POINT: &str = "`x,y,z` and perhaps `,name` (mm)";
 const PAIR: &str = "`x,y,z,tx,ty,tz` and perhaps `,name` (mm; first the scene's point, then the tracker's)";
 const POSE: &str = "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)";
+
+/// Points from lines `x,y,z[,name]`, mm.
+///
+/// # Errors
+/// A line that is no point, or none at all.
+pub fn points(text: &str) -> Result<Vec<NamedPoint>, CsvError> {
+    let mut points = Vec::new();
+    for (line, content) in data_lines(text) {
+        let ([x, y, z], name) =
+            named(content).ok_or_else(|| CsvError::Line { line, expected: POINT, found: shown(content) })?;
+        let name = name.unwrap_or_else(|| (points.len() + 1).to_string());
+        points.push(NamedPoint { name, point_mm: DVec3::new(x, y, z) });
+    }
+    if points.is_empty() { Err(CsvError::Empty { expected: POINT }) } else { Ok(points) }
+}
+
+/// The numbers at the front of a line, and the name behind them, if there is one.
+fn named<const N: usize>(content: &str) -> Option<([f64; N], Option<String>)> {
+    let fields: Vec<_> = content.splitn(N + 1, ',').map(str::trim).collect();
+    let (numbers, name) = fields.split_at_checked(N)?;
+    let mut values = [0.0; N];
+    for (value, field) in values.iter_mut().zip(numbers) {
+        *value = field.parse().ok()?;
+    }
+    let name = name.first().map(|n| n.trim_matches('"').trim()).filter(|n| !n.is_empty());
+    Some((values, name.map(str::to_owned)))
+}
 
 /// Landmarks from lines `x,y,z,tx,ty,tz[,name]`: the point in the scene, and the same point by the tracker, mm.
 ///
@@ -57,16 +94,9 @@ const POSE: &str = "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)";
 pub fn pairs(text: &str) -> Result<Vec<NamedPair>, CsvError> {
     let mut pairs = Vec::new();
     for (line, content) in data_lines(text) {
-        let wrong = || CsvError::Line { line, expected: PAIR, found: shown(content) };
-        let fields: Vec<_> = content.splitn(7, ',').map(str::trim).collect();
-        let (numbers, name) = fields.split_at_checked(6).ok_or_else(wrong)?;
-        let mut values = [0.0; 6];
-        for (value, field) in values.iter_mut().zip(numbers) {
-            *value = field.parse().map_err(|_| wrong())?;
-        }
-        let [x, y, z, tx, ty, tz] = values;
-        let name = name.first().map(|n| n.trim_matches('"').trim()).filter(|n| !n.is_empty());
-        let name = name.map_or_else(|| (pairs.len() + 1).to_string(), str::to_owned);
+        let ([x, y, z, tx, ty, tz], name) =
+            named(content).ok_or_else(|| CsvError::Line { line, expected: PAIR, found: shown(content) })?;
+        let name = name.unwrap_or_else(|| (pairs.len() + 1).to_string());
         let pair = PointPair { scene_mm: DVec3::new(x, y, z), tracker_mm: DVec3::new(tx, ty, tz) };
         pairs.push(NamedPair { name, pair });
     }

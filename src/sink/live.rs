@@ -102,6 +102,27 @@ pub struct PresentedFrame {
 }
 
 impl PresentedFrame {
+    /// A frame without a picture, without a pose, and without memory of its own.
+    pub fn empty(settings: LiveSettings) -> Self {
+        Self {
+            number: 0,
+            source: FrameSource::LowQuality,
+            width: 0,
+            height: 0,
+            pixel_mm: 0.0,
+            image: Vec::new(),
+            segmentation: Vec::new(),
+            attenuation: Vec::new(),
+            mask: Vec::new(),
+            pose: None,
+            tracking: TrackingState::Lost,
+            timeline: FrameTimeline::default(),
+            settings,
+            tier: None,
+            notice: None,
+        }
+    }
+
     /// Row, in pixels from the upper edge, at which the middle of the probe's face lies: depth 0 of the depth scale. 0 where
     /// the mask's middle column is empty.
     pub fn face_row(&self) -> f64 {

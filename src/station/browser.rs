@@ -1,38 +1,24 @@
 //! `[browser]`: where the page is served.
 
-use std::net::IpAddr;
-
 use super::StationError;
-use super::keys::Accepts;
 use super::values::Values;
 use crate::sink::browser::Settings;
 
 /// What the table `[browser]` says. An address, token or name that can't be used is refused here, not at the start.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
-    let refuse = |key: &str, found: &str, accepts| StationError::Range {
-        key: format!("browser.{key}"),
-        found: format!("\"{found}\""),
-        accepts: Accepts::Text(accepts),
-        suggestion: String::new(),
-    };
-    if let Some(text) = values.text("address") {
-        settings.address = text.parse::<IpAddr>().map_err(|_| refuse("address", text, ADDRESS))?;
-    }
-    if let Some(port) = values.integer("port").and_then(|port| u16::try_from(port).ok()) {
-        settings.port = port;
-    }
+    values.set_server(&mut settings.address, &mut settings.port)?;
     if let Some(text) = values.text("token") {
         if !Settings::accepts_token(text) {
             // The token itself stays out of logs.
-            return Err(refuse("token", "...", TOKEN));
+            return Err(values.wrong_text("token", "...", TOKEN));
         }
         settings.token = Some(text.to_owned());
     }
     if let Some(text) = values.text("host_name") {
         let accepted = text.len() <= 253 && text.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'.');
         if !accepted {
-            return Err(refuse("host_name", text, HOST_NAME));
+            return Err(values.wrong_text("host_name", text, HOST_NAME));
         }
         settings.host_name = Some(text.to_owned());
     }
@@ -42,7 +28,6 @@ pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     Ok(settings)
 }
 
-pub(super) const ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
 pub(super) const TOKEN: &str = "16 or more of A-Z a-z 0-9 - _";
 pub(super) const HOST_NAME: &str = "a name without port, as \"station.local\"";
 

@@ -1,32 +1,17 @@
 //! `[openigtlink]`: where images and transforms are served.
 
-use std::net::IpAddr;
-
 use super::StationError;
-use super::keys::Accepts;
 use super::values::Values;
 use crate::sink::openigtlink::Settings;
 
-pub(super) const ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
 pub(super) const AXES: &str = "three letters of R or L, A or P, S or I, right-handed, as \"RAS\", \"LPS\" or \"LSA\"";
 
 /// What the table `[openigtlink]` says.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
-    let refuse = |key: &str, found: &str, accepts| StationError::Range {
-        key: format!("openigtlink.{key}"),
-        found: format!("\"{found}\""),
-        accepts: Accepts::Text(accepts),
-        suggestion: String::new(),
-    };
-    if let Some(text) = values.text("address") {
-        settings.address = text.parse::<IpAddr>().map_err(|_| refuse("address", text, ADDRESS))?;
-    }
-    if let Some(port) = values.integer("port").and_then(|port| u16::try_from(port).ok()) {
-        settings.port = port;
-    }
+    values.set_server(&mut settings.address, &mut settings.port)?;
     if let Some(text) = values.text("scene_axes") {
-        settings.scene_axes = text.parse().map_err(|_| refuse("scene_axes", text, AXES))?;
+        settings.scene_axes = text.parse().map_err(|_| values.wrong_text("scene_axes", text, AXES))?;
     }
     values.set("slice_mm", &mut settings.slice_mm);
     if let Some(clients) = values.integer("clients_max") {
@@ -37,6 +22,7 @@ pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
 
 #[cfg(test)]
 mod tests {
+    use std::net::IpAddr;
     use std::path::Path;
 
     use super::*;

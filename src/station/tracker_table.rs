@@ -9,10 +9,11 @@ use super::StationError;
 use super::values::Values;
 use crate::pose::Pose;
 use crate::tracker::driver::DeviceOptions;
+use crate::tracker::ndi::ReplyFormat;
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 
 /// Keys that only some transports have.
-const TRANSPORTS_OF: [(&str, &[&str]); 15] = [
+const TRANSPORTS_OF: [(&str, &[&str]); 19] = [
     ("protocol", &["serial", "tcp", "udp", "hid", "mock"]),
     ("port", &["serial", "hid"]),
     ("baud", &["serial"]),
@@ -21,6 +22,10 @@ const TRANSPORTS_OF: [(&str, &[&str]); 15] = [
     ("silence_ms", &["serial", "tcp", "udp", "hid", "mock", "recording"]),
     ("reset_delay_ms", &["serial", "tcp"]),
     ("hemisphere", &["serial", "tcp"]),
+    ("ndi_reply", &["serial", "tcp"]),
+    ("ndi_roms", &["serial", "tcp"]),
+    ("ndi_out_of_volume", &["serial", "tcp"]),
+    ("puck_range", &["hid", "recording"]),
     ("axis_map", &["hid", "recording"]),
     ("recording", &["recording"]),
     ("speed", &["recording"]),
@@ -62,10 +67,20 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
     device.silence = milliseconds(values, "silence_ms", device.silence);
     device.reset_delay = milliseconds(values, "reset_delay_ms", device.reset_delay);
     device.hemisphere = values.numbers("hemisphere").unwrap_or(device.hemisphere);
+    values.set("puck_range", &mut device.puck_range);
     if let Transport::Serial { .. } = transport {
         device.ndi.baud = Some(values.integer("baud").unwrap_or(NDI_BAUD));
     }
-    if protocol == Protocol::Ndi {
+    if protocol != Protocol::Ndi {
+        let reason = format!("`tracker.protocol` is \"{}\"; it is for ndi", protocol.name());
+        values.refuse(&["ndi_reply", "ndi_roms", "ndi_out_of_volume"], &reason)?;
+    } else {
+        if values.text("ndi_reply") == Some("TX") {
+            device.ndi.format = ReplyFormat::Text;
+        }
+        device.ndi.out_of_volume = values.boolean("ndi_out_of_volume").unwrap_or(device.ndi.out_of_volume);
+        let roms = values.texts("ndi_roms").unwrap_or_default();
+        device.ndi.rom_files = roms.into_iter().map(|path| dir.join(path)).collect();
         device
             .ndi
             .validate()
@@ -206,6 +221,21 @@ mod tests {
     }
 
     #[test]
+    fn options_of_ndi_devices_and_pucks_are_read() {
+        let ndi = |rest: &str| {
+            read(&format!("[tracker]\ntransport = \"tcp\"\naddress = \"h:8765\"\nprotocol = \"ndi\"\n{rest}"))
+        };
+        let found = ndi("ndi_reply = \"TX\"\nndi_roms = [\"tools/a.rom\", \"/b.rom\"]\nndi_out_of_volume = false");
+        let found = found.unwrap().device.ndi;
+        assert_eq!((found.format, found.out_of_volume), (ReplyFormat::Text, false));
+        assert_eq!(found.rom_files, [PathBuf::from("/st/tools/a.rom"), PathBuf::from("/b.rom")]);
+        let found = ndi("").unwrap().device.ndi;
+        assert_eq!((found.format, found.out_of_volume, found.rom_files.len()), (ReplyFormat::Binary, true, 0));
+        let puck = read("[tracker]\ntransport = \"hid\"\npuck_range = 500").unwrap().device;
+        assert_eq!(puck.puck_range, 500.0);
+    }
+
+    #[test]
     fn says_what_is_wrong() {
         let cases = [
             ("transport = \"serail\"", "(did you mean `serial`?)"),
@@ -221,6 +251,11 @@ mod tests {
             ("transport = \"mock\"\nport = \"/dev/x\"", "`tracker.port` does not apply"),
             ("baud = 9600", "`tracker.baud` does not apply: `tracker.transport` is \"none\""),
             ("transport = \"mock\"\nschedule = \"dance 3\"", "`tracker.schedule`: `dance 3` is no part"),
+            (
+                "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"liberty\"\nndi_reply = \"TX\"",
+                "`tracker.ndi_reply` does not apply: `tracker.protocol` is \"liberty\"; it is for ndi",
+            ),
+            ("transport = \"mock\"\npuck_range = 350", "`tracker.puck_range` does not apply"),
             ("transport = \"recording\"\nrecording = \"a\"\nspeed = 0\nrepeat = \"yes\"", "it would never rest"),
         ];
         for (table, message) in cases {

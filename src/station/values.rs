@@ -1,10 +1,15 @@
 //! The checked values of one table of a station file.
 
+use std::net::IpAddr;
+
 use toml::{Table, Value};
 
 use super::StationError;
 use super::keys::{Accepts, KeyDoc, of_table};
 use crate::suggest::did_you_mean;
+
+/// What an `address` that a server listens at takes.
+pub(super) const LISTEN_ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
 
 /// The checked values of one table.
 pub(super) struct Values {
@@ -66,6 +71,27 @@ impl Values {
 
     pub(super) fn set_integer(&self, key: &str, target: &mut u32) {
         *target = self.integer(key).unwrap_or(*target);
+    }
+
+    /// Overwrites where a server listens by the keys `address` and `port`, as far as they are given.
+    pub(super) fn set_server(&self, address: &mut IpAddr, port: &mut u16) -> Result<(), StationError> {
+        if let Some(text) = self.text("address") {
+            *address = text.parse().map_err(|_| self.wrong_text("address", text, LISTEN_ADDRESS))?;
+        }
+        if let Some(found) = self.integer("port").and_then(|port| u16::try_from(port).ok()) {
+            *port = found;
+        }
+        Ok(())
+    }
+
+    /// The error of a text that isn't what `key` takes.
+    pub(super) fn wrong_text(&self, key: &str, found: &str, accepts: &'static str) -> StationError {
+        StationError::Range {
+            key: format!("{}.{key}", self.table),
+            found: format!("\"{found}\""),
+            accepts: Accepts::Text(accepts),
+            suggestion: String::new(),
+        }
     }
 
     /// An error for the first of `keys` that is given.

@@ -13,11 +13,12 @@
 //! right depends on the firmware: see [`AngleOrder`]. The 8-bit index is carried on to 32 bits. The sum is a weak guard:
 //! of frames that lost bytes one in 256 passes it.
 
-use bytes::{Buf, BytesMut};
+use bytes::BytesMut;
 use glam::{DQuat, EulerRot};
 use thiserror::Error;
 
 use super::Record;
+use super::framing::Offset;
 use crate::pose::Reading;
 
 /// Length of a frame, bytes.
@@ -86,8 +87,7 @@ pub enum Reason {
 #[derive(Debug, Clone)]
 pub struct Decoder {
     order: AngleOrder,
-    /// Bytes removed so far.
-    offset: u64,
+    offset: Offset,
     /// Index of the last frame, carried on.
     sequence: Option<u32>,
     /// An error was given, and no frame found since.
@@ -97,7 +97,7 @@ pub struct Decoder {
 impl Decoder {
     /// A decoder at the start of a stream.
     pub fn new(order: AngleOrder) -> Self {
-        Self { order, offset: 0, sequence: None, lost: false }
+        Self { order, offset: Offset::default(), sequence: None, lost: false }
     }
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
@@ -109,27 +109,20 @@ impl Decoder {
     /// Bytes that are no frame. They are removed up to what may be the next one.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
-            let offset = self.offset;
-            let reason = match start(buffer) {
+            let (length, reason) = match start(buffer) {
                 0 if buffer.len() < LENGTH => return Ok(None),
                 0 => match self.frame(buffer) {
                     Ok(record) => {
-                        self.remove(buffer, LENGTH);
+                        self.offset.take(buffer, LENGTH);
                         self.lost = false;
                         return Ok(Some(record));
                     }
-                    Err(reason) => {
-                        // A frame that lost a byte holds the start of the next one.
-                        self.remove(buffer, 1);
-                        reason
-                    }
+                    // A frame that lost a byte holds the start of the next one.
+                    Err(reason) => (1, reason),
                 },
-                length => {
-                    let byte = buffer[0];
-                    self.remove(buffer, length);
-                    Reason::Noise { byte }
-                }
+                length => (length, Reason::Noise { byte: buffer[0] }),
             };
+            let offset = self.offset.take(buffer, length);
             if !std::mem::replace(&mut self.lost, true) {
                 return Err(DecodeError { offset, reason });
             }
@@ -141,9 +134,12 @@ impl Decoder {
     /// # Errors
     /// A part of a frame is left. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        let (offset, length) = (self.offset, buffer.len());
-        self.remove(buffer, length);
-        if length == 0 { Ok(()) } else { Err(DecodeError { offset, reason: Reason::Incomplete { length } }) }
+        match buffer.len() {
+            0 => Ok(()),
+            length => {
+                Err(DecodeError { offset: self.offset.take(buffer, length), reason: Reason::Incomplete { length } })
+            }
+        }
     }
 
     fn frame(&mut self, bytes: &[u8]) -> Result<Record, Reason> {
@@ -175,11 +171,6 @@ impl Decoder {
             buttons: 0,
             reading: Reading::Orientation(DQuat::from_euler(EulerRot::ZYX, yaw, pitch, roll)),
         })
-    }
-
-    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
-        buffer.advance(length);
-        self.offset += length as u64;
     }
 }
 

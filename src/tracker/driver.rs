@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use super::{DecodeError, Decoder, Protocol, Record, ndi};
+use super::{DecodeError, Decoder, Protocol, Record, ndi, spacemouse};
 
 /// Speaks with one device.
 ///
@@ -80,6 +80,8 @@ pub struct DeviceOptions {
     pub silence: Duration,
     /// Of NDI devices.
     pub ndi: ndi::Options,
+    /// What a puck reports at full push, in its own units, at least 1 (SpaceMouse).
+    pub puck_range: f64,
 }
 
 impl Default for DeviceOptions {
@@ -90,6 +92,7 @@ impl Default for DeviceOptions {
             reset_delay: Duration::from_secs(20),
             silence: Duration::from_secs(2),
             ndi: ndi::Options::default(),
+            puck_range: spacemouse::RANGE,
         }
     }
 }
@@ -100,15 +103,21 @@ const START_PATIENCE: Duration = Duration::from_secs(5);
 /// The driver of a device that speaks by itself: it only listens.
 pub struct Passive {
     protocol: Protocol,
+    /// At the start of a stream.
+    fresh: Decoder,
     decoder: Decoder,
     silence: Duration,
     heard: bool,
 }
 
 impl Passive {
-    /// A driver that lets the device be silent for `silence` once it has spoken.
-    pub fn new(protocol: Protocol, silence: Duration) -> Self {
-        Self { protocol, decoder: protocol.decoder(), silence, heard: false }
+    /// A driver of a device that speaks `protocol`.
+    pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
+        let fresh = match protocol {
+            Protocol::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(options.puck_range)),
+            _ => protocol.decoder(),
+        };
+        Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, heard: false }
     }
 }
 
@@ -118,7 +127,7 @@ impl Driver for Passive {
     }
 
     fn start(&mut self, _: Duration, _: u32) {
-        self.decoder = self.protocol.decoder();
+        self.decoder = self.fresh.clone();
         self.heard = false;
     }
 

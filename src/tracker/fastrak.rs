@@ -9,12 +9,12 @@
 //!
 //! A binary record has no checksum: what guards it is its head, its last byte and the norm of its quaternion.
 
-use bytes::{Buf, Bytes, BytesMut};
+use bytes::{Bytes, BytesMut};
 use glam::{DQuat, EulerRot};
 use thiserror::Error;
 
 use super::Record;
-use super::framing::{f32_at, next_head, noise};
+use super::framing::{Offset, f32_at, next_head, noise};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Length of an ASCII record, bytes.
@@ -102,13 +102,13 @@ pub enum Reason {
 #[derive(Debug, Clone)]
 pub struct Decoder {
     format: Format,
-    offset: u64,
+    offset: Offset,
 }
 
 impl Decoder {
     /// A decoder at the start of a stream.
     pub fn new(format: Format) -> Self {
-        Self { format, offset: 0 }
+        Self { format, offset: Offset::default() }
     }
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
@@ -149,7 +149,7 @@ impl Decoder {
         let Some(frame) = buffer.get(..BINARY_LENGTH) else { return Ok(None) };
         match binary(frame) {
             Ok(record) => {
-                self.remove(buffer, BINARY_LENGTH);
+                self.offset.take(buffer, BINARY_LENGTH);
                 Ok(Some(record))
             }
             Err(reason) => {
@@ -171,7 +171,7 @@ impl Decoder {
         };
         match text(&window[..length]) {
             Ok(record) => {
-                self.remove(buffer, length);
+                self.offset.take(buffer, length);
                 Ok(Some(record))
             }
             Err(reason) => Err(self.reject(buffer, length, reason)),
@@ -179,14 +179,7 @@ impl Decoder {
     }
 
     fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
-        let offset = self.offset;
-        self.remove(buffer, length);
-        DecodeError { offset, reason }
-    }
-
-    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
-        buffer.advance(length);
-        self.offset += length as u64;
+        DecodeError { offset: self.offset.take(buffer, length), reason }
     }
 }
 

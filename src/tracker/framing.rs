@@ -3,6 +3,8 @@
 //! What is removed depends only on the bytes of the stream, never on how it was cut up: a search looks at a window of
 //! fixed length, and what might be the start of a head at its end counts as one.
 
+use bytes::{Buf, BytesMut};
+
 /// Most bytes of noise that one error covers.
 pub(super) const NOISE_LIMIT: usize = 64;
 
@@ -18,6 +20,20 @@ pub(super) fn noise(buffer: &[u8], head_length: usize, plausible: impl Fn(&[u8])
     let start = next_head(window, &plausible);
     // Near the window's end a head can't be told from noise before more has come, unless the window is full.
     (window.len() == NOISE_LIMIT || start + head_length <= window.len()).then_some(start)
+}
+
+/// How many bytes of a stream have been taken.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Offset(u64);
+
+impl Offset {
+    /// Takes `length` bytes from the front of `buffer`, and gives the place in the stream where they start.
+    pub(super) fn take(&mut self, buffer: &mut BytesMut, length: usize) -> u64 {
+        let start = self.0;
+        buffer.advance(length);
+        self.0 += length as u64;
+        start
+    }
 }
 
 /// The little-endian number at `at`, or 0 where the slice is too short, which its callers rule out.

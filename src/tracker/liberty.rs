@@ -13,11 +13,11 @@
 //! insonify asks for [`OUTPUT_LIST`]: the device's clock (ms), its frame counter, the distortion level, x y z (cm) and
 //! the quaternion w x y z, 40 bytes. A frame has no checksum: what guards it is its head and the quaternion's norm.
 
-use bytes::{Buf, Bytes, BytesMut};
+use bytes::{Bytes, BytesMut};
 use thiserror::Error;
 
 use super::Record;
-use super::framing::{f32_at, next_head, noise, u32_at};
+use super::framing::{Offset, f32_at, next_head, noise, u32_at};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Output list that the driver asks for.
@@ -148,7 +148,7 @@ pub struct Decoder {
     device: Device,
     items: &'static [Item],
     payload: usize,
-    offset: u64,
+    offset: Offset,
 }
 
 impl Decoder {
@@ -159,7 +159,7 @@ impl Decoder {
 
     /// A decoder of frames with another output list; without an orientation in it, that is none.
     pub fn with_items(device: Device, items: &'static [Item]) -> Self {
-        Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: 0 }
+        Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: Offset::default() }
     }
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
@@ -198,7 +198,7 @@ impl Decoder {
                         (next_head(head, plausible), reason)
                     }
                     (true, false) => {
-                        self.remove(buffer, HEAD);
+                        self.offset.take(buffer, HEAD);
                         continue;
                     }
                 };
@@ -211,7 +211,7 @@ impl Decoder {
             }
             return match self.record(frame) {
                 Ok(record) => {
-                    self.remove(buffer, HEAD + payload);
+                    self.offset.take(buffer, HEAD + payload);
                     Ok(Some(record))
                 }
                 Err(reason) => {
@@ -266,14 +266,7 @@ impl Decoder {
     }
 
     fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
-        let offset = self.offset;
-        self.remove(buffer, length);
-        DecodeError { offset, reason }
-    }
-
-    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
-        buffer.advance(length);
-        self.offset += length as u64;
+        DecodeError { offset: self.offset.take(buffer, length), reason }
     }
 }
 

@@ -43,6 +43,7 @@ pub mod ndi;
 pub mod openigtlink;
 pub mod opentrack;
 pub mod polhemus;
+mod pose_tap;
 pub mod recording;
 mod session;
 mod settings;
@@ -52,6 +53,7 @@ mod transport;
 pub use axis_map::{AxisMap, AxisMapError};
 pub use clock::host_time_ns;
 pub use monitor::{Monitor, Report, SessionState};
+pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 pub use session::{Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn, stream_protocol};
 pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
@@ -203,7 +205,7 @@ impl Protocol {
             | Self::Bno08x
             | Self::Bno08xRollFirst
             | Self::OpenTrack
-            | Self::OpenIgtLink => Box::new(Passive::new(self, options.silence)),
+            | Self::OpenIgtLink => Box::new(Passive::new(self, options)),
             Self::FastrakAscii => polhemus(Model::Fastrak(fastrak::Format::Ascii)),
             Self::FastrakBinary => polhemus(Model::Fastrak(fastrak::Format::Binary)),
             Self::Liberty => polhemus(Model::Liberty(liberty::Device::Liberty)),

@@ -169,7 +169,10 @@ fn tracker_needs(key: &str, value: &str) -> &'static str {
         ("sensor" | "silence_ms" | "reset_delay_ms" | "hemisphere", _) => {
             "transport = 'tcp'\nprotocol = 'fastrak-binary'\naddress = 'localhost:1'\n"
         }
-        ("axis_map", _) => "transport = 'hid'\n",
+        ("ndi_reply" | "ndi_roms" | "ndi_out_of_volume", _) => {
+            "transport = 'tcp'\nprotocol = 'ndi'\naddress = 'localhost:1'\n"
+        }
+        ("axis_map" | "puck_range", _) => "transport = 'hid'\n",
         ("speed" | "repeat", _) => "transport = 'recording'\nrecording = '/x.mcap'\n",
         ("schedule" | "rate_hz" | "seed", _) => "transport = 'mock'\n",
         _ => "",

@@ -3,9 +3,8 @@
 
 use bytes::BytesMut;
 use glam::{DMat3, DQuat, DVec3};
-use insonify::pose::Reading;
-use insonify::tracker::openigtlink;
-use insonify::tracker::{Decoder, Protocol, Record};
+use insonify::pose::{Pose, Reading};
+use insonify::tracker::{Decoder, Protocol, Record, ascii_line, openigtlink};
 use proptest::prelude::*;
 
 use crate::messages::{floats, matrix, message, tool};
@@ -18,9 +17,11 @@ enum Stream {
     NdiText,
     Bno08x,
     OpenIgtLink,
+    AsciiLine,
 }
 
-const STREAMS: [Stream; 4] = [Stream::NdiBinary, Stream::NdiText, Stream::Bno08x, Stream::OpenIgtLink];
+const STREAMS: [Stream; 5] =
+    [Stream::NdiBinary, Stream::NdiText, Stream::Bno08x, Stream::OpenIgtLink, Stream::AsciiLine];
 
 impl Stream {
     fn protocol(self) -> Protocol {
@@ -28,6 +29,7 @@ impl Stream {
             Self::NdiBinary | Self::NdiText => Protocol::Ndi,
             Self::Bno08x => Protocol::Bno08x,
             Self::OpenIgtLink => Protocol::OpenIgtLink,
+            Self::AsciiLine => Protocol::AsciiLine,
         }
     }
 
@@ -46,6 +48,10 @@ impl Stream {
                 let sum = bytes[2..].iter().fold(0_u8, |sum, &byte| sum.wrapping_add(byte));
                 bytes.push(sum);
                 bytes
+            }
+            Self::AsciiLine => {
+                let pose = Pose::from_components([f64::from(n), 2.5, -30.0, 0.8, 0.6, 0.0, 0.0]).unwrap();
+                ascii_line::encode(n, u64::from(n) * 20_000, &pose).into_bytes()
             }
             Self::OpenIgtLink => {
                 let rotation = DMat3::from_quat(DQuat::from_rotation_x(f64::from(n) * 0.1));
@@ -239,8 +245,8 @@ proptest! {
         for expected in all.iter().map(key) {
             if left.peek() == Some(&expected) { left.next(); } else { lost += 1; }
         }
-        // One in 256 shifted frames has the right sum.
-        let may_be_wrong = stream == Stream::Bno08x && bits.is_empty();
+        // One in 256 shifted frames has the right sum, and a line without two equal digits has it.
+        let may_be_wrong = matches!(stream, Stream::Bno08x | Stream::AsciiLine) && bits.is_empty();
         prop_assert!(may_be_wrong || left.peek().is_none(), "a record that was never sent: {:?} {:?}", left.peek(), errors);
         prop_assert!(may_be_wrong || lost <= 2, "{lost} records lost: {errors:?}");
     }

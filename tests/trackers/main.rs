@@ -4,8 +4,15 @@
 
 #[cfg(all(feature = "serial", feature = "hid"))]
 mod command;
-#[cfg_attr(not(feature = "serial"), allow(dead_code))]
+#[allow(dead_code)]
 mod ear;
+#[cfg(unix)]
+mod landmarks;
+#[cfg(all(target_os = "linux", feature = "serial"))]
+mod ndi;
+#[allow(dead_code)]
+#[path = "../protocols/ndi_device.rs"]
+mod ndi_device;
 #[allow(dead_code)]
 mod polhemus;
 #[cfg(all(unix, feature = "serial"))]

@@ -19,7 +19,9 @@ use crate::ear::{Live, connected, decode_error, disconnected};
 use crate::polhemus::{Kind, Polhemus};
 
 /// What speaks at the far end of a terminal.
-trait Board: Send + 'static {
+pub trait Board: Send + 'static {
+    /// The speed that the host gave the line, baud.
+    fn at_speed(&mut self, _baud: u32) {}
     fn hear(&mut self, now: Duration, bytes: &[u8]);
     fn say(&mut self, now: Duration) -> Option<Vec<u8>>;
 }
@@ -54,7 +56,7 @@ impl Board for Lines {
     }
 }
 
-enum Order {
+pub enum Order {
     /// Sends only the first bytes of the next record and then no more; answers with the bytes sent in all.
     Cut(usize, mpsc::Sender<usize>),
     /// Is gone.
@@ -66,13 +68,13 @@ enum Order {
 }
 
 /// A board on a pseudo-terminal behind a link, as udev makes them by id.
-struct Terminal {
+pub struct Terminal {
     orders: mpsc::Sender<Order>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Terminal {
-    fn plug_in(link: &Path, board: impl Board) -> Self {
+    pub fn plug_in(link: &Path, board: impl Board) -> Self {
         let pty = openpty(None, None).unwrap();
         let mut termios = tcgetattr(&pty.slave).unwrap();
         cfmakeraw(&mut termios);
@@ -88,14 +90,32 @@ impl Terminal {
         Self { orders, thread: Some(thread) }
     }
 
-    fn order(&self, order: Order) {
+    pub fn order(&self, order: Order) {
         self.orders.send(order).unwrap();
     }
 
     /// Waits until it is gone.
-    fn join(mut self) {
+    pub fn join(mut self) {
         self.thread.take().unwrap().join().unwrap();
     }
+}
+
+/// The speed of a terminal, whatever number it is, baud.
+#[cfg(target_os = "linux")]
+fn speed(terminal: &File) -> Option<u32> {
+    use std::os::fd::AsRawFd;
+    let mut settings = std::mem::MaybeUninit::<nix::libc::termios2>::zeroed();
+    // SAFETY: the descriptor is open, the structure is the one that this request fills, and all zeros are a valid one.
+    let settings = unsafe {
+        let done = nix::libc::ioctl(terminal.as_raw_fd(), nix::libc::TCGETS2, settings.as_mut_ptr());
+        (done == 0).then(|| settings.assume_init())
+    };
+    settings.map(|settings| settings.c_ospeed)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn speed(_: &File) -> Option<u32> {
+    None
 }
 
 /// The board's loop. It holds the near end open, too, as a terminal without readers would report errors.
@@ -113,6 +133,10 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
         }
         let mut input = [0; 256];
         if let Ok(length) = far.read(&mut input) {
+            // The host changes it before it writes, so that it is looked at after what was written.
+            if let Some(baud) = speed(&far) {
+                board.at_speed(baud);
+            }
             board.hear(start.elapsed(), &input[..length]);
         }
         while let Some(mut record) = board.say(start.elapsed()) {
@@ -147,7 +171,7 @@ impl Drop for Terminal {
     }
 }
 
-fn serial(link: &Path, protocol: Protocol) -> Settings {
+pub fn serial(link: &Path, protocol: Protocol) -> Settings {
     let port = PortName::Path(link.display().to_string());
     let mut settings =
         Settings { transport: Transport::Serial { port, baud: 115_200 }, protocol, ..Settings::default() };
@@ -155,7 +179,7 @@ fn serial(link: &Path, protocol: Protocol) -> Settings {
     settings
 }
 
-fn place() -> (tempfile::TempDir, PathBuf) {
+pub fn place() -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let link = dir.path().join("usb-tracker-0");
     (dir, link)

@@ -10,6 +10,7 @@ use insonify::transducer::{Probe, ProbeKind};
 use crate::scenes::{Case, cases, nested};
 
 type Change = fn(&mut Probe, &mut RenderSettings);
+type Expected = fn(&RenderError) -> bool;
 
 /// What a station changes, alone and together.
 const CHANGES: [(&str, Change); 15] = [
@@ -111,7 +112,7 @@ fn what_is_refused_leaves_the_renderer_as_it_was() {
     let start = nested();
     let mut renderer = start.renderer(&ShaderSet::default());
     let begun = render(&mut renderer, &start);
-    let refused: [(Change, fn(&RenderError) -> bool); 4] = [
+    let refused: [(Change, Expected); 4] = [
         (|_, s| s.image.gain_db = f64::NAN, |e| matches!(e, RenderError::Settings(_))),
         (|_, s| s.quality.rays = 0, |e| matches!(e, RenderError::Settings(_))),
         (|p, _| p.depth_mm = 0.0, |e| matches!(e, RenderError::Probe(_))),

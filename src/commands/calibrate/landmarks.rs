@@ -10,6 +10,7 @@ use insonify::pose::registration::{PointPair, Registration, register};
 use serde::Serialize;
 
 use super::super::{Classify, Failure, output};
+use super::touch::{self, TouchArgs};
 use super::{OutputArgs, TransformReport, write};
 
 /// Fit where the tracker is in the scene to landmarks known in both.
@@ -18,10 +19,18 @@ use super::{OutputArgs, TransformReport, write};
 /// the scene, and the same point as the tracker measures it (of a stylus: its tip), in mm. Empty lines, lines that
 /// begin with `#`, and a first line of column names are passed over. Three landmarks are needed, six or more are better,
 /// well around the field and not in one plane.
+///
+/// With --tracker they are touched instead, one after the other, with a stylus or the probe's face: each line of the
+/// input (Enter) takes the landmark that is asked for, once the tip is held still. The result goes into the calibration
+/// file that the station names, unless --out names another.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Landmarks (CSV)
-    pairs: PathBuf,
+    #[arg(required_unless_present = "tracker", conflicts_with = "tracker")]
+    pairs: Option<PathBuf>,
+
+    #[command(flatten)]
+    touch: TouchArgs,
 
     #[command(flatten)]
     output: OutputArgs,
@@ -45,11 +54,16 @@ struct Row {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let text = std::fs::read_to_string(&args.pairs)
-        .with_context(|| format!("cannot read the landmarks {}", args.pairs.display()))
+    if let Some(station) = &args.touch.tracker {
+        let (pairs, out) = touch::run(station, &args.touch, args.output.out.as_deref())?;
+        return fit(&pairs, station, &OutputArgs { out: Some(out), ..args.output });
+    }
+    let path = args.pairs.as_deref().unwrap_or(Path::new(""));
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the landmarks {}", path.display()))
         .input()?;
-    let pairs = csv::pairs(&text).with_context(|| args.pairs.display().to_string()).input()?;
-    fit(&pairs, &args.pairs, &args.output)
+    let pairs = csv::pairs(&text).with_context(|| path.display().to_string()).input()?;
+    fit(&pairs, path, &args.output)
 }
 
 /// Fits landmarks, wherever they come from; errors call it `source`.

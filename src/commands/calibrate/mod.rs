@@ -2,6 +2,7 @@
 
 mod landmarks;
 mod pivot;
+mod touch;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,6 +29,7 @@ const AFTER_HELP: &str = "\
 Example:
   insonify calibrate pivot pivoting.mcap --out station.calibration.toml
   insonify calibrate landmarks belly.csv --out station.calibration.toml
+  insonify calibrate landmarks --tracker station.toml        touch the scene's landmarks one by one
 and in the station file:
   [calibration]
   path = \"station.calibration.toml\"";

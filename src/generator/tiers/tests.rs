@@ -18,7 +18,7 @@ impl Bench {
     fn new(measured: &[u64]) -> Self {
         let mut tiers = Tiers::new(Budget::new(ms(50)));
         for (i, n) in measured.iter().enumerate() {
-            tiers.add(&format!("tier {i}"), true, &[ms(*n); 5]);
+            tiers.add(&format!("tier {i}"), &[ms(*n); 5]);
         }
         Self { tiers, now: Duration::ZERO, changes: Vec::new() }
     }
@@ -48,7 +48,7 @@ fn a_tier_that_cannot_keep_the_budget_is_never_started() {
 #[test]
 fn one_that_was_slow_when_measured_but_can_be_fast_is_tried_later() {
     let mut tiers = Tiers::new(Budget::new(ms(50)));
-    tiers.add("best", true, &[ms(40), ms(90)]);
+    tiers.add("best", &[ms(40), ms(90)]);
     assert_eq!((tiers.current(), tiers.step_up(ms(4999))), (None, None));
     assert_eq!(tiers.step_up(ms(5000)).unwrap().to, Some(0));
 }
@@ -125,43 +125,11 @@ fn without_any_tier_the_last_is_tried_again_first() {
 }
 
 #[test]
-fn a_run_that_hangs_is_stopped_and_then_abandoned() {
-    let mut bench = Bench::new(&[30, 10]);
-    let tiers = &mut bench.tiers;
-    let ticket = tiers.start(ms(1000)).unwrap();
-    assert_eq!((tiers.start(ms(1010)), tiers.watch(ms(1099)), tiers.watch_at()), (None, None, Some(ms(1100))));
-    assert_eq!(tiers.watch(ms(1100)), Some(Intervention::Stop(0)));
-    assert_eq!((tiers.watch(ms(1101)), tiers.watch_at()), (None, Some(ms(2100))), "told once");
-    assert_eq!(tiers.watch(ms(2100)), Some(Intervention::Abandon(0)));
-    let change = tiers.abandon(ms(2100)).unwrap();
-    assert_eq!((change.from, change.to), (Some(0), Some(1)));
-    assert!(change.reason.contains("`tier 0`"), "{}", change.reason);
-    let next = tiers.start(ms(2101)).unwrap();
-    assert_eq!(tiers.finish(ticket, ms(2102), &Outcome::Done), None, "a late end is not counted");
-    assert_eq!(tiers.finish(next, ms(2110), &Outcome::Done), None);
-    let report = tiers.report();
-    assert_eq!((&report[0].state, report[0].runs, report[0].overshoots), (&TierState::Abandoned, 0, 1));
-    assert_eq!(tiers.watch(ms(9000)), None);
-}
-
-#[test]
-fn one_that_cannot_be_stopped_is_abandoned_without_trying() {
-    let mut tiers = Tiers::new(Budget::new(ms(50)));
-    tiers.add("only", false, &[]);
-    tiers.start(ms(0)).unwrap();
-    assert_eq!([ms(100), ms(1099)].map(|t| tiers.watch(t)), [None, None]);
-    assert_eq!(tiers.watch(ms(1100)), Some(Intervention::Abandon(0)));
-    assert_eq!(tiers.abandon(ms(1100)).unwrap().to, None);
-}
-
-#[test]
 fn stopped_runs_step_down_and_failing_ones_are_given_up() {
     let mut bench = Bench::new(&[30, 10]);
     for _ in 0..3 {
         let ticket = bench.tiers.start(bench.now).unwrap();
         bench.now += ms(100);
-        assert_eq!(bench.tiers.watch(bench.now), Some(Intervention::Stop(0)));
-        bench.now += ms(1);
         bench.tiers.finish(ticket, bench.now, &Outcome::Stopped);
     }
     assert_eq!((bench.tiers.current(), bench.tiers.report()[0].stopped), (Some(1), 3));
@@ -189,12 +157,12 @@ proptest! {
             // Now and then the clock runs backward.
             bench.now = if outcome == 3 { bench.now.saturating_sub(ms(took)) } else { bench.now + ms(took) };
             if let Some(ticket) = started {
-                match bench.tiers.watch(bench.now) {
-                    Some(Intervention::Abandon(_)) => { bench.tiers.abandon(bench.now); }
-                    Some(Intervention::Stop(_)) => { bench.tiers.finish(ticket, bench.now, &Outcome::Stopped); }
-                    None if outcome == 1 => { bench.tiers.finish(ticket, bench.now, &Outcome::Failed("x".into())); }
-                    None => { bench.tiers.finish(ticket, bench.now, &Outcome::Done); }
-                }
+                let outcome = match outcome {
+                    1 => Outcome::Failed("x".into()),
+                    2 => Outcome::Stopped,
+                    _ => Outcome::Done,
+                };
+                bench.tiers.finish(ticket, bench.now, &outcome);
             }
             let reports = bench.tiers.report();
             if let Some(current) = bench.tiers.current() {

@@ -12,6 +12,8 @@
 //!
 //! Sources: `ndicapi` (PlusToolkit), PLUS `vtkPlusNDITracker.cxx`, VRPN.
 
+use std::path::PathBuf;
+
 use bytes::{BufMut, Bytes, BytesMut};
 use crc::{CRC_16_ARC, Crc, Table};
 use thiserror::Error;
@@ -78,6 +80,8 @@ pub struct Options {
     pub baud: Option<u32>,
     /// Descriptions of wireless tools, [`ROM_BYTES`] each; their handles are asked for in this order. See [`pad_rom`].
     pub roms: Vec<Vec<u8>>,
+    /// Files (.rom) that [`load_roms`](Self::load_roms) adds to `roms`.
+    pub rom_files: Vec<PathBuf>,
     /// Least time between two questions for poses.
     pub poll_interval: std::time::Duration,
 }
@@ -89,6 +93,7 @@ impl Default for Options {
             out_of_volume: true,
             baud: None,
             roms: Vec::new(),
+            rom_files: Vec::new(),
             poll_interval: std::time::Duration::from_millis(8),
         }
     }
@@ -108,6 +113,39 @@ impl Options {
             None => Ok(()),
         }
     }
+
+    /// Reads the files of wireless tools, so that `rom_files` is empty and `roms` holds them all.
+    ///
+    /// # Errors
+    /// A file that can't be read, or is no tool description.
+    pub fn load_roms(mut self) -> Result<Self, RomError> {
+        for path in std::mem::take(&mut self.rom_files) {
+            let content = std::fs::read(&path).map_err(|source| RomError::Read { path: path.clone(), source })?;
+            self.roms.push(pad_rom(content).map_err(|source| RomError::Content { path, source })?);
+        }
+        Ok(self)
+    }
+}
+
+/// Why the description of a wireless tool cannot be used.
+#[derive(Debug, Error)]
+pub enum RomError {
+    /// The file could not be read.
+    #[error("cannot read the tool description {path}: {source}")]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// It is no tool description.
+    #[error("{path}: {source}")]
+    Content {
+        /// File.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: OptionsError,
+    },
 }
 
 /// Why a device cannot be set up as asked.
@@ -303,5 +341,23 @@ mod tests {
         assert_eq!((rom.len(), rom[751], rom[752]), (ROM_BYTES, 7, 0));
         assert_eq!(pad_rom(Vec::new()), Err(OptionsError::RomLength { length: 0 }));
         assert_eq!(pad_rom(vec![0; 1025]), Err(OptionsError::RomLength { length: 1025 }));
+    }
+
+    #[test]
+    fn tool_files_are_read_in_their_order() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: &[u8]| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let load = |rom_files| Options { rom_files, ..Options::default() }.load_roms();
+        let found = load(vec![file("a.rom", &[3; 752]), file("b.rom", &[5; ROM_BYTES])]).unwrap();
+        assert_eq!(found.roms.iter().map(|rom| (rom.len(), rom[0])).collect::<Vec<_>>(), [(1024, 3), (1024, 5)]);
+        assert!(found.rom_files.is_empty() && found.validate().is_ok());
+        let error = load(vec![file("c.rom", &[0; 1025])]).unwrap_err().to_string();
+        assert!(error.contains("c.rom: a tool description has 1 to 1024 bytes; this one has 1025"), "{error}");
+        let error = load(vec![dir.path().join("no.rom")]).unwrap_err().to_string();
+        assert!(error.starts_with("cannot read the tool description") && error.contains("no.rom"), "{error}");
     }
 }

@@ -20,7 +20,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{Protocol, UnknownProtocol};
+use super::{Protocol, TrackerEvent, UnknownProtocol};
 use crate::pose::{Pose, TrackingState};
 
 mod attached;
@@ -37,7 +37,7 @@ mod writer;
 
 pub use decoded::{DecodedRecording, Item};
 pub use part::part_path;
-pub use poses::{poses, poses_of, read_all};
+pub use poses::{measurements, poses, poses_of, read_all};
 pub use reader::{Damage, RecordingReader};
 pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle};
 pub use summary::RecordingSummary;
@@ -116,6 +116,23 @@ impl Event {
         self.value = Some(value.into());
         self
     }
+}
+
+/// Name of the events of a tracker's session.
+pub const TRACKER_EVENT: &str = "tracker";
+
+/// Name of the event at which a tracker's port was gone.
+pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
+
+/// What a recording keeps of something that happened to the tracker: nothing of bytes that are no record, since the bytes
+/// themselves are in it.
+pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
+    let name = match event {
+        TrackerEvent::DecodeError(_) => return None,
+        TrackerEvent::Disconnected { .. } => DISCONNECTED_EVENT,
+        _ => TRACKER_EVENT,
+    };
+    Some(Event::new(host_time_ns, name).with(event.to_string()))
 }
 
 /// A pose as a session used it.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::in_order::keep_in_order;
 use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary};
-use crate::pose::{Reading, TimedPose};
+use crate::pose::{Measurement, Reading, TimedPose};
 use crate::tracker::DecodeError;
 
 /// The poses of the recording at `path`, ascending in host time, decoded by the protocol that it names.
@@ -30,17 +30,44 @@ pub fn poses_of<R: Read>(
 ) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
     let (poses, summary) = read_all(reader)?;
     if poses.is_empty() {
-        let damage = summary.damage.truncated.clone().or_else(|| summary.damage.damaged_first.first().cloned());
-        let reason =
-            damage.or_else(|| summary.decode_errors_first.first().map(DecodeError::to_string)).unwrap_or_else(|| {
-                match summary.records {
-                    0 => "it has no message of tracker bytes".to_owned(),
-                    n => format!("none of its {n} records has one"),
-                }
-            });
-        return Err(RecordingError::NoPose { path: path.to_owned(), reason });
+        return Err(no_pose(path, &summary));
     }
     Ok((poses, summary))
+}
+
+/// All measurements of the recording at `path`, ascending in host time: poses, and what an estimator makes poses of.
+///
+/// # Errors
+/// As [`poses`]; it holds nothing but a sensor out of view.
+pub fn measurements(path: &Path) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
+    let mut decoded = DecodedRecording::new(RecordingReader::open(path)?);
+    let mut measurements = Vec::new();
+    while let Some(item) = decoded.next_item()? {
+        if let Item::Measurement(measurement) = item {
+            measurements.push(measurement);
+        }
+    }
+    let mut summary = decoded.finish();
+    summary.time_reversals = keep_in_order(&mut measurements, |measurement| measurement.host_time_ns);
+    if measurements.iter().all(|measurement| measurement.reading == Reading::OutOfView) {
+        return Err(no_pose(path, &summary));
+    }
+    if let (Some(first), Some(last)) = (measurements.first(), measurements.last()) {
+        summary.duration = Duration::from_nanos(last.host_time_ns - first.host_time_ns);
+    }
+    Ok((measurements, summary))
+}
+
+fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
+    let damage = summary.damage.truncated.clone().or_else(|| summary.damage.damaged_first.first().cloned());
+    let reason =
+        damage.or_else(|| summary.decode_errors_first.first().map(DecodeError::to_string)).unwrap_or_else(|| {
+            match summary.records {
+                0 => "it has no message of tracker bytes".to_owned(),
+                n => format!("none of its {n} records has one"),
+            }
+        });
+    RecordingError::NoPose { path: path.to_owned(), reason }
 }
 
 /// As [`poses_of`], but a recording may be without poses.

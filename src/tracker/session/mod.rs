@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
 use crate::tracker::driver::{Driver, Passive};
+use crate::tracker::ndi::RomError;
 use crate::tracker::recording::{RecordingError, RecordingReader};
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
@@ -105,6 +106,9 @@ pub enum TrackerError {
     /// A recording that can't be played.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// The description of a wireless tool that can't be used.
+    #[error(transparent)]
+    Rom(#[from] RomError),
     /// The system has no thread or event queue left.
     #[error("cannot start the tracker's thread: {0}")]
     Thread(#[source] io::Error),
@@ -207,6 +211,8 @@ struct Session {
     heard: Duration,
     /// From when on the device's silence counts: as `heard`, or when it was started anew.
     patient_from: Duration,
+    /// How long it was allowed to be silent when that was looked at last.
+    patient_for: Duration,
     /// Restarts since the last record.
     attempt: u32,
     retry: Duration,
@@ -224,10 +230,15 @@ impl Session {
         // A recorded device can't be spoken to.
         let driver: Box<dyn Driver> = if let Port::Recording(recording) = &port {
             protocol = recording.protocol();
-            Box::new(Passive::new(protocol, settings.device.silence))
+            sensor = sensor.or(recording.sensor());
+            Box::new(Passive::new(protocol, &settings.device))
         } else {
             sensor = sensor.or(protocol.first_sensor());
-            protocol.driver(&settings.device)
+            let mut device = settings.device.clone();
+            if protocol == Protocol::Ndi {
+                device.ndi = device.ndi.load_roms()?;
+            }
+            protocol.driver(&device)
         };
         Ok(Self {
             port,
@@ -244,6 +255,7 @@ impl Session {
             arrivals: ArrivalTimes::default(),
             heard: Duration::ZERO,
             patient_from: Duration::ZERO,
+            patient_for: Duration::ZERO,
             attempt: 0,
             retry: RETRY[0],
             summary: SessionSummary::default(),
@@ -307,6 +319,17 @@ impl Session {
         over
     }
 
+    /// When the device has been silent for too long.
+    fn silent_at(&mut self) -> Duration {
+        let patience = self.patience();
+        // A device that took its time to be set up has the whole of the shorter time for its first record.
+        if patience < self.patient_for {
+            self.patient_from = self.now();
+        }
+        self.patient_for = patience;
+        self.patient_from.saturating_add(patience)
+    }
+
     /// Starts the device; a part of a record that came before is of no use.
     fn restart(&mut self) {
         self.finish();
@@ -330,7 +353,9 @@ impl Session {
                 return Ok(Over::Cancelled);
             }
             self.speak().await?;
-            let silent_at = self.patient_from.saturating_add(self.patience());
+            // A driver whose question was not answered says so although no byte has come.
+            self.decode();
+            let silent_at = self.silent_at();
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
             let wake_at = wake_at.min(self.now() + REST_LIMIT);
             piece.clear();
@@ -346,7 +371,7 @@ impl Session {
             }
             let now = self.now();
             // A record that has just come has moved it.
-            if now >= self.patient_from.saturating_add(self.patience()) {
+            if now >= self.silent_at() {
                 let for_ = now - self.heard;
                 self.attempt = self.attempt.saturating_add(1);
                 self.summary.silences += 1;
@@ -390,6 +415,14 @@ impl Session {
         self.listener.bytes(time_ns, piece);
         self.arrivals.push(piece.len(), time_ns);
         self.buffer.extend_from_slice(piece);
+        self.decode();
+        if self.port.has_messages() {
+            self.finish();
+        }
+    }
+
+    /// Takes what the driver makes of the bytes so far, and of the time.
+    fn decode(&mut self) {
         loop {
             let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
             let now = self.now();
@@ -406,9 +439,6 @@ impl Session {
                     self.wrong(first_byte_ns, error);
                 }
             }
-        }
-        if self.port.has_messages() {
-            self.finish();
         }
     }
 

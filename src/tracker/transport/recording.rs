@@ -38,6 +38,11 @@ impl RecordingPort {
         self.reader.info().protocol
     }
 
+    /// The sensor that counted when it was made.
+    pub(in crate::tracker) fn sensor(&self) -> Option<u16> {
+        self.reader.info().sensor
+    }
+
     pub(super) fn name(&self) -> String {
         self.path.display().to_string()
     }

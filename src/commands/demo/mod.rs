@@ -1,11 +1,16 @@
 //! `insonify demo`: a recorded exam over the obstetric phantom, to look at.
 
+mod live;
+mod stills;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use anyhow::Context;
 use clap::Parser;
 use insonify::anatomy::{Bvh, Scene};
+use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, Quality, RenderError, RenderSettings, Renderer, ShaderSet};
 use insonify::sink::contact_sheet::{Map, Panel};
@@ -20,12 +25,14 @@ use serde::Serialize;
 use super::output::thousands;
 use super::progress::Progress;
 use super::replay::RecordingReport;
+use super::run_table::SummaryTable;
 use super::timeline::{Timeline, check_length};
-use super::{Failure, output, session};
+use super::{Classify, Failure, output, session};
+use live::Live;
 
 /// The station and the exam are part of the program, so that the demo runs from anywhere.
-const STATION: &str = include_str!("../../configs/obstetric.toml");
-const EXAM: &[u8] = include_bytes!("../../assets/exams/obstetric_sweep.mcap");
+const STATION: &str = include_str!("../../../configs/obstetric.toml");
+const EXAM: &[u8] = include_bytes!("../../../assets/exams/obstetric_sweep.mcap");
 const EXAM_NAME: &str = "obstetric_sweep.mcap";
 
 /// Rows of the contact sheet at most.
@@ -35,7 +42,12 @@ const HQ_FRAMES: usize = 20;
 /// Width of an image in the contact sheet, pixels.
 const PANEL_WIDTH: u32 = 520;
 
-/// Show what insonify does: a recorded exam over a fetus of 22 weeks becomes frames, a video and a contact sheet.
+/// Show what insonify does: a recorded exam over a fetus of 22 weeks, live, then as frames, a video and a contact sheet.
+///
+/// It opens with the whole chain in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator, and
+/// a page for the browser, whose address is printed; then says how long each pose took to be seen, what was dropped and
+/// how much was enhanced. The generator shows the stage: it is a fixed filter, no trained one. On a terminal the exam goes
+/// on while the page is watched, until Enter; else the demo ends by itself.
 ///
 /// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.
 #[derive(Debug, Parser)]
@@ -45,7 +57,15 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
 
-    /// Frames per second of the exam, 0.1..=1000
+    /// Leave the live chain out: files only
+    #[arg(long)]
+    no_live: bool,
+
+    /// End the live chain with the exam, also where the page is watched
+    #[arg(long, conflicts_with = "no_live")]
+    once: bool,
+
+    /// Frames per second of the exam in files, 0.1..=1000
     #[arg(long, value_name = "FPS", default_value_t = 10.0, allow_negative_numbers = true)]
     fps: f64,
 
@@ -56,6 +76,8 @@ pub(crate) struct Args {
 
 const AFTER_HELP: &str = "\
 Files:
+  live/                       of the live chain: stills, frames.jsonl with each frame's times, summary.json
+  station/                    the live station with all it needs: insonify run DIR/station/configs/live.toml
   contact_sheet.png           key frames: LQ | HQ | segmentation | attenuation
   exam.mp4 or exam.y4m        the exam at LQ, half size; MP4 where ffmpeg is on the PATH, else uncompressed (0.35 MB a frame)
   key_frames/NN_name/         each key frame at HQ with its maps, and lq.png
@@ -63,7 +85,7 @@ Files:
 
 Examples:
   insonify demo
-  insonify demo --out /tmp/demo --fps 5";
+  insonify demo --no-live --out /tmp/demo --fps 5";
 
 /// A frame of the exam that the contact sheet shows.
 struct KeyFrame {
@@ -90,6 +112,9 @@ struct Report<'a> {
     wall_s: f64,
     video: PathBuf,
     contact_sheet: PathBuf,
+    /// The live chain's; none where it was left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<&'a Summary>,
 }
 
 /// Runs the command.
@@ -103,8 +128,26 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let timeline = Timeline::new(&poses, rate);
     let keys = key_frames(&summary.events, &timeline);
 
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let interrupt = Stop::new(&clock);
+    on_ctrl_c(&interrupt, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
+    let going_on = || if interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(()) };
+
     let gpu = session::open_gpu()?;
-    let scene = session::load_scene(&station)?;
+    let scene = Arc::new(session::load_scene(&station)?);
+    going_on()?;
+    let live = if args.no_live {
+        None
+    } else {
+        let (out, length) = (&args.out, summary.duration);
+        let live = Live { out, gpu: &gpu, scene: &scene, length, once: args.once, interrupt: &interrupt }.run()?;
+        if !args.json {
+            output::line(SummaryTable(&live))?;
+            output::line(format!("files              {}\n", args.out.join("live").display()))?;
+        }
+        eprintln!("now the exam as files");
+        Some(live)
+    };
     let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
     let mut lq = Stage::new(&gpu, &scene, &bvh, &station, Quality::LQ)?;
     let mut hq = Stage::new(&gpu, &scene, &bvh, &station, Quality::HQ)?;
@@ -115,6 +158,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let frames = timeline.poses.len();
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
+        going_on()?;
         let frame = lq.render(pose)?;
         video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
         progress.set(i + 1, frames);
@@ -136,6 +180,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let progress = Progress::new("key frames", HQ_FRAMES.max(keys.len()));
     for (i, key) in keys.iter().enumerate() {
+        going_on()?;
         let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, file_name(&key.name)));
         let row = key_frame(key, &directory, &mut lq, &mut hq, &sheet, &station, &gpu)?;
         sheet.rows.push(row);
@@ -143,6 +188,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let more = HQ_FRAMES.saturating_sub(keys.len());
     for i in 0..more {
+        going_on()?;
         // Spread over the exam, so that the times are not those of a few good views.
         hq.render(&timeline.poses[(2 * i + 1) * frames / (2 * more)])?;
         progress.set(keys.len() + i + 1, HQ_FRAMES.max(keys.len()));
@@ -167,6 +213,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         wall_s: started.elapsed().as_secs_f64(),
         video,
         contact_sheet,
+        live: live.as_ref(),
     };
     let times = args.out.join("times.json");
     write_json(&times, &report)?;

@@ -1,0 +1,50 @@
+//! Points on a body's skin that can be touched, so that a tracker can be registered to it.
+
+use glam::DVec3;
+
+use super::exam::phantom_skin;
+use crate::pose::csv::NamedPoint;
+
+/// Where points of the obstetric phantom's skin are seen from inside the uterus: x mother's left, y cranial, z anterior.
+/// They surround the belly, and no plane holds them.
+const PHANTOM: [(&str, [f64; 3]); 7] = [
+    ("BELLY_TOP", [0.0, 0.0, 1.0]),
+    ("UPPER_MIDLINE", [0.0, 0.6, 0.8]),
+    ("LOWER_MIDLINE", [0.0, -0.6, 0.8]),
+    ("LEFT_FLANK", [1.0, 0.0, 0.0]),
+    ("RIGHT_FLANK", [-1.0, 0.0, 0.0]),
+    ("LEFT_ILIAC", [0.64, -0.48, 0.6]),
+    ("RIGHT_ILIAC", [-0.64, -0.48, 0.6]),
+];
+
+/// The obstetric phantom's, mm in the scene: where straight lines from the middle of the uterus leave the skin.
+pub fn of_phantom() -> Vec<NamedPoint> {
+    let skin = phantom_skin();
+    let point = |(name, direction): (&str, [f64; 3])| {
+        let point_mm = skin(DVec3::ZERO, DVec3::from_array(direction).normalize())?;
+        Some(NamedPoint { name: name.to_owned(), point_mm })
+    };
+    PHANTOM.into_iter().filter_map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::registration::{PointPair, register};
+
+    #[test]
+    fn the_phantoms_points_register_a_tracker() {
+        let points = of_phantom();
+        assert_eq!(points.len(), PHANTOM.len());
+        let pairs: Vec<_> = points
+            .iter()
+            .map(|p| PointPair { scene_mm: p.point_mm, tracker_mm: p.point_mm + DVec3::X * 300.0 })
+            .collect();
+        let found = register(&pairs).unwrap();
+        assert!(found.rms_mm < 1e-9 && !found.coplanar, "{found:?}");
+        // A reversed axis is found out.
+        let mirrored: Vec<_> =
+            pairs.iter().map(|p| PointPair { tracker_mm: p.tracker_mm * DVec3::new(1.0, 1.0, -1.0), ..*p }).collect();
+        assert!(register(&mirrored).unwrap_err().to_string().contains("mirror image"));
+    }
+}

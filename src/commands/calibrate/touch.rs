@@ -1,0 +1,224 @@
+//! Landmarks that are touched with a live tracker.
+
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use glam::DVec3;
+use insonify::anatomy::fiducials;
+use insonify::pose::Calibration;
+use insonify::pose::csv::{self, NamedPair, NamedPoint};
+use insonify::pose::landmark::{StillSettings, Touched, touch};
+use insonify::pose::registration::PointPair;
+use insonify::station::{SceneSource, Station};
+use insonify::tracker::{PoseStream, Transport, pose_tap, spawn};
+use tokio_util::sync::CancellationToken;
+
+use super::super::{Classify, Failure};
+use super::positive;
+
+/// A tracker that gives no pose for so long is lost.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// So many times the poses needed are looked at before a tip counts as moving.
+const PATIENCE: usize = 10;
+
+/// How landmarks are touched.
+#[derive(Debug, clap::Args)]
+pub(super) struct TouchArgs {
+    /// Touch the landmarks with the tracker of this station (TOML)
+    #[arg(long, value_name = "STATION")]
+    pub(super) tracker: Option<PathBuf>,
+
+    /// Points of the scene to touch: lines `x,y,z,name`, mm [default: those of the station's phantom]
+    #[arg(long, value_name = "FILE", requires = "tracker")]
+    points: Option<PathBuf>,
+
+    /// Sensor of the stylus [default: the station's]
+    #[arg(long, requires = "tracker")]
+    sensor: Option<u16>,
+
+    /// Poses that are averaged, 2..=10000
+    #[arg(long, value_name = "N", default_value_t = 60, requires = "tracker", value_parser = samples)]
+    samples: usize,
+
+    /// Refuse a tip that is farther from its mean, mm
+    #[arg(long, value_name = "MM", default_value_t = 1.0, requires = "tracker", value_parser = positive, allow_negative_numbers = true)]
+    tolerance: f64,
+}
+
+fn samples(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| (2..=10_000).contains(n)).ok_or_else(|| "expected a number in 2..=10000".to_owned())
+}
+
+/// Has the landmarks touched; gives them, and the calibration file that the result belongs into: `out`, else the
+/// station's.
+pub(super) fn run(path: &Path, args: &TouchArgs, out: Option<&Path>) -> Result<(Vec<NamedPair>, PathBuf), Failure> {
+    let station = Station::load(path)?;
+    let mut settings = station.tracker.clone();
+    if settings.transport == Transport::None {
+        let path = path.display();
+        return Err(Failure::Input(anyhow!("{path} has no tracker: its [tracker] has no `transport`")));
+    }
+    settings.device.sensor = args.sensor.or(settings.device.sensor);
+    let out = out.or(station.calibration.path.as_deref()).ok_or_else(|| {
+        let path = path.display();
+        anyhow!("{path} names no calibration file: give `[calibration] path` there, or --out FILE")
+    });
+    let out = out.input()?.to_owned();
+    let points = points(args, &station)?;
+    let (tip_mm, tip) = tip(&station, &out)?;
+    let still =
+        StillSettings { samples: args.samples, tolerance_mm: args.tolerance, patience: PATIENCE * args.samples };
+
+    let (tap, stream) = pose_tap();
+    let cancel = CancellationToken::new();
+    let session = spawn(&settings, Box::new(tap), cancel.clone())?;
+    let pairs = ask(&points, tip, &mut std::io::stdin().lock(), |point| {
+        let touched = touch(stream.poses(SILENCE), tip_mm, &still);
+        touched.map_err(|error| format!("`{}` is not taken: {error}{}", point.name, condition(&stream)))
+    });
+    cancel.cancel();
+    session.join();
+    Ok((pairs?, out))
+}
+
+/// The points to touch.
+fn points(args: &TouchArgs, station: &Station) -> Result<Vec<NamedPoint>, Failure> {
+    if let Some(path) = &args.points {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read the points {}", path.display()));
+        return csv::points(&text.input()?).with_context(|| path.display().to_string()).input();
+    }
+    match &station.scene {
+        SceneSource::ObstetricPhantom { .. } => Ok(fiducials::of_phantom()),
+        SceneSource::File(scene) => Err(Failure::Input(anyhow!(
+            "nobody knows landmarks of {}: give --points FILE with lines `x,y,z,name` (mm in the scene)",
+            scene.display()
+        ))),
+    }
+}
+
+/// What touches, in the frame of its sensor, mm, and its name.
+fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure> {
+    let calibration = if file.exists() { Calibration::load(file)? } else { Calibration::default() };
+    if let Some(tip) = calibration.stylus_tip_mm {
+        return Ok((tip.value, "the tip of the stylus"));
+    }
+    let probe = station.calibration.sensor_from_probe.or(calibration.sensor_from_probe.map(|probe| probe.value));
+    if let Some(probe) = probe {
+        return Ok((probe.position_mm, "the centre of the probe's face"));
+    }
+    eprintln!(
+        "warning: {} knows neither the tip of a stylus nor where the probe is at its sensor (`insonify calibrate pivot` finds both): the sensor itself must touch",
+        file.display()
+    );
+    Ok((DVec3::ZERO, "the sensor"))
+}
+
+/// What is the matter with the tracker, where something is.
+fn condition(stream: &PoseStream) -> String {
+    let report = stream.report();
+    let mut text = format!("; the tracker is {}", report.state.name());
+    if stream.without_pose() > 0 {
+        text += &format!(", {} records held no position", stream.without_pose());
+    }
+    report.events.last().map_or(text.clone(), |event| format!("{text} (last: {event})"))
+}
+
+/// Asks for one landmark after the other, a line of `input` each.
+fn ask(
+    points: &[NamedPoint],
+    tip: &str,
+    input: &mut impl BufRead,
+    mut take: impl FnMut(&NamedPoint) -> Result<Touched, String>,
+) -> Result<Vec<NamedPair>, Failure> {
+    // By point, none where it was skipped.
+    let mut taken: Vec<Option<NamedPair>> = Vec::with_capacity(points.len());
+    eprintln!(
+        "Enter takes a landmark; `skip` leaves it out, `back` takes the one before again, `quit` ends without a result"
+    );
+    let mut trouble = String::new();
+    while let Some(point) = points.get(taken.len()) {
+        let number = taken.len() + 1;
+        eprintln!("{number} of {}: touch {} with {tip}, hold it still and press Enter", points.len(), point.name);
+        let mut line = String::new();
+        let count = || taken.iter().flatten().count();
+        if input.read_line(&mut line).context("cannot read the input").other()? == 0 {
+            let (name, count, all) = (&point.name, count(), points.len());
+            return Err(Failure::Input(anyhow!(
+                "the input ended before `{name}` was taken, with {count} of {all} landmarks; nothing was written{trouble}"
+            )));
+        }
+        match line.trim() {
+            "" => match take(point) {
+                Ok(Touched { tracker_mm, rms_mm }) => {
+                    let [x, y, z] = tracker_mm.to_array();
+                    eprintln!("   {} at {x:.2}, {y:.2}, {z:.2} mm, spread {rms_mm:.3} mm RMS", point.name);
+                    let pair = PointPair { scene_mm: point.point_mm, tracker_mm };
+                    taken.push(Some(NamedPair { name: point.name.clone(), pair }));
+                    trouble.clear();
+                }
+                Err(reason) => {
+                    eprintln!("   {reason}");
+                    trouble = format!("; {reason}");
+                }
+            },
+            "s" | "skip" => taken.push(None),
+            "b" | "back" => drop(taken.pop()),
+            "q" | "quit" => {
+                let count = count();
+                return Err(Failure::Input(anyhow!("ended with {count} landmarks taken; nothing was written")));
+            }
+            other => eprintln!("   `{other}` is none of Enter, skip, back and quit"),
+        }
+    }
+    Ok(taken.into_iter().flatten().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points() -> Vec<NamedPoint> {
+        let point = |(i, name): (usize, &str)| NamedPoint { name: name.to_owned(), point_mm: DVec3::X * i as f64 };
+        ["A", "B", "C"].into_iter().enumerate().map(point).collect()
+    }
+
+    /// The names taken, and how often each was tried.
+    fn asked(input: &str, mut is_still: impl FnMut(usize) -> bool) -> (Result<Vec<String>, String>, Vec<String>) {
+        let mut tried = Vec::new();
+        let result = ask(&points(), "it", &mut input.as_bytes(), |point| {
+            tried.push(point.name.clone());
+            let touched = Touched { tracker_mm: DVec3::Y * tried.len() as f64, rms_mm: 0.1 };
+            if is_still(tried.len()) { Ok(touched) } else { Err("it moves".to_owned()) }
+        });
+        let result = match result {
+            Ok(pairs) => Ok(pairs.into_iter().map(|pair| pair.name).collect()),
+            Err(Failure::Input(error)) => Err(error.to_string()),
+            Err(other) => panic!("{other:?}"),
+        };
+        (result, tried)
+    }
+
+    #[test]
+    fn landmarks_are_taken_skipped_and_taken_again() {
+        assert_eq!(asked("\n\n\n", |_| true).0.unwrap(), ["A", "B", "C"]);
+        let (taken, tried) = asked("\nwhat\nskip\nback\n\n\n", |_| true);
+        assert_eq!(
+            (taken.unwrap(), tried),
+            (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
+        );
+        assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
+        // One that moves is asked for again.
+        let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
+        assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));
+    }
+
+    #[test]
+    fn an_end_before_the_last_landmark_is_an_error() {
+        let error = asked("\n\n", |attempt| attempt == 1).0.unwrap_err();
+        assert_eq!(error, "the input ended before `B` was taken, with 1 of 3 landmarks; nothing was written; it moves");
+        assert!(asked("\nquit\n", |_| true).0.unwrap_err().starts_with("ended with 1 landmarks taken"));
+    }
+}

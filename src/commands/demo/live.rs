@@ -1,0 +1,256 @@
+//! The whole chain on the recorded exam, live: tracker bytes → decoder → estimator → render → generator → page and files.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use insonify::anatomy::Scene;
+use insonify::pipeline::{
+    CONTROLS_WAITING, Clock, GpuFactory, Limits, Parts, Stop, Summary, SystemClock, TrackedPoses,
+};
+use insonify::pose::Estimator;
+use insonify::render::{Gpu, GpuOptions};
+use insonify::sink::live::{Control, LiveSink};
+use insonify::sink::{FrameLog, create_dir, write_json};
+use insonify::station::Station;
+use insonify::tracker::{Speed, Transport};
+use tokio::sync::mpsc;
+
+use super::stills::Stills;
+use crate::commands::{Classify, Failure, live};
+
+/// What the live station needs, as it lies in the repository: part of the program, so that the demo runs from anywhere.
+const FILES: [(&str, &[u8]); 6] = [
+    (STATION, include_bytes!("../../../configs/live.toml")),
+    (RECORDING, super::EXAM),
+    (
+        "assets/generators/demo_smooth/demo_smooth.onnx",
+        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.onnx"),
+    ),
+    (
+        "assets/generators/demo_smooth/demo_smooth.toml",
+        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.toml"),
+    ),
+    (
+        "assets/generators/demo_smooth/demo_smooth.parity_input.npy",
+        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.parity_input.npy"),
+    ),
+    (
+        "assets/generators/demo_smooth/demo_smooth.parity_output.npy",
+        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.parity_output.npy"),
+    ),
+];
+const STATION: &str = "configs/live.toml";
+const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
+
+/// Time between two pictures that are kept.
+const STILL_PERIOD: Duration = Duration::from_secs(2);
+
+/// Beyond the exam's length: a session that takes this much longer is ended.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// What the live part is told.
+pub(super) struct Live<'a> {
+    /// Where files go: `live/` and `station/` below it.
+    pub(super) out: &'a Path,
+    pub(super) gpu: &'a Gpu,
+    pub(super) scene: &'a Arc<Scene>,
+    /// Length of the exam.
+    pub(super) length: Duration,
+    /// The session ends with the exam, whoever is watching.
+    pub(super) once: bool,
+    /// Requested by Ctrl-C.
+    pub(super) interrupt: &'a Stop,
+}
+
+impl Live<'_> {
+    /// Runs the exam once, and goes on with it while the page is watched by somebody at a terminal.
+    pub(super) fn run(&self) -> Result<Summary, Failure> {
+        let station = self.station()?;
+        let directory = self.out.join("live");
+        clear(&directory)?;
+        let stays = !self.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+        let factory = GpuFactory::new(GpuOptions::default(), self.scene.clone())?;
+        let renderer = factory.build_on(self.gpu, &station.probe, &station.settings)?;
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+        let stop = Stop::new(&clock);
+
+        eprintln!("live: recorded tracker bytes → decoder → estimator → renderer → generator → page and files");
+        let enhancer = live::enhancer(&station, &clock)?;
+        // The sender is kept: the channel must stay open where no sink takes input.
+        let (control, controls) = mpsc::channel(CONTROLS_WAITING);
+        let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
+        let page = page(&station, &control);
+        let seconds = self.length.as_secs_f64();
+        let watchers: Box<dyn Fn() -> usize> = match page {
+            Ok((sink, address, watchers)) => {
+                let further = if stays { ", and goes on while the page is watched; Enter ends it" } else { "" };
+                eprintln!("page: {address}  open it now: the exam takes {seconds:.0} s{further}");
+                sinks.push(sink);
+                watchers
+            }
+            Err(reason) => {
+                eprintln!("warning: no page is served: {reason}; the exam takes {seconds:.0} s");
+                Box::new(|| 0)
+            }
+        };
+        let stills = u32::try_from(self.length.as_secs() / STILL_PERIOD.as_secs()).unwrap_or(0);
+        sinks.push(Box::new(Stills::new(&directory, STILL_PERIOD, stills)));
+        sinks.push(Box::new(FrameLog::create(&directory.join("frames.jsonl"))?));
+
+        let mut tracker = station.tracker.clone();
+        if let Transport::Recording { repeat, speed, .. } = &mut tracker.transport {
+            (*repeat, *speed) = (stays, Speed::Factor(1.0));
+        }
+        let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
+        let began = clock.now();
+        let tracker = tracked.track(&tracker, None, stop.clone())?;
+        let parts = Parts {
+            clock,
+            stop: stop.clone(),
+            poses: Box::new(tracked.clone()),
+            renderer: Box::new(renderer),
+            factory: Box::new(factory),
+            probe: station.probe,
+            render: station.settings,
+            enhancer,
+            sinks,
+            controls,
+            observer: None,
+            before: vec![Box::new(tracker)],
+            after: Vec::new(),
+        };
+        // Recorded bytes come at their times; a session that hears nothing any more must end all the same.
+        let duration = (!stays).then(|| self.length + GRACE);
+        let enter = if stays { enter() } else { Arc::default() };
+        let end_s = (began + self.length).as_secs_f64();
+        let mut end = End { end_s, stays, told: false };
+        let summary = live::run(&station, Limits { duration, frames: None }, parts, |now, line| {
+            let asked = match (self.interrupt.is_requested(), enter.load(Ordering::Relaxed)) {
+                (true, _) => Some("Ctrl-C"),
+                (_, true) => Some("Enter"),
+                _ => end.due(now.elapsed_s, watchers()),
+            };
+            if let Some(reason) = asked {
+                stop.request(reason);
+            } else if end.news(now.elapsed_s) {
+                line.say("the exam begins again, since the page is watched: Enter goes on with the demo");
+            }
+        })?;
+        drop(control);
+        live::say_left_out(&tracked.counters());
+        write_json(&directory.join("summary.json"), &summary)?;
+        for error in summary.sinks.iter().filter_map(|sink| sink.error.as_deref()) {
+            eprintln!("warning: {error}");
+        }
+        if self.interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
+    }
+
+    /// The station, written with all that it names: `insonify run` takes it from there, too.
+    fn station(&self) -> Result<Station, Failure> {
+        let root = self.out.join("station");
+        for (name, bytes) in FILES {
+            let path = root.join(name);
+            if let Some(directory) = path.parent() {
+                create_dir(directory)?;
+            }
+            std::fs::write(&path, bytes)
+                .map_err(|error| anyhow::anyhow!("cannot write {}: {error}", path.display()))
+                .other()?;
+        }
+        Ok(Station::load(&root.join(STATION))?)
+    }
+}
+
+/// When the live part is over by itself.
+struct End {
+    /// When the exam is played once, s of the session.
+    end_s: f64,
+    stays: bool,
+    told: bool,
+}
+
+impl End {
+    /// Why the session shall end now, if it shall, with so many pages watching.
+    fn due(&self, now_s: f64, watchers: usize) -> Option<&'static str> {
+        (self.stays && self.played(now_s) && watchers == 0).then_some("the exam is over, and nobody watches")
+    }
+
+    /// Whether it has just become known that it goes on.
+    fn news(&mut self, now_s: f64) -> bool {
+        let news = self.stays && self.played(now_s) && !self.told;
+        self.told |= news;
+        news
+    }
+
+    fn played(&self, now_s: f64) -> bool {
+        now_s >= self.end_s
+    }
+}
+
+/// Set when Enter is pressed. Its thread is left behind where nobody does.
+fn enter() -> Arc<AtomicBool> {
+    let pressed = Arc::<AtomicBool>::default();
+    let set = pressed.clone();
+    std::thread::spawn(move || {
+        let read = std::io::stdin().read_line(&mut String::new());
+        // The end of the input is no wish.
+        set.store(read.is_ok_and(|bytes| bytes > 0), Ordering::Relaxed);
+    });
+    pressed
+}
+
+/// Takes away what an earlier demo left, so that it isn't taken for this one's.
+fn clear(directory: &Path) -> Result<(), Failure> {
+    create_dir(directory)?;
+    let stills = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
+        name.contains("_s_") && name.ends_with(".png")
+    };
+    let files = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|file| file.path());
+    for path in files.filter(stills).chain([directory.join("summary.json")]) {
+        insonify::sink::remove(&path)?;
+    }
+    Ok(())
+}
+
+/// The page, its address, and how many watch it.
+type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
+
+#[cfg(feature = "browser")]
+fn page(station: &Station, control: &mpsc::Sender<Control>) -> Result<Page, String> {
+    use insonify::sink::browser::{BrowserSink, SceneInfo};
+    let scene = SceneInfo { tissues: station.tissues.names().to_vec() };
+    let mut settings = station.browser.clone().unwrap_or_default();
+    let sink = BrowserSink::new(&settings, control.clone(), &scene).or_else(|_| {
+        // Another station may have the usual port.
+        settings.port = 0;
+        BrowserSink::new(&settings, control.clone(), &scene)
+    });
+    let sink = sink.map_err(|error| error.to_string())?;
+    let (address, monitor) = (sink.address().to_owned(), sink.monitor());
+    Ok((Box::new(sink), address, Box::new(move || monitor.clients().len())))
+}
+
+#[cfg(not(feature = "browser"))]
+fn page(_: &Station, _: &mpsc::Sender<Control>) -> Result<Page, String> {
+    Err("this build has none; the feature `browser` adds it".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exam_goes_on_only_while_it_is_watched_at_a_terminal() {
+        let mut end = End { end_s: 24.0, stays: true, told: false };
+        assert_eq!((end.due(23.9, 0), end.news(23.9)), (None, false));
+        assert!(end.due(24.0, 0).is_some());
+        assert_eq!((end.due(24.0, 1), end.news(24.0), end.news(24.2)), (None, true, false));
+        assert!(end.due(60.0, 0).is_some(), "the page was closed");
+        let mut end = End { end_s: 24.0, stays: false, told: false };
+        assert_eq!((end.due(60.0, 0), end.news(60.0)), (None, false), "its recording ends it");
+    }
+}

@@ -1,0 +1,49 @@
+//! Pictures of a live session, one every so often.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use insonify::sink::frame_line::source_name;
+use insonify::sink::live::{LiveSink, PresentedFrame};
+use insonify::sink::{SinkError, png};
+
+/// Writes a PNG every `period`, named by the time at which it was shown and by what it shows.
+pub(super) struct Stills {
+    directory: PathBuf,
+    period: Duration,
+    next: Duration,
+    /// Pictures to write at most.
+    left: u32,
+}
+
+impl Stills {
+    /// Into `directory`, at most `count` pictures.
+    pub(super) fn new(directory: &Path, period: Duration, count: u32) -> Self {
+        Self { directory: directory.to_owned(), period, next: period, left: count }
+    }
+}
+
+impl LiveSink for Stills {
+    fn name(&self) -> &str {
+        "stills"
+    }
+
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+        let shown = frame.timeline.presented;
+        if shown < self.next || self.left == 0 {
+            return Ok(());
+        }
+        // Not one after the other where frames were late.
+        while self.next <= shown {
+            self.next += self.period;
+        }
+        self.left -= 1;
+        let source = source_name(frame.source).replace(' ', "_");
+        let path = self.directory.join(format!("{:04.1}_s_{source}.png", shown.as_secs_f64()));
+        png::write_grey(&path, frame.width, frame.height, &frame.image, png::Effort::Fast)
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), SinkError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,97 @@
+//! What live sessions have in common: their generators, how they go, what they left out.
+
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tiers};
+use insonify::pipeline::{Clock, Enhancer, Limits, Parts, Pipeline, Status, Summary, TieredEnhancer};
+use insonify::pose::Counters;
+use insonify::sink::frame_line::{source_name, tracking_name};
+use insonify::station::Station;
+
+use super::status_line::StatusLine;
+use super::{Classify, Failure};
+
+/// The station's generators; none where there are none, where ONNX Runtime is missing, or where every model is refused:
+/// the station goes on with what it renders, and says so.
+pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Option<Box<dyn Enhancer>>, Failure> {
+    if !station.generator.enabled || station.generator.models.is_empty() {
+        return Ok(None);
+    }
+    let (width, height) = (station.settings.image.width, station.settings.image.height);
+    let mut loaded = match load_tiers(&station.generator, station.tissues.names(), width, height) {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            eprintln!("warning: no generator runs, the rendered image is shown: {error}");
+            return Ok(None);
+        }
+    };
+    for refused in &loaded.refused {
+        // A provider that was asked for and isn't there is an error, never a silent fallback.
+        if let GeneratorError::Provider { .. } = refused.error {
+            return Err(Failure::Input(anyhow!("{}: {}", refused.path.display(), refused.error)));
+        }
+        eprintln!("warning: {} is not used: {}", refused.path.display(), refused.error);
+    }
+    say_tiers(&mut loaded, station.generator.budget_ms);
+    Ok(TieredEnhancer::new(loaded, clock.clone()).map(|enhancer| Box::new(enhancer) as Box<dyn Enhancer>))
+}
+
+/// Says of each generator how long it takes, and what it is where it was not trained.
+fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
+    for (tier, generator) in loaded.tiers.report().iter().zip(&loaded.generators) {
+        let p50_ms = tier.p50.map_or(0.0, |t| t.as_secs_f64() * 1e3);
+        let state = match &tier.state {
+            TierState::TooSlow => ", too slow: it is not started",
+            TierState::OverBudget { .. } => ", too slow now and then: it is not started yet",
+            TierState::Ready | TierState::Failed(_) => "",
+        };
+        let kind = match generator.manifest().kind {
+            Kind::Trained => "",
+            Kind::FixedFilter => "; a fixed filter, no trained generator",
+        };
+        eprintln!("generator: {} ({p50_ms:.0} ms, budget {budget_ms} ms{state}){kind}", tier.name);
+    }
+}
+
+/// Runs a session and shows how it goes; `each` hears it, too.
+pub(crate) fn run(
+    station: &Station,
+    limits: Limits,
+    parts: Parts,
+    mut each: impl FnMut(&Status, &StatusLine),
+) -> Result<Summary, Failure> {
+    let mut settings = station.pipeline;
+    // A run that is far over its budget is ended there, not only where it hangs.
+    settings.hang_ms = settings.hang_ms.min(station.generator.budget().stop_after.as_secs_f64() * 1e3);
+    let mut line = StatusLine::new();
+    let summary = Pipeline::run(&settings, limits, parts, |now| {
+        line.set(now.elapsed_s, || status(now));
+        each(now, &line);
+    });
+    line.clear();
+    summary.other()
+}
+
+fn status(status: &Status) -> String {
+    let latency = status.latency_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.0} ms"));
+    let frozen = if status.frozen { "  frozen" } else { "" };
+    format!(
+        "{:7.1} s  {:5.1} frames/s  latency {latency}  pose {}  {}{frozen}  {} presented, {} dropped",
+        status.elapsed_s,
+        status.frames_per_s,
+        tracking_name(status.tracking),
+        source_name(status.source),
+        status.presented,
+        status.dropped,
+    )
+}
+
+/// Names what of the tracker's measurements was not used.
+pub(crate) fn say_left_out(counters: &Counters) {
+    let named = counters.named().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
+    let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
+    if !list.is_empty() {
+        eprintln!("tracker: {}", list.join(", "));
+    }
+}

@@ -1,0 +1,223 @@
+//! A recorded session to render: its frames, with poses and settings as a live session had them.
+
+use std::ops::Range;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use anyhow::anyhow;
+use clap::Args;
+use insonify::anatomy::{Bvh, Scene};
+use insonify::pipeline::{ReplayedControls, ReplayedPoses, same_picture};
+use insonify::pose::{Estimator, Pose};
+use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer, ShaderSet};
+use insonify::sink::FrameRate;
+use insonify::sink::live::LiveSettings;
+use insonify::station::Station;
+use insonify::tracker::recording::{self, RecordingSummary};
+use insonify::transducer::Probe;
+
+use super::quality::RaysLayers;
+use super::timeline::{Timeline, check_length, check_span};
+use super::{Failure, session};
+
+/// What to replay, and how.
+#[derive(Debug, Args)]
+pub(crate) struct ReplayArgs {
+    /// Recording (.mcap)
+    pub(crate) recording: PathBuf,
+
+    /// Station file (TOML); `insonify station-keys` lists its keys
+    pub(crate) station: PathBuf,
+
+    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the recorded session's, else the station's]
+    #[arg(long, value_name = "QUALITY")]
+    quality: Option<RaysLayers>,
+
+    /// Seed of every random choice, 0..=4294967295 [default: the station's own]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u32>,
+
+    /// Frames per second of the recording, 0.1..=1000
+    #[arg(long, value_name = "FPS", default_value_t = 20.0, allow_negative_numbers = true)]
+    fps: f64,
+
+    /// Only these frames: a..b (b not included), a.. or ..b
+    #[arg(long, value_name = "RANGE", default_value = "..")]
+    frames: FrameRange,
+
+    /// Take the tracker's poses as they are, interpolated, without the station's calibration and filter
+    #[arg(long)]
+    raw_poses: bool,
+
+    /// Leave alone what was set while it was recorded: gain, dynamic range, TGC, freeze, depth, focus, quality
+    #[arg(long)]
+    ignore_controls: bool,
+}
+
+/// Frames `start..end`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct FrameRange {
+    start: usize,
+    end: Option<usize>,
+}
+
+impl FrameRange {
+    /// The frames of it that a recording of `frames` frames at `fps` has.
+    fn within(self, frames: usize, fps: f64) -> Result<Range<usize>, Failure> {
+        let end = self.end.unwrap_or(frames).min(frames);
+        if self.start >= end {
+            let start = self.start;
+            let error = anyhow!("--frames starts at {start}, but at {fps} frames a second the recording has {frames}");
+            return Err(Failure::Input(error));
+        }
+        Ok(self.start..end)
+    }
+}
+
+impl FromStr for FrameRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str, absent| if part.is_empty() { Some(absent) } else { part.parse().ok().map(Some) };
+        let parts = text.split_once("..").and_then(|(a, b)| Some((number(a, Some(0))?, number(b, None)?)));
+        match parts {
+            Some((start, end)) if end.is_none_or(|end| end > start.unwrap_or(0)) => {
+                Ok(Self { start: start.unwrap_or(0), end })
+            }
+            _ => Err("expected a..b with a < b, a.. or ..b".to_owned()),
+        }
+    }
+}
+
+/// Frames that are rendered with the same settings.
+pub(crate) struct Part {
+    /// Of the timeline.
+    pub(crate) frames: Range<usize>,
+    pub(crate) probe: Probe,
+    pub(crate) settings: RenderSettings,
+}
+
+/// A recorded session, ready to be rendered.
+pub(crate) struct Replay {
+    pub(crate) station: Station,
+    pub(crate) rate: FrameRate,
+    pub(crate) summary: RecordingSummary,
+    pub(crate) timeline: Timeline,
+    /// Frames asked for.
+    pub(crate) frames: Range<usize>,
+    /// In the order of their frames; at least one.
+    pub(crate) parts: Vec<Part>,
+}
+
+impl ReplayArgs {
+    /// Reads station and recording.
+    pub(crate) fn read(&self) -> Result<Replay, Failure> {
+        let rate = FrameRate::new(self.fps)?;
+        let station = Station::load(&self.station)?;
+        let (mut timeline, summary) = self.timeline(&station, rate)?;
+        if !summary.is_clean() {
+            eprintln!("warning: {}: {summary}", self.recording.display());
+        }
+        let frames = self.frames.within(timeline.poses.len(), self.fps)?;
+        let mut settings = station.settings;
+        settings.quality.seed = self.seed.unwrap_or(settings.quality.seed);
+        let events = if self.ignore_controls { &[][..] } else { &summary.events };
+        let mut controls = ReplayedControls::new(&station.probe, &settings, events);
+        for reason in controls.refused() {
+            eprintln!("warning: {}: {reason}", self.recording.display());
+        }
+        let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
+        timeline.freeze(&live);
+        let parts = self.parts(&controls, &live, frames.clone())?;
+        Ok(Replay { station, rate, summary, timeline, frames, parts })
+    }
+
+    fn timeline(&self, station: &Station, rate: FrameRate) -> Result<(Timeline, RecordingSummary), Failure> {
+        if self.raw_poses {
+            let (poses, summary) = recording::poses(&self.recording)?;
+            check_length(&poses, rate)?;
+            return Ok((Timeline::new(&poses, rate), summary));
+        }
+        let (measurements, summary) = recording::measurements(&self.recording)?;
+        let span = measurements.first().zip(measurements.last());
+        let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
+        check_span(first_ns, last_ns, rate)?;
+        let estimator = Estimator::new(station.pose_settings()?);
+        let mut poses = ReplayedPoses::new(estimator, measurements, &summary.events);
+        Ok((Timeline::replayed(&mut poses, first_ns, last_ns, rate), summary))
+    }
+
+    /// Stretches of equal settings in `frames`.
+    fn parts(
+        &self,
+        controls: &ReplayedControls,
+        live: &[LiveSettings],
+        frames: Range<usize>,
+    ) -> Result<Vec<Part>, Failure> {
+        let mut parts: Vec<Part> = Vec::new();
+        let mut last: Option<LiveSettings> = None;
+        for frame in frames {
+            let Some(now) = live.get(frame) else { break };
+            match parts.last_mut() {
+                Some(part) if last.is_some_and(|last| same_picture(&last, now)) => part.frames.end = frame + 1,
+                _ => {
+                    let (probe, mut settings) =
+                        controls.apply(now).map_err(|reason| Failure::Input(anyhow!(reason)))?;
+                    let Quality { seed, .. } = settings.quality;
+                    settings.quality = self.quality.map_or(settings.quality, |quality| quality.with_seed(seed));
+                    parts.push(Part { frames: frame..frame + 1, probe, settings });
+                }
+            }
+            last = Some(*now);
+        }
+        Ok(parts)
+    }
+}
+
+impl Replay {
+    /// Settings at the first frame.
+    pub(crate) fn first(&self) -> Result<&Part, Failure> {
+        self.parts.first().ok_or_else(|| Failure::Input(anyhow!("the recording has no frame")))
+    }
+
+    /// How often the settings change among the frames.
+    pub(crate) fn changes(&self) -> usize {
+        self.parts.len().saturating_sub(1)
+    }
+
+    /// Renders all frames in order, two in flight. `before` is called before each is submitted, and may wait; `each` gets
+    /// each with its place among the frames asked for.
+    pub(crate) fn render(
+        &self,
+        gpu: &Gpu,
+        scene: &Scene,
+        mut before: impl FnMut(usize),
+        mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let bvh = Bvh::build(scene).map_err(insonify::render::RenderError::from)?;
+        for Part { frames, probe, settings } in &self.parts {
+            let from = frames.start - self.frames.start;
+            let mut renderer = Renderer::with_shaders(gpu, scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
+            let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
+            session::render_paced(&mut renderer, poses, |i| before(from + i), |i, frame| each(from + i, frame))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_understood() {
+        let range = |text: &str| text.parse::<FrameRange>().map(|r| (r.start, r.end));
+        assert_eq!(range("3..7"), Ok((3, Some(7))));
+        assert_eq!(range("3.."), Ok((3, None)));
+        assert_eq!(range("..7"), Ok((0, Some(7))));
+        assert_eq!(range(".."), Ok((0, None)));
+        for wrong in ["", "3", "7..3", "3..3", "..0", "a..b", "-1..3", "1...3"] {
+            assert!(range(wrong).is_err(), "{wrong}");
+        }
+    }
+}

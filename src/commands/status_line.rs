@@ -1,0 +1,55 @@
+//! How something that runs until it is ended goes: a line that is overwritten on a terminal, else a line now and then.
+
+use std::io::IsTerminal;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Time between two lines where there is no terminal, s.
+const LINE_INTERVAL_S: f64 = 5.0;
+
+/// The line, on stderr.
+pub(crate) struct StatusLine {
+    bar: Option<ProgressBar>,
+    next_line_s: f64,
+}
+
+impl StatusLine {
+    /// Nothing said yet.
+    pub(crate) fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new_spinner();
+            if let Ok(style) = ProgressStyle::with_template("{msg}") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Self { bar, next_line_s: LINE_INTERVAL_S }
+    }
+
+    /// Says `line`, which is only made where it is shown, at `elapsed_s` since the start.
+    pub(crate) fn set(&mut self, elapsed_s: f64, line: impl FnOnce() -> String) {
+        match &self.bar {
+            Some(bar) => bar.set_message(line()),
+            None if elapsed_s >= self.next_line_s => {
+                self.next_line_s = elapsed_s + LINE_INTERVAL_S;
+                eprintln!("{}", line());
+            }
+            None => {}
+        }
+    }
+
+    /// Says something that stays, above the line.
+    pub(crate) fn say(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| eprintln!("{text}")),
+            None => eprintln!("{text}"),
+        }
+    }
+
+    /// Takes the line away.
+    pub(crate) fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

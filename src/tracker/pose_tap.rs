@@ -1,0 +1,137 @@
+//! Poses of a live tracker, for whoever asks for some of them.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+use super::{Listener, Monitor, Record, Report, TrackerEvent};
+use crate::pose::{Pose, Reading};
+
+/// Poses that wait to be taken; of more, the newest are left out.
+const WAITING: usize = 1024;
+
+/// The tracker's side: a listener that lets poses through while somebody asks for them.
+#[derive(Debug)]
+pub struct PoseTap {
+    shared: Arc<Shared>,
+    sender: SyncSender<Pose>,
+    monitor: Monitor,
+}
+
+/// The asker's side.
+#[derive(Debug)]
+pub struct PoseStream {
+    shared: Arc<Shared>,
+    receiver: Receiver<Pose>,
+    monitor: Monitor,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    open: AtomicBool,
+    without_pose: AtomicU64,
+}
+
+/// Both sides.
+pub fn pose_tap() -> (PoseTap, PoseStream) {
+    let (sender, receiver) = sync_channel(WAITING);
+    let (shared, monitor) = (Arc::<Shared>::default(), Monitor::default());
+    let stream = PoseStream { shared: shared.clone(), receiver, monitor: monitor.clone() };
+    (PoseTap { shared, sender, monitor }, stream)
+}
+
+impl Listener for PoseTap {
+    fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
+        self.monitor.bytes(host_time_ns, bytes);
+    }
+
+    fn record(&mut self, host_time_ns: u64, record: &Record) {
+        self.monitor.record(host_time_ns, record);
+        if !self.shared.open.load(Ordering::Acquire) {
+            return;
+        }
+        match record.reading {
+            // Whoever asks looks at stretches of poses: one that doesn't fit is as good as one that never came.
+            Reading::Pose(pose) => drop(self.sender.try_send(pose)),
+            _ => drop(self.shared.without_pose.fetch_add(1, Ordering::Relaxed)),
+        }
+    }
+
+    fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
+        self.monitor.event(host_time_ns, event);
+    }
+}
+
+impl PoseStream {
+    /// The poses that are measured from now on, until none comes for `silence` or the session is over.
+    pub fn poses(&self, silence: Duration) -> Poses<'_> {
+        while self.receiver.try_recv().is_ok() {}
+        self.shared.without_pose.store(0, Ordering::Relaxed);
+        self.shared.open.store(true, Ordering::Release);
+        Poses { stream: self, silence }
+    }
+
+    /// Records that held no pose since [`poses`](Self::poses) was called last: out of view, or of a device that
+    /// measures no position.
+    pub fn without_pose(&self) -> u64 {
+        self.shared.without_pose.load(Ordering::Relaxed)
+    }
+
+    /// What the tracker did since the last report.
+    pub fn report(&self) -> Report {
+        self.monitor.report()
+    }
+}
+
+/// Poses as they come.
+#[derive(Debug)]
+pub struct Poses<'a> {
+    stream: &'a PoseStream,
+    silence: Duration,
+}
+
+impl Iterator for Poses<'_> {
+    type Item = Pose;
+
+    fn next(&mut self) -> Option<Pose> {
+        self.stream.receiver.recv_timeout(self.silence).ok()
+    }
+}
+
+impl Drop for Poses<'_> {
+    fn drop(&mut self) {
+        self.stream.shared.open.store(false, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn only_poses_of_the_time_asked_for_come_through() {
+        let (mut tap, stream) = pose_tap();
+        let record = |x: u32| {
+            let pose = Pose { position_mm: DVec3::X * f64::from(x), ..Pose::IDENTITY };
+            Record::pose(x, 0, pose)
+        };
+        tap.record(0, &record(1));
+        let mut poses = stream.poses(Duration::ZERO);
+        assert_eq!(poses.next(), None);
+        tap.record(0, &record(2));
+        tap.record(0, &Record { reading: Reading::OutOfView, ..record(3) });
+        assert_eq!(poses.next().unwrap().position_mm.x, 2.0);
+        assert_eq!((poses.next(), stream.without_pose()), (None, 1));
+        drop(poses);
+        tap.record(0, &record(4));
+        assert_eq!(stream.poses(Duration::ZERO).next(), None);
+        // Nobody takes them: there is an end to what is kept.
+        let poses = stream.poses(Duration::ZERO);
+        (0..5000).for_each(|x| tap.record(0, &record(x)));
+        assert_eq!(poses.count(), WAITING);
+        assert_eq!(stream.report().records, 5004);
+    }
+}

@@ -1,0 +1,229 @@
+//! `insonify calibrate landmarks --tracker`: landmarks touched with an emulated tracker, answered through a pipe.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, ChildStderr, ChildStdin, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use glam::{DQuat, DVec3};
+use insonify::anatomy::fiducials;
+use insonify::pose::csv::NamedPoint;
+use insonify::pose::{Calibration, Fitted, Pose};
+use insonify::tracker::ascii_line;
+
+/// Tip of the stylus in its sensor's frame, mm.
+const TIP_MM: DVec3 = DVec3::new(2.0, -1.0, 140.0);
+
+fn scene_from_tracker() -> Pose {
+    Pose {
+        position_mm: DVec3::new(300.0, -40.0, 120.0),
+        orientation: DQuat::from_rotation_z(2.0) * DQuat::from_rotation_x(0.4),
+    }
+}
+
+/// Where the tracker sees the sensor while its tip is at a point of the scene, tilted by the `n`th hand.
+fn touching(scene_mm: DVec3, n: usize) -> Pose {
+    let tip_mm = scene_from_tracker().inverse().transform_point(scene_mm);
+    let orientation = DQuat::from_rotation_x(0.3 * n as f64) * DQuat::from_rotation_y(0.2);
+    Pose { position_mm: tip_mm - orientation * TIP_MM, orientation }
+}
+
+/// What the hand does.
+#[derive(Clone, Copy)]
+enum Hand {
+    Still(Pose),
+    /// Slides on and on from there.
+    Moving(Pose),
+    /// The tracker sees nothing.
+    Gone,
+}
+
+/// A tracker behind TCP.
+struct Tracker {
+    address: String,
+    hand: Arc<Mutex<Hand>>,
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Tracker {
+    fn start() -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let (hand, over) = (Arc::new(Mutex::new(Hand::Gone)), Arc::<AtomicBool>::default());
+        let (its_hand, its_over) = (hand.clone(), over.clone());
+        let thread = std::thread::spawn(move || {
+            let (mut stream, mut n) = (None, 0_u32);
+            while !its_over.load(Ordering::SeqCst) {
+                std::thread::sleep(Duration::from_millis(2));
+                stream = stream.or_else(|| listener.accept().ok());
+                let Some((stream, _)) = &mut stream else { continue };
+                n += 1;
+                let pose = match *its_hand.lock().unwrap() {
+                    Hand::Still(pose) => pose,
+                    Hand::Moving(pose) => Pose { position_mm: pose.position_mm + DVec3::X * f64::from(n), ..pose },
+                    Hand::Gone => continue,
+                };
+                let _ = stream.write_all(ascii_line::encode(n, u64::from(n) * 2000, &pose).as_bytes());
+            }
+        });
+        Self { address, hand, over, thread: Some(thread) }
+    }
+
+    fn does(&self, hand: Hand) {
+        *self.hand.lock().unwrap() = hand;
+    }
+}
+
+impl Drop for Tracker {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A station in `dir` whose stylus is known, and the program that asks for its landmarks.
+struct Asked {
+    child: Child,
+    input: Option<ChildStdin>,
+    said: BufReader<ChildStderr>,
+}
+
+impl Asked {
+    fn start(dir: &Path, tracker: &Tracker, more: &[&str]) -> Self {
+        let calibration = Calibration { stylus_tip_mm: Some(Fitted::known(TIP_MM)), ..Calibration::default() };
+        std::fs::write(dir.join("cal.toml"), calibration.to_toml()).unwrap();
+        let station = dir.join("station.toml");
+        let text = format!(
+            "[scene]\nphantom = 'obstetric'\n[calibration]\npath = 'cal.toml'\n\
+             [tracker]\ntransport = 'tcp'\nprotocol = 'ascii-line'\naddress = '{}'\n",
+            tracker.address
+        );
+        std::fs::write(&station, text).unwrap();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_insonify"))
+            .args(["calibrate", "landmarks", "--tracker", station.to_str().unwrap(), "--samples", "20"])
+            .args(more)
+            .env_remove("RUST_LOG")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let (input, said) = (child.stdin.take(), BufReader::new(child.stderr.take().unwrap()));
+        Self { child, input, said }
+    }
+
+    /// Reads on until a line that contains `part`.
+    #[track_caller]
+    fn until(&mut self, part: &str) -> String {
+        let mut all = String::new();
+        loop {
+            let mut line = String::new();
+            assert!(self.said.read_line(&mut line).unwrap() > 0, "`{part}` is not said: {all}");
+            if line.contains(part) {
+                return line;
+            }
+            all += &line;
+        }
+    }
+
+    fn answer(&mut self, line: &str) {
+        writeln!(self.input.as_mut().unwrap(), "{line}").unwrap();
+    }
+
+    /// Touches the point that is asked for.
+    #[track_caller]
+    fn take(&mut self, tracker: &Tracker, point: &NamedPoint, at_mm: DVec3, n: usize) {
+        self.until(&format!("touch {} with the tip of the stylus", point.name));
+        tracker.does(Hand::Still(touching(at_mm, n)));
+        self.answer("");
+        let said = self.until(&point.name);
+        assert!(said.contains("spread"), "{said}");
+    }
+
+    /// Closes the input; the exit code, what is on stdout, and the rest of what is said.
+    fn end(mut self) -> (Option<i32>, String, String) {
+        drop(self.input.take());
+        let mut said = String::new();
+        while self.said.read_line(&mut said).unwrap() > 0 {}
+        let output = self.child.wait_with_output().unwrap();
+        (output.status.code(), String::from_utf8(output.stdout).unwrap(), said)
+    }
+}
+
+#[test]
+fn landmarks_are_touched_one_by_one_and_the_stations_file_is_written() {
+    let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
+    let mut asked = Asked::start(dir.path(), &tracker, &["--json"]);
+    let points = fiducials::of_phantom();
+    // At first the hand slides, and then the tracker is lost: neither gives a landmark.
+    asked.until(&points[0].name);
+    tracker.does(Hand::Moving(touching(points[0].point_mm, 0)));
+    asked.answer("");
+    let said = asked.until("is not taken");
+    assert!(said.contains("hold it within 1 mm for 20 poses"), "{said}");
+    tracker.does(Hand::Gone);
+    asked.until(&points[0].name);
+    asked.answer("");
+    let said = asked.until("is not taken");
+    assert!(said.contains("the tracker gave") && said.contains("poses only"), "{said}");
+    for (n, point) in points.iter().enumerate() {
+        asked.take(&tracker, point, point.point_mm, n);
+    }
+    let (code, report, said) = asked.end();
+    assert_eq!(code, Some(0), "{said}");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["rms_mm"].as_f64().unwrap() < 0.01 && report["coplanar"] == false, "{report}");
+    assert_eq!(report["landmarks"][5]["name"], "LEFT_ILIAC");
+    let found = Calibration::load(&dir.path().join("cal.toml")).unwrap();
+    let fitted = found.scene_from_tracker.unwrap().value;
+    assert!(fitted.position_mm.distance(scene_from_tracker().position_mm) < 0.01, "{fitted:?}");
+    assert_eq!(found.stylus_tip_mm, Some(Fitted::known(TIP_MM)), "what else is in the file stays");
+}
+
+#[test]
+fn wrong_landmarks_leave_the_file_as_it_is() {
+    type Place = fn(DVec3) -> DVec3;
+    let cases: [(usize, Place, &str); 4] = [
+        (2, |p| p, "2 landmarks are too few"),
+        (7, |p| DVec3::new(-p.x, p.y, p.z), "mirror image"),
+        (7, |_| DVec3::Z * 80.0, "within 0.00 mm (RMS) of one point"),
+        (7, |p| if p.y > 50.0 { p + DVec3::X * 60.0 } else { p }, "the worst is `UPPER_MIDLINE`"),
+    ];
+    for (count, place, message) in cases {
+        let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
+        let mut asked = Asked::start(dir.path(), &tracker, &[]);
+        let points = fiducials::of_phantom();
+        for (n, point) in points.iter().take(count).enumerate() {
+            asked.take(&tracker, point, place(point.point_mm), n);
+        }
+        points[count..].iter().for_each(|_| asked.answer("skip"));
+        let (code, _, said) = asked.end();
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(message), "{message}: {said}");
+        assert_eq!(Calibration::load(&dir.path().join("cal.toml")).unwrap().scene_from_tracker, None);
+    }
+}
+
+#[test]
+fn an_input_that_ends_early_is_named() {
+    let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
+    let points = dir.path().join("points.csv");
+    std::fs::write(&points, "x,y,z,name\n0,0,80,NAVEL\n100,0,20,LEFT\n-100,0,20,RIGHT\n").unwrap();
+    let mut asked = Asked::start(dir.path(), &tracker, &["--points", points.to_str().unwrap()]);
+    let point = |name: &str| NamedPoint { name: name.to_owned(), point_mm: DVec3::ZERO };
+    asked.take(&tracker, &point("NAVEL"), DVec3::Z * 80.0, 0);
+    let (code, _, said) = asked.end();
+    assert_eq!(code, Some(2), "{said}");
+    assert!(
+        said.contains("the input ended before `LEFT` was taken, with 1 of 3 landmarks; nothing was written"),
+        "{said}"
+    );
+}
