@@ -68,7 +68,7 @@ struct Pose {
 const LEGS: [Pose; 2] = [
     Pose {
         upper: [[0.12, 0.20, 0.97], [0.0, 0.60, 0.80], [0.04, 0.76, 0.65]],
-        lower: [[-0.08, -0.97, -0.10], [-0.24, -0.92, -0.34], [-0.26, -0.94, -0.22]],
+        lower: [[-0.08, -0.97, -0.10], [-0.24, -0.92, -0.34], [-0.20, -0.95, -0.24]],
         end: [[-0.06, 0.10, 0.99], [-0.12, 0.36, 0.92], [-0.12, 0.30, 0.94]],
     },
     Pose {
@@ -81,12 +81,12 @@ const LEGS: [Pose; 2] = [
 const ARMS: [Pose; 2] = [
     Pose {
         upper: [[0.30, -0.62, 0.72], [0.12, -0.42, 0.86], [0.10, -0.40, 0.87]],
-        lower: [[-0.34, 0.30, 0.90], [-0.36, 0.72, 0.58], [-0.44, 0.70, 0.56]],
+        lower: [[-0.34, 0.30, 0.90], [-0.36, 0.72, 0.58], [-0.30, 0.74, 0.58]],
         end: [[-0.20, 0.60, 0.70], [-0.15, 0.90, 0.30], [-0.15, 0.90, 0.30]],
     },
     Pose {
         upper: [[0.26, -0.74, 0.62], [0.08, -0.50, 0.84], [0.06, -0.46, 0.86]],
-        lower: [[-0.30, 0.36, 0.88], [-0.40, 0.70, 0.56], [-0.46, 0.68, 0.56]],
+        lower: [[-0.30, 0.36, 0.88], [-0.40, 0.70, 0.56], [-0.34, 0.70, 0.62]],
         end: [[-0.20, 0.70, 0.60], [-0.20, 0.85, 0.45], [-0.20, 0.85, 0.45]],
     },
 ];
@@ -123,23 +123,26 @@ impl Attitude {
             }
         }
         // The loop runs at least once.
-        best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0), |(_, attitude)| attitude)
+        best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0, 0.0), |(_, attitude)| attitude)
     }
 
-    /// The individual `seed`, its limbs as far from the mean as they go without crossing.
+    /// The individual `seed`, its limbs as far from the mean as they go without crossing, and spread where even the
+    /// mean's would.
     fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
-        let mut variation = if seed == 0 { 0.0 } else { 1.0 };
-        loop {
-            let attitude = Self::posed(biometry, flexion, seed, variation);
-            if variation == 0.0 || fetus::bones_apart(&attitude) {
+        let variations = [1.0, 0.5, 0.25].into_iter().filter(|_| seed != 0).map(|variation| (variation, 0.0));
+        let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));
+        for (variation, spread) in variations.chain(spreads) {
+            let attitude = Self::posed(biometry, flexion, seed, variation, spread);
+            if fetus::bones_apart(&attitude) {
                 return attitude;
             }
-            variation = if variation > 0.2 { 0.5 * variation } else { 0.0 };
         }
+        Self::posed(biometry, flexion, seed, 0.0, 0.0)
     }
 
-    /// Posed in the fetal frame, not placed in the scene.
-    fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32) -> Self {
+    /// Posed in the fetal frame, not placed in the scene: `variation` of the individual 0 to 1, limbs turned apart and
+    /// from the face by `spread` radians.
+    fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32, spread: f32) -> Self {
         let drawn = Spine::drawn();
         let bend = 1.0 + 0.5 * (flexion - 0.5);
         let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
@@ -167,7 +170,14 @@ impl Attitude {
             let side = if i == 0 { 1.0 } else { -1.0 };
             let jitter = |v: Vec3, k: u64| {
                 let turn = |axis: u64| LIMB_VARIATION_RAD * variation * vary(seed, 100 * what + 10 * k + axis);
-                turned(level) * Quat::from_euler(glam::EulerRot::XYZ, turn(0), turn(1), turn(2)) * v
+                // Arms turn down from the face and forearms apart, thighs and shanks to their side.
+                let apart = match (level < 15.0, k) {
+                    (true, 0) => Quat::from_rotation_x(spread),
+                    (true, _) => Quat::from_rotation_x(0.5 * spread) * Quat::from_rotation_y(side * spread),
+                    (false, 0) => Quat::from_rotation_y(0.5 * side * spread),
+                    (false, _) => Quat::from_rotation_z(0.5 * side * spread),
+                };
+                turned(level) * apart * Quat::from_euler(glam::EulerRot::XYZ, turn(0), turn(1), turn(2)) * v
             };
             [&pose.upper, &pose.lower, &pose.end]
                 .into_iter()

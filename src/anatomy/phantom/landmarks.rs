@@ -100,7 +100,6 @@ pub fn landmarks(parameters: &Parameters) -> Landmarks {
     let (placenta_centre_mm, placenta_outward) = mother::placenta_centre(parameters);
     let semi = biometry.skull_semi_mm();
     let abdomen_centre_mm = scene(fetus::trunk_centre(&attitude, fetus::ABDOMEN_LEVEL));
-    let radius = biometry.abdominal_radius_mm();
     let eyes_mm = fetus::eye_centres(&attitude).map(scene);
     let ocular = 0.5 * biometry.ocular_mm * head.vector(Vec3::X);
     let (chambers, crux) = fetus::chamber_centres(&attitude);
@@ -120,7 +119,7 @@ pub fn landmarks(parameters: &Parameters) -> Landmarks {
         right_femur_mm,
         spine_mm: std::array::from_fn(|i| scene(attitude.vertebra(0.5 + 4.0 * i as f32).translation)),
         biparietal_mm: [Vec3::X * semi.x, Vec3::X * (biometry.skull_thickness_mm - semi.x)].map(|p| head.point(p)),
-        occipitofrontal_mm: [Vec3::Z * semi.z, Vec3::Z * -semi.z].map(|p| head.point(p)),
+        occipitofrontal_mm: fetus::occipitofrontal_ends(&attitude).map(scene),
         cavum_mm: scene(fetus::cavum_centre(&attitude)),
         atria_mm: fetus::atrium_walls(&attitude).map(|walls| walls.map(scene)),
         cerebellum_mm: fetus::cerebellum_ends(&attitude).map(scene),
@@ -138,8 +137,12 @@ pub fn landmarks(parameters: &Parameters) -> Landmarks {
             .map(|level| scene(fetus::descending_aorta(&attitude, level))),
         humeri_mm: pair(&|side| fetus::humerus_tips(&attitude, side)),
         tibiae_mm: pair(&|side| fetus::tibia_tips(&attitude, side)),
-        abdomen_axes_mm: [Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X]
-            .map(|axis| abdomen_centre_mm + radius * abdomen.vector(axis)),
+        abdomen_axes_mm: fetus::skin_points(
+            &attitude,
+            fetus::ABDOMEN_LEVEL,
+            [Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X],
+        )
+        .map(scene),
         portal_sinus_mm: scene(fetus::portal_sinus(&attitude)),
         cord_insertion_mm: scene(fetus::navel(&attitude)),
         fetal_bladder_mm: scene(fetus::bladder_centre(&attitude)),

@@ -24,6 +24,8 @@ pub mod parameters;
 mod placement;
 pub mod sdf;
 mod spine;
+#[cfg(test)]
+mod tests;
 mod vary;
 
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -12,9 +12,9 @@ use super::sdf::{Isometry, Solid, ellipsoid};
 use super::{fetus, mother};
 
 /// Fluid left between the fetus and what is around it, mm.
-const CLEARANCE_MM: f32 = 2.5;
+const CLEARANCE_MM: f32 = 3.0;
 /// Accepted lack of that clearance, mm.
-pub(super) const ACCEPTED_MM: f32 = 0.8;
+pub(super) const ACCEPTED_MM: f32 = 0.6;
 /// Half axes of the disc that stands for the placenta, its thickness along y, mm at 22 weeks.
 const PLACENTA_SEMI_MM: Vec3 = Vec3::new(60.0, 13.0, 60.0);
 /// Steps of pushing.
@@ -43,7 +43,7 @@ impl Room {
         let scale = attitude.biometry.trunk_scale();
         let mut place = Isometry { translation: self.start.translation * scale, ..self.start };
         let mut best = (place, f32::MAX);
-        for _ in 0..STEPS {
+        for step in 0..STEPS {
             let (mut force, mut torque, mut weight, mut inertia) = (Vec3::ZERO, Vec3::ZERO, 0.0f32, 0.0f32);
             let mut worst = 0.0f32;
             let centre = place.translation;
@@ -57,21 +57,24 @@ impl Room {
             };
             for &(local, radius) in &balls {
                 let at = place.point(local);
-                let out_of_wall = self.cavity.distance_mm(at) + radius + CLEARANCE_MM;
+                // The ball's point that is nearest to the wall: the cavity's distances are right near the wall only.
+                let outward = self.cavity.normal(at + self.cavity.normal(at) * radius);
+                let out_of_wall = self.cavity.distance_mm(at + outward * radius) + CLEARANCE_MM;
                 if out_of_wall > 0.0 {
                     worst = worst.max(out_of_wall);
-                    push(at, self.cavity.normal(at) * -out_of_wall);
+                    push(at, -outward * out_of_wall);
                 }
                 let in_placenta = radius + CLEARANCE_MM - self.placenta.distance_mm(at);
-                if in_placenta > 0.0 {
+                // Where there is no room for both, the placenta gives way.
+                if in_placenta > 0.0 && step < STEPS / 2 {
                     push(at, self.placenta.normal(at) * in_placenta);
                 }
             }
             // The wall counts; off the placenta as well is better.
-            if worst < best.1 || worst < 0.5 * ACCEPTED_MM {
+            if worst < best.1.max(0.5 * ACCEPTED_MM) {
                 best = (place, worst);
             }
-            if weight < 0.5 * ACCEPTED_MM {
+            if weight < 0.5 * ACCEPTED_MM || (step >= STEPS / 2 && worst < 0.5 * ACCEPTED_MM) {
                 break;
             }
             place.translation += 0.7 * force / weight;

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::organ;
+use super::{head, organ};
 use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::biometry::Biometry;
 use crate::anatomy::phantom::organ::Organ;
@@ -28,12 +28,12 @@ const NOSE_TIP_RADIUS: f32 = 2.2;
 
 /// Skin over the tip of the nose, fetal frame.
 pub(in crate::anatomy::phantom) fn nose_tip(attitude: &Attitude) -> Vec3 {
-    attitude.head_point(NOSE_TIP + Vec3::Z * NOSE_TIP_RADIUS)
+    head::skin_along(attitude, NOSE_TIP, Vec3::Z)
 }
 
 /// Skin over the chin, fetal frame.
 pub(in crate::anatomy::phantom) fn chin(attitude: &Attitude) -> Vec3 {
-    attitude.head_point(Vec3::new(0.0, -34.0, 28.9))
+    head::skin_along(attitude, Vec3::new(0.0, -34.0, 24.0), Vec3::Z)
 }
 
 /// Nose, lips and chin as they stand out of the face.
@@ -53,9 +53,9 @@ pub(super) fn features() -> Solid {
         sweep(&catmull_rom(&knots, 4))
     };
     let upper_lip =
-        union([arch(-23.6, 30.6, 6.0, 1.7), round_cone(v(0.0, -21.5, 30.6), v(0.0, -23.4, 30.8), 1.6, 1.6)]);
-    let lower_lip = arch(-27.2, 29.6, 5.4, 1.75);
-    let chin = sphere(v(0.0, -33.2, 25.6), 3.4);
+        union([arch(-23.7, 29.7, 6.0, 1.75), round_cone(v(0.0, -21.5, 29.4), v(0.0, -23.4, 29.8), 1.6, 1.6)]);
+    let lower_lip = arch(-27.3, 28.8, 5.4, 1.8);
+    let chin = sphere(v(0.0, -33.4, 25.4), 3.5);
     smooth_union([smooth_union([bridge, wings, septum], 1.2), upper_lip, lower_lip, chin], 0.5)
 }
 

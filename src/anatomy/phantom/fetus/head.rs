@@ -34,9 +34,10 @@ pub(super) fn outline(attitude: &Attitude) -> Solid {
     let v = Vec3::new;
     let cheek = ellipsoid(v(7.5, -23.0, 16.5), v(11.0, 11.5, 12.0)).with_mirror_image();
     let jaw = sweep(&[(v(0.0, -33.0, 23.0), 5.4), (v(0.0, -28.0, 12.0), 9.0), (v(0.0, -23.0, -4.0), 13.0)]);
+    let muzzle = sweep(&[(v(0.0, -21.0, 24.5), 5.4), (v(0.0, -27.0, 22.8), 6.4), (v(0.0, -32.0, 22.6), 5.6)]);
     let (eye, radius) = face::eye(biometry);
     let lids = sphere(eye + v(0.0, 0.3, 0.2), radius + 1.4).with_mirror_image();
-    let soft = smooth_union([cheek, jaw, lids], 4.0);
+    let soft = smooth_union([cheek, jaw, muzzle, lids], 4.0);
     let crown = smooth_union([cranium(biometry, SCALP_MM), soft], 6.0);
     let features = smooth_union([crown, face::features()], 1.6);
     let ear = smooth_union(
@@ -48,6 +49,31 @@ pub(super) fn outline(attitude: &Attitude) -> Solid {
     )
     .with_mirror_image();
     attitude.in_head(union([features, ear]))
+}
+
+/// Ends of the skull from the head's centre to the face and to the occiput, fetal frame.
+pub(in crate::anatomy::phantom) fn occipitofrontal_ends(attitude: &Attitude) -> [Vec3; 2] {
+    let skull = cranium(&attitude.biometry, 0.0);
+    [Vec3::Z, Vec3::NEG_Z].map(|direction| {
+        let (mut inside, mut outside) = (0.0f32, 80.0f32);
+        for _ in 0..30 {
+            let middle = 0.5 * (inside + outside);
+            if skull.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
+        }
+        attitude.head_point(direction * inside)
+    })
+}
+
+/// Where the head's skin is met from `from` along the unit `direction`, head frame as drawn; fetal frame.
+pub(super) fn skin_along(attitude: &Attitude, from: Vec3, direction: Vec3) -> Vec3 {
+    let outline = outline(attitude);
+    let (mut inside, mut outside) = (0.0f32, 20.0f32);
+    for _ in 0..24 {
+        let middle = 0.5 * (inside + outside);
+        let at = attitude.head_point(from + direction * middle);
+        if outline.distance_mm(at) < 0.0 { inside = middle } else { outside = middle }
+    }
+    attitude.head_point(from + direction * inside)
 }
 
 /// Balls that cover the head up to the skin, fetal frame, mm.

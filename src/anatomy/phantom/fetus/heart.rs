@@ -10,6 +10,10 @@ use crate::anatomy::phantom::sdf::{Isometry, Solid, ellipsoid, round_cone, smoot
 /// Level of the four-chamber plane: T6 to T7.
 pub(in crate::anatomy::phantom) const LEVEL: f32 = 13.4;
 
+/// Size of the heart over its drawing: it fills a quarter of the chest's area (0.25 to 0.33; Paladini et al., Obstet
+/// Gynecol 75:1003, 1990).
+const SIZE: f32 = 1.15;
+
 /// `fetus_from_heart`: origin at the heart's centre, y cranial (normal of the four-chamber plane), z ventral; in mm.
 pub(in crate::anatomy::phantom) fn heart_frame(attitude: &Attitude) -> Isometry {
     let frame = attitude.vertebra(LEVEL);
@@ -45,7 +49,7 @@ const RINGS: [(f32, f32); 2] = [(-3.2, 3.7), (-2.5, -3.8)];
 /// Middles of left and right ventricle, left and right atrium, and the crux between them, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec3; 4], Vec3) {
     let frame = heart_frame(attitude);
-    let scale = attitude.biometry.trunk_scale();
+    let scale = SIZE * attitude.biometry.trunk_scale();
     let place = |a: f32, b: f32| frame.point(at(a, b, 0.0) * scale);
     (CHAMBERS.map(|(a, b)| place(a, b)), place(-2.9, 0.0))
 }
@@ -54,15 +58,15 @@ pub(in crate::anatomy::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let frame = heart_frame(attitude);
     let scale = attitude.biometry.trunk_scale();
-    let place = |solid: Solid| solid.scaled(scale).placed(frame);
+    let place = |solid: Solid| solid.scaled(SIZE * scale).placed(frame);
     let v = Vec3::new;
     let muscle = smooth_union([lobe(1.5, 0.0, v(7.6, 11.0, 8.8)), lobe(-5.6, 0.0, v(6.8, 6.2, 8.6))], 3.0);
     let [lv, rv, la, ra] = CHAMBERS;
     let chambers = [
         lobe(lv.0, lv.1, v(3.9, 6.2, 2.6)),
         lobe(rv.0, rv.1, v(4.2, 5.4, 2.9)),
-        lobe(la.0, la.1, v(3.9, 3.1, 3.1)),
-        lobe(ra.0, ra.1, v(4.1, 3.3, 3.2)),
+        lobe(la.0, la.1, v(4.2, 3.5, 3.3)),
+        lobe(ra.0, ra.1, v(4.4, 3.7, 3.4)),
     ];
     // Orifices, and the oval foramen.
     let orifices = RINGS.map(|(a, b)| round_cone(at(a - 1.6, b, 0.0), at(a + 1.6, b, 0.0), 2.1, 2.1));
@@ -82,7 +86,7 @@ fn leaflets() -> Solid {
         // A thin plate, as broad as the ring.
         let along = to - from;
         let frame = Isometry::from_axes(0.5 * (from + to), along, axes().2);
-        ellipsoid(Vec3::ZERO, Vec3::new(0.42, 0.5 * along.length() + 0.3, 2.1)).placed(frame)
+        ellipsoid(Vec3::ZERO, Vec3::new(0.32, 0.5 * along.length() + 0.3, 2.1)).placed(frame)
     };
     let valves = RINGS.into_iter().flat_map(|(a, b)| {
         [1.0, -1.0].map(|side| leaflet(at(a, b + side * 2.3, 0.0), at(a + 2.2, b + side * 0.45, 0.0)))

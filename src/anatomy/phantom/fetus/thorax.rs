@@ -16,9 +16,9 @@ pub(super) fn belly(attitude: &Attitude, margin: f32) -> Solid {
     let m = Vec3::splat(margin);
     let domes = smooth_union(
         [
-            attitude.in_trunk_ellipsoid(18.5, v(-9.0, 0.0, 15.0), v(16.0, 17.0, 20.0) + m),
-            attitude.in_trunk_ellipsoid(18.5, v(9.0, 0.0, 15.0), v(15.5, 14.5, 20.0) + m),
-            attitude.in_trunk_ellipsoid(21.8, v(0.0, 0.0, 15.5), v(27.0, 24.0, 30.0) + m),
+            attitude.in_trunk_ellipsoid(18.5, v(-9.0, 0.0, 15.0), v(16.0, 11.0, 20.0) + m),
+            attitude.in_trunk_ellipsoid(18.5, v(9.0, 0.0, 15.0), v(15.5, 9.0, 20.0) + m),
+            attitude.in_trunk_ellipsoid(21.8, v(0.0, 0.0, 15.5), v(27.0, 22.0, 30.0) + m),
         ],
         4.0 * attitude.biometry.trunk_scale(),
     );

@@ -65,7 +65,27 @@ pub(super) fn under_skin(attitude: &Attitude, level: f32, side: f32, angle: f32,
     attitude.trunk(level, side * angle.sin() * out, radius - BACK_MM - angle.cos() * out)
 }
 
+/// Where the trunk's skin is met from its centre at `level` along each of the unit `directions` of the vertebra's frame,
+/// fetal frame.
+pub(in crate::anatomy::phantom) fn skin_points<const N: usize>(
+    attitude: &Attitude,
+    level: f32,
+    directions: [Vec3; N],
+) -> [Vec3; N] {
+    let (trunk, centre, frame) = (trunk(attitude, 0.0), trunk_centre(attitude, level), attitude.vertebra(level));
+    directions.map(|direction| {
+        let direction = frame.vector(direction);
+        let (mut inside, mut outside) = (0.0f32, 3.0 * attitude.biometry.abdominal_radius_mm());
+        for _ in 0..30 {
+            let middle = 0.5 * (inside + outside);
+            if trunk.distance_mm(centre + direction * middle) < 0.0 { inside = middle } else { outside = middle }
+        }
+        centre + direction * inside
+    })
+}
+
 /// Where the cord enters the belly's skin, fetal frame.
 pub(in crate::anatomy::phantom) fn navel(attitude: &Attitude) -> Vec3 {
-    attitude.trunk(NAVEL_LEVEL, 0.0, 2.0 * drawn_radius(NAVEL_LEVEL) - BACK_MM)
+    let [navel] = skin_points(attitude, NAVEL_LEVEL, [Vec3::Z]);
+    navel
 }
