@@ -124,7 +124,9 @@ mod tests {
         let table = TissueTable::builtin().unwrap();
         let names = "water gel amniotic_fluid urine blood csf fat skin muscle uterus_wall cervix placenta cord_jelly \
                      vessel_wall brain choroid_plexus falx liver kidney heart spleen bowel soft_tissue lung_fetal \
-                     lung_aerated air cartilage bone_adult bone_fetal fascia soft_tissue_maternal";
+                     lung_aerated air cartilage bone_adult bone_fetal fascia soft_tissue_maternal \
+                     septum peritoneum cervical_mucosa placental_plate placental_bed amnion \
+                     amniotic_fluid_vernix";
         for name in names.split_whitespace() {
             assert!(table.index_of(name).is_some(), "{name}");
         }

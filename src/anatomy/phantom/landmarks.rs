@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::attitude::Attitude;
 use super::biometry::Biometry;
+use super::parameters::Parameters;
 use super::{fetus, mother};
 
 /// Points (mm) and unit directions in the scene frame: x mother's left, y cranial, z anterior.
@@ -51,13 +52,14 @@ pub struct Landmarks {
 
 /// Landmarks of the phantom that [`build`](super::build) makes.
 pub fn landmarks() -> Landmarks {
+    let parameters = Parameters::default();
     let biometry = Biometry::default();
     let attitude = Attitude::curled(&biometry);
     let head = attitude.scene_from_fetus.then(&attitude.fetus_from_head);
     let abdomen = attitude.scene_from_fetus.then(&attitude.vertebra(fetus::ABDOMEN_LEVEL));
     let heart = attitude.scene_from_fetus.then(&fetus::heart_frame(&attitude));
     let femur = |side: usize| fetus::femur_tips(&biometry, &attitude.legs[side]).map(|p| attitude.scene_point(p));
-    let (placenta_centre_mm, placenta_outward) = mother::placenta_centre();
+    let (placenta_centre_mm, placenta_outward) = mother::placenta_centre(&parameters);
     Landmarks {
         head_centre_mm: head.translation,
         head_vertex: head.vector(Vec3::Y),
@@ -75,8 +77,8 @@ pub fn landmarks() -> Landmarks {
         stomach_mm: attitude.scene_point(fetus::stomach_centre(&attitude)),
         placenta_centre_mm,
         placenta_outward,
-        maternal_bladder_mm: mother::BLADDER_CENTRE,
-        cavity_semi_mm: mother::CAVITY_SEMI,
-        belly_top_mm: Vec3::new(0.0, 0.0, mother::BELLY_TOP_MM),
+        maternal_bladder_mm: mother::bladder_centre(&parameters),
+        cavity_semi_mm: mother::cavity_semi_mm(&parameters),
+        belly_top_mm: Vec3::new(0.0, 0.0, mother::belly_top_mm(&parameters)),
     }
 }

@@ -88,7 +88,7 @@ pub enum PhantomError {
 pub fn organs() -> Vec<Organ> {
     let biometry = Biometry::default();
     let attitude = Attitude::curled(&biometry);
-    let mut organs = mother::organs(&attitude);
+    let mut organs = mother::organs(&Parameters::default(), &attitude);
     organs.extend(fetus::organs(&biometry, &attitude));
     organs
 }

@@ -19,6 +19,7 @@ use super::sdf::Solid;
 pub(super) use abdomen::{bladder_centre, stomach_centre};
 pub(super) use heart::heart_frame;
 pub(super) use limbs::femur_tips;
+pub(super) use skin::outline;
 pub(super) use trunk::{ABDOMEN_LEVEL, NAVEL_LEVEL, navel, trunk_centre};
 
 /// Every surface of the fetus, scene frame.

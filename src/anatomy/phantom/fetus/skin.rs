@@ -7,7 +7,7 @@ use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{Solid, smooth_union, union};
 
 /// The fetus up to its skin, fetal frame.
-pub(super) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
+pub(in crate::anatomy::phantom) fn outline(biometry: &Biometry, attitude: &Attitude) -> Solid {
     let core = smooth_union([trunk::trunk(biometry, attitude, 0.0), head::outline(biometry, attitude)], 6.0);
     union([core, limbs::outline(biometry, attitude)])
 }

@@ -1,30 +1,73 @@
 //! The mother: abdominal wall, uterus with placenta and cord, and what lies around it.
+//!
+//! Sizes follow [`Parameters`]: [`proportions`] says how large the cavity is and where that moves everything else;
+//! [`vary`] gives the small differences from one individual to the next.
 
 mod abdominal_wall;
+mod bladder;
+mod bowel;
 mod cord;
+mod cord_path;
+mod fat_septa;
 mod pelvis;
 mod placenta;
+mod placental_vessels;
+mod proportions;
+mod spine;
+#[cfg(test)]
+mod tests;
 mod uterus;
-mod viscera;
+mod vary;
+mod vessels;
+
+use glam::Vec3;
 
 use super::attitude::Attitude;
+use super::biometry::Biometry;
+use super::fetus;
 use super::organ::{Body, Organ};
+use super::parameters::Parameters;
 use super::sdf::Solid;
+use abdominal_wall::AbdominalWall;
+use cord::Cord;
+use cord_path::End;
+use placenta::Placenta;
 
-pub(super) use abdominal_wall::BELLY_TOP_MM;
-pub(super) use placenta::centre as placenta_centre;
-pub(super) use uterus::CAVITY_SEMI;
-pub(super) use viscera::BLADDER_CENTRE;
+pub(super) use bladder::bladder_centre;
+pub(super) use placenta::placenta_centre;
+pub(super) use proportions::cavity_semi_mm;
+
+/// Height of the belly's skin above the origin, mm.
+pub(super) fn belly_top_mm(parameters: &Parameters) -> f32 {
+    AbdominalWall::of(parameters).belly_top_mm()
+}
 
 /// Every surface of the mother, with placenta, cord and fluid.
-pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
+pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ> {
+    let outline = fetus::outline(&Biometry::default(), attitude).placed(attitude.scene_from_fetus);
+    let ventral = attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z);
+    let navel = End { at: attitude.scene_point(fetus::navel(attitude)), away: attitude.scene_vector(ventral) };
+    organs_around(parameters, &outline, navel)
+}
+
+/// Every surface of the mother of a fetus with the given skin and navel, scene frame.
+fn organs_around(parameters: &Parameters, fetus: &Solid, navel: End) -> Vec<Organ> {
+    let wall = AbdominalWall::of(parameters);
+    let placenta = Placenta::of(parameters);
+    let body = placenta.body(fetus);
+    let root = placenta.insertion(&body, fetus);
+    let cord = Cord::of(parameters, &placenta, &body, root, fetus, navel);
     let parts = [
-        abdominal_wall::organs(),
-        viscera::organs(),
-        pelvis::organs(),
-        uterus::organs(),
-        placenta::organs(),
-        cord::organs(attitude),
+        wall.organs(),
+        fat_septa::organs(parameters, &wall),
+        spine::organs(parameters),
+        bowel::organs(parameters, &wall),
+        bladder::organs(parameters, &wall),
+        vessels::organs(parameters),
+        pelvis::organs(parameters),
+        uterus::organs(parameters, &placenta),
+        placenta.organs(&body, root.0),
+        cord.organs(),
     ];
     parts.into_iter().flatten().collect()
 }
