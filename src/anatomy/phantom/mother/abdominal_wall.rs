@@ -41,8 +41,8 @@ impl AbdominalWall {
         let proportions = Proportions::of(parameters);
         let (excess, shift) = (proportions.excess, proportions.skeleton_shift());
         let (bottom, top) = (-170.0 + shift.y, 170.0 + excess.y.abs());
-        let half = Vec3::new((140.0 + 0.8 * excess.x).max(132.0), 0.5 * (top - bottom), 75.0);
-        let trunk = rounded_box(Vec3::new(0.0, 0.5 * (top + bottom), -35.0 + shift.z), half, 55.0);
+        let half = Vec3::new((140.0 + 0.8 * excess.x).max(132.0), 0.5 * (top - bottom), 85.0);
+        let trunk = rounded_box(Vec3::new(0.0, 0.5 * (top + bottom), -45.0 + shift.z), half, 55.0);
         let height = proportions.cavity_semi.z + BELLY_ABOVE_CAVITY_MM;
         let semi = Vec3::new(128.0 + excess.x, 155.0 + excess.y, height + 20.0);
         let torso = smooth_union([trunk, ellipsoid(Vec3::new(0.0, 0.0, -20.0), semi)], 40.0);
@@ -80,9 +80,17 @@ impl AbdominalWall {
             organ("skin", "skin", 1, 7.0, 30.0, self.under_skin(0.0)),
             organ("subcutaneous_fat", "fat", 2, 7.0, 30.0, self.under_skin(SKIN_MM)),
             organ("abdominal_fascia", "fascia", 5, 7.0, 30.0, layer(0.0)),
-            organ("rectus_muscles", "muscle", 6, 4.5, 10.0, self.recti()),
-            organ("transversalis_fascia", "fascia", 12, 8.0, 30.0, layer(under_sheath)),
-            organ("preperitoneal_fat", "fat", 13, 8.0, 30.0, layer(under_sheath + POSTERIOR_FASCIA_MM)),
+            organ("rectus_muscles", "muscle", 6, 4.5, 18.0, self.recti()),
+            organ("back_muscles", "muscle", 6, 9.0, 30.0, self.back_muscles()),
+            organ("transversalis_fascia", "fascia", 12, 7.0, 26.0, self.behind_linea_alba(under_sheath)),
+            organ(
+                "preperitoneal_fat",
+                "fat",
+                13,
+                7.0,
+                26.0,
+                self.behind_linea_alba(under_sheath + POSTERIOR_FASCIA_MM),
+            ),
             organ(
                 "peritoneum",
                 "peritoneum",
@@ -101,7 +109,7 @@ impl AbdominalWall {
             ("transversus_muscles", "muscle"),
         ];
         for (i, (name, tissue)) in flat.into_iter().enumerate() {
-            organs.push(organ(name, tissue, 7 + i as i32, 7.0, 16.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
+            organs.push(organ(name, tissue, 7 + i as i32, 7.0, 17.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
         }
         organs
     }
@@ -116,11 +124,34 @@ impl AbdominalWall {
         let sheath = self.under_fat.grown(-FASCIA_MM);
         // As deep as a cell needs; what is below the posterior sheath is hidden.
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
-        let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 2.5), Vec3::new(0.94, 0.0, -0.34));
+        let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
         let alba = half_space(Vec3::X * (4.0 + 0.1 * self.proportions.excess.x.max(0.0)), Vec3::NEG_X);
         let front = half_space(Vec3::Z * self.front_mm(), Vec3::NEG_Z);
         let band = semilunaris.smooth_intersect(alba, 3.0).intersect(front);
         let half = sheath.subtract(deep).smooth_intersect(band, 4.0);
+        let Bounds { min, max } = half.bounds();
+        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+    }
+
+    /// What is deeper than `depth_mm` under the fat, or nearer to it behind the linea alba, which is thinner than the
+    /// muscles beside it.
+    fn behind_linea_alba(&self, depth_mm: f32) -> Solid {
+        let half_width = 4.0 + 0.1 * self.proportions.excess.x.max(0.0);
+        let thinner = MUSCLE_MM - 1.6;
+        let front = self.front_mm();
+        self.under_fat.grown(-depth_mm).displaced(thinner, move |p| {
+            let beside = (p.x.abs() / half_width).min(2.0);
+            let ridge = (1.0 - 0.25 * beside * beside).max(0.0).powi(2);
+            thinner * ridge * ((p.z - front) / 20.0).clamp(0.0, 1.0)
+        })
+    }
+
+    /// Extensors of the back, between the loins and the spine.
+    fn back_muscles(&self) -> Solid {
+        let sheath = self.under_fat.grown(-FASCIA_MM);
+        let back = half_space(Vec3::Z * (self.front_mm() - 53.0), Vec3::Z);
+        let midline = half_space(Vec3::X * 3.0, Vec3::NEG_X);
+        let half = sheath.smooth_intersect(back.smooth_intersect(midline, 3.0), 6.0);
         let Bounds { min, max } = half.bounds();
         Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
     }
@@ -135,7 +166,7 @@ impl AbdominalWall {
         let layer = self.under_fat.grown(-depth_mm);
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 12.0));
         // Deeper muscles end further from the midline.
-        let edge = self.semilunaris_mm() + 2.5 + 0.6 * depth_mm;
+        let edge = self.semilunaris_mm() + 1.0 + 0.6 * depth_mm;
         let beyond = half_space(Vec3::X * edge, Vec3::new(-0.94, 0.0, 0.34));
         let loins = half_space(Vec3::Z * (self.front_mm() - 50.0), Vec3::NEG_Z);
         let half = layer.subtract(deep).smooth_intersect(beyond, 4.0).intersect(loins);

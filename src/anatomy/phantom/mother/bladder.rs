@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::abdominal_wall::AbdominalWall;
+use super::organ;
 use super::proportions::Proportions;
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::parameters::Parameters;

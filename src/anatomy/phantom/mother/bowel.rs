@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::abdominal_wall::AbdominalWall;
+use super::organ;
 use super::proportions::Proportions;
 use super::vary::{random, vary};
 use crate::anatomy::phantom::organ::Organ;
@@ -16,8 +16,8 @@ const RADIUS_MM: f32 = 10.0;
 const WALL_MM: f32 = 2.0;
 
 /// Knots of the loops beside the reference's uterus: descending colon, transverse colon with small bowel under it,
-/// ascending colon; all before the kidneys and lateral or cranial to the uterus.
-const LOOPS_22_MM: [&[[f32; 3]]; 4] = [
+/// ascending colon; then small bowel beside the uterus.
+const LOOPS_22_MM: [&[[f32; 3]]; 5] = [
     &[[92.0, -36.0, -46.0], [94.0, -4.0, -40.0], [92.0, 30.0, -42.0], [90.0, 62.0, -30.0], [82.0, 94.0, -10.0]],
     &[[-92.0, -40.0, -44.0], [-95.0, -8.0, -38.0], [-93.0, 24.0, -44.0], [-88.0, 60.0, -30.0], [-80.0, 92.0, -12.0]],
     &[
@@ -37,6 +37,7 @@ const LOOPS_22_MM: [&[[f32; 3]]; 4] = [
         [-36.0, 118.0, -40.0],
         [-60.0, 102.0, -36.0],
     ],
+    &[[84.0, 14.0, -14.0], [92.0, 34.0, -12.0], [84.0, 54.0, -8.0], [78.0, 76.0, 4.0], [66.0, 88.0, 20.0]],
 ];
 
 /// The middle lines of the loops, each point with its outer radius.
@@ -94,8 +95,8 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
     let lumen = loops(&lines, WALL_MM, &interior);
     let gas = gas(parameters, &lines).smooth_intersect(lumen.grown(-0.3), 1.0);
     vec![
-        organ("maternal_bowel_wall", "muscle", 20, 3.2, 9.0, loops(&lines, 0.0, &interior)),
-        organ("maternal_bowel", "bowel", 21, 3.2, 8.0, lumen),
-        organ("bowel_gas", "air", 22, 2.6, 4.0, gas),
+        organ("maternal_bowel_wall", "muscle", 20, 3.2, 12.0, loops(&lines, 0.0, &interior)),
+        organ("maternal_bowel", "bowel", 21, 3.2, 9.5, lumen),
+        organ("bowel_gas", "air", 22, 2.6, 4.6, gas),
     ]
 }

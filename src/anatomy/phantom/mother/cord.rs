@@ -95,10 +95,10 @@ impl Cord {
         let [left, right] = self.arteries(VESSEL_WALL_MM);
         let walls = union([self.vein(VESSEL_WALL_MM), left, right]);
         vec![
-            organ("cord", "cord_jelly", 70, 1.2, 5.0, jelly),
-            organ("cord_vessel_walls", "vessel_wall", 72, 0.8, 2.0, walls),
-            organ("cord_arteries", "blood", 74, 0.65, 1.7, union(self.arteries(0.0))),
-            organ("cord_vein", "blood", 75, 0.8, 2.4, self.vein(0.0)),
+            organ("cord", "cord_jelly", 70, 1.2, 6.0, jelly),
+            organ("cord_vessel_walls", "vessel_wall", 72, 0.8, 2.4, walls),
+            organ("cord_arteries", "blood", 74, 0.65, 1.6, union(self.arteries(0.0))),
+            organ("cord_vein", "blood", 75, 0.8, 2.5, self.vein(0.0)),
         ]
     }
 }

@@ -159,7 +159,7 @@ impl Grid {
         let mut taken = vec![from, to];
         let mut stops = Vec::new();
         for stop in 0..2u64 {
-            let far = 7.0 * self.need_mm;
+            let far = 5.5 * self.need_mm;
             let score = |i: usize| {
                 let p = self.place(i);
                 let apart = taken.iter().map(|q| q.distance(p)).fold(far, f32::min);
@@ -170,7 +170,7 @@ impl Grid {
                 // Reached without an obstacle on the way.
                 self.clearance_mm[i] > 1.1 * self.need_mm
                     && cost[i] < 5.0 * self.place(i).distance(from) + 20.0 * self.need_mm
-                    && self.place(i).distance(from) < 14.0 * self.need_mm
+                    && self.place(i).distance(from) < 10.0 * self.need_mm
             });
             if let Some(best) = free.max_by(|&a, &b| score(a).total_cmp(&score(b))) {
                 stops.push(self.place(best));
@@ -245,15 +245,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
                     moved += (end.at + end.away * out - here) * 0.4;
                 }
             }
-            // Parts of the cord that are not neighbours keep apart.
-            for (k, q) in old.iter().enumerate() {
-                let between = i.abs_diff(k) as f32 * step_mm;
-                let gap = here.distance(*q);
-                let least = 2.0 * radius_mm + ROOM_MM;
-                if between > 2.5 * least && gap < least {
-                    moved += (here - *q).normalize_or_zero() * (least - gap) * 0.5;
-                }
-            }
+            moved += off_itself(&old, i, radius_mm);
             // Loops are held until they have found their room.
             if round < ROUNDS * 2 / 3 {
                 for anchor in anchors {
@@ -274,5 +266,31 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
             line = resample(&line, step_mm);
         }
     }
+    // Bends no tighter than jelly allows.
+    for _ in 0..4 {
+        let old = line.clone();
+        for i in 2..line.len().saturating_sub(2) {
+            let p = old[i - 2..=i + 2].iter().sum::<Vec3>() / 5.0;
+            let need = (0.9 * radius_mm).min(0.8 * p.distance(ends[0].at).min(p.distance(ends[1].at)));
+            let lack = (need - around.clearance_mm(p)).max(0.0);
+            line[i] = p + around.uphill(p) * (0.5 * lack) + off_itself(&old, i, radius_mm);
+        }
+    }
     line
+}
+
+/// What point `i` of `line` is moved by so that parts of the cord that are not neighbours keep apart.
+fn off_itself(line: &[Vec3], i: usize, radius_mm: f32) -> Vec3 {
+    let least = 2.0 * radius_mm + 2.0 * ROOM_MM;
+    // The nearest stands for all: the others beside it push the same way.
+    let nearest = line
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| i.abs_diff(*k) as f32 * 0.6 * radius_mm > 2.4 * least)
+        .map(|(_, q)| (line[i].distance(*q), *q))
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    match nearest {
+        Some((gap, q)) if gap < least => (line[i] - q).normalize_or_zero() * (0.6 * (least - gap)),
+        _ => Vec3::ZERO,
+    }
 }

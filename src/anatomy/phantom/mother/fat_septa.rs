@@ -15,7 +15,7 @@ use crate::anatomy::phantom::sdf::{Bounds, Solid};
 /// Thickness of a septum, mm.
 const SEPTUM_MM: f32 = 0.5;
 /// Lobules across and along the belly.
-const LOBULES: [i32; 2] = [8, 10];
+const LOBULES: [i32; 2] = [7, 9];
 /// How deep a lobule is, about, mm.
 const LOBULE_DEPTH_MM: f32 = 6.5;
 /// Most layers of lobules: thick fat has larger ones.
@@ -45,7 +45,7 @@ impl Lattice {
         let layers = (wall.fat_mm / LOBULE_DEPTH_MM).round().clamp(1.0, LAYERS_MAX as f32) as i32;
         Self {
             skin: wall.under_skin(0.0),
-            half_mm: [0.87 * radius_mm, 1.42 * top],
+            half_mm: [0.74 * radius_mm, 1.2 * top],
             radius_mm,
             layers,
             fat_mm: wall.fat_mm,
@@ -89,9 +89,10 @@ impl Lattice {
     /// The slab in which the septa lie.
     fn slab(&self) -> Solid {
         let lattice = self.clone();
+        // Within the outermost lobules, so that no side of the slab is bare.
+        let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
             let q = lattice.place(p);
-            let [across, along] = lattice.half_mm;
             // Down into the fascia, which hides it.
             let deep = q.z - (SKIN_MM + lattice.fat_mm + 3.0);
             let beside = (q.x.abs() - across).max(q.y.abs() - along);
@@ -104,7 +105,7 @@ impl Lattice {
         let lattice = self.clone();
         let [across, along] = self.half_mm;
         let size = Vec3::new(2.0 * across / LOBULES[0] as f32, 2.0 * along / LOBULES[1] as f32, self.layer_mm());
-        let rounding = 0.3 * size.z.min(10.0);
+        let rounding = 0.2 * size.z.min(10.0);
         let core = 0.5 * (size - SEPTUM_MM) - rounding;
         // The nearest of the lattice's numbers with the parity, within 0..count.
         let nearest = |x: f32, parity: i32, count: i32| {
@@ -147,7 +148,7 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
     for (n, name) in NAMES.into_iter().enumerate() {
         let parity = [n & 1, n >> 1 & 1, n >> 2 & 1].map(|b| b as i32);
         if parity[2] < lattice.layers {
-            organs.push(organ(name, "fat", 4, 2.6, 4.6, lattice.lobules(parity)));
+            organs.push(organ(name, "fat", 4, 2.6, 6.0, lattice.lobules(parity)));
         }
     }
     organs

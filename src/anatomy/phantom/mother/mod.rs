@@ -42,6 +42,11 @@ pub(super) fn belly_top_mm(parameters: &Parameters) -> f32 {
     AbdominalWall::of(parameters).belly_top_mm()
 }
 
+/// The uterine cavity.
+pub(super) fn cavity(parameters: &Parameters) -> Solid {
+    uterus::cavity(cavity_semi_mm(parameters))
+}
+
 /// Every surface of the mother, with placenta, cord and fluid.
 pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ> {
     let outline = fetus::outline(&Biometry::default(), attitude).placed(attitude.scene_from_fetus);

@@ -15,9 +15,9 @@ use crate::anatomy::phantom::sdf::{
 pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     let shift = Isometry { translation: Proportions::of(parameters).skeleton_shift(), ..Isometry::IDENTITY };
     vec![
-        organ("symphysis", "cartilage", 29, 1.8, 4.2, symphysis().placed(shift)),
-        organ("maternal_pelvis", "bone_adult", 30, 3.4, 7.0, hip_bones().placed(shift)),
-        organ("sacrum", "bone_adult", 31, 3.2, 8.0, sacrum().placed(shift)),
+        organ("symphysis", "cartilage", 29, 1.8, 6.0, symphysis().placed(shift)),
+        organ("maternal_pelvis", "bone_adult", 30, 3.4, 10.0, hip_bones().placed(shift)),
+        organ("sacrum", "bone_adult", 31, 3.2, 9.5, sacrum().placed(shift)),
     ]
 }
 

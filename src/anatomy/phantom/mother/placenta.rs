@@ -4,9 +4,9 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
+use super::proportions::growth;
 use super::vary::{random, vary};
-use super::{organ, placental_vessels, uterus};
-use crate::anatomy::phantom::mother::proportions::{Proportions, growth};
+use super::{cavity, cavity_semi_mm, organ, placental_vessels};
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::parameters::{Parameters, PlacentaSite};
 use crate::anatomy::phantom::sdf::{Bounds, Solid, smooth_union, sphere};
@@ -43,8 +43,8 @@ pub(super) struct Placenta {
 
 impl Placenta {
     pub(super) fn of(parameters: &Parameters) -> Self {
-        let semi = Proportions::of(parameters).cavity_semi;
-        let cavity = uterus::cavity(semi);
+        let semi = cavity_semi_mm(parameters);
+        let cavity = cavity(parameters);
         let seed = parameters.seed;
         // In units of the cavity's half axes.
         let towards = match parameters.placenta {
@@ -198,7 +198,7 @@ impl Placenta {
             }
             let depth = -own.cavity.distance_mm(p);
             // Wedges: widest at the basal plate.
-            let half_width = 1.1 * (1.0 - depth / reach);
+            let half_width = 0.85 * (1.0 - depth / reach);
             if half_width < -2.0 { d } else { d.max(0.9 * (half_width - own.from_lobe_border(p))) }
         })
     }
@@ -229,7 +229,7 @@ impl Placenta {
     /// Decidua and the myometrium next to it: a dark band within the wall.
     fn bed(&self) -> Solid {
         let own = self.clone();
-        let radius = 0.96 * self.radius_mm();
+        let radius = 0.92 * self.radius_mm();
         let bounds = self.cavity.bounds().grown(BED_MM).overlap(Bounds::around(self.wall, Vec3::splat(1.2 * radius)));
         Solid::new(bounds, move |p| {
             let d = own.cavity.distance_mm(p);
@@ -248,7 +248,10 @@ impl Placenta {
                 let at = Vec2::from_angle(TAU * r(0)) * self.radius_mm() * 0.8 * r(1).sqrt();
                 let turn = Vec2::from_angle(TAU * r(2)) * 4.0;
                 let ball = |at: Vec2| sphere(self.under_wall(self.on_wall(at), -2.9), 1.35);
-                smooth_union([ball(at - turn), ball(at - turn * 0.5), ball(at), ball(at + turn * 0.5), ball(at + turn)], 1.0)
+                smooth_union(
+                    [ball(at - turn), ball(at - turn * 0.5), ball(at), ball(at + turn * 0.5), ball(at + turn)],
+                    1.0,
+                )
             }),
             0.5,
         )
@@ -258,7 +261,7 @@ impl Placenta {
     /// `fetus` leaves most room.
     pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> (Vec3, Vec3) {
         let mut best = (f32::MIN, self.wall - self.outward * self.thickness_mm(), -self.outward);
-        for ring in 0..5 {
+        for ring in 0..7 {
             for step in 0..16u64 {
                 let turn = TAU * (step as f32 + 0.5 * (ring % 2) as f32) / 16.0;
                 let off = 0.13 * ring as f32;
@@ -284,13 +287,13 @@ impl Placenta {
 
     /// Plates, parenchyma, lakes, bed and the vessels on the chorionic plate; `root` is where the cord enters.
     pub(super) fn organs(&self, body: &Solid, root: Vec3) -> Vec<Organ> {
-        let lakes = self.lakes(body).map(|lakes| organ("placental_lakes", "blood", 63, 1.0, 3.0, lakes));
+        let lakes = self.lakes(body).map(|lakes| organ("placental_lakes", "blood", 63, 1.0, 2.6, lakes));
         let parts = [
-            organ("placental_bed", "placental_bed", 45, 2.6, 8.0, self.bed()),
-            organ("placental_bed_veins", "blood", 46, 1.2, 2.4, self.bed_veins()),
+            organ("placental_bed", "placental_bed", 45, 2.6, 9.0, self.bed()),
+            organ("placental_bed_veins", "blood", 46, 1.2, 2.0, self.bed_veins()),
             organ("placental_plates", "placental_plate", 60, 1.9, 9.0, body.clone()),
-            organ("placenta", "placenta", 61, 1.7, 8.0, self.parenchyma(body)),
-            organ("placental_vessels", "blood", 64, 0.9, 1.8, placental_vessels::tree(self, body, root)),
+            organ("placenta", "placenta", 61, 1.7, 10.0, self.parenchyma(body)),
+            organ("placental_vessels", "blood", 64, 0.9, 1.85, placental_vessels::tree(self, body, root)),
         ];
         parts.into_iter().chain(lakes).collect()
     }

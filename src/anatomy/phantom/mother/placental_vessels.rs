@@ -47,14 +47,7 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
 }
 
 /// A vessel under the fetal side along `line` of the tangent plane, thinning to `thin` of its radius.
-fn tube(
-    placenta: &Placenta,
-    body: &Solid,
-    line: &dyn Fn(f32) -> Vec2,
-    end: f32,
-    radius_mm: f32,
-    thin: f32,
-) -> Solid {
+fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, end: f32, radius_mm: f32, thin: f32) -> Solid {
     let knots: Vec<(Vec3, f32)> = (0..=7)
         .filter_map(|k| {
             let t = end * k as f32 / 7.0;

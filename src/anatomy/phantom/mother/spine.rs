@@ -10,8 +10,8 @@ use crate::anatomy::phantom::sdf::{
     Isometry, Solid, capsule, catmull_rom, round_cone, rounded_box, smooth_union, sweep, union,
 };
 
-/// L5 to T12.
-const VERTEBRAE: usize = 6;
+/// L5 to L1.
+const VERTEBRAE: usize = 5;
 /// From one body's middle to the next, mm: body 27, disc 9.
 const SPACING_MM: f32 = 36.0;
 /// Half of a body's height, mm.
@@ -34,9 +34,9 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
         rounded_box(0.5 * (lower + body(i)), Vec3::new(22.0, 8.0, 16.0), 6.0)
     }));
     vec![
-        organ("psoas_muscles", "muscle", 17, 4.0, 14.0, psoas().placed(shift)),
-        organ("intervertebral_discs", "cartilage", 31, 2.8, 8.0, discs.placed(shift)),
-        organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 8.0, vertebrae().placed(shift)),
+        organ("psoas_muscles", "muscle", 17, 4.0, 17.0, psoas().placed(shift)),
+        organ("intervertebral_discs", "cartilage", 31, 2.8, 9.5, discs.placed(shift)),
+        organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 10.0, vertebrae().placed(shift)),
     ]
 }
 
@@ -46,7 +46,10 @@ fn vertebrae() -> Solid {
         let v = |x: f32, y: f32, z: f32| at + Vec3::new(x, y, z);
         let body = rounded_box(at, Vec3::new(21.0, HALF_BODY_MM, 15.0), 6.0);
         let spinous = smooth_union(
-            [capsule(v(0.0, -3.0, -24.0), v(0.0, -8.0, -31.0), 3.5), capsule(v(0.0, 2.0, -23.0), v(0.0, -1.0, -30.0), 3.0)],
+            [
+                capsule(v(0.0, -3.0, -24.0), v(0.0, -8.0, -31.0), 3.5),
+                capsule(v(0.0, 2.0, -23.0), v(0.0, -1.0, -30.0), 3.0),
+            ],
             3.0,
         );
         // Pedicle, lamina, joint processes: about the canal, which stays free.

@@ -42,8 +42,7 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     let os = bottom + Vec3::new(0.0, -30.0, -21.0);
     let along = |part: f32| bottom.lerp(os, part);
     let neck = round_cone(bottom, os, 17.0, 13.0);
-    let wall =
-        smooth_union([cavity.grown(UTERINE_WALL_MM), round_cone(bottom, along(0.3), 18.0, 14.0)], 12.0);
+    let wall = smooth_union([cavity.grown(UTERINE_WALL_MM), round_cone(bottom, along(0.3), 18.0, 14.0)], 12.0);
     // A plug of mucus in a closed canal, spindle-shaped, within the glands of its lining.
     let canal = sweep(&[(along(0.22), 1.0), (along(0.6), 1.5), (along(1.0), 1.1)]);
     let lining = sweep(&[(along(0.22), 2.8), (along(0.6), 4.2), (along(0.98), 3.2)]);
@@ -51,7 +50,7 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
         [neck, sphere(os + Vec3::new(0.0, 2.0, 7.0), 8.0), sphere(os + Vec3::new(0.0, 5.0, -7.0), 8.0)],
         5.0,
     );
-    let vagina_end = os + Vec3::new(0.0, -42.0, 8.0);
+    let vagina_end = os + Vec3::new(0.0, -27.0, 6.0);
     let vagina = smooth_union([capsule(os, vagina_end, 9.0), sphere(os, 19.0)], 8.0);
     let fluid = if parameters.gestational_weeks < VERNIX_WEEKS { "amniotic_fluid" } else { "amniotic_fluid_vernix" };
     vec![
@@ -59,8 +58,8 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
         organ("uterus", "uterus_wall", 40, 2.8, 18.0, wall),
         organ("cervix", "cervix", 42, 2.2, 8.0, lips),
         organ("cervical_lining", "cervical_mucosa", 43, 1.4, 3.2, lining),
-        organ("cervical_canal", "csf", 44, 0.9, 1.4, canal),
-        organ("chorionic_fluid", fluid, 48, 1.6, 3.0, parted(&cavity, placenta)),
+        organ("cervical_canal", "csf", 44, 0.9, 1.8, canal),
+        organ("chorionic_fluid", fluid, 48, 2.0, 6.2, parted(&cavity, placenta)),
         organ("membranes", "amnion", 50, 3.2, 18.0, cavity.grown(MEMBRANES_MM)),
         organ("amniotic_cavity", fluid, 51, 2.6, 18.0, cavity),
     ]
@@ -76,6 +75,6 @@ fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
         let along = p.distance(middle) / radius;
         let outer = cavity.distance_mm(p) - MEMBRANES_MM - PARTED_MM * (1.0 - along * along);
         // What lies within the membranes is hidden by them.
-        outer.max(-2.0 - cavity.distance_mm(p))
+        outer.max(-5.0 - cavity.distance_mm(p))
     })
 }
