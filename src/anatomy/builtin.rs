@@ -125,7 +125,8 @@ mod tests {
         let names = "water gel amniotic_fluid urine blood csf fat skin muscle uterus_wall cervix placenta cord_jelly \
                      vessel_wall brain choroid_plexus falx liver kidney heart spleen bowel soft_tissue lung_fetal \
                      lung_aerated air cartilage bone_adult bone_fetal fascia soft_tissue_maternal \
-                     brain_deep cerebellum cerebellar_vermis renal_medulla";
+                     brain_deep cerebellum cerebellar_vermis renal_medulla septum peritoneum cervical_mucosa \
+                     placental_plate placental_bed amnion amniotic_fluid_vernix";
         for name in names.split_whitespace() {
             assert!(table.index_of(name).is_some(), "{name}");
         }

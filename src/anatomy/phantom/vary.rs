@@ -16,3 +16,17 @@ pub(super) fn random(seed: u64, what: u64) -> f32 {
 pub(super) fn vary(seed: u64, what: u64) -> f32 {
     if seed == 0 { 0.0 } else { 2.0 * random(seed, what) - 1.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_fill_their_range_and_the_mean_does_not_vary() {
+        let mean = (0..1000).map(|i| random(7, i)).sum::<f32>() / 1000.0;
+        assert!((mean - 0.5).abs() < 0.03, "mean {mean}");
+        assert!((0..1000).all(|i| (0.0..1.0).contains(&random(i, 3))));
+        assert!((0..100).all(|i| vary(0, i) == 0.0));
+        assert_ne!(vary(1, 5), vary(2, 5));
+    }
+}

@@ -1,52 +1,209 @@
-//! Skin, fat, fascia and muscles of a pregnant belly, and the tissue inside.
+//! Skin, fat, fasciae, muscles and peritoneum of a pregnant belly, and the tissue inside.
+//!
+//! Thin layers are the difference of thick closed solids: each layer's solid reaches inward to where the next one, of
+//! higher priority, hides it, so that a layer of half a millimetre needs no fine mesh.
 
 use glam::Vec3;
 
 use super::organ;
+use super::proportions::Proportions;
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, ellipsoid, half_space, plate, rounded_box, smooth_union, union};
+use crate::anatomy::phantom::parameters::Parameters;
+use crate::anatomy::phantom::sdf::{Bounds, Solid, ellipsoid, half_space, rounded_box, smooth_union};
 
-/// Height of the belly's skin above the origin, mm.
-pub(in crate::anatomy::phantom) const BELLY_TOP_MM: f32 = 86.0;
+/// Height of the belly's skin above the cavity of the reference at [`REFERENCE_FAT_MM`], mm.
+const BELLY_ABOVE_CAVITY_MM: f32 = 33.0;
 
-const SKIN_MM: f32 = 2.0;
-const FAT_MM: f32 = 13.5;
+pub(super) const SKIN_MM: f32 = 2.0;
+const REFERENCE_FAT_MM: f32 = 13.5;
 const FASCIA_MM: f32 = 0.8;
-const MUSCLE_MM: f32 = 8.0;
+const MUSCLE_MM: f32 = 7.0;
+const POSTERIOR_FASCIA_MM: f32 = 0.5;
+const PREPERITONEAL_FAT_MM: f32 = 0.8;
+const PERITONEUM_MM: f32 = 0.5;
 
-/// The torso segment up to the skin.
-fn torso() -> Solid {
-    let trunk = rounded_box(Vec3::new(0.0, 0.0, -35.0), Vec3::new(140.0, 170.0, 75.0), 55.0);
-    let belly = ellipsoid(Vec3::new(0.0, 0.0, -20.0), Vec3::new(128.0, 155.0, BELLY_TOP_MM + 20.0));
-    smooth_union([trunk, belly], 40.0)
+/// Depths under the deep fascia's outer side where flat muscles and the fasciae between them begin, mm: external
+/// oblique, fascia, internal oblique, fascia, transversus. They thin in pregnancy; their relative thicknesses are
+/// after Rankin et al., Muscle Nerve 34:320 (2006).
+const FLAT_MUSCLES_MM: [f32; 5] = [FASCIA_MM, 3.0, 3.4, 6.0, 6.4];
+
+/// The wall's layers, from the deep fascia outward and inward.
+pub(super) struct AbdominalWall {
+    /// Everything under the fat, up to the deep fascia's outer side.
+    under_fat: Solid,
+    /// Subcutaneous fat, mm.
+    pub(super) fat_mm: f32,
+    proportions: Proportions,
 }
 
-/// What the abdominal wall encloses.
-pub(super) fn interior() -> Solid {
-    torso().grown(-(SKIN_MM + FAT_MM + 2.0 * FASCIA_MM + MUSCLE_MM))
+impl AbdominalWall {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        let proportions = Proportions::of(parameters);
+        let (excess, shift) = (proportions.excess, proportions.skeleton_shift());
+        let (bottom, top) = (-170.0 + shift.y, 170.0 + excess.y.abs());
+        let half = Vec3::new((140.0 + 0.8 * excess.x).max(132.0), 0.5 * (top - bottom), 85.0);
+        let trunk = rounded_box(Vec3::new(0.0, 0.5 * (top + bottom), -45.0 + shift.z), half, 55.0);
+        let height = proportions.cavity_semi.z + BELLY_ABOVE_CAVITY_MM;
+        let semi = Vec3::new(128.0 + excess.x, 155.0 + excess.y, height + 20.0);
+        let torso = smooth_union([trunk, ellipsoid(Vec3::new(0.0, 0.0, -20.0), semi)], 40.0);
+        let under_fat = torso.grown(-(SKIN_MM + REFERENCE_FAT_MM));
+        Self { under_fat, fat_mm: parameters.maternal_fat_mm as f32, proportions }
+    }
+
+    /// The torso up to `depth_mm` below the skin's outer side.
+    pub(super) fn under_skin(&self, depth_mm: f32) -> Solid {
+        self.under_fat.grown(self.fat_mm + SKIN_MM - depth_mm)
+    }
+
+    /// What the abdominal wall encloses.
+    pub(super) fn interior(&self) -> Solid {
+        let inside = MUSCLE_MM + FASCIA_MM + POSTERIOR_FASCIA_MM + PREPERITONEAL_FAT_MM + PERITONEUM_MM;
+        self.under_fat.grown(-inside)
+    }
+
+    /// Height of the belly's skin above the origin, mm.
+    pub(super) fn belly_top_mm(&self) -> f32 {
+        let skin = self.under_skin(0.0);
+        let (mut inside, mut outside) = (0.0f32, 600.0f32);
+        for _ in 0..40 {
+            let middle = 0.5 * (inside + outside);
+            if skin.distance_mm(Vec3::Z * middle) < 0.0 { inside = middle } else { outside = middle }
+        }
+        inside
+    }
+
+    /// Skin, fat, fasciae, muscles, peritoneum and interior, each closed and around the next.
+    pub(super) fn organs(&self) -> Vec<Organ> {
+        let under_sheath = FASCIA_MM + MUSCLE_MM;
+        let layer = |depth_mm: f32| self.under_fat.grown(-depth_mm);
+        let mut organs = vec![
+            organ("skin", "skin", 1, 7.0, 30.0, self.under_skin(0.0)),
+            organ("subcutaneous_fat", "fat", 2, 7.0, 30.0, self.under_skin(SKIN_MM)),
+            organ("abdominal_fascia", "fascia", 5, 7.0, 30.0, layer(0.0)),
+            organ("rectus_muscles", "muscle", 6, 4.5, 18.0, self.recti()),
+            organ("back_muscles", "muscle", 6, 9.0, 30.0, self.back_muscles()),
+            organ("transversalis_fascia", "fascia", 12, 7.0, 26.0, self.behind_linea_alba(under_sheath)),
+            organ(
+                "preperitoneal_fat",
+                "fat",
+                13,
+                7.0,
+                26.0,
+                self.behind_linea_alba(under_sheath + POSTERIOR_FASCIA_MM),
+            ),
+            organ(
+                "peritoneum",
+                "peritoneum",
+                14,
+                8.0,
+                30.0,
+                layer(under_sheath + POSTERIOR_FASCIA_MM + PREPERITONEAL_FAT_MM),
+            ),
+            organ("abdominal_interior", "soft_tissue_maternal", 15, 8.0, 30.0, self.interior()),
+        ];
+        let flat = [
+            ("external_obliques", "muscle"),
+            ("oblique_fascia", "fascia"),
+            ("internal_obliques", "muscle"),
+            ("transversus_fascia", "fascia"),
+            ("transversus_muscles", "muscle"),
+        ];
+        for (i, (name, tissue)) in flat.into_iter().enumerate() {
+            organs.push(organ(name, tissue, 7 + i as i32, 7.0, 17.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
+        }
+        organs
+    }
+
+    /// Half the distance between the lineae semilunares, where recti and flat muscles meet.
+    fn semilunaris_mm(&self) -> f32 {
+        76.0 + 0.5 * self.proportions.excess.x
+    }
+
+    /// Both recti beside the linea alba, which is wide in pregnancy because they part.
+    fn recti(&self) -> Solid {
+        let sheath = self.under_fat.grown(-FASCIA_MM);
+        // As deep as a cell needs; what is below the posterior sheath is hidden.
+        let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
+        let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
+        let alba = half_space(Vec3::X * (4.0 + 0.1 * self.proportions.excess.x.max(0.0)), Vec3::NEG_X);
+        let front = half_space(Vec3::Z * self.front_mm(), Vec3::NEG_Z);
+        let band = semilunaris.smooth_intersect(alba, 3.0).intersect(front);
+        let half = sheath.subtract(deep).smooth_intersect(band, 4.0);
+        let Bounds { min, max } = half.bounds();
+        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+    }
+
+    /// What is deeper than `depth_mm` under the fat, or nearer to it behind the linea alba, which is thinner than the
+    /// muscles beside it.
+    fn behind_linea_alba(&self, depth_mm: f32) -> Solid {
+        let half_width = 4.0 + 0.1 * self.proportions.excess.x.max(0.0);
+        let thinner = MUSCLE_MM - 1.6;
+        let front = self.front_mm();
+        self.under_fat.grown(-depth_mm).displaced(thinner, move |p| {
+            let beside = (p.x.abs() / half_width).min(2.0);
+            let ridge = (1.0 - 0.25 * beside * beside).max(0.0).powi(2);
+            thinner * ridge * ((p.z - front) / 20.0).clamp(0.0, 1.0)
+        })
+    }
+
+    /// Extensors of the back, between the loins and the spine.
+    fn back_muscles(&self) -> Solid {
+        let sheath = self.under_fat.grown(-FASCIA_MM);
+        let back = half_space(Vec3::Z * (self.front_mm() - 53.0), Vec3::Z);
+        let midline = half_space(Vec3::X * 3.0, Vec3::NEG_X);
+        let half = sheath.smooth_intersect(back.smooth_intersect(midline, 3.0), 6.0);
+        let Bounds { min, max } = half.bounds();
+        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+    }
+
+    /// Where the belly's front ends and its flanks begin.
+    fn front_mm(&self) -> f32 {
+        -20.0 + self.proportions.skeleton_shift().z
+    }
+
+    /// The flanks from `depth_mm` under the fat inward, beyond the lineae semilunares and before the loins.
+    fn flat_muscle(&self, depth_mm: f32) -> Solid {
+        let layer = self.under_fat.grown(-depth_mm);
+        let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 12.0));
+        // Deeper muscles end further from the midline.
+        let edge = self.semilunaris_mm() + 1.0 + 0.6 * depth_mm;
+        let beyond = half_space(Vec3::X * edge, Vec3::new(-0.94, 0.0, 0.34));
+        let loins = half_space(Vec3::Z * (self.front_mm() - 50.0), Vec3::NEG_Z);
+        let half = layer.subtract(deep).smooth_intersect(beyond, 4.0).intersect(loins);
+        let Bounds { min, max } = half.bounds();
+        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+    }
 }
 
-/// Skin, fat, fascia, muscles and interior, each closed and around the next.
-pub(super) fn organs() -> Vec<Organ> {
-    let torso = torso();
-    let under_fat = torso.grown(-(SKIN_MM + FAT_MM));
-    vec![
-        organ("skin", "skin", 10, 7.0, 30.0, torso.clone()),
-        organ("subcutaneous_fat", "fat", 12, 7.0, 30.0, torso.grown(-SKIN_MM)),
-        organ("abdominal_fascia", "fascia", 14, 6.5, 30.0, under_fat.clone()),
-        organ("abdominal_muscles", "muscle", 16, 4.5, 10.0, muscles(&under_fat)),
-        organ("abdominal_interior", "soft_tissue_maternal", 18, 7.0, 30.0, interior()),
-    ]
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Both recti beside the linea alba, the flat muscles of the flanks beside the lineae semilunares.
-fn muscles(under_fat: &Solid) -> Solid {
-    let outer = under_fat.grown(-FASCIA_MM);
-    let inner = under_fat.grown(-(FASCIA_MM + MUSCLE_MM));
-    // In pregnancy the recti part: the linea alba is wide.
-    let linea_alba = plate(Vec3::ZERO, Vec3::X, 4.0);
-    let semilunaris = plate(Vec3::new(76.0, 0.0, 0.0), Vec3::new(0.94, 0.0, -0.34), 2.5).with_mirror_image();
-    let front = half_space(Vec3::new(0.0, 0.0, -20.0), Vec3::NEG_Z);
-    let gaps = union([linea_alba, semilunaris]).intersect(front);
-    outer.subtract(inner).smooth_subtract(gaps, 4.0)
+    #[test]
+    fn the_belly_is_as_high_as_uterus_and_wall() {
+        let top = |p: Parameters| AbdominalWall::of(&p).belly_top_mm();
+        let default = Parameters::default();
+        assert!((top(default) - 86.0).abs() < 0.01, "{}", top(default));
+        assert!((top(Parameters { maternal_fat_mm: 60.0, ..default }) - 132.5).abs() < 0.05);
+        for weeks in [16.0, 34.0] {
+            let p = Parameters { gestational_weeks: weeks, ..default };
+            let above = top(p) - Proportions::of(&p).cavity_semi.z;
+            assert!((32.0..45.0).contains(&above), "{above} mm of wall at {weeks} weeks");
+        }
+    }
+
+    #[test]
+    fn the_uterus_lies_within_the_wall() {
+        for weeks in [16.0, 22.0, 34.0] {
+            for lie in [crate::anatomy::phantom::parameters::Lie::Cephalic] {
+                let p = Parameters { gestational_weeks: weeks, lie, ..Parameters::default() };
+                let interior = AbdominalWall::of(&p).interior();
+                let semi = Proportions::of(&p).cavity_semi + super::super::proportions::UTERINE_WALL_MM;
+                for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                    let d = interior.distance_mm(axis * semi);
+                    assert!(d < 0.6, "{axis} at {weeks} weeks: {d}");
+                }
+            }
+        }
+    }
 }

@@ -4,76 +4,101 @@ use std::f32::consts::TAU;
 
 use glam::Vec3;
 
-use super::{organ, placenta};
-use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::fetus;
+use super::cord_path::{End, Surroundings, route};
+use super::organ;
+use super::placenta::Placenta;
+use super::proportions::growth;
+use super::vary::{random, vary};
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{catmull_rom, sweep, union};
+use crate::anatomy::phantom::parameters::Parameters;
+use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 
-const CORD_RADIUS_MM: f32 = 5.2;
-const VEIN_RADIUS_MM: f32 = 1.8;
-const ARTERY_RADIUS_MM: f32 = 1.05;
+/// Radius at 22 weeks, mm (Weissman et al., J Ultrasound Med 13:11, 1994: about 10 to 11 mm across).
+const CORD_RADIUS_22_MM: f32 = 5.2;
 const VESSEL_WALL_MM: f32 = 0.35;
-/// Length of one turn of the vessels.
-const PITCH_MM: f32 = 24.0;
+/// Vein's and arteries' radius and distance from the middle, in parts of the cord's radius.
+const VEIN: [f32; 2] = [0.345, 0.365];
+const ARTERY: [f32; 2] = [0.20, 0.615];
+/// Length of a turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils a cm (Predanic et al., J Ultrasound Med 24:271,
+/// 2005).
+const PITCH_22_MM: f32 = 28.0;
+/// How far the cord reaches into placenta and fetus, mm.
+const ROOTED_MM: f32 = 5.0;
 
-/// The cord's centre line from the placenta to the navel, scene frame.
-fn centre_line(attitude: &Attitude) -> Vec<Vec3> {
-    let (start, away) = placenta::insertion();
-    let navel = attitude.scene_point(fetus::navel(attitude));
-    let ventral = attitude.scene_vector(attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z));
-    let knots = [
-        start - away * 5.0,
-        start + away * 2.0,
-        start + away * 8.0,
-        Vec3::new(38.0, 13.0, 7.0),
-        Vec3::new(45.0, 2.0, 1.0),
-        Vec3::new(47.0, -8.0, -9.0),
-        Vec3::new(45.0, -3.0, -23.0),
-        Vec3::new(44.0, 12.0, -27.0),
-        Vec3::new(47.0, 16.0, -13.0),
-        Vec3::new(36.0, 6.0, -8.0),
-        Vec3::new(27.0, 2.0, -10.0),
-        Vec3::new(19.0, 11.0, -12.0),
-        navel + ventral * 8.0 + Vec3::new(0.0, -4.0, 0.0),
-        navel + ventral * 2.0,
-        navel - ventral * 5.0,
-    ];
-    let knots: Vec<(Vec3, f32)> = knots.into_iter().map(|p| (p, 0.0)).collect();
-    catmull_rom(&knots, 8).into_iter().map(|(p, _)| p).collect()
+/// Where the cord lies.
+pub(super) struct Cord {
+    /// Centre line from within the placenta to within the fetus, scene frame.
+    pub(super) line: Vec<Vec3>,
+    pub(super) radius_mm: f32,
+    pitch_mm: f32,
+    phase: f32,
 }
 
-/// Curves at `offset_mm` from `line` that wind around it, starting at `phase`.
-fn winding(line: &[Vec3], offset_mm: f32, phase: f32, radius_mm: f32) -> Vec<(Vec3, f32)> {
-    let mut across = (line[1] - line[0]).any_orthonormal_vector();
-    let mut length = 0.0;
-    (0..line.len())
-        .map(|i| {
-            let tangent = (line[(i + 1).min(line.len() - 1)] - line[i.saturating_sub(1)]).normalize();
-            // Carried along without twist of its own.
-            across = (across - tangent * across.dot(tangent)).normalize();
-            length += line[i].distance(line[i.saturating_sub(1)]);
-            let angle = phase + TAU * length / PITCH_MM;
-            (line[i] + (across * angle.cos() + tangent.cross(across) * angle.sin()) * offset_mm, radius_mm)
-        })
-        .collect()
-}
+impl Cord {
+    /// The cord from where it enters the placenta's `body` to the `navel` of a `fetus`.
+    pub(super) fn of(
+        parameters: &Parameters,
+        placenta: &Placenta,
+        body: &Solid,
+        root: (Vec3, Vec3),
+        fetus: &Solid,
+        navel: End,
+    ) -> Self {
+        let seed = parameters.seed;
+        let size = growth(parameters).powf(0.8);
+        let radius_mm = CORD_RADIUS_22_MM * size * (1.0 + 0.08 * vary(seed, 2000));
+        let around = Surroundings { cavity: placenta.cavity(), placenta: body, fetus };
+        let from = End { at: root.0, away: root.1 };
+        let course = route(&around, from, navel, radius_mm, seed);
+        // Rooted in the placenta, not through it.
+        let mut knots = vec![from.at - from.away * ROOTED_MM];
+        knots.extend(&course);
+        knots.push(navel.at - navel.away * ROOTED_MM);
+        let knots: Vec<(Vec3, f32)> = knots.into_iter().map(|p| (p, 0.0)).collect();
+        let line = catmull_rom(&knots, 3).into_iter().map(|(p, _)| p).collect();
+        // Seven in eight wind to the left.
+        let turn = if random(seed, 2001) < 0.875 { 1.0 } else { -1.0 };
+        let pitch_mm = turn * PITCH_22_MM * size * (1.0 + 0.3 * vary(seed, 2002));
+        Self { line, radius_mm, pitch_mm, phase: TAU * random(seed, 2003) }
+    }
 
-/// Cord, vessel walls and blood.
-pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
-    let line = centre_line(attitude);
-    let jelly = sweep(&line.iter().map(|&p| (p, CORD_RADIUS_MM)).collect::<Vec<_>>());
-    // Vessels begin and end inside placenta and fetus.
-    let vessels = |grown: f32| {
-        union([
-            sweep(&winding(&line, 1.9, 0.0, VEIN_RADIUS_MM + grown)),
-            sweep(&winding(&line, 3.2, 0.35 * TAU, ARTERY_RADIUS_MM + grown)),
-            sweep(&winding(&line, 3.2, 0.65 * TAU, ARTERY_RADIUS_MM + grown)),
-        ])
-    };
-    vec![
-        organ("cord", "cord_jelly", 70, 1.1, 5.0, jelly),
-        organ("cord_vessel_walls", "vessel_wall", 72, 0.75, 2.0, vessels(VESSEL_WALL_MM)),
-        organ("cord_vessels", "blood", 74, 0.7, 1.9, vessels(0.0)),
-    ]
+    /// The vessel `offset` from the middle and `radius` wide, in parts of the cord's radius, that starts at `phase`.
+    fn winding(&self, [radius, offset]: [f32; 2], phase: f32, grown_mm: f32) -> Solid {
+        let line = &self.line;
+        let mut across = (line[1] - line[0]).any_orthonormal_vector();
+        let mut length = 0.0;
+        let points: Vec<(Vec3, f32)> = (0..line.len())
+            .map(|i| {
+                let tangent = (line[(i + 1).min(line.len() - 1)] - line[i.saturating_sub(1)]).normalize_or(Vec3::Y);
+                // Carried along without twist of its own.
+                across = (across - tangent * across.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
+                length += line[i].distance(line[i.saturating_sub(1)]);
+                let angle = self.phase + phase + TAU * length / self.pitch_mm;
+                let side = across * angle.cos() + tangent.cross(across) * angle.sin();
+                (line[i] + side * (offset * self.radius_mm), radius * self.radius_mm + grown_mm)
+            })
+            .collect();
+        sweep(&points)
+    }
+
+    fn vein(&self, grown_mm: f32) -> Solid {
+        self.winding(VEIN, 0.0, grown_mm)
+    }
+
+    fn arteries(&self, grown_mm: f32) -> [Solid; 2] {
+        [0.35, 0.65].map(|turn| self.winding(ARTERY, turn * TAU, grown_mm))
+    }
+
+    /// Jelly, vessel walls and blood.
+    pub(super) fn organs(&self) -> Vec<Organ> {
+        let jelly = sweep(&self.line.iter().map(|&p| (p, self.radius_mm)).collect::<Vec<_>>());
+        let [left, right] = self.arteries(VESSEL_WALL_MM);
+        let walls = union([self.vein(VESSEL_WALL_MM), left, right]);
+        vec![
+            organ("cord", "cord_jelly", 70, 1.2, 6.0, jelly),
+            organ("cord_vessel_walls", "vessel_wall", 72, 0.8, 2.4, walls),
+            organ("cord_arteries", "blood", 74, 0.65, 1.6, union(self.arteries(0.0))),
+            organ("cord_vein", "blood", 75, 0.8, 2.5, self.vein(0.0)),
+        ]
+    }
 }

@@ -1,47 +1,44 @@
 //! The mother: abdominal wall, uterus with placenta and cord, and what lies around it.
+//!
+//! Sizes follow [`Parameters`]: [`proportions`] says how large the cavity is and where that moves everything else;
+//! [`vary`] gives the small differences from one individual to the next.
 
 mod abdominal_wall;
+mod bladder;
+mod bowel;
 mod cord;
+mod cord_path;
+mod fat_septa;
 mod pelvis;
 mod placenta;
+mod placental_vessels;
+mod proportions;
+mod spine;
+#[cfg(test)]
+mod tests;
 mod uterus;
-mod viscera;
+mod vessels;
 
-use super::attitude::Attitude;
-use super::organ::{Body, Organ};
-use super::parameters::{Lie, Parameters};
-use super::sdf::Solid;
 use glam::Vec3;
 
-pub(super) use placenta::placenta_centre;
+use super::attitude::Attitude;
+use super::fetus;
+use super::vary;
+use super::organ::{Body, Organ};
+use super::parameters::Parameters;
+use super::sdf::Solid;
+use abdominal_wall::AbdominalWall;
+use cord::Cord;
+use cord_path::End;
+use placenta::Placenta;
 
-/// Half axes of the uterine cavity along x, y, z, mm: it grows with the fetus, is wide where that lies across, deep
-/// where its belly looks forward or back, and swells with the fluid.
-pub(super) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
-    let weeks = parameters.gestational_weeks as f32 - 22.0;
-    let growth = 1.0 + 0.0583 * weeks - 0.000_28 * weeks * weeks;
-    let turned = (parameters.roll_deg as f32).to_radians().sin().powi(2);
-    let base = uterus::CAVITY_SEMI;
-    let (broad, deep, long) = (base.x - 3.0 * turned, base.z + 8.0 * turned, base.y);
-    let stretched = 1.0 + 0.16 * (0.5 - parameters.flexion as f32).max(0.0);
-    let fluid = (parameters.fluid_index_mm as f32 - 140.0) / 100.0;
-    let (aside, along) = if fluid < 0.0 { (0.05, 0.02) } else { (0.10, 0.06) };
-    let (aside, along) = (1.0 + aside * fluid, stretched * (1.0 + along * fluid));
-    let semi = match parameters.lie {
-        Lie::Cephalic | Lie::Breech => Vec3::new(broad * aside, long * along, deep * aside),
-        Lie::TransverseHeadLeft | Lie::TransverseHeadRight => Vec3::new(long * along, broad * aside, deep * aside),
-    };
-    semi * growth
-}
+pub(super) use bladder::bladder_centre;
+pub(super) use placenta::placenta_centre;
+pub(super) use proportions::cavity_semi_mm;
 
 /// Height of the belly's skin above the origin, mm.
-pub(super) fn belly_top_mm(_: &Parameters) -> f32 {
-    abdominal_wall::BELLY_TOP_MM
-}
-
-/// Middle of the bladder's urine, mm.
-pub(super) fn bladder_centre(_: &Parameters) -> Vec3 {
-    viscera::BLADDER_CENTRE
+pub(super) fn belly_top_mm(parameters: &Parameters) -> f32 {
+    AbdominalWall::of(parameters).belly_top_mm()
 }
 
 /// The uterine cavity.
@@ -51,13 +48,30 @@ pub(super) fn cavity(parameters: &Parameters) -> Solid {
 
 /// Every surface of the mother, with placenta, cord and fluid.
 pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ> {
+    let outline = fetus::outline(attitude).placed(attitude.scene_from_fetus);
+    let ventral = attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z);
+    let navel = End { at: attitude.scene_point(fetus::navel(attitude)), away: attitude.scene_vector(ventral) };
+    organs_around(parameters, &outline, navel)
+}
+
+/// Every surface of the mother of a fetus with the given skin and navel, scene frame.
+fn organs_around(parameters: &Parameters, fetus: &Solid, navel: End) -> Vec<Organ> {
+    let wall = AbdominalWall::of(parameters);
+    let placenta = Placenta::of(parameters);
+    let body = placenta.body(fetus);
+    let root = placenta.insertion(&body, fetus);
+    let cord = Cord::of(parameters, &placenta, &body, root, fetus, navel);
     let parts = [
-        abdominal_wall::organs(),
-        viscera::organs(),
-        pelvis::organs(),
-        uterus::organs(cavity_semi_mm(parameters)),
-        placenta::organs(),
-        cord::organs(attitude),
+        wall.organs(),
+        fat_septa::organs(parameters, &wall),
+        spine::organs(parameters),
+        bowel::organs(parameters, &wall),
+        bladder::organs(parameters, &wall),
+        vessels::organs(parameters),
+        pelvis::organs(parameters),
+        uterus::organs(parameters, &placenta),
+        placenta.organs(&body, root.0),
+        cord.organs(),
     ];
     parts.into_iter().flatten().collect()
 }

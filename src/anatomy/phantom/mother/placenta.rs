@@ -1,140 +1,319 @@
-//! The placenta: a lobed lens on the anterior left fundal wall, with the vessels on its fetal side.
+//! The placenta: its site, its body between basal and chorionic plate, its lobes and lakes of blood, and its bed.
 
 use std::f32::consts::TAU;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::{organ, uterus};
+use super::proportions::growth;
+use super::vary::{random, vary};
+use super::{cavity, cavity_semi_mm, organ, placental_vessels};
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::parameters::{Parameters, PlacentaSite};
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
+use crate::anatomy::phantom::sdf::{Bounds, Solid, smooth_union, sphere};
 
-/// From the cavity's centre to the placenta's middle, in units of the cavity's half axes.
-const TOWARDS: Vec3 = Vec3::new(0.34, 0.44, 0.83);
-
-const RADIUS_MM: f32 = 72.0;
-const THICKNESS_MM: f32 = 26.0;
+/// Radius at 22 weeks, mm.
+const RADIUS_22_MM: f32 = 72.0;
+/// Greatest thickness, mm.
+const THICKNESS_MAX_MM: f32 = 40.0;
 /// How far it reaches into the wall, so that no film of fluid is left between.
 const SEATED_MM: f32 = 1.0;
-/// Height of the lobes.
-const LOBES_MM: f32 = 1.6;
+/// Thickness of the chorionic and the basal plate, mm.
+const PLATE_MM: f32 = 0.8;
+/// Width of a lobe at 22 weeks, mm.
+const LOBE_22_MM: f32 = 29.0;
+/// By how much the lobes bulge on the fetal side, mm.
+const LOBES_MM: f32 = 1.7;
+/// Least fluid between fetus and placenta, mm.
+const FETAL_GAP_MM: f32 = 2.5;
+/// Thickness of the hypoechoic zone of decidua and myometrium behind the placenta, mm.
+const BED_MM: f32 = 5.0;
 
-/// The point of the wall at the middle of the placenta, and the outward normal there.
-fn seat() -> (Vec3, Vec3) {
-    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
-    let direction = (TOWARDS * uterus::CAVITY_SEMI).normalize();
-    // The cavity is convex about the origin: bisect along the ray.
-    let (mut inside, mut outside) = (0.0f32, 200.0f32);
-    for _ in 0..40 {
-        let middle = 0.5 * (inside + outside);
-        if cavity.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
+/// Where a placenta sits and how large it is.
+#[derive(Clone)]
+pub(super) struct Placenta {
+    parameters: Parameters,
+    cavity: Solid,
+    /// The point of the wall at its middle.
+    wall: Vec3,
+    /// Outward normal there.
+    outward: Vec3,
+    /// Middles of the lobes in the tangent plane.
+    lobes: std::sync::Arc<[Vec2]>,
+}
+
+impl Placenta {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        let semi = cavity_semi_mm(parameters);
+        let cavity = cavity(parameters);
+        let seed = parameters.seed;
+        // In units of the cavity's half axes.
+        let towards = match parameters.placenta {
+            PlacentaSite::Anterior => Vec3::new(0.34, 0.44, 0.83),
+            PlacentaSite::Posterior => Vec3::new(-0.22, 0.38, -0.90),
+            PlacentaSite::Fundal => Vec3::new(0.12, 0.97, 0.20),
+            PlacentaSite::Left => Vec3::new(0.93, 0.28, 0.22),
+            PlacentaSite::Right => Vec3::new(-0.93, 0.28, 0.22),
+        };
+        let about = Vec3::new(vary(seed, 701), vary(seed, 702), vary(seed, 703)) * 0.12;
+        let direction = ((towards + about) * semi).normalize();
+        // The cavity is convex about the origin: bisect along the ray.
+        let (mut inside, mut outside) = (0.0f32, 2.0 * semi.max_element());
+        for _ in 0..40 {
+            let middle = 0.5 * (inside + outside);
+            if cavity.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
+        }
+        let wall = direction * inside;
+        let outward = cavity.normal(wall);
+        let mut placenta = Self { parameters: *parameters, cavity, wall, outward, lobes: [].into() };
+        placenta.lobes = placenta.lobe_centres().into();
+        placenta
     }
-    let wall = direction * inside;
-    (wall, cavity.normal(wall))
-}
 
-/// Middle of its thickness, and the direction to the wall.
-pub(in crate::anatomy::phantom) fn placenta_centre(parameters: &Parameters) -> (Vec3, Vec3) {
-    let semi = super::cavity_semi_mm(parameters);
-    let towards = match parameters.placenta {
-        PlacentaSite::Anterior => TOWARDS,
-        PlacentaSite::Posterior => TOWARDS * Vec3::new(1.0, 1.0, -1.0),
-        PlacentaSite::Fundal => Vec3::new(0.1, 0.97, 0.2),
-        PlacentaSite::Left => Vec3::new(0.95, 0.25, 0.15),
-        PlacentaSite::Right => Vec3::new(-0.95, 0.25, 0.15),
-    };
-    let cavity = uterus::cavity(semi);
-    let direction = (towards * semi).normalize();
-    let (mut inside, mut outside) = (0.0f32, 400.0f32);
-    for _ in 0..40 {
-        let middle = 0.5 * (inside + outside);
-        if cavity.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
+    /// From its middle to its rim along the wall, mm. It grows less than the fetus.
+    pub(super) fn radius_mm(&self) -> f32 {
+        RADIUS_22_MM * growth(&self.parameters).powf(0.55) * (1.0 + 0.05 * vary(self.parameters.seed, 704))
     }
-    let wall = direction * inside;
-    let outward = cavity.normal(wall);
-    (wall - outward * (0.5 * THICKNESS_MM), outward)
-}
 
-/// Where the cord enters, on the fetal side, and the direction away from the placenta. Off the middle, to the left
-/// and caudal, where the fluid is.
-pub(super) fn insertion() -> (Vec3, Vec3) {
-    let (wall, _) = seat();
-    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
-    let beside = wall + INSERTION_OFFSET;
-    let on_fetal_side = under_wall(&cavity, beside, fetal_side_mm(beside.distance(wall)) - 0.5);
-    (on_fetal_side, -cavity.normal(on_fetal_side))
-}
+    /// Thickness at its middle, mm: about that of the weeks in mm (Hoddick et al., J Ultrasound Med 4:479, 1985).
+    pub(super) fn thickness_mm(&self) -> f32 {
+        let weeks = self.parameters.gestational_weeks as f32;
+        (1.08 * weeks * (1.0 + 0.06 * vary(self.parameters.seed, 705))).min(THICKNESS_MAX_MM)
+    }
 
-/// From the placenta's middle to the cord's insertion, about, mm.
-const INSERTION_OFFSET: Vec3 = Vec3::new(22.0, -22.0, 0.0);
+    /// Middle of its thickness, and the direction to the wall.
+    pub(super) fn centre(&self) -> (Vec3, Vec3) {
+        (self.wall - self.outward * (0.5 * self.thickness_mm()), self.outward)
+    }
 
-/// Thickness of the placenta at `along` from its middle, lobes left out, mm.
-fn fetal_side_mm(along: f32) -> f32 {
-    THICKNESS_MM * (1.0 - (along / RADIUS_MM).powi(2)).max(0.0).sqrt()
-}
+    /// A point of the wall beside its rim.
+    pub(super) fn beside(&self) -> Vec3 {
+        let turn = TAU * random(self.parameters.seed, 706);
+        self.on_wall(Vec2::from_angle(turn) * 1.25 * self.radius_mm())
+    }
 
-/// The point near `p` that lies `depth_mm` under the wall.
-fn under_wall(cavity: &Solid, p: Vec3, depth_mm: f32) -> Vec3 {
-    (0..8).fold(p, |p, _| p - cavity.normal(p) * (cavity.distance_mm(p) + depth_mm))
-}
+    /// Two directions along the wall.
+    fn tangents(&self) -> [Vec3; 2] {
+        let across = self.outward.any_orthonormal_vector();
+        [across, self.outward.cross(across)]
+    }
 
-/// The placenta, from just within the wall to its fetal side.
-pub(in crate::anatomy::phantom) fn placenta() -> Solid {
-    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
-    let (wall, _) = seat();
-    let seated = cavity.grown(SEATED_MM);
-    let bounds = seated.bounds();
-    let lens = Solid::new(bounds, move |p| {
-        let depth = -cavity.distance_mm(p);
-        // Distance from the middle along the wall, about: the depth taken out of the straight distance.
-        let along = (p.distance_squared(wall) - depth * depth).max(0.0).sqrt();
-        let k = (along / RADIUS_MM).hypot(depth.max(0.0) / THICKNESS_MM);
-        // First-order distance of the ellipse in (along, depth).
-        let slope = (along / RADIUS_MM.powi(2)).hypot(depth.max(0.0) / THICKNESS_MM.powi(2));
-        if slope < 1e-6 { -THICKNESS_MM } else { k * (k - 1.0) / slope }
-    });
-    let lobed = lens.displaced(LOBES_MM, |p| {
-        let wave = |d: Vec3, length_mm: f32, phase: f32| (p.dot(d.normalize()) * TAU / length_mm + phase).sin();
-        let a = wave(Vec3::new(1.0, 0.3, -0.4), 31.0, 0.4) * wave(Vec3::new(-0.4, 1.0, -0.2), 27.0, 1.3);
-        let b = wave(Vec3::new(0.8, -0.7, 0.2), 17.0, 2.1) * wave(Vec3::new(0.5, 0.8, -0.6), 19.0, 0.2);
-        LOBES_MM * (0.7 * a + 0.3 * b)
-    });
-    lobed.smooth_intersect(seated, 3.0)
-}
+    /// The point of the wall nearest to `(a, b)` of the tangent plane.
+    pub(super) fn on_wall(&self, at: Vec2) -> Vec3 {
+        let [a, b] = self.tangents();
+        self.under_wall(self.wall + a * at.x + b * at.y, 0.0)
+    }
 
-/// Placenta, its lakes of blood and the vessels on the chorionic plate.
-pub(super) fn organs() -> Vec<Organ> {
-    let (wall, outward) = seat();
-    let (root, _) = insertion();
-    let cavity = uterus::cavity(uterus::CAVITY_SEMI);
-    let across = outward.any_orthonormal_vector();
-    let tangent = |angle: f32| across * angle.cos() + outward.cross(across) * angle.sin();
-    let vessels = (0..7).map(|i| {
-        let angle = TAU * i as f32 / 7.0 + 0.3;
-        let rim = wall + tangent(angle) * 54.0;
-        let knots: Vec<(Vec3, f32)> = (0..=5)
-            .map(|k| {
-                let t = 0.2 * k as f32;
-                let sway = tangent(angle + 0.25 * TAU) * (3.0 * (7.0 * t + i as f32).sin() * t * (1.0 - t) * 4.0);
-                let above = root.lerp(rim, t) + sway;
-                // The middle of the placenta is `seat`: depth counts from there.
-                let along = under_wall(&cavity, above, 0.0).distance(wall);
-                (under_wall(&cavity, above, (fetal_side_mm(along) - 3.2).max(2.0)), 1.9 - 1.1 * t)
+    /// The point near `p` that lies `depth_mm` under the wall.
+    pub(super) fn under_wall(&self, p: Vec3, depth_mm: f32) -> Vec3 {
+        (0..10).fold(p, |p, _| p - self.cavity.normal(p) * (self.cavity.distance_mm(p) + depth_mm))
+    }
+
+    /// Unit direction into the cavity at a point of the wall.
+    pub(super) fn inward(&self, on_wall: Vec3) -> Vec3 {
+        -self.cavity.normal(on_wall)
+    }
+
+    /// The fetal side of `body` under the point `on_wall`; none beyond the rim.
+    pub(super) fn fetal_side(&self, body: &Solid, on_wall: Vec3) -> Option<Vec3> {
+        let inward = self.inward(on_wall);
+        let (mut inside, mut outside) = (1.0f32, 1.6 * self.thickness_mm());
+        if body.distance_mm(on_wall + inward * inside) >= 0.0 {
+            return None;
+        }
+        for _ in 0..30 {
+            let middle = 0.5 * (inside + outside);
+            if body.distance_mm(on_wall + inward * middle) < 0.0 { inside = middle } else { outside = middle }
+        }
+        Some(on_wall + inward * inside)
+    }
+
+    /// Lobes on a hexagonal lattice, displaced at random.
+    fn lobe_centres(&self) -> Vec<Vec2> {
+        let width = LOBE_22_MM * growth(&self.parameters).powf(0.55);
+        let seed = self.parameters.seed;
+        let mut centres = Vec::new();
+        for j in -5i32..=5 {
+            for i in -5i32..=5 {
+                let key = 800 + 2 * (11 * (j + 5) + i + 5) as u64;
+                let jitter = Vec2::new(random(seed, key) - 0.5, random(seed, key + 1) - 0.5) * 0.55;
+                let lattice = Vec2::new(i as f32 + 0.5 * (j & 1) as f32, 0.87 * j as f32);
+                let centre = (lattice + jitter) * width;
+                if centre.length() < self.radius_mm() + width {
+                    centres.push(centre);
+                }
+            }
+        }
+        centres
+    }
+
+    /// How far `p` is from the border between two lobes, about, mm, seen from the wall.
+    fn from_lobe_border(&self, p: Vec3) -> f32 {
+        let [a, b] = self.tangents();
+        let at = Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b));
+        let (mut nearest, mut second) = (f32::MAX, f32::MAX);
+        for centre in self.lobes.iter() {
+            let d = at.distance(*centre);
+            (nearest, second) = if d < nearest { (d, nearest) } else { (nearest, second.min(d)) };
+        }
+        0.5 * (second - nearest)
+    }
+
+    /// Distance from the middle along the wall, about: the depth taken out of the straight distance.
+    fn along_mm(&self, p: Vec3) -> f32 {
+        let depth = self.cavity.distance_mm(p);
+        (p.distance_squared(self.wall) - depth * depth).max(0.0).sqrt()
+    }
+
+    /// The whole organ, from just within the wall to its fetal side, pressed in where the `fetus` is near.
+    pub(super) fn body(&self, fetus: &Solid) -> Solid {
+        let seated = self.cavity.grown(SEATED_MM);
+        let reach = Vec3::splat(1.25 * self.radius_mm() + self.thickness_mm());
+        let bounds = seated.bounds().overlap(Bounds::around(self.wall, reach));
+        let (radius, thickness) = (self.radius_mm(), self.thickness_mm());
+        let own = self.clone();
+        let lens = Solid::new(bounds, move |p| {
+            let depth = -own.cavity.distance_mm(p);
+            let (u, v) = (own.along_mm(p) / radius, depth.max(0.0) / thickness);
+            let k = u.hypot(v);
+            // First-order distance of the ellipse in (along, depth).
+            let slope = (u / radius).hypot(v / thickness);
+            if slope < 1e-6 { -thickness } else { k * (k - 1.0) / slope }
+        });
+        let own = self.clone();
+        let lobed = lens.displaced(LOBES_MM, move |p| {
+            LOBES_MM * (own.from_lobe_border(p) * (2.0 / LOBE_22_MM)).clamp(0.0, 1.0).sqrt() - 0.6 * LOBES_MM
+        });
+        lobed.smooth_intersect(seated, 3.0).smooth_subtract(fetus.grown(FETAL_GAP_MM), 5.0)
+    }
+
+    /// What lies between the plates, cut part of the way by septa from the basal plate.
+    fn parenchyma(&self, body: &Solid) -> Solid {
+        let own = self.clone();
+        let within = body.grown(-PLATE_MM);
+        let reach = 0.6 * self.thickness_mm();
+        Solid::new(within.bounds(), move |p| {
+            let d = within.distance_mm(p);
+            if d > 2.0 {
+                return d;
+            }
+            let depth = -own.cavity.distance_mm(p);
+            // Wedges: widest at the basal plate.
+            let half_width = 0.85 * (1.0 - depth / reach);
+            if half_width < -2.0 { d } else { d.max(0.9 * (half_width - own.from_lobe_border(p))) }
+        })
+    }
+
+    /// Small lakes of blood between the villi, more of them later in pregnancy.
+    fn lakes(&self, body: &Solid) -> Option<Solid> {
+        let seed = self.parameters.seed;
+        let count = 5 + (0.4 * (self.parameters.gestational_weeks as f32 - 16.0)) as u64;
+        let lakes: Vec<Solid> = (0..count)
+            .filter_map(|i| {
+                let r = |k: u64| random(seed, 1200 + 10 * i + k);
+                let at = Vec2::from_angle(TAU * r(0)) * self.radius_mm() * (0.15 + 0.6 * r(1));
+                let on_wall = self.on_wall(at);
+                let fetal = self.fetal_side(body, on_wall)?;
+                let middle = on_wall.lerp(fetal, 0.35 + 0.4 * r(2));
+                let size = 2.0 + 1.8 * r(3);
+                let [a, b] = self.tangents();
+                let aside = (a * (r(4) - 0.5) + b * (r(5) - 0.5)) * 2.6 * size;
+                // A lake too near to a plate would break through it.
+                (body.distance_mm(middle) < -size - 2.0)
+                    .then(|| smooth_union([sphere(middle, size), sphere(middle + aside, 0.7 * size)], 1.5))
             })
             .collect();
-        sweep(&catmull_rom(&knots, 5))
-    });
-    let lakes = (0..5).map(|i| {
-        let angle = TAU * i as f32 / 5.0 + 0.9;
-        let along = [24.0f32, 38.0, 16.0, 45.0, 31.0][i];
-        let at = |angle: f32, along: f32, part: f32| {
-            under_wall(&cavity, wall + tangent(angle) * along, part * fetal_side_mm(along))
-        };
-        sweep(&[(at(angle, along, 0.35), 2.6), (at(angle + 0.16, along + 2.0, 0.5), 1.9)])
-    });
-    let blood = vessels.chain(lakes).collect::<Vec<_>>();
-    vec![
-        organ("placenta", "placenta", 60, 1.8, 9.0, placenta()),
-        organ("placental_vessels", "blood", 64, 0.9, 1.8, union(blood)),
-    ]
+        // A thin placenta may have room for none.
+        (!lakes.is_empty()).then(|| smooth_union(lakes, 1.0).intersect(body.grown(-2.0)))
+    }
+
+    /// Decidua and the myometrium next to it: a dark band within the wall.
+    fn bed(&self) -> Solid {
+        let own = self.clone();
+        let radius = 0.92 * self.radius_mm();
+        let bounds = self.cavity.bounds().grown(BED_MM).overlap(Bounds::around(self.wall, Vec3::splat(1.2 * radius)));
+        Solid::new(bounds, move |p| {
+            let d = own.cavity.distance_mm(p);
+            let u = own.along_mm(p) / radius;
+            // Thins to the rim; inward of the wall the placenta hides it.
+            (d - BED_MM * (1.0 - u * u * u * u)).max(-4.0 - d).max((u - 1.0) * radius)
+        })
+    }
+
+    /// Veins of the bed.
+    fn bed_veins(&self) -> Solid {
+        let seed = self.parameters.seed;
+        smooth_union(
+            (0..9u64).map(|i| {
+                let r = |k: u64| random(seed, 1500 + 10 * i + k);
+                let at = Vec2::from_angle(TAU * r(0)) * self.radius_mm() * 0.8 * r(1).sqrt();
+                let turn = Vec2::from_angle(TAU * r(2)) * 4.0;
+                let ball = |at: Vec2| sphere(self.under_wall(self.on_wall(at), -2.9), 1.35);
+                smooth_union(
+                    [ball(at - turn), ball(at - turn * 0.5), ball(at), ball(at + turn * 0.5), ball(at + turn)],
+                    1.0,
+                )
+            }),
+            0.5,
+        )
+    }
+
+    /// Where the cord enters, on the fetal side of `body`, and the direction away from it: off the middle, where
+    /// `fetus` leaves most room.
+    pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> (Vec3, Vec3) {
+        let mut best = (f32::MIN, self.wall - self.outward * self.thickness_mm(), -self.outward);
+        for ring in 0..7 {
+            for step in 0..16u64 {
+                let turn = TAU * (step as f32 + 0.5 * (ring % 2) as f32) / 16.0;
+                let off = 0.13 * ring as f32;
+                let on_wall = self.on_wall(Vec2::from_angle(turn) * off * self.radius_mm());
+                let Some(fetal) = self.fetal_side(body, on_wall) else { continue };
+                let inward = self.inward(on_wall);
+                let thick = on_wall.distance(fetal);
+                // Room right before it and further on; a thin rim holds no cord.
+                let room = |mm: f32| {
+                    let p = fetal + inward * mm;
+                    fetus.distance_mm(p).min(-self.cavity.distance_mm(p)).min(mm + 6.0)
+                };
+                let score = room(7.0) + room(14.0) - 8.0 * off
+                    + thick.min(12.0)
+                    + 3.0 * random(self.parameters.seed, 1700 + 16 * ring + step);
+                if score > best.0 {
+                    best = (score, fetal, inward);
+                }
+            }
+        }
+        (best.1, best.2)
+    }
+
+    /// Plates, parenchyma, lakes, bed and the vessels on the chorionic plate; `root` is where the cord enters.
+    pub(super) fn organs(&self, body: &Solid, root: Vec3) -> Vec<Organ> {
+        let lakes = self.lakes(body).map(|lakes| organ("placental_lakes", "blood", 63, 1.0, 2.6, lakes));
+        let parts = [
+            organ("placental_bed", "placental_bed", 45, 2.6, 9.0, self.bed()),
+            organ("placental_bed_veins", "blood", 46, 1.2, 2.0, self.bed_veins()),
+            organ("placental_plates", "placental_plate", 60, 1.9, 9.0, body.clone()),
+            organ("placenta", "placenta", 61, 1.7, 10.0, self.parenchyma(body)),
+            organ("placental_vessels", "blood", 64, 0.9, 1.85, placental_vessels::tree(self, body, root)),
+        ];
+        parts.into_iter().chain(lakes).collect()
+    }
+
+    pub(super) fn cavity(&self) -> &Solid {
+        &self.cavity
+    }
+
+    pub(super) fn seed(&self) -> u64 {
+        self.parameters.seed
+    }
+
+    /// `p` in the tangent plane.
+    pub(super) fn tangent_place(&self, p: Vec3) -> Vec2 {
+        let [a, b] = self.tangents();
+        Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b))
+    }
+}
+
+/// Middle of the placenta's thickness, and the direction to the wall that bears it.
+pub(in crate::anatomy::phantom) fn placenta_centre(parameters: &Parameters) -> (Vec3, Vec3) {
+    Placenta::of(parameters).centre()
 }

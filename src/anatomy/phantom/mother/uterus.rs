@@ -1,22 +1,26 @@
-//! Uterine wall, cervix and the fluid in the cavity.
+//! Uterine wall, cervix, membranes and the fluid in the cavity.
 
 use glam::Vec3;
 
 use super::organ;
+use super::placenta::Placenta;
+use super::proportions::{Proportions, UTERINE_WALL_MM};
 use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Bounds, Solid, round_cone, smooth_union, sphere, sweep};
-
-/// Half axes of the cavity, mm.
-pub(in crate::anatomy::phantom) const CAVITY_SEMI: Vec3 = Vec3::new(63.0, 103.0, 53.0);
-
-/// Thickness of the wall, mm.
-const WALL_MM: f32 = 8.0;
+use crate::anatomy::phantom::parameters::Parameters;
+use crate::anatomy::phantom::sdf::{Bounds, Solid, capsule, round_cone, smooth_union, sphere, sweep};
 
 /// Exponent of the cavity's superellipsoid: a little fuller than an ellipsoid.
 const FULLNESS: f32 = 2.25;
 
+/// Thickness of amnion and chorion where they lie together, mm.
+const MEMBRANES_MM: f32 = 0.35;
+/// Fluid between amnion and chorion at the middle of where they part, mm.
+const PARTED_MM: f32 = 2.6;
+/// Vernix floats in the fluid from about then on.
+const VERNIX_WEEKS: f64 = 28.0;
+
 /// The uterine cavity.
-pub(in crate::anatomy::phantom) fn cavity(semi: Vec3) -> Solid {
+pub(super) fn cavity(semi: Vec3) -> Solid {
     Solid::new(Bounds::around(Vec3::ZERO, semi), move |p| {
         let q = (p / semi).abs();
         let f = q.to_array().iter().map(|x| x.powf(FULLNESS)).sum::<f32>().powf(1.0 / FULLNESS);
@@ -28,23 +32,49 @@ pub(in crate::anatomy::phantom) fn cavity(semi: Vec3) -> Solid {
     })
 }
 
-/// Wall, cervix with its canal, and fluid.
-pub(super) fn organs(semi: Vec3) -> Vec<Organ> {
-    let cavity = cavity(semi);
-    let bottom = Vec3::new(0.0, -100.0, -6.0);
-    let os = Vec3::new(0.0, -130.0, -27.0);
+/// Wall, cervix with its canal, membranes and fluid.
+pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ> {
+    let proportions = Proportions::of(parameters);
+    let cavity = cavity(proportions.cavity_semi);
+    let shift = proportions.skeleton_shift();
+    // The neck's upper end hangs on the uterus, its lower end in the pelvis.
+    let bottom = Vec3::new(0.0, 3.0 - proportions.cavity_semi.y, -6.0 + 0.5 * shift.z);
+    let os = bottom + Vec3::new(0.0, -30.0, -21.0);
+    let along = |part: f32| bottom.lerp(os, part);
     let neck = round_cone(bottom, os, 17.0, 13.0);
-    let wall = smooth_union([cavity.grown(WALL_MM), round_cone(bottom, bottom.lerp(os, 0.3), 18.0, 14.0)], 12.0);
-    // A plug of mucus in a closed canal.
-    let canal = sweep(&[(bottom.lerp(os, 0.25), 1.1), (bottom.lerp(os, 0.6), 1.6), (os, 1.2)]);
+    let wall = smooth_union([cavity.grown(UTERINE_WALL_MM), round_cone(bottom, along(0.3), 18.0, 14.0)], 12.0);
+    // A plug of mucus in a closed canal, spindle-shaped, within the glands of its lining.
+    let canal = sweep(&[(along(0.22), 1.0), (along(0.6), 1.5), (along(1.0), 1.1)]);
+    let lining = sweep(&[(along(0.22), 2.8), (along(0.6), 4.2), (along(0.98), 3.2)]);
     let lips = smooth_union(
         [neck, sphere(os + Vec3::new(0.0, 2.0, 7.0), 8.0), sphere(os + Vec3::new(0.0, 5.0, -7.0), 8.0)],
         5.0,
     );
+    let vagina_end = os + Vec3::new(0.0, -27.0, 6.0);
+    let vagina = smooth_union([capsule(os, vagina_end, 9.0), sphere(os, 19.0)], 8.0);
+    let fluid = if parameters.gestational_weeks < VERNIX_WEEKS { "amniotic_fluid" } else { "amniotic_fluid_vernix" };
     vec![
-        organ("uterus", "uterus_wall", 40, 2.6, 18.0, wall),
+        organ("vagina", "muscle", 38, 3.0, 9.0, vagina),
+        organ("uterus", "uterus_wall", 40, 2.8, 18.0, wall),
         organ("cervix", "cervix", 42, 2.2, 8.0, lips),
-        organ("cervical_canal", "csf", 44, 0.9, 1.4, canal),
-        organ("amniotic_cavity", "amniotic_fluid", 50, 2.4, 18.0, cavity),
+        organ("cervical_lining", "cervical_mucosa", 43, 1.4, 3.2, lining),
+        organ("cervical_canal", "csf", 44, 0.9, 1.8, canal),
+        organ("chorionic_fluid", fluid, 48, 2.0, 6.2, parted(&cavity, placenta)),
+        organ("membranes", "amnion", 50, 3.2, 18.0, cavity.grown(MEMBRANES_MM)),
+        organ("amniotic_cavity", fluid, 51, 2.6, 18.0, cavity),
     ]
+}
+
+/// Fluid between the membranes where they have not fused: a lens beside the placenta.
+fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
+    let middle = placenta.beside();
+    let radius = 0.55 * placenta.radius_mm();
+    let cavity = cavity.clone();
+    let bounds = Bounds::around(middle, Vec3::splat(radius + 4.0));
+    Solid::new(bounds, move |p| {
+        let along = p.distance(middle) / radius;
+        let outer = cavity.distance_mm(p) - MEMBRANES_MM - PARTED_MM * (1.0 - along * along);
+        // What lies within the membranes is hidden by them.
+        outer.max(-5.0 - cavity.distance_mm(p))
+    })
 }
