@@ -20,6 +20,7 @@ mod meshing;
 mod mother;
 mod organ;
 pub mod parameters;
+mod parts;
 pub mod sdf;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -33,6 +34,7 @@ pub use cache::{CacheError, cached};
 pub use landmarks::{Landmarks, landmarks};
 pub use organ::{Body, Organ};
 pub use parameters::Parameters;
+pub use parts::parts;
 
 pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 
