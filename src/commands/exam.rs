@@ -209,7 +209,7 @@ fn make_parent(path: &Path) -> Result<(), Failure> {
 }
 
 fn print(report: &Report) -> Result<(), Failure> {
-    let hand = report.skill.map_or_else(String::new, |skill| format!(", a {skill} hand"));
+    let hand = report.skill.map_or_else(String::new, |skill| format!(", hand: {skill}"));
     output::line(format!("{} s at {} poses a second, seed {}{hand}", report.duration_s, report.rate_hz, report.seed))?;
     report.key_frames.iter().try_for_each(|k| output::line(format!("{:6.1} s  {}", k.time_s, k.name)))?;
     output::line(report.path.display())

@@ -1,54 +1,45 @@
-//! A station's scene as its standard planes need it: the planes, the skin, the surfaces that are measured.
-
-use std::collections::BTreeMap;
+//! A station's standard planes, and the skin that a probe touches.
 
 use insonify::anatomy::planes::StandardPlanes;
-use insonify::anatomy::{Mesh, Scene, Skin, phantom};
+use insonify::anatomy::{Scene, Skin};
 use insonify::station::{SceneSource, Station};
 
 use super::{Classify, Failure};
 
-/// Cells of the phantom's surfaces that are measured, mm.
-const CELL_MM: f32 = 0.7;
-
 /// How deep a probe is pressed into the skin where a plane's pose is given, mm.
-pub(crate) const PRESS_MM: f64 = 2.5;
+const PRESS_MM: f64 = 2.5;
 
-/// What a station's planes need.
+/// What a hand needs to know.
 pub(crate) struct PlaneScene {
+    /// With the poses of probes on the skin.
     pub(crate) planes: StandardPlanes,
     pub(crate) skin: Skin,
-    /// The scene, where it has a file.
-    scene: Option<Scene>,
 }
 
 impl PlaneScene {
-    /// Reads planes and scene.
+    /// Reads planes and, where it has a file, the scene; the phantom needs no mesh for that.
     pub(crate) fn open(station: &Station) -> Result<Self, Failure> {
-        let planes = station.standard_planes()?;
-        let scene = station.scene_file().map(|path| station.load_scene_from(path)).transpose()?;
-        let skin = match &scene {
-            Some(scene) => {
-                let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
-                planes.check_surfaces(&names)?;
-                Skin::of_scene(scene).input()?
-            }
-            None => Skin::phantom().ok_or_else(|| Failure::Other(anyhow::anyhow!("the phantom has no skin")))?,
-        };
-        Ok(Self { planes: planes.with_poses(&skin, PRESS_MM), skin, scene })
+        match station.scene_file() {
+            Some(path) => Self::of(station, &station.load_scene_from(path)?),
+            None => Self::phantom(station),
+        }
     }
 
-    /// Surfaces that the planes name.
-    pub(crate) fn surfaces(self) -> (StandardPlanes, Skin, BTreeMap<String, Mesh>) {
-        let names = self.planes.surfaces();
-        let surfaces = match self.scene {
-            Some(scene) => {
-                let named = scene.surfaces.into_iter().filter(|surface| names.contains(&surface.name.as_str()));
-                named.map(|surface| (surface.name, surface.mesh)).collect()
-            }
-            None => phantom::parts(&names, CELL_MM).into_iter().map(|part| (part.name, part.mesh)).collect(),
-        };
-        (self.planes, self.skin, surfaces)
+    /// Planes and skin of the station's `scene`.
+    pub(crate) fn of(station: &Station, scene: &Scene) -> Result<Self, Failure> {
+        let planes = station.standard_planes()?;
+        let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+        planes.check_surfaces(&names)?;
+        if station.scene_file().is_none() {
+            return Self::phantom(station);
+        }
+        let skin = Skin::of_scene(scene).input()?;
+        Ok(Self { planes: planes.with_poses(&skin, PRESS_MM), skin })
+    }
+
+    fn phantom(station: &Station) -> Result<Self, Failure> {
+        let skin = Skin::phantom().ok_or_else(|| Failure::Other(anyhow::anyhow!("the phantom has no skin")))?;
+        Ok(Self { planes: station.standard_planes()?.with_poses(&skin, PRESS_MM), skin })
     }
 }
 

@@ -1,9 +1,11 @@
 //! `insonify score`: how well a session found the standard planes.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::anatomy::Mesh;
 use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::sink::exam_report;
@@ -13,7 +15,7 @@ use serde::Serialize;
 
 use super::plane_scene::PlaneScene;
 use super::replay::RecordingReport;
-use super::{Failure, output};
+use super::{Failure, output, session};
 
 /// Compare a recorded session with the standard planes of the station's scene.
 ///
@@ -83,7 +85,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if poses.is_empty() {
         return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
     }
-    let (planes, skin, surfaces) = PlaneScene::open(&station)?.surfaces();
+    let scene = session::load_scene(&station)?;
+    let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
+    let names = planes.surfaces();
+    let named = scene.surfaces.into_iter().filter(|surface| names.contains(&surface.name.as_str()));
+    let surfaces: BTreeMap<String, Mesh> = named.map(|surface| (surface.name, surface.mesh)).collect();
     let reference = Reference {
         planes: planes.chosen(&args.planes)?,
         skin: Some(&skin),

@@ -52,7 +52,7 @@ impl Skill {
                 lift_chance: 0.6,
             },
             Self::Trained => Hand {
-                start: Deviation { tilt_deg: 11.0, rock_deg: 9.0, rotate_deg: 18.0, slide_mm: 14.0 },
+                start: Deviation { tilt_deg: 13.0, rock_deg: 11.0, rotate_deg: 22.0, slide_mm: 18.0 },
                 rest: Deviation { tilt_deg: 1.2, rock_deg: 4.0, rotate_deg: 2.5, slide_mm: 1.5 },
                 left_over: (-0.3, 0.4),
                 corrects: 0.8,
@@ -66,7 +66,7 @@ impl Skill {
                 lift_chance: 0.3,
             },
             Self::Expert => Hand {
-                start: Deviation { tilt_deg: 8.0, rock_deg: 6.0, rotate_deg: 12.0, slide_mm: 10.0 },
+                start: Deviation { tilt_deg: 11.0, rock_deg: 9.0, rotate_deg: 18.0, slide_mm: 14.0 },
                 rest: Deviation { tilt_deg: 0.4, rock_deg: 2.0, rotate_deg: 1.0, slide_mm: 0.5 },
                 left_over: (-0.15, 0.2),
                 corrects: 1.0,

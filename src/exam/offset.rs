@@ -7,6 +7,9 @@ use crate::anatomy::planes::{StandardPlane, Tolerances, View};
 use crate::pose::Pose;
 use crate::transducer::{Probe, Sector};
 
+/// Cost of what is outside of the sector: too much, if only just.
+const HIDDEN: f64 = 1.0 + 1e-6;
+
 /// How far an image is from a view of a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Offset {
@@ -21,7 +24,7 @@ pub struct Offset {
     pub centring_mm: f64,
     /// Depth of the view's centre below the probe's face, mm; negative behind it.
     pub depth_mm: f64,
-    /// Landmarks of the view within the image's sector. Whether bone shadows them isn't asked.
+    /// Landmarks of the view within the image's sector and near enough to its plane. Whether bone shadows them isn't asked.
     pub landmarks_seen: usize,
     /// Of all deviations the largest, each over its tolerance: at most 1 where the view is shown.
     pub cost: f64,
@@ -41,14 +44,19 @@ impl Offset {
         let in_plane = lateral.z.abs().atan2(lateral.x.abs());
         let centre = probe_from_scene.transform_point(view.centre_mm);
         let in_sector = |p: DVec3| Sector::polar(probe, DVec2::new(p.x, p.z)).is_some();
-        let seen = |p: DVec3| in_sector(probe_from_scene.transform_point(p));
-        let landmarks_seen = view.landmarks.iter().filter(|l| seen(l.position_mm)).count();
+        let mut landmarks_seen = 0;
+        let mut landmark_cost: f64 = if in_sector(centre) { 0.0 } else { HIDDEN };
+        for landmark in &view.landmarks {
+            let p = probe_from_scene.transform_point(landmark.position_mm);
+            let off = landmark.within_mm.map_or(0.0, |within_mm| p.y.abs() / within_mm);
+            landmarks_seen += usize::from(in_sector(p) && off <= 1.0);
+            landmark_cost = landmark_cost.max(if in_sector(p) { off } else { off.max(HIDDEN) });
+        }
 
         let [least, greatest] = tolerances.depth_mm;
         // Ten mm too shallow or too deep count like a whole tolerance.
         let too_far = (least - centre.z).max(centre.z - greatest).max(0.0);
         let depth_cost = if too_far > 0.0 { 1.0 + 0.1 * too_far } else { 0.0 };
-        let hidden = landmarks_seen < view.landmarks.len() || !in_sector(centre);
         let (angle_deg, in_plane_deg) = (angle.to_degrees(), in_plane.to_degrees());
         let (distance_mm, centring_mm) = (centre.y.abs(), centre.x.abs());
         let cost = [
@@ -57,7 +65,7 @@ impl Offset {
             tolerances.in_plane_deg.map_or(0.0, |limit| in_plane_deg / limit),
             centring_mm / tolerances.centring_mm,
             depth_cost,
-            if hidden { 1.0 + 1e-6 } else { 0.0 },
+            landmark_cost,
         ]
         .into_iter()
         .fold(0.0, f64::max);

@@ -178,7 +178,8 @@ impl Plan {
             let look_s = self.within(hand.look_s);
             self.stay(&base, &off, look_s);
             let move_s = self.within(hand.move_s);
-            if off.is_within(&hand.rest) || self.now_s + move_s + hold_s > deadline_s {
+            let next_s = move_s + hand.look_s.1 + hold_s + LIFT_S;
+            if off.is_within(&hand.rest) || self.now_s + next_s > deadline_s {
                 break;
             }
             off = off.corrected(&hand, &mut self.random);

@@ -194,6 +194,11 @@ fn check_view(view: &mut View) -> Result<(), Wrong> {
     view.lateral = square("lateral", unit("lateral", view.lateral)?, view.normal)?;
     view.to_probe = square("to_probe", unit("to_probe", view.to_probe)?, view.normal)?;
     view.to_probe = square("to_probe", view.to_probe, view.lateral)?;
+    for landmark in &view.landmarks {
+        if let Some(value) = landmark.within_mm.filter(|v| !(*v > 0.0 && *v <= 1e3)) {
+            return Err(wrong(format!("landmarks.{}.within_mm", landmark.name), value, "above 0 and at most 1000"));
+        }
+    }
     for caliper in &view.calipers {
         let key = |k: &str| format!("calipers.{}.{k}", caliper.name);
         if caliper.points_mm.len() != caliper.kind.points() {

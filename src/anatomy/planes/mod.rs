@@ -115,6 +115,9 @@ pub struct PlaneLandmark {
     /// Where.
     #[serde(with = "json::vector")]
     pub position_mm: DVec3,
+    /// Greatest distance from the image plane at which it is still seen, mm; none where it need only be within the sector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within_mm: Option<f64>,
 }
 
 /// A measurement in the plane.

@@ -131,8 +131,14 @@ fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     }
 }
 
-fn marks(points: &[(&str, DVec3)]) -> Vec<PlaneLandmark> {
-    points.iter().map(|&(name, position_mm)| PlaneLandmark { name: name.to_owned(), position_mm }).collect()
+/// Landmarks with how far from the image they may be: half their own size, and some slice.
+fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
+    let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {
+        name: name.to_owned(),
+        position_mm,
+        within_mm: Some(within_mm),
+    };
+    points.iter().map(mark).collect()
 }
 
 fn outlines(names: &[&str]) -> Vec<String> {
@@ -166,9 +172,9 @@ fn head(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     view.outlines = outlines(&["skull", "subarachnoid_space", "ventricles", "falx"]);
     let thalamus = a.left * 0.22 * semi.x;
     view.landmarks = marks(&[
-        ("cavum septi pellucidi", a.cavum),
-        ("left thalamus", a.head + thalamus),
-        ("right thalamus", a.head - thalamus),
+        ("cavum septi pellucidi", a.cavum, 5.0),
+        ("left thalamus", a.head + thalamus, 6.0),
+        ("right thalamus", a.head - thalamus, 6.0),
     ]);
     view.calipers = vec![
         Caliper {
@@ -198,7 +204,7 @@ fn cerebellum(a: &Anatomy) -> StandardPlane {
     let mut view = view("", 0.5 * (a.cavum + a.cerebellum), a.cavum - a.cerebellum, a.left);
     view.outlines = outlines(&["skull", "subarachnoid_space", "cerebellum", "ventricles"]);
     let half = a.left * a.cerebellum_half_mm;
-    view.landmarks = marks(&[("cavum septi pellucidi", a.cavum), ("cerebellum", a.cerebellum)]);
+    view.landmarks = marks(&[("cavum septi pellucidi", a.cavum, 5.0), ("cerebellum", a.cerebellum, 6.0)]);
     let ends = vec![a.cerebellum + half, a.cerebellum - half];
     view.calipers = vec![caliper("TCD", "transcerebellar diameter", ends, "cerebellum", 7.0)];
     let title = "transcerebellar plane of the head";
@@ -211,7 +217,7 @@ fn abdomen(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     let mut view = view("", a.abdomen, a.ventral, a.left.reject_from(a.cranial));
     view.outlines = outlines(&["fetal_skin", "stomach", "liver", "vertebrae", "kidneys"]);
     let (across, front) = (view.to_probe * radius, a.ventral * radius);
-    view.landmarks = marks(&[("stomach", a.stomach), ("spine", a.abdomen - 0.68 * front)]);
+    view.landmarks = marks(&[("stomach", a.stomach, 6.0), ("spine", a.abdomen - 0.68 * front, 8.0)]);
     view.calipers = vec![Caliper {
         true_mm: Some(f64::from(biometry.abdominal_circumference_mm)),
         ..caliper(
@@ -232,7 +238,7 @@ fn femur(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
         let mut view = view(name, 0.5 * (hip + knee), knee - hip, DVec3::Z);
         view.any_turn_about_lateral = true;
         view.outlines = outlines(&["fetal_skin", "long_bones"]);
-        view.landmarks = marks(&[("proximal end", hip), ("distal end", knee)]);
+        view.landmarks = marks(&[("proximal end", hip, 3.0), ("distal end", knee, 3.0)]);
         let line = caliper("FL", "femur length", vec![hip, knee], "long_bones", 4.0);
         view.calipers = vec![Caliper { true_mm: Some(f64::from(biometry.femur_mm)), ..line }];
         view
@@ -245,7 +251,7 @@ fn heart(a: &Anatomy) -> StandardPlane {
     let up = a.left.reject_from(a.heart_cranial).normalize_or(a.left);
     let mut view = view("", a.heart, up.cross(a.heart_cranial), up);
     view.outlines = outlines(&["fetal_skin", "heart", "heart_chambers", "ribs", "vertebrae"]);
-    view.landmarks = marks(&[("heart", a.heart)]);
+    view.landmarks = marks(&[("heart", a.heart, 5.0)]);
     plane("heart", "four-chamber view of the heart", HEART_GUIDE, tolerances(12.0, 4.0, None), vec![view])
 }
 
@@ -255,7 +261,7 @@ fn spine(a: &Anatomy) -> StandardPlane {
     let lateral = (chest - lumbar).reject_from(a.left);
     let mut view = view("", middle, lateral, (-a.ventral).reject_from(a.left));
     view.outlines = outlines(&["fetal_skin", "vertebrae"]);
-    view.landmarks = marks(&[("thoracic spine", chest), ("lumbar spine", lumbar)]);
+    view.landmarks = marks(&[("thoracic spine", chest, 4.0), ("lumbar spine", lumbar, 4.0)]);
     plane("spine", "midsagittal plane of the spine", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
 }
 
@@ -263,7 +269,7 @@ fn spine(a: &Anatomy) -> StandardPlane {
 fn profile(a: &Anatomy) -> StandardPlane {
     let mut view = view("", 0.5 * (a.nose + a.forehead), a.vertex, a.face);
     view.outlines = outlines(&["fetal_skin", "skull", "face_and_skull_base"]);
-    view.landmarks = marks(&[("forehead", a.forehead), ("nose", a.nose), ("chin", a.chin)]);
+    view.landmarks = marks(&[("forehead", a.forehead, 5.0), ("nose", a.nose, 5.0), ("chin", a.chin, 5.0)]);
     plane("profile", "midsagittal plane of the face", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
 }
 
@@ -291,8 +297,7 @@ mod tests {
                 assert!(lateral.x > 0.9999 && local.transform_vector(view.normal).y.abs() > 0.9999);
                 for landmark in &view.landmarks {
                     let off = local.transform_point(landmark.position_mm).y.abs();
-                    let limit = plane.tolerances.distance_mm;
-                    // The stomach is a bubble of 5 mm.
+                    let limit = 0.6 * landmark.within_mm.unwrap();
                     assert!(off <= limit, "{}: {} is {off} mm off the plane", plane.name, landmark.name);
                 }
             }

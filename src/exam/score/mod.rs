@@ -8,30 +8,26 @@
 //! them up to a quarter of the tolerance, none at the tolerance) and 10 for a steady hold (all up to 0.5 mm RMS, none
 //! from 3 mm). The weights are assumed.
 
+mod track;
+
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 use serde::Serialize;
 
+pub use track::Track;
+use track::{best_second, length_s, path_mm, stretches};
+
 use super::measure::{Measured, measure};
 use super::offset::Offset;
-use crate::anatomy::planes::{Caliper, StandardPlane, View};
+use crate::anatomy::planes::{Caliper, CaliperKind, StandardPlane, View};
 use crate::anatomy::{Mesh, Skin};
 use crate::pose::{Pose, TimedPose, angle_between};
 use crate::tracker::recording::{CaliperEvent, Event};
-use crate::transducer::Probe;
+use crate::transducer::{Probe, Sector};
 
 /// How long a plane is to be held, s.
 pub const HOLD_S: f64 = 1.0;
-
-/// A longer time between two poses is a gap: nothing is held over it, s.
-const GAP_S: f64 = 0.25;
-
-/// Gap between face and skin that gel still fills, mm (assumed).
-const GEL_MM: f64 = 1.0;
-
-/// Paths are measured between means over this time, so that tremor is not taken for way, s.
-const PATH_STEP_S: f64 = 0.1;
 
 /// What a session is compared with.
 pub struct Reference<'a> {
@@ -143,27 +139,11 @@ pub struct CaliperScore {
     pub error_percent: Option<f64>,
 }
 
-/// Deviations over time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Track {
-    /// s from the start.
-    pub time_s: Vec<f64>,
-    /// Centre of the face, mm.
-    pub position_mm: Vec<DVec3Array>,
-    /// Whether the probe was on the skin.
-    pub contact: Vec<bool>,
-    /// Of each plane its nearest view's deviation, in the order of the reference.
-    pub offsets: Vec<Vec<Offset>>,
-}
-
-/// A vector as an array.
-pub type DVec3Array = [f64; 3];
-
 /// Compares `scene_from_probe` over time, ascending, with the reference. `events` may hold calipers.
 ///
 /// Also gives the deviations behind the score, pose by pose.
 pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Score, Track) {
-    let track = track(poses, reference);
+    let track = Track::of(poses, reference);
     let path = path_mm(&track);
     let planes: Vec<_> = reference
         .planes
@@ -189,78 +169,6 @@ pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -
     (score, track)
 }
 
-/// Where the probe was at each pose.
-fn track(poses: &[TimedPose], reference: &Reference<'_>) -> Track {
-    let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
-    let on_skin = |p: &TimedPose| match reference.skin {
-        Some(skin) => skin.press_mm(&p.pose).is_some_and(|mm| mm >= -GEL_MM),
-        None => true,
-    };
-    // A plane without a view has no deviation; its file would have been refused.
-    let offsets = |plane: &&StandardPlane| {
-        let nearest = |p: &TimedPose| Offset::nearest(plane, reference.probe, &p.pose).map(|(_, offset)| offset);
-        poses.iter().filter_map(nearest).collect()
-    };
-    Track {
-        time_s: poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect(),
-        position_mm: poses.iter().map(|p| p.pose.position_mm.to_array()).collect(),
-        contact: poses.iter().map(on_skin).collect(),
-        offsets: reference.planes.iter().map(offsets).collect(),
-    }
-}
-
-/// Way of the face up to each pose, mm, between means over [`PATH_STEP_S`].
-fn path_mm(track: &Track) -> Vec<f64> {
-    let mut path = Vec::with_capacity(track.time_s.len());
-    let (mut way, mut last): (f64, Option<DVec3>) = (0.0, None);
-    let bin = |t: f64| (t / PATH_STEP_S) as u64;
-    let mut rest = track.time_s.as_slice();
-    let mut positions = track.position_mm.as_slice();
-    while let Some(&first) = rest.first() {
-        let count = rest.partition_point(|&t| bin(t) <= bin(first)).max(1);
-        let sum: DVec3 = positions[..count].iter().map(|p| DVec3::from_array(*p)).sum();
-        let mean = sum / count as f64;
-        way += last.map_or(0.0, |last| last.distance(mean));
-        last = Some(mean);
-        path.extend(std::iter::repeat_n(way, count));
-        (rest, positions) = (&rest[count..], &positions[count..]);
-    }
-    path
-}
-
-/// Stretches of at least one pose in which `holds`, and no gap lies: first and last index.
-fn stretches(time_s: &[f64], holds: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
-    let mut found: Vec<(usize, usize)> = Vec::new();
-    for i in (0..time_s.len()).filter(|&i| holds(i)) {
-        match found.last_mut() {
-            Some((_, last)) if *last + 1 == i && time_s[i] - time_s[*last] <= GAP_S => *last = i,
-            _ => found.push((i, i)),
-        }
-    }
-    found
-}
-
-/// First and last index of the second with the least mean of `cost`.
-fn best_second(time_s: &[f64], cost: &[f64]) -> Option<(usize, usize)> {
-    let mut best: Option<(f64, (usize, usize))> = None;
-    for (first, last) in stretches(time_s, |_| true) {
-        let (mut start, mut sum) = (first, 0.0);
-        for end in first..=last {
-            sum += cost[end];
-            // As few poses as still last a second.
-            while start < end && time_s[end] - time_s[start + 1] >= HOLD_S - 1e-6 {
-                sum -= cost[start];
-                start += 1;
-            }
-            let mean = sum / (end - start + 1) as f64;
-            if time_s[end] - time_s[start] >= HOLD_S - 1e-6 && best.is_none_or(|(least, _)| mean < least) {
-                best = Some((mean, (start, end)));
-            }
-        }
-    }
-    best.map(|(_, window)| window)
-}
-
 fn plane_score(
     plane: &StandardPlane,
     offsets: &[Offset],
@@ -271,9 +179,8 @@ fn plane_score(
 ) -> PlaneScore {
     let time_s = &track.time_s[..offsets.len()];
     let shown = |i: usize| track.contact[i] && offsets[i].is_within();
-    let length = |&(first, last): &(usize, usize)| time_s[last] - time_s[first];
     let held = stretches(time_s, shown);
-    let first_hold = held.iter().find(|s| length(s) >= HOLD_S - 1e-6);
+    let first_hold = held.iter().find(|s| length_s(time_s, s) >= HOLD_S - 1e-6);
     // Off the skin there is no image: as if a tolerance farther off.
     let cost: Vec<f64> =
         offsets.iter().zip(&track.contact).map(|(o, contact)| o.cost + f64::from(u8::from(!contact))).collect();
@@ -287,7 +194,7 @@ fn plane_score(
         points: 0.0,
         find_s: first_hold.map(|&(first, _)| time_s[first]),
         path_to_find_mm: first_hold.map(|&(first, _)| path[first]),
-        longest_hold_s: held.iter().map(length).fold(0.0, f64::max),
+        longest_hold_s: held.iter().map(|s| length_s(time_s, s)).fold(0.0, f64::max),
         best_s: None,
         best_pose: None,
         best: None,
@@ -348,7 +255,7 @@ fn falling(value: f64, full: f64, none: f64) -> f64 {
 
 /// What `caliper` measures at `pose`, and the truth.
 fn measured(caliper: &Caliper, view: &View, pose: &Pose, depth_mm: f64, reference: &Reference<'_>) -> Measure {
-    let measured = cut(caliper, pose, depth_mm, reference);
+    let measured = cut(caliper, pose, depth_mm, reference).filter(|m| is_in_sector(caliper.kind, m, reference.probe));
     let measured_mm = measured.as_ref().map(|m| m.length_mm);
     let true_mm = truth_mm(caliper, view, reference);
     Measure {
@@ -358,6 +265,17 @@ fn measured(caliper: &Caliper, view: &View, pose: &Pose, depth_mm: f64, referenc
         true_mm,
         error_percent: error_percent(measured_mm, true_mm),
         measured,
+    }
+}
+
+/// Whether the image shows what is measured: both ends of a line, and most of an ellipse.
+fn is_in_sector(kind: CaliperKind, measured: &Measured, probe: &Probe) -> bool {
+    const ELLIPSE_LEAST: f64 = 0.6;
+    let inside = measured.points_mm.iter().filter(|p| Sector::polar(probe, **p).is_some()).count() as f64;
+    let all = measured.points_mm.len() as f64;
+    match kind {
+        CaliperKind::Line => inside == all,
+        CaliperKind::Ellipse => inside >= ELLIPSE_LEAST * all,
     }
 }
 
