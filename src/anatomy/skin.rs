@@ -60,11 +60,8 @@ impl Skin {
                 let mut last = f32::NEG_INFINITY;
                 tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
                     let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
-                    if let Some(triangle) = index.and_then(|i| triangles.get(i)) {
-                        let t = triangle.intersect(ray);
-                        if t.is_finite() && t <= ray.tmax {
-                            last = last.max(t);
-                        }
+                    if let Some(t) = index.and_then(|i| intersect(triangles.get(i)?, ray)) {
+                        last = last.max(t);
                     }
                 });
                 last.is_finite().then_some(f64::from(last))
@@ -80,6 +77,25 @@ impl Skin {
         let deep = pose.position_mm + into_body * PROBE_MM;
         Some(self.exit(deep, -into_body)?.distance(deep) - PROBE_MM)
     }
+}
+
+/// Distance along `ray` to `triangle` (Möller & Trumbore, J Graph Tools 2:21, 1997). A little more than the triangle
+/// counts, so that a ray through a corner meets one of its triangles.
+fn intersect(triangle: &Triangle, ray: &Ray) -> Option<f32> {
+    const MORE: f64 = 1e-5;
+    let d = |v: Vec3A| v.as_dvec3();
+    let (a, direction) = (d(triangle.v0), d(ray.direction));
+    let (ab, ac) = (d(triangle.v1) - a, d(triangle.v2) - a);
+    let p = direction.cross(ac);
+    let det = ab.dot(p);
+    if det == 0.0 {
+        return None;
+    }
+    let from_a = d(ray.origin) - a;
+    let q = from_a.cross(ab);
+    let (u, v, t) = (from_a.dot(p) / det, direction.dot(q) / det, ac.dot(q) / det);
+    let inside = u >= -MORE && v >= -MORE && u + v <= 1.0 + MORE;
+    (inside && t >= f64::from(ray.tmin) && t <= f64::from(ray.tmax)).then_some(t as f32)
 }
 
 /// Distance to where a line leaves the solid: the first crossing, bisected.

@@ -108,7 +108,7 @@ pub struct Deviation {
 /// A hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
-    /// RMS error at the start of a search.
+    /// Error at the start of a search.
     pub start: Deviation,
     /// Error that it is content with.
     pub rest: Deviation,
@@ -142,13 +142,12 @@ pub(super) struct Off {
 }
 
 impl Off {
-    /// Off by up to `size` times 1.5, drawn with `size` as its spread.
+    /// Off by up to 1.5 times `size`, evenly.
     pub(super) fn draw(size: &Deviation, random: &mut SplitMix64) -> Self {
-        // Uniform within √3 has a spread of one; cut so that nobody starts on the other side.
         Self { parts: sizes(size).map(|s| s * 1.5 * (2.0 * random.unit() - 1.0)) }
     }
 
-    /// Off by `size` to one side or the other: a search starts with something to do.
+    /// Off by half to one and a half of `size` to either side: a search starts with something to do.
     pub(super) fn draw_away(size: &Deviation, random: &mut SplitMix64) -> Self {
         let side = |random: &mut SplitMix64| if random.unit() < 0.5 { -1.0 } else { 1.0 };
         Self { parts: sizes(size).map(|s| s * side(random) * (0.5 + random.unit())) }

@@ -123,13 +123,15 @@ struct Plan {
     /// Calipers to place when, s.
     calipers: Vec<(f64, Caliper)>,
     now_s: f64,
+    /// Where the face was last, mm.
+    contact_mm: DVec3,
 }
 
 impl Plan {
     fn new(hand: Hand, seed: u64) -> Self {
         let random = SplitMix64(seed ^ 0x5e55_1011);
         let (waypoints, lifts, phases, calipers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { hand, random, waypoints, lifts, phases, calipers, now_s: 0.0 }
+        Self { hand, random, waypoints, lifts, phases, calipers, now_s: 0.0, contact_mm: DVec3::ZERO }
     }
 
     fn within(&mut self, (least, most): (f64, f64)) -> f64 {
@@ -140,6 +142,7 @@ impl Plan {
     fn stay(&mut self, base: &Base, off: &Off, stay_s: f64) {
         let pose = off.of(&base.pose);
         let target_mm = pose.transform_point(DVec3::Z * base.depth_mm);
+        self.contact_mm = pose.position_mm;
         let (arrive_s, leave_s) = (self.now_s, self.now_s + stay_s);
         self.waypoints.push(Waypoint { arrive_s, leave_s, target_mm, orientation: pose.orientation });
         self.now_s = leave_s;
@@ -156,7 +159,8 @@ impl Plan {
             self.lifts.push((-LIFT_S, LIFT_S));
             return;
         };
-        let way_mm = last.target_mm.distance(base.pose.transform_point(DVec3::Z * base.depth_mm));
+        // Round a belly the way is longer than the chord.
+        let way_mm = 1.3 * self.contact_mm.distance(base.pose.position_mm);
         let turn_deg = last.orientation.angle_between(base.pose.orientation).to_degrees();
         // About as fast in degrees as in mm.
         let travel_s = (way_mm.max(turn_deg) / TRAVEL_MM_S).max(TRAVEL_LEAST_S);
