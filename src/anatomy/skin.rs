@@ -20,6 +20,9 @@ const REACH_MM: u32 = 400;
 /// How far in front of a probe's face the body is looked for, mm.
 const PROBE_MM: f64 = 30.0;
 
+/// A ray within the very border of one of the tree's boxes may miss the box: rays on both sides of it do not.
+const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
+
 /// The outside of a scene.
 pub struct Skin(Outside);
 
@@ -56,14 +59,16 @@ impl Skin {
         let t = match &self.0 {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
             Outside::Mesh { tree, triangles } => {
-                let (origin, along) = (Vec3A::from(from_mm.as_vec3()), Vec3A::from(direction.as_vec3()));
                 let mut last = f32::NEG_INFINITY;
-                tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
-                    let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
-                    if let Some(t) = index.and_then(|i| intersect(triangles.get(i)?, ray)) {
-                        last = last.max(t);
-                    }
-                });
+                for aside_mm in [ASIDE_MM, -ASIDE_MM] {
+                    let (origin, along) = ((from_mm + aside_mm).as_vec3a(), direction.as_vec3a());
+                    tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
+                        let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
+                        if let Some(t) = index.and_then(|i| intersect(triangles.get(i)?, ray)) {
+                            last = last.max(t);
+                        }
+                    });
+                }
                 last.is_finite().then_some(f64::from(last))
             }
         }?;
@@ -125,6 +130,9 @@ mod tests {
         for direction in [DVec3::X, DVec3::Y, DVec3::new(0.6, 0.0, -0.8)] {
             let exit = skin.exit(DVec3::new(5.0, 0.0, 0.0), direction).unwrap();
             assert!((exit.distance(DVec3::new(5.0, 0.0, 0.0)) - 50.0).abs() < 0.1, "{exit}");
+        }
+        for (i, direction) in [DVec3::Z, -DVec3::Z, -DVec3::Y, -DVec3::X].into_iter().enumerate() {
+            assert!(skin.exit(DVec3::new(5.0, 0.0, 0.0), direction).is_some(), "direction {i}");
         }
         assert_eq!(skin.exit(DVec3::new(80.0, 0.0, 0.0), DVec3::X), None);
         let at = |z: f64| Pose::looking(DVec3::new(5.0, 0.0, z), DVec3::NEG_Z, DVec3::X);

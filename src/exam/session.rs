@@ -80,8 +80,7 @@ pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Resu
     let hand = settings.skill.hand();
     let least_s = hand.hold_s.1 + SEARCH_LEAST_S;
     let share_s = settings.duration_s / planes.len().max(1) as f64;
-    // NaN fails this, too.
-    if !(share_s >= least_s) {
+    if share_s.is_nan() || share_s < least_s {
         let (duration_s, planes) = (settings.duration_s, planes.len());
         return Err(ExamError::TooShort { duration_s, planes, least_s });
     }

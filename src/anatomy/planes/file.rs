@@ -174,8 +174,7 @@ fn check_view(view: &mut View) -> Result<(), Wrong> {
     let landmarks = view.landmarks.iter().map(|l| l.position_mm);
     let points = landmarks.chain(view.calipers.iter().flat_map(|c| c.points_mm.iter().copied()));
     for point in points.chain([view.centre_mm]) {
-        // NaN fails this, too.
-        if !(point.abs().max_element() <= POSITION_LIMIT_MM) {
+        if !point.is_finite() || point.abs().max_element() > POSITION_LIMIT_MM {
             return Err(wrong("a point", point, format!("within ±{POSITION_LIMIT_MM} mm")));
         }
     }

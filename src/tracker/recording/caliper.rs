@@ -40,7 +40,9 @@ impl CaliperEvent {
             if count != 2 && count != 4 {
                 return Err(format!("a caliper has 2 points, or 4 for an ellipse; this one has {count}"));
             }
-            if let Some(x) = caliper.points_mm.iter().flatten().find(|x| !(x.abs() <= COORDINATE_LIMIT_MM)) {
+            if let Some(x) =
+                caliper.points_mm.iter().flatten().find(|x| !x.is_finite() || x.abs() > COORDINATE_LIMIT_MM)
+            {
                 return Err(format!("a caliper's point is {x}; coordinates reach ±{COORDINATE_LIMIT_MM} mm"));
             }
             Ok(caliper)
