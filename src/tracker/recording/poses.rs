@@ -55,7 +55,6 @@ pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, 
 ///
 /// # Errors
 /// The source cannot be read.
-#[expect(clippy::type_complexity, reason = "three plain things")]
 pub fn read_both<R: Read>(
     reader: RecordingReader<R>,
 ) -> Result<(Vec<TimedPose>, Vec<SessionPose>, RecordingSummary), RecordingError> {
