@@ -16,6 +16,8 @@ pub mod generator;
 
 pub mod render;
 
+pub mod exam;
+
 pub mod transducer;
 
 pub mod anatomy;

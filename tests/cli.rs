@@ -395,3 +395,92 @@ fn a_reader_that_leaves_early_is_no_panic() {
     assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
     assert_eq!(output.status.code(), Some(0));
 }
+
+/// A box in gel with a file of standard planes beside it, a station, and a recording of an expert who looks for them.
+fn planes_station(dir: &TempDir) -> PathBuf {
+    let mesh = cuboid(Vec3::new(-44.0, -60.0, 10.0), Vec3::new(44.0, 60.0, 90.0));
+    let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
+    write_glb(&[surface], &dir.path().join("scene.glb")).unwrap();
+    let planes = serde_json::json!({ "version": 1, "planes": [{
+        "name": "middle", "title": "middle of the block",
+        "tolerances": { "angle_deg": 10, "distance_mm": 5, "centring_mm": 20, "depth_mm": [20, 60] },
+        "views": [{
+            "centre_mm": [0, 0, 50], "normal": [0, 1, 0], "lateral": [1, 0, 0], "to_probe": [0, 0, -1],
+            "landmarks": [{ "name": "middle", "position_mm": [0, 0, 50] }],
+            "calipers": [{
+                "name": "W", "title": "width", "kind": "line", "points_mm": [[-44, 0, 50], [44, 0, 50]],
+                "surface": "block", "reach_mm": 5
+            }]
+        }]
+    }]});
+    write_json(&dir.path().join("scene.planes.json"), &planes).unwrap();
+    station(dir, SMALL)
+}
+
+#[test]
+fn a_scene_of_ones_own_can_be_trained_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let station = planes_station(&dir);
+    let planes = insonify(&["planes", text(&station), "--json"]);
+    succeeded(&planes);
+    let planes: Value = serde_json::from_slice(&planes.stdout).unwrap();
+    assert_eq!(planes["planes"][0]["views"][0]["pose"][2], 12.5, "pressed 2.5 mm into the block: {planes}");
+
+    let out = dir.path().join("sessions");
+    let exam = insonify(
+        &[
+            &["exam", text(&station), "--out", text(&out), "--sessions", "2", "--seed", "40"][..],
+            &["--skill", "expert", "--duration", "12", "--json"],
+        ]
+        .concat(),
+    );
+    succeeded(&exam);
+    let sessions: Value = serde_json::from_slice(&exam.stdout).unwrap();
+    assert_eq!(sessions.as_array().unwrap().len(), 2);
+    assert_eq!(sessions[1]["key_frames"][0]["name"], "middle");
+    assert!(out.join("sessions.json").is_file());
+
+    let (recording, page) = (out.join("session_000041.mcap"), dir.path().join("page.html"));
+    let score = insonify(&["score", text(&recording), text(&station), "--json", "--out", text(&page)]);
+    succeeded(&score);
+    let score: Value = serde_json::from_slice(&score.stdout).unwrap();
+    let plane = &score["planes"][0];
+    assert!(plane["found"] == true && score["poses"] == "tracker", "{score}");
+    assert!((plane["measures"][0]["measured_mm"].as_f64().unwrap() - 88.0).abs() < 1.0, "{plane}");
+    assert!(score["calipers"][0]["error_percent"].as_f64().unwrap().abs() < 5.0, "{score}");
+    let page = std::fs::read_to_string(&page).unwrap();
+    assert!(page.contains("middle of the block") && page.contains("<polyline") && page.ends_with("</html>\n"));
+    let table = insonify(&["score", text(&recording), text(&station)]);
+    succeeded(&table);
+    assert!(String::from_utf8_lossy(&table.stdout).starts_with("1 of 1 planes found"));
+}
+
+#[test]
+fn what_cannot_be_scored_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let station = planes_station(&dir);
+    let session = dir.path().join("session.mcap");
+    recording(&session);
+    let score = |more: &[&str]| insonify(&[&["score", text(&session), text(&station)], more].concat());
+    succeeded(&score(&[]));
+    refused(&score(&["--planes", "midle"]), &["no standard plane `midle`", "did you mean `middle`"]);
+    refused(&score(&["--out", "score.png"]), &["must end in .html"]);
+    refused(&insonify(&["score", text(&station), text(&station)]), &["is not a recording"]);
+    let exam = |more: &[&str]| {
+        let out = dir.path().join("exam.mcap");
+        insonify(&[&["exam", text(&station), "--out", text(&out)], more].concat())
+    };
+    refused(&exam(&["--duration", "3"]), &["too short for 1 planes"]);
+    refused(&exam(&["--duration", "nan"]), &["--duration is NaN"]);
+    refused(&exam(&["--skill", "guru"]), &["novice, trained, expert, mixed"]);
+    refused(&insonify(&["exam", "--out", "x.mcap", "--planes", "middle"]), &["STATION"]);
+
+    let file = dir.path().join("scene.planes.json");
+    let text_of = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text_of.replace("\"block\"", "\"blok\"")).unwrap();
+    refused(&score(&[]), &["surface `blok`", "did you mean `block`"]);
+    std::fs::write(&file, text_of.replace("\"angle_deg\": 10", "\"angle_deg\": -10")).unwrap();
+    refused(&score(&[]), &["scene.planes.json", "planes.middle.tolerances.angle_deg"]);
+    std::fs::remove_file(&file).unwrap();
+    refused(&score(&[]), &["has no standard planes", "scene.planes.json is not there"]);
+}

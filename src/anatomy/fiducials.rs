@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::exam::phantom_skin;
+use super::Skin;
+use super::phantom::Parameters;
 use crate::pose::csv::NamedPoint;
 
 /// Where points of the obstetric phantom's skin are seen from inside the uterus: x mother's left, y cranial, z anterior.
@@ -18,10 +19,10 @@ const PHANTOM: [(&str, [f64; 3]); 7] = [
 ];
 
 /// The obstetric phantom's, mm in the scene: where straight lines from the middle of the uterus leave the skin.
-pub fn of_phantom() -> Vec<NamedPoint> {
-    let skin = phantom_skin();
+pub fn of_phantom(parameters: &Parameters) -> Vec<NamedPoint> {
+    let skin = Skin::phantom(parameters);
     let point = |(name, direction): (&str, [f64; 3])| {
-        let point_mm = skin(DVec3::ZERO, DVec3::from_array(direction).normalize())?;
+        let point_mm = skin.exit(DVec3::ZERO, DVec3::from_array(direction).normalize())?;
         Some(NamedPoint { name: name.to_owned(), point_mm })
     };
     PHANTOM.into_iter().filter_map(point).collect()
@@ -34,7 +35,7 @@ mod tests {
 
     #[test]
     fn the_phantoms_points_register_a_tracker() {
-        let points = of_phantom();
+        let points = of_phantom(&Parameters::default());
         assert_eq!(points.len(), PHANTOM.len());
         let pairs: Vec<_> = points
             .iter()

@@ -3,18 +3,21 @@
 pub mod analytic;
 pub mod builtin;
 pub mod bvh;
-pub mod exam;
 pub mod export;
 pub mod fiducials;
 pub mod import;
 pub mod mesh;
 pub mod motion;
 pub mod phantom;
+pub mod planes;
 pub mod scene;
+pub mod section;
+pub mod skin;
 pub mod tissue;
 
 pub use bvh::{Bvh, BvhError};
 pub use mesh::Mesh;
 pub use motion::Motion;
 pub use scene::{Scene, SceneError, Surface};
+pub use skin::Skin;
 pub use tissue::{Tissue, TissueError, TissueTable};

@@ -3,9 +3,10 @@
 use std::process::ExitCode;
 
 use insonify::anatomy::SceneError;
-use insonify::anatomy::exam::ExamError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::phantom::{CacheError, PhantomError};
+use insonify::anatomy::planes::PlanesError;
+use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
 use insonify::render::{GpuError, RenderError, SettingsError};
@@ -123,6 +124,7 @@ impl From<ExamError> for Failure {
     fn from(error: ExamError) -> Self {
         match error {
             ExamError::Recording(error) => error.into(),
+            ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Self::Input(error.into()),
             error => Self::Other(error.into()),
         }
     }
@@ -176,7 +178,7 @@ macro_rules! input_errors {
         }
     )*};
 }
-input_errors!(StationError, SceneError, ProbeError, SettingsError, PhantomError, CalibrationError);
+input_errors!(StationError, PlanesError, SceneError, ProbeError, SettingsError, PhantomError, CalibrationError);
 
 #[cfg(test)]
 mod tests {

@@ -15,6 +15,8 @@ mod live_sinks;
 mod output;
 mod pace;
 mod phantom;
+mod plane_scene;
+mod planes;
 mod progress;
 mod quality;
 mod record;
@@ -23,6 +25,7 @@ mod replay;
 mod replay_args;
 mod run;
 mod run_table;
+mod score;
 mod session;
 mod station_keys;
 mod status_line;
@@ -74,7 +77,9 @@ enum Command {
     Import(import::Args),
     Export(export::Args),
     Phantom(phantom::Args),
+    Planes(planes::Args),
     Exam(exam::Args),
+    Score(score::Args),
     Calibrate(calibrate::Args),
     Generator(generator::Args),
     Tissues(tissues::Args),
@@ -95,7 +100,9 @@ impl Cli {
             Command::Import(args) => import::run(args),
             Command::Export(args) => export::run(args),
             Command::Phantom(args) => phantom::run(args),
+            Command::Planes(args) => planes::run(args),
             Command::Exam(args) => exam::run(args),
+            Command::Score(args) => score::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Generator(args) => generator::run(args),
             Command::Tissues(args) => tissues::run(args),

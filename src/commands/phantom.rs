@@ -6,6 +6,8 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
 use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, build, movement};
+use insonify::anatomy::planes;
+use insonify::sink::write_json;
 use serde::Serialize;
 
 use super::output::thousands;
@@ -14,7 +16,7 @@ use super::{Failure, output};
 
 /// Make the obstetric phantom: a pregnant belly, as closed surfaces in a .glb file.
 ///
-/// The same options give the same file, byte for byte. At scale 1 the fetus has 400 000 triangles and the mother 275 000.
+/// Its standard planes go into a file beside it (.planes.json). The same options give the same files, byte for byte. At scale 1 the fetus has 400 000 triangles and the mother 275 000.
 #[derive(Debug, Parser)]
 #[command(
     after_help = "Example:\n  insonify phantom --out out/phantom.glb --weeks 28 --lie breech --placenta posterior --scale 0.25"
@@ -124,7 +126,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
         insonify::sink::create_dir(directory)?;
     }
-    write_moving_glb(&surfaces, &movement(&args.options().parameters), &args.out)?;
+    let parameters = args.options().parameters;
+    write_moving_glb(&surfaces, &movement(&parameters), &args.out)?;
+    write_json(&planes::file_beside(&args.out), &planes::obstetric(&parameters))?;
     let rows: Vec<_> = surfaces.iter().map(row).collect();
     let triangles = rows.iter().map(|r| r.triangles).sum();
     if args.json {

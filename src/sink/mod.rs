@@ -7,6 +7,7 @@ pub mod browser;
 pub mod colour;
 pub mod contact_sheet;
 pub mod control;
+pub mod exam_report;
 pub mod frame_files;
 pub mod frame_line;
 pub mod frame_log;

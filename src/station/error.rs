@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::Accepts;
+use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{SceneError, TissueError};
 use crate::pose::{CalibrationError, PoseError};
 use crate::render::SettingsError;
@@ -125,6 +126,9 @@ pub enum StationError {
     /// A scene that cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// Standard planes that cannot be used.
+    #[error(transparent)]
+    Planes(#[from] PlanesError),
     /// A tissue table that cannot be used.
     #[error(transparent)]
     Tissue(#[from] TissueError),

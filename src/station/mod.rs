@@ -22,6 +22,7 @@ mod window;
 use std::path::{Path, PathBuf};
 
 use crate::anatomy::phantom::PhantomOptions;
+use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
@@ -121,6 +122,17 @@ impl Station {
             calibration: self.calibration.load()?,
             initial_pose: self.default_pose.unwrap_or(Pose::IDENTITY),
         })
+    }
+
+    /// The scene's standard planes: those of the phantom, or of the file beside the scene's.
+    ///
+    /// # Errors
+    /// As [`planes::beside`].
+    pub fn standard_planes(&self) -> Result<StandardPlanes, StationError> {
+        match &self.scene {
+            SceneSource::File(path) => Ok(planes::beside(path)?),
+            SceneSource::ObstetricPhantom(options) => Ok(planes::obstetric(&options.parameters)),
+        }
     }
 
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.

@@ -162,7 +162,7 @@ impl Asked {
 fn landmarks_are_touched_one_by_one_and_the_stations_file_is_written() {
     let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
     let mut asked = Asked::start(dir.path(), &tracker, &["--json"]);
-    let points = fiducials::of_phantom();
+    let points = fiducials::of_phantom(&Default::default());
     // At first the hand slides, and then the tracker is lost: neither gives a landmark.
     asked.until(&points[0].name);
     tracker.does(Hand::Moving(touching(points[0].point_mm, 0)));
@@ -200,7 +200,7 @@ fn wrong_landmarks_leave_the_file_as_it_is() {
     for (count, place, message) in cases {
         let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
         let mut asked = Asked::start(dir.path(), &tracker, &[]);
-        let points = fiducials::of_phantom();
+        let points = fiducials::of_phantom(&Default::default());
         for (n, point) in points.iter().take(count).enumerate() {
             asked.take(&tracker, point, place(point.point_mm), n);
         }

@@ -21,6 +21,7 @@ mod mother;
 mod movement;
 mod organ;
 pub mod parameters;
+mod parts;
 mod placement;
 pub mod sdf;
 mod spine;
@@ -40,6 +41,7 @@ pub use landmarks::{Landmarks, landmarks};
 pub use movement::movement;
 pub use organ::{Body, Organ};
 pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite};
+pub use parts::parts;
 
 pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 
@@ -103,6 +105,11 @@ pub fn organs(parameters: &Parameters) -> Vec<Organ> {
     let mut organs = mother::organs(parameters, &attitude);
     organs.extend(fetus::organs(&attitude));
     organs
+}
+
+/// The mother up to her skin, scene frame.
+pub fn skin(parameters: &Parameters) -> sdf::Solid {
+    mother::skin(parameters)
 }
 
 /// Builds the phantom: closed, outward-facing surfaces in ascending priority, the same on each run. The fetus has

@@ -91,7 +91,7 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<NamedPoint>, Failur
         return csv::points(&text.input()?).with_context(|| path.display().to_string()).input();
     }
     match &station.scene {
-        SceneSource::ObstetricPhantom { .. } => Ok(fiducials::of_phantom()),
+        SceneSource::ObstetricPhantom(options) => Ok(fiducials::of_phantom(&options.parameters)),
         SceneSource::File(scene) => Err(Failure::Input(anyhow!(
             "nobody knows landmarks of {}: give --points FILE with lines `x,y,z,name` (mm in the scene)",
             scene.display()

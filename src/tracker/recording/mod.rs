@@ -8,6 +8,9 @@
 //! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: something worth finding again, a key frame for example, or a control that was moved; `value` is left out where there is none |
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
+//! Measurements in the image are events, too ([`CaliperEvent`]). Events whose names begin with `truth.` say what a made
+//! session did, for those who train with it; nothing that judges a session reads them.
+//!
 //! The metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (in whose frame the poses
 //! are), `start_time_ns`, `format_version`, and `sensor` where one of several was chosen.
 //!
@@ -24,6 +27,7 @@ use super::{Protocol, TrackerEvent, UnknownProtocol};
 use crate::pose::{Pose, TrackingState};
 
 mod attached;
+mod caliper;
 mod decoded;
 mod in_order;
 mod part;
@@ -35,9 +39,10 @@ mod summary;
 mod timing;
 mod writer;
 
+pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
 pub use decoded::{DecodedRecording, Item};
 pub use part::part_path;
-pub use poses::{measurements, poses, poses_of, read_all};
+pub use poses::{measurements, poses, poses_of, read_all, read_both};
 pub use reader::{Damage, RecordingReader};
 pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle};
 pub use summary::RecordingSummary;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::in_order::keep_in_order;
-use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary};
+use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::pose::{Measurement, Reading, TimedPose};
 use crate::tracker::DecodeError;
 
@@ -75,20 +75,35 @@ fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
 /// # Errors
 /// The source cannot be read.
 pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
+    read_both(reader).map(|(poses, _, summary)| (poses, summary))
+}
+
+/// As [`read_all`], with the poses that the session itself used, ascending in host time.
+///
+/// # Errors
+/// The source cannot be read.
+pub fn read_both<R: Read>(
+    reader: RecordingReader<R>,
+) -> Result<(Vec<TimedPose>, Vec<SessionPose>, RecordingSummary), RecordingError> {
     let mut decoded = DecodedRecording::new(reader);
-    let mut poses = Vec::new();
+    let (mut poses, mut used) = (Vec::new(), Vec::new());
     while let Some(item) = decoded.next_item()? {
-        if let Item::Measurement(m) = item
-            && let Reading::Pose(pose) = m.reading
-        {
-            let device_time_us = m.device_time_us.unwrap_or(m.host_time_ns / 1000);
-            poses.push(TimedPose { host_time_ns: m.host_time_ns, device_time_us, pose });
+        match item {
+            Item::Measurement(m) => {
+                if let Reading::Pose(pose) = m.reading {
+                    let device_time_us = m.device_time_us.unwrap_or(m.host_time_ns / 1000);
+                    poses.push(TimedPose { host_time_ns: m.host_time_ns, device_time_us, pose });
+                }
+            }
+            Item::Pose(pose) => used.push(pose),
+            Item::Event(_) => {}
         }
     }
     let mut summary = decoded.finish();
     summary.time_reversals = keep_in_order(&mut poses, |pose| pose.host_time_ns);
+    used.sort_by_key(|pose| pose.host_time_ns);
     if let (Some(first), Some(last)) = (poses.first(), poses.last()) {
         summary.duration = Duration::from_nanos(last.host_time_ns - first.host_time_ns);
     }
-    Ok((poses, summary))
+    Ok((poses, used, summary))
 }

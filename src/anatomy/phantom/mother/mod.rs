@@ -36,6 +36,11 @@ pub(super) use bladder::bladder_centre;
 pub(super) use placenta::placenta_centre;
 pub(super) use proportions::cavity_semi_mm;
 
+/// The torso up to its skin.
+pub(super) fn skin(parameters: &Parameters) -> Solid {
+    AbdominalWall::of(parameters).under_skin(0.0)
+}
+
 /// Height of the belly's skin above the origin, mm.
 pub(super) fn belly_top_mm(parameters: &Parameters) -> f32 {
     AbdominalWall::of(parameters).belly_top_mm()

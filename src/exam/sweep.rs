@@ -6,13 +6,13 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use thiserror::Error;
 
-use super::phantom::{self, Landmarks, Parameters};
+use super::{ExamError, LATENCY_NS, START_TIME_NS, encode};
+use crate::anatomy::Skin;
+use crate::anatomy::phantom::{self, Landmarks, Parameters};
 use crate::pose::freehand::{Tremor, Waypoint, view_at};
 use crate::pose::{Pose, TimedPose};
-use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
-use crate::tracker::{Protocol, ascii_line};
+use crate::tracker::recording::Event;
 
 /// Length of the exam, s.
 pub const DURATION_S: u32 = 24;
@@ -23,12 +23,6 @@ pub const RATE_HZ: u32 = 60;
 /// The tremor of the exam in `assets/`.
 pub const SEED: u64 = 22;
 
-/// When the recorded exam starts: 1 January 2026, ns since 1970 (UTC). Fixed, so that the file is the same each time.
-pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
-
-/// From a measurement to its first byte on the host, ns.
-const LATENCY_NS: u64 = 2_000_000;
-
 /// How deep the centre of the face is pressed into the skin, mm.
 const PRESS_MM: f64 = 2.5;
 
@@ -36,52 +30,16 @@ const PRESS_MM: f64 = 2.5;
 pub const KEY_FRAMES: [(&str, f64); 6] =
     [("head", 4.0), ("heart", 8.4), ("abdomen", 11.7), ("spine", 15.9), ("femur", 19.4), ("placenta", 23.2)];
 
-/// Why an exam could not be made.
-#[derive(Debug, Error)]
-pub enum ExamError {
-    /// The line from a view's target through the probe meets no skin.
-    #[error("no skin is found {time_s:.2} s after the start, from {target_mm} mm along {direction}")]
-    NoSkin {
-        /// Time from the start, s.
-        time_s: f64,
-        /// What the probe looks at, mm.
-        target_mm: DVec3,
-        /// Where the probe should be from there.
-        direction: DVec3,
-    },
-    /// The recording could not be written.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-}
-
 /// Writes the exam number `seed` over the phantom to `path`: the same bytes each time. Key frames are events.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
-    let poses = sweep(&phantom::landmarks(&Parameters::default()), phantom_skin(), seed)?;
-    let info = RecordingInfo {
-        protocol: Protocol::AsciiLine,
-        device: "simulated hand".to_owned(),
-        scene: "obstetric phantom".to_owned(),
-        start_time_ns: START_TIME_NS,
-        sensor: None,
-    };
-    let mut events = KEY_FRAMES.into_iter().map(|(name, time_s)| {
-        let host_time_ns = START_TIME_NS + (time_s * 1e9).round() as u64;
-        Event::new(host_time_ns, name)
-    });
-    let mut next = events.next();
-    let mut writer = RecordingWriter::create(path, &info)?;
-    for (sequence, timed) in (0..).zip(&poses) {
-        while let Some(event) = next.take_if(|event| event.host_time_ns <= timed.host_time_ns) {
-            writer.event(&event)?;
-            next = events.next();
-        }
-        let line = ascii_line::encode(sequence, timed.device_time_us, &timed.pose);
-        writer.raw(timed.host_time_ns, line.as_bytes())?;
-    }
-    Ok(writer.finish()?)
+    let parameters = Parameters::default();
+    let skin = Skin::phantom(&parameters);
+    let poses = sweep(&phantom::landmarks(&parameters), |from, along| skin.exit(from, along), seed)?;
+    let events = KEY_FRAMES.map(|(name, time_s)| Event::new(START_TIME_NS + (time_s * 1e9).round() as u64, name));
+    encode(path, "obstetric phantom", &poses, &events)
 }
 
 /// Poses of the exam number `seed`, [`RATE_HZ`] a second over [`DURATION_S`].
@@ -155,24 +113,6 @@ fn across(direction: DVec3, axis: DVec3) -> DVec3 {
     direction.reject_from(axis).normalize_or(DVec3::Z)
 }
 
-/// Where a line from inside the phantom leaves its skin.
-pub fn phantom_skin() -> impl Fn(DVec3, DVec3) -> Option<DVec3> {
-    /// Longer than from any point of the body to its skin, mm.
-    const REACH_MM: u32 = 400;
-    let skin = phantom::organs(&Parameters::default()).into_iter().find(|organ| organ.name == "skin");
-    move |from: DVec3, direction: DVec3| {
-        let skin = &skin.as_ref()?.solid;
-        let outside = |t: f64| skin.distance_mm((from + direction * t).as_vec3()) > 0.0;
-        let mut far = f64::from((1..REACH_MM).find(|&t| outside(f64::from(t)))?);
-        let mut near = far - 1.0;
-        for _ in 0..30 {
-            let middle = 0.5 * (near + far);
-            if outside(middle) { far = middle } else { near = middle }
-        }
-        (far > 1.0).then(|| from + direction * far)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,7 +120,9 @@ mod tests {
     use crate::tracker::recording::poses;
 
     fn exam() -> Vec<TimedPose> {
-        sweep(&phantom::landmarks(&Parameters::default()), phantom_skin(), SEED).unwrap()
+        let parameters = Parameters::default();
+        let skin = Skin::phantom(&parameters);
+        sweep(&phantom::landmarks(&parameters), |from, along| skin.exit(from, along), SEED).unwrap()
     }
 
     fn key_pose(exam: &[TimedPose], name: &str) -> Pose {

@@ -1,0 +1,278 @@
+//! The file of a scene's standard planes.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use thiserror::Error;
+
+use super::{PLANES_VERSION, StandardPlane, StandardPlanes, View};
+use crate::pose::POSITION_LIMIT_MM;
+
+/// Largest departure of a direction's length from one, and of the angles between them from a right angle (its cosine).
+const DIRECTION_TOLERANCE: f64 = 1e-2;
+
+/// Why a scene's standard planes cannot be used.
+#[derive(Debug, Error)]
+pub enum PlanesError {
+    /// The scene has none.
+    #[error(
+        "the scene {scene} has no standard planes: {path} is not there; `insonify planes --help` says how to write one"
+    )]
+    None {
+        /// The scene's file.
+        scene: PathBuf,
+        /// Where they should be.
+        path: PathBuf,
+    },
+    /// The file could not be read.
+    #[error("cannot read the standard planes {path}: {source}")]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// Not JSON, an unknown key, or a value of another type.
+    #[error("standard planes {path}: {reason}")]
+    Syntax {
+        /// File.
+        path: PathBuf,
+        /// The parser's message with line and column.
+        reason: String,
+    },
+    /// A value that cannot be.
+    #[error("standard planes {path}: `{key}` is {found}; it must be {expected}")]
+    Value {
+        /// File.
+        path: PathBuf,
+        /// Which value, with the names of its plane and view.
+        key: String,
+        /// What was found, ready to print.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// A caliper or outline of a surface that the scene lacks.
+    #[error("the standard planes name the surface `{name}`, which the scene does not have{suggestion}")]
+    Surface {
+        /// Name of the surface.
+        name: String,
+        /// Nearest surface, ready to print, or empty.
+        suggestion: String,
+    },
+    /// No plane has that name.
+    #[error("the scene has no standard plane `{name}`{suggestion}; it has {known}")]
+    Unknown {
+        /// Name asked for.
+        name: String,
+        /// Nearest known name, ready to print, or empty.
+        suggestion: String,
+        /// All names.
+        known: String,
+    },
+}
+
+/// Where the planes of the scene in the file `scene` are: the same name with `.planes.json` in place of its extension.
+pub fn file_beside(scene: &Path) -> PathBuf {
+    scene.with_extension("planes.json")
+}
+
+/// The planes of the scene in the file `scene`, from the file beside it.
+///
+/// # Errors
+/// There is no such file, it cannot be read, or it is not right; the error names the value.
+pub fn beside(scene: &Path) -> Result<StandardPlanes, PlanesError> {
+    let path = file_beside(scene);
+    match std::fs::read_to_string(&path) {
+        Ok(text) => StandardPlanes::from_json(&text, &path),
+        Err(source) if source.kind() == std::io::ErrorKind::NotFound => {
+            Err(PlanesError::None { scene: scene.to_owned(), path })
+        }
+        Err(source) => Err(PlanesError::Read { path, source }),
+    }
+}
+
+impl StandardPlanes {
+    /// Planes from the text of their file; errors call it `path`.
+    ///
+    /// Directions are made exactly unit and square to each other.
+    ///
+    /// # Errors
+    /// Text that is not such a file; a value out of range; the error names it.
+    pub fn from_json(text: &str, path: &Path) -> Result<Self, PlanesError> {
+        let mut planes: Self = serde_json::from_str(text)
+            .map_err(|e| PlanesError::Syntax { path: path.to_owned(), reason: e.to_string() })?;
+        planes.check().map_err(|Wrong { key, found, expected }| PlanesError::Value {
+            path: path.to_owned(),
+            key,
+            found,
+            expected,
+        })?;
+        Ok(planes)
+    }
+
+    fn check(&mut self) -> Result<(), Wrong> {
+        if self.version != PLANES_VERSION {
+            return Err(wrong("version", self.version, PLANES_VERSION));
+        }
+        if self.planes.is_empty() {
+            return Err(wrong("planes", "empty", "a list of at least one plane"));
+        }
+        let mut names: Vec<String> = Vec::new();
+        for plane in &mut self.planes {
+            let name = plane.name.clone();
+            if name.is_empty() || name.contains([',', ' ']) || names.contains(&name) {
+                let expected = "a name without spaces and commas that no other plane has";
+                return Err(wrong("planes.name", format!("`{name}`"), expected));
+            }
+            check_plane(plane).map_err(|w| Wrong { key: format!("planes.{name}.{}", w.key), ..w })?;
+            names.push(name);
+        }
+        Ok(())
+    }
+}
+
+/// A value that cannot be.
+struct Wrong {
+    key: String,
+    found: String,
+    expected: String,
+}
+
+fn wrong(key: impl Into<String>, found: impl ToString, expected: impl ToString) -> Wrong {
+    Wrong { key: key.into(), found: found.to_string(), expected: expected.to_string() }
+}
+
+fn check_plane(plane: &mut StandardPlane) -> Result<(), Wrong> {
+    let t = &plane.tolerances;
+    let numbers = [
+        ("angle_deg", Some(t.angle_deg), 90.0),
+        ("distance_mm", Some(t.distance_mm), 1000.0),
+        ("in_plane_deg", t.in_plane_deg, 90.0),
+        ("centring_mm", Some(t.centring_mm), 1000.0),
+    ];
+    for (key, value, max) in numbers {
+        if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= max)) {
+            return Err(wrong(format!("tolerances.{key}"), value, format!("above 0 and at most {max}")));
+        }
+    }
+    let [least, greatest] = t.depth_mm;
+    if !(least >= 0.0 && greatest > least && greatest <= 1000.0) {
+        let expected = "two ascending depths in 0..=1000";
+        return Err(wrong("tolerances.depth_mm", format!("[{least}, {greatest}]"), expected));
+    }
+    if plane.views.is_empty() {
+        return Err(wrong("views", "empty", "a list of at least one view"));
+    }
+    plane.views.iter_mut().try_for_each(|view| {
+        let name = view.name.clone();
+        check_view(view).map_err(|w| Wrong { key: format!("views.{name}.{}", w.key), ..w })
+    })
+}
+
+fn check_view(view: &mut View) -> Result<(), Wrong> {
+    let landmarks = view.landmarks.iter().map(|l| l.position_mm);
+    let points = landmarks.chain(view.calipers.iter().flat_map(|c| c.points_mm.iter().copied()));
+    for point in points.chain([view.centre_mm]) {
+        if !point.is_finite() || point.abs().max_element() > POSITION_LIMIT_MM {
+            return Err(wrong("a point", point, format!("within ±{POSITION_LIMIT_MM} mm")));
+        }
+    }
+    let unit = |key: &str, v: DVec3| {
+        let is_unit = (v.length() - 1.0).abs() <= DIRECTION_TOLERANCE;
+        if is_unit { Ok(v.normalize()) } else { Err(wrong(key, v, "a direction of length 1")) }
+    };
+    let square = |key: &str, v: DVec3, to: DVec3| {
+        if v.dot(to).abs() <= DIRECTION_TOLERANCE {
+            Ok(v.reject_from(to).normalize())
+        } else {
+            Err(wrong(key, v, "square to the directions before it (normal, lateral, to_probe)"))
+        }
+    };
+    view.normal = unit("normal", view.normal)?;
+    view.lateral = square("lateral", unit("lateral", view.lateral)?, view.normal)?;
+    view.to_probe = square("to_probe", unit("to_probe", view.to_probe)?, view.normal)?;
+    view.to_probe = square("to_probe", view.to_probe, view.lateral)?;
+    for landmark in &view.landmarks {
+        if let Some(value) = landmark.within_mm.filter(|v| !(*v > 0.0 && *v <= 1e3)) {
+            return Err(wrong(format!("landmarks.{}.within_mm", landmark.name), value, "above 0 and at most 1000"));
+        }
+    }
+    for caliper in &view.calipers {
+        let key = |k: &str| format!("calipers.{}.{k}", caliper.name);
+        if caliper.points_mm.len() != caliper.kind.points() {
+            let expected = format!("{} points", caliper.kind.points());
+            return Err(wrong(key("points_mm"), format!("{} points", caliper.points_mm.len()), expected));
+        }
+        if caliper.points_mm.chunks_exact(2).any(|p| p[0].distance(p[1]) < 1e-3) {
+            return Err(wrong(key("points_mm"), "two points at one place", "the ends of a line"));
+        }
+        for (k, value) in [("reach_mm", Some(caliper.reach_mm)), ("true_mm", caliper.true_mm)] {
+            if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= 1e4)) {
+                return Err(wrong(key(k), value, "above 0 and at most 10000"));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    fn example() -> Value {
+        json!({ "version": 1, "planes": [{
+            "name": "ball", "title": "middle of the ball",
+            "tolerances": { "angle_deg": 10, "distance_mm": 3, "centring_mm": 20, "depth_mm": [20, 100] },
+            "views": [{
+                "centre_mm": [0, 0, 70], "normal": [0, 1, 0], "lateral": [1, 0, 0], "to_probe": [0, 0, -1],
+                "calipers": [{
+                    "name": "D", "title": "diameter", "kind": "line", "points_mm": [[-20, 0, 70], [20, 0, 70]],
+                    "surface": "sphere", "reach_mm": 5
+                }]
+            }]
+        }]})
+    }
+
+    fn read(value: &Value) -> Result<StandardPlanes, PlanesError> {
+        StandardPlanes::from_json(&value.to_string(), Path::new("t.planes.json"))
+    }
+
+    #[test]
+    fn a_file_written_by_hand_is_read() {
+        let planes = read(&example()).unwrap();
+        assert_eq!(planes.surfaces(), ["sphere"]);
+        assert_eq!(planes.chosen(&["ball"]).unwrap().len(), 1);
+        let error = planes.chosen(&["bal"]).unwrap_err().to_string();
+        assert!(error.contains("did you mean `ball`"), "{error}");
+        let error = planes.check_surfaces(&["spheres"]).unwrap_err().to_string();
+        assert!(error.contains("`sphere`") && error.contains("did you mean `spheres`"), "{error}");
+    }
+
+    #[test]
+    fn wrong_values_are_named() {
+        for (path, value, words) in [
+            ("/version", json!(2), "`version` is 2; it must be 1"),
+            ("/planes", json!([]), "`planes` is empty"),
+            ("/planes/0/name", json!("a b"), "name without spaces"),
+            ("/planes/0/tolerances/angle_deg", json!(0), "`planes.ball.tolerances.angle_deg` is 0"),
+            ("/planes/0/tolerances/depth_mm", json!([30, 20]), "two ascending depths"),
+            ("/planes/0/views/0/normal", json!([0, 2, 0]), "`planes.ball.views..normal`"),
+            ("/planes/0/views/0/lateral", json!([0, 1, 0]), "square to"),
+            ("/planes/0/views/0/centre_mm", json!([1e9, 0, 0]), "within"),
+            ("/planes/0/views/0/calipers/0/points_mm", json!([[0, 0, 0]]), "it must be 2 points"),
+            ("/planes/0/views/0/calipers/0/reach_mm", json!(-1), "calipers.D.reach_mm` is -1"),
+            ("/planes/0/views/0/calipers/0/kind", json!("arc"), "unknown variant `arc`"),
+        ] {
+            let mut file = example();
+            *file.pointer_mut(path).unwrap() = value;
+            let error = read(&file).unwrap_err().to_string();
+            assert!(error.contains(words) && error.contains("t.planes.json"), "{path}: {error}");
+        }
+        let mut file = example();
+        file["planes"][0]["colour"] = json!("red");
+        assert!(read(&file).unwrap_err().to_string().contains("unknown field `colour`"));
+    }
+}

@@ -1,0 +1,324 @@
+//! The standard planes of the obstetric phantom.
+//!
+//! What belongs in each plane follows the guidelines that its `source` names. None of them gives a tolerance as a
+//! number: those are assumed, from what an error does to the measurement. An ellipse cut at an angle θ grows by
+//! (1/cosθ − 1)/2, 0.8 % at 10°; a head or belly of 30 mm radius cut 5 mm off its widest place shrinks by 1.4 %; a femur
+//! 39 mm long and 5 mm thick leaves a slice of 1.5 mm beyond 9°. Measurements in practice differ by several percent
+//! between observers (Sarris et al., Ultrasound Obstet Gynecol 39:266, 2012), more than by such errors.
+
+use glam::DVec3;
+
+use super::{Caliper, CaliperKind, PLANES_VERSION, PlaneLandmark, StandardPlane, StandardPlanes, Tolerances, View};
+use crate::anatomy::phantom::{Biometry, Landmarks, Parameters, landmarks};
+
+const BIOMETRY_GUIDE: &str = "ISUOG Practice Guidelines: ultrasound assessment of fetal biometry and growth, \
+                              Ultrasound Obstet Gynecol 53:715 (2019)";
+const BRAIN_GUIDE: &str = "ISUOG Practice Guidelines: sonographic examination of the fetal central nervous system, \
+                           part 1, Ultrasound Obstet Gynecol 56:476 (2020)";
+const HEART_GUIDE: &str = "ISUOG Practice Guidelines: fetal cardiac screening, Ultrasound Obstet Gynecol 61:788 (2023)";
+const SURVEY_GUIDE: &str = "ISUOG Practice Guidelines: performance of the routine mid-trimester fetal ultrasound scan, \
+                            Ultrasound Obstet Gynecol 59:840 (2022); AIUM Practice Parameter for the Performance of \
+                            Standard Diagnostic Obstetric Ultrasound Examinations, J Ultrasound Med 37:E13 (2018)";
+
+/// The planes of the phantom of `parameters`, as [`build`](crate::anatomy::phantom::build) makes it.
+pub fn obstetric(parameters: &Parameters) -> StandardPlanes {
+    obstetric_of(&landmarks(parameters), &Biometry::at_weeks(parameters.gestational_weeks))
+}
+
+/// The planes of a phantom with these landmarks and sizes.
+pub fn obstetric_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlanes {
+    let anatomy = Anatomy::of(landmarks, biometry);
+    let planes = vec![
+        head(&anatomy, biometry),
+        cerebellum(&anatomy),
+        abdomen(&anatomy, biometry),
+        femur(&anatomy, biometry),
+        heart(&anatomy),
+        spine(&anatomy),
+        profile(&anatomy),
+    ];
+    StandardPlanes { version: PLANES_VERSION, planes }
+}
+
+/// Where things are, in double precision: all that the planes are made from.
+struct Anatomy {
+    head: DVec3,
+    left: DVec3,
+    /// The side of the fetus that is nearer to the belly, where the probe is.
+    near: DVec3,
+    vertex: DVec3,
+    face: DVec3,
+    /// Middle of the cavum septi pellucidi and of the cerebellum; half the cerebellum's width.
+    cavum: DVec3,
+    cerebellum: DVec3,
+    cerebellum_half_mm: f64,
+    forehead: DVec3,
+    nose: DVec3,
+    chin: DVec3,
+    abdomen: DVec3,
+    cranial: DVec3,
+    ventral: DVec3,
+    stomach: DVec3,
+    heart: DVec3,
+    heart_cranial: DVec3,
+    femurs: [[DVec3; 2]; 2],
+    /// A vertebra of the chest, the middle of the spine's straight part, and a lumbar one.
+    spine: [DVec3; 3],
+}
+
+impl Anatomy {
+    fn of(l: &Landmarks, biometry: &Biometry) -> Self {
+        let d = |v: glam::Vec3| v.as_dvec3();
+        let (head, left) = (d(l.head_centre_mm), d(l.fetus_left).normalize());
+        let vertex = d(l.head_vertex).normalize();
+        let face = d(l.head_face).normalize();
+        // The model's head is drawn for 22 weeks and grows with the skull.
+        let size = d(biometry.skull_semi_mm() / Biometry::default().skull_semi_mm());
+        let in_head = |x: f64, y: f64, z: f64| {
+            let p = DVec3::new(x, y, z) * size;
+            head + left * p.x + vertex * p.y + face * p.z
+        };
+        Self {
+            head,
+            left,
+            near: if left.z < 0.0 { -left } else { left },
+            vertex,
+            face,
+            cavum: d(l.cavum_mm),
+            cerebellum: 0.5 * (d(l.cerebellum_mm[0]) + d(l.cerebellum_mm[1])),
+            cerebellum_half_mm: 0.5 * d(l.cerebellum_mm[0]).distance(d(l.cerebellum_mm[1])),
+            forehead: in_head(0.0, 8.0, 33.0),
+            nose: d(l.nose_tip_mm),
+            chin: d(l.chin_mm),
+            abdomen: d(l.abdomen_centre_mm),
+            cranial: d(l.abdomen_cranial).normalize(),
+            ventral: d(l.abdomen_ventral).normalize(),
+            stomach: d(l.stomach_mm),
+            heart: d(l.heart_centre_mm),
+            heart_cranial: d(l.heart_cranial).normalize(),
+            femurs: [l.left_femur_mm, l.right_femur_mm].map(|tips| tips.map(d)),
+            spine: [3, 4, 5].map(|i: usize| d(l.spine_mm[i])),
+        }
+    }
+}
+
+/// Tolerances; all assumed, see the top of this file.
+fn tolerances(angle_deg: f64, distance_mm: f64, in_plane_deg: Option<f64>) -> Tolerances {
+    Tolerances {
+        angle_deg,
+        distance_mm,
+        in_plane_deg,
+        centring_mm: 25.0,
+        depth_mm: [20.0, 140.0],
+        source: "assumed: the error of the measurement stays below about 2 %".to_owned(),
+    }
+}
+
+/// A view along `to_probe`; directions are made square.
+fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
+    let lateral = lateral.normalize_or(DVec3::X);
+    let to_probe = to_probe.reject_from(lateral).normalize_or(lateral.any_orthonormal_vector());
+    View {
+        name: name.to_owned(),
+        centre_mm,
+        normal: to_probe.cross(lateral),
+        lateral,
+        any_turn_about_lateral: false,
+        to_probe,
+        pose: None,
+        outlines: Vec::new(),
+        landmarks: Vec::new(),
+        calipers: Vec::new(),
+    }
+}
+
+/// Landmarks with how far from the image they may be: half their own size, and some slice.
+fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
+    let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {
+        name: name.to_owned(),
+        position_mm,
+        within_mm: Some(within_mm),
+    };
+    points.iter().map(mark).collect()
+}
+
+fn outlines(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
+}
+
+fn plane(name: &str, title: &str, source: &str, tolerances: Tolerances, views: Vec<View>) -> StandardPlane {
+    StandardPlane { name: name.to_owned(), title: title.to_owned(), source: source.to_owned(), tolerances, views }
+}
+
+fn caliper(name: &str, title: &str, points_mm: Vec<DVec3>, surface: &str, reach_mm: f64) -> Caliper {
+    let kind = if points_mm.len() == 2 { CaliperKind::Line } else { CaliperKind::Ellipse };
+    Caliper {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        kind,
+        points_mm,
+        surface: surface.to_owned(),
+        far_surface: None,
+        reach_mm,
+        true_mm: None,
+    }
+}
+
+/// Axial at the thalami: midline across the beam, cavum septi pellucidi in front, no cerebellum.
+fn head(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
+    let semi = biometry.skull_semi_mm().as_dvec3();
+    let inner = semi.x - f64::from(biometry.skull_thickness_mm);
+    let (left, face) = (a.left * semi.x, a.face * semi.z);
+    let mut view = view("", a.head, a.face, a.near);
+    view.outlines = outlines(&["skull", "subarachnoid_space", "ventricles", "falx_and_tentorium"]);
+    let thalamus = a.left * 0.22 * semi.x;
+    view.landmarks = marks(&[
+        ("cavum septi pellucidi", a.cavum, 5.0),
+        ("left thalamus", a.head + thalamus, 6.0),
+        ("right thalamus", a.head - thalamus, 6.0),
+    ]);
+    view.calipers = vec![
+        Caliper {
+            far_surface: Some("subarachnoid_space".to_owned()),
+            true_mm: Some(f64::from(biometry.biparietal_mm)),
+            ..caliper(
+                "BPD",
+                "biparietal diameter, outer to inner",
+                vec![a.head + left, a.head - a.left * inner],
+                "skull",
+                10.0,
+            )
+        },
+        caliper(
+            "HC",
+            "head circumference",
+            vec![a.head + face, a.head - face, a.head + left, a.head - left],
+            "skull",
+            10.0,
+        ),
+    ];
+    plane("head", "transthalamic plane of the head", BIOMETRY_GUIDE, tolerances(10.0, 5.0, Some(45.0)), vec![view])
+}
+
+/// Through cavum septi pellucidi and cerebellum: the axial plane, its back tilted down.
+fn cerebellum(a: &Anatomy) -> StandardPlane {
+    let mut view = view("", 0.5 * (a.cavum + a.cerebellum), a.cavum - a.cerebellum, a.near);
+    view.outlines = outlines(&["skull", "subarachnoid_space", "cerebellum", "ventricles"]);
+    let half = a.left * a.cerebellum_half_mm;
+    view.landmarks = marks(&[("cavum septi pellucidi", a.cavum, 5.0), ("cerebellum", a.cerebellum, 6.0)]);
+    let ends = vec![a.cerebellum + half, a.cerebellum - half];
+    view.calipers = vec![caliper("TCD", "transcerebellar diameter", ends, "cerebellum", 7.0)];
+    let title = "transcerebellar plane of the head";
+    plane("cerebellum", title, BRAIN_GUIDE, tolerances(10.0, 4.0, Some(45.0)), vec![view])
+}
+
+/// Across the belly at the level of stomach and portal sinus, as round as can be.
+fn abdomen(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
+    let radius = f64::from(biometry.abdominal_radius_mm());
+    let mut view = view("", a.abdomen, a.ventral, a.near.reject_from(a.cranial));
+    view.outlines = outlines(&["fetal_skin", "stomach", "liver", "vertebrae", "kidneys"]);
+    let (across, front) = (view.to_probe * radius, a.ventral * radius);
+    view.landmarks = marks(&[("stomach", a.stomach, 6.0), ("spine", a.abdomen - 0.68 * front, 8.0)]);
+    view.calipers = vec![Caliper {
+        true_mm: Some(f64::from(biometry.abdominal_circumference_mm)),
+        ..caliper(
+            "AC",
+            "abdominal circumference",
+            vec![a.abdomen + front, a.abdomen - front, a.abdomen + across, a.abdomen - across],
+            "fetal_skin",
+            8.0,
+        )
+    }];
+    plane("abdomen", "transverse plane of the abdomen (AC)", BIOMETRY_GUIDE, tolerances(10.0, 5.0, None), vec![view])
+}
+
+/// Along either femur, both ends of the ossified shaft in view, at most 45° from across the beam.
+fn femur(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
+    let views = ["left", "right"].into_iter().zip(a.femurs).map(|(name, [hip, knee])| {
+        // The belly is the mother's front, +z.
+        let mut view = view(name, 0.5 * (hip + knee), knee - hip, DVec3::Z);
+        view.any_turn_about_lateral = true;
+        view.outlines = outlines(&["fetal_skin", "long_bones"]);
+        view.landmarks = marks(&[("proximal end", hip, 3.0), ("distal end", knee, 3.0)]);
+        let line = caliper("FL", "femur length", vec![hip, knee], "long_bones", 4.0);
+        view.calipers = vec![Caliper { true_mm: Some(f64::from(biometry.femur_mm)), ..line }];
+        view
+    });
+    plane("femur", "long axis of a femur", BIOMETRY_GUIDE, tolerances(8.0, 3.0, Some(45.0)), views.collect())
+}
+
+/// Across the chest at the heart's four chambers.
+fn heart(a: &Anatomy) -> StandardPlane {
+    let up = a.near.reject_from(a.heart_cranial).normalize_or(a.near);
+    let mut view = view("", a.heart, up.cross(a.heart_cranial), up);
+    view.outlines = outlines(&["fetal_skin", "heart", "heart_chambers", "ribs", "vertebrae"]);
+    view.landmarks = marks(&[("heart", a.heart, 5.0)]);
+    plane("heart", "four-chamber view of the heart", HEART_GUIDE, tolerances(12.0, 4.0, None), vec![view])
+}
+
+/// Midsagittal plane of the back, from behind.
+fn spine(a: &Anatomy) -> StandardPlane {
+    let [chest, middle, lumbar] = a.spine;
+    let lateral = (chest - lumbar).reject_from(a.left);
+    let mut view = view("", middle, lateral, (-a.ventral).reject_from(a.left));
+    view.outlines = outlines(&["fetal_skin", "vertebrae"]);
+    view.landmarks = marks(&[("thoracic spine", chest, 4.0), ("lumbar spine", lumbar, 4.0)]);
+    plane("spine", "midsagittal plane of the spine", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
+}
+
+/// Midsagittal plane of the face, from the front.
+fn profile(a: &Anatomy) -> StandardPlane {
+    let mut view = view("", 0.5 * (a.nose + a.forehead), a.vertex, a.face);
+    view.outlines = outlines(&["fetal_skin", "skull", "face_and_skull_base"]);
+    view.landmarks = marks(&[("forehead", a.forehead, 5.0), ("nose", a.nose, 5.0), ("chin", a.chin, 5.0)]);
+    plane("profile", "midsagittal plane of the face", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::anatomy::Skin;
+    use crate::anatomy::phantom;
+
+    #[test]
+    fn a_probe_on_the_skin_shows_every_view() {
+        let planes = obstetric(&Parameters::default()).with_poses(&Skin::phantom(&Parameters::default()), 2.5);
+        assert_eq!(planes.planes.len(), 7);
+        for plane in &planes.planes {
+            for view in &plane.views {
+                let pose = view.pose.unwrap();
+                let local = pose.inverse();
+                let centre = local.transform_point(view.centre_mm);
+                let [least, greatest] = plane.tolerances.depth_mm;
+                assert!(centre.x.abs() < 1e-6 && centre.y.abs() < 1e-6, "{}: {centre}", plane.name);
+                assert!((least..greatest).contains(&centre.z), "{}: {} mm deep", plane.name, centre.z);
+                let lateral = local.transform_vector(view.lateral);
+                assert!(lateral.x > 0.9999 && local.transform_vector(view.normal).y.abs() > 0.9999);
+                for landmark in &view.landmarks {
+                    let off = local.transform_point(landmark.position_mm).y.abs();
+                    let limit = 0.6 * landmark.within_mm.unwrap();
+                    assert!(off <= limit, "{}: {} is {off} mm off the plane", plane.name, landmark.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_planes_fit_their_file_and_the_phantom() {
+        let planes = obstetric(&Parameters::default());
+        let names: Vec<_> = phantom::organs(&Parameters::default()).iter().map(|organ| organ.name).collect();
+        planes.check_surfaces(&names).unwrap();
+        let text = serde_json::to_string_pretty(&planes).unwrap();
+        let back = StandardPlanes::from_json(&text, Path::new("t.planes.json")).unwrap();
+        for (a, b) in planes.planes.iter().zip(&back.planes) {
+            assert_eq!((&a.name, &a.tolerances, a.views.len()), (&b.name, &b.tolerances, b.views.len()));
+            for (a, b) in a.views.iter().zip(&b.views) {
+                assert!(a.normal.distance(b.normal) < 1e-9 && a.lateral.distance(b.lateral) < 1e-9);
+                assert!(a.centre_mm.distance(b.centre_mm) < 1e-9);
+                assert_eq!((a.calipers.len(), &a.landmarks.len()), (b.calipers.len(), &b.landmarks.len()));
+            }
+        }
+    }
+}

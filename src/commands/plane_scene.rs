@@ -1,0 +1,55 @@
+//! A station's standard planes, and the skin that a probe touches.
+
+use insonify::anatomy::planes::StandardPlanes;
+use insonify::anatomy::{Scene, Skin};
+use insonify::station::{SceneSource, Station};
+
+use super::{Classify, Failure};
+
+/// How deep a probe is pressed into the skin where a plane's pose is given, mm.
+const PRESS_MM: f64 = 2.5;
+
+/// What a hand needs to know.
+pub(crate) struct PlaneScene {
+    /// With the poses of probes on the skin.
+    pub(crate) planes: StandardPlanes,
+    pub(crate) skin: Skin,
+}
+
+impl PlaneScene {
+    /// Reads planes and, where it has a file, the scene; the phantom needs no mesh for that.
+    pub(crate) fn open(station: &Station) -> Result<Self, Failure> {
+        match station.scene_file() {
+            Some(path) => Self::of(station, &station.load_scene_from(path)?),
+            None => Self::phantom(station),
+        }
+    }
+
+    /// Planes and skin of the station's `scene`.
+    pub(crate) fn of(station: &Station, scene: &Scene) -> Result<Self, Failure> {
+        let planes = station.standard_planes()?;
+        let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+        planes.check_surfaces(&names)?;
+        if station.scene_file().is_none() {
+            return Self::phantom(station);
+        }
+        let skin = Skin::of_scene(scene).input()?;
+        Ok(Self { planes: planes.with_poses(&skin, PRESS_MM), skin })
+    }
+
+    fn phantom(station: &Station) -> Result<Self, Failure> {
+        let SceneSource::ObstetricPhantom(options) = &station.scene else {
+            return Err(Failure::Other(anyhow::anyhow!("the scene is no phantom")));
+        };
+        let skin = Skin::phantom(&options.parameters);
+        Ok(Self { planes: station.standard_planes()?.with_poses(&skin, PRESS_MM), skin })
+    }
+}
+
+/// What the scene is, for people.
+pub(crate) fn scene_name(station: &Station) -> String {
+    match &station.scene {
+        SceneSource::File(path) => path.display().to_string(),
+        SceneSource::ObstetricPhantom { .. } => "obstetric phantom".to_owned(),
+    }
+}

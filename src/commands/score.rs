@@ -1,0 +1,177 @@
+//! `insonify score`: how well a session found the standard planes.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::anatomy::Mesh;
+use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
+use insonify::pose::{TimedPose, TrackingState};
+use insonify::sink::exam_report;
+use insonify::station::Station;
+use insonify::tracker::recording::{RecordingReader, read_both};
+use serde::Serialize;
+
+use super::plane_scene::PlaneScene;
+use super::replay::RecordingReport;
+use super::{Failure, output, session};
+
+/// Compare a recorded session with the standard planes of the station's scene.
+///
+/// For each plane: whether it was found (within its tolerances for a second, the probe on the skin), when, how far off the
+/// best second was, how steady it was held, and what would be measured there against the truth. Caliper events of the
+/// session are compared with the truth, too.
+#[derive(Debug, Parser)]
+#[command(after_help = "Examples:\n  \
+                        insonify score session.mcap configs/obstetric.toml --out session.html\n  \
+                        insonify score session.mcap configs/obstetric.toml --planes head,abdomen --json\n\n\
+                        A caliper is the event {\"name\": \"caliper\", \"value\": {\"measure\": \"BPD\", \
+                        \"points_mm\": [[x, z], [x, z]]}} in the recording: mm right of the image's middle line and mm \
+                        below the centre of the probe's face; four points are an ellipse.")]
+pub(crate) struct Args {
+    /// Recording (.mcap)
+    recording: PathBuf,
+
+    /// Station file (TOML) whose scene has standard planes
+    station: PathBuf,
+
+    /// Planes that count [default: all of the scene]
+    #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
+    planes: Vec<String>,
+
+    /// Also write a page to look at (.html), with pictures of how far off the probe was and where it went
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Print the score as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    recording: RecordingReport<'a>,
+    station: &'a PathBuf,
+    /// Where the poses come from: `session`, or `tracker` with the station's calibration.
+    poses: &'static str,
+    #[serde(flatten)]
+    score: &'a Score,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(out) = args.out.as_ref().filter(|out| out.extension().is_none_or(|e| e != "html")) {
+        return Err(Failure::Input(anyhow!("--out {} must end in .html", out.display())));
+    }
+    let station = Station::load(&args.station)?;
+    let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
+    if !summary.is_clean() {
+        eprintln!("warning: {}: {summary}", args.recording.display());
+    }
+    // What the session showed counts; without it, what the tracker says by the station's calibration.
+    let (poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
+        let calibration = station.pose_settings()?.calibration;
+        (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
+    } else {
+        let shown = used.iter().filter(|p| matches!(p.state, TrackingState::Good | TrackingState::Held));
+        let timed = shown.map(|p| TimedPose {
+            host_time_ns: p.host_time_ns,
+            device_time_us: p.host_time_ns / 1000,
+            pose: p.pose,
+        });
+        (timed.collect(), "session")
+    };
+    if poses.is_empty() {
+        return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
+    }
+    let scene = session::load_scene(&station)?;
+    let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
+    let names = planes.surfaces();
+    let named = scene.surfaces.into_iter().filter(|surface| names.contains(&surface.name.as_str()));
+    let surfaces: BTreeMap<String, Mesh> = named.map(|surface| (surface.name, surface.mesh)).collect();
+    let reference = Reference {
+        planes: planes.chosen(&args.planes)?,
+        skin: Some(&skin),
+        surfaces: &surfaces,
+        probe: &station.probe,
+    };
+    let (score, track) = score::score(&poses, &summary.events, &reference);
+    for refused in &score.calipers_refused {
+        eprintln!("warning: {}: {refused}", args.recording.display());
+    }
+    if let Some(out) = &args.out {
+        let title = args.recording.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        exam_report::write(out, &title, &score, &track, &reference)?;
+    }
+    if args.json {
+        let recording = RecordingReport::new(&args.recording, &summary);
+        return output::json(&Report { recording, station: &args.station, poses: source, score: &score });
+    }
+    print(&score)?;
+    args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
+}
+
+fn print(score: &Score) -> Result<(), Failure> {
+    output::line(format!(
+        "{} of {} planes found, {:.0} of 100 points; {:.1} s, {:.0} mm of way at {:.0} mm/s, {:.0} % of the time on the skin",
+        score.found,
+        score.planes.len(),
+        score.points,
+        score.duration_s,
+        score.path_mm,
+        score.mean_speed_mm_s,
+        100.0 * score.contact
+    ))?;
+    output::line("")?;
+    output::line(format!(
+        "{:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7}",
+        "plane", "found at", "way", "held", "angle", "distance", "unsteady", "pressed", "points"
+    ))?;
+    score.planes.iter().try_for_each(|plane| output::line(plane_line(plane)))?;
+    output::line(format!(
+        "(angle, distance, steadiness and pressure in the best second; found: held within tolerance for {HOLD_S} s)"
+    ))?;
+    let measures = score.planes.iter().flat_map(|plane| plane.measures.iter().map(move |m| (plane, m)));
+    let rows: Vec<_> = measures.map(|(plane, m)| (m.name.as_str(), plane.name.as_str(), m.measured_mm, m)).collect();
+    if !rows.is_empty() {
+        output::line("\nwhat would be measured at the best moment:")?;
+    }
+    for (name, plane, measured_mm, m) in rows {
+        let line = measure_line(name, measured_mm, m.true_mm, m.error_percent);
+        output::line(format!("{line}  {plane}: {}", m.title))?;
+    }
+    if !score.calipers.is_empty() {
+        output::line("\nwhat the session measured:")?;
+    }
+    for c in &score.calipers {
+        let line = measure_line(&c.name, Some(c.measured_mm), c.true_mm, c.error_percent);
+        output::line(format!("{line}  at {:.1} s", c.time_s))?;
+    }
+    Ok(())
+}
+
+fn plane_line(plane: &PlaneScore) -> String {
+    let or_dash = |value: Option<f64>, unit: &str, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
+    };
+    let name = if plane.view.is_empty() { plane.name.clone() } else { format!("{} ({})", plane.name, plane.view) };
+    format!(
+        "{name:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7.0}",
+        plane.find_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.1} s")),
+        or_dash(plane.path_to_find_mm, " mm", 0),
+        or_dash(Some(plane.longest_hold_s), " s", 1),
+        or_dash(plane.best.map(|b| b.angle_deg), "°", 1),
+        or_dash(plane.best.map(|b| b.distance_mm), " mm", 1),
+        or_dash(plane.unsteady_mm, " mm", 2),
+        or_dash(plane.press_mm, " mm", 1),
+        plane.points
+    )
+}
+
+fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, error_percent: Option<f64>) -> String {
+    let mm = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} mm"));
+    let error = error_percent.map_or_else(String::new, |e| format!("{e:+.1} %"));
+    let measured = if measured_mm.is_some() { mm(measured_mm) } else { "not in view".to_owned() };
+    format!("{name:6} {measured:>12}, truly {:>9}  {error:>8}", mm(true_mm))
+}

@@ -1,0 +1,93 @@
+//! Exams: sessions of a simulated hand, and how a trainee's session is scored.
+//!
+//! [`session`] makes freehand sessions that search, find, hold and leave a scene's standard planes; [`sweep`] is the
+//! short exam in `assets/exams`. Both are recordings of raw tracker bytes, the same for the same seed. [`score`] compares
+//! any recording with the planes: what was found and when ([`offset`]), and what would be measured there ([`measure`]).
+
+pub mod hand;
+pub mod measure;
+pub mod offset;
+pub mod score;
+pub mod session;
+pub mod sweep;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use glam::DVec3;
+use thiserror::Error;
+
+use crate::pose::TimedPose;
+use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
+use crate::tracker::{Protocol, ascii_line};
+
+/// When a made exam starts: 1 January 2026, ns since 1970 (UTC). Fixed, so that the file is the same each time.
+pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
+
+/// From a measurement to its first byte on the host, ns.
+const LATENCY_NS: u64 = 2_000_000;
+
+/// Why an exam could not be made.
+#[derive(Debug, Error)]
+pub enum ExamError {
+    /// The line from a view's target through the probe meets no skin.
+    #[error("no skin is found {time_s:.2} s after the start, from {target_mm} mm along {direction}")]
+    NoSkin {
+        /// Time from the start, s.
+        time_s: f64,
+        /// What the probe looks at, mm.
+        target_mm: DVec3,
+        /// Where the probe should be from there.
+        direction: DVec3,
+    },
+    /// A plane that a probe on the skin cannot see.
+    #[error(
+        "plane `{plane}`: the line from its centre {centre_mm} mm along {direction} meets no skin to put a probe on"
+    )]
+    OutOfReach {
+        /// Name of the plane.
+        plane: String,
+        /// Its centre.
+        centre_mm: DVec3,
+        /// To the probe.
+        direction: DVec3,
+    },
+    /// Too little time to find and hold every plane.
+    #[error("{duration_s} s are too short for {planes} planes: a plane takes at least {least_s} s")]
+    TooShort {
+        /// Length asked for, s.
+        duration_s: f64,
+        /// Planes asked for.
+        planes: usize,
+        /// Least time a plane, s.
+        least_s: f64,
+    },
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// Writes a recording of `poses` as lines of a tracker, with `events` that ascend in time between them.
+fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Result<(), ExamError> {
+    let info = RecordingInfo {
+        protocol: Protocol::AsciiLine,
+        device: "simulated hand".to_owned(),
+        scene: scene.to_owned(),
+        start_time_ns: START_TIME_NS,
+        sensor: None,
+    };
+    let mut events = events.iter().peekable();
+    let mut writer = RecordingWriter::create(path, &info)?;
+    for (sequence, timed) in (0..).zip(poses) {
+        while let Some(event) = events.next_if(|event| event.host_time_ns <= timed.host_time_ns) {
+            writer.event(event)?;
+        }
+        let line = ascii_line::encode(sequence, timed.device_time_us, &timed.pose);
+        writer.raw(timed.host_time_ns, line.as_bytes())?;
+    }
+    // What happened within the last interval.
+    events.try_for_each(|event| writer.event(event))?;
+    Ok(writer.finish()?)
+}

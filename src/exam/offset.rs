@@ -1,0 +1,85 @@
+//! How far an image is from a standard plane.
+
+use glam::{DVec2, DVec3, Vec3Swizzles};
+use serde::Serialize;
+
+use crate::anatomy::planes::{StandardPlane, Tolerances, View};
+use crate::pose::Pose;
+use crate::transducer::{Probe, Sector};
+
+/// Cost of what is outside of the sector: too much, if only just.
+const HIDDEN: f64 = 1.0 + 1e-6;
+
+/// How far an image is from a view of a plane.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Offset {
+    /// Angle between the planes, degrees, 0..=90; of a view that may be turned about its lateral line, between that line
+    /// and the image plane.
+    pub angle_deg: f64,
+    /// Distance of the view's centre from the image plane, mm.
+    pub distance_mm: f64,
+    /// Angle in the image between the view's lateral direction and the horizontal, degrees, 0..=90.
+    pub in_plane_deg: f64,
+    /// Distance of the view's centre from the image's middle line, mm.
+    pub centring_mm: f64,
+    /// Depth of the view's centre below the probe's face, mm; negative behind it.
+    pub depth_mm: f64,
+    /// Landmarks of the view within the image's sector and near enough to its plane. Whether bone shadows them isn't asked.
+    pub landmarks_seen: usize,
+    /// Of all deviations the largest, each over its tolerance: at most 1 where the view is shown.
+    pub cost: f64,
+}
+
+impl Offset {
+    /// How far the image of `probe` at `pose` is from `view`.
+    pub fn of(view: &View, tolerances: &Tolerances, probe: &Probe, pose: &Pose) -> Self {
+        let probe_from_scene = pose.inverse();
+        let turned = |v: DVec3| probe_from_scene.transform_vector(v);
+        let (normal, lateral) = (turned(view.normal), turned(view.lateral));
+        let angle = if view.any_turn_about_lateral {
+            lateral.y.abs().atan2(lateral.xz().length())
+        } else {
+            normal.xz().length().atan2(normal.y.abs())
+        };
+        let in_plane = lateral.z.abs().atan2(lateral.x.abs());
+        let centre = probe_from_scene.transform_point(view.centre_mm);
+        let in_sector = |p: DVec3| Sector::polar(probe, DVec2::new(p.x, p.z)).is_some();
+        let mut landmarks_seen = 0;
+        let mut landmark_cost: f64 = if in_sector(centre) { 0.0 } else { HIDDEN };
+        for landmark in &view.landmarks {
+            let p = probe_from_scene.transform_point(landmark.position_mm);
+            let off = landmark.within_mm.map_or(0.0, |within_mm| p.y.abs() / within_mm);
+            landmarks_seen += usize::from(in_sector(p) && off <= 1.0);
+            landmark_cost = landmark_cost.max(if in_sector(p) { off } else { off.max(HIDDEN) });
+        }
+
+        let [least, greatest] = tolerances.depth_mm;
+        // Ten mm too shallow or too deep count like a whole tolerance.
+        let too_far = (least - centre.z).max(centre.z - greatest).max(0.0);
+        let depth_cost = if too_far > 0.0 { 1.0 + 0.1 * too_far } else { 0.0 };
+        let (angle_deg, in_plane_deg) = (angle.to_degrees(), in_plane.to_degrees());
+        let (distance_mm, centring_mm) = (centre.y.abs(), centre.x.abs());
+        let cost = [
+            angle_deg / tolerances.angle_deg,
+            distance_mm / tolerances.distance_mm,
+            tolerances.in_plane_deg.map_or(0.0, |limit| in_plane_deg / limit),
+            centring_mm / tolerances.centring_mm,
+            depth_cost,
+            landmark_cost,
+        ]
+        .into_iter()
+        .fold(0.0, f64::max);
+        Self { angle_deg, distance_mm, in_plane_deg, centring_mm, depth_mm: centre.z, landmarks_seen, cost }
+    }
+
+    /// The nearest view of `plane` and how far off it is; none where a plane has no view.
+    pub fn nearest(plane: &StandardPlane, probe: &Probe, pose: &Pose) -> Option<(usize, Self)> {
+        let offsets = plane.views.iter().map(|view| Self::of(view, &plane.tolerances, probe, pose));
+        offsets.enumerate().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+    }
+
+    /// Whether the view is shown.
+    pub fn is_within(&self) -> bool {
+        self.cost <= 1.0
+    }
+}

@@ -1,0 +1,334 @@
+//! How well a session found a scene's standard planes.
+//!
+//! A plane is **found** when the image shows one of its views within the tolerances, the probe on the skin, for at least
+//! [`HOLD_S`] without a break. The **best second** is that whose largest deviations, each over its tolerance, are least
+//! on average; angles, distances and measurements are given for it, whether the plane was found or not.
+//!
+//! Points, 0..=100 a plane, none where it was not found: 50 for finding it, 20 for the angle, 20 for the distance (all of
+//! them up to a quarter of the tolerance, none at the tolerance) and 10 for a steady hold (all up to 0.5 mm RMS, none
+//! from 3 mm). The weights are assumed.
+
+mod track;
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::Serialize;
+
+pub use track::Track;
+use track::{best_second, length_s, path_mm, stretches};
+
+use super::measure::{Measured, measure};
+use super::offset::Offset;
+use crate::anatomy::planes::{Caliper, CaliperKind, StandardPlane, View};
+use crate::anatomy::{Mesh, Skin};
+use crate::pose::{Pose, TimedPose, angle_between};
+use crate::tracker::recording::{CaliperEvent, Event};
+use crate::transducer::{Probe, Sector};
+
+/// How long a plane is to be held, s.
+pub const HOLD_S: f64 = 1.0;
+
+/// What a session is compared with.
+pub struct Reference<'a> {
+    /// The planes that count.
+    pub planes: Vec<&'a StandardPlane>,
+    /// Where the probe touches; without it, it is taken to touch always.
+    pub skin: Option<&'a Skin>,
+    /// Surfaces that the calipers name; what is missing isn't measured.
+    pub surfaces: &'a BTreeMap<String, Mesh>,
+    /// The probe.
+    pub probe: &'a Probe,
+}
+
+/// How well a session did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Score {
+    /// Mean of the planes' points, 0..=100.
+    pub points: f64,
+    /// Planes found.
+    pub found: usize,
+    /// From the first pose to the last, s.
+    pub duration_s: f64,
+    /// Way of the probe's face, mm.
+    pub path_mm: f64,
+    /// Mean speed of the probe's face, mm/s.
+    pub mean_speed_mm_s: f64,
+    /// Part of the time that the probe was on the skin, 0..=1.
+    pub contact: f64,
+    /// Each plane.
+    pub planes: Vec<PlaneScore>,
+    /// Measurements of the session itself.
+    pub calipers: Vec<CaliperScore>,
+    /// Caliper events that could not be read, and what was wrong.
+    pub calipers_refused: Vec<String>,
+}
+
+/// How well a plane was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlaneScore {
+    /// Name of the plane.
+    pub name: String,
+    /// What people call it.
+    pub title: String,
+    /// The view that was nearest; empty where the plane has only one.
+    pub view: String,
+    /// Index of that view.
+    #[serde(skip)]
+    pub view_index: usize,
+    /// Whether it was found.
+    pub found: bool,
+    /// 0..=100.
+    pub points: f64,
+    /// When the first hold began, s from the start.
+    pub find_s: Option<f64>,
+    /// Way of the probe's face until then, mm.
+    pub path_to_find_mm: Option<f64>,
+    /// Longest time it was held, s.
+    pub longest_hold_s: f64,
+    /// When the best second began, s from the start; none where the session has no second without a gap.
+    pub best_s: Option<f64>,
+    /// Pose at the best moment of the best second.
+    #[serde(skip)]
+    pub best_pose: Option<Pose>,
+    /// Means over the best second.
+    #[serde(flatten)]
+    pub best: Option<Offset>,
+    /// Landmarks of the view.
+    pub landmarks: usize,
+    /// RMS of the face's way from its mean over the best second, mm.
+    pub unsteady_mm: Option<f64>,
+    /// Largest turn from the best moment within the best second, degrees.
+    pub unsteady_deg: Option<f64>,
+    /// Mean depth of the face below the skin over the best second, mm; none off the skin.
+    pub press_mm: Option<f64>,
+    /// What would be measured at the best moment.
+    pub measures: Vec<Measure>,
+}
+
+/// A measurement and the truth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Measure {
+    /// Name of the caliper.
+    pub name: String,
+    /// What people call it.
+    pub title: String,
+    /// Measured length, mm; none where the image does not show enough.
+    pub measured_mm: Option<f64>,
+    /// True length, mm.
+    pub true_mm: Option<f64>,
+    /// Measured over true less one, percent.
+    pub error_percent: Option<f64>,
+    /// Where the caliper lies in the image.
+    #[serde(skip)]
+    pub measured: Option<Measured>,
+}
+
+/// A measurement of the session itself.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CaliperScore {
+    /// When, s from the start.
+    pub time_s: f64,
+    /// What was measured.
+    pub name: String,
+    /// Measured length, mm.
+    pub measured_mm: f64,
+    /// True length, mm; none of what no plane measures.
+    pub true_mm: Option<f64>,
+    /// Measured over true less one, percent.
+    pub error_percent: Option<f64>,
+}
+
+/// Compares `scene_from_probe` over time, ascending, with the reference. `events` may hold calipers.
+///
+/// Also gives the deviations behind the score, pose by pose.
+pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Score, Track) {
+    let track = Track::of(poses, reference);
+    let path = path_mm(&track);
+    let planes: Vec<_> = reference
+        .planes
+        .iter()
+        .zip(&track.offsets)
+        .map(|(plane, offsets)| plane_score(plane, offsets, poses, &track, &path, reference))
+        .collect();
+    let (calipers, calipers_refused) = calipers(poses, events, reference);
+    let duration_s = track.time_s.last().copied().unwrap_or(0.0);
+    let path_mm = path.last().copied().unwrap_or(0.0);
+    let mean = |sum: f64, count: usize| if count > 0 { sum / count as f64 } else { 0.0 };
+    let score = Score {
+        points: mean(planes.iter().map(|p| p.points).sum(), planes.len()),
+        found: planes.iter().filter(|p| p.found).count(),
+        duration_s,
+        path_mm,
+        mean_speed_mm_s: if duration_s > 0.0 { path_mm / duration_s } else { 0.0 },
+        contact: mean(track.contact.iter().filter(|c| **c).count() as f64, track.contact.len()),
+        planes,
+        calipers,
+        calipers_refused,
+    };
+    (score, track)
+}
+
+fn plane_score(
+    plane: &StandardPlane,
+    offsets: &[Offset],
+    poses: &[TimedPose],
+    track: &Track,
+    path: &[f64],
+    reference: &Reference<'_>,
+) -> PlaneScore {
+    let time_s = &track.time_s[..offsets.len()];
+    let shown = |i: usize| track.contact[i] && offsets[i].is_within();
+    let held = stretches(time_s, shown);
+    let first_hold = held.iter().find(|s| length_s(time_s, s) >= HOLD_S - 1e-6);
+    // Off the skin there is no image: as if a tolerance farther off.
+    let cost: Vec<f64> =
+        offsets.iter().zip(&track.contact).map(|(o, contact)| o.cost + f64::from(u8::from(!contact))).collect();
+    let window = best_second(time_s, &cost);
+    let mut result = PlaneScore {
+        name: plane.name.clone(),
+        title: plane.title.clone(),
+        view: String::new(),
+        view_index: 0,
+        found: first_hold.is_some(),
+        points: 0.0,
+        find_s: first_hold.map(|&(first, _)| time_s[first]),
+        path_to_find_mm: first_hold.map(|&(first, _)| path[first]),
+        longest_hold_s: held.iter().map(|s| length_s(time_s, s)).fold(0.0, f64::max),
+        best_s: None,
+        best_pose: None,
+        best: None,
+        landmarks: 0,
+        unsteady_mm: None,
+        unsteady_deg: None,
+        press_mm: None,
+        measures: Vec::new(),
+    };
+    let Some((start, end)) = window else { return result };
+    let Some(moment) = (start..=end).min_by(|&a, &b| cost[a].total_cmp(&cost[b])) else { return result };
+    let pose = poses[moment].pose;
+    let Some((view_index, _)) = Offset::nearest(plane, reference.probe, &pose) else { return result };
+    let Some(view) = plane.views.get(view_index) else { return result };
+
+    let count = (end - start + 1) as f64;
+    let mean_of = |f: fn(&Offset) -> f64| offsets[start..=end].iter().map(f).sum::<f64>() / count;
+    let best = Offset {
+        angle_deg: mean_of(|o| o.angle_deg),
+        distance_mm: mean_of(|o| o.distance_mm),
+        in_plane_deg: mean_of(|o| o.in_plane_deg),
+        centring_mm: mean_of(|o| o.centring_mm),
+        depth_mm: mean_of(|o| o.depth_mm),
+        landmarks_seen: offsets[moment].landmarks_seen,
+        cost: mean_of(|o| o.cost),
+    };
+    let window = &poses[start..=end];
+    let mean = window.iter().map(|p| p.pose.position_mm).sum::<DVec3>() / count;
+    let square = window.iter().map(|p| p.pose.position_mm.distance_squared(mean)).sum::<f64>() / count;
+    let turn = window.iter().map(|p| angle_between(p.pose.orientation, pose.orientation)).fold(0.0, f64::max);
+    let presses: Option<Vec<f64>> =
+        reference.skin.and_then(|skin| window.iter().map(|p| skin.press_mm(&p.pose)).collect());
+
+    result.view = view.name.clone();
+    result.view_index = view_index;
+    result.best_s = Some(time_s[start]);
+    result.best_pose = Some(pose);
+    result.landmarks = view.landmarks.len();
+    result.unsteady_mm = Some(square.sqrt());
+    result.unsteady_deg = Some(turn.to_degrees());
+    result.press_mm = presses.map(|all| all.iter().sum::<f64>() / count);
+    result.measures = view.calipers.iter().map(|c| measured(c, view, &pose, best.depth_mm, reference)).collect();
+    if result.found {
+        let t = &plane.tolerances;
+        result.points = 50.0
+            + 20.0 * falling(best.angle_deg / t.angle_deg, 0.25, 1.0)
+            + 20.0 * falling(best.distance_mm / t.distance_mm, 0.25, 1.0)
+            + 10.0 * falling(square.sqrt(), 0.5, 3.0);
+    }
+    result.best = Some(best);
+    result
+}
+
+/// 1 up to `full`, 0 from `none`, a line between.
+fn falling(value: f64, full: f64, none: f64) -> f64 {
+    ((none - value) / (none - full)).clamp(0.0, 1.0)
+}
+
+/// What `caliper` measures at `pose`, and the truth.
+fn measured(caliper: &Caliper, view: &View, pose: &Pose, depth_mm: f64, reference: &Reference<'_>) -> Measure {
+    let measured = cut(caliper, pose, depth_mm, reference).filter(|m| is_in_sector(caliper.kind, m, reference.probe));
+    let measured_mm = measured.as_ref().map(|m| m.length_mm);
+    let true_mm = truth_mm(caliper, view, reference);
+    Measure {
+        name: caliper.name.clone(),
+        title: caliper.title.clone(),
+        measured_mm,
+        true_mm,
+        error_percent: error_percent(measured_mm, true_mm),
+        measured,
+    }
+}
+
+/// Whether the image shows what is measured: both ends of a line, and most of an ellipse.
+fn is_in_sector(kind: CaliperKind, measured: &Measured, probe: &Probe) -> bool {
+    const ELLIPSE_LEAST: f64 = 0.6;
+    let inside = measured.points_mm.iter().filter(|p| Sector::polar(probe, **p).is_some()).count() as f64;
+    let all = measured.points_mm.len() as f64;
+    match kind {
+        CaliperKind::Line => inside == all,
+        CaliperKind::Ellipse => inside >= ELLIPSE_LEAST * all,
+    }
+}
+
+fn cut(caliper: &Caliper, pose: &Pose, depth_mm: f64, reference: &Reference<'_>) -> Option<Measured> {
+    let surface = reference.surfaces.get(&caliper.surface)?;
+    let far = match &caliper.far_surface {
+        Some(name) => Some(reference.surfaces.get(name)?),
+        None => None,
+    };
+    measure(caliper, surface, far, pose, slice_mm(reference.probe, depth_mm))
+}
+
+/// Thickness of the slice at `depth_mm`: the two-way −6 dB width of the elevational beam.
+pub fn slice_mm(probe: &Probe, depth_mm: f64) -> f64 {
+    const FWHM_PER_SIGMA: f64 = crate::acoustics::pulse::FWHM_PER_SIGMA;
+    probe.elevational_sigma_mm(depth_mm.max(0.0)) * FWHM_PER_SIGMA
+}
+
+/// The true length of `caliper`: as the plane says, else as its surfaces measure in the plane itself.
+pub fn truth_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
+    /// A probe somewhere in the plane.
+    const DEPTH_MM: f64 = 70.0;
+    caliper.true_mm.or_else(|| {
+        let pose = Pose::looking(view.centre_mm + view.to_probe * DEPTH_MM, -view.to_probe, view.lateral);
+        Some(cut(caliper, &pose, DEPTH_MM, reference)?.length_mm)
+    })
+}
+
+fn error_percent(measured_mm: Option<f64>, true_mm: Option<f64>) -> Option<f64> {
+    Some(100.0 * (measured_mm? / true_mm? - 1.0))
+}
+
+/// The session's own calipers, and what could not be read.
+fn calipers(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Vec<CaliperScore>, Vec<String>) {
+    let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
+    let views = || reference.planes.iter().flat_map(|plane| &plane.views);
+    let truth = |name: &str| {
+        let known = views().flat_map(|view| view.calipers.iter().map(move |caliper| (caliper, view)));
+        let (caliper, view) = known.into_iter().find(|(caliper, _)| caliper.name.eq_ignore_ascii_case(name))?;
+        truth_mm(caliper, view, reference)
+    };
+    let (mut scores, mut refused) = (Vec::new(), Vec::new());
+    for event in events {
+        let time_s = (i128::from(event.host_time_ns) - i128::from(start_ns)) as f64 * 1e-9;
+        match CaliperEvent::from_event(event) {
+            Some(Ok(caliper)) => {
+                let (measured_mm, true_mm) = (caliper.length_mm(), truth(&caliper.measure));
+                let error_percent = error_percent(Some(measured_mm), true_mm);
+                scores.push(CaliperScore { time_s, name: caliper.measure, measured_mm, true_mm, error_percent });
+            }
+            Some(Err(reason)) => refused.push(format!("{time_s:.2} s: {reason}")),
+            None => {}
+        }
+    }
+    (scores, refused)
+}

@@ -1,0 +1,142 @@
+//! Where the probe was, and when it was how far off.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::{HOLD_S, Reference};
+use crate::anatomy::planes::StandardPlane;
+use crate::exam::offset::Offset;
+use crate::pose::TimedPose;
+
+/// A longer time between two poses is a gap: nothing is held over it, s.
+const GAP_S: f64 = 0.25;
+
+/// Gap between face and skin that gel still fills, mm (assumed).
+const GEL_MM: f64 = 1.0;
+
+/// Paths are measured between means over this time, so that tremor is not taken for way, s.
+const PATH_STEP_S: f64 = 0.1;
+
+/// Deviations over time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Track {
+    /// s from the start.
+    pub time_s: Vec<f64>,
+    /// Centre of the face, mm.
+    pub position_mm: Vec<[f64; 3]>,
+    /// Whether the probe was on the skin.
+    pub contact: Vec<bool>,
+    /// Of each plane its nearest view's deviation, in the order of the reference.
+    pub offsets: Vec<Vec<Offset>>,
+}
+
+impl Track {
+    /// Where the probe was at each pose.
+    pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
+        let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
+        let on_skin = |p: &TimedPose| match reference.skin {
+            Some(skin) => skin.press_mm(&p.pose).is_some_and(|mm| mm >= -GEL_MM),
+            None => true,
+        };
+        // A plane without a view has no deviation; its file would have been refused.
+        let offsets = |plane: &&StandardPlane| {
+            let nearest = |p: &TimedPose| Offset::nearest(plane, reference.probe, &p.pose).map(|(_, offset)| offset);
+            poses.iter().filter_map(nearest).collect()
+        };
+        Self {
+            time_s: poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect(),
+            position_mm: poses.iter().map(|p| p.pose.position_mm.to_array()).collect(),
+            contact: poses.iter().map(on_skin).collect(),
+            offsets: reference.planes.iter().map(offsets).collect(),
+        }
+    }
+}
+
+/// Way of the face up to each pose, mm, between means over [`PATH_STEP_S`].
+pub(super) fn path_mm(track: &Track) -> Vec<f64> {
+    let mut path = Vec::with_capacity(track.time_s.len());
+    let (mut way, mut last): (f64, Option<DVec3>) = (0.0, None);
+    let bin = |t: f64| (t / PATH_STEP_S) as u64;
+    let mut rest = track.time_s.as_slice();
+    let mut positions = track.position_mm.as_slice();
+    while let Some(&first) = rest.first() {
+        let count = rest.partition_point(|&t| bin(t) <= bin(first)).max(1);
+        let sum: DVec3 = positions[..count].iter().map(|p| DVec3::from_array(*p)).sum();
+        let mean = sum / count as f64;
+        way += last.map_or(0.0, |last| last.distance(mean));
+        last = Some(mean);
+        path.extend(std::iter::repeat_n(way, count));
+        (rest, positions) = (&rest[count..], &positions[count..]);
+    }
+    path
+}
+
+/// Stretches of at least one pose in which `holds`, and no gap lies: first and last index.
+pub(super) fn stretches(time_s: &[f64], holds: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    for i in (0..time_s.len()).filter(|&i| holds(i)) {
+        match found.last_mut() {
+            Some((_, last)) if *last + 1 == i && time_s[i] - time_s[*last] <= GAP_S => *last = i,
+            _ => found.push((i, i)),
+        }
+    }
+    found
+}
+
+/// First and last index of the second with the least mean of `cost`.
+pub(super) fn best_second(time_s: &[f64], cost: &[f64]) -> Option<(usize, usize)> {
+    let mut best: Option<(f64, (usize, usize))> = None;
+    for (first, last) in stretches(time_s, |_| true) {
+        let (mut start, mut sum) = (first, 0.0);
+        for end in first..=last {
+            sum += cost[end];
+            // As few poses as still last a second.
+            while start < end && time_s[end] - time_s[start + 1] >= HOLD_S - 1e-6 {
+                sum -= cost[start];
+                start += 1;
+            }
+            let mean = sum / (end - start + 1) as f64;
+            if time_s[end] - time_s[start] >= HOLD_S - 1e-6 && best.is_none_or(|(least, _)| mean < least) {
+                best = Some((mean, (start, end)));
+            }
+        }
+    }
+    best.map(|(_, window)| window)
+}
+
+/// Time from the first to the last index of a stretch, s.
+pub(super) fn length_s(time_s: &[f64], &(first, last): &(usize, usize)) -> f64 {
+    time_s[last] - time_s[first]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_held_over_a_gap() {
+        let time_s = [0.0, 0.1, 0.2, 0.3, 0.9, 1.0, 1.1];
+        assert_eq!(stretches(&time_s, |_| true), [(0, 3), (4, 6)]);
+        assert_eq!(stretches(&time_s, |i| i != 1), [(0, 0), (2, 3), (4, 6)]);
+        assert_eq!(best_second(&time_s, &[0.0; 7]), None, "no second without a gap");
+    }
+
+    #[test]
+    fn the_best_second_is_the_cheapest() {
+        let time_s: Vec<f64> = (0..400).map(|i| f64::from(i) / 100.0).collect();
+        let cost: Vec<f64> = time_s.iter().map(|t| (t - 2.5).abs()).collect();
+        let (start, end) = best_second(&time_s, &cost).unwrap();
+        assert_eq!((start, end), (200, 300));
+    }
+
+    #[test]
+    fn tremor_is_no_way() {
+        let time_s: Vec<f64> = (0..600).map(|i| f64::from(i) / 60.0).collect();
+        // 20 mm/s along x, with a tremor of 10 Hz and 0.5 mm across.
+        let position_mm =
+            time_s.iter().map(|t| [20.0 * t, 0.5 * (std::f64::consts::TAU * 10.0 * t).sin(), 0.0]).collect();
+        let track = Track { contact: vec![true; 600], offsets: Vec::new(), time_s, position_mm };
+        let way = *path_mm(&track).last().unwrap();
+        assert!((way - 198.0).abs() < 2.0, "{way}");
+    }
+}

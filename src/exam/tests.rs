@@ -1,0 +1,248 @@
+//! Sessions made and scored on the obstetric phantom.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use glam::{DQuat, DVec3};
+
+use super::hand::Skill;
+use super::score::{Reference, Score, score};
+use super::session::{Session, Settings, TRUTH_EVENT, make};
+use super::{ExamError, START_TIME_NS};
+use crate::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
+use crate::anatomy::phantom::{self, Parameters};
+use crate::anatomy::{Mesh, Skin};
+use crate::pose::{Pose, TimedPose};
+use crate::tracker::recording::{Event, RecordingReader, read_all};
+use crate::transducer::Probe;
+
+struct Place {
+    planes: StandardPlanes,
+    skin: Skin,
+    surfaces: BTreeMap<String, Mesh>,
+}
+
+fn place() -> &'static Place {
+    static PLACE: OnceLock<Place> = OnceLock::new();
+    PLACE.get_or_init(|| {
+        let measured = ["skull", "subarachnoid_space", "cerebellum", "fetal_skin", "long_bones"];
+        let surfaces = phantom::parts(&Parameters::default(), &measured, 1.2).into_iter().map(|part| (part.name, part.mesh)).collect();
+        Place { planes: obstetric(&Parameters::default()), skin: Skin::phantom(&Parameters::default()), surfaces }
+    })
+}
+
+fn planes(names: &[&str]) -> Vec<&'static StandardPlane> {
+    place().planes.chosen(names).unwrap()
+}
+
+fn made(names: &[&str], skill: Skill, seed: u64) -> Session {
+    let planes = planes(names);
+    let duration_s = 14.0 * planes.len() as f64;
+    make(&planes, &place().skin, &Settings { seed, duration_s, skill }).unwrap()
+}
+
+fn scored(poses: &[TimedPose], events: &[Event], names: &[&str]) -> Score {
+    let Place { skin, surfaces, .. } = place();
+    let probe = Probe::default();
+    score(poses, events, &Reference { planes: planes(names), skin: Some(skin), surfaces, probe: &probe }).0
+}
+
+/// Poses at 60 Hz over `seconds`, all alike.
+fn still(pose: Pose, seconds: f64) -> Vec<TimedPose> {
+    let timed = |i: u64| TimedPose { host_time_ns: START_TIME_NS + i * 16_666_667, device_time_us: i * 16_667, pose };
+    (0..=(60.0 * seconds) as u64).map(timed).collect()
+}
+
+fn view(name: &str) -> &'static View {
+    &planes(&[name])[0].views[0]
+}
+
+fn perfect(name: &str) -> Pose {
+    view(name).pose_on(&place().skin, 2.5).unwrap()
+}
+
+/// `pose` turned about an axis of the probe through the centre of the view.
+fn turned(name: &str, axis: DVec3, degrees: f64) -> Pose {
+    let (pose, centre) = (perfect(name), view(name).centre_mm);
+    let turn = DQuat::from_axis_angle(pose.orientation * axis, degrees.to_radians());
+    Pose { position_mm: centre + turn * (pose.position_mm - centre), orientation: turn * pose.orientation }
+}
+
+#[test]
+fn a_perfect_session_scores_full_and_measures_the_truth() {
+    for name in ["head", "cerebellum", "abdomen", "femur", "heart", "spine", "profile"] {
+        let score = scored(&still(perfect(name), 1.5), &[], &[name]);
+        let plane = &score.planes[0];
+        assert!(plane.found && (plane.points - 100.0).abs() < 1e-9, "{name}: {plane:?}");
+        assert_eq!((plane.find_s, score.found), (Some(0.0), 1));
+        assert!((plane.press_mm.unwrap() - 2.5).abs() < 0.01 && score.contact == 1.0);
+        assert_eq!(plane.best.unwrap().landmarks_seen, plane.landmarks);
+        for m in &plane.measures {
+            assert!(m.error_percent.unwrap().abs() < 1.5, "{name}: {m:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_perturbed_is_what_is_lost() {
+    let plane = |pose: Pose, name: &str| scored(&still(pose, 1.5), &[], &[name]).planes.remove(0);
+    // Tilted by 20 degrees about the image's horizontal, and by 15 about the beam.
+    for (axis, degrees) in [(DVec3::X, 20.0), (DVec3::Z, 15.0)] {
+        let tilted = plane(turned("head", axis, degrees), "head");
+        let best = tilted.best.unwrap();
+        assert!((best.angle_deg - degrees).abs() < 1e-6 && best.distance_mm < 1e-6, "{best:?}");
+        assert!(!tilted.found && tilted.points == 0.0);
+    }
+    // A turn in the image leaves the plane where it is.
+    let rocked = plane(turned("abdomen", DVec3::Y, 12.0), "abdomen").best.unwrap();
+    assert!(rocked.angle_deg < 1e-6 && (rocked.in_plane_deg - 12.0).abs() < 1e-6);
+    // Half of the angle's tolerance: of its 20 points a third is lost.
+    let half = plane(turned("abdomen", DVec3::X, 5.0), "abdomen");
+    assert!(half.found && (half.points - (100.0 - 20.0 / 3.0)).abs() < 1e-6, "{}", half.points);
+    // Slid by 8 mm: a smaller section of the skull.
+    let pose = perfect("head");
+    let slid = Pose { position_mm: pose.transform_point(DVec3::Y * 8.0), ..pose };
+    let slid = plane(slid, "head");
+    assert!(!slid.found && (slid.best.unwrap().distance_mm - 8.0).abs() < 1e-6);
+    let smaller = slid.measures[1].measured_mm.unwrap() / slid.measures[1].true_mm.unwrap();
+    assert!((0.94..0.985).contains(&smaller), "HC {smaller}");
+}
+
+#[test]
+fn a_turned_femur_is_too_short() {
+    let length = |degrees: f64| {
+        let score = scored(&still(turned("femur", DVec3::Z, degrees), 1.2), &[], &["femur"]);
+        score.planes[0].measures[0].measured_mm.unwrap()
+    };
+    assert!((length(0.0) - 39.0).abs() < 0.5);
+    assert!((length(2.0) - 39.0).abs() < 1.0, "{}", length(2.0));
+    // The slice cuts a shaft of 3.5 mm, and about 1.5 mm more, at its angle.
+    let short = length(15.0);
+    assert!((5.0 / 15f64.to_radians().sin() - short).abs() < 5.0 && short < 26.0, "{short}");
+    // Turned about its own length it is still a femur.
+    let rolled = scored(&still(turned("femur", DVec3::X, 25.0), 1.2), &[], &["femur"]);
+    assert!(rolled.planes[0].found && rolled.planes[0].best.unwrap().angle_deg < 1e-6);
+}
+
+#[test]
+fn off_the_skin_nothing_is_found() {
+    let pose = perfect("head");
+    let lifted = Pose { position_mm: pose.transform_point(DVec3::Z * -6.0), ..pose };
+    let score = scored(&still(lifted, 2.0), &[], &["head"]);
+    assert_eq!((score.found, score.contact), (0, 0.0));
+    assert!(score.planes[0].best.unwrap().angle_deg < 1e-6, "how near it was is told all the same");
+}
+
+#[test]
+fn less_than_a_second_is_not_a_hold() {
+    let mut poses = still(perfect("head"), 0.9);
+    assert!(!scored(&poses, &[], &["head"]).planes[0].found);
+    // A second look after a gap does not add up.
+    poses.extend(
+        still(perfect("head"), 0.9).iter().map(|p| TimedPose { host_time_ns: p.host_time_ns + 2_000_000_000, ..*p }),
+    );
+    let plane = scored(&poses, &[], &["head"]).planes.remove(0);
+    assert!(!plane.found && plane.best.is_none() && (plane.longest_hold_s - 0.9).abs() < 0.02, "{plane:?}");
+}
+
+#[test]
+fn an_expert_finds_all_it_was_asked_for() {
+    for seed in 0..6 {
+        let session = made(&[], Skill::Expert, seed);
+        let score = scored(&session.poses, &session.events, &[]);
+        assert_eq!(score.found, 7, "seed {seed}: {:#?}", score.planes);
+        assert!(score.points > 90.0 && score.contact > 0.85, "seed {seed}: {} {}", score.points, score.contact);
+        for m in score.planes.iter().flat_map(|p| &p.measures) {
+            assert!(m.error_percent.unwrap().abs() < 3.0, "seed {seed}: {m:?}");
+        }
+        let names: Vec<_> = score.calipers.iter().map(|c| c.name.as_str()).collect();
+        assert_eq!(names, ["BPD", "HC", "TCD", "AC", "FL"]);
+        for c in &score.calipers {
+            assert!(c.error_percent.unwrap().abs() < 6.0, "seed {seed}: {c:?}");
+        }
+        // It held the plane when it said so.
+        let found: Vec<f64> = score.planes.iter().map(|p| p.find_s.unwrap()).collect();
+        let search = session.events.iter().filter(|e| e.value.as_ref().is_some_and(|v| v["phase"] == "leave"));
+        for (find_s, leave) in found.iter().zip(search) {
+            let leave_s = (leave.host_time_ns - START_TIME_NS) as f64 * 1e-9;
+            assert!(*find_s < leave_s, "seed {seed}: found at {find_s} s, left at {leave_s} s");
+        }
+    }
+}
+
+#[test]
+fn a_session_that_goes_nowhere_near_finds_nothing() {
+    // Along the mother's left, where only womb and bowel are, looking to her back.
+    let skin = &place().skin;
+    let poses: Vec<TimedPose> = still(Pose::IDENTITY, 20.0)
+        .into_iter()
+        .enumerate()
+        .map(|(i, timed)| {
+            let y = 90.0 + 20.0 * (i as f64 * 0.02).sin();
+            let contact = skin.exit(DVec3::new(70.0, y, -20.0), DVec3::Z).unwrap();
+            TimedPose { pose: Pose::looking(contact - DVec3::Z * 2.0, DVec3::NEG_Z, DVec3::Y), ..timed }
+        })
+        .collect();
+    let score = scored(&poses, &[], &[]);
+    assert_eq!((score.found, score.points), (0, 0.0));
+    assert!(score.contact == 1.0 && score.path_mm > 100.0);
+}
+
+#[test]
+fn novices_do_worse_than_trained_hands_and_those_worse_than_experts() {
+    let mean = |skill| {
+        let points = |seed| {
+            let session = made(&["head", "abdomen", "femur", "heart"], skill, seed);
+            scored(&session.poses, &[], &["head", "abdomen", "femur", "heart"]).points
+        };
+        (0..8).map(points).sum::<f64>() / 8.0
+    };
+    let (novice, trained, expert) = (mean(Skill::Novice), mean(Skill::Trained), mean(Skill::Expert));
+    assert!(novice + 10.0 < trained && trained < expert, "{novice} {trained} {expert}");
+    assert!(novice > 5.0, "a novice finds something: {novice}");
+}
+
+#[test]
+fn a_seed_gives_its_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = |seed: u64, name: &str| {
+        let path = dir.path().join(name);
+        made(&["abdomen", "femur"], Skill::Novice, seed).write(&path, "obstetric phantom").unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let first = bytes(5, "a.mcap");
+    assert!(first == bytes(5, "b.mcap"));
+    assert!(first != bytes(6, "c.mcap"));
+    // And they are a whole recording whose truth the score does not see.
+    let (poses, summary) = read_all(RecordingReader::open(&dir.path().join("a.mcap")).unwrap()).unwrap();
+    assert!(summary.is_clean() && poses.len() == 28 * 60 + 1, "{summary}");
+    let truths: Vec<_> = summary.events.iter().filter(|e| e.name == TRUTH_EVENT).cloned().collect();
+    assert!(truths.len() >= 6, "{truths:?}");
+    let others: Vec<_> = summary.events.iter().filter(|e| e.name != TRUTH_EVENT).cloned().collect();
+    let names = ["abdomen", "femur"];
+    assert_eq!(scored(&poses, &summary.events, &names), scored(&poses, &others, &names));
+}
+
+#[test]
+fn hands_move_as_hands_can() {
+    for (skill, seed) in [(Skill::Novice, 1), (Skill::Trained, 2), (Skill::Expert, 3)] {
+        let session = made(&[], skill, seed);
+        let (mut off, mut fastest) = (0, 0.0f64);
+        for pair in session.poses.windows(2) {
+            let way = pair[0].pose.position_mm.distance(pair[1].pose.position_mm) * 60.0;
+            let turn = pair[0].pose.orientation.angle_between(pair[1].pose.orientation).to_degrees() * 60.0;
+            assert!(way < 300.0 && turn < 150.0, "{} {way} mm/s {turn} degrees/s", skill.name());
+            fastest = fastest.max(way);
+            off += usize::from(place().skin.press_mm(&pair[0].pose).is_none_or(|mm| mm < 0.0));
+        }
+        let off = off as f64 / session.poses.len() as f64;
+        assert!(fastest > 20.0 && (0.005..0.25).contains(&off), "{}: {off} of the time off the skin", skill.name());
+    }
+}
+
+#[test]
+fn too_little_time_is_refused() {
+    let settings = Settings { seed: 1, duration_s: 10.0, skill: Skill::Expert };
+    let error = make(&planes(&["head", "abdomen"]), &place().skin, &settings).unwrap_err();
+    assert!(matches!(error, ExamError::TooShort { planes: 2, .. }), "{error}");
+}
