@@ -9,6 +9,7 @@ pub mod import;
 pub mod mesh;
 pub mod phantom;
 pub mod scene;
+pub mod specimens;
 pub mod tissue;
 
 pub use bvh::{Bvh, BvhError};
