@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::layer;
+use super::{layer, wavy_layer};
 use crate::anatomy::Mesh;
 use crate::anatomy::analytic::{Part, joined, sphere};
 
@@ -21,10 +21,10 @@ pub fn gallbladder_stones() -> Vec<Part> {
     let half = (140.0, 60.0);
     vec![
         layer("skin", "skin", 1, half, (0.0, 2.0)),
-        layer("fat", "fat", 2, half, (1.9, 10.0)),
-        layer("muscle", "muscle", 3, half, (9.9, 18.0)),
-        layer("liver", "liver", 4, half, (17.9, 160.0)),
-        Part { name: "lung", tissue: "lung_aerated", priority: 5, mesh: sphere(Vec3::new(15.0, 0.0, 270.0), 150.0, 5) },
+        wavy_layer("fat", "fat", 2, half, (1.9, 12.0), 0.3),
+        wavy_layer("muscle", "muscle", 3, half, (11.0, 20.0), 0.6),
+        wavy_layer("liver", "liver", 4, half, (18.0, 160.0), 0.6),
+        Part { name: "lung", tissue: "lung_aerated", priority: 5, mesh: lung() },
         Part { name: "gallbladder wall", tissue: "gallbladder_wall", priority: 6, mesh: gallbladder(WALL_MM) },
         Part { name: "bile", tissue: "bile", priority: 7, mesh: gallbladder(0.0) },
         Part { name: "stones", tissue: "gallstone", priority: 8, mesh: joined(STONES.map(|(at, r)| stone(at, r))) },
@@ -33,7 +33,7 @@ pub fn gallbladder_stones() -> Vec<Part> {
 
 /// The pear, `wall_mm` larger all round; its fundus points to +x.
 fn gallbladder(wall_mm: f32) -> Mesh {
-    let mut mesh = sphere(Vec3::ZERO, 1.0, 5);
+    let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
     for v in &mut mesh.vertices_mm {
         *v = in_scene(*v, wall_mm);
     }
@@ -47,11 +47,20 @@ fn in_scene(direction: Vec3, wall_mm: f32) -> Vec3 {
     CENTRE_MM + Quat::from_rotation_y(0.2) * (axes * direction * Vec3::new(1.0, wide, wide))
 }
 
+/// The dome of the lung behind the liver.
+fn lung() -> Mesh {
+    let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
+    for v in &mut mesh.vertices_mm {
+        *v = Vec3::new(10.0, 0.0, 146.0) + *v * Vec3::new(120.0, 58.0, 27.0);
+    }
+    mesh
+}
+
 /// A lumpy stone that lies on the posterior wall.
 fn stone(at: f32, radius_mm: f32) -> Mesh {
     let floor = in_scene(Vec3::new(at, 0.0, (1.0 - at * at).sqrt()), 0.0);
     let centre = floor - Vec3::Z * (radius_mm - 0.4);
-    let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
+    let mut mesh = sphere(Vec3::ZERO, 1.0, 3);
     for v in &mut mesh.vertices_mm {
         let lump = 1.0 + 0.05 * (7.0 * v.x + 3.0 * v.y).sin() + 0.04 * (6.0 * v.z - 5.0 * v.y).cos();
         *v = centre + *v * (radius_mm * lump);

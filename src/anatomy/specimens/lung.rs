@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::layer;
+use super::{layer, wavy_layer};
 use crate::anatomy::analytic::{Part, joined, tube};
 
 /// Depth of the visceral pleura, where the air begins, mm.
@@ -23,9 +23,9 @@ pub fn lung_air() -> Vec<Part> {
     vec![
         layer("probe face", "probe_face", 1, half, (-4.0, -0.2)),
         layer("skin", "skin", 2, half, (0.2, 1.9)),
-        layer("fat", "fat", 3, half, (1.8, 6.0)),
-        layer("muscle", "muscle", 4, half, (5.9, 160.0)),
-        layer("fascia", "fascia", 5, half, (5.8, 6.2)),
+        wavy_layer("fat", "fat", 3, half, (1.8, 6.5), 0.1),
+        wavy_layer("muscle", "muscle", 4, half, (6.1, 160.0), 0.3),
+        wavy_layer("fascia", "fascia", 5, half, (6.0, 6.4), 0.3),
         layer("pleura", "pleura", 6, half, (AIR_MM - 0.4, 159.0)),
         layer("lung", "lung_air", 7, half, (AIR_MM, 158.0)),
         Part { name: "ribs", tissue: "bone_adult", priority: 8, mesh: joined([-19.0, 19.0].map(rib)) },

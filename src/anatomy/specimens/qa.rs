@@ -7,6 +7,8 @@
 //!
 //! Their filaments are 0.08 to 0.1 mm thick, a part of a wavelength, and scatter more than their width covers. Rays know
 //! only the width, so ours are bars of [`WIRE_MM`] with a flat side up: about as bright above the speckle as real ones.
+//! The wires of the vertical group stand 0.4 mm beside each other, out of each other's shadow, which diffraction fills in
+//! a real phantom.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -17,12 +19,14 @@ use crate::anatomy::Mesh;
 use crate::anatomy::analytic::{Part, joined, tube};
 
 /// Side of a wire, mm.
-pub const WIRE_MM: f32 = 0.2;
-/// Depths of the wires of the near-field group, mm, and their lateral places.
+pub const WIRE_MM: f32 = 0.3;
+/// Lateral places and depths of the wires of the near-field group, mm.
 pub const NEAR_FIELD_MM: [(f32, f32); 5] = [(-28.0, 1.0), (-26.0, 2.0), (-24.0, 3.0), (-22.0, 4.0), (-20.0, 5.0)];
-/// Depths of the wires at x = 0, mm.
-pub const VERTICAL_MM: [f32; 12] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0];
-/// Lateral places of the wires of a horizontal group, mm; those at 0 belong to the vertical group.
+/// Distance of neighbouring wires of the vertical group, mm: the first is as deep.
+pub const VERTICAL_STEP_MM: f32 = 10.0;
+/// Wires of the vertical group.
+pub const VERTICAL_COUNT: u16 = 12;
+/// Lateral places of the wires of a horizontal group, mm.
 pub const HORIZONTAL_MM: [f32; 4] = [-20.0, -10.0, 10.0, 20.0];
 /// Depths of the horizontal groups, mm.
 pub const HORIZONTAL_DEPTHS_MM: [f32; 2] = [40.0, 90.0];
@@ -80,13 +84,18 @@ pub fn qa_phantom() -> Vec<Part> {
 }
 
 fn wires() -> Mesh {
-    let vertical = VERTICAL_MM.map(|depth| (0.0, depth));
+    let vertical = (0..VERTICAL_COUNT).map(vertical);
     let horizontal = HORIZONTAL_DEPTHS_MM.into_iter().flat_map(|depth| HORIZONTAL_MM.map(|x| (x, depth)));
     let places = NEAR_FIELD_MM.into_iter().chain(vertical).chain(horizontal);
     joined(places.chain(RESOLUTION_DEPTHS_MM.into_iter().flat_map(resolution)).map(|(x, depth)| {
         let half = WIRE_MM * FRAC_1_SQRT_2;
         along_y(x, depth + 0.5 * WIRE_MM, half, 4)
     }))
+}
+
+/// Lateral place and depth of a wire of the vertical group, mm.
+pub fn vertical(index: u16) -> (f32, f32) {
+    (0.4 * (f32::from(index) - 5.5), VERTICAL_STEP_MM * f32::from(index + 1))
 }
 
 /// Lateral place and depth of the wires of a resolution group: a flight of steps on the right, a row on the left.

@@ -1,0 +1,354 @@
+//! Colours of pixels.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::camera::Camera;
+use super::caster::{Caster, Hit};
+use super::{Axes, Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
+use crate::anatomy::{Mesh, Scene};
+use crate::sink::colour;
+
+/// Neighbouring pixels that differ by more (of 1) are sampled again.
+const EDGE: f32 = 0.05;
+/// Less light than this part of what lies behind is not looked for.
+const DARK: f32 = 0.02;
+const GROUND: Vec3 = Vec3::new(0.055, 0.068, 0.085);
+const HOUSING: Vec3 = Vec3::new(0.62, 0.66, 0.72);
+const BEAD: Vec3 = Vec3::new(1.0, 0.62, 0.1);
+/// The fan where it bears no image.
+const FAN: Vec3 = Vec3::new(1.0, 0.80, 0.30);
+const FAN_OPACITY: f32 = 0.30;
+const IMAGE_OPACITY: f32 = 0.93;
+/// The fan is drawn on a cut through its own plane, mm.
+const BEFORE_MM: f32 = 0.02;
+
+/// What is pictured, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureSettings {
+    /// Width, pixels, 64..=8192.
+    pub width: u32,
+    /// Height, pixels, 64..=8192.
+    pub height: u32,
+    /// From where.
+    pub from: Direction,
+    /// A turn from there.
+    pub orbit: Orbit,
+    /// Where the scene is cut.
+    pub cut: Option<Cut>,
+}
+
+/// A colour picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Red, green, blue [height × width × 3].
+    pub rgb: Vec<u8>,
+}
+
+/// How a surface looks.
+struct Look {
+    colour: Vec3,
+    opacity: f32,
+    /// Its tissue; none for the probe.
+    tissue: Option<usize>,
+}
+
+/// A scene made ready for pictures.
+pub struct SceneView {
+    caster: Caster,
+    looks: Vec<Look>,
+    tissue_names: Vec<String>,
+    /// Corners of the bounds of what is shown, mm.
+    corners_mm: Vec<DVec3>,
+    fan: Option<Fan>,
+    axes: Axes,
+}
+
+/// A cut that holds for a camera.
+struct Plane {
+    point_mm: DVec3,
+    normal: DVec3,
+}
+
+/// A pixel and the tissues that are seen in it.
+type Sample = (Vec3, [u64; 4]);
+
+impl SceneView {
+    /// The surfaces of `scene` that `selection` shows, with a probe where there is one.
+    pub fn new(scene: &Scene, selection: &Selection, fan: Option<Fan>, axes: Axes) -> Self {
+        let shown: Vec<usize> = (0..scene.surfaces.len()).filter(|&i| selection.shown.get(i) == Some(&true)).collect();
+        let areas: Vec<f64> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| area_mm2(&s.mesh)).collect();
+        let largest = areas.iter().copied().fold(1e-9, f64::max);
+        let mut looks = Vec::new();
+        let mut corners_mm = Vec::new();
+        for (&index, area) in shown.iter().zip(areas) {
+            let Some(surface) = scene.surfaces.get(index) else { continue };
+            let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
+            // Large surfaces hold the small ones: they are seen through.
+            let part = (area / largest).sqrt() as f32;
+            let opacity = 0.10 + 0.85 * (1.0 - part).powf(1.4);
+            looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
+            let bounds = surface.mesh.bounds_mm().map(|(low, high)| [low.as_dvec3(), high.as_dvec3()]);
+            corners_mm.extend(bounds.into_iter().flat_map(|b| {
+                (0..8).map(move |i| DVec3::new(b[i & 1].x, b[(i >> 1) & 1].y, b[i >> 2].z))
+            }));
+        }
+        let housing = fan.as_ref().map(Fan::housing);
+        for mesh in housing.iter().flatten() {
+            corners_mm.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3()));
+        }
+        if let Some(fan) = &fan {
+            corners_mm.extend(fan.outline_mm());
+            looks.push(Look { colour: HOUSING, opacity: 1.0, tissue: None });
+            looks.push(Look { colour: BEAD, opacity: 1.0, tissue: None });
+        }
+        let meshes = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh);
+        let caster = Caster::new((0u32..).zip(meshes.chain(housing.iter().flatten())));
+        Self { caster, looks, tissue_names: scene.tissues.names().to_vec(), corners_mm, fan, axes }
+    }
+
+    /// A picture with a legend, a scale and axes.
+    ///
+    /// # Errors
+    /// A size out of range; a direction or cut of the probe where there is none.
+    pub fn picture(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
+        let &PictureSettings { width, height, .. } = settings;
+        check_size(width, height)?;
+        let legend = annotate::legend_width(width);
+        let panel = self.panel(settings, (width - legend, height), settings.from == Direction::Fan)?;
+        let mut canvas = annotate::canvas(width, height);
+        annotate::place(&mut canvas, (0, 0), &panel, self.axes);
+        annotate::legend(&mut canvas, width - legend, &self.names(&panel.seen));
+        Ok(annotate::picture(&canvas))
+    }
+
+    /// Four panels in one picture: from the front, the left, the top and onto the fan, or from behind without a probe.
+    ///
+    /// # Errors
+    /// As [`SceneView::picture`].
+    pub fn sheet(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
+        let &PictureSettings { width, height, .. } = settings;
+        check_size(width, height)?;
+        let legend = annotate::legend_width(width);
+        let (w, h) = ((width - legend) / 2, height / 2);
+        let last = if self.fan.is_some() { Direction::Fan } else { Direction::Back };
+        let titles = match self.axes {
+            Axes::Depth => ["front", "from +x", "from above", "onto the fan"],
+            Axes::Anatomical => ["anterior", "left", "cranial", "onto the fan"],
+        };
+        let panels = [Direction::Front, Direction::Left, Direction::Top, last];
+        let mut canvas = annotate::canvas(width, height);
+        let mut seen = [0; 4];
+        for (i, (from, title)) in (0u32..).zip(panels.into_iter().zip(titles)) {
+            // The fan's own view is cut there: it shows the section that the probe sees.
+            let cut = if from == Direction::Fan { settings.cut.or(Some(Cut::Fan)) } else { settings.cut };
+            let one = PictureSettings { from, orbit: Orbit::default(), cut, ..*settings };
+            let panel = self.panel(&one, (w - 4, h - 4), from == Direction::Fan)?;
+            let title = if i == 3 && self.fan.is_none() { "from behind" } else { title };
+            seen.iter_mut().zip(panel.seen).for_each(|(all, one)| *all |= one);
+            let at = (i % 2 * w + 2, i / 2 * h + 2);
+            annotate::place(&mut canvas, at, &panel, self.axes);
+            annotate::title(&mut canvas, at, title);
+        }
+        annotate::legend(&mut canvas, width - legend, &self.names(&seen));
+        Ok(annotate::picture(&canvas))
+    }
+
+    /// Names of the tissues whose bits are set.
+    fn names(&self, seen: &[u64; 4]) -> Vec<&str> {
+        let set = |i: usize| seen.get(i >> 6).is_some_and(|word| word >> (i & 63) & 1 == 1);
+        self.tissue_names.iter().enumerate().filter(|(i, _)| set(*i)).map(|(_, name)| name.as_str()).collect()
+    }
+
+    /// One projection of `size` pixels; `close` frames the fan alone.
+    fn panel(&self, settings: &PictureSettings, size: (u32, u32), close: bool) -> Result<Panel, ViewError> {
+        let pose = self.fan.as_ref().map(|fan| fan.scene_from_probe);
+        let what = if settings.from == Direction::Probe { "--from probe" } else { "--from fan" };
+        let camera = Camera::new(settings.from, settings.orbit, self.axes, pose);
+        let mut camera = camera.ok_or(ViewError::NoFan { what })?;
+        let outline = self.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
+        let framed = if close && !outline.is_empty() { &outline } else { &self.corners_mm };
+        camera.fit(framed, (0.0, 0.0), (f64::from(size.0), f64::from(size.1)));
+        let plane = self.plane(settings.cut, &camera)?;
+
+        let (width, height) = (size.0 as usize, size.1 as usize);
+        let row = |(row, out): (usize, &mut [Sample])| {
+            let mut hits = Vec::new();
+            for (column, sample) in out.iter_mut().enumerate() {
+                *sample = self.sample(&camera, plane.as_ref(), column as f64 + 0.5, row as f64 + 0.5, &mut hits);
+            }
+        };
+        let mut first: Vec<Sample> = vec![(GROUND, [0; 4]); width * height];
+        first.par_chunks_mut(width).enumerate().for_each(row);
+        let smooth = |(index, out): (usize, &mut Vec3)| {
+            let (column, row) = (index % width, index / width);
+            let here = first[index].0;
+            let differs = |other: usize| (first[other].0 - here).abs().max_element() > EDGE;
+            *out = here;
+            let edge = (column > 0 && differs(index - 1))
+                || (column + 1 < width && differs(index + 1))
+                || (row > 0 && differs(index - width))
+                || (row + 1 < height && differs(index + width));
+            if edge {
+                let mut hits = Vec::new();
+                // Corners of a turned square.
+                let offsets = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
+                let sum: Vec3 = offsets
+                    .map(|(x, y)| {
+                        self.sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits).0
+                    })
+                    .into_iter()
+                    .sum();
+                *out = 0.25 * sum;
+            }
+        };
+        let mut colours = vec![GROUND; width * height];
+        colours.par_iter_mut().enumerate().for_each(smooth);
+        let seen = first.iter().fold([0; 4], |mut all, (_, seen)| {
+            all.iter_mut().zip(seen).for_each(|(all, one)| *all |= one);
+            all
+        });
+        let rgb = colours.iter().flat_map(|c| (c.clamp(Vec3::ZERO, Vec3::ONE) * 255.0 + 0.5).to_array()).map(|v| v as u8);
+        Ok(Panel { width: size.0, height: size.1, rgb: rgb.collect(), seen, camera, outline })
+    }
+
+    /// The plane of a cut, its normal toward the viewer; none where it is seen edge-on.
+    fn plane(&self, cut: Option<Cut>, camera: &Camera) -> Result<Option<Plane>, ViewError> {
+        let (point_mm, normal) = match cut {
+            None => return Ok(None),
+            Some(Cut::Fan) => {
+                let fan = self.fan.as_ref().ok_or(ViewError::NoFan { what: "--cut fan" })?;
+                (fan.scene_from_probe.position_mm, fan.scene_from_probe.orientation * DVec3::Y)
+            }
+            Some(Cut::Axis(axis, place)) => {
+                let normal = DVec3::AXES[axis.min(2)];
+                (normal * place, normal)
+            }
+        };
+        let slope = normal.dot(camera.forward);
+        if slope.abs() < 1e-3 {
+            return Ok(None);
+        }
+        Ok(Some(Plane { point_mm, normal: if slope > 0.0 { -normal } else { normal } }))
+    }
+
+    /// Colour of a place in the picture.
+    fn sample(&self, camera: &Camera, plane: Option<&Plane>, column: f64, row: f64, hits: &mut Vec<Hit>) -> Sample {
+        let (point, forward) = (camera.point(column, row), camera.forward);
+        self.caster.crossings(point, forward, hits);
+        let mut light = Vec3::ZERO;
+        let mut left = 1.0_f32;
+        let mut seen = [0u64; 4];
+        let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>| {
+            light += left * opacity * colour;
+            if let Some(i) = tissue.filter(|_| left * opacity > 0.08) {
+                if let Some(word) = seen.get_mut(i >> 6) {
+                    *word |= 1 << (i & 63);
+                }
+            }
+            left *= 1.0 - opacity;
+            left > DARK
+        };
+        let mut fan = self.fan.as_ref().and_then(|fan| {
+            let t = fan.meets(point, forward)?;
+            let grey = fan.at(point + forward * t)?;
+            let (colour, opacity) = match grey {
+                Some(grey) => (Vec3::splat(f32::from(grey) / 255.0), IMAGE_OPACITY),
+                None => (FAN, FAN_OPACITY),
+            };
+            Some((t as f32 - BEFORE_MM, colour, opacity))
+        });
+        let mut cut = plane.map(|plane| {
+            let t = plane.normal.dot(plane.point_mm - point) / plane.normal.dot(forward);
+            (t as f32, self.medium_beyond(hits, t as f32))
+        });
+        let from = cut.map_or(f32::NEG_INFINITY, |(t, _)| t);
+        let probe = self.looks.len().saturating_sub(if self.fan.is_some() { 2 } else { 0 });
+        let mut next = hits.iter().filter(|hit| hit.t_mm >= from || hit.surface as usize >= probe).peekable();
+        loop {
+            let t_hit = next.peek().map_or(f32::INFINITY, |hit| hit.t_mm);
+            let t_cut = cut.map_or(f32::INFINITY, |(t, _)| t);
+            let t_fan = fan.map_or(f32::INFINITY, |(t, ..)| t);
+            if t_fan <= t_cut && t_fan <= t_hit && t_fan.is_finite() {
+                if let Some((_, colour, opacity)) = fan.take()
+                    && !add(colour, opacity, None)
+                {
+                    break;
+                }
+            } else if t_cut <= t_hit && t_cut.is_finite() {
+                let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.looks.get(m));
+                // A section is opaque.
+                if let Some(look) = medium
+                    && !add(0.92 * look.colour, 1.0, look.tissue)
+                {
+                    break;
+                }
+            } else if let Some(hit) = next.next() {
+                let Some(look) = self.looks.get(hit.surface as usize) else { continue };
+                let facing = hit.cosine.abs().min(1.0);
+                let opacity = look.opacity + (1.0 - look.opacity) * 0.6 * (1.0 - facing).powi(3);
+                if !add(shade(look.colour, hit, camera), opacity, look.tissue) {
+                    break;
+                }
+            } else {
+                break;
+            }
+        }
+        (light + left * GROUND, seen)
+    }
+
+    /// The highest surface that the line is inside of at `t_mm`, of those that are shown; the probe is none of them.
+    fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
+        let mut met = [0u64; 4];
+        let mut highest = None;
+        for hit in hits.iter().filter(|hit| hit.t_mm > t_mm) {
+            let index = hit.surface as usize;
+            let tissue = self.looks.get(index).is_some_and(|look| look.tissue.is_some());
+            let Some(word) = met.get_mut(index >> 6).filter(|_| tissue) else { continue };
+            let bit = 1 << (index & 63);
+            // The first crossing beyond tells: outward from within.
+            if *word & bit == 0 && hit.cosine > 0.0 {
+                highest = highest.max(Some(index));
+            }
+            *word |= bit;
+        }
+        highest
+    }
+}
+
+/// A projection before it is captioned.
+pub(super) struct Panel {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) rgb: Vec<u8>,
+    /// Tissues in it, a bit each.
+    seen: [u64; 4],
+    pub(super) camera: Camera,
+    pub(super) outline: Vec<DVec3>,
+}
+
+/// Light from the upper left behind the viewer; both faces of a surface are lit.
+fn shade(colour: Vec3, hit: &Hit, camera: &Camera) -> Vec3 {
+    let toward = (-0.8 * camera.forward + 0.5 * camera.up - 0.35 * camera.right).normalize().as_vec3();
+    let normal = if hit.cosine > 0.0 { -hit.normal } else { hit.normal };
+    let diffuse = normal.dot(toward).max(0.0);
+    let gloss = 0.12 * diffuse.powi(24);
+    colour * (0.28 + 0.72 * diffuse) + Vec3::splat(gloss)
+}
+
+fn colour_of(tissue: &str) -> Vec3 {
+    Vec3::from(colour::tissue(tissue).map(|v| f32::from(v) / 255.0))
+}
+
+fn area_mm2(mesh: &Mesh) -> f64 {
+    mesh.corners_mm().map(|[a, b, c]| 0.5 * f64::from((b - a).cross(c - a).length())).sum()
+}
+
+fn check_size(width: u32, height: u32) -> Result<(), ViewError> {
+    let good = 64..=8192;
+    if good.contains(&width) && good.contains(&height) { Ok(()) } else { Err(ViewError::Size { width, height }) }
+}
