@@ -3,6 +3,7 @@
 pub mod analytic;
 pub mod builtin;
 pub mod bvh;
+pub mod decimate;
 pub mod exam;
 pub mod export;
 pub mod import;

@@ -104,8 +104,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let probe = station.as_ref().map_or_else(Probe::default, |station| station.probe);
     let image = if args.bmode { Some(bmode(args, &scene, station.as_ref(), pose)?) } else { None };
     let fan = pose.map(|scene_from_probe| Fan { scene_from_probe, probe, image });
-    let anatomical = station.as_ref().is_some_and(|s| matches!(s.scene, SceneSource::ObstetricPhantom { .. }));
-    let axes = if anatomical { Axes::Anatomical } else { Axes::Depth };
+    let axes = station.as_ref().map_or(Axes::Depth, axes_of);
 
     let fallback = if fan.is_some() { Direction::Fan } else { Direction::Front };
     let turned = Orbit { azimuth_deg: 30.0, elevation_deg: 20.0 };
@@ -125,6 +124,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     output::line(format!("{surfaces} surfaces, {triangles} triangles, {width} x {height} pixels in {picture_ms:.0} ms"))?;
     output::line(args.out.display())
+}
+
+/// What the axes of a station's scene mean.
+pub(crate) fn axes_of(station: &Station) -> Axes {
+    match station.scene {
+        SceneSource::ObstetricPhantom { .. } => Axes::Anatomical,
+        SceneSource::File(_) => Axes::Depth,
+    }
 }
 
 /// The scene, and the station where one was given.

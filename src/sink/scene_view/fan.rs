@@ -63,7 +63,7 @@ impl Fan {
     }
 
     /// The probe's housing in the scene, and a bead on the side that is the image's left.
-    pub(super) fn housing(&self) -> [Mesh; 2] {
+    pub(crate) fn housing(&self) -> [Mesh; 2] {
         const STEPS: u32 = 24;
         let half_height = 0.5 * self.probe.elevational_height_mm + 2.0;
         let face: Vec<DVec3> = (0..=STEPS)

@@ -15,6 +15,7 @@ use thiserror::Error;
 
 pub use camera::{Axes, Cut, Direction, Orbit};
 pub use fan::{BmodeImage, Fan};
+pub(crate) use paint::opacities;
 pub use paint::{Picture, PictureSettings, SceneView};
 pub use selection::Selection;
 

@@ -81,16 +81,12 @@ impl SceneView {
     /// The surfaces of `scene` that `selection` shows, with a probe where there is one.
     pub fn new(scene: &Scene, selection: &Selection, fan: Option<Fan>, axes: Axes) -> Self {
         let shown: Vec<usize> = (0..scene.surfaces.len()).filter(|&i| selection.shown.get(i) == Some(&true)).collect();
-        let areas: Vec<f64> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| area_mm2(&s.mesh)).collect();
-        let largest = areas.iter().copied().fold(1e-9, f64::max);
+        let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
         let mut looks = Vec::new();
         let mut corners_mm = Vec::new();
-        for (&index, area) in shown.iter().zip(areas) {
+        for (&index, opacity) in shown.iter().zip(opacities(&meshes)) {
             let Some(surface) = scene.surfaces.get(index) else { continue };
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
-            // Large surfaces hold the small ones: they are seen through.
-            let part = (area / largest).sqrt() as f32;
-            let opacity = 0.10 + 0.85 * (1.0 - part).powf(1.4);
             looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
             let bounds = surface.mesh.bounds_mm().map(|(low, high)| [low.as_dvec3(), high.as_dvec3()]);
             corners_mm.extend(bounds.into_iter().flat_map(|b| {
@@ -106,8 +102,7 @@ impl SceneView {
             looks.push(Look { colour: HOUSING, opacity: 1.0, tissue: None });
             looks.push(Look { colour: BEAD, opacity: 1.0, tissue: None });
         }
-        let meshes = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh);
-        let caster = Caster::new((0u32..).zip(meshes.chain(housing.iter().flatten())));
+        let caster = Caster::new((0u32..).zip(meshes.iter().copied().chain(housing.iter().flatten())));
         Self { caster, looks, tissue_names: scene.tissues.names().to_vec(), corners_mm, fan, axes }
     }
 
@@ -342,6 +337,13 @@ fn shade(colour: Vec3, hit: &Hit, camera: &Camera) -> Vec3 {
 
 fn colour_of(tissue: &str) -> Vec3 {
     Vec3::from(colour::tissue(tissue).map(|v| f32::from(v) / 255.0))
+}
+
+/// How opaque each of `meshes` is shown, 0..=1: large ones hold the small ones, and are seen through.
+pub(crate) fn opacities(meshes: &[&Mesh]) -> Vec<f32> {
+    let areas: Vec<f64> = meshes.iter().map(|mesh| area_mm2(mesh)).collect();
+    let largest = areas.iter().copied().fold(1e-9, f64::max);
+    areas.iter().map(|area| 0.10 + 0.85 * (1.0 - (area / largest).sqrt() as f32).powf(1.4)).collect()
 }
 
 fn area_mm2(mesh: &Mesh) -> f64 {
