@@ -354,3 +354,118 @@ fn check_size(width: u32, height: u32) -> Result<(), ViewError> {
     let good = 64..=8192;
     if good.contains(&width) && good.contains(&height) { Ok(()) } else { Err(ViewError::Size { width, height }) }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::super::BmodeImage;
+    use super::*;
+    use crate::anatomy::analytic::{Part, cuboid, scene, sphere};
+    use crate::anatomy::TissueTable;
+    use crate::pose::Pose;
+    use crate::transducer::{Probe, Sector};
+
+    fn block_and_ball() -> Scene {
+        let block = cuboid(Vec3::splat(-300.0), Vec3::splat(300.0));
+        let ball = sphere(Vec3::new(-200.0, 0.0, 200.0), 30.0, 3);
+        let part = |name, tissue, priority, mesh| Part { name, tissue, priority, mesh };
+        scene(
+            vec![part("block", "liver", 1, block), part("ball", "bone_adult", 2, ball)],
+            &TissueTable::builtin().unwrap(),
+            "gel",
+        )
+        .unwrap()
+    }
+
+    fn fan(x: f64, image: Option<BmodeImage>) -> Fan {
+        let orientation = DQuat::from_rotation_z(0.2);
+        let scene_from_probe = Pose { position_mm: DVec3::new(x, 0.0, 0.0), orientation };
+        Fan { scene_from_probe, probe: Probe::default(), image }
+    }
+
+    fn settings() -> PictureSettings {
+        let orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0 };
+        PictureSettings { width: 400, height: 300, from: Direction::Front, orbit, cut: None }
+    }
+
+    fn pixel(panel: &Panel, point: DVec3) -> [i32; 3] {
+        let (column, row) = panel.camera.pixel(point);
+        let at = 3 * (row as usize * panel.width as usize + column as usize);
+        [0, 1, 2].map(|i| i32::from(panel.rgb[at + i]))
+    }
+
+    #[test]
+    fn the_fan_is_where_the_pose_says() {
+        let scene = block_and_ball();
+        let panel = |fan| SceneView::new(&scene, &Selection::all(&scene), fan, Axes::Depth).panel(&settings(), (400, 300), false);
+        let without = panel(None).unwrap();
+        for x in [-60.0, 0.0, 80.0] {
+            let fan = fan(x, None);
+            let inside = [(0.0, 20.0), (30.0, 70.0), (-40.0, 120.0), (0.0, 148.0)];
+            let outside = [(-80.0, 40.0), (80.0, 40.0), (0.0, 160.0)];
+            let there = panel(Some(fan.clone())).unwrap();
+            let amber = |(across, depth): (f64, f64)| {
+                let point = fan.scene_from_probe.transform_point(DVec3::new(across, 0.0, depth));
+                let (with, without) = (pixel(&there, point), pixel(&without, point));
+                // Amber is redder than what it lies on.
+                (with[0] - with[2]) - (without[0] - without[2])
+            };
+            // Framing differs, but the block fills both pictures with one colour.
+            assert!(inside.iter().all(|&p| amber(p) > 15), "{:?}", inside.map(amber));
+            assert!(outside.iter().all(|&p| amber(p).abs() < 6), "{:?}", outside.map(amber));
+        }
+    }
+
+    #[test]
+    fn an_image_lies_in_the_fan_as_it_was_taken() {
+        let scene = block_and_ball();
+        let sector = Sector::fit(&Probe::default(), 200, 150);
+        // White left of the middle.
+        let grey = (0..200 * 150).map(|i| if i % 200 < 100 { 255 } else { 0 }).collect();
+        let fan = fan(0.0, Some(BmodeImage { sector, grey }));
+        let pose = fan.scene_from_probe;
+        let only = Selection::of(&scene, &["ball".into()], &[]).unwrap();
+        let panel = SceneView::new(&scene, &only, Some(fan), Axes::Depth).panel(&settings(), (400, 300), false).unwrap();
+        let at = |x: f64| pixel(&panel, pose.transform_point(DVec3::new(x, 0.0, 80.0)));
+        assert!(at(-20.0)[1] > 200 && at(20.0)[1] < 40, "{:?} {:?}", at(-20.0), at(20.0));
+    }
+
+    #[test]
+    fn what_is_hidden_vanishes_and_a_cut_shows_the_section() {
+        let scene = block_and_ball();
+        let centre = DVec3::new(-200.0, 0.0, 200.0);
+        let look = |only: &[&str], hide: &[&str], cut| {
+            let names = |names: &[&str]| names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>();
+            let selection = Selection::of(&scene, &names(only), &names(hide)).unwrap();
+            let view = SceneView::new(&scene, &selection, None, Axes::Depth);
+            let panel = view.panel(&PictureSettings { cut, ..settings() }, (400, 300), false).unwrap();
+            (pixel(&panel, centre), view.names(&panel.seen).join(" "))
+        };
+        let ground = GROUND.to_array().map(|v| (v * 255.0 + 0.5) as i32);
+        let (ball, names) = look(&["bone_adult"], &[], None);
+        assert!(ball != ground && names == "bone_adult", "{names}");
+        let (block, names) = look(&[], &["ball"], None);
+        assert!(block != ball && names == "liver", "{names}");
+        // The section is of the highest surface there, flat in its colour.
+        let bone = (0.92 * colour_of("bone_adult")).to_array().map(|v| (v * 255.0 + 0.5) as i32);
+        assert_eq!(look(&[], &[], Some(Cut::Axis(1, 0.0))).0, bone);
+        assert!(look(&["block"], &[], Some(Cut::Axis(1, 0.0))).0 != bone);
+        assert_eq!(look(&["ball"], &[], Some(Cut::Axis(1, -50.0))).0, ground, "the ball lies before that plane");
+        let unknown = Selection::of(&scene, &[], &["bal".into()]).unwrap_err();
+        assert!(unknown.to_string().contains("did you mean `ball`"), "{unknown}");
+        assert_eq!(Selection::of(&scene, &[], &["ball".into(), "liver".into()]), Err(ViewError::NothingLeft));
+    }
+
+    #[test]
+    fn what_cannot_be_pictured_is_refused() {
+        let scene = block_and_ball();
+        let view = SceneView::new(&scene, &Selection::all(&scene), None, Axes::Depth);
+        let with = |from, cut, width| view.picture(&PictureSettings { from, cut, width, ..settings() });
+        assert!(matches!(with(Direction::Fan, None, 400), Err(ViewError::NoFan { .. })));
+        assert!(matches!(with(Direction::Front, Some(Cut::Fan), 400), Err(ViewError::NoFan { .. })));
+        assert!(matches!(with(Direction::Front, None, 20), Err(ViewError::Size { .. })));
+        let sheet = view.sheet(&PictureSettings { width: 900, height: 640, ..settings() }).unwrap();
+        assert_eq!(sheet.rgb.len(), 900 * 640 * 3);
+    }
+}
