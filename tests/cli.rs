@@ -400,7 +400,8 @@ fn view_pictures_a_scene_and_refuses_what_it_cannot_show() {
     let dir = directory();
     let scene = dir.path().join("scene.glb");
     let out = dir.path().join("view.png");
-    let view = |more: &[&str]| insonify(&[&["view", text(&scene), "--out", text(&out), "--size", "400x300"], more].concat());
+    let view =
+        |more: &[&str]| insonify(&[&["view", text(&scene), "--out", text(&out), "--size", "400x300"], more].concat());
     for more in [&[][..], &ORIGIN, &["--sheet", "--pose", "0,0,0,1,0,0,0", "--cut", "z=30"]] {
         succeeded(&view(more));
         let picture = image::open(&out).unwrap().to_rgb8();

@@ -95,6 +95,7 @@ export class Scene3d {
       }
     }
     this.centre = add(low, high).map((v) => v / 2);
+    this.reach = undefined;
     this.radius = Math.max(Math.hypot(...add(high, low, -1)) / 2, 1);
     this.looks = scene.surfaces.map((surface, i) => ({
       colour: surface.colour.map((v) => v / 255), opacity: surface.opacity, shown: true, probe: i >= bodies.length,
@@ -119,6 +120,7 @@ export class Scene3d {
       swatch.style.background = `rgb(${r} ${g} ${b})`;
       label.append(box, swatch, tissue.replaceAll("_", " "));
       box.addEventListener("change", () => {
+        box.blur();
         bodies.forEach((s, i) => { if (s.tissue === tissue) this.looks[i].shown = box.checked; });
         this.redraw();
       });
@@ -168,7 +170,9 @@ export class Scene3d {
     const depth = this.frame?.settings.depth_mm ?? 100;
     const follow = byId("scene_follow").checked && pose;
     const middle = follow ? add(pose.shift, pose.columns[2], depth / 2) : this.centre;
-    const reach = (follow ? 0.75 * depth : this.radius) / this.zoom;
+    // The first fan is within the picture, and the scale stays.
+    if (pose) this.reach ??= Math.max(...[-45, depth].map((z) => Math.hypot(...add(add(pose.shift, pose.columns[2], z), this.centre, -1))));
+    const reach = (follow ? 0.75 * depth : Math.max(this.radius, this.reach ?? 0)) / this.zoom;
     const target = add(add(middle, right, this.pan[0]), up, this.pan[1]);
     const [x, y] = width > height ? [reach * width / height, reach] : [reach, reach * height / width];
     const far = 2 * this.radius + 2 * depth + Math.hypot(...add(middle, this.centre, -1));
@@ -234,7 +238,11 @@ export class Scene3d {
       this.redraw();
     });
     for (const id of ["scene_cut", "scene_cut_place", "scene_follow", "scene_image"]) {
-      byId(id).addEventListener("input", () => this.redraw());
+      byId(id).addEventListener("input", (event) => {
+        // The keys belong to the page again.
+        if (event.target.type !== "range") event.target.blur();
+        this.redraw();
+      });
     }
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
   }

@@ -239,7 +239,8 @@ mod tests {
         let turned = plate(Vec3::ONE, Vec3::new(1.0, 2.0, 3.0), Quat::from_rotation_x(0.7));
         let half = std::f32::consts::SQRT_2;
         let bar = |to| tube(&[(Vec3::ZERO, (half, half)), (to, (half, half))], 4);
-        let bars = [Vec3::Y, Vec3::X, Vec3::Z, Vec3::new(3.0, 0.0, -4.0), -Vec3::Y].map(|to| (bar(to), 4.0 * to.length()));
+        let bars =
+            [Vec3::Y, Vec3::X, Vec3::Z, Vec3::new(3.0, 0.0, -4.0), -Vec3::Y].map(|to| (bar(to), 4.0 * to.length()));
         let solids = [(cuboid(Vec3::ZERO, Vec3::splat(3.0)), 27.0), (tilted, 8000.0), (turned, 6.0)];
         for (mesh, volume) in solids.into_iter().chain(bars.map(|(mesh, volume)| (mesh, f64::from(volume)))) {
             assert_eq!(mesh.unpaired_edges(), 0);

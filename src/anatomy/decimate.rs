@@ -38,7 +38,13 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     for &triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|i| merged[i as usize]);
         // The least index first: a triangle that comes twice is known by its corners in order.
-        let turned = if a < b && a < c { [a, b, c] } else if b < c { [b, c, a] } else { [c, a, b] };
+        let turned = if a < b && a < c {
+            [a, b, c]
+        } else if b < c {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        };
         if a != b && b != c && c != a && known.insert(turned) {
             triangles.push(turned);
         }
@@ -54,7 +60,11 @@ pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
         return (meshes.iter().map(|&m| m.clone()).collect(), 0.0);
     }
     // Area over triangles tells the length of an edge; a cell of that side halves them about.
-    let area: f64 = meshes.iter().flat_map(|m| m.corners_mm()).map(|[a, b, c]| f64::from((b - a).cross(c - a).length()) / 2.0).sum();
+    let area: f64 = meshes
+        .iter()
+        .flat_map(|m| m.corners_mm())
+        .map(|[a, b, c]| f64::from((b - a).cross(c - a).length()) / 2.0)
+        .sum();
     let mut cell_mm = (area / triangles_max.max(1) as f64).sqrt().max(1e-3) as f32;
     loop {
         let fewer: Vec<Mesh> = meshes.iter().map(|m| cluster(m, cell_mm)).collect();

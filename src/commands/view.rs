@@ -122,7 +122,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let path = args.out.clone();
         return output::json(&Report { path, width, height, surfaces, triangles, picture_ms });
     }
-    output::line(format!("{surfaces} surfaces, {triangles} triangles, {width} x {height} pixels in {picture_ms:.0} ms"))?;
+    output::line(format!(
+        "{surfaces} surfaces, {triangles} triangles, {width} x {height} pixels in {picture_ms:.0} ms"
+    ))?;
     output::line(args.out.display())
 }
 

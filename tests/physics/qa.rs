@@ -137,7 +137,13 @@ fn the_qa_phantom_measures_as_it_is_built() {
         let around = 0.5 * (measured.disc_db((x, depth - 7.0), 1.5) + measured.disc_db((x, depth + 7.0), 1.5));
         let void = around - measured.disc_db((x, depth), 0.25 * diameter);
         println!("cyst of {diameter} mm at {depth} mm: {void:.1} dB below the background");
-        let least = if diameter >= 3.0 { 12.0 } else if diameter >= 2.0 { 5.0 } else { 0.0 };
+        let least = if diameter >= 3.0 {
+            12.0
+        } else if diameter >= 2.0 {
+            5.0
+        } else {
+            0.0
+        };
         assert!(void > least, "cyst of {diameter} mm at {depth} mm: {void} dB");
     }
 
@@ -151,7 +157,12 @@ fn the_qa_phantom_measures_as_it_is_built() {
         println!("at {depth} mm: lateral {lateral:.2} mm (beam {beam:.2}), axial {axial:.3} mm (pulse {pulse:.3})");
         let wire = f64::from(qa::WIRE_MM);
         // The second moments of a Gaussian and a box add.
-        assert_part(lateral, (beam.powi(2) + FWHM_PER_SIGMA.powi(2) / 12.0 * wire.powi(2)).sqrt(), 0.15, "lateral width");
+        assert_part(
+            lateral,
+            (beam.powi(2) + FWHM_PER_SIGMA.powi(2) / 12.0 * wire.powi(2)).sqrt(),
+            0.15,
+            "lateral width",
+        );
         assert!(axial > 0.85 * pulse && axial < 1.35 * pulse, "axial width {axial} of a pulse of {pulse}");
     }
 }

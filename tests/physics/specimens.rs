@@ -37,7 +37,8 @@ fn shot(name: &str, parts: Option<Vec<Part>>, quality: Quality) -> Shot {
 impl Shot {
     fn pixel(&self, x: f64, z: f64) -> Option<usize> {
         let p = self.sector.pixel_from_probe(DVec2::new(x, z));
-        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < f64::from(self.sector.width) && p.y < f64::from(self.sector.height);
+        let inside =
+            p.x >= 0.0 && p.y >= 0.0 && p.x < f64::from(self.sector.width) && p.y < f64::from(self.sector.height);
         inside.then(|| p.y as usize * self.sector.width as usize + p.x as usize)
     }
 
@@ -49,7 +50,8 @@ impl Shot {
     fn mean_db(&self, x: (f64, f64), z: (f64, f64)) -> f64 {
         let steps = 60;
         let at = |range: (f64, f64), i: i32| range.0 + (range.1 - range.0) * (f64::from(i) + 0.5) / f64::from(steps);
-        let sum: f64 = (0..steps).flat_map(|i| (0..steps).map(move |j| (i, j))).map(|(i, j)| self.db(at(x, i), at(z, j))).sum();
+        let sum: f64 =
+            (0..steps).flat_map(|i| (0..steps).map(move |j| (i, j))).map(|(i, j)| self.db(at(x, i), at(z, j))).sum();
         sum / f64::from(steps * steps)
     }
 
@@ -64,14 +66,15 @@ fn stones_shadow_and_bile_enhances() {
     let shot = shot("gallbladder_stones", None, Quality { rays: 8, layers: 1, seed: 0 });
     // Beams leave the apex 60 mm above the face.
     let (mut shadow, mut behind_bile, mut beside) = (vec![], vec![], vec![]);
-    for i in -240..=240 {
+    for i in -240..=240_i32 {
         let angle = f64::from(i) * 0.1_f64.to_radians();
         let on_beam = |depth: f64| ((60.0 + depth) * angle.sin(), (60.0 + depth) * angle.cos() - 60.0);
         let length = |tissue: &str| {
             (40..240).map(|s| on_beam(f64::from(s) * 0.4)).filter(|&(x, z)| shot.tissue(x, z) == tissue).count()
         };
         let (stone, bile) = (length("gallstone"), length("bile"));
-        let there: Vec<f64> = (0..40).map(|s| on_beam(84.0 + 0.25 * f64::from(s))).map(|(x, z)| shot.db(x, z)).collect();
+        let there: Vec<f64> =
+            (0..40).map(|s| on_beam(84.0 + 0.25 * f64::from(s))).map(|(x, z)| shot.db(x, z)).collect();
         let level = there.iter().sum::<f64>() / 40.0;
         if stone >= 12 {
             shadow.push(level);
@@ -109,7 +112,9 @@ fn a_lines_come_from_the_probes_face_at_multiples_of_the_pleuras_depth() {
         let (z, level) = strongest(&with_face, expected - 2.0, expected + 2.0);
         let below = with_face.mean_db((-9.0, 9.0), (z + 1.0, z + 2.5));
         let (_, absent) = strongest(&without_face, expected - 2.0, expected + 2.0);
-        println!("A-line {order}: {z:.2} mm of {expected:.2}, {level:.1} dB, {below:.1} below it, {absent:.1} without face");
+        println!(
+            "A-line {order}: {z:.2} mm of {expected:.2}, {level:.1} dB, {below:.1} below it, {absent:.1} without face"
+        );
         assert!((z - expected).abs() < 0.8, "A-line {order} at {z} mm");
         assert!(level > below + 5.0 && level > absent + 5.0, "A-line {order}: {level} dB");
     }

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use image::RgbImage;
 
-use super::paint::{Panel, Picture};
 use super::Axes;
+use super::paint::{Panel, Picture};
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::{self, Rgb};
 
@@ -118,7 +118,15 @@ impl Pen<'_> {
             }
             self.line(foot, (foot.0 + ARM * x, foot.1 + ARM * y), 2, colour);
             let width = f64::from(Text::Small.width(label));
-            let left = foot.0 + (ARM + 6.0) * x + if x < -0.3 { -width } else if x > 0.3 { 0.0 } else { -0.5 * width };
+            let left = foot.0
+                + (ARM + 6.0) * x
+                + if x < -0.3 {
+                    -width
+                } else if x > 0.3 {
+                    0.0
+                } else {
+                    -0.5 * width
+                };
             let top = foot.1 + (ARM + 10.0) * y - 8.0;
             let (left, top) = (left.max(2.0) as u32, top.max(2.0) as u32);
             self.canvas.text(self.at.0 + left, self.at.1 + top, label, Text::Small, colour);

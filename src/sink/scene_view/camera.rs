@@ -52,7 +52,18 @@ pub enum Direction {
 impl Direction {
     /// Names, as [`FromStr`] reads them.
     pub const NAMES: [&str; 12] = [
-        "fan", "probe", "front", "back", "left", "right", "top", "bottom", "anterior", "posterior", "cranial", "caudal",
+        "fan",
+        "probe",
+        "front",
+        "back",
+        "left",
+        "right",
+        "top",
+        "bottom",
+        "anterior",
+        "posterior",
+        "cranial",
+        "caudal",
     ];
 }
 

@@ -3,13 +3,16 @@
 use std::time::Duration;
 
 use glam::{DVec3, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
-use obvhs::BvhBuildParams;
 
 use crate::anatomy::Mesh;
+
+/// Least component of a ray's direction: 1 µm a metre.
+const LEAST: f64 = 1e-6;
 
 /// Where a ray meets a triangle.
 #[derive(Debug, Clone, Copy)]
@@ -72,12 +75,16 @@ impl Caster {
         // Start outside, near the centre's side of the line.
         let start = -from_centre.dot(direction) - 1.01 * self.radius_mm - 1.0;
         let origin = (from_centre + direction * start).as_vec3();
-        let ray = Ray::new_inf(origin.into(), direction.as_vec3().into());
+        // A component of 0 makes NaNs of the boxes' slabs.
+        let slanted = |v: f64| if v.abs() < LEAST { LEAST.copysign(v) } else { v } as f32;
+        let [x, y, z] = direction.to_array().map(slanted);
+        let ray = Ray::new_inf(origin.into(), Vec3A::new(x, y, z));
         bvh.ray_traverse_anyhit(ray, |ray, id| {
             let triangle = &self.triangles[id];
             let t = triangle.intersect(ray);
             if t.is_finite() {
-                let normal = Vec3::from((triangle.v1 - triangle.v0).cross(triangle.v2 - triangle.v0)).normalize_or_zero();
+                let normal =
+                    Vec3::from((triangle.v1 - triangle.v0).cross(triangle.v2 - triangle.v0)).normalize_or_zero();
                 let cosine = normal.dot(Vec3::from(ray.direction));
                 hits.push(Hit { t_mm: t + start as f32, surface: self.surfaces[id], cosine, normal });
             }

@@ -9,8 +9,6 @@ use super::{Axes, Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
 use crate::anatomy::{Mesh, Scene};
 use crate::sink::colour;
 
-/// Neighbouring pixels that differ by more (of 1) are sampled again.
-const EDGE: f32 = 0.05;
 /// Less light than this part of what lies behind is not looked for.
 const DARK: f32 = 0.02;
 const GROUND: Vec3 = Vec3::new(0.055, 0.068, 0.085);
@@ -74,8 +72,15 @@ struct Plane {
     normal: DVec3,
 }
 
-/// A pixel and the tissues that are seen in it.
-type Sample = (Vec3, [u64; 4]);
+/// A place in the picture.
+#[derive(Clone, Copy)]
+struct Sample {
+    colour: Vec3,
+    /// Tissues that are seen, a bit each.
+    seen: [u64; 4],
+    /// Tells apart which layers are seen in which order.
+    layers: u32,
+}
 
 impl SceneView {
     /// The surfaces of `scene` that `selection` shows, with a probe where there is one.
@@ -89,9 +94,11 @@ impl SceneView {
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
             let bounds = surface.mesh.bounds_mm().map(|(low, high)| [low.as_dvec3(), high.as_dvec3()]);
-            corners_mm.extend(bounds.into_iter().flat_map(|b| {
-                (0..8).map(move |i| DVec3::new(b[i & 1].x, b[(i >> 1) & 1].y, b[i >> 2].z))
-            }));
+            corners_mm.extend(
+                bounds
+                    .into_iter()
+                    .flat_map(|b| (0..8).map(move |i| DVec3::new(b[i & 1].x, b[(i >> 1) & 1].y, b[i >> 2].z))),
+            );
         }
         let housing = fan.as_ref().map(Fan::housing);
         for mesh in housing.iter().flatten() {
@@ -166,8 +173,13 @@ impl SceneView {
         let camera = Camera::new(settings.from, settings.orbit, self.axes, pose);
         let mut camera = camera.ok_or(ViewError::NoFan { what })?;
         let outline = self.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
-        let framed = if close && !outline.is_empty() { &outline } else { &self.corners_mm };
-        camera.fit(framed, (0.0, 0.0), (f64::from(size.0), f64::from(size.1)));
+        let probe = self.fan.iter().flat_map(Fan::housing).flat_map(|mesh| mesh.vertices_mm);
+        let near: Vec<DVec3> = outline.iter().copied().chain(probe.map(|v| v.as_dvec3())).collect();
+        camera.fit(
+            if close && !near.is_empty() { &near } else { &self.corners_mm },
+            (0.0, 0.0),
+            (f64::from(size.0), f64::from(size.1)),
+        );
         let plane = self.plane(settings.cut, &camera)?;
 
         let (width, height) = (size.0 as usize, size.1 as usize);
@@ -177,13 +189,13 @@ impl SceneView {
                 *sample = self.sample(&camera, plane.as_ref(), column as f64 + 0.5, row as f64 + 0.5, &mut hits);
             }
         };
-        let mut first: Vec<Sample> = vec![(GROUND, [0; 4]); width * height];
+        let mut first: Vec<Sample> = vec![Sample { colour: GROUND, seen: [0; 4], layers: 0 }; width * height];
         first.par_chunks_mut(width).enumerate().for_each(row);
         let smooth = |(index, out): (usize, &mut Vec3)| {
             let (column, row) = (index % width, index / width);
-            let here = first[index].0;
-            let differs = |other: usize| (first[other].0 - here).abs().max_element() > EDGE;
-            *out = here;
+            let here = first[index];
+            let differs = |other: usize| first[other].layers != here.layers;
+            *out = here.colour;
             let edge = (column > 0 && differs(index - 1))
                 || (column + 1 < width && differs(index + 1))
                 || (row > 0 && differs(index - width))
@@ -194,7 +206,7 @@ impl SceneView {
                 let offsets = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
                 let sum: Vec3 = offsets
                     .map(|(x, y)| {
-                        self.sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits).0
+                        self.sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits).colour
                     })
                     .into_iter()
                     .sum();
@@ -203,11 +215,12 @@ impl SceneView {
         };
         let mut colours = vec![GROUND; width * height];
         colours.par_iter_mut().enumerate().for_each(smooth);
-        let seen = first.iter().fold([0; 4], |mut all, (_, seen)| {
-            all.iter_mut().zip(seen).for_each(|(all, one)| *all |= one);
+        let seen = first.iter().fold([0; 4], |mut all, sample| {
+            all.iter_mut().zip(sample.seen).for_each(|(all, one)| *all |= one);
             all
         });
-        let rgb = colours.iter().flat_map(|c| (c.clamp(Vec3::ZERO, Vec3::ONE) * 255.0 + 0.5).to_array()).map(|v| v as u8);
+        let rgb =
+            colours.iter().flat_map(|c| (c.clamp(Vec3::ZERO, Vec3::ONE) * 255.0 + 0.5).to_array()).map(|v| v as u8);
         Ok(Panel { width: size.0, height: size.1, rgb: rgb.collect(), seen, camera, outline })
     }
 
@@ -238,12 +251,17 @@ impl SceneView {
         let mut light = Vec3::ZERO;
         let mut left = 1.0_f32;
         let mut seen = [0u64; 4];
-        let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>| {
+        let mut layers = 0_u32;
+        let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>, layer: u32| {
+            // What hardly shows makes no edge.
+            if left * opacity > 0.04 {
+                layers = (layers.rotate_left(5) ^ (layer + 1)).wrapping_mul(0x9e37_79b9);
+            }
             light += left * opacity * colour;
-            if let Some(i) = tissue.filter(|_| left * opacity > 0.08) {
-                if let Some(word) = seen.get_mut(i >> 6) {
-                    *word |= 1 << (i & 63);
-                }
+            if let Some(i) = tissue.filter(|_| left * opacity > 0.08)
+                && let Some(word) = seen.get_mut(i >> 6)
+            {
+                *word |= 1 << (i & 63);
             }
             left *= 1.0 - opacity;
             left > DARK
@@ -270,7 +288,7 @@ impl SceneView {
             let t_fan = fan.map_or(f32::INFINITY, |(t, ..)| t);
             if t_fan <= t_cut && t_fan <= t_hit && t_fan.is_finite() {
                 if let Some((_, colour, opacity)) = fan.take()
-                    && !add(colour, opacity, None)
+                    && !add(colour, opacity, None, 0)
                 {
                     break;
                 }
@@ -278,7 +296,7 @@ impl SceneView {
                 let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.looks.get(m));
                 // A section is opaque.
                 if let Some(look) = medium
-                    && !add(0.92 * look.colour, 1.0, look.tissue)
+                    && !add(0.92 * look.colour, 1.0, look.tissue, 1 + look.tissue.unwrap_or(0) as u32)
                 {
                     break;
                 }
@@ -286,14 +304,14 @@ impl SceneView {
                 let Some(look) = self.looks.get(hit.surface as usize) else { continue };
                 let facing = hit.cosine.abs().min(1.0);
                 let opacity = look.opacity + (1.0 - look.opacity) * 0.6 * (1.0 - facing).powi(3);
-                if !add(shade(look.colour, hit, camera), opacity, look.tissue) {
+                if !add(shade(look.colour, hit, camera), opacity, look.tissue, 1000 + hit.surface) {
                     break;
                 }
             } else {
                 break;
             }
         }
-        (light + left * GROUND, seen)
+        Sample { colour: light + left * GROUND, seen, layers }
     }
 
     /// The highest surface that the line is inside of at `t_mm`, of those that are shown; the probe is none of them.
@@ -361,8 +379,8 @@ mod tests {
 
     use super::super::BmodeImage;
     use super::*;
-    use crate::anatomy::analytic::{Part, cuboid, scene, sphere};
     use crate::anatomy::TissueTable;
+    use crate::anatomy::analytic::{Part, cuboid, scene, sphere};
     use crate::pose::Pose;
     use crate::transducer::{Probe, Sector};
 
@@ -398,7 +416,9 @@ mod tests {
     #[test]
     fn the_fan_is_where_the_pose_says() {
         let scene = block_and_ball();
-        let panel = |fan| SceneView::new(&scene, &Selection::all(&scene), fan, Axes::Depth).panel(&settings(), (400, 300), false);
+        let panel = |fan| {
+            SceneView::new(&scene, &Selection::all(&scene), fan, Axes::Depth).panel(&settings(), (400, 300), false)
+        };
         let without = panel(None).unwrap();
         for x in [-60.0, 0.0, 80.0] {
             let fan = fan(x, None);
@@ -426,7 +446,8 @@ mod tests {
         let fan = fan(0.0, Some(BmodeImage { sector, grey }));
         let pose = fan.scene_from_probe;
         let only = Selection::of(&scene, &["ball".into()], &[]).unwrap();
-        let panel = SceneView::new(&scene, &only, Some(fan), Axes::Depth).panel(&settings(), (400, 300), false).unwrap();
+        let panel =
+            SceneView::new(&scene, &only, Some(fan), Axes::Depth).panel(&settings(), (400, 300), false).unwrap();
         let at = |x: f64| pixel(&panel, pose.transform_point(DVec3::new(x, 0.0, 80.0)));
         assert!(at(-20.0)[1] > 200 && at(20.0)[1] < 40, "{:?} {:?}", at(-20.0), at(20.0));
     }
