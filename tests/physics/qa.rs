@@ -136,7 +136,7 @@ fn the_qa_phantom_measures_as_it_is_built() {
     for (x, depth, diameter) in qa::CYSTS_MM.map(|(x, z, d)| (f64::from(x), f64::from(z), f64::from(d))) {
         let around = 0.5 * (measured.disc_db((x, depth - 7.0), 1.5) + measured.disc_db((x, depth + 7.0), 1.5));
         let void = around - measured.disc_db((x, depth), 0.25 * diameter);
-        println!("cyst of {diameter} mm at {depth} mm: {void:.1} dB below the background");
+        println!("cyst of {diameter:.1} mm at {depth} mm: {void:.1} dB below the background");
         let least = if diameter >= 3.0 {
             12.0
         } else if diameter >= 2.0 {
@@ -163,6 +163,7 @@ fn the_qa_phantom_measures_as_it_is_built() {
             0.15,
             "lateral width",
         );
-        assert!(axial > 0.85 * pulse && axial < 1.35 * pulse, "axial width {axial} of a pulse of {pulse}");
+        // Upper and lower side of the wire echo one behind the other; nylon is faster than the phantom.
+        assert_part(axial, pulse + wire * 1540.0 / 2600.0, 0.15, "axial width");
     }
 }
