@@ -14,8 +14,9 @@ use glam::{DQuat, DVec3};
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::{Pose, TrackingState};
 use insonify::render::{Frame, Gpu, GpuOptions, Renderer};
-use insonify::sink::browser::{BrowserSink, SceneInfo, Settings};
+use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::scene_view::Axes;
 use insonify::sink::window::{WindowSink, run_on_main_thread};
 use insonify::station::{SceneSource, Station};
 
@@ -40,8 +41,13 @@ fn main() -> anyhow::Result<()> {
     }
     let scene = load_scene(&station)?;
     let tissues = scene.tissues.names().to_vec();
+    let axes = match &station.scene {
+        SceneSource::ObstetricPhantom { .. } => Axes::Anatomical,
+        SceneSource::File(_) => Axes::Depth,
+    };
+    let surfaces = ScenePacket::new(&scene, &station.probe, axes);
     let (sender, controls) = tokio::sync::mpsc::channel(64);
-    let browser = BrowserSink::new(&settings, sender.clone(), &SceneInfo { tissues })?;
+    let browser = BrowserSink::new(&settings, sender.clone(), &SceneInfo { tissues, surfaces: Some(surfaces) })?;
     println!("address {}", browser.address());
     let mut sinks: Vec<Box<dyn LiveSink>> = vec![Box::new(browser)];
 

@@ -9,11 +9,14 @@ use std::path::Path;
 use std::process::Command;
 
 use futures_util::{SinkExt as _, StreamExt as _};
+use insonify::anatomy::{TissueTable, analytic};
 use insonify::pose::TrackingState;
 use insonify::sink::SinkError;
 use insonify::sink::browser::wire::HEADER_BYTES;
-use insonify::sink::browser::{BrowserSink, SceneInfo, Settings};
+use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink as _, PresentedFrame};
+use insonify::sink::scene_view::Axes;
+use insonify::transducer::Probe;
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
@@ -51,9 +54,14 @@ fn any_port() -> Settings {
     Settings { port: 0, ..Settings::default() }
 }
 
+fn surfaces() -> ScenePacket {
+    let scene = analytic::scene(analytic::cyst(), &TissueTable::builtin().unwrap(), "liver").unwrap();
+    ScenePacket::new(&scene, &Probe::default(), Axes::Depth)
+}
+
 fn serve(settings: &Settings) -> (BrowserSink, mpsc::Receiver<Control>) {
     let (sender, receiver) = mpsc::channel(4);
-    let scene = SceneInfo { tissues: vec!["blood".into(), "liver".into()] };
+    let scene = SceneInfo { tissues: vec!["blood".into(), "liver".into()], surfaces: Some(surfaces()) };
     (BrowserSink::new(settings, sender, &scene).unwrap(), receiver)
 }
 
@@ -203,11 +211,15 @@ async fn foreign_pages_and_rebound_names_are_refused() {
     let rebound = format!("evil.example:{port}");
     let origin = format!("http://{rebound}");
     assert_eq!(refusal(connect_with(address, &[("host", &rebound), ("origin", &origin)]).await), 421);
-    for path in ["/", "/app.js", "/stream", "/nothing"] {
+    for path in ["/", "/app.js", "/stream", "/scene", "/nothing"] {
         let answer = http(address, path, &format!("host: {rebound}\r\n"));
         assert!(answer.starts_with("HTTP/1.1 421 "), "{path}: {answer}");
     }
+    let foreign = http(address, "/scene", &format!("host: {address}\r\norigin: http://evil.example\r\n"));
+    assert!(foreign.starts_with("HTTP/1.1 403 "), "{foreign}");
     let own = format!("http://{address}");
+    let scene = http(address, "/scene", &format!("host: {address}\r\norigin: {own}\r\n"));
+    assert!(scene.starts_with("HTTP/1.1 200 ") && scene.contains("amniotic_fluid"));
     connect_with(address, &[("origin", &own)]).await.unwrap();
     assert!(sink.address() == format!("{own}/"));
 }

@@ -484,3 +484,31 @@ fn what_cannot_be_scored_is_refused() {
     std::fs::remove_file(&file).unwrap();
     refused(&score(&[]), &["has no standard planes", "scene.planes.json is not there"]);
 }
+
+#[test]
+fn view_pictures_a_scene_and_refuses_what_it_cannot_show() {
+    let dir = directory();
+    let scene = dir.path().join("scene.glb");
+    let out = dir.path().join("view.png");
+    let view =
+        |more: &[&str]| insonify(&[&["view", text(&scene), "--out", text(&out), "--size", "400x300"], more].concat());
+    for more in [&[][..], &ORIGIN, &["--sheet", "--pose", "0,0,0,1,0,0,0", "--cut", "z=30"]] {
+        succeeded(&view(more));
+        let picture = image::open(&out).unwrap().to_rgb8();
+        assert_eq!(picture.dimensions(), (400, 300));
+        std::fs::remove_file(&out).unwrap();
+    }
+    let station = station(&dir, SMALL);
+    succeeded(&insonify(&[&["view", text(&station), "--out", text(&out), "--cut", "fan"][..], &ORIGIN].concat()));
+    refused(&insonify(&["view", "/nowhere.glb"]), &["/nowhere.glb"]);
+    refused(&insonify(&["view", "/nowhere.toml"]), &["/nowhere.toml"]);
+    refused(&view(&["--hide", "blok"]), &["`blok`", "did you mean `block`"]);
+    refused(&view(&["--only", "marrow"]), &["`marrow`"]);
+    refused(&view(&["--hide", "liver"]), &["every surface is hidden"]);
+    refused(&view(&["--from", "anteriour"]), &["anteriour", "did you mean `anterior`"]);
+    refused(&view(&["--orbit", "30"]), &["AZIMUTH,ELEVATION"]);
+    refused(&view(&["--cut", "w=3"]), &["`w=3`"]);
+    refused(&view(&["--cut", "fan"]), &["--cut fan needs a probe"]);
+    refused(&view(&["--bmode"]), &["needs a station"]);
+    refused(&view(&["--pose", "0,0,0,2,0,0,0"]), &["quaternion"]);
+}

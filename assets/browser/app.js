@@ -5,6 +5,7 @@ import { Controls, show } from "./controls.js";
 import { fillHelp, listen } from "./keys.js";
 import { drawMarks, fit, lengthMm } from "./marks.js";
 import { Picture } from "./picture.js";
+import { Scene3d } from "./scene.js";
 import { legend, Status } from "./status.js";
 import { MAP } from "./wire.js";
 
@@ -18,6 +19,7 @@ const stage = byId("stage");
 const picture = new Picture(byId("picture"));
 const marks = byId("marks");
 const status = new Status();
+const scene = new Scene3d((text, bad) => status.notice(text, bad));
 let tissues = [];
 let shown = null;
 let next = null;
@@ -41,6 +43,7 @@ const connection = new Connection({
   message(message) {
     if (message.type === "hello") {
       tissues = message.tissues;
+      scene.forget();
       picture.setColours(tissues, message.attenuation_colours);
       byId("version").textContent = `insonify ${message.version}`;
     } else if (message.type === "stats") {
@@ -77,6 +80,7 @@ function present() {
   status.notice(frame.notice);
   if (resized) layOut();
   redraw();
+  scene.show(frame);
   watch();
   connection.send({ type: "drawn", number: frame.number });
   document.body.dataset.frame = String(frame.number);
@@ -238,6 +242,7 @@ listen({
     clearCalipers();
     redrawMarks();
   },
+  scene: () => scene.toggle(),
   save,
   full_screen: fullScreen,
   help: toggleHelp,
@@ -257,6 +262,7 @@ const unfocused = (action) => (event) => {
   action();
 };
 byId("caliper").addEventListener("click", unfocused(toggleMeasuring));
+byId("scene_toggle").addEventListener("click", unfocused(() => scene.toggle()));
 byId("save").addEventListener("click", unfocused(save));
 byId("help").addEventListener("click", unfocused(toggleHelp));
 byId("full_screen").addEventListener("click", unfocused(fullScreen));

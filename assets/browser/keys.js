@@ -20,6 +20,7 @@ export const SHORTCUTS = [
   [["a", "A"], "A", "attenuation", "attenuation"],
   [["c", "C"], "C", "measure between two clicks", "caliper"],
   [["Delete", "Backspace"], "Del", "remove measurements", "caliper_clear"],
+  [["v", "V"], "V", "3-D view of the scene", "scene"],
   [["p", "P"], "P", "save as PNG", "save"],
   [["f", "F"], "F", "full screen", "full_screen"],
   [["?", "h", "H"], "?", "this list", "help"],

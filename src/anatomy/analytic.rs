@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::{Quat, Vec3};
 
-use super::{Mesh, Motion, Scene, Surface, TissueTable};
+use super::{Mesh, Motion, Scene, Surface, TissueTable, specimens};
 
 /// A mesh with the name of its tissue: a surface that needs no tissue table.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,6 +97,57 @@ pub fn sphere(centre_mm: Vec3, radius_mm: f32, subdivisions: u32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
+/// A closed tube through `path_mm` with a centre and half axes (across, up) a ring, of `sides` (at least 3) flat sides.
+///
+/// For a path along y, "across" is x and "up" is z; along x they are z and y. With four sides a flat one faces up; a square of
+/// side a has half axes of a/√2. Fewer than two rings make no mesh. The path must not turn by more than a right angle.
+pub fn tube(path_mm: &[(Vec3, (f32, f32))], sides: u32) -> Mesh {
+    let (Some(&(first, _)), Some(&(last, _))) = (path_mm.first(), path_mm.last()) else { return Mesh::default() };
+    if path_mm.len() < 2 {
+        return Mesh::default();
+    }
+    let sides = sides.max(3);
+    let overall = (last - first).normalize_or(Vec3::Y);
+    let helper = if overall.y.abs() > 0.9 { Vec3::Z } else { Vec3::Y };
+    let mut mesh = Mesh::default();
+    for (i, &(centre, (across, up))) in path_mm.iter().enumerate() {
+        let (before, after) = (path_mm[i.saturating_sub(1)].0, path_mm[(i + 1).min(path_mm.len() - 1)].0);
+        let along = (after - before).normalize_or(overall);
+        // across × up = along, so that rings turn counter-clockwise seen from the path's end.
+        let u = if overall.y.abs() > 0.9 { along.cross(helper) } else { helper.cross(along) }.normalize_or(Vec3::X);
+        let v = along.cross(u);
+        for side in 0..sides {
+            let angle = (side as f32 + 0.5) / sides as f32 * std::f32::consts::TAU;
+            mesh.vertices_mm.push(centre + u * (across * angle.cos()) + v * (up * angle.sin()));
+        }
+    }
+    let ring = |ring: usize, side: u32| ring as u32 * sides + side % sides;
+    for r in 0..path_mm.len() - 1 {
+        for s in 0..sides {
+            let [a, b, c, d] = [ring(r, s), ring(r, s + 1), ring(r + 1, s + 1), ring(r + 1, s)];
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    let ends = mesh.vertices_mm.len() as u32;
+    mesh.vertices_mm.extend([first, last]);
+    for s in 0..sides {
+        let end = path_mm.len() - 1;
+        mesh.triangles.push([ends, ring(0, s + 1), ring(0, s)]);
+        mesh.triangles.push([ends + 1, ring(end, s), ring(end, s + 1)]);
+    }
+    mesh
+}
+
+/// One mesh of several that do not meet.
+pub fn joined(meshes: impl IntoIterator<Item = Mesh>) -> Mesh {
+    meshes.into_iter().fold(Mesh::default(), |mut all, mesh| {
+        let offset = all.vertices_mm.len() as u32;
+        all.vertices_mm.extend(mesh.vertices_mm);
+        all.triangles.extend(mesh.triangles.into_iter().map(|t| t.map(|i| i + offset)));
+        all
+    })
+}
+
 fn icosahedron() -> (Vec<glam::DVec3>, Vec<[u32; 3]>) {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let mut directions = Vec::with_capacity(12);
@@ -172,8 +223,16 @@ pub fn bone_plate() -> Vec<Part> {
 pub type MakeParts = fn() -> Vec<Part>;
 
 /// The scenes of `assets/scenes`, by the stem of their file. `cargo run --example make_scenes` writes them.
-pub const SCENES: [(&str, MakeParts); 4] =
-    [("speckle_block", speckle_block), ("sphere", cyst), ("slabs", slabs), ("bone_plate", bone_plate)];
+pub const SCENES: [(&str, MakeParts); 8] = [
+    ("speckle_block", speckle_block),
+    ("sphere", cyst),
+    ("slabs", slabs),
+    ("bone_plate", bone_plate),
+    ("qa_phantom", specimens::qa_phantom),
+    ("vessel_needle", specimens::vessel_needle),
+    ("gallbladder_stones", specimens::gallbladder_stones),
+    ("lung_air", specimens::lung_air),
+];
 
 #[cfg(test)]
 mod tests {
@@ -183,7 +242,12 @@ mod tests {
     fn shapes_are_closed_and_outward_with_their_volumes() {
         let tilted = oblique_slab(Vec3::new(-10.0, -10.0, 5.0), Vec3::new(10.0, 10.0, 25.0), 30.0);
         let turned = plate(Vec3::ONE, Vec3::new(1.0, 2.0, 3.0), Quat::from_rotation_x(0.7));
-        for (mesh, volume) in [(cuboid(Vec3::ZERO, Vec3::splat(3.0)), 27.0), (tilted, 8000.0), (turned, 6.0)] {
+        let half = std::f32::consts::SQRT_2;
+        let bar = |to| tube(&[(Vec3::ZERO, (half, half)), (to, (half, half))], 4);
+        let bars =
+            [Vec3::Y, Vec3::X, Vec3::Z, Vec3::new(3.0, 0.0, -4.0), -Vec3::Y].map(|to| (bar(to), 4.0 * to.length()));
+        let solids = [(cuboid(Vec3::ZERO, Vec3::splat(3.0)), 27.0), (tilted, 8000.0), (turned, 6.0)];
+        for (mesh, volume) in solids.into_iter().chain(bars.map(|(mesh, volume)| (mesh, f64::from(volume)))) {
             assert_eq!(mesh.unpaired_edges(), 0);
             assert!((mesh.signed_volume_mm3() / volume - 1.0).abs() < 1e-5, "{}", mesh.signed_volume_mm3());
         }
@@ -204,6 +268,18 @@ mod tests {
         let exact = 4.0 / 3.0 * std::f64::consts::PI * 8000.0;
         let volume = sphere(CYST_CENTRE_MM, 20.0, 5).signed_volume_mm3();
         assert!((volume / exact - 1.0).abs() < 1e-3, "{volume}");
+    }
+
+    #[test]
+    fn every_scene_is_of_sound_surfaces_and_known_tissues() {
+        let table = TissueTable::builtin().unwrap();
+        for (name, parts) in SCENES {
+            for part in parts() {
+                assert_eq!(part.mesh.unpaired_edges(), 0, "{name}: {}", part.name);
+                assert!(part.mesh.signed_volume_mm3() > 0.0, "{name}: {}", part.name);
+            }
+            assert!(scene(parts(), &table, "gel").is_some(), "{name}");
+        }
     }
 
     #[test]

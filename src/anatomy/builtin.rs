@@ -133,6 +133,16 @@ mod tests {
     }
 
     #[test]
+    fn targets_of_the_qa_phantom_differ_by_their_names() {
+        let table = TissueTable::builtin().unwrap();
+        let deviation = |name: &str| table.tissues()[table.index_of(name).unwrap()].scatterer_deviation;
+        for (_, db, name) in crate::anatomy::specimens::qa::CONTRAST {
+            let level = 20.0 * (deviation(name) / deviation("tmm")).log10();
+            assert!((level - db).abs() < 0.01, "{name}: {level} dB");
+        }
+    }
+
+    #[test]
     fn impedances_are_those_of_textbooks() {
         let table = TissueTable::builtin().unwrap();
         let z = |name| table.tissues()[table.index_of(name).unwrap()].impedance_mrayl();
@@ -154,6 +164,8 @@ mod tests {
                 "hypo" => 2e-3..=6e-3,
                 "iso" => 6e-3..=1.2e-2,
                 "hyper" => 1.2e-2..=4e-2,
+                // Targets of a phantom, by their level against its background.
+                "relative" => 8e-4..=2e-2,
                 other => panic!("{name}: {other}"),
             };
             assert!(expected.contains(&level), "{name} is {word} at {level}");

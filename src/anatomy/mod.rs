@@ -3,6 +3,7 @@
 pub mod analytic;
 pub mod builtin;
 pub mod bvh;
+pub mod decimate;
 pub mod export;
 pub mod fiducials;
 pub mod import;
@@ -13,6 +14,7 @@ pub mod planes;
 pub mod scene;
 pub mod section;
 pub mod skin;
+pub mod specimens;
 pub mod tissue;
 
 pub use bvh::{Bvh, BvhError};

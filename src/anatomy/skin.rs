@@ -117,14 +117,15 @@ fn exit_solid(skin: &Solid, from: DVec3, direction: DVec3) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anatomy::{Mesh, Surface, TissueTable, analytic};
+    use crate::anatomy::{Mesh, Motion, Surface, TissueTable, analytic};
 
     #[test]
     fn a_ball_of_triangles_is_left_at_its_outside() {
         let mesh = |radius: f32| analytic::sphere(glam::Vec3::new(5.0, 0.0, 0.0), radius, 5);
         let surface = |mesh: Mesh| Surface { name: "ball".into(), tissue: 0, priority: 0, mesh };
         let tissues = TissueTable::builtin().unwrap();
-        let scene = Scene { tissues, background: 0, surfaces: vec![surface(mesh(20.0)), surface(mesh(50.0))] };
+        let surfaces = vec![surface(mesh(20.0)), surface(mesh(50.0))];
+        let scene = Scene { tissues, background: 0, surfaces, motion: Motion::default() };
         let skin = Skin::of_scene(&scene).unwrap();
         for direction in [DVec3::X, DVec3::Y, DVec3::new(0.6, 0.0, -0.8)] {
             let exit = skin.exit(DVec3::new(5.0, 0.0, 0.0), direction).unwrap();

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use insonify::anatomy::Scene;
 use insonify::pipeline::CONTROLS_WAITING;
 use insonify::sink::live::{Control, LiveSink};
 use insonify::sink::openigtlink::OpenIgtLink;
@@ -45,6 +46,7 @@ fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKind> {
 pub(crate) fn open(
     asked: &[LiveSinkKind],
     station: &Station,
+    scene: &Scene,
     out: &Path,
     metrics: Option<&Path>,
 ) -> Result<LiveSinks, Failure> {
@@ -68,7 +70,7 @@ pub(crate) fn open(
                 eprintln!("OpenIGTLink: {}", sink.address());
                 Box::new(sink)
             }
-            LiveSinkKind::Browser => browser(station, &live.control)?,
+            LiveSinkKind::Browser => browser(station, scene, &live.control)?,
             LiveSinkKind::Window => window(&mut live)?,
         };
         live.sinks.push(sink);
@@ -80,16 +82,17 @@ pub(crate) fn open(
 }
 
 #[cfg(feature = "browser")]
-fn browser(station: &Station, control: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
-    use insonify::sink::browser::{BrowserSink, SceneInfo};
-    let scene = SceneInfo { tissues: station.tissues.names().to_vec() };
+fn browser(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
+    use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket};
+    let surfaces = ScenePacket::new(scene, &station.probe, super::view::axes_of(station));
+    let scene = SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) };
     let sink = BrowserSink::new(&station.browser.clone().unwrap_or_default(), control.clone(), &scene)?;
     eprintln!("page: {}", sink.address());
     Ok(Box::new(sink))
 }
 
 #[cfg(not(feature = "browser"))]
-fn browser(_: &Station, _: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
+fn browser(_: &Station, _: &Scene, _: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
     Err(Failure::Input(anyhow::anyhow!("this build has no page: build it with the feature `browser`")))
 }
 

@@ -33,6 +33,7 @@ mod timeline;
 mod tissues;
 mod tracker_args;
 mod trackers;
+mod view;
 
 use clap::{Parser, Subcommand};
 
@@ -54,6 +55,7 @@ const AFTER_HELP: &str = "\
 Examples:
   insonify demo                                          a recorded exam over a fetus: live in the browser, and in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
+  insonify view configs/sphere.toml --cut fan --bmode    a picture of the scene with the probe in it
   insonify trackers                                      serial ports and HID devices to read a tracker from
   insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C
   insonify station-keys                                  what a station file may say
@@ -73,6 +75,7 @@ enum Command {
     Render(render::Args),
     Record(record::Args),
     Replay(replay::Args),
+    View(view::Args),
     Inspect(inspect::Args),
     Import(import::Args),
     Export(export::Args),
@@ -96,6 +99,7 @@ impl Cli {
             Command::Render(args) => render::run(args),
             Command::Record(args) => record::run(args),
             Command::Replay(args) => replay::run(args),
+            Command::View(args) => view::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Import(args) => import::run(args),
             Command::Export(args) => export::run(args),

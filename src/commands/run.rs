@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let gpu = session::open_gpu()?;
     let scene = Arc::new(session::load_scene(&station)?);
-    let factory = GpuFactory::new(GpuOptions::default(), scene)?;
+    let factory = GpuFactory::new(GpuOptions::default(), scene.clone())?;
     let renderer = factory.build_on(&gpu, &station.probe, &station.settings)?;
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
@@ -132,7 +132,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = session::adapter(&gpu);
     let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
-    let opened = live_sinks::open(&args.sinks, &station, &args.out, args.metrics.as_deref())?;
+    let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
     // The sender is kept: the channel must stay open where no sink takes input.
     let (sinks, controls, control) = (opened.sinks, opened.controls, opened.control);
     #[cfg(feature = "window")]

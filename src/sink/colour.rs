@@ -30,7 +30,7 @@ const VIRIDIS: [u32; 256] = [
 ];
 
 /// Colours of the tissues that the tables here know: fluids blue and black, soft tissue red and brown, bone ivory.
-const TISSUES: [(&str, u32); 32] = [
+const TISSUES: [(&str, u32); 48] = [
     ("water", 0x1a5fb4),
     ("gel", 0x3584e4),
     ("amniotic_fluid", 0x14386b),
@@ -63,6 +63,22 @@ const TISSUES: [(&str, u32); 32] = [
     ("calvaria_fetal", 0xf2e6c2),
     ("fascia", 0xc8c0c8),
     ("soft_tissue_maternal", 0x5e3a32),
+    ("bile", 0x8fae2e),
+    ("gallbladder_wall", 0xb5c27a),
+    ("gallstone", 0xd8c9a0),
+    ("pleura", 0xf0d0dc),
+    ("lung_air", 0x5d7f96),
+    ("steel", 0x9fb4c8),
+    ("nylon", 0xffffff),
+    ("probe_face", 0x55606a),
+    ("tmm", 0x6f7f8f),
+    ("tmm_anechoic", 0x1b2733),
+    ("tmm_minus_9_db", 0x30414f),
+    ("tmm_minus_6_db", 0x41535f),
+    ("tmm_minus_3_db", 0x566a78),
+    ("tmm_plus_3_db", 0x8a9bab),
+    ("tmm_plus_6_db", 0xa5b5c2),
+    ("tmm_plus_15_db", 0xdbe6ee),
 ];
 
 /// Red, green, blue.
@@ -130,7 +146,7 @@ mod tests {
         for (i, (name, colour)) in TISSUES.iter().enumerate() {
             assert!(TISSUES[..i].iter().all(|(n, c)| n != name && c != colour), "{name}");
         }
-        assert_ne!(tissue("steel"), tissue("phantom_gel"));
+        assert_ne!(tissue("jam"), tissue("phantom_gel"));
     }
 
     #[test]

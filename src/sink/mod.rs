@@ -22,6 +22,7 @@ pub mod null;
 pub mod openigtlink;
 pub mod png;
 pub mod png_sequence;
+pub mod scene_view;
 pub mod time_table;
 pub mod video;
 pub mod window;

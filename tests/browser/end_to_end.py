@@ -147,6 +147,61 @@ def overlays_show_tissues(page):
     page.wait("the legend", lambda: "amniotic fluid" in text(page, "#legend") and "liver" in text(page, "#legend"))
 
 
+# Of the 3-D view: a hash, and how many pixels are lit, amber (the fan's outline) and grey (its image).
+LOOK_3D = """
+const from = document.getElementById("scene_canvas");
+const canvas = document.createElement("canvas");
+Object.assign(canvas, { width: from.width, height: from.height });
+const context = canvas.getContext("2d");
+context.drawImage(from, 0, 0);
+const pixels = context.getImageData(0, 0, canvas.width, canvas.height).data;
+let hash = 0, lit = 0, amber = 0, grey = 0;
+for (let i = 0; i < pixels.length; i += 4) {
+  const [r, g, b] = [pixels[i], pixels[i + 1], pixels[i + 2]];
+  hash = (Math.imul(hash, 31) + r + 7 * g + 13 * b) | 0;
+  if (r + g + b > 60) lit++;
+  if (r > 220 && g > 170 && b < 120) amber++;
+  if (r > 60 && Math.abs(r - g) < 4 && Math.abs(g - b) < 4) grey++;
+}
+return { hash, lit, amber, grey, drawn: Number(document.getElementById("scene").dataset.drawn ?? 0) };
+"""
+
+
+def the_scene_is_shown_beside_the_picture(page):
+    assert not visible(page, "#scene")
+    page.press("v")
+    page.wait("the view", lambda: visible(page, "#scene") and page.script(LOOK_3D)["drawn"] > 0)
+    assert not visible(page, "#scene_none") and page.script("return scene.dataset.surfaces") == "1"
+    first = page.wait("surfaces and fan", lambda: (look := page.script(LOOK_3D))["amber"] > 200 and look)
+    assert first["lit"] > 5000 and first["grey"] > 1000, first
+    page.wait("the probe moves", lambda: page.script(LOOK_3D)["hash"] != first["hash"])
+    page.press(" ")
+    page.wait("a frozen picture", lambda: text(page, "#run") == "FROZEN")
+    page.wait("a still view", lambda: page.script(LOOK_3D)["hash"] == page.script(LOOK_3D)["hash"])
+    still = page.script(LOOK_3D)
+    page.click("#scene_image")
+    page.wait("a fan without image", lambda: page.script(LOOK_3D)["grey"] < 0.5 * still["grey"])
+    page.click("#scene_list summary")
+    before = page.script(LOOK_3D)["hash"]
+    page.click("#scene_tissues input")
+    page.wait("a tissue less", lambda: page.script(LOOK_3D)["hash"] != before)
+    page.click("#scene_tissues input")
+    page.wait("the tissue again", lambda: page.script(LOOK_3D)["hash"] == before)
+    page.click("#scene_list summary")
+    page.drag("#scene_canvas", 300, 300, 80, 30)
+    page.wait("another side", lambda: page.script("return scene.dataset.azimuth") == "-5.0")
+    before = page.script(LOOK_3D)["hash"]
+    page.script("scene_cut.value = 'fan'; scene_cut.dispatchEvent(new Event('input'))")
+    page.wait("the cut", lambda: page.script(LOOK_3D)["hash"] != before)
+    page.script("scene_cut.value = 'none'; scene_cut.dispatchEvent(new Event('input'))")
+    page.click("#scene_follow")
+    page.click("#scene_image")
+    page.press(" ")
+    page.wait("frames again", lambda: text(page, "#run") == "LIVE")
+    page.press("v")
+    page.wait("the picture alone", lambda: not visible(page, "#scene"))
+
+
 def states_are_unmistakable(page, station):
     for state, title in [("stale", "STALE"), ("lost", "TRACKING LOST")]:
         station.say(f"tracking {state}")
@@ -203,6 +258,7 @@ def main():
             ("sliders change the picture", lambda: sliders_change_the_picture(page)),
             ("freeze freezes", lambda: freeze_freezes(page)),
             ("overlays show tissues", lambda: overlays_show_tissues(page)),
+            ("the scene is shown beside the picture", lambda: the_scene_is_shown_beside_the_picture(page)),
             ("states are unmistakable", lambda: states_are_unmistakable(page, station)),
             ("the picture is saved", lambda: pages_are_saved(page, pathlib.Path(downloads.name))),
         ]

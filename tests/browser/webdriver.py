@@ -41,7 +41,7 @@ class Browser:
             raise RuntimeError("chromedriver did not start")
         self.base = f"http://127.0.0.1:{port}"
         arguments = [
-            "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+            "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
             "--disable-background-networking", "--disable-component-update", "--disable-sync",
             "--hide-scrollbars", f"--user-data-dir={self.profile.name}/profile", f"--window-size={width},{height}",
         ]
@@ -80,6 +80,13 @@ class Browser:
         left, top = self.script("const b = document.querySelector(arguments[0]).getBoundingClientRect(); return [b.left, b.top]", selector)
         move = {"type": "pointerMove", "duration": 0, "x": int(left + x), "y": int(top + y)}
         steps = [move, {"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0}]
+        self.post("/actions", {"actions": [{"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": steps}]})
+
+    def drag(self, selector, x, y, dx, dy):
+        """Drags from (x, y), relative to the element's upper left corner, by (dx, dy) CSS pixels."""
+        left, top = self.script("const b = document.querySelector(arguments[0]).getBoundingClientRect(); return [b.left, b.top]", selector)
+        move = lambda x, y: {"type": "pointerMove", "duration": 0, "x": int(left + x), "y": int(top + y)}  # noqa: E731
+        steps = [move(x, y), {"type": "pointerDown", "button": 0}, move(x + dx, y + dy), {"type": "pointerUp", "button": 0}]
         self.post("/actions", {"actions": [{"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": steps}]})
 
     def press(self, key):

@@ -32,6 +32,8 @@ pub(super) const ASSETS: &[Asset] = &[
     asset!("/keys.js", "keys.js", SCRIPT),
     asset!("/marks.js", "marks.js", SCRIPT),
     asset!("/picture.js", "picture.js", SCRIPT),
+    asset!("/scene.js", "scene.js", SCRIPT),
+    asset!("/scene_gl.js", "scene_gl.js", SCRIPT),
     asset!("/status.js", "status.js", SCRIPT),
     asset!("/wire.js", "wire.js", SCRIPT),
     asset!("/icon.svg", "icon.svg", "image/svg+xml"),

@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn the_first_message_names_the_tissues_by_number() {
-        let scene = SceneInfo { tissues: vec!["blood".into(), "a\"b".into()] };
+        let scene = SceneInfo { tissues: vec!["blood".into(), "a\"b".into()], surfaces: None };
         let hello: serde_json::Value = serde_json::from_str(&write(&hello(&scene))).unwrap();
         assert_eq!(hello["type"], "hello");
         assert_eq!(hello["tissues"][1]["name"], "a\"b");

@@ -5,6 +5,7 @@
 //! and never waits for old ones. What a page asks for comes back as small JSON messages and is checked before it becomes a
 //! [`Control`](super::live::Control).
 
+mod scene;
 mod settings;
 
 #[cfg(feature = "browser")]
@@ -24,6 +25,7 @@ mod sink;
 #[cfg(feature = "browser")]
 pub mod wire;
 
+pub use scene::{ScenePacket, TRIANGLES_MAX};
 pub use settings::{Settings, TOKEN_CHARS_MIN};
 
 #[cfg(feature = "browser")]
@@ -36,4 +38,6 @@ pub use sink::{BrowserMonitor, BrowserSink};
 pub struct SceneInfo {
     /// Names of the tissues; number n of a segmentation is `tissues[n - 1]`.
     pub tissues: Vec<String>,
+    /// Surfaces for the 3-D view; without them the page has none.
+    pub surfaces: Option<ScenePacket>,
 }

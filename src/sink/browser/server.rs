@@ -26,6 +26,7 @@ use tokio_util::sync::CancellationToken;
 use super::access::Access;
 use super::assets::{ASSETS, Asset};
 use super::client::{self, Client, ClientCounters, Overlays};
+use super::scene::ScenePacket;
 use super::sink::FrameSet;
 use crate::sink::live::Control;
 
@@ -47,6 +48,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 pub(super) struct Shared {
     access: Access,
     pub(super) hello: String,
+    surfaces: Option<ScenePacket>,
     pub(super) controls: mpsc::Sender<Control>,
     pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
     pub(super) cancel: CancellationToken,
@@ -60,6 +62,7 @@ impl Shared {
     pub(super) fn new(
         access: Access,
         hello: String,
+        surfaces: Option<ScenePacket>,
         controls: mpsc::Sender<Control>,
         frames: watch::Receiver<Option<Arc<FrameSet>>>,
         clients_max: usize,
@@ -67,6 +70,7 @@ impl Shared {
         Self {
             access,
             hello,
+            surfaces,
             controls,
             frames,
             cancel: CancellationToken::new(),
@@ -168,7 +172,7 @@ pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Res
 }
 
 fn router(shared: &Arc<Shared>) -> Router {
-    let mut router = Router::new().route("/stream", get(stream));
+    let mut router = Router::new().route("/stream", get(stream)).route("/scene", get(scene));
     for asset in ASSETS {
         router = router.route(asset.path, get(async || file(asset)));
     }
@@ -177,6 +181,17 @@ fn router(shared: &Arc<Shared>) -> Router {
 
 fn file(asset: &'static Asset) -> Response {
     ([(CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
+}
+
+/// The surfaces of the 3-D view, for the station's own page alone.
+async fn scene(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    if !shared.access.accepts_origin(&headers) {
+        return (StatusCode::FORBIDDEN, "only the station's own page may read the scene\n").into_response();
+    }
+    match &shared.surfaces {
+        Some(packet) => ([(CONTENT_TYPE, "application/octet-stream")], packet.shared()).into_response(),
+        None => (StatusCode::NOT_FOUND, "this station shows no scene\n").into_response(),
+    }
 }
 
 /// Checks every request and gives every answer its headers.

@@ -72,7 +72,8 @@ impl BrowserSink {
         let url = access.url();
         let (frames, receiver) = watch::channel(None);
         let hello = messages::write(&messages::hello(scene));
-        let shared = Arc::new(Shared::new(access, hello, controls, receiver, settings.clients_max));
+        let shared =
+            Arc::new(Shared::new(access, hello, scene.surfaces.clone(), controls, receiver, settings.clients_max));
         let served = shared.clone();
         let run = move || {
             if let Err(e) = runtime.block_on(server::serve(listener, served)) {

@@ -8,12 +8,11 @@ use rayon::prelude::*;
 use super::cord::Cord;
 use super::cord_path::End;
 use super::placenta::Placenta;
-use super::proportions::growth;
 use super::*;
 use crate::anatomy::Mesh;
 use crate::anatomy::phantom::meshing;
 use crate::anatomy::phantom::parameters::{Lie, PlacentaSite};
-use crate::anatomy::phantom::sdf::{Bounds, Isometry, sphere};
+use crate::anatomy::phantom::sdf::sphere;
 
 /// A solid that is out of everyone's way.
 fn nowhere() -> Solid {

@@ -1,0 +1,33 @@
+//! A chest wall over aerated lung.
+
+use glam::Vec3;
+
+use super::{layer, wavy_layer};
+use crate::anatomy::analytic::{Part, joined, tube};
+
+/// Depth of the visceral pleura, where the air begins, mm.
+pub(super) const AIR_MM: f32 = 20.4;
+
+/// Skin, fat, muscle, two ribs and the pleura over air, seen along the chest: the "bat sign" of lung ultrasound.
+///
+/// A-lines are reverberations between the pleura and the probe. The tracer knows no probe, only surfaces: "probe face"
+/// is a sheet above the skin that stands for it, partly reflecting as a transducer's layers are. It holds while the probe
+/// stands level on the skin, wherever along the chest. B-lines come from bubbles within fluid far below a millimetre,
+/// which surfaces can't hold: there are none.
+pub fn lung_air() -> Vec<Part> {
+    let half = (80.0, 40.0);
+    let rib = |x: f32| {
+        let ring = |y| (Vec3::new(x, y, 13.6), (6.5, 3.6));
+        tube(&[ring(-38.0), ring(38.0)], 64)
+    };
+    vec![
+        layer("probe face", "probe_face", 1, half, (-4.0, -0.2)),
+        layer("skin", "skin", 2, half, (0.2, 1.9)),
+        wavy_layer("fat", "fat", 3, half, (1.8, 6.5), 0.1),
+        wavy_layer("muscle", "muscle", 4, half, (6.1, 160.0), 0.3),
+        wavy_layer("fascia", "fascia", 5, half, (6.0, 6.4), 0.3),
+        layer("pleura", "pleura", 6, half, (AIR_MM - 0.4, 159.0)),
+        layer("lung", "lung_air", 7, half, (AIR_MM, 158.0)),
+        Part { name: "ribs", tissue: "bone_adult", priority: 8, mesh: joined([-19.0, 19.0].map(rib)) },
+    ]
+}

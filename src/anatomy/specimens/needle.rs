@@ -1,0 +1,71 @@
+//! A needle on its way into a vessel, and a guide wire that has gone through it: all in the imaging plane.
+
+use glam::Vec3;
+
+use super::{layer, wavy_layer};
+use crate::anatomy::Mesh;
+use crate::anatomy::analytic::{Part, tube};
+
+/// Where the needle's tip lies, in the vessel, mm.
+const TIP_MM: Vec3 = Vec3::new(-2.0, 0.0, 20.0);
+/// Radius of an 18-gauge needle, mm (ISO 9626: 1.2 to 1.3 mm wide).
+const NEEDLE_RADIUS_MM: f32 = 0.63;
+/// Radius of a guide wire of 0.035 inch, mm.
+const WIRE_RADIUS_MM: f32 = 0.445;
+
+/// The scene with the needle at 32° to the skin.
+pub fn vessel_needle() -> Vec<Part> {
+    vessel_needle_at(32.0)
+}
+
+/// A vessel 8 mm wide at a depth of 20 mm along x below skin, fat, fascia and muscle; a steel needle that enters from the
+/// left at `angle_deg` (10 to 80) to the skin; and a steel wire from its tip along the vessel.
+///
+/// The needle turns the beam away, all of it beyond 15.5° (Snell, from muscle into steel; solids have no shear waves here),
+/// and is the fainter the steeper it is. The wire lies across the beam, which enters it and rings between its sides.
+pub fn vessel_needle_at(angle_deg: f32) -> Vec<Part> {
+    let half = (60.0, 30.0);
+    let angle = angle_deg.clamp(10.0, 80.0).to_radians();
+    let along = Vec3::new(angle.cos(), 0.0, angle.sin());
+    // From 12 mm above the skin, beside the probe, to the tip, which narrows over 2 mm.
+    let length = (TIP_MM.z + 12.0) / along.z;
+    let on_needle = |at: f32, radius: f32| (TIP_MM - along * at, (radius, radius));
+    let needle = tube(
+        &[on_needle(length, NEEDLE_RADIUS_MM), on_needle(2.0, NEEDLE_RADIUS_MM), on_needle(0.0, WIRE_RADIUS_MM)],
+        32,
+    );
+    vec![
+        layer("skin", "skin", 1, half, (0.3, 2.0)),
+        wavy_layer("fat", "fat", 2, half, (1.8, 7.0), 0.1),
+        wavy_layer("muscle", "muscle", 3, half, (6.6, 80.0), 0.3),
+        wavy_layer("fascia", "fascia", 4, half, (6.5, 6.9), 0.3),
+        Part { name: "vessel wall", tissue: "vessel_wall", priority: 5, mesh: vessel(4.8) },
+        Part { name: "blood", tissue: "blood", priority: 6, mesh: vessel(4.0) },
+        Part { name: "guide wire", tissue: "steel", priority: 7, mesh: guide_wire(along) },
+        Part { name: "needle", tissue: "steel", priority: 8, mesh: needle },
+    ]
+}
+
+/// A tube along x that sinks and rises a little, as vessels do.
+fn vessel(radius_mm: f32) -> Mesh {
+    let ring = |i: i32| {
+        let x = 4.0 * i as f32;
+        (Vec3::new(x, 0.0, 20.0 + 0.5 * (x / 16.0).sin()), (radius_mm, radius_mm))
+    };
+    tube(&(-14..=14).map(ring).collect::<Vec<_>>(), 48)
+}
+
+/// From within the needle in a bend to the lower half of the vessel, and level from there.
+fn guide_wire(along: Vec3) -> Mesh {
+    let start = TIP_MM - along * 3.0;
+    let (p1, end) = (TIP_MM + along * 3.0, Vec3::new(9.0, 0.0, 22.0));
+    let p2 = end - Vec3::X * 4.0;
+    let bend = (0..=10).map(|i| {
+        let t = i as f32 / 10.0;
+        let u = 1.0 - t;
+        start * (u * u * u) + p1 * (3.0 * u * u * t) + p2 * (3.0 * u * t * t) + end * (t * t * t)
+    });
+    let level = [14.0, 20.0, 60.0].map(|x| Vec3::new(x, 0.0, 22.0));
+    let rings: Vec<_> = bend.chain(level).map(|p| (p, (WIRE_RADIUS_MM, WIRE_RADIUS_MM))).collect();
+    tube(&rings, 32)
+}

@@ -1,0 +1,175 @@
+//! `insonify view`: pictures of a scene with the probe in it.
+
+use std::ffi::OsStr;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::anatomy::{Scene, TissueTable, import};
+use insonify::pose::Pose;
+use insonify::render::Frame;
+use insonify::sink::png;
+use insonify::sink::scene_view::{
+    Axes, BmodeImage, Cut, Direction, Fan, Orbit, PictureSettings, SceneView, Selection, ViewError,
+};
+use insonify::station::{SceneSource, Station};
+use insonify::transducer::Probe;
+use serde::Serialize;
+
+use super::{Classify, Failure, output, session};
+
+/// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
+///
+/// Needs no GPU, except for --bmode. Large surfaces are seen through.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Scene (.glb, .gltf) or station file (.toml)
+    scene: PathBuf,
+
+    /// Pose of the probe: x,y,z,qw,qx,qy,qz [default: the station's; a scene alone has none]
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pose: Option<Pose>,
+
+    /// File to write
+    #[arg(long, value_name = "FILE", default_value = "out/view.png")]
+    out: PathBuf,
+
+    /// From where: fan, probe, front, back, left, right, top, bottom, or anterior, posterior, cranial, caudal [default: fan; front without a probe]
+    #[arg(long, value_name = "DIRECTION")]
+    from: Option<Direction>,
+
+    /// Turn about the scene: azimuth,elevation in degrees [default: 0,0 with --from, else 30,20]
+    #[arg(long, value_name = "AZ,EL", allow_hyphen_values = true)]
+    orbit: Option<Orbit>,
+
+    /// Leave out surfaces, by their names or their tissues'
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    hide: Vec<String>,
+
+    /// Show these alone, by their names or their tissues'
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    only: Vec<String>,
+
+    /// Take away what lies before a plane: fan, or x=MM, y=MM, z=MM
+    #[arg(long, value_name = "PLANE", allow_hyphen_values = true)]
+    cut: Option<Cut>,
+
+    /// Size, pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x960", value_parser = size)]
+    size: (u32, u32),
+
+    /// Four views in one picture: front, side, top and onto the fan
+    #[arg(long, conflicts_with_all = ["from", "orbit"])]
+    sheet: bool,
+
+    /// Lay the B-mode image into the fan; needs a station and a GPU driver
+    #[arg(long)]
+    bmode: bool,
+
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  insonify view configs/gallbladder_stones.toml --cut fan --bmode
+  insonify view configs/obstetric.toml --hide skin fat muscle --orbit 40,10 --out out/fetus.png
+  insonify view scene.glb --pose 0,0,0,1,0,0,0 --sheet";
+
+#[derive(Serialize)]
+struct Report {
+    path: PathBuf,
+    width: u32,
+    height: u32,
+    surfaces: usize,
+    triangles: usize,
+    picture_ms: f64,
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let wrong = || "expected WIDTHxHEIGHT in pixels, each 64..=8192, for example 1280x960".to_owned();
+    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
+    let side = |text: &str| text.parse::<u32>().ok().filter(|n| (64..=8192).contains(n)).ok_or_else(wrong);
+    Ok((side(width)?, side(height)?))
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let (scene, station) = load(args)?;
+    let selection = Selection::of(&scene, &args.only, &args.hide).input()?;
+    let pose = args.pose.or(station.as_ref().and_then(|station| station.default_pose));
+    let probe = station.as_ref().map_or_else(Probe::default, |station| station.probe);
+    let image = if args.bmode { Some(bmode(args, &scene, station.as_ref(), pose)?) } else { None };
+    let fan = pose.map(|scene_from_probe| Fan { scene_from_probe, probe, image });
+    let axes = station.as_ref().map_or(Axes::Depth, axes_of);
+
+    let fallback = if fan.is_some() { Direction::Fan } else { Direction::Front };
+    let turned = Orbit { azimuth_deg: 30.0, elevation_deg: 20.0 };
+    let orbit = args.orbit.unwrap_or(if args.from.is_some() { Orbit::default() } else { turned });
+    let (width, height) = args.size;
+    let settings = PictureSettings { width, height, from: args.from.unwrap_or(fallback), orbit, cut: args.cut };
+    let begun = Instant::now();
+    let view = SceneView::new(&scene, &selection, fan, axes);
+    let picture = if args.sheet { view.sheet(&settings) } else { view.picture(&settings) };
+    let picture = picture.input()?;
+    let picture_ms = begun.elapsed().as_secs_f64() * 1e3;
+    png::write_rgb(&args.out, picture.width, picture.height, &picture.rgb)?;
+    let (surfaces, triangles) = (scene.surfaces.len(), scene.triangle_count());
+    if args.json {
+        let path = args.out.clone();
+        return output::json(&Report { path, width, height, surfaces, triangles, picture_ms });
+    }
+    output::line(format!(
+        "{surfaces} surfaces, {triangles} triangles, {width} x {height} pixels in {picture_ms:.0} ms"
+    ))?;
+    output::line(args.out.display())
+}
+
+/// What the axes of a station's scene mean.
+pub(crate) fn axes_of(station: &Station) -> Axes {
+    match station.scene {
+        SceneSource::ObstetricPhantom { .. } => Axes::Anatomical,
+        SceneSource::File(_) => Axes::Depth,
+    }
+}
+
+/// The scene, and the station where one was given.
+fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
+    if args.scene.extension() == Some(OsStr::new("toml")) {
+        let station = Station::load(&args.scene)?;
+        return Ok((session::load_scene(&station)?, Some(station)));
+    }
+    let tissues = TissueTable::builtin().other()?;
+    let background = tissues.index_of("gel").unwrap_or(0);
+    Ok((import::load(&args.scene, &tissues, background).input()?, None))
+}
+
+/// What the probe sees.
+fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pose>) -> Result<BmodeImage, Failure> {
+    let station = station.ok_or_else(|| {
+        anyhow!("--bmode needs a station file, which has the probe and the image; {} is a scene", args.scene.display())
+    });
+    let station = station.input()?;
+    let pose = pose.ok_or(ViewError::NoFan { what: "--bmode" }).input()?;
+    let gpu = session::open_gpu()?;
+    let mut renderer = session::renderer(&gpu, scene, station, &station.settings)?;
+    let mut frame = Frame::default();
+    renderer.render(&pose, &mut frame)?;
+    Ok(BmodeImage { sector: *renderer.sector(), grey: frame.bmode })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_numbers_of_pixels() {
+        assert_eq!(size("1280x960"), Ok((1280, 960)));
+        for wrong in ["1280", "63x100", "100x9000", "-1x100", "axb", ""] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

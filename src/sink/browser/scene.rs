@@ -1,0 +1,128 @@
+//! The scene's surfaces for the page's 3-D view, as one answer over HTTP at `/scene`.
+//!
+//! Little-endian: `INSV`, u32 version 1, u32 length of the JSON that follows (padded with spaces to a multiple of 4), then
+//! of each of the JSON's `surfaces` in turn its vertices (f32 × 3, mm) and its triangles (u32 × 3). The last two surfaces
+//! are the probe's housing and the bead on the image's left, in the probe frame.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::anatomy::{Mesh, Scene, decimate};
+use crate::pose::Pose;
+use crate::sink::colour::{self, Rgb};
+use crate::sink::scene_view::{Axes, Fan, opacities};
+use crate::transducer::Probe;
+
+/// Triangles of a packet; larger scenes are decimated.
+pub const TRIANGLES_MAX: usize = 150_000;
+
+const VERSION: u32 = 1;
+
+/// Surfaces and probe, encoded once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ScenePacket(Arc<[u8]>);
+
+#[derive(Serialize)]
+struct Header<'a> {
+    axes: &'static str,
+    probe: ProbeEntry,
+    /// Triangles before decimation.
+    triangles_of_scene: usize,
+    surfaces: Vec<Entry<'a>>,
+}
+
+#[derive(Serialize)]
+struct ProbeEntry {
+    /// Radius of the face, mm; null for a linear one.
+    face_radius_mm: Option<f64>,
+    /// Radians, or mm of a linear face.
+    half_extent: f64,
+}
+
+#[derive(Serialize)]
+struct Entry<'a> {
+    name: &'a str,
+    tissue: &'a str,
+    colour: Rgb,
+    opacity: f32,
+    vertices: usize,
+    triangles: usize,
+}
+
+impl ScenePacket {
+    /// Encodes `scene` and `probe`.
+    pub fn new(scene: &Scene, probe: &Probe, axes: Axes) -> Self {
+        let meshes: Vec<&Mesh> = scene.surfaces.iter().map(|s| &s.mesh).collect();
+        let (fewer, _) = decimate::cluster_to(&meshes, TRIANGLES_MAX);
+        let housing = Fan { scene_from_probe: Pose::IDENTITY, probe: *probe, image: None }.housing();
+        let mut surfaces = Vec::new();
+        for ((surface, mesh), opacity) in scene.surfaces.iter().zip(&fewer).zip(opacities(&meshes)) {
+            let tissue = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
+            let (name, colour) = (surface.name.as_str(), colour::tissue(tissue));
+            surfaces.push((Entry { name, tissue, colour, opacity, vertices: 0, triangles: 0 }, mesh));
+        }
+        let parts = [("probe", [158, 168, 184]), ("bead", [255, 158, 26])];
+        for ((name, colour), mesh) in parts.into_iter().zip(&housing) {
+            surfaces.push((Entry { name, tissue: "", colour, opacity: 1.0, vertices: 0, triangles: 0 }, mesh));
+        }
+        let mut body = Vec::new();
+        let mut entries = Vec::new();
+        for (mut entry, mesh) in surfaces {
+            (entry.vertices, entry.triangles) = (mesh.vertices_mm.len(), mesh.triangles.len());
+            body.extend(mesh.vertices_mm.iter().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes));
+            body.extend(mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()));
+            entries.push(entry);
+        }
+        let header = Header {
+            axes: match axes {
+                Axes::Depth => "depth",
+                Axes::Anatomical => "anatomical",
+            },
+            probe: ProbeEntry { face_radius_mm: probe.face_radius_mm(), half_extent: probe.half_extent() },
+            triangles_of_scene: scene.triangle_count(),
+            surfaces: entries,
+        };
+        // Numbers and strings always serialise; an empty header is refused by the page.
+        let mut json = serde_json::to_vec(&header).unwrap_or_default();
+        json.resize(json.len().next_multiple_of(4), b' ');
+        let mut packet = b"INSV".to_vec();
+        packet.extend(VERSION.to_le_bytes());
+        packet.extend((json.len() as u32).to_le_bytes());
+        packet.extend(json);
+        packet.extend(body);
+        Self(packet.into())
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// The bytes, shared with an answer that is on its way.
+    #[cfg(feature = "browser")]
+    pub(super) fn shared(&self) -> bytes::Bytes {
+        bytes::Bytes::from_owner(self.0.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anatomy::{TissueTable, analytic};
+
+    #[test]
+    fn a_packet_holds_every_surface_and_the_probe() {
+        let table = TissueTable::builtin().unwrap();
+        let scene = analytic::scene(analytic::cyst(), &table, "liver").unwrap();
+        let packet = ScenePacket::new(&scene, &Probe::default(), Axes::Depth);
+        let bytes = packet.bytes();
+        assert_eq!(&bytes[..8], b"INSV\x01\0\0\0");
+        let length = u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
+        let header: serde_json::Value = serde_json::from_slice(&bytes[12..12 + length]).unwrap();
+        let surfaces = header["surfaces"].as_array().unwrap();
+        assert_eq!((surfaces.len(), &surfaces[0]["tissue"]), (3, &"amniotic_fluid".into()));
+        let size = |s: &serde_json::Value| 12 * (s["vertices"].as_u64().unwrap() + s["triangles"].as_u64().unwrap());
+        assert_eq!(bytes.len() as u64, 12 + length as u64 + surfaces.iter().map(size).sum::<u64>());
+    }
+}

@@ -1,0 +1,70 @@
+//! Pictures of a scene with the probe and its fan in it, made on the CPU: no driver is needed.
+//!
+//! Surfaces are shaded in the colours of their tissues and the more transparent the larger they are, so that what lies
+//! within shows. A cut takes away what lies before a plane and shows the tissues in the plane. The projection is parallel:
+//! one scale holds everywhere.
+
+mod annotate;
+mod camera;
+mod caster;
+mod fan;
+mod paint;
+mod selection;
+
+use thiserror::Error;
+
+pub use camera::{Axes, Cut, Direction, Orbit};
+pub use fan::{BmodeImage, Fan};
+pub(crate) use paint::opacities;
+pub use paint::{Picture, PictureSettings, SceneView};
+pub use selection::Selection;
+
+/// Why no picture could be made.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum ViewError {
+    /// A name that no surface and no tissue of the scene bears.
+    #[error("no surface or tissue of the scene is called `{name}`{suggestion}")]
+    UnknownName {
+        /// Name asked for.
+        name: String,
+        /// Nearest known name, ready to print, or empty.
+        suggestion: String,
+    },
+    /// Everything is hidden.
+    #[error("nothing is left to show: every surface is hidden")]
+    NothingLeft,
+    /// Not a direction.
+    #[error("`{text}` is no direction; it is one of {}{suggestion}", Direction::NAMES.join(", "))]
+    Direction {
+        /// Text found.
+        text: String,
+        /// Nearest direction, ready to print, or empty.
+        suggestion: String,
+    },
+    /// Not an orbit.
+    #[error("`{text}` is no orbit; it is AZIMUTH,ELEVATION in degrees, -360..=360 and -90..=90, for example 30,20")]
+    Orbit {
+        /// Text found.
+        text: String,
+    },
+    /// Not a plane.
+    #[error("`{text}` is no plane; it is `fan`, or x, y or z with a place in mm, for example z=40")]
+    Cut {
+        /// Text found.
+        text: String,
+    },
+    /// The fan was asked for where no probe has a pose.
+    #[error("{what} needs a probe: give --pose, or a station with a [pose]")]
+    NoFan {
+        /// What needs it.
+        what: &'static str,
+    },
+    /// A picture too small or too large.
+    #[error("a picture of {width} x {height} pixels; each side must lie in 64..=8192")]
+    Size {
+        /// Width asked for.
+        width: u32,
+        /// Height asked for.
+        height: u32,
+    },
+}

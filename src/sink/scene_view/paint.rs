@@ -1,0 +1,492 @@
+//! Colours of pixels.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::camera::Camera;
+use super::caster::{Caster, Hit};
+use super::{Axes, Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
+use crate::anatomy::{Mesh, Scene};
+use crate::sink::colour;
+
+/// Less light than this part of what lies behind is not looked for.
+const DARK: f32 = 0.02;
+const GROUND: Vec3 = Vec3::new(0.055, 0.068, 0.085);
+const HOUSING: Vec3 = Vec3::new(0.62, 0.66, 0.72);
+const BEAD: Vec3 = Vec3::new(1.0, 0.62, 0.1);
+/// The fan where it bears no image.
+const FAN: Vec3 = Vec3::new(1.0, 0.80, 0.30);
+const FAN_OPACITY: f32 = 0.30;
+const IMAGE_OPACITY: f32 = 0.93;
+/// The fan is drawn on a cut through its own plane, mm.
+const BEFORE_MM: f32 = 0.02;
+
+/// What is pictured, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureSettings {
+    /// Width, pixels, 64..=8192.
+    pub width: u32,
+    /// Height, pixels, 64..=8192.
+    pub height: u32,
+    /// From where.
+    pub from: Direction,
+    /// A turn from there.
+    pub orbit: Orbit,
+    /// Where the scene is cut.
+    pub cut: Option<Cut>,
+}
+
+/// A colour picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Red, green, blue [height × width × 3].
+    pub rgb: Vec<u8>,
+}
+
+/// How a surface looks.
+struct Look {
+    colour: Vec3,
+    opacity: f32,
+    /// Its tissue; none for the probe.
+    tissue: Option<usize>,
+}
+
+/// A scene made ready for pictures.
+pub struct SceneView {
+    caster: Caster,
+    looks: Vec<Look>,
+    tissue_names: Vec<String>,
+    /// Corners of the bounds of what is shown, mm.
+    corners_mm: Vec<DVec3>,
+    fan: Option<Fan>,
+    axes: Axes,
+}
+
+/// A cut that holds for a camera.
+struct Plane {
+    point_mm: DVec3,
+    normal: DVec3,
+}
+
+/// A place in the picture.
+#[derive(Clone, Copy)]
+struct Sample {
+    colour: Vec3,
+    /// Tissues that are seen, a bit each.
+    seen: [u64; 4],
+    /// Tells apart which layers are seen in which order.
+    layers: u32,
+}
+
+impl SceneView {
+    /// The surfaces of `scene` that `selection` shows, with a probe where there is one.
+    pub fn new(scene: &Scene, selection: &Selection, fan: Option<Fan>, axes: Axes) -> Self {
+        let shown: Vec<usize> = (0..scene.surfaces.len()).filter(|&i| selection.shown.get(i) == Some(&true)).collect();
+        let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
+        let mut looks = Vec::new();
+        let mut corners_mm = Vec::new();
+        for (&index, opacity) in shown.iter().zip(opacities(&meshes)) {
+            let Some(surface) = scene.surfaces.get(index) else { continue };
+            let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
+            looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
+            let bounds = surface.mesh.bounds_mm().map(|(low, high)| [low.as_dvec3(), high.as_dvec3()]);
+            corners_mm.extend(
+                bounds
+                    .into_iter()
+                    .flat_map(|b| (0..8).map(move |i| DVec3::new(b[i & 1].x, b[(i >> 1) & 1].y, b[i >> 2].z))),
+            );
+        }
+        let housing = fan.as_ref().map(Fan::housing);
+        for mesh in housing.iter().flatten() {
+            corners_mm.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3()));
+        }
+        if let Some(fan) = &fan {
+            corners_mm.extend(fan.outline_mm());
+            looks.push(Look { colour: HOUSING, opacity: 1.0, tissue: None });
+            looks.push(Look { colour: BEAD, opacity: 1.0, tissue: None });
+        }
+        let caster = Caster::new((0u32..).zip(meshes.iter().copied().chain(housing.iter().flatten())));
+        Self { caster, looks, tissue_names: scene.tissues.names().to_vec(), corners_mm, fan, axes }
+    }
+
+    /// A picture with a legend, a scale and axes.
+    ///
+    /// # Errors
+    /// A size out of range; a direction or cut of the probe where there is none.
+    pub fn picture(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
+        let &PictureSettings { width, height, .. } = settings;
+        check_size(width, height)?;
+        let legend = annotate::legend_width(width);
+        let panel = self.panel(settings, (width - legend, height), settings.from == Direction::Fan)?;
+        let mut canvas = annotate::canvas(width, height);
+        annotate::place(&mut canvas, (0, 0), &panel, self.axes);
+        annotate::legend(&mut canvas, width - legend, &self.names(&panel.seen));
+        Ok(annotate::picture(&canvas))
+    }
+
+    /// Four panels in one picture: from the front, the left, the top and onto the fan, or from behind without a probe.
+    ///
+    /// # Errors
+    /// As [`SceneView::picture`].
+    pub fn sheet(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
+        let &PictureSettings { width, height, .. } = settings;
+        check_size(width, height)?;
+        let legend = annotate::legend_width(width);
+        let (w, h) = ((width - legend) / 2, height / 2);
+        let last = if self.fan.is_some() { Direction::Fan } else { Direction::Back };
+        let titles = match self.axes {
+            Axes::Depth => ["front", "from +x", "from above", "onto the fan"],
+            Axes::Anatomical => ["anterior", "left", "cranial", "onto the fan"],
+        };
+        let panels = [Direction::Front, Direction::Left, Direction::Top, last];
+        let mut canvas = annotate::canvas(width, height);
+        let mut seen = [0; 4];
+        for (i, (from, title)) in (0u32..).zip(panels.into_iter().zip(titles)) {
+            // The fan's own view is cut there: it shows the section that the probe sees.
+            let cut = if from == Direction::Fan { settings.cut.or(Some(Cut::Fan)) } else { settings.cut };
+            let one = PictureSettings { from, orbit: Orbit::default(), cut, ..*settings };
+            let panel = self.panel(&one, (w - 4, h - 4), from == Direction::Fan)?;
+            let title = if i == 3 && self.fan.is_none() { "from behind" } else { title };
+            seen.iter_mut().zip(panel.seen).for_each(|(all, one)| *all |= one);
+            let at = (i % 2 * w + 2, i / 2 * h + 2);
+            annotate::place(&mut canvas, at, &panel, self.axes);
+            annotate::title(&mut canvas, at, title);
+        }
+        annotate::legend(&mut canvas, width - legend, &self.names(&seen));
+        Ok(annotate::picture(&canvas))
+    }
+
+    /// Names of the tissues whose bits are set.
+    fn names(&self, seen: &[u64; 4]) -> Vec<&str> {
+        let set = |i: usize| seen.get(i >> 6).is_some_and(|word| word >> (i & 63) & 1 == 1);
+        self.tissue_names.iter().enumerate().filter(|(i, _)| set(*i)).map(|(_, name)| name.as_str()).collect()
+    }
+
+    /// One projection of `size` pixels; `close` frames the fan alone.
+    fn panel(&self, settings: &PictureSettings, size: (u32, u32), close: bool) -> Result<Panel, ViewError> {
+        let pose = self.fan.as_ref().map(|fan| fan.scene_from_probe);
+        let what = if settings.from == Direction::Probe { "--from probe" } else { "--from fan" };
+        let camera = Camera::new(settings.from, settings.orbit, self.axes, pose);
+        let mut camera = camera.ok_or(ViewError::NoFan { what })?;
+        let outline = self.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
+        let probe = self.fan.iter().flat_map(Fan::housing).flat_map(|mesh| mesh.vertices_mm);
+        let near: Vec<DVec3> = outline.iter().copied().chain(probe.map(|v| v.as_dvec3())).collect();
+        camera.fit(
+            if close && !near.is_empty() { &near } else { &self.corners_mm },
+            (0.0, 0.0),
+            (f64::from(size.0), f64::from(size.1)),
+        );
+        let plane = self.plane(settings.cut, &camera)?;
+
+        let (width, height) = (size.0 as usize, size.1 as usize);
+        let row = |(row, out): (usize, &mut [Sample])| {
+            let mut hits = Vec::new();
+            for (column, sample) in out.iter_mut().enumerate() {
+                *sample = self.sample(&camera, plane.as_ref(), column as f64 + 0.5, row as f64 + 0.5, &mut hits);
+            }
+        };
+        let mut first: Vec<Sample> = vec![Sample { colour: GROUND, seen: [0; 4], layers: 0 }; width * height];
+        first.par_chunks_mut(width).enumerate().for_each(row);
+        let smooth = |(index, out): (usize, &mut Vec3)| {
+            let (column, row) = (index % width, index / width);
+            let here = first[index];
+            let differs = |other: usize| first[other].layers != here.layers;
+            *out = here.colour;
+            let edge = (column > 0 && differs(index - 1))
+                || (column + 1 < width && differs(index + 1))
+                || (row > 0 && differs(index - width))
+                || (row + 1 < height && differs(index + width));
+            if edge {
+                let mut hits = Vec::new();
+                // Corners of a turned square.
+                let offsets = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
+                let sum: Vec3 = offsets
+                    .map(|(x, y)| {
+                        self.sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits).colour
+                    })
+                    .into_iter()
+                    .sum();
+                *out = 0.25 * sum;
+            }
+        };
+        let mut colours = vec![GROUND; width * height];
+        colours.par_iter_mut().enumerate().for_each(smooth);
+        let seen = first.iter().fold([0; 4], |mut all, sample| {
+            all.iter_mut().zip(sample.seen).for_each(|(all, one)| *all |= one);
+            all
+        });
+        let rgb =
+            colours.iter().flat_map(|c| (c.clamp(Vec3::ZERO, Vec3::ONE) * 255.0 + 0.5).to_array()).map(|v| v as u8);
+        Ok(Panel { width: size.0, height: size.1, rgb: rgb.collect(), seen, camera, outline })
+    }
+
+    /// The plane of a cut, its normal toward the viewer; none where it is seen edge-on.
+    fn plane(&self, cut: Option<Cut>, camera: &Camera) -> Result<Option<Plane>, ViewError> {
+        let (point_mm, normal) = match cut {
+            None => return Ok(None),
+            Some(Cut::Fan) => {
+                let fan = self.fan.as_ref().ok_or(ViewError::NoFan { what: "--cut fan" })?;
+                (fan.scene_from_probe.position_mm, fan.scene_from_probe.orientation * DVec3::Y)
+            }
+            Some(Cut::Axis(axis, place)) => {
+                let normal = DVec3::AXES[axis.min(2)];
+                (normal * place, normal)
+            }
+        };
+        let slope = normal.dot(camera.forward);
+        if slope.abs() < 1e-3 {
+            return Ok(None);
+        }
+        Ok(Some(Plane { point_mm, normal: if slope > 0.0 { -normal } else { normal } }))
+    }
+
+    /// Colour of a place in the picture.
+    fn sample(&self, camera: &Camera, plane: Option<&Plane>, column: f64, row: f64, hits: &mut Vec<Hit>) -> Sample {
+        let (point, forward) = (camera.point(column, row), camera.forward);
+        self.caster.crossings(point, forward, hits);
+        let mut light = Vec3::ZERO;
+        let mut left = 1.0_f32;
+        let mut seen = [0u64; 4];
+        let mut layers = 0_u32;
+        let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>, layer: u32| {
+            // What hardly shows makes no edge.
+            if left * opacity > 0.04 {
+                layers = (layers.rotate_left(5) ^ (layer + 1)).wrapping_mul(0x9e37_79b9);
+            }
+            light += left * opacity * colour;
+            if let Some(i) = tissue.filter(|_| left * opacity > 0.08)
+                && let Some(word) = seen.get_mut(i >> 6)
+            {
+                *word |= 1 << (i & 63);
+            }
+            left *= 1.0 - opacity;
+            left > DARK
+        };
+        let mut fan = self.fan.as_ref().and_then(|fan| {
+            let t = fan.meets(point, forward)?;
+            let grey = fan.at(point + forward * t)?;
+            let (colour, opacity) = match grey {
+                Some(grey) => (Vec3::splat(f32::from(grey) / 255.0), IMAGE_OPACITY),
+                None => (FAN, FAN_OPACITY),
+            };
+            Some((t as f32 - BEFORE_MM, colour, opacity))
+        });
+        let mut cut = plane.map(|plane| {
+            let t = plane.normal.dot(plane.point_mm - point) / plane.normal.dot(forward);
+            (t as f32, self.medium_beyond(hits, t as f32))
+        });
+        let from = cut.map_or(f32::NEG_INFINITY, |(t, _)| t);
+        let probe = self.looks.len().saturating_sub(if self.fan.is_some() { 2 } else { 0 });
+        let mut next = hits.iter().filter(|hit| hit.t_mm >= from || hit.surface as usize >= probe).peekable();
+        loop {
+            let t_hit = next.peek().map_or(f32::INFINITY, |hit| hit.t_mm);
+            let t_cut = cut.map_or(f32::INFINITY, |(t, _)| t);
+            let t_fan = fan.map_or(f32::INFINITY, |(t, ..)| t);
+            if t_fan <= t_cut && t_fan <= t_hit && t_fan.is_finite() {
+                if let Some((_, colour, opacity)) = fan.take()
+                    && !add(colour, opacity, None, 0)
+                {
+                    break;
+                }
+            } else if t_cut <= t_hit && t_cut.is_finite() {
+                let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.looks.get(m));
+                // A section is opaque.
+                if let Some(look) = medium
+                    && !add(0.92 * look.colour, 1.0, look.tissue, 1 + look.tissue.unwrap_or(0) as u32)
+                {
+                    break;
+                }
+            } else if let Some(hit) = next.next() {
+                let Some(look) = self.looks.get(hit.surface as usize) else { continue };
+                let facing = hit.cosine.abs().min(1.0);
+                let opacity = look.opacity + (1.0 - look.opacity) * 0.6 * (1.0 - facing).powi(3);
+                if !add(shade(look.colour, hit, camera), opacity, look.tissue, 1000 + hit.surface) {
+                    break;
+                }
+            } else {
+                break;
+            }
+        }
+        Sample { colour: light + left * GROUND, seen, layers }
+    }
+
+    /// The highest surface that the line is inside of at `t_mm`, of those that are shown; the probe is none of them.
+    fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
+        let mut met = [0u64; 4];
+        let mut highest = None;
+        for hit in hits.iter().filter(|hit| hit.t_mm > t_mm) {
+            let index = hit.surface as usize;
+            let tissue = self.looks.get(index).is_some_and(|look| look.tissue.is_some());
+            let Some(word) = met.get_mut(index >> 6).filter(|_| tissue) else { continue };
+            let bit = 1 << (index & 63);
+            // The first crossing beyond tells: outward from within.
+            if *word & bit == 0 && hit.cosine > 0.0 {
+                highest = highest.max(Some(index));
+            }
+            *word |= bit;
+        }
+        highest
+    }
+}
+
+/// A projection before it is captioned.
+pub(super) struct Panel {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) rgb: Vec<u8>,
+    /// Tissues in it, a bit each.
+    seen: [u64; 4],
+    pub(super) camera: Camera,
+    pub(super) outline: Vec<DVec3>,
+}
+
+/// Light from the upper left behind the viewer; both faces of a surface are lit.
+fn shade(colour: Vec3, hit: &Hit, camera: &Camera) -> Vec3 {
+    let toward = (-0.8 * camera.forward + 0.5 * camera.up - 0.35 * camera.right).normalize().as_vec3();
+    let normal = if hit.cosine > 0.0 { -hit.normal } else { hit.normal };
+    let diffuse = normal.dot(toward).max(0.0);
+    let gloss = 0.12 * diffuse.powi(24);
+    colour * (0.28 + 0.72 * diffuse) + Vec3::splat(gloss)
+}
+
+fn colour_of(tissue: &str) -> Vec3 {
+    Vec3::from(colour::tissue(tissue).map(|v| f32::from(v) / 255.0))
+}
+
+/// How opaque each of `meshes` is shown, 0..=1: large ones hold the small ones, and are seen through.
+pub(crate) fn opacities(meshes: &[&Mesh]) -> Vec<f32> {
+    let areas: Vec<f64> = meshes.iter().map(|mesh| area_mm2(mesh)).collect();
+    let largest = areas.iter().copied().fold(1e-9, f64::max);
+    areas.iter().map(|area| 0.10 + 0.85 * (1.0 - (area / largest).sqrt() as f32).powf(1.4)).collect()
+}
+
+fn area_mm2(mesh: &Mesh) -> f64 {
+    mesh.corners_mm().map(|[a, b, c]| 0.5 * f64::from((b - a).cross(c - a).length())).sum()
+}
+
+fn check_size(width: u32, height: u32) -> Result<(), ViewError> {
+    let good = 64..=8192;
+    if good.contains(&width) && good.contains(&height) { Ok(()) } else { Err(ViewError::Size { width, height }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::super::BmodeImage;
+    use super::*;
+    use crate::anatomy::TissueTable;
+    use crate::anatomy::analytic::{Part, cuboid, scene, sphere};
+    use crate::pose::Pose;
+    use crate::transducer::{Probe, Sector};
+
+    fn block_and_ball() -> Scene {
+        let block = cuboid(Vec3::splat(-300.0), Vec3::splat(300.0));
+        let ball = sphere(Vec3::new(-200.0, 0.0, 200.0), 30.0, 3);
+        let part = |name, tissue, priority, mesh| Part { name, tissue, priority, mesh };
+        scene(
+            vec![part("block", "liver", 1, block), part("ball", "bone_adult", 2, ball)],
+            &TissueTable::builtin().unwrap(),
+            "gel",
+        )
+        .unwrap()
+    }
+
+    fn fan(x: f64, image: Option<BmodeImage>) -> Fan {
+        let orientation = DQuat::from_rotation_z(0.2);
+        let scene_from_probe = Pose { position_mm: DVec3::new(x, 0.0, 0.0), orientation };
+        Fan { scene_from_probe, probe: Probe::default(), image }
+    }
+
+    fn settings() -> PictureSettings {
+        let orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0 };
+        PictureSettings { width: 400, height: 300, from: Direction::Front, orbit, cut: None }
+    }
+
+    fn pixel(panel: &Panel, point: DVec3) -> [i32; 3] {
+        let (column, row) = panel.camera.pixel(point);
+        let at = 3 * (row as usize * panel.width as usize + column as usize);
+        [0, 1, 2].map(|i| i32::from(panel.rgb[at + i]))
+    }
+
+    #[test]
+    fn the_fan_is_where_the_pose_says() {
+        let scene = block_and_ball();
+        let panel = |fan| {
+            SceneView::new(&scene, &Selection::all(&scene), fan, Axes::Depth).panel(&settings(), (400, 300), false)
+        };
+        let without = panel(None).unwrap();
+        for x in [-60.0, 0.0, 80.0] {
+            let fan = fan(x, None);
+            let inside = [(0.0, 20.0), (30.0, 70.0), (-40.0, 120.0), (0.0, 148.0)];
+            let outside = [(-80.0, 40.0), (80.0, 40.0), (0.0, 160.0)];
+            let there = panel(Some(fan.clone())).unwrap();
+            let amber = |(across, depth): (f64, f64)| {
+                let point = fan.scene_from_probe.transform_point(DVec3::new(across, 0.0, depth));
+                let (with, without) = (pixel(&there, point), pixel(&without, point));
+                // Amber is redder than what it lies on.
+                (with[0] - with[2]) - (without[0] - without[2])
+            };
+            // Framing differs, but the block fills both pictures with one colour.
+            assert!(inside.iter().all(|&p| amber(p) > 15), "{:?}", inside.map(amber));
+            assert!(outside.iter().all(|&p| amber(p).abs() < 6), "{:?}", outside.map(amber));
+        }
+    }
+
+    #[test]
+    fn an_image_lies_in_the_fan_as_it_was_taken() {
+        let scene = block_and_ball();
+        let sector = Sector::fit(&Probe::default(), 200, 150);
+        // White left of the middle.
+        let grey = (0..200 * 150).map(|i| if i % 200 < 100 { 255 } else { 0 }).collect();
+        let fan = fan(0.0, Some(BmodeImage { sector, grey }));
+        let pose = fan.scene_from_probe;
+        let only = Selection::of(&scene, &["ball".into()], &[]).unwrap();
+        let panel =
+            SceneView::new(&scene, &only, Some(fan), Axes::Depth).panel(&settings(), (400, 300), false).unwrap();
+        let at = |x: f64| pixel(&panel, pose.transform_point(DVec3::new(x, 0.0, 80.0)));
+        assert!(at(-20.0)[1] > 200 && at(20.0)[1] < 40, "{:?} {:?}", at(-20.0), at(20.0));
+    }
+
+    #[test]
+    fn what_is_hidden_vanishes_and_a_cut_shows_the_section() {
+        let scene = block_and_ball();
+        let centre = DVec3::new(-200.0, 0.0, 200.0);
+        let look = |only: &[&str], hide: &[&str], cut| {
+            let names = |names: &[&str]| names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>();
+            let selection = Selection::of(&scene, &names(only), &names(hide)).unwrap();
+            let view = SceneView::new(&scene, &selection, None, Axes::Depth);
+            let panel = view.panel(&PictureSettings { cut, ..settings() }, (400, 300), false).unwrap();
+            (pixel(&panel, centre), view.names(&panel.seen).join(" "))
+        };
+        let ground = GROUND.to_array().map(|v| (v * 255.0 + 0.5) as i32);
+        let (ball, names) = look(&["bone_adult"], &[], None);
+        assert!(ball != ground && names == "bone_adult", "{names}");
+        let (block, names) = look(&[], &["ball"], None);
+        assert!(block != ball && names == "liver", "{names}");
+        // The section is of the highest surface there, flat in its colour.
+        let bone = (0.92 * colour_of("bone_adult")).to_array().map(|v| (v * 255.0 + 0.5) as i32);
+        assert_eq!(look(&[], &[], Some(Cut::Axis(1, 0.0))).0, bone);
+        assert!(look(&["block"], &[], Some(Cut::Axis(1, 0.0))).0 != bone);
+        assert_eq!(look(&["ball"], &[], Some(Cut::Axis(1, -50.0))).0, ground, "the ball lies before that plane");
+        let unknown = Selection::of(&scene, &[], &["bal".into()]).unwrap_err();
+        assert!(unknown.to_string().contains("did you mean `ball`"), "{unknown}");
+        assert_eq!(Selection::of(&scene, &[], &["ball".into(), "liver".into()]), Err(ViewError::NothingLeft));
+    }
+
+    #[test]
+    fn what_cannot_be_pictured_is_refused() {
+        let scene = block_and_ball();
+        let view = SceneView::new(&scene, &Selection::all(&scene), None, Axes::Depth);
+        let with = |from, cut, width| view.picture(&PictureSettings { from, cut, width, ..settings() });
+        assert!(matches!(with(Direction::Fan, None, 400), Err(ViewError::NoFan { .. })));
+        assert!(matches!(with(Direction::Front, Some(Cut::Fan), 400), Err(ViewError::NoFan { .. })));
+        assert!(matches!(with(Direction::Front, None, 20), Err(ViewError::Size { .. })));
+        let sheet = view.sheet(&PictureSettings { width: 900, height: 640, ..settings() }).unwrap();
+        assert_eq!(sheet.rgb.len(), 900 * 640 * 3);
+    }
+}
