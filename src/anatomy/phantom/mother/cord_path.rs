@@ -159,7 +159,7 @@ impl Grid {
         let mut taken = vec![from, to];
         let mut stops = Vec::new();
         for stop in 0..2u64 {
-            let far = 5.5 * self.need_mm;
+            let far = 9.0 * self.need_mm;
             let score = |i: usize| {
                 let p = self.place(i);
                 let apart = taken.iter().map(|q| q.distance(p)).fold(far, f32::min);
@@ -170,7 +170,7 @@ impl Grid {
                 // Reached without an obstacle on the way.
                 self.clearance_mm[i] > 1.1 * self.need_mm
                     && cost[i] < 5.0 * self.place(i).distance(from) + 20.0 * self.need_mm
-                    && self.place(i).distance(from) < 10.0 * self.need_mm
+                    && self.place(i).distance(from) < 16.0 * self.need_mm
             });
             if let Some(best) = free.max_by(|&a, &b| score(a).total_cmp(&score(b))) {
                 stops.push(self.place(best));
