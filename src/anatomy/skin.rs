@@ -9,8 +9,8 @@ use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 
-use super::phantom::{self, Parameters};
 use super::phantom::sdf::Solid;
+use super::phantom::{self, Parameters};
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 

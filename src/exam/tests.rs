@@ -9,8 +9,8 @@ use super::hand::Skill;
 use super::score::{Reference, Score, score};
 use super::session::{Session, Settings, TRUTH_EVENT, make};
 use super::{ExamError, START_TIME_NS};
-use crate::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
 use crate::anatomy::phantom::{self, Parameters};
+use crate::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
 use crate::anatomy::{Mesh, Skin};
 use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingReader, read_all};
@@ -26,7 +26,10 @@ fn place() -> &'static Place {
     static PLACE: OnceLock<Place> = OnceLock::new();
     PLACE.get_or_init(|| {
         let measured = ["skull", "subarachnoid_space", "cerebellum", "fetal_skin", "long_bones"];
-        let surfaces = phantom::parts(&Parameters::default(), &measured, 1.2).into_iter().map(|part| (part.name, part.mesh)).collect();
+        let surfaces = phantom::parts(&Parameters::default(), &measured, 1.2)
+            .into_iter()
+            .map(|part| (part.name, part.mesh))
+            .collect();
         Place { planes: obstetric(&Parameters::default()), skin: Skin::phantom(&Parameters::default()), surfaces }
     })
 }

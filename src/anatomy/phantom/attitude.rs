@@ -67,12 +67,12 @@ struct Pose {
 
 const LEGS: [Pose; 2] = [
     Pose {
-        upper: [[0.12, 0.20, 0.97], [0.0, 0.60, 0.80], [0.04, 0.76, 0.65]],
+        upper: [[0.12, 0.20, 0.97], [0.0, 0.60, 0.80], [0.04, 0.70, 0.71]],
         lower: [[-0.08, -0.97, -0.10], [-0.24, -0.92, -0.34], [-0.20, -0.95, -0.24]],
         end: [[-0.06, 0.10, 0.99], [-0.12, 0.36, 0.92], [-0.12, 0.30, 0.94]],
     },
     Pose {
-        upper: [[0.20, 0.06, 0.98], [0.12, 0.66, 0.75], [0.10, 0.80, 0.59]],
+        upper: [[0.20, 0.06, 0.98], [0.12, 0.66, 0.75], [0.10, 0.72, 0.69]],
         lower: [[-0.02, -0.98, 0.02], [-0.07, -0.97, -0.22], [-0.02, -0.97, -0.20]],
         end: [[-0.06, 0.06, 0.99], [-0.10, 0.48, 0.86], [-0.10, 0.40, 0.90]],
     },
@@ -80,12 +80,12 @@ const LEGS: [Pose; 2] = [
 
 const ARMS: [Pose; 2] = [
     Pose {
-        upper: [[0.30, -0.62, 0.72], [0.12, -0.42, 0.86], [0.10, -0.40, 0.87]],
+        upper: [[0.30, -0.62, 0.72], [0.12, -0.42, 0.86], [0.14, -0.36, 0.90]],
         lower: [[-0.34, 0.30, 0.90], [-0.36, 0.72, 0.58], [-0.30, 0.74, 0.58]],
         end: [[-0.20, 0.60, 0.70], [-0.15, 0.90, 0.30], [-0.15, 0.90, 0.30]],
     },
     Pose {
-        upper: [[0.26, -0.74, 0.62], [0.08, -0.50, 0.84], [0.06, -0.46, 0.86]],
+        upper: [[0.26, -0.74, 0.62], [0.08, -0.50, 0.84], [0.12, -0.40, 0.89]],
         lower: [[-0.30, 0.36, 0.88], [-0.40, 0.70, 0.56], [-0.34, 0.70, 0.62]],
         end: [[-0.20, 0.70, 0.60], [-0.20, 0.85, 0.45], [-0.20, 0.85, 0.45]],
     },
@@ -133,7 +133,7 @@ impl Attitude {
         let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));
         for (variation, spread) in variations.chain(spreads) {
             let attitude = Self::posed(biometry, flexion, seed, variation, spread);
-            if fetus::bones_apart(&attitude) {
+            if fetus::crossing_bones(&attitude).is_none() {
                 return attitude;
             }
         }
@@ -170,11 +170,11 @@ impl Attitude {
             let side = if i == 0 { 1.0 } else { -1.0 };
             let jitter = |v: Vec3, k: u64| {
                 let turn = |axis: u64| LIMB_VARIATION_RAD * variation * vary(seed, 100 * what + 10 * k + axis);
-                // Arms turn down from the face and forearms apart, thighs and shanks to their side.
+                // Elbows to their side, forearms apart and from the face; thighs down from the elbows, shanks to their side.
                 let apart = match (level < 15.0, k) {
-                    (true, 0) => Quat::from_rotation_x(spread),
-                    (true, _) => Quat::from_rotation_x(0.5 * spread) * Quat::from_rotation_y(side * spread),
-                    (false, 0) => Quat::from_rotation_y(0.5 * side * spread),
+                    (true, 0) => Quat::from_rotation_y(0.7 * side * spread),
+                    (true, _) => Quat::from_rotation_x(0.3 * spread) * Quat::from_rotation_y(side * spread),
+                    (false, 0) => Quat::from_rotation_x(0.6 * spread) * Quat::from_rotation_y(0.3 * side * spread),
                     (false, _) => Quat::from_rotation_z(0.5 * side * spread),
                 };
                 turned(level) * apart * Quat::from_euler(glam::EulerRot::XYZ, turn(0), turn(1), turn(2)) * v
@@ -304,7 +304,8 @@ mod tests {
             for flexion in [0.0, 0.25, 0.5, 0.75, 1.0] {
                 for weeks in [16.0, 22.0, 34.0] {
                     let attitude = Attitude::varied(&Biometry::at_weeks(weeks), flexion, seed);
-                    assert!(fetus::bones_apart(&attitude), "seed {seed}, flexion {flexion}, {weeks} weeks");
+                    let crossing = fetus::crossing_bones(&attitude);
+                    assert_eq!(crossing, None, "seed {seed}, flexion {flexion}, {weeks} weeks");
                 }
             }
         }

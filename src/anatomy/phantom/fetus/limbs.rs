@@ -57,8 +57,8 @@ pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     legs.chain(arms).collect()
 }
 
-/// Whether the bones of no two limbs, and of no limb and the skull, cross.
-pub(in crate::anatomy::phantom) fn bones_apart(attitude: &Attitude) -> bool {
+/// Which bones of two limbs, or of a limb and the skull, cross, if any do. Parts count from the trunk: 0 to 2.
+pub(in crate::anatomy::phantom) fn crossing_bones(attitude: &Attitude) -> Option<String> {
     let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
     let v = Vec3::new;
     // Ends of each bone or group of bones, and its radius.
@@ -84,12 +84,23 @@ pub(in crate::anatomy::phantom) fn bones_apart(attitude: &Attitude) -> bool {
     let clear_of_skull = |&(p, q, r): &(Vec3, Vec3, f32)| {
         [0.0, 0.5, 1.0].into_iter().all(|t| skull.distance_mm(head.local_point(p.lerp(q, t))) > r)
     };
-    let apart = |a: &(Vec3, Vec3, f32), b: &(Vec3, Vec3, f32)| segment_distance(a.0, a.1, b.0, b.1) > a.2 + b.2;
-    limbs.iter().enumerate().all(|(i, limb)| {
-        limb.iter().all(clear_of_skull)
-            && limbs[i + 1..].iter().all(|other| limb.iter().all(|a| other.iter().all(|b| apart(a, b))))
-    })
+    for (i, limb) in limbs.iter().enumerate() {
+        for (k, bone) in limb.iter().enumerate() {
+            if !clear_of_skull(bone) {
+                return Some(format!("{}, part {k}, and the skull", LIMBS[i]));
+            }
+            for (m, other) in limbs.iter().enumerate().skip(i + 1) {
+                let near = |b: &(Vec3, Vec3, f32)| segment_distance(bone.0, bone.1, b.0, b.1) <= bone.2 + b.2;
+                if let Some(n) = other.iter().position(near) {
+                    return Some(format!("{}, part {k}, and {}, part {n}", LIMBS[i], LIMBS[m]));
+                }
+            }
+        }
+    }
+    None
 }
+
+const LIMBS: [&str; 4] = ["left leg", "right leg", "left arm", "right arm"];
 
 /// Least distance between the segments from `a` to `b` and from `c` to `d` (C. Ericson, Real-Time Collision Detection,
 /// section 5.1.9).

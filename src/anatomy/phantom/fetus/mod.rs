@@ -23,7 +23,7 @@ pub(super) use brain::{atrium_walls, cavum_centre, cerebellum_ends, cisterna_mag
 pub(super) use face::{chin, eye_centres, nose_tip};
 pub(super) use head::occipitofrontal_ends;
 pub(super) use heart::{LEVEL as HEART_LEVEL, chamber_centres, heart_frame};
-pub(super) use limbs::{bones_apart, femur_tips, humerus_tips, tibia_tips};
+pub(super) use limbs::{crossing_bones, femur_tips, humerus_tips, tibia_tips};
 pub(super) use skin::{balls, outline};
 pub(super) use spine::ossification_centres;
 pub(super) use trunk::{ABDOMEN_LEVEL, NAVEL_LEVEL, navel, skin_points, trunk_centre};

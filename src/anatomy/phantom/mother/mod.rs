@@ -23,10 +23,10 @@ use glam::Vec3;
 
 use super::attitude::Attitude;
 use super::fetus;
-use super::vary;
 use super::organ::{Body, Organ};
 use super::parameters::Parameters;
 use super::sdf::Solid;
+use super::vary;
 use abdominal_wall::AbdominalWall;
 use cord::Cord;
 use cord_path::End;
