@@ -35,6 +35,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u32>,
 
+    /// When to show a scene that moves, s: hearts beat, mothers breathe; at 0 all is at rest
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
+    time: f64,
+
     /// Directory to write to; made if missing
     #[arg(long, value_name = "DIR", default_value = "out/render")]
     out: PathBuf,
@@ -79,10 +83,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(quality) => quality.with_seed(seed),
         None => insonify::render::Quality { seed, ..settings.quality },
     };
+    if !(args.time.is_finite() && args.time >= 0.0) {
+        return Err(Failure::Input(anyhow!("--time is {}; it must be a number of seconds from 0 up", args.time)));
+    }
     let gpu = session::open_gpu()?;
     let scene = session::load_scene(&station)?;
     let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
     let mut frame = Frame::default();
+    renderer.set_time_s(args.time);
     renderer.render(&pose, &mut frame)?;
     if frame.overflows > 0 {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);

@@ -199,7 +199,11 @@ impl Replay {
             let from = frames.start - self.frames.start;
             let mut renderer = Renderer::with_shaders(gpu, scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
             let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
-            session::render_paced(&mut renderer, poses, |i| before(from + i), |i, frame| each(from + i, frame))?;
+            let before = |i| {
+                before(from + i);
+                self.timeline.seconds(frames.start + i)
+            };
+            session::render_paced(&mut renderer, poses, before, |i, frame| each(from + i, frame))?;
         }
         Ok(())
     }

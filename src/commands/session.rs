@@ -43,11 +43,11 @@ pub(crate) fn renderer(
 }
 
 /// Renders `poses` in order, two in flight, and hands each frame to `each` with its index; `before` is called before each
-/// frame is submitted, and may wait.
+/// frame is submitted, may wait, and gives the time of the scene, s.
 pub(crate) fn render_paced(
     renderer: &mut Renderer,
     poses: &[Pose],
-    mut before: impl FnMut(usize),
+    mut before: impl FnMut(usize) -> f64,
     mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let mut frame = Frame::default();
@@ -58,7 +58,7 @@ pub(crate) fn render_paced(
             each(done, &frame)?;
             done += 1;
         }
-        before(submitted);
+        renderer.set_time_s(before(submitted));
         renderer.submit(pose)?;
     }
     while done < poses.len() {

@@ -66,6 +66,10 @@ impl FrameRenderer for GpuRenderer {
         self.renderer.reconfigure(probe, &settings).map_err(fault)
     }
 
+    fn set_time_s(&mut self, time_s: f64) {
+        self.renderer.set_time_s(time_s);
+    }
+
     fn set_maps(&mut self, wanted: bool) {
         self.renderer.set_maps(wanted);
     }

@@ -60,6 +60,10 @@ pub trait FrameRenderer: Send {
     /// A device that fails.
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault>;
 
+    /// Moves what moves in the scene to where it is at `time_s` of the session, for frames submitted from now on; one of
+    /// a scene at rest need not listen.
+    fn set_time_s(&mut self, _time_s: f64) {}
+
     /// Waits for the oldest frame in flight and copies it into `frame`.
     ///
     /// # Errors

@@ -144,6 +144,7 @@ impl RenderStage {
             (Device::Ready(renderer), Some(pose)) => {
                 let _span = tracing::debug_span!("submit", number).entered();
                 renderer.set_maps(maps);
+                renderer.set_time_s(now.as_secs_f64());
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);

@@ -107,7 +107,7 @@ const fn doc(
 pub const KEYS: &[KeyDoc] = &[
     doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
     doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
-    doc("scene", "phantom_scale", "", "1.0", number(0.01, 20.0), "triangles of the phantom over those of the full one; below about 0.18 its finest parts are lost and it is refused"),
+    doc("scene", "phantom_scale", "", "1.0", number(0.01, 20.0), "triangles of the phantom over those of the full one; below about 0.21 its finest parts are lost and it is refused"),
     doc("scene", "phantom_weeks", "weeks", "22.0", number(*WEEKS_RANGE.start(), *WEEKS_RANGE.end()), "gestational age of the phantom's fetus"),
     doc("scene", "phantom_lie", "", "\"cephalic\"", Accepts::OneOf(Lie::WORDS), "which way the fetus lies: head down, head up, or across"),
     doc("scene", "phantom_roll_deg", "°", "0.0", number(*ROLL_RANGE_DEG.start(), *ROLL_RANGE_DEG.end()), "turn of the fetus about its long axis from where its left side is up"),
@@ -116,6 +116,7 @@ pub const KEYS: &[KeyDoc] = &[
     doc("scene", "phantom_fluid_index_mm", "mm", "140.0", number(*FLUID_INDEX_RANGE_MM.start(), *FLUID_INDEX_RANGE_MM.end()), "amniotic fluid index, from oligohydramnios to polyhydramnios"),
     doc("scene", "phantom_fat_mm", "mm", "13.5", number(*FAT_RANGE_MM.start(), *FAT_RANGE_MM.end()), "the mother's subcutaneous fat over the belly"),
     doc("scene", "phantom_seed", "", "0", integer(0, u32::MAX as i64), "seed of what differs from one individual to the next"),
+    doc("scene", "motion", "", "true", Accepts::Bool, "whether what moves in the scene moves: hearts, breath, limbs; one frame shows time 0, at rest"),
     doc("scene", "background", "", "\"gel\"", Accepts::Text("the name of a tissue"), "tissue outside of every surface"),
 
     doc("probe", "kind", "", "\"convex\"", Accepts::OneOf(&["convex", "linear", "phased"]), "shape of the face"),

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 use crate::anatomy::phantom::PhantomOptions;
 use crate::anatomy::planes::{self, StandardPlanes};
-use crate::anatomy::{Scene, TissueTable, import};
+use crate::anatomy::{Motion, Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::RenderSettings;
 use crate::sink::LiveSinkKind;
@@ -51,6 +51,8 @@ pub struct Station {
     pub scene: SceneSource,
     /// Tissue outside of every surface; a name in `tissues`.
     pub background: String,
+    /// Whether what moves in the scene moves.
+    pub motion: bool,
     /// The probe.
     pub probe: Probe,
     /// Image and quality.
@@ -141,6 +143,10 @@ impl Station {
     /// As [`import::load`]; a background that `tissues` does not hold.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
-        Ok(import::load(path, &self.tissues, background)?)
+        let mut scene = import::load(path, &self.tissues, background)?;
+        if !self.motion {
+            scene.motion = Motion::default();
+        }
+        Ok(scene)
     }
 }

@@ -45,6 +45,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let scene_values = section(&mut root, "scene")?;
     let scene = super::scene::source(&scene_values, dir)?;
     let background = scene_values.text("background").unwrap_or("gel").to_owned();
+    let motion = scene_values.boolean("motion").unwrap_or(true);
     tissue_index(&tissues, &background)?;
     let probe = probe(&section(&mut root, "probe")?)?;
     let settings = settings(&section(&mut root, "image")?, &section(&mut root, "quality")?)?;
@@ -62,6 +63,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     Ok(Station {
         scene,
         background,
+        motion,
         probe,
         settings,
         tissues,

@@ -82,7 +82,7 @@ impl Live<'_> {
         // The sender is kept: the channel must stay open where no sink takes input.
         let (control, controls) = mpsc::channel(CONTROLS_WAITING);
         let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
-        let page = page(&station, &control);
+        let page = page(&station, self.scene, &control);
         let seconds = self.length.as_secs_f64();
         let watchers: Box<dyn Fn() -> usize> = match page {
             Ok((sink, address, watchers)) => {
@@ -220,9 +220,10 @@ fn clear(directory: &Path) -> Result<(), Failure> {
 type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
 
 #[cfg(feature = "browser")]
-fn page(station: &Station, control: &mpsc::Sender<Control>) -> Result<Page, String> {
-    use insonify::sink::browser::{BrowserSink, SceneInfo};
-    let scene = SceneInfo { tissues: station.tissues.names().to_vec() };
+fn page(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Result<Page, String> {
+    use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket};
+    let surfaces = ScenePacket::new(scene, &station.probe, crate::commands::view::axes_of(station));
+    let scene = SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) };
     let mut settings = station.browser.clone().unwrap_or_default();
     let sink = BrowserSink::new(&settings, control.clone(), &scene).or_else(|_| {
         // Another station may have the usual port.
@@ -235,7 +236,7 @@ fn page(station: &Station, control: &mpsc::Sender<Control>) -> Result<Page, Stri
 }
 
 #[cfg(not(feature = "browser"))]
-fn page(_: &Station, _: &mpsc::Sender<Control>) -> Result<Page, String> {
+fn page(_: &Station, _: &Scene, _: &mpsc::Sender<Control>) -> Result<Page, String> {
     Err("this build has none; the feature `browser` adds it".to_owned())
 }
 

@@ -159,7 +159,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
         going_on()?;
-        let frame = lq.render(pose)?;
+        let frame = lq.render(pose, timeline.seconds(i))?;
         video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
         progress.set(i + 1, frames);
     }
@@ -190,7 +190,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     for i in 0..more {
         going_on()?;
         // Spread over the exam, so that the times are not those of a few good views.
-        hq.render(&timeline.poses[(2 * i + 1) * frames / (2 * more)])?;
+        let frame = (2 * i + 1) * frames / (2 * more);
+        hq.render(&timeline.poses[frame], timeline.seconds(frame))?;
         progress.set(keys.len() + i + 1, HQ_FRAMES.max(keys.len()));
     }
     drop(progress);
@@ -257,7 +258,9 @@ impl Stage {
         Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 
-    fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
+    /// A frame of the scene as it is `time_s` into the exam.
+    fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, Failure> {
+        self.renderer.set_time_s(time_s);
         self.renderer.render(pose, &mut self.frame)?;
         self.times.push(&self.frame.times);
         self.overflowed += usize::from(self.frame.overflows > 0);
@@ -276,10 +279,10 @@ fn key_frame(
     gpu: &Gpu,
 ) -> Result<Vec<Panel>, Failure> {
     let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
-    let low = lq.render(&key.pose)?;
+    let low = lq.render(&key.pose, key.time_s)?;
     let lq_panel = sheet.panel(caption(&format!("{:.1} s  {}  LQ", key.time_s, key.name), low), low, bmode)?;
     png::write_grey(&directory.join("lq.png"), low.width, low.height, &low.bmode, png::Effort::Small)?;
-    let high = hq.render(&key.pose)?;
+    let high = hq.render(&key.pose, key.time_s)?;
     let row = vec![
         lq_panel,
         sheet.panel(caption("HQ", high), high, bmode)?,
