@@ -48,7 +48,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         organ("spleen", "spleen", 111, 0.8, 2.6 * scale, spleen),
         organ("adrenals", "spleen", 111, 0.7, 2.2 * scale, adrenals),
         organ("kidneys", "kidney", 112, 0.75, 3.5 * scale, kidneys(attitude)),
-        organ("renal_pyramids", "renal_medulla", 113, 0.55, 1.6 * scale, pyramids(attitude)),
+        organ("renal_pyramids", "renal_medulla", 113, 0.55, 0.95 * scale, pyramids(attitude)),
         organ("renal_pelves", "urine", 114, 0.5, 1.2 * scale, pelves(attitude)),
         organ("gall_bladder", "urine", 114, 0.55, 1.6 * scale, gall),
         organ("stomach", "amniotic_fluid", 115, 0.65, 2.4 * scale, stomach(attitude)),

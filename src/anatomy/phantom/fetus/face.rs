@@ -82,7 +82,7 @@ fn bones(eye: Vec3, radius: f32) -> Solid {
     let orbit = sphere(eye - Vec3::Z * 0.6, radius + 2.0)
         .subtract(sphere(eye - Vec3::Z * 0.2, radius + 0.8))
         .subtract(ellipsoid(eye + v(0.5, 0.0, 8.0), v(radius + 4.0, radius + 4.0, 8.5)));
-    let cheek = eye.x + radius + 1.4;
+    let cheek = eye.x + radius + 0.9;
     let zygoma = tube(&[(v(cheek, -14.5, 21.5), 1.0), (v(cheek + 0.6, -18.5, 17.0), 1.1), (v(21.5, -18.0, 6.0), 0.9)]);
     // The upper jaw with its tooth buds' ridge.
     let maxilla = tube(&[

@@ -41,7 +41,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let head = |x: f32, y: f32, z: f32, radius: f32| {
         (attitude.head_point(v(x, y, z)), radius * attitude.biometry.head_scale())
     };
-    let nostril = |side: f32| sweep(&[head(side * 1.6, -21.4, 34.6, 0.6), head(side * 1.4, -18.6, 31.5, 0.75)]);
+    let nostril = |side: f32| sweep(&[head(side * 1.5, -20.1, 33.4, 0.55), head(side * 1.4, -18.6, 31.5, 0.75)]);
     let airway = union([
         // Pharynx, larynx, trachea.
         sweep(&[
