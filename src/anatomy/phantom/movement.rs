@@ -19,7 +19,7 @@ const CHEST_WALL: f32 = -0.05;
 const DIAPHRAGM_MM: f32 = 2.5;
 /// A quiet mother's breaths a minute, and how far the uterus goes caudally with each, mm (assumed).
 const MATERNAL_BREATHS_PER_MIN: f64 = 14.0;
-const UTERUS_MM: f32 = 5.0;
+const UTERUS_MM: f32 = 2.0;
 /// Stretch of a knee or an elbow, degrees (assumed).
 const STRETCH_DEG: f32 = 18.0;
 
