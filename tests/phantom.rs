@@ -14,7 +14,7 @@ use insonify::anatomy::phantom::{
 };
 
 /// Small enough to be quick; fine parts are then at their coarsest.
-const SMALL: f64 = 0.24;
+const SMALL: f64 = 0.3;
 
 fn at_scale(scale: f64) -> PhantomOptions {
     PhantomOptions { scale, ..PhantomOptions::default() }
@@ -64,7 +64,7 @@ fn vertices_lie_on_the_modelled_surfaces() {
     for surface in full() {
         let solid = &solids[surface.name.as_str()].solid;
         let off = surface.mesh.vertices_mm.iter().filter(|&&v| solid.distance_mm(v).abs() > 0.02).count();
-        assert!(off * 500 <= surface.mesh.vertices_mm.len(), "{off} vertices of {} are off", surface.name);
+        assert!(off <= 4.max(surface.mesh.vertices_mm.len() / 500), "{off} vertices of {} are off", surface.name);
     }
 }
 
@@ -75,7 +75,7 @@ fn volumes_of_meshes_match_solids_at_both_scales() {
         assert_eq!(fine.name, coarse.name);
         let (a, b) = (fine.mesh.signed_volume_mm3(), coarse.mesh.signed_volume_mm3());
         // Coarse meshes cut corners, most where an organ is about a cell thick.
-        if !(0.6..1.15).contains(&(b / a)) {
+        if !(0.55..1.15).contains(&(b / a)) {
             off.push(format!("{}: {a:.0} mm³ fine, {b:.0} mm³ coarse", fine.name));
         }
     }

@@ -60,7 +60,9 @@ impl Skin {
             Outside::Mesh { tree, triangles } => {
                 let mut last = f32::NEG_INFINITY;
                 for aside_mm in [ASIDE_MM, -ASIDE_MM] {
-                    let (origin, along) = ((from_mm + aside_mm).as_vec3a(), direction.as_vec3a());
+                    // The tree drops rays along an axis: none is quite along one.
+                    let along = (direction + aside_mm * 1e-3).as_vec3a();
+                    let origin = (from_mm + aside_mm).as_vec3a();
                     tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
                         let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
                         if let Some(t) = index.and_then(|i| intersect(triangles.get(i)?, ray)) {

@@ -83,8 +83,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(quality) => quality.with_seed(seed),
         None => insonify::render::Quality { seed, ..settings.quality },
     };
-    if !(args.time.is_finite() && args.time >= 0.0) {
-        return Err(Failure::Input(anyhow!("--time is {}; it must be a number of seconds from 0 up", args.time)));
+    if !(0.0..=1e6).contains(&args.time) {
+        return Err(Failure::Input(anyhow!(
+            "--time is {}; it must be a number of seconds from 0 to 1000000",
+            args.time
+        )));
     }
     let gpu = session::open_gpu()?;
     let scene = session::load_scene(&station)?;

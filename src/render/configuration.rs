@@ -10,7 +10,7 @@ use super::readback::{MAP_PASSES, Shape, Slot};
 use super::renderer::{FRAMES_IN_FLIGHT, RenderError};
 use super::tables::Tables;
 use super::{ClippedKernel, RenderSettings};
-use crate::anatomy::{Scene, Tissue};
+use crate::anatomy::{Bvh, Scene, Tissue};
 use crate::transducer::Probe;
 
 /// Set in the word of a surface that moves, beside its tissue.
@@ -27,7 +27,7 @@ pub(super) struct Media {
 }
 
 impl Media {
-    pub(super) fn new(scene: &Scene) -> Self {
+    pub(super) fn new(scene: &Scene, bvh: &Bvh) -> Self {
         Self {
             tissues: scene.tissues.tissues().to_vec(),
             background: scene.background as u32,
@@ -36,7 +36,7 @@ impl Media {
                 .iter()
                 .map(|s| s.tissue as u32 | if scene.motion.moves(&s.name) { MOVES } else { 0 })
                 .collect(),
-            moving: !scene.motion.fields.is_empty(),
+            moving: !bvh.displacements().is_empty(),
         }
     }
 }

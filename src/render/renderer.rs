@@ -111,7 +111,7 @@ impl Renderer {
         probe.validate()?;
         settings.validate()?;
         check_scene(scene, &bvh)?;
-        let media = Media::new(scene);
+        let media = Media::new(scene, &bvh);
         let scene = SceneBuffers::new(gpu, &media.surface_words, &bvh)?;
         let mut pipelines = Pipelines::new(shaders);
         let now = Configuration::new(gpu, (&scene, &media), &mut pipelines, probe, settings, None)?;

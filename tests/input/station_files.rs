@@ -45,7 +45,7 @@ fn values_arrive_where_they_belong() {
          [image]\nheight = 500\ngain_db = -3\n[quality]\nrays = 32\nlayers = 3\nseed = 4294967295\n\
          [pose]\nposition_mm = [1, 2.5, -3]\nquaternion = [0, 0, 1, 0]\n\
          [tissues.liver]\nspeed_m_s = 1600\n\
-         [tissues.gallstone]\nspeed_m_s = 3000\ndensity_kg_m3 = 2000\nattenuation_db_cm_mhz = 5\n\
+         [tissues.granite]\nspeed_m_s = 3000\ndensity_kg_m3 = 2000\nattenuation_db_cm_mhz = 5\n\
          attenuation_exponent = 1\nroughness = 0.3",
     )
     .unwrap();
@@ -60,7 +60,7 @@ fn values_arrive_where_they_belong() {
     let builtin = TissueTable::builtin().unwrap();
     let liver = &builtin.tissues()[builtin.index_of("liver").unwrap()];
     assert_eq!((tissue("liver").speed_m_s, tissue("liver").density_kg_m3), (1600.0, liver.density_kg_m3));
-    assert_eq!((tissue("gallstone").roughness, tissue("gallstone").scatterer_density), (0.3, 0.0));
+    assert_eq!((tissue("granite").roughness, tissue("granite").scatterer_density), (0.3, 0.0));
     assert_eq!(station.tissues.names().len(), builtin.names().len() + 1);
 }
 

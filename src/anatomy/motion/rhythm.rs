@@ -69,7 +69,7 @@ impl Rhythm {
                     return [0.0; 2];
                 }
                 let depth = if pause_s > 0.0 {
-                    SHALLOWEST + (1.0 - SHALLOWEST) * unit(seed, bout << 16 | breaths as u64)
+                    SHALLOWEST + (1.0 - SHALLOWEST) * unit(seed, bout.wrapping_shl(16) | breaths as u64)
                 } else {
                     1.0
                 };
@@ -78,12 +78,12 @@ impl Rhythm {
             Self::Twitch { every_s, lasts_s, seed } => {
                 let span = (time_s / every_s).floor();
                 let index = span as u64;
-                let start_s = unit(seed, 2 * index) * (every_s - lasts_s);
+                let start_s = unit(seed, index.wrapping_mul(2)) * (every_s - lasts_s);
                 let t = (time_s - span * every_s - start_s) / lasts_s;
                 if !(0.0..1.0).contains(&t) {
                     return [0.0; 2];
                 }
-                let size = 0.3 + 0.7 * unit(seed, 2 * index + 1);
+                let size = 0.3 + 0.7 * unit(seed, index.wrapping_mul(2).wrapping_add(1));
                 // There quickly and back slowly.
                 let t = t.powf(0.7);
                 [size * (PI * t).sin().powi(2), 0.0]

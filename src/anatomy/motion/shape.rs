@@ -59,7 +59,7 @@ pub enum Shape {
         axis: Vec3,
         /// Radius of what belongs to the limb about its line.
         radius_mm: f32,
-        /// Greatest turn, degrees, −40 to 40.
+        /// Greatest turn, degrees, −25 to 25.
         angle_deg: f32,
     },
 }
@@ -163,7 +163,7 @@ impl Shape {
                 .or(check("end_mm", joint_mm.distance(end_mm), 0.1, 1e4, "at least 0.1 mm from joint_mm"))
                 .or(axis_of(axis))
                 .or(size("radius_mm", radius_mm))
-                .or(check("angle_deg", angle_deg, -40.0, 40.0, "-40 to 40")),
+                .or(check("angle_deg", angle_deg, -25.0, 25.0, "-25 to 25")),
         }
     }
 }
@@ -193,7 +193,7 @@ mod tests {
             end_mm: Vec3::new(0.0, 40.0, 0.0),
             axis: Vec3::Z,
             radius_mm: 8.0,
-            angle_deg: 40.0,
+            angle_deg: 25.0,
         },
     ];
 
@@ -240,7 +240,7 @@ mod tests {
         let base_side = Vec3::new(1.0, 5.0, 2.0);
         assert!(SHAPES[0].moved(base_side, [0.0, 1.0]).y < 4.5);
         let foot = SHAPES[2].moved(Vec3::new(0.0, 40.0, 0.0), [1.0, 0.0]);
-        assert!((Vec3::Y.angle_between(foot).to_degrees() - 40.0).abs() < 0.01);
+        assert!((Vec3::Y.angle_between(foot).to_degrees() - 25.0).abs() < 0.01);
         assert!((foot.length() - 40.0).abs() < 1e-3);
     }
 }

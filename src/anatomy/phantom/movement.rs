@@ -33,7 +33,13 @@ pub fn movement(parameters: &Parameters) -> Motion {
         let foot = leg.ankle + leg.toes * (0.7 * attitude.biometry.foot_mm);
         let hand = arm.wrist + arm.fingers * (0.5 * attitude.biometry.foot_mm);
         let (leg_mm, arm_mm) = (8.0 * attitude.biometry.leg_scale(), 6.5 * attitude.biometry.arm_scale());
-        fields.push(stretch(&attitude, format!("{side} leg"), [leg.hip, leg.knee, leg.ankle, foot], leg_mm, seed + 11));
+        fields.push(stretch(
+            &attitude,
+            format!("{side} leg"),
+            [leg.hip, leg.knee, leg.ankle, foot],
+            leg_mm,
+            seed.wrapping_add(11),
+        ));
         fields.push(stretch(
             &attitude,
             format!("{side} arm"),

@@ -22,6 +22,8 @@ const LOBULE_DEPTH_MM: f32 = 6.5;
 const LAYERS_MAX: i32 = 3;
 /// The axis about which places across the belly are angles, above the origin, mm.
 const AXIS_Z_MM: f32 = -40.0;
+/// Lobules reach this far beyond their straight lattice at the most, mm.
+const BENT_MM: f32 = 24.0;
 /// The slab begins this far under the skin, the lobules a little above it: no septum lies along its outer side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
@@ -55,11 +57,11 @@ impl Lattice {
 
     fn bounds(&self) -> Bounds {
         let [across, along] = self.half_mm;
-        let side = self.radius_mm * (across / self.radius_mm).sin() + 8.0;
+        let side = self.radius_mm * (across / self.radius_mm).sin() + BENT_MM;
         let low = AXIS_Z_MM + self.radius_mm * (across / self.radius_mm).cos() * 0.6 - self.fat_mm;
         Bounds {
-            min: Vec3::new(-side, -along - 8.0, low),
-            max: Vec3::new(side, along + 8.0, self.radius_mm + AXIS_Z_MM),
+            min: Vec3::new(-side, -along - BENT_MM, low),
+            max: Vec3::new(side, along + BENT_MM, self.radius_mm + AXIS_Z_MM),
         }
     }
 

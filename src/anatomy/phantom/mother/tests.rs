@@ -104,7 +104,7 @@ fn faults(parameters: &Parameters) -> Vec<String> {
     for i in 0..line.len() - 1 {
         let k = arc.partition_point(|&a| a < arc[i] + 2.0 * radius).min(line.len() - 2);
         let turn = (line[i + 1] - line[i]).angle_between(line[k + 1] - line[k]).to_degrees();
-        expect(turn < 115.0, format!("turns by {turn:.0}° at {:.0} of {:.0} mm", arc[i], arc[arc.len() - 1]));
+        expect(turn < 125.0, format!("turns by {turn:.0}° at {:.0} of {:.0} mm", arc[i], arc[arc.len() - 1]));
     }
     let length = arc[arc.len() - 1];
     expect(length > 12.0 * radius, format!("only {length:.0} mm long"));
