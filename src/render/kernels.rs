@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn a_kernel_that_is_cut_says_so_and_names_its_key() {
         assert_eq!(Kernels::new(&Probe::default()).clipped, []);
-        let many = Kernels::new(&Probe { scanlines: 1024, aperture_mm: 4.0, ..Probe::default() });
+        let many = Kernels::new(&Probe { scanlines: 1024, aperture_mm: 1.5, ..Probe::default() });
         let [beam] = many.clipped[..] else { panic!("{:?}", many.clipped) };
         assert_eq!((beam.kernel, beam.kept, beam.value), (Kernel::Lateral, LATERAL_HALF_MAX, 1024));
         assert!(beam.wanted > LATERAL_HALF_MAX && beam.depths_mm[0] < beam.depths_mm[1], "{beam:?}");

@@ -21,7 +21,7 @@ const DIAPHRAGM_MM: f32 = 2.5;
 const MATERNAL_BREATHS_PER_MIN: f64 = 14.0;
 const UTERUS_MM: f32 = 2.0;
 /// Stretch of a knee or an elbow, degrees (assumed).
-const STRETCH_DEG: f32 = 18.0;
+const STRETCH_DEG: f32 = 14.0;
 
 /// What moves in the phantom of `parameters`, in the scene's frame.
 pub fn movement(parameters: &Parameters) -> Motion {
