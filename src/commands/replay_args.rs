@@ -201,7 +201,7 @@ impl Replay {
             let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
             let before = |i| {
                 before(from + i);
-                self.timeline.seconds(frames.start + i)
+                self.timeline.scene_s(frames.start + i)
             };
             session::render_paced(&mut renderer, poses, before, |i, frame| each(from + i, frame))?;
         }

@@ -18,6 +18,8 @@ pub(crate) struct Timeline {
     pub(crate) poses: Vec<Pose>,
     /// Host time of each frame, ns.
     pub(crate) times_ns: Vec<u64>,
+    /// Host time at which each frame shows the scene, ns: not its own while the picture stands still.
+    scene_times_ns: Vec<u64>,
     /// Which frames have a pose that is not quite of their time.
     held: Vec<bool>,
 }
@@ -85,19 +87,20 @@ impl Timeline {
                 timeline.held.push(!known);
                 timeline.poses.push(pose);
                 timeline.times_ns.push(time_ns);
+                timeline.scene_times_ns.push(time_ns);
             }
         }
         timeline
     }
 
-    /// Lets the pose stand still where `live`, the settings of each frame, says so.
+    /// Lets pose and scene stand still where `live`, the settings of each frame, says so.
     pub(crate) fn freeze(&mut self, live: &[LiveSettings]) {
         let mut last = None;
-        for (pose, live) in self.poses.iter_mut().zip(live) {
+        for ((pose, time_ns), live) in self.poses.iter_mut().zip(&mut self.scene_times_ns).zip(live) {
             if live.frozen {
-                *pose = last.unwrap_or(*pose);
+                (*pose, *time_ns) = last.unwrap_or((*pose, *time_ns));
             }
-            last = Some(*pose);
+            last = Some((*pose, *time_ns));
         }
     }
 
@@ -115,6 +118,14 @@ impl Timeline {
     pub(crate) fn seconds(&self, frame: usize) -> f64 {
         match (self.times_ns.first(), self.times_ns.get(frame)) {
             (Some(first), Some(time)) => (time - first) as f64 * 1e-9,
+            _ => 0.0,
+        }
+    }
+
+    /// Time of the scene in a frame since the first pose, s.
+    pub(crate) fn scene_s(&self, frame: usize) -> f64 {
+        match (self.times_ns.first(), self.scene_times_ns.get(frame)) {
+            (Some(first), Some(time)) => time.saturating_sub(*first) as f64 * 1e-9,
             _ => 0.0,
         }
     }
@@ -165,6 +176,9 @@ mod tests {
         let live = [false, true, true, false, true].map(|frozen| LiveSettings { frozen, ..LiveSettings::default() });
         timeline.freeze(&live);
         assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 3.0, 3.0]);
+        let scene: Vec<f64> = (0..5).map(|i| (10.0 * timeline.scene_s(i)).round()).collect();
+        assert_eq!(scene, [0.0, 0.0, 0.0, 3.0, 3.0], "what moves in the scene stands still, too");
+        assert!((timeline.seconds(2) - 0.2).abs() < 1e-12, "the frame's own time goes on");
         timeline.freeze(&[LiveSettings { frozen: true, ..LiveSettings::default() }]);
         assert_eq!(xs(&timeline)[0], 0.0, "frozen from the start, at the first pose");
     }

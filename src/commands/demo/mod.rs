@@ -159,7 +159,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
         going_on()?;
-        let frame = lq.render(pose, timeline.seconds(i))?;
+        let frame = lq.render(pose, timeline.scene_s(i))?;
         video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
         progress.set(i + 1, frames);
     }
@@ -191,7 +191,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         going_on()?;
         // Spread over the exam, so that the times are not those of a few good views.
         let frame = (2 * i + 1) * frames / (2 * more);
-        hq.render(&timeline.poses[frame], timeline.seconds(frame))?;
+        hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
         progress.set(keys.len() + i + 1, HQ_FRAMES.max(keys.len()));
     }
     drop(progress);
