@@ -114,7 +114,8 @@ impl ReplayArgs {
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
         let rate = FrameRate::new(self.fps)?;
         let station = Station::load(&self.station)?;
-        let (mut timeline, summary) = self.timeline(&station, rate)?;
+        let (timeline, summary) = self.timeline(&station, rate)?;
+        let mut timeline = timeline.since(summary.info.start_time_ns);
         if !summary.is_clean() {
             eprintln!("warning: {}: {summary}", self.recording.display());
         }
