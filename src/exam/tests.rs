@@ -72,6 +72,17 @@ fn turned(name: &str, axis: DVec3, degrees: f64) -> Pose {
 }
 
 #[test]
+fn a_probe_within_the_body_touches_no_skin() {
+    let deeper = |mm: f64| {
+        let pose = perfect("head");
+        Pose { position_mm: pose.transform_point(DVec3::Z * mm), ..pose }
+    };
+    assert_eq!(scored(&still(deeper(15.0), 1.5), &[], &["head"]).contact, 1.0, "pressed hard");
+    let score = scored(&still(deeper(30.0), 1.5), &[], &["head"]);
+    assert_eq!((score.contact, score.found), (0.0, 0));
+}
+
+#[test]
 fn a_perfect_session_scores_full_and_measures_the_truth() {
     for name in ["head", "cerebellum", "abdomen", "femur", "heart", "spine", "profile"] {
         let score = scored(&still(perfect(name), 1.5), &[], &[name]);
