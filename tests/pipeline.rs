@@ -77,8 +77,9 @@ fn pose(x: f64) -> Pose {
 struct Device {
     clock: Arc<dyn Clock>,
     service: Duration,
-    /// When each is done, its pose, and whether it has maps.
-    in_flight: VecDeque<(Duration, Pose, bool)>,
+    /// When each is done, its pose, whether it has maps, and the scene's time.
+    in_flight: VecDeque<(Duration, Pose, bool, f64)>,
+    time_s: f64,
     maps: bool,
     free: Duration,
     received: Arc<AtomicU64>,
@@ -94,12 +95,12 @@ impl FrameRenderer for Device {
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
         self.free = self.free.max(self.clock.now()) + self.service;
-        self.in_flight.push_back((self.free, *pose, self.maps));
+        self.in_flight.push_back((self.free, *pose, self.maps, self.time_s));
         Ok(())
     }
 
     fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
-        let (done, pose, maps) = self.in_flight.pop_front().expect("received more than was submitted");
+        let (done, pose, maps, time_s) = self.in_flight.pop_front().expect("received more than was submitted");
         self.clock.sleep_until(done);
         let number = self.received.fetch_add(1, Ordering::Relaxed);
         if (self.faults)(number) {
@@ -110,6 +111,8 @@ impl FrameRenderer for Device {
             map.clear();
             map.resize(PIXELS, 1 + self.gain_db as u8);
         }
+        // In tenths of a second.
+        frame.mask.fill((10.0 * time_s) as u8);
         frame.attenuation.clear();
         frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
         if !maps {
@@ -117,6 +120,10 @@ impl FrameRenderer for Device {
             frame.attenuation.clear();
         }
         Ok(())
+    }
+
+    fn set_time_s(&mut self, time_s: f64) {
+        self.time_s = time_s;
     }
 
     fn set_maps(&mut self, wanted: bool) {
@@ -259,6 +266,7 @@ struct Seen {
     presented: Duration,
     age: Duration,
     frozen: bool,
+    scene_ds: u8,
     notice: Option<String>,
     tier: Option<String>,
 }
@@ -282,6 +290,7 @@ fn logger(log: &Log) -> Box<dyn LiveSink> {
             presented: frame.timeline.presented,
             age: frame.timeline.presented - frame.timeline.sampled,
             frozen: frame.settings.frozen,
+            scene_ds: frame.mask[0],
             notice: frame.notice.clone(),
             tier: frame.tier.clone(),
         });
@@ -349,6 +358,7 @@ impl Session {
             received: received.clone(),
             faults: faults.clone(),
             gain_db: 0.0,
+            time_s: 0.0,
         };
         let parts = Parts {
             clock: self.clock.clone(),
@@ -845,6 +855,8 @@ fn freezing_stops_the_picture_while_sliders_still_act() {
     let frames = seen(&log);
     let frozen: Vec<_> = frames.iter().filter(|f| f.frozen).collect();
     assert!(frozen.len() >= 58 && frozen.iter().all(|f| f.x == frozen[0].x), "{}", frozen.len());
+    assert!(frozen.iter().all(|f| f.scene_ds == frozen[0].scene_ds), "what moves in the scene stands still, too");
+    assert!(frames[110].scene_ds >= frozen[0].scene_ds + 30, "and goes on at the session's time");
     assert!(frames[45].first_pixel == 1 && frames[65].first_pixel == 10 && frames[110].first_pixel == 10);
     assert!(frames.windows(2).filter(|w| !w[1].frozen).all(|w| w[1].x > w[0].x));
     assert_eq!((summary.controls, summary.controls_refused), (5, 1));

@@ -114,7 +114,8 @@ impl ReplayArgs {
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
         let rate = FrameRate::new(self.fps)?;
         let station = Station::load(&self.station)?;
-        let (mut timeline, summary) = self.timeline(&station, rate)?;
+        let (timeline, summary) = self.timeline(&station, rate)?;
+        let mut timeline = timeline.since(summary.info.start_time_ns);
         if !summary.is_clean() {
             eprintln!("warning: {}: {summary}", self.recording.display());
         }
@@ -201,7 +202,7 @@ impl Replay {
             let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
             let before = |i| {
                 before(from + i);
-                self.timeline.seconds(frames.start + i)
+                self.timeline.scene_s(frames.start + i)
             };
             session::render_paced(&mut renderer, poses, before, |i, frame| each(from + i, frame))?;
         }

@@ -143,7 +143,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut recording = None;
     let mut observer: Option<Arc<dyn Observer>> = None;
     if let Some(path) = &args.record {
-        let recorder = recorder(path, args, &station, protocol, &adapter)?;
+        let recorder = recorder(path, args, &station, protocol, &adapter, clock.start_unix_ns())?;
         recording = Some(recorder.handle());
         observer = Some(Arc::new(RecordingObserver(recorder.handle())));
         let (part, slot) = RecorderPart::new(recorder);
@@ -225,13 +225,14 @@ fn station(args: &Args) -> Result<Station, Failure> {
     Ok(station)
 }
 
-/// A recorder of the session in `path`.
+/// A recorder in `path` of the session that began at `start_time_ns`: a replay's scene moves from then on.
 fn recorder(
     path: &Path,
     args: &Args,
     station: &Station,
     protocol: Protocol,
     adapter: &AdapterRecord,
+    start_time_ns: u64,
 ) -> Result<Recorder, Failure> {
     let text = std::fs::read_to_string(&args.station).context("cannot read the station file again").input()?;
     if let Some(directory) = path.parent().filter(|d| !d.as_os_str().is_empty()) {
@@ -241,7 +242,7 @@ fn recorder(
         protocol,
         device: "station's tracker".to_owned(),
         scene: args.station.display().to_string(),
-        start_time_ns: insonify::tracker::host_time_ns(),
+        start_time_ns,
         sensor: station.tracker.device.sensor,
     };
     let mut writer = RecordingWriter::create(path, &info)?;

@@ -18,6 +18,10 @@ pub(crate) struct Timeline {
     pub(crate) poses: Vec<Pose>,
     /// Host time of each frame, ns.
     pub(crate) times_ns: Vec<u64>,
+    /// Host time at which each frame shows the scene, ns: not its own while the picture stands still.
+    scene_times_ns: Vec<u64>,
+    /// Host time at which the clock of the session's scene began, ns.
+    scene_start_ns: u64,
     /// Which frames have a pose that is not quite of their time.
     held: Vec<bool>,
 }
@@ -70,7 +74,7 @@ impl Timeline {
         rate: FrameRate,
         mut pose_at: impl FnMut(u64) -> (Option<Pose>, bool),
     ) -> Self {
-        let mut timeline = Self::default();
+        let mut timeline = Self { scene_start_ns: first_ns, ..Self::default() };
         for frame in 0u64.. {
             let offset_ns =
                 u128::from(frame) * u128::from(rate.denominator) * 1_000_000_000 / u128::from(rate.numerator);
@@ -85,19 +89,26 @@ impl Timeline {
                 timeline.held.push(!known);
                 timeline.poses.push(pose);
                 timeline.times_ns.push(time_ns);
+                timeline.scene_times_ns.push(time_ns);
             }
         }
         timeline
     }
 
-    /// Lets the pose stand still where `live`, the settings of each frame, says so.
+    /// The scene moves as in a session that began at `start_ns`; as told by nothing, it begins with the first pose.
+    pub(crate) fn since(mut self, start_ns: u64) -> Self {
+        self.scene_start_ns = start_ns;
+        self
+    }
+
+    /// Lets pose and scene stand still where `live`, the settings of each frame, says so.
     pub(crate) fn freeze(&mut self, live: &[LiveSettings]) {
         let mut last = None;
-        for (pose, live) in self.poses.iter_mut().zip(live) {
+        for ((pose, time_ns), live) in self.poses.iter_mut().zip(&mut self.scene_times_ns).zip(live) {
             if live.frozen {
-                *pose = last.unwrap_or(*pose);
+                (*pose, *time_ns) = last.unwrap_or((*pose, *time_ns));
             }
-            last = Some(*pose);
+            last = Some((*pose, *time_ns));
         }
     }
 
@@ -117,6 +128,12 @@ impl Timeline {
             (Some(first), Some(time)) => (time - first) as f64 * 1e-9,
             _ => 0.0,
         }
+    }
+
+    /// Time of the scene in a frame, s.
+    pub(crate) fn scene_s(&self, frame: usize) -> f64 {
+        let time_ns = self.scene_times_ns.get(frame).copied().unwrap_or_default();
+        time_ns.saturating_sub(self.scene_start_ns) as f64 * 1e-9
     }
 
     /// The frame nearest to a host time.
@@ -165,8 +182,21 @@ mod tests {
         let live = [false, true, true, false, true].map(|frozen| LiveSettings { frozen, ..LiveSettings::default() });
         timeline.freeze(&live);
         assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 3.0, 3.0]);
+        let scene: Vec<f64> = (0..5).map(|i| (10.0 * timeline.scene_s(i)).round()).collect();
+        assert_eq!(scene, [0.0, 0.0, 0.0, 3.0, 3.0], "what moves in the scene stands still, too");
+        assert!((timeline.seconds(2) - 0.2).abs() < 1e-12, "the frame's own time goes on");
         timeline.freeze(&[LiveSettings { frozen: true, ..LiveSettings::default() }]);
         assert_eq!(xs(&timeline)[0], 0.0, "frozen from the start, at the first pose");
+    }
+
+    #[test]
+    fn a_scene_moves_as_in_its_session() {
+        let timeline = Timeline::new(&[pose(0, 0.0), pose(200, 2.0)], FrameRate::new(10.0).unwrap());
+        assert_eq!(timeline.scene_s(0), 0.0);
+        let session = timeline.clone().since(5_000_000_000 - 1_500_000_000);
+        assert!((session.scene_s(0) - 1.5).abs() < 1e-9 && (session.scene_s(2) - 1.7).abs() < 1e-9);
+        assert_eq!(session.seconds(0), 0.0);
+        assert_eq!(timeline.since(6_000_000_000).scene_s(0), 0.0, "a start behind the poses: at rest");
     }
 
     #[test]

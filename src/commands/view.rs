@@ -11,7 +11,7 @@ use insonify::pose::Pose;
 use insonify::render::Frame;
 use insonify::sink::png;
 use insonify::sink::scene_view::{
-    Axes, BmodeImage, Cut, Direction, Fan, Orbit, PictureSettings, SceneView, Selection, ViewError,
+    Axes, BmodeImage, Cut, Direction, Fan, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
 };
 use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
@@ -56,7 +56,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PLANE", allow_hyphen_values = true)]
     cut: Option<Cut>,
 
-    /// Size, pixels
+    /// Size, pixels: each side 64..=8192, at most 16777216 in all
     #[arg(long, value_name = "WxH", default_value = "1280x960", value_parser = size)]
     size: (u32, u32),
 
@@ -90,10 +90,13 @@ struct Report {
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let wrong = || "expected WIDTHxHEIGHT in pixels, each 64..=8192, for example 1280x960".to_owned();
+    let wrong = || {
+        format!("expected WIDTHxHEIGHT in pixels, each 64..=8192 and at most {PIXELS_MAX} in all, for example 1280x960")
+    };
     let (width, height) = text.split_once('x').ok_or_else(wrong)?;
     let side = |text: &str| text.parse::<u32>().ok().filter(|n| (64..=8192).contains(n)).ok_or_else(wrong);
-    Ok((side(width)?, side(height)?))
+    let (width, height) = (side(width)?, side(height)?);
+    if width * height <= PIXELS_MAX { Ok((width, height)) } else { Err(wrong()) }
 }
 
 /// Runs the command.
@@ -168,7 +171,8 @@ mod tests {
     #[test]
     fn sizes_are_two_numbers_of_pixels() {
         assert_eq!(size("1280x960"), Ok((1280, 960)));
-        for wrong in ["1280", "63x100", "100x9000", "-1x100", "axb", ""] {
+        assert_eq!(size("4096x4096"), Ok((4096, 4096)));
+        for wrong in ["8192x8192", "8192x2049", "1280", "63x100", "100x9000", "-1x100", "axb", ""] {
             assert!(size(wrong).is_err(), "{wrong}");
         }
     }

@@ -42,6 +42,12 @@ const TRAVEL_LEAST_S: f64 = 1.2;
 const LIFT_MM: f64 = 15.0;
 const LIFT_S: f64 = 0.4;
 
+/// How far within the body the line through the probe's face stays, mm: more than the hand trembles.
+const MARGIN_MM: f64 = 5.0;
+
+/// How often an error that leads off the body is halved before it is none.
+const HALVINGS: usize = 6;
+
 /// What session to make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -84,7 +90,7 @@ pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Resu
         let (duration_s, planes) = (settings.duration_s, planes.len());
         return Err(ExamError::TooShort { duration_s, planes, least_s });
     }
-    let mut plan = Plan::new(hand, settings.seed);
+    let mut plan = Plan::new(hand, settings.seed, skin);
     let mut bases = Vec::with_capacity(planes.len());
     for (number, plane) in (1..).zip(planes) {
         let pick = (plan.random.unit() * plane.views.len() as f64) as usize;
@@ -99,7 +105,7 @@ pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Resu
         bases.push(base);
     }
     plan.survey(&bases, settings.duration_s);
-    plan.session(skin, settings)
+    plan.session(settings)
 }
 
 /// The best pose for a view, its face on the skin.
@@ -111,7 +117,8 @@ struct Base {
 }
 
 /// What the hand will do.
-struct Plan {
+struct Plan<'a> {
+    skin: &'a Skin,
     hand: Hand,
     random: SplitMix64,
     waypoints: Vec<Waypoint>,
@@ -126,25 +133,49 @@ struct Plan {
     contact_mm: DVec3,
 }
 
-impl Plan {
-    fn new(hand: Hand, seed: u64) -> Self {
+impl<'a> Plan<'a> {
+    fn new(hand: Hand, seed: u64, skin: &'a Skin) -> Self {
         let random = SplitMix64(seed ^ 0x5e55_1011);
         let (waypoints, lifts, phases, calipers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { hand, random, waypoints, lifts, phases, calipers, now_s: 0.0, contact_mm: DVec3::ZERO }
+        Self { skin, hand, random, waypoints, lifts, phases, calipers, now_s: 0.0, contact_mm: DVec3::ZERO }
     }
 
     fn within(&mut self, (least, most): (f64, f64)) -> f64 {
         least + (most - least) * self.random.unit()
     }
 
-    /// The hand is off by `off` from `base` from now on for `stay_s`.
-    fn stay(&mut self, base: &Base, off: &Off, stay_s: f64) {
+    /// `off`, or as much of it as leaves the probe on the body.
+    fn on_body(&self, base: &Base, off: &Off) -> Off {
+        let inside = |off: &Off, closed: bool| {
+            let pose = off.of(&base.pose);
+            let up = pose.orientation * DVec3::NEG_Z;
+            [DVec3::ZERO, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y].into_iter().all(|aside| {
+                let from_mm = pose.transform_point(DVec3::Z * base.depth_mm + aside * MARGIN_MM);
+                self.skin.exit(from_mm, up).is_some() && (!closed || self.skin.exit(from_mm, -up).is_some())
+            })
+        };
+        // What lies between two points inside is inside, too; of a body that is open below only the top tells.
+        let closed = inside(&Off::default(), true);
+        let mut less = *off;
+        for _ in 0..HALVINGS {
+            if inside(&less, closed) {
+                return less;
+            }
+            less = Off::default().plus(&less, 0.5);
+        }
+        Off::default()
+    }
+
+    /// The hand is off by `off` from `base` from now on for `stay_s`, less where that were off the body: gives how far.
+    fn stay(&mut self, base: &Base, off: &Off, stay_s: f64) -> Off {
+        let off = self.on_body(base, off);
         let pose = off.of(&base.pose);
         let target_mm = pose.transform_point(DVec3::Z * base.depth_mm);
         self.contact_mm = pose.position_mm;
         let (arrive_s, leave_s) = (self.now_s, self.now_s + stay_s);
         self.waypoints.push(Waypoint { arrive_s, leave_s, target_mm, orientation: pose.orientation });
         self.now_s = leave_s;
+        off
     }
 
     fn phase(&mut self, value: serde_json::Value) {
@@ -179,7 +210,7 @@ impl Plan {
         let mut off = Off::draw_away(&hand.start, &mut self.random);
         loop {
             let look_s = self.within(hand.look_s);
-            self.stay(&base, &off, look_s);
+            off = self.stay(&base, &off, look_s);
             let move_s = self.within(hand.move_s);
             let next_s = move_s + hand.look_s.1 + hold_s + LIFT_S;
             if off.is_within(&hand.rest) || self.now_s + next_s > deadline_s {
@@ -212,7 +243,7 @@ impl Plan {
             let mut off = Off::draw_away(&self.hand.start, &mut self.random);
             for _ in 0..3 {
                 let look_s = self.within(self.hand.look_s);
-                self.stay(&base, &off, look_s);
+                off = self.stay(&base, &off, look_s);
                 off = off.plus(&Off::draw_away(&self.hand.start, &mut self.random), 0.7);
                 self.now_s += 1.5 * self.hand.move_s.1;
             }
@@ -237,7 +268,7 @@ impl Plan {
     }
 
     /// Poses and events of the plan.
-    fn session(mut self, skin: &Skin, settings: &Settings) -> Result<Session, ExamError> {
+    fn session(mut self, settings: &Settings) -> Result<Session, ExamError> {
         let tremor = Tremor::new(settings.seed);
         let press_phases = std::array::from_fn(|_| self.random.unit());
         let strength = self.hand.tremor;
@@ -251,7 +282,7 @@ impl Plan {
             // The hand slides on the skin; what is left of the tremor along the beam is pressure.
             let target_mm = target_mm + orientation * DVec3::new(shift.x, shift.y, 0.0);
             let into_body = orientation * DVec3::Z;
-            let contact = skin.exit(target_mm, -into_body);
+            let contact = self.skin.exit(target_mm, -into_body);
             let contact = contact.ok_or(ExamError::NoSkin { time_s, target_mm, direction: -into_body })?;
             let press_mm = self.press_mm(&press_phases, time_s) + shift.z;
             let device_time_us = i * 1_000_000 / u64::from(RATE_HZ);

@@ -11,7 +11,7 @@ use super::session::{Session, Settings, TRUTH_EVENT, make};
 use super::{ExamError, START_TIME_NS};
 use crate::anatomy::phantom::{self, Biometry, Parameters};
 use crate::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
-use crate::anatomy::{Mesh, Skin};
+use crate::anatomy::{Mesh, Motion, Scene, Skin, Surface, TissueTable, analytic};
 use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingReader, read_all};
 use crate::transducer::Probe;
@@ -69,6 +69,37 @@ fn turned(name: &str, axis: DVec3, degrees: f64) -> Pose {
     let (pose, centre) = (perfect(name), view(name).centre_mm);
     let turn = DQuat::from_axis_angle(pose.orientation * axis, degrees.to_radians());
     Pose { position_mm: centre + turn * (pose.position_mm - centre), orientation: turn * pose.orientation }
+}
+
+#[test]
+fn a_long_session_stays_on_a_small_body() {
+    let mesh = analytic::sphere(glam::Vec3::new(0.0, 0.0, 32.0), 32.0, 4);
+    let surfaces = vec![Surface { name: "ball".into(), tissue: 0, priority: 0, mesh }];
+    let tissues = TissueTable::builtin().unwrap();
+    let skin = Skin::of_scene(&Scene { tissues, background: 0, surfaces, motion: Motion::default() }).unwrap();
+    let planes = serde_json::json!({ "version": 1, "planes": [{
+        "name": "ball", "title": "middle of the ball",
+        "tolerances": { "angle_deg": 10, "distance_mm": 3, "centring_mm": 20, "depth_mm": [10, 100] },
+        "views": [{ "centre_mm": [0, 0, 32], "normal": [0, 1, 0], "lateral": [1, 0, 0], "to_probe": [0, 0, -1] }]
+    }]});
+    let planes = StandardPlanes::from_json(&planes.to_string(), std::path::Path::new("t.planes.json")).unwrap();
+    for (skill, seed) in [(Skill::Novice, 1), (Skill::Novice, 2), (Skill::Trained, 3), (Skill::Expert, 4)] {
+        let session = make(&planes.chosen(&["ball"]).unwrap(), &skin, &Settings { seed, duration_s: 200.0, skill });
+        let session = session.unwrap();
+        assert_eq!(session.poses.len(), 200 * 60 + 1, "{skill:?}");
+        assert!(session.poses.iter().all(|p| p.pose.position_mm.distance(DVec3::Z * 32.0) < 60.0), "{skill:?}");
+    }
+}
+
+#[test]
+fn a_probe_within_the_body_touches_no_skin() {
+    let deeper = |mm: f64| {
+        let pose = perfect("head");
+        Pose { position_mm: pose.transform_point(DVec3::Z * mm), ..pose }
+    };
+    assert_eq!(scored(&still(deeper(15.0), 1.5), &[], &["head"]).contact, 1.0, "pressed hard");
+    let score = scored(&still(deeper(30.0), 1.5), &[], &["head"]);
+    assert_eq!((score.contact, score.found), (0.0, 0));
 }
 
 #[test]

@@ -83,6 +83,8 @@ pub(super) struct RenderStage {
     /// Pose of a picture that stands still.
     frozen: Option<Pose>,
     last_pose: Option<Pose>,
+    /// Time of the scene that was rendered last: it stands still with the picture.
+    scene_time: Option<Duration>,
     tracking: TrackingState,
     number: u64,
 }
@@ -101,6 +103,7 @@ impl RenderStage {
             scratch: Frame::default(),
             frozen: None,
             last_pose: None,
+            scene_time: None,
             tracking: TrackingState::Lost,
             number: 0,
             parts,
@@ -138,13 +141,14 @@ impl RenderStage {
         let number = self.number;
         self.number += 1;
         count(&self.parts.metrics.produced);
+        let scene_time = self.scene_time(now);
         let settings = self.parts.controls.live();
         let maps = self.parts.maps_wanted(&settings);
         match (&mut self.device, sample.scene_from_probe) {
             (Device::Ready(renderer), Some(pose)) => {
                 let _span = tracing::debug_span!("submit", number).entered();
                 renderer.set_maps(maps);
-                renderer.set_time_s(now.as_secs_f64());
+                renderer.set_time_s(scene_time.as_secs_f64());
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);
@@ -200,6 +204,12 @@ impl RenderStage {
             self.last_pose = sample.scene_from_probe;
         }
         sample
+    }
+
+    /// The scene's time for a frame that is submitted `now`.
+    fn scene_time(&mut self, now: Duration) -> Duration {
+        let held = self.scene_time.filter(|_| self.parts.controls.frozen);
+        *self.scene_time.insert(held.unwrap_or(now))
     }
 
     fn apply_controls(&mut self) {

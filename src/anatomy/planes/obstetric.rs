@@ -132,6 +132,20 @@ fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     }
 }
 
+/// A view in the midsagittal plane of the fetus along `to_probe`, but never from the mother's back, where no probe gets:
+/// where that is, from the direction in the plane that is nearest to her belly.
+fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
+    /// A probe on a flank points at most so far up (assumed: about 15°).
+    const LOWEST_Z: f64 = -0.25;
+    let wanted = view("", centre_mm, lateral, to_probe.reject_from(a.left));
+    if wanted.to_probe.z >= LOWEST_Z {
+        return wanted;
+    }
+    let to_probe = DVec3::Z.reject_from(a.left);
+    let across = to_probe.cross(a.left);
+    view("", centre_mm, across * across.dot(lateral).signum(), to_probe)
+}
+
 /// Landmarks with how far from the image they may be: half their own size, and some slice.
 fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
     let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {
@@ -256,19 +270,19 @@ fn heart(a: &Anatomy) -> StandardPlane {
     plane("heart", "four-chamber view of the heart", HEART_GUIDE, tolerances(12.0, 4.0, None), vec![view])
 }
 
-/// Midsagittal plane of the back, from behind.
+/// Midsagittal plane of the back, from behind where a probe gets there.
 fn spine(a: &Anatomy) -> StandardPlane {
     let [chest, middle, lumbar] = a.spine;
     let lateral = (chest - lumbar).reject_from(a.left);
-    let mut view = view("", middle, lateral, (-a.ventral).reject_from(a.left));
+    let mut view = midsagittal(a, middle, lateral, -a.ventral);
     view.outlines = outlines(&["fetal_skin", "vertebrae"]);
     view.landmarks = marks(&[("thoracic spine", chest, 4.0), ("lumbar spine", lumbar, 4.0)]);
     plane("spine", "midsagittal plane of the spine", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
 }
 
-/// Midsagittal plane of the face, from the front.
+/// Midsagittal plane of the face, from the front where a probe gets there.
 fn profile(a: &Anatomy) -> StandardPlane {
-    let mut view = view("", 0.5 * (a.nose + a.forehead), a.vertex, a.face);
+    let mut view = midsagittal(a, 0.5 * (a.nose + a.forehead), a.vertex, a.face);
     view.outlines = outlines(&["fetal_skin", "skull", "face_and_skull_base"]);
     view.landmarks = marks(&[("forehead", a.forehead, 5.0), ("nose", a.nose, 5.0), ("chin", a.chin, 5.0)]);
     plane("profile", "midsagittal plane of the face", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
@@ -301,6 +315,22 @@ mod tests {
                     let limit = 0.6 * landmark.within_mm.unwrap();
                     assert!(off <= limit, "{}: {} is {off} mm off the plane", plane.name, landmark.name);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn no_view_is_from_the_mothers_back_however_the_fetus_lies() {
+        for roll_deg in [0.0, 90.0, -90.0, 180.0] {
+            let parameters = Parameters { roll_deg, ..Parameters::default() };
+            let planes = obstetric(&parameters).with_poses(&Skin::phantom(&parameters), 2.5);
+            let left = landmarks(&parameters).fetus_left.as_dvec3();
+            for plane in planes.chosen(&["spine", "profile"]).unwrap() {
+                let view = &plane.views[0];
+                assert!(view.to_probe.z >= -0.25, "{}, roll {roll_deg}: from {}", plane.name, view.to_probe);
+                assert!(view.normal.dot(left).abs() > 0.98, "{}, roll {roll_deg}: not midsagittal", plane.name);
+                assert!(view.lateral.dot(view.to_probe).abs() < 1e-9, "{}, roll {roll_deg}", plane.name);
+                assert!(view.pose.is_some(), "{}, roll {roll_deg}: out of reach", plane.name);
             }
         }
     }

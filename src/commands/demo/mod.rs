@@ -91,6 +91,8 @@ Examples:
 struct KeyFrame {
     name: String,
     time_s: f64,
+    /// Time of the scene, s.
+    scene_s: f64,
     pose: Pose,
 }
 
@@ -125,7 +127,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let exam_path = Path::new(EXAM_NAME);
     let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
     check_length(&poses, rate)?;
-    let timeline = Timeline::new(&poses, rate);
+    let timeline = Timeline::new(&poses, rate).since(summary.info.start_time_ns);
     let keys = key_frames(&summary.events, &timeline);
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
@@ -159,7 +161,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
         going_on()?;
-        let frame = lq.render(pose, timeline.seconds(i))?;
+        let frame = lq.render(pose, timeline.scene_s(i))?;
         video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
         progress.set(i + 1, frames);
     }
@@ -191,7 +193,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         going_on()?;
         // Spread over the exam, so that the times are not those of a few good views.
         let frame = (2 * i + 1) * frames / (2 * more);
-        hq.render(&timeline.poses[frame], timeline.seconds(frame))?;
+        hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
         progress.set(keys.len() + i + 1, HQ_FRAMES.max(keys.len()));
     }
     drop(progress);
@@ -258,7 +260,7 @@ impl Stage {
         Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 
-    /// A frame of the scene as it is `time_s` into the exam.
+    /// A frame of the scene as it is at `time_s`.
     fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, Failure> {
         self.renderer.set_time_s(time_s);
         self.renderer.render(pose, &mut self.frame)?;
@@ -279,10 +281,10 @@ fn key_frame(
     gpu: &Gpu,
 ) -> Result<Vec<Panel>, Failure> {
     let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
-    let low = lq.render(&key.pose, key.time_s)?;
+    let low = lq.render(&key.pose, key.scene_s)?;
     let lq_panel = sheet.panel(caption(&format!("{:.1} s  {}  LQ", key.time_s, key.name), low), low, bmode)?;
     png::write_grey(&directory.join("lq.png"), low.width, low.height, &low.bmode, png::Effort::Small)?;
-    let high = hq.render(&key.pose, key.time_s)?;
+    let high = hq.render(&key.pose, key.scene_s)?;
     let row = vec![
         lq_panel,
         sheet.panel(caption("HQ", high), high, bmode)?,
@@ -303,7 +305,7 @@ fn caption(text: &str, frame: &Frame) -> String {
 fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
     let key = |name: String, frame: usize| {
         let pose = *timeline.poses.get(frame)?;
-        Some(KeyFrame { name, time_s: timeline.seconds(frame), pose })
+        Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose })
     };
     if events.is_empty() {
         let frames = timeline.poses.len();

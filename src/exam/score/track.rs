@@ -14,6 +14,9 @@ const GAP_S: f64 = 0.25;
 /// Gap between face and skin that gel still fills, mm (assumed).
 const GEL_MM: f64 = 1.0;
 
+/// No body gives way by more, mm (assumed): a face that is deeper is in a scene that it could not be in.
+const PRESS_MOST_MM: f64 = 25.0;
+
 /// Paths are measured between means over this time, so that tremor is not taken for way, s.
 const PATH_STEP_S: f64 = 0.1;
 
@@ -35,7 +38,7 @@ impl Track {
     pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
         let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
         let on_skin = |p: &TimedPose| match reference.skin {
-            Some(skin) => skin.press_mm(&p.pose).is_some_and(|mm| mm >= -GEL_MM),
+            Some(skin) => skin.press_mm(&p.pose).is_some_and(|mm| (-GEL_MM..=PRESS_MOST_MM).contains(&mm)),
             None => true,
         };
         // A plane without a view has no deviation; its file would have been refused.

@@ -16,7 +16,7 @@ use thiserror::Error;
 pub use camera::{Axes, Cut, Direction, Orbit};
 pub use fan::{BmodeImage, Fan};
 pub(crate) use paint::opacities;
-pub use paint::{Picture, PictureSettings, SceneView};
+pub use paint::{PIXELS_MAX, Picture, PictureSettings, SceneView};
 pub use selection::Selection;
 
 /// Why no picture could be made.
@@ -60,7 +60,9 @@ pub enum ViewError {
         what: &'static str,
     },
     /// A picture too small or too large.
-    #[error("a picture of {width} x {height} pixels; each side must lie in 64..=8192")]
+    #[error(
+        "a picture of {width} x {height} pixels; each side must lie in 64..=8192, and there may be {PIXELS_MAX} in all"
+    )]
     Size {
         /// Width asked for.
         width: u32,

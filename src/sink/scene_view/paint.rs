@@ -21,10 +21,13 @@ const IMAGE_OPACITY: f32 = 0.93;
 /// The fan is drawn on a cut through its own plane, mm.
 const BEFORE_MM: f32 = 0.02;
 
+/// Most pixels of a picture: each takes some 70 bytes while it is painted.
+pub const PIXELS_MAX: u32 = 1 << 24;
+
 /// What is pictured, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureSettings {
-    /// Width, pixels, 64..=8192.
+    /// Width, pixels, 64..=8192; width times height at most [`PIXELS_MAX`].
     pub width: u32,
     /// Height, pixels, 64..=8192.
     pub height: u32,
@@ -370,7 +373,9 @@ fn area_mm2(mesh: &Mesh) -> f64 {
 
 fn check_size(width: u32, height: u32) -> Result<(), ViewError> {
     let good = 64..=8192;
-    if good.contains(&width) && good.contains(&height) { Ok(()) } else { Err(ViewError::Size { width, height }) }
+    // Two sides in range have no product that overflows.
+    let fits = good.contains(&width) && good.contains(&height) && width * height <= PIXELS_MAX;
+    if fits { Ok(()) } else { Err(ViewError::Size { width, height }) }
 }
 
 #[cfg(test)]
@@ -486,6 +491,8 @@ mod tests {
         assert!(matches!(with(Direction::Fan, None, 400), Err(ViewError::NoFan { .. })));
         assert!(matches!(with(Direction::Front, Some(Cut::Fan), 400), Err(ViewError::NoFan { .. })));
         assert!(matches!(with(Direction::Front, None, 20), Err(ViewError::Size { .. })));
+        let large = view.picture(&PictureSettings { width: 8192, height: 2049, ..settings() });
+        assert!(large.unwrap_err().to_string().contains("16777216 in all"));
         let sheet = view.sheet(&PictureSettings { width: 900, height: 640, ..settings() }).unwrap();
         assert_eq!(sheet.rgb.len(), 900 * 640 * 3);
     }

@@ -76,7 +76,7 @@ pub struct RecordingInfo {
     pub device: String,
     /// The scene in whose frame the poses are, for people.
     pub scene: String,
-    /// When the recording started, ns since 1970 (UTC).
+    /// When the recording started, ns since 1970 (UTC); of a live session, when its clock and what moves in its scene did.
     pub start_time_ns: u64,
     /// The sensor whose poses count, of a device that has several; None takes the first that reports.
     pub sensor: Option<u16>,
