@@ -138,7 +138,7 @@ impl ReplayArgs {
             check_length(&poses, rate)?;
             return Ok((Timeline::new(&poses, rate), summary));
         }
-        let (measurements, summary) = recording::measurements(&self.recording)?;
+        let (measurements, summary) = recording::measurements(&self.recording, &station.tracker)?;
         let span = measurements.first().zip(measurements.last());
         let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
         check_span(first_ns, last_ns, rate)?;

@@ -161,6 +161,19 @@ pub fn stream_protocol(settings: &Settings) -> Result<Protocol, TrackerError> {
     }
 }
 
+/// The sensor that counts: the station's, else the one that a recording names or that the device's driver asks for; none
+/// for the first that is heard.
+///
+/// # Errors
+/// A recording that can't be read.
+pub fn stream_sensor(settings: &Settings) -> Result<Option<u16>, TrackerError> {
+    match (&settings.transport, settings.device.sensor) {
+        (_, Some(sensor)) => Ok(Some(sensor)),
+        (Transport::Recording { path, .. }, None) => Ok(RecordingReader::open(path)?.info().sensor),
+        (_, None) => Ok(settings.protocol.first_sensor()),
+    }
+}
+
 /// Starts a session. It ends soon after `cancel`, in any state, or after the last byte of a recording.
 ///
 /// A device that isn't there yet is no error: it is waited for.

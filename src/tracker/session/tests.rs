@@ -428,3 +428,24 @@ async fn a_device_that_is_set_up_and_never_answers_is_silent() {
     // It is asked first at 3 s: silent when it is asked again at 8 s, and with twice the patience 13 s after that.
     assert_eq!(names(&heard.lock().unwrap()), ["connected", "silent", "silent", "disconnected"]);
 }
+
+#[test]
+fn the_sensor_that_counts_is_the_stations_or_the_streams() {
+    let (dir, mut settings) = recording(1);
+    assert_eq!(stream_sensor(&settings).unwrap(), None);
+    let path = dir.path().join("b.mcap");
+    let info = RecordingInfo {
+        protocol: Protocol::Liberty,
+        device: String::new(),
+        scene: String::new(),
+        start_time_ns: 1,
+        sensor: Some(2),
+    };
+    RecordingWriter::create(&path, &info).unwrap().finish().unwrap();
+    settings.transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
+    assert_eq!(stream_sensor(&settings).unwrap(), Some(2));
+    settings.device.sensor = Some(3);
+    assert_eq!(stream_sensor(&settings).unwrap(), Some(3));
+    let live = Settings { protocol: Protocol::Liberty, ..Settings::default() };
+    assert_eq!(stream_sensor(&live).unwrap(), Some(1));
+}
