@@ -17,7 +17,7 @@ use insonify::tracker::recording::{
 };
 use insonify::tracker::{
     Listener, Monitor, Protocol, Record, SessionHandle, SessionState, Settings, TrackerEvent, Transport, host_time_ns,
-    spawn, stream_protocol,
+    spawn, stream_protocol, stream_sensor,
 };
 use serde::Serialize;
 use tokio::sync::oneshot;
@@ -97,18 +97,22 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return Err(Failure::Input(anyhow!("{} is there already; --force replaces it", args.out.display())));
     }
     let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
-    let protocol = match &tracker {
-        Some(tracker) => stream_protocol(tracker)?,
-        None => args.tracker.protocol.unwrap_or(station.tracker.protocol),
+    let (protocol, sensor) = match &tracker {
+        Some(tracker) => (stream_protocol(tracker)?, stream_sensor(tracker)?),
+        None => {
+            let Settings { protocol: own, device, .. } = &station.tracker;
+            let protocol = args.tracker.protocol.unwrap_or(*own);
+            // Sensors of another protocol are other sensors; nobody asks a pipe for its first.
+            (protocol, args.tracker.sensor.or(device.sensor.filter(|_| protocol == *own)))
+        }
     };
     let from = tracker.as_ref().map_or_else(|| "stdin".to_owned(), name);
-    let device = tracker.as_ref().map_or(&station.tracker.device, |tracker| &tracker.device);
     let info = RecordingInfo {
         protocol,
         device: from.clone(),
         scene: args.station.display().to_string(),
         start_time_ns: host_time_ns(),
-        sensor: args.tracker.sensor.or(device.sensor),
+        sensor,
     };
     if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
         create_dir(directory)?;

@@ -6,10 +6,10 @@ use std::str::FromStr;
 
 use anyhow::anyhow;
 use clap::Args;
-use insonify::anatomy::{Bvh, Scene};
+use insonify::anatomy::Scene;
 use insonify::pipeline::{ReplayedControls, ReplayedPoses, same_picture};
 use insonify::pose::{Estimator, Pose};
-use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer, ShaderSet};
+use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
 use insonify::sink::FrameRate;
 use insonify::sink::live::LiveSettings;
 use insonify::station::Station;
@@ -139,7 +139,7 @@ impl ReplayArgs {
             check_length(&poses, rate)?;
             return Ok((Timeline::new(&poses, rate), summary));
         }
-        let (measurements, summary) = recording::measurements(&self.recording)?;
+        let (measurements, summary) = recording::measurements(&self.recording, &station.tracker)?;
         let span = measurements.first().zip(measurements.last());
         let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
         check_span(first_ns, last_ns, rate)?;
@@ -195,10 +195,11 @@ impl Replay {
         mut before: impl FnMut(usize),
         mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
-        let bvh = Bvh::build(scene).map_err(insonify::render::RenderError::from)?;
+        let Part { probe, settings, .. } = self.first()?;
+        let mut renderer = Renderer::new(gpu, scene, probe, settings)?;
         for Part { frames, probe, settings } in &self.parts {
             let from = frames.start - self.frames.start;
-            let mut renderer = Renderer::with_shaders(gpu, scene, bvh.clone(), probe, settings, &ShaderSet::default())?;
+            renderer.reconfigure(probe, settings)?;
             let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
             let before = |i| {
                 before(from + i);

@@ -21,7 +21,7 @@ use insonify::sink::live::Control;
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
 use insonify::tracker::recording::{QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
-use insonify::tracker::{Protocol, Speed, Transport, stream_protocol};
+use insonify::tracker::{Protocol, Speed, Transport, stream_protocol, stream_sensor};
 use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;
@@ -116,10 +116,13 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = station(args)?;
-    // A recording that can't be played is refused before anything is opened.
-    let protocol = stream_protocol(&station.tracker)?;
     let (poses, tracked) = pose_source(args, &station)?;
-    if args.record.is_some() && tracked.is_none() {
+    // A recording that can't be played is refused before anything is opened; one that nobody plays may be missing.
+    let stream = match &tracked {
+        Some(_) => Some((stream_protocol(&station.tracker)?, stream_sensor(&station.tracker)?)),
+        None => None,
+    };
+    if args.record.is_some() && stream.is_none() {
         return Err(Failure::Input(anyhow!("--record keeps a tracker's bytes, and this session has no tracker")));
     }
     let gpu = session::open_gpu()?;
@@ -142,8 +145,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut after: Vec<Box<dyn Part>> = Vec::new();
     let mut recording = None;
     let mut observer: Option<Arc<dyn Observer>> = None;
-    if let Some(path) = &args.record {
-        let recorder = recorder(path, args, &station, protocol, &adapter, clock.start_unix_ns())?;
+    if let (Some(path), Some(stream)) = (&args.record, stream) {
+        let recorder = recorder(path, args, &station, stream, &adapter, clock.start_unix_ns())?;
         recording = Some(recorder.handle());
         observer = Some(Arc::new(RecordingObserver(recorder.handle())));
         let (part, slot) = RecorderPart::new(recorder);
@@ -221,6 +224,8 @@ fn station(args: &Args) -> Result<Station, Failure> {
     if let Some(path) = &args.replay {
         station.tracker.transport =
             Transport::Recording { path: path.clone(), speed: Speed::Factor(1.0), repeat: false };
+        // The station's is one of another device: the recording says which of its sensors counts.
+        station.tracker.device.sensor = None;
     }
     Ok(station)
 }
@@ -230,7 +235,7 @@ fn recorder(
     path: &Path,
     args: &Args,
     station: &Station,
-    protocol: Protocol,
+    (protocol, sensor): (Protocol, Option<u16>),
     adapter: &AdapterRecord,
     start_time_ns: u64,
 ) -> Result<Recorder, Failure> {
@@ -243,7 +248,7 @@ fn recorder(
         device: "station's tracker".to_owned(),
         scene: args.station.display().to_string(),
         start_time_ns,
-        sensor: station.tracker.device.sensor,
+        sensor,
     };
     let mut writer = RecordingWriter::create(path, &info)?;
     writer.settings(&SessionSettings {

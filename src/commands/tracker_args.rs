@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use insonify::tracker::ndi::USUAL_BAUD;
 use insonify::tracker::{PortName, Protocol, Settings, Transport};
 
 use super::{Classify, Failure};
@@ -36,13 +37,17 @@ impl TrackerArgs {
     /// The tracker that is asked for, with what `base` says of its device; none where no protocol is given.
     pub(crate) fn over(&self, base: Settings) -> Result<Option<Settings>, Failure> {
         let Some(protocol) = self.protocol else { return Ok(None) };
+        // Another device counts its sensors in its own way, and a recording has those of what was recorded.
+        let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
         let mut settings = Settings { protocol, ..base };
-        settings.device.sensor = self.sensor.or(settings.device.sensor);
+        settings.device.sensor = self.sensor.or(settings.device.sensor.filter(|_| same));
         let hid = Transport::Hid { device: self.port.clone() };
         settings.transport = match (&self.port, &self.address) {
             _ if hid.carries(protocol) => hid,
             (Some(port), _) => {
-                Transport::Serial { port: port.clone(), baud: self.baud.unwrap_or(protocol.usual_baud()) }
+                // An NDI device is met at its own speed and then switched to the one that is asked for.
+                let baud = self.baud.filter(|_| protocol != Protocol::Ndi).unwrap_or(protocol.usual_baud());
+                Transport::Serial { port: port.clone(), baud }
             }
             (None, Some(address)) => {
                 let tcp = Transport::Tcp { address: address.clone() };
@@ -58,6 +63,51 @@ impl TrackerArgs {
             }
             (None, None) => return Err(Failure::Input(anyhow!("give --port or --address, too"))),
         };
+        let is_serial = matches!(settings.transport, Transport::Serial { .. });
+        settings.device.ndi.baud = is_serial.then(|| self.baud.unwrap_or(USUAL_BAUD));
+        if protocol == Protocol::Ndi {
+            settings.device.ndi.validate().context("--baud").input()?;
+        }
         Ok(Some(settings))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(protocol: Protocol) -> TrackerArgs {
+        TrackerArgs { port: None, address: None, protocol: Some(protocol), baud: None, sensor: None }
+    }
+
+    fn serial(protocol: Protocol, baud: Option<u32>) -> TrackerArgs {
+        TrackerArgs { port: Some(PortName::Path("/dev/ttyUSB0".into())), baud, ..args(protocol) }
+    }
+
+    #[test]
+    fn an_ndi_device_is_switched_on_serial_lines_alone() {
+        let mut base = Settings { protocol: Protocol::Ndi, ..Settings::default() };
+        base.device.ndi.baud = Some(921_600);
+        let tcp = TrackerArgs { address: Some("10.0.0.2:8765".to_owned()), ..args(Protocol::Ndi) };
+        let found = tcp.over(base.clone()).unwrap().unwrap();
+        assert_eq!((found.transport.name(), found.device.ndi.baud), ("tcp", None));
+        for (asked, expected) in [(None, 115_200), (Some(921_600), 921_600)] {
+            let found = serial(Protocol::Ndi, asked).over(Settings::default()).unwrap().unwrap();
+            assert_eq!(found.device.ndi.baud, Some(expected));
+            assert!(matches!(found.transport, Transport::Serial { baud: 9600, .. }), "{:?}", found.transport);
+        }
+        assert!(serial(Protocol::Ndi, Some(12_345)).over(base).is_err());
+        let found = serial(Protocol::Liberty, Some(12_345)).over(Settings::default()).unwrap().unwrap();
+        assert!(matches!(found.transport, Transport::Serial { baud: 12_345, .. }));
+    }
+
+    #[test]
+    fn the_stations_sensor_is_of_its_own_protocol() {
+        let mut base = Settings { protocol: Protocol::Liberty, ..Settings::default() };
+        base.device.sensor = Some(2);
+        let sensor = |args: TrackerArgs| args.over(base.clone()).unwrap().unwrap().device.sensor;
+        assert_eq!(sensor(serial(Protocol::Liberty, None)), Some(2));
+        assert_eq!(sensor(serial(Protocol::AsciiLine, None)), None);
+        assert_eq!(sensor(TrackerArgs { sensor: Some(3), ..serial(Protocol::AsciiLine, None) }), Some(3));
     }
 }

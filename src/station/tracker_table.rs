@@ -9,7 +9,7 @@ use super::StationError;
 use super::values::Values;
 use crate::pose::Pose;
 use crate::tracker::driver::DeviceOptions;
-use crate::tracker::ndi::ReplyFormat;
+use crate::tracker::ndi::{ReplyFormat, USUAL_BAUD};
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 
 /// Keys that only some transports have.
@@ -34,9 +34,6 @@ const TRANSPORTS_OF: [(&str, &[&str]); 19] = [
     ("rate_hz", &["mock"]),
     ("seed", &["mock"]),
 ];
-
-/// Speed that an NDI device on a serial line is switched to.
-const NDI_BAUD: u32 = 115_200;
 
 /// The settings of a tracker; a mock moves about `default_pose`, and paths start at `dir`.
 pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) -> Result<Settings, StationError> {
@@ -69,7 +66,7 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
     device.hemisphere = values.numbers("hemisphere").unwrap_or(device.hemisphere);
     values.set("puck_range", &mut device.puck_range);
     if let Transport::Serial { .. } = transport {
-        device.ndi.baud = Some(values.integer("baud").unwrap_or(NDI_BAUD));
+        device.ndi.baud = Some(values.integer("baud").unwrap_or(USUAL_BAUD));
     }
     if protocol != Protocol::Ndi {
         let reason = format!("`tracker.protocol` is \"{}\"; it is for ndi", protocol.name());

@@ -113,10 +113,7 @@ pub struct Passive {
 impl Passive {
     /// A driver of a device that speaks `protocol`.
     pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
-        let fresh = match protocol {
-            Protocol::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(options.puck_range)),
-            _ => protocol.decoder(),
-        };
+        let fresh = protocol.decoder_of(options);
         Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, heard: false }
     }
 }

@@ -54,7 +54,9 @@ pub use axis_map::{AxisMap, AxisMapError};
 pub use clock::host_time_ns;
 pub use monitor::{Monitor, Report, SessionState};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
-pub use session::{Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn, stream_protocol};
+pub use session::{
+    Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn, stream_protocol, stream_sensor,
+};
 pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.
@@ -169,6 +171,14 @@ impl Protocol {
             Self::Bno08xRollFirst => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::RollFirst)),
             Self::OpenTrack => Decoder::OpenTrack(opentrack::Decoder::new()),
             Self::OpenIgtLink => Decoder::OpenIgtLink(openigtlink::Decoder::new()),
+        }
+    }
+
+    /// A decoder at the start of the stream of a device with `options`.
+    pub fn decoder_of(self, options: &driver::DeviceOptions) -> Decoder {
+        match self {
+            Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(options.puck_range)),
+            _ => self.decoder(),
         }
     }
 

@@ -35,6 +35,9 @@ pub const TCP_PORT: u16 = 8765;
 /// Speed of a serial device after it was switched on or reset, baud.
 pub const START_BAUD: u32 = 9600;
 
+/// Speed that a serial device is switched to where nobody asks for another, baud.
+pub const USUAL_BAUD: u32 = 115_200;
+
 /// Bytes of a tool's description (its ROM).
 pub const ROM_BYTES: usize = 1024;
 

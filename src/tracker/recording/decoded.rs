@@ -8,7 +8,7 @@ use bytes::BytesMut;
 use super::{Entry, Event, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::pose::{Measurement, Reading};
 use crate::tracker::arrival::ArrivalTimes;
-use crate::tracker::{Decoder, Record};
+use crate::tracker::{AxisMap, Decoder, Record, Settings};
 
 /// What a recording holds, one thing after the other.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +27,7 @@ pub enum Item {
 pub struct DecodedRecording<R> {
     reader: RecordingReader<R>,
     decoder: Decoder,
+    axis_map: AxisMap,
     buffer: BytesMut,
     times: ArrivalTimes,
     items: VecDeque<Item>,
@@ -36,13 +37,20 @@ pub struct DecodedRecording<R> {
 }
 
 impl<R: Read> DecodedRecording<R> {
-    /// Decodes what `reader` reads.
+    /// Decodes what `reader` reads, as a device with its usual settings.
     pub fn new(reader: RecordingReader<R>) -> Self {
-        let decoder = reader.info().protocol.decoder();
+        Self::with_settings(reader, &Settings::default())
+    }
+
+    /// Decodes what `reader` reads as a live session does that plays it as the tracker of `settings`: with the range and
+    /// the axes of a puck. Protocol and sensor are the recording's.
+    pub fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
+        let decoder = reader.info().protocol.decoder_of(&settings.device);
+        let axis_map = settings.axis_map;
         let mut summary = RecordingSummary::new(reader.info().clone());
         summary.sensor = reader.info().sensor;
         let (buffer, times, items) = (BytesMut::new(), ArrivalTimes::default(), VecDeque::new());
-        Self { reader, decoder, buffer, times, items, sequence: None, summary, ended: false }
+        Self { reader, decoder, axis_map, buffer, times, items, sequence: None, summary, ended: false }
     }
 
     /// The next thing; None at the end of what can be read.
@@ -109,6 +117,7 @@ impl<R: Read> DecodedRecording<R> {
                 _ => self.summary.sequence_reversals += 1,
             }
         }
+        let record = self.axis_map.apply(record);
         if !matches!(record.reading, Reading::Pose(_)) {
             self.summary.without_pose += 1;
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::in_order::keep_in_order;
 use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::pose::{Measurement, Reading, TimedPose};
-use crate::tracker::DecodeError;
+use crate::tracker::{DecodeError, Settings};
 
 /// The poses of the recording at `path`, ascending in host time, decoded by the protocol that it names.
 ///
@@ -36,11 +36,12 @@ pub fn poses_of<R: Read>(
 }
 
 /// All measurements of the recording at `path`, ascending in host time: poses, and what an estimator makes poses of.
+/// A puck has the range and the axes of `settings`.
 ///
 /// # Errors
 /// As [`poses`]; it holds nothing but a sensor out of view.
-pub fn measurements(path: &Path) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
-    let mut decoded = DecodedRecording::new(RecordingReader::open(path)?);
+pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
+    let mut decoded = DecodedRecording::with_settings(RecordingReader::open(path)?, settings);
     let mut measurements = Vec::new();
     while let Some(item) = decoded.next_item()? {
         if let Item::Measurement(measurement) = item {
@@ -106,4 +107,38 @@ pub fn read_both<R: Read>(
         summary.duration = Duration::from_nanos(last.host_time_ns - first.host_time_ns);
     }
     Ok((poses, used, summary))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{RecordingInfo, RecordingWriter};
+    use super::*;
+    use crate::tracker::Protocol;
+
+    #[test]
+    fn a_puck_has_the_range_and_the_axes_of_its_station() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        let info = RecordingInfo {
+            protocol: Protocol::SpaceMouse,
+            device: String::new(),
+            scene: String::new(),
+            start_time_ns: 1,
+            sensor: None,
+        };
+        let mut writer = RecordingWriter::create(&path, &info).unwrap();
+        writer.raw(1, &[1, 10, 0, 20, 0, 30, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        writer.finish().unwrap();
+        let translation = |settings: &Settings| {
+            let (measurements, _) = measurements(&path, settings).unwrap();
+            let Reading::Rates { translation, .. } = measurements[0].reading else { panic!("{measurements:?}") };
+            translation
+        };
+        let usual = translation(&Settings::default());
+        assert!(usual.length() > 0.0);
+        let mut settings = Settings { axis_map: "y, x, -z, rx, ry, rz".parse().unwrap(), ..Settings::default() };
+        settings.device.puck_range *= 2.0;
+        let expected = glam::DVec3::new(usual.y, usual.x, -usual.z) / 2.0;
+        assert!(translation(&settings).distance(expected) < 1e-12, "{usual}, {}", translation(&settings));
+    }
 }

@@ -72,6 +72,9 @@ pub struct Recorded {
 ///
 /// Nothing is left out of the middle of a recording: if the disk is full or cannot follow, the recording ends there, an
 /// error is logged, [`RecorderHandle::failure`] says why, and everybody else goes on.
+///
+/// Only [`finish`](Self::finish) gives the file its name. One that is dropped leaves what was taken in the `.part`, and
+/// no `.part` where no byte and no pose was taken.
 pub struct Recorder {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -97,6 +100,8 @@ struct Shared {
 struct Queue {
     batch: Batch,
     closing: bool,
+    /// It was dropped: the file keeps its `.part` name.
+    abandoned: bool,
     recorded: Recorded,
 }
 
@@ -121,6 +126,7 @@ trait Store: Send + 'static {
     fn event(&mut self, event: &Event) -> Result<(), RecordingError>;
     fn flush(&mut self) -> Result<(), RecordingError>;
     fn finish(self) -> Result<(), RecordingError>;
+    fn discard(self) -> Result<(), RecordingError>;
 }
 
 impl Store for RecordingWriter {
@@ -142,6 +148,10 @@ impl Store for RecordingWriter {
 
     fn finish(self) -> Result<(), RecordingError> {
         self.finish()
+    }
+
+    fn discard(self) -> Result<(), RecordingError> {
+        self.discard()
     }
 }
 
@@ -191,6 +201,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
+        self.shared.lock().abandoned = true;
         self.close();
     }
 }
@@ -309,12 +320,20 @@ fn run(shared: &Shared, mut store: impl Store) {
             return;
         }
     }
-    let behind = shared.lock().recorded.failure.clone();
+    let queue = shared.lock();
+    let (abandoned, behind) = (queue.abandoned, queue.recorded.failure.clone());
+    let empty = queue.recorded.bytes == 0 && queue.recorded.poses == 0;
+    drop(queue);
     let noted = match behind {
         Some(error) => store.event(&Event::new(last_ns, ENDED).with(error.to_string())),
         None => Ok(()),
     };
-    if let Err(error) = noted.and_then(|()| store.finish()) {
+    let ended = noted.and_then(|()| match (abandoned, empty) {
+        (false, _) => store.finish(),
+        (true, true) => store.discard(),
+        (true, false) => store.flush(),
+    });
+    if let Err(error) = ended {
         shared.lock().fail(error.into());
     }
 }
@@ -349,7 +368,9 @@ impl Batch {
 mod tests {
     use std::sync::mpsc::{Receiver, Sender, channel};
 
+    use super::super::{RecordingInfo, part_path};
     use super::*;
+    use crate::tracker::Protocol;
 
     /// What came to a store.
     #[derive(Debug, PartialEq)]
@@ -358,6 +379,7 @@ mod tests {
         Pose,
         Event(String, Option<serde_json::Value>),
         Finished,
+        Discarded,
     }
 
     /// A disk that takes one message for each word from `gate`, and fails where that word is false.
@@ -396,6 +418,10 @@ mod tests {
 
         fn finish(mut self) -> Result<(), RecordingError> {
             self.take(Seen::Finished)
+        }
+
+        fn discard(mut self) -> Result<(), RecordingError> {
+            self.take(Seen::Discarded)
         }
     }
 
@@ -497,11 +523,38 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_that_is_dropped_finishes_its_file() {
-        let (recorder, open, look) = recorder(QueueLimits::default());
+    fn a_recorder_that_is_dropped_finishes_no_file() {
+        let (taken, open, look) = recorder(QueueLimits::default());
         drop(open);
-        recorder.handle().raw(1, b"x");
-        drop(recorder);
-        assert_eq!(look.iter().last(), Some(Seen::Finished));
+        taken.handle().raw(1, b"x");
+        drop(taken);
+        assert_eq!(look.iter().collect::<Vec<_>>(), [Seen::Raw(1, b"x".to_vec())]);
+        let (unused, open, look) = recorder(QueueLimits::default());
+        drop(open);
+        drop(unused);
+        assert_eq!(look.iter().collect::<Vec<_>>(), [Seen::Discarded]);
+    }
+
+    #[test]
+    fn a_recorder_that_is_dropped_leaves_an_earlier_recording_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        std::fs::write(&path, "earlier").unwrap();
+        let info = RecordingInfo {
+            protocol: Protocol::AsciiLine,
+            device: String::new(),
+            scene: String::new(),
+            start_time_ns: 1,
+            sensor: None,
+        };
+        for (bytes, part) in [(&b""[..], false), (b"x", true)] {
+            let writer = RecordingWriter::create(&path, &info).unwrap();
+            let recorder = Recorder::start(writer, QueueLimits::default()).unwrap();
+            if !bytes.is_empty() {
+                recorder.handle().raw(1, bytes);
+            }
+            drop(recorder);
+            assert_eq!((std::fs::read(&path).unwrap(), part_path(&path).exists()), (b"earlier".to_vec(), part));
+        }
     }
 }

@@ -174,6 +174,17 @@ impl RecordingWriter {
         file.and_then(|file| file.sync_all()).map_err(|error| fail(&self.part, error))?;
         std::fs::rename(&self.part, &self.path).map_err(|error| fail(&self.path, error))
     }
+
+    /// Removes what was written; a file that already has the recording's name stays.
+    ///
+    /// # Errors
+    /// The `.part` cannot be removed.
+    pub fn discard(self) -> Result<(), RecordingError> {
+        let Self { mcap, part, .. } = self;
+        // Closed first: not every system removes an open file.
+        drop(mcap);
+        std::fs::remove_file(&part).map_err(|error| fail(&part, error))
+    }
 }
 
 /// With all causes: those of MCAP's errors name the system's reason only there.

@@ -161,6 +161,19 @@ pub fn stream_protocol(settings: &Settings) -> Result<Protocol, TrackerError> {
     }
 }
 
+/// The sensor that counts: the station's, else the one that a recording names or that the device's driver asks for; none
+/// for the first that is heard.
+///
+/// # Errors
+/// A recording that can't be read.
+pub fn stream_sensor(settings: &Settings) -> Result<Option<u16>, TrackerError> {
+    match (&settings.transport, settings.device.sensor) {
+        (_, Some(sensor)) => Ok(Some(sensor)),
+        (Transport::Recording { path, .. }, None) => Ok(RecordingReader::open(path)?.info().sensor),
+        (_, None) => Ok(settings.protocol.first_sensor()),
+    }
+}
+
 /// Starts a session. It ends soon after `cancel`, in any state, or after the last byte of a recording.
 ///
 /// A device that isn't there yet is no error: it is waited for.
@@ -213,6 +226,8 @@ struct Session {
     patient_from: Duration,
     /// How long it was allowed to be silent when that was looked at last.
     patient_for: Duration,
+    /// Whether the device had its time for a first record after it was set up.
+    had_grace: bool,
     /// Restarts since the last record.
     attempt: u32,
     retry: Duration,
@@ -256,6 +271,7 @@ impl Session {
             heard: Duration::ZERO,
             patient_from: Duration::ZERO,
             patient_for: Duration::ZERO,
+            had_grace: false,
             attempt: 0,
             retry: RETRY[0],
             summary: SessionSummary::default(),
@@ -322,9 +338,11 @@ impl Session {
     /// When the device has been silent for too long.
     fn silent_at(&mut self) -> Duration {
         let patience = self.patience();
-        // A device that took its time to be set up has the whole of the shorter time for its first record.
-        if patience < self.patient_for {
+        // A device that took its time to be set up has the whole of the shorter time for its first record. Once a start:
+        // one that is set up again and again and never answers is silent.
+        if patience < self.patient_for && !self.had_grace {
             self.patient_from = self.now();
+            self.had_grace = true;
         }
         self.patient_for = patience;
         self.patient_from.saturating_add(patience)
@@ -334,6 +352,9 @@ impl Session {
     fn restart(&mut self) {
         self.finish();
         self.patient_from = self.now();
+        // The patience of the start before says nothing about this one.
+        self.patient_for = Duration::ZERO;
+        self.had_grace = false;
         self.driver.start(self.patient_from, self.attempt);
     }
 
@@ -449,6 +470,7 @@ impl Session {
 
     fn alive(&mut self, now: Duration) {
         (self.heard, self.patient_from) = (now, now);
+        self.had_grace = false;
         self.attempt = 0;
         self.retry = RETRY[0];
     }

@@ -361,3 +361,91 @@ async fn a_device_that_may_rest_is_not_started_anew() {
     let summary = run_for(session, cancel, Duration::from_secs(3 * 3600)).await;
     assert_eq!((names(&heard.lock().unwrap()), summary.silences), (vec!["connected"], 0));
 }
+
+/// A device that is set up within 3 s, does not answer for 2 s, and is then set up again by its driver.
+#[derive(Default)]
+struct NeverAnswers {
+    started: Duration,
+    now: Duration,
+}
+
+impl NeverAnswers {
+    fn in_round(&self) -> Duration {
+        Duration::from_millis((self.now - self.started).as_millis() as u64 % 5000)
+    }
+
+    fn is_asked(&self) -> bool {
+        self.in_round() >= Duration::from_secs(3)
+    }
+}
+
+impl Driver for NeverAnswers {
+    fn protocol(&self) -> Protocol {
+        Protocol::Ndi
+    }
+
+    fn start(&mut self, now: Duration, _: u32) {
+        (self.started, self.now) = (now, now);
+    }
+
+    fn transmit(&mut self, now: Duration) -> Option<bytes::Bytes> {
+        self.now = now;
+        None
+    }
+
+    fn wake_at(&self) -> Option<Duration> {
+        let next = Duration::from_secs(if self.is_asked() { 5 } else { 3 });
+        Some(self.now + next - self.in_round())
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_secs(if self.is_asked() { 5 } else { 40 })
+    }
+
+    fn decode(&mut self, _: Duration, _: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        Ok(None)
+    }
+
+    fn finish(&mut self, _: &mut BytesMut) -> Result<(), DecodeError> {
+        Ok(())
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_device_that_is_set_up_and_never_answers_is_silent() {
+    let (mut session, heard, cancel) = session(&Settings::default());
+    session.driver = Box::<NeverAnswers>::default();
+    session.port = Port::Pipe(PipePort::new(Box::new(|| {
+        let (host, far) = tokio::io::duplex(4096);
+        // Its end stays open until the test's runtime goes.
+        tokio::spawn(async move {
+            let _far = far;
+            std::future::pending::<()>().await;
+        });
+        Ok(host)
+    })));
+    run_for(session, cancel, Duration::from_millis(21_200)).await;
+    // It is asked first at 3 s: silent when it is asked again at 8 s, and with twice the patience 13 s after that.
+    assert_eq!(names(&heard.lock().unwrap()), ["connected", "silent", "silent", "disconnected"]);
+}
+
+#[test]
+fn the_sensor_that_counts_is_the_stations_or_the_streams() {
+    let (dir, mut settings) = recording(1);
+    assert_eq!(stream_sensor(&settings).unwrap(), None);
+    let path = dir.path().join("b.mcap");
+    let info = RecordingInfo {
+        protocol: Protocol::Liberty,
+        device: String::new(),
+        scene: String::new(),
+        start_time_ns: 1,
+        sensor: Some(2),
+    };
+    RecordingWriter::create(&path, &info).unwrap().finish().unwrap();
+    settings.transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
+    assert_eq!(stream_sensor(&settings).unwrap(), Some(2));
+    settings.device.sensor = Some(3);
+    assert_eq!(stream_sensor(&settings).unwrap(), Some(3));
+    let live = Settings { protocol: Protocol::Liberty, ..Settings::default() };
+    assert_eq!(stream_sensor(&live).unwrap(), Some(1));
+}

@@ -16,6 +16,8 @@ const FULLNESS: f32 = 2.25;
 const MEMBRANES_MM: f32 = 0.35;
 /// Fluid between amnion and chorion at the middle of where they part, mm.
 const PARTED_MM: f32 = 2.6;
+/// The lens reaches this far into the cavity, hidden by the membranes, mm.
+const DEEP_MM: f32 = 5.0;
 /// Vernix floats in the fluid from about then on.
 const VERNIX_WEEKS: f64 = 28.0;
 
@@ -70,11 +72,13 @@ fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
     let middle = placenta.beside();
     let radius = 0.55 * placenta.radius_mm();
     let cavity = cavity.clone();
-    let bounds = Bounds::around(middle, Vec3::splat(radius + 4.0));
+    // The lens thins out to both sides of the membranes and ends DEEP_MM within them.
+    let reach = radius * (1.0 + (DEEP_MM + MEMBRANES_MM) / PARTED_MM).sqrt();
+    let bounds = Bounds::around(middle, Vec3::splat(reach + 2.0));
     Solid::new(bounds, move |p| {
         let along = p.distance(middle) / radius;
         let outer = cavity.distance_mm(p) - MEMBRANES_MM - PARTED_MM * (1.0 - along * along);
         // What lies within the membranes is hidden by them.
-        outer.max(-5.0 - cavity.distance_mm(p))
+        outer.max(-DEEP_MM - cavity.distance_mm(p))
     })
 }
