@@ -5,7 +5,7 @@ use insonify::anatomy::motion::{Drift, Field, Rhythm, Shape};
 use insonify::anatomy::{Motion, Scene, analytic};
 use insonify::pose::Pose;
 use insonify::render::{Frame, ShaderSet};
-use insonify::transducer::{Probe, ProbeKind};
+use insonify::transducer::ProbeKind;
 
 use crate::compare::{PASSES, compare};
 use crate::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
