@@ -4,6 +4,9 @@
 //! [`HOLD_S`] without a break. The **best second** is that whose largest deviations, each over its tolerance, are least
 //! on average; angles, distances and measurements are given for it, whether the plane was found or not.
 //!
+//! Planes and skin are those of the scene at rest: how far it drifts under the probe (2 mm in the phantom, as its mother
+//! breathes) is not taken out, and neither do made sessions follow it.
+//!
 //! Points, 0..=100 a plane, none where it was not found: 50 for finding it, 20 for the angle, 20 for the distance (all of
 //! them up to a quarter of the tolerance, none at the tolerance) and 10 for a steady hold (all up to 0.5 mm RMS, none
 //! from 3 mm). The weights are assumed.
