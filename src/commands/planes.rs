@@ -11,7 +11,7 @@ use super::{Failure, output};
 /// List the standard planes of a station's scene: where they are, how near counts, and what is measured there.
 ///
 /// The obstetric phantom knows its planes. Any other scene brings them in a file beside its glTF file: SCENE.glb has
-/// SCENE.planes.json. --json prints a whole such file, to start from.
+/// SCENE.planes.json. Planes are those of the scene at rest. --json prints a whole such file, to start from.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify planes configs/obstetric.toml\n  \

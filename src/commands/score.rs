@@ -7,6 +7,7 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::Mesh;
 use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
+use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::sink::exam_report;
 use insonify::station::Station;
@@ -21,7 +22,8 @@ use super::{Failure, output, session};
 ///
 /// For each plane: whether it was found (within its tolerances for a second, the probe on the skin), when, how far off the
 /// best second was, how steady it was held, and what would be measured there against the truth. Caliper events of the
-/// session are compared with the truth, too.
+/// session are compared with the truth, too. What counts is what was on the screen: depth and freeze as they were set in
+/// the session. Planes are those of the scene at rest: that a mother's breath moves them is not taken out.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify score session.mcap configs/obstetric.toml --out session.html\n  \
@@ -70,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         eprintln!("warning: {}: {summary}", args.recording.display());
     }
     // What the session showed counts; without it, what the tracker says by the station's calibration.
-    let (poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
+    let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
         let calibration = station.pose_settings()?.calibration;
         (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
     } else {
@@ -85,6 +87,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if poses.is_empty() {
         return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
     }
+    let mut controls = ReplayedControls::new(&station.probe, &station.settings, &summary.events);
+    for reason in controls.refused() {
+        eprintln!("warning: {}: {reason}", args.recording.display());
+    }
+    let depths_mm = shown(&mut poses, &mut controls);
     let scene = session::load_scene(&station)?;
     let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
     let names = planes.surfaces();
@@ -95,6 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         skin: Some(&skin),
         surfaces: &surfaces,
         probe: &station.probe,
+        depths_mm: &depths_mm,
     };
     let (score, track) = score::score(&poses, &summary.events, &reference);
     for refused in &score.calipers_refused {
@@ -110,6 +118,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     print(&score)?;
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
+}
+
+/// Lets poses stand still where the picture did, and gives the depth of the image at each, mm.
+fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
+    let mut last = None;
+    let mut each = |timed: &mut TimedPose| {
+        let live = controls.at(timed.host_time_ns);
+        if live.frozen {
+            timed.pose = last.unwrap_or(timed.pose);
+        }
+        last = Some(timed.pose);
+        live.depth_mm
+    };
+    poses.iter_mut().map(&mut each).collect()
 }
 
 fn print(score: &Score) -> Result<(), Failure> {
@@ -174,4 +196,34 @@ fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, erro
     let error = error_percent.map_or_else(String::new, |e| format!("{e:+.1} %"));
     let measured = if measured_mm.is_some() { mm(measured_mm) } else { "not in view".to_owned() };
     format!("{name:6} {measured:>12}, truly {:>9}  {error:>8}", mm(true_mm))
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify::render::RenderSettings;
+    use insonify::tracker::recording::Event;
+    use insonify::transducer::Probe;
+
+    use super::*;
+
+    #[test]
+    fn what_counts_is_what_was_on_the_screen() {
+        let pose = |i: u64| {
+            let pose = insonify::pose::Pose::from_components([i as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+            TimedPose { host_time_ns: 1000 + 10 * i, device_time_us: 0, pose }
+        };
+        let mut poses: Vec<TimedPose> = (0..5).map(pose).collect();
+        let event = |time_ns, name: &str, value: serde_json::Value| Event::new(time_ns, name).with(value);
+        let events = [
+            event(1010, "depth_mm", 90.0.into()),
+            event(1020, "frozen", true.into()),
+            event(1040, "frozen", false.into()),
+        ];
+        let mut controls = ReplayedControls::new(&Probe::default(), &RenderSettings::default(), &events);
+        assert_eq!(controls.refused(), [] as [String; 0]);
+        let depths = shown(&mut poses, &mut controls);
+        assert_eq!(depths, [Probe::default().depth_mm, 90.0, 90.0, 90.0, 90.0]);
+        let xs: Vec<f64> = poses.iter().map(|p| p.pose.position_mm.x).collect();
+        assert_eq!(xs, [0.0, 1.0, 1.0, 1.0, 4.0]);
+    }
 }

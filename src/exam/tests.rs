@@ -47,7 +47,12 @@ fn made(names: &[&str], skill: Skill, seed: u64) -> Session {
 fn scored(poses: &[TimedPose], events: &[Event], names: &[&str]) -> Score {
     let Place { skin, surfaces, .. } = place();
     let probe = Probe::default();
-    score(poses, events, &Reference { planes: planes(names), skin: Some(skin), surfaces, probe: &probe }).0
+    score(
+        poses,
+        events,
+        &Reference { planes: planes(names), skin: Some(skin), surfaces, probe: &probe, depths_mm: &[] },
+    )
+    .0
 }
 
 /// Poses at 60 Hz over `seconds`, all alike.
@@ -89,6 +94,19 @@ fn a_long_session_stays_on_a_small_body() {
         assert_eq!(session.poses.len(), 200 * 60 + 1, "{skill:?}");
         assert!(session.poses.iter().all(|p| p.pose.position_mm.distance(DVec3::Z * 32.0) < 60.0), "{skill:?}");
     }
+}
+
+#[test]
+fn an_image_too_shallow_for_a_plane_does_not_show_it() {
+    let Place { skin, surfaces, .. } = place();
+    let (probe, poses) = (Probe::default(), still(perfect("head"), 4.0));
+    let found = |depths_mm: &[f64]| {
+        let reference = Reference { planes: planes(&["head"]), skin: Some(skin), surfaces, probe: &probe, depths_mm };
+        score(&poses, &[], &reference).0.planes[0].clone()
+    };
+    let depths: Vec<f64> = (0..poses.len()).map(|i| if i < 120 { 30.0 } else { probe.depth_mm }).collect();
+    assert_eq!((found(&[]).find_s, found(&vec![30.0; poses.len()]).found), (Some(0.0), false));
+    assert!((found(&depths).find_s.unwrap() - 2.0).abs() < 0.01, "from when the depth was set");
 }
 
 #[test]

@@ -5,5 +5,6 @@
 mod broken_gltf;
 mod builder;
 mod gltf_files;
+mod moving_scenes;
 mod scenes;
 mod station_files;

@@ -4,6 +4,9 @@
 //! [`HOLD_S`] without a break. The **best second** is that whose largest deviations, each over its tolerance, are least
 //! on average; angles, distances and measurements are given for it, whether the plane was found or not.
 //!
+//! Planes and skin are those of the scene at rest: how far it drifts under the probe (2 mm in the phantom, as its mother
+//! breathes) is not taken out, and neither do made sessions follow it.
+//!
 //! Points, 0..=100 a plane, none where it was not found: 50 for finding it, 20 for the angle, 20 for the distance (all of
 //! them up to a quarter of the tolerance, none at the tolerance) and 10 for a steady hold (all up to 0.5 mm RMS, none
 //! from 3 mm). The weights are assumed.
@@ -39,6 +42,16 @@ pub struct Reference<'a> {
     pub surfaces: &'a BTreeMap<String, Mesh>,
     /// The probe.
     pub probe: &'a Probe,
+    /// Depth of the image at each pose, mm; where it has none, the probe's.
+    pub depths_mm: &'a [f64],
+}
+
+impl Reference<'_> {
+    /// The probe as it was set at the pose of that index.
+    pub fn probe_at(&self, index: usize) -> Probe {
+        let depth_mm = self.depths_mm.get(index).copied().unwrap_or(self.probe.depth_mm);
+        Probe { depth_mm, ..*self.probe }
+    }
 }
 
 /// How well a session did.
@@ -91,6 +104,9 @@ pub struct PlaneScore {
     /// Pose at the best moment of the best second.
     #[serde(skip)]
     pub best_pose: Option<Pose>,
+    /// The probe as it was set then.
+    #[serde(skip)]
+    pub best_probe: Option<Probe>,
     /// Means over the best second.
     #[serde(flatten)]
     pub best: Option<Offset>,
@@ -197,6 +213,7 @@ fn plane_score(
         longest_hold_s: held.iter().map(|s| length_s(time_s, s)).fold(0.0, f64::max),
         best_s: None,
         best_pose: None,
+        best_probe: None,
         best: None,
         landmarks: 0,
         unsteady_mm: None,
@@ -207,7 +224,8 @@ fn plane_score(
     let Some((start, end)) = window else { return result };
     let Some(moment) = (start..=end).min_by(|&a, &b| cost[a].total_cmp(&cost[b])) else { return result };
     let pose = poses[moment].pose;
-    let Some((view_index, _)) = Offset::nearest(plane, reference.probe, &pose) else { return result };
+    let probe = reference.probe_at(moment);
+    let Some((view_index, _)) = Offset::nearest(plane, &probe, &pose) else { return result };
     let Some(view) = plane.views.get(view_index) else { return result };
 
     let count = (end - start + 1) as f64;
@@ -232,11 +250,13 @@ fn plane_score(
     result.view_index = view_index;
     result.best_s = Some(time_s[start]);
     result.best_pose = Some(pose);
+    result.best_probe = Some(probe);
     result.landmarks = view.landmarks.len();
     result.unsteady_mm = Some(square.sqrt());
     result.unsteady_deg = Some(turn.to_degrees());
     result.press_mm = presses.map(|all| all.iter().sum::<f64>() / count);
-    result.measures = view.calipers.iter().map(|c| measured(c, view, &pose, best.depth_mm, reference)).collect();
+    result.measures =
+        view.calipers.iter().map(|c| measured(c, view, &pose, best.depth_mm, &probe, reference)).collect();
     if result.found {
         let t = &plane.tolerances;
         result.points = 50.0
@@ -254,8 +274,15 @@ fn falling(value: f64, full: f64, none: f64) -> f64 {
 }
 
 /// What `caliper` measures at `pose`, and the truth.
-fn measured(caliper: &Caliper, view: &View, pose: &Pose, depth_mm: f64, reference: &Reference<'_>) -> Measure {
-    let measured = cut(caliper, pose, depth_mm, reference).filter(|m| is_in_sector(caliper.kind, m, reference.probe));
+fn measured(
+    caliper: &Caliper,
+    view: &View,
+    pose: &Pose,
+    depth_mm: f64,
+    probe: &Probe,
+    reference: &Reference<'_>,
+) -> Measure {
+    let measured = cut(caliper, pose, depth_mm, reference).filter(|m| is_in_sector(caliper.kind, m, probe));
     let measured_mm = measured.as_ref().map(|m| m.length_mm);
     let true_mm = truth_mm(caliper, view, reference);
     Measure {

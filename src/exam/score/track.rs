@@ -43,8 +43,10 @@ impl Track {
         };
         // A plane without a view has no deviation; its file would have been refused.
         let offsets = |plane: &&StandardPlane| {
-            let nearest = |p: &TimedPose| Offset::nearest(plane, reference.probe, &p.pose).map(|(_, offset)| offset);
-            poses.iter().filter_map(nearest).collect()
+            let nearest = |(index, p): (usize, &TimedPose)| {
+                Offset::nearest(plane, &reference.probe_at(index), &p.pose).map(|(_, offset)| offset)
+            };
+            poses.iter().enumerate().filter_map(nearest).collect()
         };
         Self {
             time_s: poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect(),

@@ -21,8 +21,9 @@ pub(super) fn pair(plane: &StandardPlane, result: &PlaneScore, reference: &Refer
         return String::new();
     };
     let measured: Vec<_> = result.measures.iter().map(|m| m.measured.clone()).collect();
+    let probe = result.best_probe.unwrap_or(*reference.probe);
     let mut out = "<div class=\"row\">".to_owned();
-    out.push_str(&figure("At the best moment", view, pose, &measured, reference));
+    out.push_str(&figure("At the best moment", view, pose, &measured, &probe, reference));
     let perfect = reference.skin.and_then(|skin| view.pose_on(skin, PRESS_MM));
     if let Some(perfect) = perfect {
         let depth_mm = perfect.position_mm.distance(view.centre_mm);
@@ -32,13 +33,20 @@ pub(super) fn pair(plane: &StandardPlane, result: &PlaneScore, reference: &Refer
             measure(c, reference.surfaces.get(&c.surface)?, far, &perfect, slice)
         };
         let measured: Vec<_> = view.calipers.iter().map(cut).collect();
-        out.push_str(&figure("The standard plane", view, &perfect, &measured, reference));
+        out.push_str(&figure("The standard plane", view, &perfect, &measured, reference.probe, reference));
     }
     out + "</div>\n"
 }
 
-fn figure(caption: &str, view: &View, pose: &Pose, measured: &[Option<Measured>], reference: &Reference<'_>) -> String {
-    let sector = Sector::fit(reference.probe, 400, 300);
+fn figure(
+    caption: &str,
+    view: &View,
+    pose: &Pose,
+    measured: &[Option<Measured>],
+    probe: &Probe,
+    reference: &Reference<'_>,
+) -> String {
+    let sector = Sector::fit(probe, 400, 300);
     let size = DVec2::new(f64::from(sector.width), f64::from(sector.height)) * sector.pixel_mm;
     let corner = sector.corner_mm;
     let mut out = format!(
@@ -47,7 +55,7 @@ fn figure(caption: &str, view: &View, pose: &Pose, measured: &[Option<Measured>]
         corner.y,
         size.x,
         size.y,
-        points(&outline(reference.probe))
+        points(&outline(probe))
     );
     let is_measured =
         |name: &str| view.calipers.iter().any(|c| c.surface == name || c.far_surface.as_deref() == Some(name));
@@ -65,7 +73,7 @@ fn figure(caption: &str, view: &View, pose: &Pose, measured: &[Option<Measured>]
         let _ = write!(
             out,
             "<path class=\"line {class}\" d=\"{}\"><title>{}</title></path>",
-            path(&Section::of(mesh, pose, 0.0), reference.probe),
+            path(&Section::of(mesh, pose, 0.0), probe),
             escape(name)
         );
     }
