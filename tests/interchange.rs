@@ -440,6 +440,12 @@ fn a_replay_does_what_the_recorded_session_did_and_each_part_can_be_left_out() {
     };
     let (whole, changes, xs, _) = replay(&set, &station, "set", &[]);
     assert_eq!(changes, 3);
+    let file: Value = serde_json::from_slice(&fs::read(dir.path().join("set/replay.json")).unwrap()).unwrap();
+    let parts: Vec<_> = file["parts"].as_array().unwrap().iter().collect();
+    assert_eq!(parts.iter().map(|part| part["frames"].as_u64().unwrap()).sum::<u64>(), 11);
+    assert_eq!(parts.iter().map(|part| part["first"].as_u64().unwrap()).collect::<Vec<_>>(), [0, 3, 5, 8]);
+    assert_eq!((&parts[1]["gain_db"], &parts[2]["probe"]["depth_mm"]), (&6.0.into(), &60.0.into()));
+    assert_eq!((&parts[2]["quality"]["rays"], &parts[3]["probe"]["focus_mm"]), (&2.into(), &30.0.into()));
     // Frozen from 250 to 750 ms at the pose of 200 ms, then on with the probe.
     assert!(xs[3..8].iter().all(|x| *x == xs[2]) && xs[8] > xs[2] + 5.0, "{xs:?}");
     for (name, speed) in [("again", "max"), ("paced", "30")] {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use insonify::render::ImageSettings;
 use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord, ProbeRecord, QualityRecord};
 use insonify::sink::png::{self, Effort};
@@ -53,7 +54,7 @@ Files:
   video.mp4 or video.y4m      MP4 where ffmpeg is on the PATH, else uncompressed
   segmentation/, attenuation/ with --maps
   mask.png, tissues.json      what all frames share; mask_00123.png where the depth changes at frame 123
-  replay.json                 counts, times, and each frame's time and pose
+  replay.json                 counts, times, the settings of each stretch of frames, and each frame's time and pose
 
 Example:
   insonify replay assets/exams/obstetric_sweep.mcap configs/obstetric.toml --fps 10 --frames 20..60 --out out/sweep";
@@ -74,6 +75,8 @@ struct Report<'a> {
     held: usize,
     /// How often the recorded session changed the settings among these frames.
     changes: usize,
+    /// Stretches of frames with the same settings, in their order.
+    parts: Vec<PartEntry>,
     /// Frames with crossings that did not fit the buffers.
     overflowed: usize,
     /// Whole command from the first submitted frame to the last written one, s.
@@ -106,6 +109,37 @@ pub(crate) struct RecordingReport<'a> {
     sequence_reversals: u64,
     time_reversals: u64,
     other_sensors: u64,
+}
+
+/// Frames that were rendered with the same settings.
+#[derive(Serialize)]
+struct PartEntry {
+    /// Index of the first.
+    first: usize,
+    /// How many.
+    frames: usize,
+    probe: ProbeRecord,
+    quality: QualityRecord,
+    dynamic_range_db: f64,
+    gain_db: f64,
+    tgc_db_per_cm: f64,
+    tgc_sliders_db: [f64; 8],
+}
+
+impl From<&Part> for PartEntry {
+    fn from(Part { frames, probe, settings }: &Part) -> Self {
+        let ImageSettings { dynamic_range_db, gain_db, tgc_db_per_cm, tgc_sliders_db, .. } = settings.image;
+        Self {
+            first: frames.start,
+            frames: frames.len(),
+            probe: ProbeRecord::from(probe),
+            quality: QualityRecord::from(settings),
+            dynamic_range_db,
+            gain_db,
+            tgc_db_per_cm,
+            tgc_sliders_db,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -215,6 +249,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         rendered: end - start,
         held: timeline.held_in(start..end),
         changes: replay.changes(),
+        parts: replay.parts.iter().map(PartEntry::from).collect(),
         overflowed,
         wall_s,
         behind_s: pace.behind_s(),

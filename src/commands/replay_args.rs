@@ -7,7 +7,7 @@ use std::str::FromStr;
 use anyhow::anyhow;
 use clap::Args;
 use insonify::anatomy::Scene;
-use insonify::pipeline::{ReplayedControls, ReplayedPoses, same_picture};
+use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses, same_picture};
 use insonify::pose::{Estimator, Pose};
 use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
 use insonify::sink::FrameRate;
@@ -127,10 +127,28 @@ impl ReplayArgs {
         for reason in controls.refused() {
             eprintln!("warning: {}: {reason}", self.recording.display());
         }
+        self.say_others(&controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
         let parts = self.parts(&controls, &live, frames.clone())?;
         Ok(Replay { station, rate, summary, timeline, frames, parts })
+    }
+
+    /// Says where the recorded session began with other settings than the station's.
+    fn say_others(&self, controls: &ReplayedControls) {
+        let mut others = controls.others_at_start();
+        // What is chosen here is no surprise.
+        others.retain(|other| self.quality.is_none() || !matches!(&*other.key, "rays" | "layers"));
+        if others.is_empty() {
+            return;
+        }
+        let text = |OtherSetting { key, recorded, here }: &OtherSetting| format!("{key} {recorded} (station: {here})");
+        let others: Vec<String> = others.iter().map(text).collect();
+        eprintln!(
+            "{}: the recorded session began with other settings than the station's: {}; --ignore-controls leaves the station's",
+            self.recording.display(),
+            others.join(", ")
+        );
     }
 
     fn timeline(&self, station: &Station, rate: FrameRate) -> Result<(Timeline, RecordingSummary), Failure> {

@@ -48,7 +48,7 @@ pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
-pub use replayed::{ReplayedControls, ReplayedPoses};
+pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
 pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;

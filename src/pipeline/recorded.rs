@@ -12,7 +12,7 @@ use crate::sink::live::LiveSettings;
 use crate::tracker::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
 
 /// Name of the events at which settings change.
-const SETTINGS_EVENT: &str = "settings";
+pub(super) const SETTINGS_EVENT: &str = "settings";
 
 /// Hands what a session does to its recorder.
 pub struct RecordingObserver(pub RecorderHandle);

@@ -1,8 +1,9 @@
 //! A recorded session without a clock: what a live one knew at a time, the same however fast it is asked.
 
 use glam::DVec3;
+use serde_json::Value;
 
-use super::recorded::settings_after;
+use super::recorded::{SETTINGS_EVENT, settings_after, settings_value};
 use crate::pose::{Estimator, Measurement, Pose, Reading, TrackingState};
 use crate::render::{Quality, RenderSettings};
 use crate::sink::live::LiveSettings;
@@ -70,21 +71,44 @@ pub struct ReplayedControls {
     /// What holds from a time on, ns since 1970 (UTC), ascending.
     changes: Vec<(u64, LiveSettings)>,
     next: usize,
+    /// What the session itself said that it began with.
+    first: Option<LiveSettings>,
     refused: Vec<String>,
 }
+
+/// A setting that a recorded session began with and that its replay has otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OtherSetting {
+    /// Its name in the recording's events.
+    pub key: String,
+    /// Value in the recorded session.
+    pub recorded: Value,
+    /// Value here.
+    pub here: Value,
+}
+
+/// Names of settings that change no rendered picture.
+const NOT_RENDERED: [&str; 2] = ["frozen", "enhance"];
 
 impl ReplayedControls {
     /// Of a session that began with `probe` and `settings`; `events` may tell of others at its start already.
     pub fn new(probe: &Probe, settings: &RenderSettings, events: &[Event]) -> Self {
         let begin = super::controls::live_settings(probe, settings, false, false);
-        let mut replayed =
-            Self { probe: *probe, settings: *settings, live: begin, changes: Vec::new(), next: 0, refused: Vec::new() };
+        let (probe, settings) = (*probe, *settings);
+        let (changes, refused) = (Vec::new(), Vec::new());
+        let mut replayed = Self { probe, settings, live: begin, changes, next: 0, first: None, refused };
         let mut events: Vec<&Event> = events.iter().collect();
         events.sort_by_key(|event| event.host_time_ns);
         let mut last = begin;
         for event in events {
             let Some(changed) = settings_after(event, &last) else { continue };
-            match changed.and_then(|live| replayed.apply(&live).map(|_| live)) {
+            let changed = changed.and_then(|live| replayed.apply(&live).map(|_| live));
+            if let (None, Ok(live)) = (replayed.first, &changed)
+                && names_all(event, &begin)
+            {
+                replayed.first = Some(*live);
+            }
+            match changed {
                 Ok(live) if live != last => {
                     last = live;
                     replayed.changes.push((event.host_time_ns, live));
@@ -94,6 +118,21 @@ impl ReplayedControls {
             }
         }
         replayed
+    }
+
+    /// What the session began with other than `probe` and `settings` say; nothing where its recording does not tell.
+    pub fn others_at_start(&self) -> Vec<OtherSetting> {
+        let Some(first) = &self.first else { return Vec::new() };
+        let here = super::controls::live_settings(&self.probe, &self.settings, false, false);
+        let (Value::Object(first), Value::Object(mut here)) = (settings_value(first), settings_value(&here)) else {
+            return Vec::new();
+        };
+        let others = first.into_iter().filter_map(|(key, recorded)| {
+            let here = here.remove(&key)?;
+            let differs = !NOT_RENDERED.contains(&&*key) && !is_same(&recorded, &here);
+            differs.then_some(OtherSetting { key, recorded, here })
+        });
+        others.collect()
     }
 
     /// How often anything was set.
@@ -129,10 +168,27 @@ impl ReplayedControls {
     }
 }
 
+/// Whether `event` holds every setting, as a session says them at its start.
+fn names_all(event: &Event, settings: &LiveSettings) -> bool {
+    let named = event.value.as_ref().and_then(Value::as_object).filter(|_| event.name == SETTINGS_EVENT);
+    let all = settings_value(settings);
+    named.is_some_and(|named| all.as_object().is_some_and(|all| all.keys().all(|key| named.contains_key(key))))
+}
+
+/// Whether two settings are one: reading a number may cost its last bit.
+fn is_same(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same(a, b)),
+        _ => match (a.as_f64(), b.as_f64()) {
+            (Some(a), Some(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),
+            _ => a == b,
+        },
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::recorded::settings_value;
     use crate::pose::Settings;
 
     const MS: u64 = 1_000_000;
@@ -209,5 +265,24 @@ mod tests {
         assert_eq!(last, louder);
         let (probe, settings) = controls.apply(&last).unwrap();
         assert_eq!((probe.depth_mm, settings.quality.rays, settings.quality.seed), (90.0, 4, 0));
+    }
+
+    #[test]
+    fn what_a_session_began_with_is_compared_with_its_station() {
+        let (probe, settings) = (Probe::default(), RenderSettings::default());
+        let begin = super::super::controls::live_settings(&probe, &settings, false, true);
+        let others = |events: &[Event]| ReplayedControls::new(&probe, &settings, events).others_at_start();
+        let event = |ms: u64, live: &LiveSettings| Event::new(START + ms * MS, "settings").with(settings_value(live));
+        let mut other = LiveSettings { depth_mm: 90.0, ..begin };
+        other.image.tgc_sliders_db[3] = 2.5;
+        // One that changes a single setting is no start; later ones aren't, either.
+        let single = Event::new(START, "settings").with(serde_json::json!({"gain_db": 6.0}));
+        assert_eq!(others(&[single, event(1, &begin), event(2, &other)]), []);
+        let mut keys: Vec<String> = others(&[event(1, &other), event(2, &begin)]).into_iter().map(|o| o.key).collect();
+        keys.sort_unstable();
+        assert_eq!(keys, ["depth_mm", "tgc_sliders_db"]);
+        let found = others(&[event(1, &other)]);
+        let depth = found.iter().find(|other| other.key == "depth_mm").unwrap();
+        assert_eq!((depth.recorded.as_f64(), depth.here.as_f64()), (Some(90.0), Some(probe.depth_mm)));
     }
 }

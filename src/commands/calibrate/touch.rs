@@ -99,9 +99,23 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<NamedPoint>, Failur
     }
 }
 
+/// What is calibrated already: what the station's file says, where `out` says nothing. Either may not be there yet.
+fn calibration(station: Option<&Path>, out: &Path) -> Result<Calibration, Failure> {
+    let mut found = Calibration::default();
+    for path in station.into_iter().chain([out]).filter(|path| path.exists()) {
+        let Calibration { scene_from_tracker, sensor_from_probe, stylus_tip_mm } = Calibration::load(path)?;
+        found = Calibration {
+            scene_from_tracker: scene_from_tracker.or(found.scene_from_tracker),
+            sensor_from_probe: sensor_from_probe.or(found.sensor_from_probe),
+            stylus_tip_mm: stylus_tip_mm.or(found.stylus_tip_mm),
+        };
+    }
+    Ok(found)
+}
+
 /// What touches, in the frame of its sensor, mm, and its name.
 fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure> {
-    let calibration = if file.exists() { Calibration::load(file)? } else { Calibration::default() };
+    let calibration = calibration(station.calibration.path.as_deref(), file)?;
     if let Some(tip) = calibration.stylus_tip_mm {
         return Ok((tip.value, "the tip of the stylus"));
     }
@@ -110,7 +124,7 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
         return Ok((probe.position_mm, "the centre of the probe's face"));
     }
     eprintln!(
-        "warning: {} knows neither the tip of a stylus nor where the probe is at its sensor (`insonify calibrate pivot` finds both): the sensor itself must touch",
+        "warning: neither the station's calibration nor {} knows the tip of a stylus or where the probe is at its sensor (`insonify calibrate pivot` finds both): the sensor itself must touch",
         file.display()
     );
     Ok((DVec3::ZERO, "the sensor"))
@@ -178,6 +192,8 @@ fn ask(
 
 #[cfg(test)]
 mod tests {
+    use insonify::pose::calibration::Fitted;
+
     use super::*;
 
     fn points() -> Vec<NamedPoint> {
@@ -199,6 +215,23 @@ mod tests {
             Err(other) => panic!("{other:?}"),
         };
         (result, tried)
+    }
+
+    #[test]
+    fn the_stations_calibration_holds_where_the_new_one_is_silent() {
+        let dir = tempfile::tempdir().unwrap();
+        let [ours, out] = ["station.toml", "out.toml"].map(|name| dir.path().join(name));
+        let tip = |station: Option<&Path>| calibration(station, &out).unwrap().stylus_tip_mm.map(|tip| tip.value);
+        assert_eq!((tip(None), tip(Some(&ours))), (None, None));
+        let write = |path: &Path, calibration: Calibration| std::fs::write(path, calibration.to_toml()).unwrap();
+        let stylus =
+            |z: f64| Calibration { stylus_tip_mm: Some(Fitted::known(DVec3::Z * z)), ..Calibration::default() };
+        write(&ours, stylus(120.0));
+        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
+        write(&out, Calibration::default());
+        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
+        write(&out, stylus(90.0));
+        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 90.0));
     }
 
     #[test]
