@@ -116,8 +116,8 @@ impl Motion {
             }
         }
         if let Some(drift) = &self.drift {
-            let wrong = (!(drift.way_mm.length() <= 50.0))
-                .then(|| ("way_mm", f64::from(drift.way_mm.length()), "at most 50 mm long"));
+            let length = drift.way_mm.length();
+            let wrong = (!(0.0..=50.0).contains(&length)).then(|| ("way_mm", f64::from(length), "at most 50 mm long"));
             if let Some((key, value, right)) = wrong.or(drift.rhythm.wrong()) {
                 return Err(MotionError::Value { field: "drift".to_owned(), key, value, right });
             }

@@ -224,7 +224,8 @@ mod tests {
         for shape in SHAPES {
             for p in grid() {
                 // Beside a limb that swings is fluid; there the field is sheared.
-                if matches!(shape, Shape::Swing { radius_mm, .. } if p.with_y(0.0).length() > 0.9 * radius_mm || p.y > 40.0) {
+                if matches!(shape, Shape::Swing { radius_mm, .. } if p.with_y(0.0).length() > 0.9 * radius_mm || p.y > 40.0)
+                {
                     continue;
                 }
                 for amounts in [[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]] {

@@ -147,7 +147,7 @@ impl Placenta {
     }
 
     /// How far `p` is from the border between two lobes, about, mm, seen from the wall.
-    fn from_lobe_border(&self, p: Vec3) -> f32 {
+    fn lobe_border_distance(&self, p: Vec3) -> f32 {
         let [a, b] = self.tangents();
         let at = Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b));
         let (mut nearest, mut second) = (f32::MAX, f32::MAX);
@@ -181,7 +181,7 @@ impl Placenta {
         });
         let own = self.clone();
         let lobed = lens.displaced(LOBES_MM, move |p| {
-            LOBES_MM * (own.from_lobe_border(p) * (2.0 / LOBE_22_MM)).clamp(0.0, 1.0).sqrt() - 0.6 * LOBES_MM
+            LOBES_MM * (own.lobe_border_distance(p) * (2.0 / LOBE_22_MM)).clamp(0.0, 1.0).sqrt() - 0.6 * LOBES_MM
         });
         lobed.smooth_intersect(seated, 3.0).smooth_subtract(fetus.grown(FETAL_GAP_MM), 5.0)
     }
@@ -199,7 +199,7 @@ impl Placenta {
             let depth = -own.cavity.distance_mm(p);
             // Wedges: widest at the basal plate.
             let half_width = 0.85 * (1.0 - depth / reach);
-            if half_width < -2.0 { d } else { d.max(0.9 * (half_width - own.from_lobe_border(p))) }
+            if half_width < -2.0 { d } else { d.max(0.9 * (half_width - own.lobe_border_distance(p))) }
         })
     }
 
