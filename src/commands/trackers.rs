@@ -8,7 +8,7 @@ use clap::Parser;
 use insonify::pose::Reading;
 use insonify::station::Station;
 use insonify::tracker::devices::{self, HidDevice, SerialDevice};
-use insonify::tracker::{Monitor, PortName, Report, SessionState, Settings, Transport, spawn};
+use insonify::tracker::{Monitor, Report, SessionState, Settings, Transport, spawn};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 
@@ -265,7 +265,7 @@ fn hint(settings: &Settings) {
         && let Ok(ports) = devices::serial_ports()
     {
         let used = |device: &&SerialDevice| match port {
-            PortName::Path(path) => device.path == *path || device.by_id.as_deref() == Some(path),
+            insonify::tracker::PortName::Path(path) => device.path == *path || device.by_id.as_deref() == Some(path),
             usb => device.usb.as_ref().is_some_and(|u| usb.is(u.vendor, u.product, u.serial.as_deref())),
         };
         if let Some(hint) = ports.iter().find(used).and_then(devices::latency_hint) {

@@ -1,6 +1,6 @@
 //! What a live station shows, and what comes back from those who watch.
 //!
-//! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`](std::sync::Arc) that the presenter
+//! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`] that the presenter
 //! reuses once all sinks have dropped it: a sink that keeps a frame for long makes the presenter take another one.
 
 use std::sync::Arc;
