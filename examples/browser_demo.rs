@@ -145,23 +145,7 @@ impl Demo {
             frozen: false,
             enhance: false,
         };
-        let shown = PresentedFrame {
-            number: 0,
-            source: FrameSource::LowQuality,
-            width: 0,
-            height: 0,
-            pixel_mm: 0.0,
-            image: Vec::new(),
-            segmentation: Vec::new(),
-            attenuation: Vec::new(),
-            mask: Vec::new(),
-            pose: None,
-            tracking: TrackingState::Good,
-            timeline: FrameTimeline::default(),
-            settings: live,
-            tier: None,
-            notice: None,
-        };
+        let shown = PresentedFrame { tracking: TrackingState::Good, ..PresentedFrame::empty(live) };
         let (frame, started) = (Frame::default(), Instant::now());
         Ok(Self { station, renderer, live, frame, shown, started })
     }
