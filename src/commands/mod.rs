@@ -18,6 +18,7 @@ mod phantom;
 mod plane_scene;
 mod planes;
 mod progress;
+mod qa;
 mod quality;
 mod record;
 mod render;
@@ -83,6 +84,7 @@ enum Command {
     Planes(planes::Args),
     Exam(exam::Args),
     Score(score::Args),
+    Qa(qa::Args),
     Calibrate(calibrate::Args),
     Generator(generator::Args),
     Tissues(tissues::Args),
@@ -107,6 +109,7 @@ impl Cli {
             Command::Planes(args) => planes::run(args),
             Command::Exam(args) => exam::run(args),
             Command::Score(args) => score::run(args),
+            Command::Qa(args) => qa::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Generator(args) => generator::run(args),
             Command::Tissues(args) => tissues::run(args),

@@ -62,6 +62,14 @@ pub fn write_with(
     commit(file, path)
 }
 
+/// Writes `text` as it is.
+///
+/// # Errors
+/// An I/O error that names `path`.
+pub fn write_text(path: &Path, text: &str) -> Result<(), SinkError> {
+    write_with(path, |w| w.write_all(text.as_bytes()).map_err(SinkError::io(path)))
+}
+
 /// Writes `value` as indented JSON with a line break at the end.
 ///
 /// # Errors

@@ -35,7 +35,7 @@ mod live_kind;
 
 pub use contact_sheet::ContactSheet;
 pub use error::SinkError;
-pub use file::{create_dir, remove, write_json, write_with};
+pub use file::{create_dir, remove, write_json, write_text, write_with};
 pub use frame_files::FrameFiles;
 pub use frame_log::FrameLog;
 pub use frame_record::FrameRecord;
