@@ -75,7 +75,7 @@ pub struct Pair {
     pub depth_mm: f64,
     /// Centre to centre, mm.
     pub apart_mm: f64,
-    /// Least level between them below the weaker of the two, dB.
+    /// Least level between them along that direction below the weaker of the two, dB.
     pub dip_db: f64,
 }
 
@@ -224,28 +224,35 @@ fn pairs(levels: &Levels, depth: f32) -> Vec<Pair> {
     let both = along("axial", true).into_iter().chain(along("lateral", false));
     both.map(|(direction, a, b)| {
         let apart_mm = f64::from(if direction == "axial" { b.1 - a.1 } else { a.0 - b.0 });
-        Pair { direction, depth_mm: depth.into(), apart_mm, dip_db: dip_db(levels, a, b) }
+        Pair { direction, depth_mm: depth.into(), apart_mm, dip_db: dip_db(levels, direction, a, b) }
     })
     .collect()
 }
 
-/// Least level on the straight line between two wires below the weaker of their peaks, dB.
-fn dip_db(levels: &Levels, a: (f32, f32), b: (f32, f32)) -> f64 {
+/// Dip between two wires, dB: the brightest level across the direction of interest, along it, has a peak at either wire;
+/// how far its least value between them is below the weaker. 0 where they are one peak.
+fn dip_db(levels: &Levels, direction: &str, a: (f32, f32), b: (f32, f32)) -> f64 {
     // A wire's echo is that of its upper side.
     let centre = |(x, z): (f32, f32)| DVec2::new(x.into(), f64::from(z) + 0.1);
     let (from, to) = (centre(a), centre(b));
-    let samples = 400;
-    let along: Vec<f64> = (0..=samples)
-        .map(|i| levels.db_at(from + (to - from) * (f64::from(i) / f64::from(samples) * 1.4 - 0.2)))
-        .collect();
-    let peak = |range: std::ops::Range<usize>| {
-        let top = range.clone().max_by(|&i, &j| along[i].total_cmp(&along[j])).unwrap_or(range.start);
-        (top, along[top])
+    let (axis, across) = if direction == "axial" { (DVec2::Y, DVec2::X) } else { (DVec2::X, DVec2::Y) };
+    let (low, high) = (from.min(to), from.max(to));
+    let (start, end) = (low.dot(axis), high.dot(axis));
+    // Half the gap beyond either wire, so that each peak is inside and no neighbour is.
+    let margin = (0.5 * (end - start)).min(0.4);
+    let (side_from, side_to) = (low.dot(across) - 0.3, high.dot(across) + 0.3);
+    let steps = |from: f64, to: f64, step: f64| {
+        let n = ((to - from) / step).ceil().max(1.0) as u32;
+        (0..=n).map(move |i| from + (to - from) * f64::from(i) / f64::from(n))
     };
+    let along: Vec<f64> = steps(start - margin, end + margin, 0.02)
+        .map(|t| steps(side_from, side_to, 0.05).map(|s| levels.db_at(axis * t + across * s)).fold(f64::MIN, f64::max))
+        .collect();
     let half = along.len() / 2;
-    let ((i, first), (j, second)) = (peak(0..half), peak(half..along.len()));
+    let top = |range: std::ops::Range<usize>| range.max_by(|&i, &j| along[i].total_cmp(&along[j])).unwrap_or(half);
+    let (i, j) = (top(0..half), top(half..along.len()));
     let least = along[i..=j].iter().copied().fold(f64::INFINITY, f64::min);
-    first.min(second) - least
+    along[i].min(along[j]) - least
 }
 
 fn penetration(levels: &Levels, probe: &Probe) -> Penetration {
