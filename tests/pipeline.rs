@@ -486,6 +486,45 @@ fn maps_are_rendered_while_the_generator_is_at_work() {
     assert!(read.load(Ordering::Relaxed) > 100);
 }
 
+/// A generator that keeps the budget except between these times.
+struct Resting {
+    clock: Arc<dyn Clock>,
+    rests: std::ops::Range<Duration>,
+}
+
+impl Enhancer for Resting {
+    fn tier(&self) -> &str {
+        "resting"
+    }
+
+    fn ready(&mut self) -> bool {
+        !self.rests.contains(&self.clock.now())
+    }
+
+    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        assert_eq!([frame.segmentation.len(), frame.attenuation.len()], [PIXELS; 2], "a generator without its maps");
+        out.resize(PIXELS, 200);
+        Ok(())
+    }
+
+    fn terminator(&self) -> Option<Terminator> {
+        None
+    }
+}
+
+#[test]
+fn maps_are_not_rendered_while_the_generator_rests() {
+    let _guard = beside_others();
+    let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
+    let enhancer = Resting { clock: clock.clone(), rests: 2000 * MS..6000 * MS };
+    let with_maps = frames_with_maps(&clock, Some(Box::new(enhancer)), |_, _, _| {});
+    let without: Vec<u64> = (0..200).filter(|number| !with_maps.contains(number)).collect();
+    // 20 frames/s: frames 40 to 120, and those that were in flight when it woke.
+    assert!(with_maps.contains(&0) && with_maps.contains(&199), "{with_maps:?}");
+    assert!((40..=44).contains(&without[0]) && (118..=125).contains(without.last().unwrap()), "{without:?}");
+    assert!(without.len() >= 75, "{without:?}");
+}
+
 #[test]
 fn the_same_session_runs_the_same_way_each_time() {
     let _guard = beside_others();

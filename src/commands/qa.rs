@@ -96,15 +96,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         })
         .collect();
     let mut count = 0;
-    session::render_paced(&mut renderer, &poses, |_| 0.0, |_, frame| {
-        if first.is_empty() {
-            first.clone_from(&frame.bmode);
-        }
-        levels.add(&frame.bmode);
-        count += 1;
-        progress.set(count, usize::from(args.images));
-        Ok(())
-    })?;
+    session::render_paced(
+        &mut renderer,
+        &poses,
+        |_| 0.0,
+        |_, frame| {
+            if first.is_empty() {
+                first.clone_from(&frame.bmode);
+            }
+            levels.add(&frame.bmode);
+            count += 1;
+            progress.set(count, usize::from(args.images));
+            Ok(())
+        },
+    )?;
     drop(progress);
 
     let report = qa_phantom::measure(&levels, &station.probe);
@@ -155,7 +160,10 @@ fn write_tables(out: &mut String, report: &QaReport) -> std::fmt::Result {
         writeln!(out, "| {direction} | {depth:.0} | {want:.1} | {got:.2} | {off:+.2} % |")?;
     }
     writeln!(out, "\n## Resolution\n\nFull widths at half the amplitude of the wires of the vertical group.\n")?;
-    writeln!(out, "| depth, mm | lateral, mm | beam and wire, mm | axial, mm | pulse and wire, mm |\n|---|---|---|---|---|")?;
+    writeln!(
+        out,
+        "| depth, mm | lateral, mm | beam and wire, mm | axial, mm | pulse and wire, mm |\n|---|---|---|---|---|"
+    )?;
     for w in &report.widths {
         writeln!(
             out,
@@ -186,5 +194,8 @@ fn write_tables(out: &mut String, report: &QaReport) -> std::fmt::Result {
         p.seen_mm, p.slope_db_cm
     )?;
     writeln!(out, "| depth, mm | level above black, dB |\n|---|---|")?;
-    p.levels.iter().filter(|(depth, _)| depth % 10.0 == 0.0).try_for_each(|(d, db)| writeln!(out, "| {d:.0} | {db:.1} |"))
+    p.levels
+        .iter()
+        .filter(|(depth, _)| depth % 10.0 == 0.0)
+        .try_for_each(|(d, db)| writeln!(out, "| {d:.0} | {db:.1} |"))
 }

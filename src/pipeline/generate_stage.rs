@@ -1,5 +1,6 @@
 //! Runs the generator beside the renderer.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -76,11 +77,18 @@ pub(super) struct GeneratorLink {
     pub(super) state: Mutex<GeneratorState>,
     terminator: Option<Terminator>,
     hang: Duration,
+    /// Whether it takes no frames: after failures, or while no tier keeps the budget.
+    rests: AtomicBool,
 }
 
 impl GeneratorLink {
     pub(super) fn new(enhancer: &dyn Enhancer, hang: Duration) -> Self {
-        Self { state: Mutex::default(), terminator: enhancer.terminator(), hang }
+        Self { state: Mutex::default(), terminator: enhancer.terminator(), hang, rests: AtomicBool::new(false) }
+    }
+
+    /// Whether frames need maps for it.
+    pub(super) fn reads_maps(&self) -> bool {
+        !self.rests.load(Ordering::Relaxed)
     }
 
     /// When the picture of frame `number`, which the generator was given, may be expected.
@@ -174,7 +182,10 @@ impl GenerateStage {
         let mut pool: Option<Pool<Generated>> = None;
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
-            if self.clock.now() < health.resting_until || !self.enhancer.ready() {
+            let rests = self.clock.now() < health.resting_until || !self.enhancer.ready();
+            self.link.rests.store(rests, Ordering::Relaxed);
+            // The first frames after a rest were rendered without the maps that it reads.
+            if rests || !rendered.maps {
                 lock(&self.link.state).counts.dropped += 1;
                 continue;
             }

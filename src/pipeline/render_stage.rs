@@ -8,6 +8,7 @@ use super::clock::Clock;
 use super::controls::Controls;
 use super::events::Events;
 use super::frames::Pool;
+use super::generate_stage::GeneratorLink;
 use super::metrics::{Metrics, count};
 use super::pace::Pace;
 use super::parts::{FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory};
@@ -31,6 +32,7 @@ struct InFlight {
     sample: PoseSample,
     timeline: FrameTimeline,
     settings: LiveSettings,
+    maps: bool,
     /// When it is expected to be done.
     expected: Duration,
 }
@@ -55,6 +57,7 @@ pub(super) struct RenderParts {
     pub(super) controls: Controls,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
+    pub(super) generator: Option<Arc<GeneratorLink>>,
     /// Sinks that may read segmentation and attenuation.
     pub(super) map_readers: Vec<MapsWanted>,
     pub(super) period: Duration,
@@ -64,7 +67,8 @@ pub(super) struct RenderParts {
 impl RenderParts {
     /// Whether the generator or a sink reads the maps of a frame that is submitted now.
     fn maps_wanted(&self, settings: &LiveSettings) -> bool {
-        (self.to_generator.is_some() && settings.enhance) || self.map_readers.iter().any(|wanted| wanted())
+        let generator = self.generator.as_ref().is_some_and(|link| link.reads_maps());
+        (generator && settings.enhance) || self.map_readers.iter().any(|wanted| wanted())
     }
 }
 
@@ -152,7 +156,7 @@ impl RenderStage {
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);
-                        self.in_flight.push_back(InFlight { number, sample, timeline, settings, expected });
+                        self.in_flight.push_back(InFlight { number, sample, timeline, settings, maps, expected });
                     }
                     Err(fault) => {
                         self.pace.ticked(now);
@@ -276,7 +280,7 @@ impl RenderStage {
     fn without_picture(&mut self, number: u64, sample: &PoseSample, timeline: FrameTimeline) {
         let sample = PoseSample { scene_from_probe: None, ..*sample };
         let settings = self.parts.controls.live();
-        let begun = InFlight { number, sample, timeline, settings, expected: Duration::ZERO };
+        let begun = InFlight { number, sample, timeline, settings, maps: true, expected: Duration::ZERO };
         let filled = self.pool.fill(|rendered| {
             blacken(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner), self.shape);
             describe(rendered, &begun, &self.parts, self.shape);
@@ -365,4 +369,5 @@ fn describe(rendered: &mut Rendered, begun: &InFlight, parts: &RenderParts, shap
     rendered.timeline = FrameTimeline { rendered: parts.clock.now(), ..begun.timeline };
     rendered.deadline = begun.timeline.sampled.saturating_add(parts.budget);
     rendered.settings = begun.settings;
+    rendered.maps = begun.maps;
 }

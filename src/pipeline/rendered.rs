@@ -27,6 +27,8 @@ pub(super) struct Rendered {
     pub(super) deadline: Duration,
     /// Settings it was made with.
     pub(super) settings: LiveSettings,
+    /// Whether it was rendered with its maps.
+    pub(super) maps: bool,
 }
 
 impl Rendered {
@@ -41,6 +43,7 @@ impl Rendered {
             timeline: FrameTimeline::default(),
             deadline: Duration::ZERO,
             settings,
+            maps: false,
         }
     }
 }

@@ -229,6 +229,7 @@ impl Pipeline {
             controls: Controls::new(parts.controls, parts.probe, parts.render, has_generator),
             to_presenter: to_presenter.clone(),
             to_generator: to_generator.clone(),
+            generator: generator.clone(),
             map_readers,
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
             budget: seconds(settings.budget_ms),

@@ -67,7 +67,8 @@ impl Levels {
 
     /// Median over the columns of the mean level of the rows within `half_mm` of a depth, dB above black.
     pub fn median_row_db(&self, depth_mm: f64, half_mm: f64) -> f64 {
-        let middle = DVec2::new(self.sector.corner_mm.x + 0.5 * f64::from(self.sector.width) * self.sector.pixel_mm, depth_mm);
+        let middle =
+            DVec2::new(self.sector.corner_mm.x + 0.5 * f64::from(self.sector.width) * self.sector.pixel_mm, depth_mm);
         let half = DVec2::new(f64::from(self.sector.width) * self.sector.pixel_mm, half_mm);
         let width = self.sector.width as usize;
         let mut columns = vec![(0.0, 0.0); width];

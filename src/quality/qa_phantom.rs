@@ -129,7 +129,11 @@ pub fn measure(levels: &Levels, probe: &Probe) -> QaReport {
             .filter(|&(_, depth)| seen(depth + 3.0))
             .map(|place| widths(levels, probe, place))
             .collect(),
-        pairs: qa::RESOLUTION_DEPTHS_MM.into_iter().filter(|&d| seen(d + 12.0)).flat_map(|d| pairs(levels, d)).collect(),
+        pairs: qa::RESOLUTION_DEPTHS_MM
+            .into_iter()
+            .filter(|&d| seen(d + 12.0))
+            .flat_map(|d| pairs(levels, d))
+            .collect(),
         penetration: penetration(levels, probe),
     }
 }
