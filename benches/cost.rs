@@ -1,0 +1,151 @@
+//! Cost curves: the time of a frame against triangles, rays, layers, axial samples, scanlines and image size, each alone,
+//! with the exponent of the best power law.
+//!
+//! `cargo bench --bench cost` (about three minutes on two cores); `cargo bench --bench cost -- rays layers` measures those
+//! alone. Triangles are those of 32 spheres that fill the view, the same places at each count; everything else is over the
+//! obstetric phantom. A figure is the median over poses of the device's time stamps.
+
+// A benchmark that cannot be set up has nothing to measure.
+#![allow(clippy::expect_used)]
+
+use std::path::{Path, PathBuf};
+
+use etcetera::BaseStrategy;
+use glam::{DVec3, Vec3};
+use insonify::anatomy::analytic::{Part, joined, scene, sphere};
+use insonify::anatomy::{Scene, TissueTable, phantom};
+use insonify::pose::Pose;
+use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
+use insonify::station::Station;
+use insonify::tracker::recording;
+use insonify::transducer::Probe;
+
+/// Frames for each point, after one that warms up.
+const FRAMES: usize = 7;
+
+/// One point of a curve: what was varied, and the device's time of a frame and of its most expensive passes, ms.
+struct Point {
+    x: f64,
+    total_ms: f64,
+    passes: Vec<(&'static str, f64)>,
+}
+
+fn main() {
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w == name);
+    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
+    println!("{} ({})", gpu.adapter_name(), gpu.driver());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let station = Station::load(&root.join("configs/obstetric.toml")).expect("the obstetric station");
+
+    if is_wanted("triangles") {
+        triangles(&gpu, &station.settings);
+    }
+    type Change = fn(&mut Probe, &mut RenderSettings, u32);
+    let curves: [(&str, &[u32], Change); 5] = [
+        ("rays", &[1, 2, 4, 8, 16, 32, 64], |_, s, n| s.quality = Quality { rays: n, ..s.quality }),
+        ("layers", &[1, 2, 3, 5, 9, 17], |_, s, n| s.quality = Quality { layers: n, ..s.quality }),
+        ("samples", &[384, 768, 1536, 3072, 6144], |p, _, n| p.samples = n),
+        ("scanlines", &[32, 64, 128, 256, 512], |p, _, n| p.scanlines = n),
+        ("image", &[250, 500, 1000, 2000], |_, s, n| (s.image.width, s.image.height) = (n * 1386 / 1000, n)),
+    ];
+    if curves.iter().all(|(name, ..)| !is_wanted(name)) {
+        return;
+    }
+    let scene = phantom_scene(&station);
+    let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
+    let poses: Vec<Pose> = (0..FRAMES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * FRAMES)].pose).collect();
+    let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &station.settings).expect("a renderer");
+    for (name, values, change) in curves.into_iter().filter(|(name, ..)| is_wanted(name)) {
+        let points = values.iter().filter_map(|&n| {
+            let (mut probe, mut settings) = (station.probe, station.settings);
+            change(&mut probe, &mut settings, n);
+            match renderer.reconfigure(&probe, &settings) {
+                Ok(()) => Some(measure(f64::from(n), &mut renderer, &poses)),
+                Err(error) => {
+                    println!("{name} = {n}: {error}");
+                    None
+                }
+            }
+        });
+        print(name, &points.collect::<Vec<_>>());
+    }
+}
+
+fn triangles(gpu: &Gpu, settings: &RenderSettings) {
+    let tissues = TissueTable::builtin().expect("the tissue table");
+    let pose = |i: usize| Pose { position_mm: DVec3::new(0.7 * i as f64, 0.3 * i as f64, 0.0), ..Pose::IDENTITY };
+    let poses: Vec<Pose> = (0..FRAMES).map(pose).collect();
+    let mut points = Vec::new();
+    for subdivisions in 1..=7 {
+        let spheres = (0..32u8).map(|i| {
+            let (column, row) = (f32::from(i % 8), f32::from(i / 8));
+            sphere(Vec3::new(20.0 * (column - 3.5), 0.0, 25.0 + 30.0 * row), 9.0, subdivisions)
+        });
+        let mesh = joined(spheres);
+        let count = mesh.triangles.len();
+        let part = Part { name: "spheres", tissue: "muscle", priority: 1, mesh };
+        let made = scene(vec![part], &tissues, "liver").expect("tissues of the table");
+        match Renderer::new(gpu, &made, &Probe::default(), settings) {
+            Ok(mut renderer) => points.push(measure(count as f64, &mut renderer, &poses)),
+            Err(error) => println!("{count} triangles: {error}"),
+        }
+    }
+    print("triangles", &points);
+}
+
+fn measure(x: f64, renderer: &mut Renderer, poses: &[Pose]) -> Point {
+    let mut frame = Frame::default();
+    renderer.render(&poses[0], &mut frame).expect("a frame");
+    let mut totals = Vec::new();
+    let mut passes: Vec<(&'static str, Vec<f64>)> = frame.times.passes.iter().map(|p| (p.name, Vec::new())).collect();
+    for pose in poses {
+        renderer.render(pose, &mut frame).expect("a frame");
+        totals.push(frame.times.passes.iter().map(|p| p.ms).sum());
+        for (sum, pass) in passes.iter_mut().zip(&frame.times.passes) {
+            sum.1.push(pass.ms);
+        }
+    }
+    let passes = passes.into_iter().map(|(name, times)| (name, median(times))).collect();
+    Point { x, total_ms: median(totals), passes }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// A table of one curve: Markdown.
+fn print(name: &str, points: &[Point]) {
+    let Some(last) = points.last() else { return };
+    let names: Vec<_> = last.passes.iter().map(|p| p.0).collect();
+    println!("\n| {name} | frame, ms | {} |", names.join(" | "));
+    println!("|---|---|{}", "---|".repeat(names.len()));
+    for point in points {
+        let passes: Vec<_> = point.passes.iter().map(|p| format!("{:.1}", p.1)).collect();
+        println!("| {} | {:.1} | {} |", point.x, point.total_ms, passes.join(" | "));
+    }
+    let exponents: Vec<_> = (0..names.len()).map(|i| format!("{:+.2}", exponent(points, |p| p.passes[i].1))).collect();
+    println!("| exponent | {:+.2} | {} |", exponent(points, |p| p.total_ms), exponents.join(" | "));
+}
+
+/// Slope of the least-squares line through (ln x, ln ms).
+fn exponent(points: &[Point], ms: impl Fn(&Point) -> f64) -> f64 {
+    let logs: Vec<(f64, f64)> = points.iter().map(|p| (p.x.ln(), ms(p).max(1e-4).ln())).collect();
+    let n = logs.len() as f64;
+    let (x, y) = (logs.iter().map(|p| p.0).sum::<f64>() / n, logs.iter().map(|p| p.1).sum::<f64>() / n);
+    let sxy: f64 = logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
+    let sxx: f64 = logs.iter().map(|p| (p.0 - x).powi(2)).sum();
+    sxy / sxx
+}
+
+/// The station's phantom, from the cache that the program uses.
+fn phantom_scene(station: &Station) -> Scene {
+    let cache = std::env::var_os("INSONIFY_CACHE").map(PathBuf::from).or_else(|| {
+        let strategy = etcetera::choose_base_strategy().ok()?;
+        Some(strategy.cache_dir().join("insonify"))
+    });
+    let path = phantom::cached(&cache.expect("a cache directory"), &phantom::PhantomOptions::default(), &|_| {})
+        .expect("the phantom");
+    station.load_scene_from(&path).expect("the phantom's scene")
+}
