@@ -71,18 +71,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 fn print(report: &Report) -> Result<(), Failure> {
-    let of = format!("{} surfaces, {} triangles", report.surfaces, thousands(report.triangles));
+    let count = |n: usize, name: &str| if n == 1 { format!("1 {name}") } else { format!("{} {name}s", thousands(n)) };
+    let of = format!("{}, {}", count(report.surfaces, "surface"), count(report.triangles, "triangle"));
     if report.findings.is_empty() {
         return output::line(format!("nothing is wrong: {of}"));
     }
     report.findings.iter().try_for_each(|finding| output::line(line(finding)))?;
-    let count = |severity, name: &str| {
-        let n = report.count(severity);
-        if n == 1 { format!("1 {name}") } else { format!("{n} {name}s") }
-    };
-    let [errors, warnings, notes] =
-        [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")]
-            .map(|(s, n)| count(s, n));
+    let of_severity = |severity, name| count(report.count(severity), name);
+    let errors = of_severity(Severity::Error, "error");
+    let (warnings, notes) = (of_severity(Severity::Warning, "warning"), of_severity(Severity::Note, "note"));
     output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))
 }
 

@@ -102,6 +102,8 @@ defects! {
     Duplicate = Warning, "remove the copy (Blender: Merge > By Distance removes doubled faces); look for an object duplicated in place";
     /// Triangles of a surface that pass through each other.
     SelfIntersection = Error, "unite the parts (Blender: Boolean > Union with Self Intersection, or Remesh), or make them objects of their own";
+    /// Many neighbouring triangles that fold through each other.
+    Crumpled = Warning, "smooth or remesh it (Blender: Sculpt > Remesh, or Smooth), or decimate it less";
     /// Walls that are one place to the tracer.
     ThinSheet = Warning, "make it thicker (Blender: Solidify): nothing thinner than 0.001 mm is seen";
     /// Surfaces of different tissues and one priority that overlap.
@@ -145,7 +147,7 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.at_mm;
         write!(f, "({x:.2}, {y:.2}, {z:.2}) mm")?;
-        if self.size_mm > 0.0 { write!(f, ", {} mm across", self.size_mm) } else { Ok(()) }
+        if self.size_mm > 0.0 { write!(f, ", {:.2} mm across", self.size_mm) } else { Ok(()) }
     }
 }
 

@@ -5,7 +5,8 @@
 //! normals or texture coordinates change: that is no defect. Surfaces of different tissues may overlap or touch.
 //!
 //! Overlaps, what is hidden, and thin sheets are looked for below up to 1024 triangles of each surface; all else at every
-//! triangle. A surface without an inside (open, for example) hides and overlaps nothing.
+//! triangle. Neighbouring triangles that fold through each other, and crossings of less than 0.1 mm, as decimation leaves
+//! them, are told where more than one triangle in a hundred has one. A surface without an inside (open, for example) hides and overlaps nothing.
 
 mod crossing;
 mod edges;
@@ -124,7 +125,8 @@ pub fn examine(
     // What is told by sizes in mm means nothing in another unit.
     let by_size = [Defect::Sliver, Defect::ThinSheet, Defect::BadCoordinates, Defect::StartsFar];
     findings.extend(of_surfaces);
-    findings.retain(|f| !(wrong_unit && by_size.contains(&f.defect) && !f.what.contains("NaN")));
+    findings
+        .retain(|f| !(wrong_unit && by_size.contains(&f.defect) && !f.what.contains("NaN") && !f.what.contains("inf")));
     findings.dedup();
     findings.sort_by_key(|f| f.severity);
     let bounds_mm = bounds.map(|(low, high)| [low.to_array(), high.to_array()]);

@@ -1,6 +1,6 @@
 //! Surfaces against each other: what hides what, and where two claim one place with one priority.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -16,9 +16,17 @@ const PROBES: usize = 1024;
 /// Part of a surface's probes that must be thin for it to be a sheet.
 const THIN_PART: f64 = 0.05;
 
+/// Most surfaces named that hide another.
+const HIDERS_NAMED: usize = 3;
+
 /// Looks at every closed surface among the others; findings by the index of the surface.
 pub(super) fn examine(patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
-    (0..patients.len()).into_par_iter().flat_map_iter(|index| one(index, patients, trees)).collect()
+    let mut found: Vec<(usize, Finding)> =
+        (0..patients.len()).into_par_iter().flat_map_iter(|index| one(index, patients, trees)).collect();
+    // Both of a pair tell a tie.
+    let mut told = BTreeSet::new();
+    found.retain(|(index, f)| f.defect != Defect::PriorityTie || told.insert((*index, f.what.clone())));
+    found
 }
 
 fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
@@ -30,37 +38,33 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
     if !thin.is_empty() && thin.len() as f64 >= THIN_PART * probes.len() as f64 {
         let least = thin.iter().map(|p| p.thickness_mm).fold(f64::INFINITY, f64::min);
         let what = format!("a sheet {least:.6} mm thick: entered and left at one place, it is not seen");
-        let place = Place::of(thin.iter().map(|p| p.point_mm.as_vec3()));
+        let place = Place::of(thin.iter().map(|p| p.points_mm[1].as_vec3()));
         found.push((index, Finding::new(Defect::ThinSheet, what).at([place])));
     }
-    let (mut hidden, mut ties) = (0, BTreeMap::<usize, Vec<Vec3>>::new());
-    let mut hiders = BTreeMap::<usize, usize>::new();
-    for probe in &probes {
-        let others = holding(probe.point_mm, patients, trees).filter(|&other| other != index);
+    let (mut seen, mut ties) = (false, BTreeMap::<usize, Vec<Vec3>>::new());
+    let mut hiders = BTreeSet::new();
+    for point in probes.iter().flat_map(|probe| probe.points_mm) {
         let mut hider = None;
-        for other in others {
+        for other in holding(point, patients, trees).filter(|&other| other != index) {
             let o = &patients[other];
             if rank(patients, other) > rank(patients, index) {
                 hider = Some(other);
             }
-            // Each pair is told once, about the later one: that wins.
             if o.priority == patient.priority && o.tissue_index != patient.tissue_index {
-                ties.entry(other).or_default().push(probe.point_mm.as_vec3());
+                ties.entry(other).or_default().push(point.as_vec3());
             }
         }
-        if let Some(other) = hider {
-            hidden += 1;
-            *hiders.entry(other).or_default() += 1;
-        }
+        seen |= hider.is_none();
+        hiders.extend(hider);
     }
-    if hidden > 0 && hidden == probes.len() {
-        let names: Vec<_> =
-            hiders.keys().map(|&i| format!("`{}` (priority {})", patients[i].name, patients[i].priority)).collect();
-        let what = format!(
-            "nothing of it (priority {}) is seen: {} is everywhere over it",
-            patient.priority,
-            names.join(", ")
-        );
+    if !seen && !hiders.is_empty() {
+        let mut names: Vec<_> = hiders.iter().map(|&i| format!("`{}`", patients[i].name)).collect();
+        if names.len() > HIDERS_NAMED {
+            let others = names.len() - HIDERS_NAMED;
+            names.truncate(HIDERS_NAMED);
+            names.push(format!("{others} others"));
+        }
+        let what = format!("nothing of it (priority {}) is seen behind {}", patient.priority, names.join(", "));
         let place = patient.bounds_mm.map(|(low, high)| Place::of([low, high]));
         found.push((index, Finding::new(Defect::Hidden, what).at(place)));
     }

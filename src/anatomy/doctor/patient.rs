@@ -12,6 +12,12 @@ use crate::suggest::did_you_mean;
 /// Triangles lower than this, mm, are missed by rays from 150 mm: the tracer's edge tolerance is as wide.
 const SLIVER_MM: f64 = 1e-4;
 
+/// One fold in so many triangles is told.
+const FOLDS_ONE_IN: usize = 100;
+
+/// Corners at which is asked what is around a part: one may lie where parts nearly touch.
+const ASKED: usize = 9;
+
 /// A surface under examination.
 pub(super) struct Patient {
     pub(super) name: String,
@@ -167,10 +173,13 @@ impl Patient {
 
     /// Looks for triangles that cross, and for parts that face the wrong way.
     pub(super) fn check_with(&mut self, tree: &Tree<'_>) {
-        let crossings = crossing::find(tree);
-        if crossings.pairs > 0 {
-            let what = format!("{} pairs of its triangles pass through each other", crossings.pairs);
-            self.tell(Finding::new(Defect::SelfIntersection, what).at(crossings.places));
+        let crossing::Crossings { overlaps, folds, places } = crossing::find(tree, &self.part);
+        if overlaps > 0 {
+            let what = format!("{overlaps} pairs of its triangles pass through each other");
+            self.tell(Finding::new(Defect::SelfIntersection, what).at(places));
+        } else if folds * FOLDS_ONE_IN > tree.mesh().triangles.len() {
+            let what = format!("{folds} pairs of neighbouring triangles fold through each other");
+            self.tell(Finding::new(Defect::Crumpled, what).at(places));
         }
         if self.closed {
             self.check_parts(tree);
@@ -185,11 +194,10 @@ impl Patient {
         }
         let (mut inward, mut nested) = (Vec::new(), Vec::new());
         for (index, part) in parts.iter().enumerate() {
-            let around = enclosing(index, &parts, &self.part, tree);
             let outward = turned * part.volume_mm3 > 0.0;
-            match (around.is_multiple_of(2), outward) {
-                (true, false) => inward.push(part.place()),
-                (false, true) => nested.push(part.place()),
+            match (is_within_others(index, &parts, &self.part, tree), outward) {
+                (false, false) => inward.push(part.place()),
+                (true, true) => nested.push(part.place()),
                 _ => {}
             }
         }
@@ -212,7 +220,9 @@ impl Patient {
 struct Part {
     low: Vec3,
     high: Vec3,
-    corner: Vec3,
+    /// Some of its corners, evenly over its triangles.
+    corners: Vec<Vec3>,
+    triangles: usize,
     volume_mm3: f64,
 }
 
@@ -223,29 +233,42 @@ impl Part {
 }
 
 fn parts(mesh: &Mesh, part_of: &[u32]) -> Vec<Part> {
-    let mut parts: Vec<Part> = Vec::new();
+    let mut counts = Vec::new();
+    for &index in part_of {
+        let index = index as usize;
+        if counts.len() <= index {
+            counts.resize(index + 1, 0usize);
+        }
+        counts[index] += 1;
+    }
+    let far = Vec3::splat(f32::INFINITY);
+    let empty = |_: &usize| Part { low: far, high: -far, corners: Vec::new(), triangles: 0, volume_mm3: 0.0 };
+    let mut parts: Vec<Part> = counts.iter().map(empty).collect();
     let centre = mesh.vertices_mm.first().copied().unwrap_or_default().as_dvec3();
     for (corners, &index) in mesh.corners_mm().zip(part_of) {
-        if parts.len() <= index as usize {
-            let [corner, ..] = corners;
-            parts.push(Part { low: corner, high: corner, corner, volume_mm3: 0.0 });
-        }
         let part = &mut parts[index as usize];
         corners.iter().for_each(|&c| (part.low, part.high) = (part.low.min(c), part.high.max(c)));
+        if part.triangles.is_multiple_of(counts[index as usize].div_ceil(ASKED)) {
+            part.corners.push(corners[0]);
+        }
+        part.triangles += 1;
         let [a, b, c] = corners.map(|v| v.as_dvec3() - centre);
         part.volume_mm3 += a.dot(b.cross(c)) / 6.0;
     }
     parts
 }
 
-/// How many other parts are around a part.
-fn enclosing(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'_>) -> usize {
+/// Whether a part lies within an odd number of others, by most of its corners.
+fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'_>) -> bool {
     let part = &parts[index];
-    let holds = |other: &Part| other.low.cmple(part.low).all() && other.high.cmpge(part.high).all();
-    let around = parts.iter().enumerate().filter(|(other, p)| *other != index && holds(p));
-    around
-        .filter(|(other, _)| tree.winding(part.corner.as_dvec3(), |t| part_of[t as usize] as usize == *other) != 0)
-        .count()
+    let meets = |other: &Part| other.low.cmple(part.high).all() && other.high.cmpge(part.low).all();
+    let others: Vec<usize> = (0..parts.len()).filter(|&other| other != index && meets(&parts[other])).collect();
+    let around = |corner: &Vec3| {
+        let holds = |other: usize| tree.winding(corner.as_dvec3(), |t| part_of[t as usize] as usize == other) != 0;
+        others.iter().filter(|&&other| holds(other)).count()
+    };
+    let odd = part.corners.iter().filter(|corner| !around(corner).is_multiple_of(2)).count();
+    2 * odd > part.corners.len()
 }
 
 /// A triangle under its sorted corners, with which way it turns.
@@ -261,11 +284,16 @@ pub(super) fn bounds(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)>
     points.fold(None, |bounds, p| Some(bounds.map_or((p, p), |(low, high): (Vec3, Vec3)| (low.min(p), high.max(p)))))
 }
 
-/// A place within a surface, and how thick it is there, mm.
+/// What is below a triangle of a surface.
 pub(super) struct Probe {
-    pub(super) point_mm: DVec3,
+    /// Just below the triangle, and half way to the other side.
+    pub(super) points_mm: [DVec3; 2],
+    /// Way to the other side, mm.
     pub(super) thickness_mm: f64,
 }
+
+/// Depth of a probe's first point, mm, where the surface is thicker than twice that.
+const SKIN_DEEP_MM: f64 = 0.01;
 
 /// Places inside a closed surface, below at most `count` of its triangles.
 pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
@@ -282,8 +310,9 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
                 thickness_mm = thickness_mm.min(t);
             }
         });
-        let probe = Probe { point_mm: middle + inward * (0.5 * thickness_mm), thickness_mm };
-        thickness_mm.is_finite().then_some(probe)
+        let half_mm = 0.5 * thickness_mm;
+        let points_mm = [SKIN_DEEP_MM.min(half_mm), half_mm].map(|depth| middle + inward * depth);
+        thickness_mm.is_finite().then_some(Probe { points_mm, thickness_mm })
     };
     mesh.corners_mm().zip(0u32..).step_by(step).filter_map(|(corners, own)| below(corners, own)).collect()
 }
