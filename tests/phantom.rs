@@ -6,13 +6,12 @@ use std::collections::HashMap;
 use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
-use insonify::anatomy::doctor::{Settings, examine};
+use insonify::anatomy::Mesh;
 use insonify::anatomy::export::write_glb;
 use insonify::anatomy::phantom::{
     Biometry, Body, FETUS_TRIANGLES, MOTHER_TRIANGLES, Organ, Parameters, PhantomError, PhantomOptions, PhantomSurface,
     build, cached, landmarks, organs,
 };
-use insonify::anatomy::{Mesh, TissueTable};
 
 /// Small enough to be quick; fine parts are then at their coarsest.
 const SMALL: f64 = 0.3;
@@ -309,16 +308,4 @@ fn the_fat_of_the_belly_measures_as_asked() {
         let on_fascia = above - Vec3::Z * cast(fascia, above, Vec3::NEG_Z) as f32;
         assert_within("fat", cast(fat, on_fascia, normal.normal(on_fascia)), asked, 0.03);
     }
-}
-
-#[test]
-fn the_doctor_finds_nothing_wrong_with_the_phantom() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("small.glb");
-    write_glb(small(), &path).unwrap();
-    let tissues = TissueTable::builtin().unwrap();
-    let settings = Settings { tissues: &tissues, own_tissues: &[], start: None };
-    let report = examine(&path, &settings, &|_, _| {}).unwrap();
-    assert_eq!(report.surfaces, small().len());
-    assert_eq!(report.findings.iter().map(ToString::to_string).collect::<Vec<_>>(), [] as [String; 0]);
 }

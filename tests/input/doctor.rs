@@ -307,7 +307,7 @@ fn what_the_importer_leaves_out_or_refuses_is_told_all_at_once() {
     b.node(json!({"name": "nothing"}));
     only(&examined(&b), Defect::EmptyScene);
     let mut many = Builder::tetrahedron();
-    let node = |i: usize| json!({"mesh": 0, "extras": {"tissue": "liver"}, "translation": [0.02 * i as f64, 0, 0]});
+    let node = |i: usize| json!({"mesh": 0, "extras": {"tissue": "liver"}, "translation": [0.005 * i as f64, 0, 0]});
     many.root["nodes"] = (0..257).map(node).collect();
     only(&examined(&many), Defect::TooManySurfaces);
 }

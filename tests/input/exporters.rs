@@ -119,7 +119,7 @@ fn whole_number_positions_and_compressed_fallbacks_are_refused_with_a_remedy() {
     b.root["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     b.root["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
     let error = b.load().unwrap_err().to_string();
-    assert!(error.contains("have no data") && error.contains("KHR_draco_mesh_compression"), "{error}");
+    assert!(error.contains("accessor 0 has no data") && error.contains("KHR_draco_mesh_compression"), "{error}");
     assert!(error.contains("untick Data > Compression"), "{error}");
 }
 

@@ -12,8 +12,11 @@ use crate::suggest::did_you_mean;
 /// Triangles lower than this, mm, are missed by rays from 150 mm: the tracer's edge tolerance is as wide.
 const SLIVER_MM: f64 = 1e-4;
 
-/// One fold in so many triangles is told.
-const FOLDS_ONE_IN: usize = 100;
+/// More folds than one in so many triangles are told.
+const FOLDS_ONE_IN: usize = 25;
+
+/// More slivers than one in so many triangles are told: the neighbours of a few are hit in their place.
+const SLIVERS_ONE_IN: usize = 1000;
 
 /// Corners at which is asked what is around a part: one may lie where parts nearly touch.
 const ASKED: usize = 9;
@@ -165,7 +168,7 @@ impl Patient {
             (b - a).cross(c - a).length() / a.distance(b).max(b.distance(c)).max(c.distance(a))
         };
         let slivers: Vec<_> = self.mesh.corners_mm().filter(|corners| height(*corners) < SLIVER_MM).collect();
-        if !slivers.is_empty() {
+        if slivers.len() * SLIVERS_ONE_IN > self.mesh.triangles.len() {
             let what = format!("{} triangles are lower than {SLIVER_MM} mm: rays may miss them", slivers.len());
             self.tell(Finding::new(Defect::Sliver, what).at(slivers.into_iter().map(Place::of)));
         }
@@ -299,10 +302,13 @@ const SKIN_DEEP_MM: f64 = 0.01;
 pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     let mesh = tree.mesh();
     let step = mesh.triangles.len().div_ceil(count).max(1);
-    let below = |corners: [Vec3; 3], own: u32| {
+    // Few triangles are large: several places below each.
+    let each = (count / mesh.triangles.len().max(1)).clamp(1, PLACES_MAX_A_TRIANGLE);
+    let below = |corners: [Vec3; 3], own: u32, place: usize| {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
         let inward = -(b - a).cross(c - a).try_normalize()?;
-        let middle = (a + b + c) / 3.0;
+        let [u, v] = barycentric(place);
+        let middle = a + (b - a) * u + (c - a) * v;
         let mut thickness_mm = f64::INFINITY;
         tree.crossings(middle - inward * RESOLUTION_MM, inward, |crossing| {
             let t = crossing.t_mm - RESOLUTION_MM;
@@ -314,5 +320,19 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
         let points_mm = [SKIN_DEEP_MM.min(half_mm), half_mm].map(|depth| middle + inward * depth);
         thickness_mm.is_finite().then_some(Probe { points_mm, thickness_mm })
     };
-    mesh.corners_mm().zip(0u32..).step_by(step).filter_map(|(corners, own)| below(corners, own)).collect()
+    let chosen = mesh.corners_mm().zip(0u32..).step_by(step);
+    chosen.flat_map(|(corners, own)| (0..each).filter_map(move |place| below(corners, own, place))).collect()
+}
+
+/// Most places below one triangle.
+const PLACES_MAX_A_TRIANGLE: usize = 64;
+
+/// Barycentric coordinates of the centroid, then of places evenly over the triangle: the additive recurrence of the
+/// plastic number.
+fn barycentric(place: usize) -> [f64; 2] {
+    if place == 0 {
+        return [1.0 / 3.0; 2];
+    }
+    let [u, v] = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + place as f64 * step).fract());
+    if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
 }

@@ -64,6 +64,9 @@ fn validate(document: Document) -> Result<Document, String> {
     if let Some(name) = root.extensions_required.first() {
         return Err(extensions::refused(name));
     }
+    if let Some(reason) = extensions::no_data(&root) {
+        return Err(reason);
+    }
     // The glTF crate's own validation looks at a primitive's positions before it checks that they exist.
     let primitives = root.meshes.iter().enumerate().flat_map(|(m, mesh)| mesh.primitives.iter().map(move |p| (m, p)));
     for (mesh, primitive) in primitives {

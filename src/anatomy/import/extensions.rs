@@ -1,7 +1,7 @@
 //! Extensions of glTF: those of looks do no harm, those of geometry are refused with what to do.
 
-use gltf::Document;
 use gltf::accessor::DataType;
+use gltf::json::Root;
 
 /// Extensions that change materials, lights or metadata alone, by how their names begin.
 const HARMLESS: [&str; 8] = [
@@ -48,12 +48,9 @@ pub(super) fn quantised(accessor: usize, found: DataType) -> String {
     format!("accessor {accessor}: its positions are {found:?}; only F32 is read: {remedy}")
 }
 
-/// Why an accessor without bytes is not read.
-pub(super) fn no_data(accessor: usize, document: &Document) -> String {
-    let geometric = document.extensions_used().find(|name| !is_harmless(name));
-    let why = geometric.map_or_else(
-        || "export the mesh again".to_owned(),
-        |name| format!("the file uses the extension `{name}`: {}", remedy(name)),
-    );
-    format!("accessor {accessor}: its positions have no data; {why}")
+/// Why accessors without bytes are not read: the extension that keeps them elsewhere, if the file uses one.
+pub(super) fn no_data(root: &Root) -> Option<String> {
+    let accessor = root.accessors.iter().position(|a| a.buffer_view.is_none() && a.sparse.is_none())?;
+    let name = root.extensions_used.iter().find(|name| !is_harmless(name))?;
+    Some(format!("accessor {accessor} has no data; the file uses the extension `{name}`: {}", remedy(name)))
 }

@@ -118,9 +118,6 @@ fn positions(file: &File, part: &Part<'_>) -> Result<Vec<[f32; 3]>, String> {
         return Err(extensions::quantised(accessor.index(), accessor.data_type()));
     }
     accessor::check(&accessor, Dimensions::Vec3, &[DataType::F32], &file.buffers)?;
-    if accessor.view().is_none() && accessor.sparse().is_none() {
-        return Err(extensions::no_data(accessor.index(), &file.document));
-    }
     let reader = part.primitive.reader(|buffer| file.buffers.get(buffer.index()).map(Vec::as_slice));
     Ok(reader.read_positions().ok_or("its positions cannot be read")?.collect())
 }
