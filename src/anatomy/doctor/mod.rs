@@ -6,7 +6,8 @@
 //!
 //! Overlaps, what is hidden, and thin sheets are looked for below up to 1024 triangles of each surface; all else at every
 //! triangle. Neighbouring triangles that fold through each other, and crossings of less than 0.1 mm, as decimation leaves
-//! them, are told where more than one triangle in 25 has one. A surface without an inside (open, for example) hides and overlaps nothing.
+//! them, are told where more than one triangle in 25 has one, slivers where more than one in 1000 is one. A surface
+//! without an inside (open, for example) hides and overlaps nothing.
 
 mod crossing;
 mod edges;
