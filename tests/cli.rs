@@ -513,3 +513,34 @@ fn view_pictures_a_scene_and_refuses_what_it_cannot_show() {
     refused(&view(&["--bmode"]), &["needs a station"]);
     refused(&view(&["--pose", "0,0,0,2,0,0,0"]), &["quaternion"]);
 }
+
+#[test]
+fn doctor_tells_by_its_exit_code_whether_anything_is_wrong() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let sound = insonify(&["doctor", text(&station)]);
+    succeeded(&sound);
+    assert_eq!(String::from_utf8_lossy(&sound.stdout), "nothing is wrong: 1 surface, 12 triangles\n");
+
+    let mut mesh = cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 90.0));
+    mesh.triangles.pop();
+    let path = dir.path().join("open.glb");
+    write_glb(&[LabelledSurface { name: "block".into(), tissue: "livr".into(), priority: 1, mesh }], &path).unwrap();
+    let broken = insonify(&["doctor", text(&path)]);
+    assert_eq!(broken.status.code(), Some(1), "{}", stderr(&broken));
+    assert!(stderr(&broken).contains("open.glb has 2 errors"), "{}", stderr(&broken));
+    let told = String::from_utf8_lossy(&broken.stdout).into_owned();
+    for words in ["error    `block` (livr): not closed: 3 open edges", "did you mean `liver`", "2 errors, 0 warnings"] {
+        assert!(told.contains(words), "{words} in {told}");
+    }
+    let json = insonify(&["doctor", text(&path), "--json"]);
+    assert_eq!(json.status.code(), Some(1));
+    let json: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let findings = json["findings"].as_array().unwrap();
+    assert!(findings.iter().any(|f| f["defect"] == "open" && f["places"][0]["size_mm"].as_f64().unwrap() > 50.0));
+    assert!(findings.iter().all(|f| f["severity"] == "error" && f["remedy"].is_string()), "{json}");
+
+    refused(&insonify(&["doctor", text(&dir.path().join("none.glb"))]), &["cannot read the scene", "none.glb"]);
+    std::fs::write(&path, "no glTF").unwrap();
+    refused(&insonify(&["doctor", text(&path)]), &["is not a whole glTF file"]);
+}

@@ -4,6 +4,7 @@ pub mod analytic;
 pub mod builtin;
 pub mod bvh;
 pub mod decimate;
+pub mod doctor;
 pub mod export;
 pub mod fiducials;
 pub mod import;

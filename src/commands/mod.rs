@@ -3,6 +3,7 @@
 mod cache;
 mod calibrate;
 mod demo;
+mod doctor;
 mod exam;
 mod export;
 mod failure;
@@ -57,6 +58,7 @@ Examples:
   insonify demo                                          a recorded exam over a fetus: live in the browser, and in out/demo
   insonify render configs/sphere.toml --out out/sphere   one frame with its maps
   insonify view configs/sphere.toml --cut fan --bmode    a picture of the scene with the probe in it
+  insonify doctor scene.glb                              what is wrong with a scene, and what to do about it
   insonify trackers                                      serial ports and HID devices to read a tracker from
   insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C
   insonify station-keys                                  what a station file may say
@@ -77,6 +79,7 @@ enum Command {
     Record(record::Args),
     Replay(replay::Args),
     View(view::Args),
+    Doctor(doctor::Args),
     Inspect(inspect::Args),
     Import(import::Args),
     Export(export::Args),
@@ -102,6 +105,7 @@ impl Cli {
             Command::Record(args) => record::run(args),
             Command::Replay(args) => replay::run(args),
             Command::View(args) => view::run(args),
+            Command::Doctor(args) => doctor::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Import(args) => import::run(args),
             Command::Export(args) => export::run(args),

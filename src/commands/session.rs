@@ -1,5 +1,7 @@
 //! What every rendering command needs: a device, a scene, a renderer.
 
+use std::path::PathBuf;
+
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
 use insonify::render::{FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
@@ -21,13 +23,16 @@ pub(crate) fn adapter(gpu: &Gpu) -> AdapterRecord {
 
 /// The surfaces of a station, from its file or from the cache of generated scenes.
 pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
+    Ok(station.load_scene_from(&scene_file(station)?)?)
+}
+
+/// The file of a station's surfaces; a generated scene's is made where it is not there yet.
+pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
     match &station.scene {
-        SceneSource::File(path) => Ok(station.load_scene_from(path)?),
+        SceneSource::File(path) => Ok(path.clone()),
         SceneSource::ObstetricPhantom(options) => {
             let progress = Progress::new("phantom", 0);
-            let path = phantom::cached(&cache::directory()?, options, &|p| progress.set(p.done, p.total))?;
-            drop(progress);
-            Ok(station.load_scene_from(&path)?)
+            Ok(phantom::cached(&cache::directory()?, options, &|p| progress.set(p.done, p.total))?)
         }
     }
 }

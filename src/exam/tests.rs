@@ -16,6 +16,8 @@ use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingReader, read_all};
 use crate::transducer::Probe;
 
+mod sessions;
+
 struct Place {
     planes: StandardPlanes,
     skin: Skin,

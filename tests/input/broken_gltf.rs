@@ -73,7 +73,10 @@ fn accessors_that_reach_too_far_or_have_another_shape() {
         (accessor(1, "count", json!(13)), "accessor 1: 13 elements of 2 bytes"),
         (accessor(0, "byteOffset", json!(u64::MAX)), "accessor 0"),
         (accessor(0, "type", json!("VEC2")), "its elements are Vec2 of F32; expected Vec3"),
-        (accessor(0, "componentType", json!(U16)), "its elements are Vec3 of U16"),
+        (
+            accessor(0, "componentType", json!(U16)),
+            "surface `organ`: accessor 0: its positions are U16; only F32 is read",
+        ),
         (accessor(1, "componentType", json!(F32)), "its elements are Scalar of F32"),
         (
             message_after(|b| b.root["bufferViews"][0]["byteStride"] = json!(8)),

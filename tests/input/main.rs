@@ -4,6 +4,8 @@
 
 mod broken_gltf;
 mod builder;
+mod doctor;
+mod exporters;
 mod gltf_files;
 mod moving_scenes;
 mod scenes;

@@ -8,6 +8,7 @@ use data_url::DataUrl;
 use gltf::{Document, Gltf, buffer};
 use percent_encoding::percent_decode_str;
 
+use super::extensions;
 use crate::anatomy::SceneError;
 
 /// Bytes of a binary glTF's header and its first chunk's header: no file is shorter.
@@ -58,7 +59,14 @@ fn check_header(bytes: &[u8]) -> Result<(), String> {
 
 /// The document, its references within bounds.
 fn validate(document: Document) -> Result<Document, String> {
-    let root = document.into_json();
+    let mut root = document.into_json();
+    root.extensions_required.retain(|name| !extensions::is_harmless(name));
+    if let Some(name) = root.extensions_required.first() {
+        return Err(extensions::refused(name));
+    }
+    if let Some(reason) = extensions::no_data(&root) {
+        return Err(reason);
+    }
     // The glTF crate's own validation looks at a primitive's positions before it checks that they exist.
     let primitives = root.meshes.iter().enumerate().flat_map(|(m, mesh)| mesh.primitives.iter().map(move |p| (m, p)));
     for (mesh, primitive) in primitives {

@@ -1,18 +1,21 @@
 //! Scenes from glTF files.
 //!
 //! A **surface** is one triangle primitive of one node of the default scene (else the first scene, else every root
-//! node). Its tissue is `extras.tissue` of its node, else of the nearest ancestor that has one, else the name of its
-//! material; its priority is `extras.priority` (a whole number) of its node, else of the nearest ancestor, else 0.
+//! node). Its tissue is `extras.tissue` of its node, else of the node's mesh, else of the nearest ancestor that has one,
+//! else the name of its material; its priority is `extras.priority` (a whole number) of its node, else of the mesh, else
+//! of the nearest ancestor, else 0. An ending such as `.001`, which Blender adds to a name that is taken, is no part of a
+//! tissue's name.
 //! Positions are in metres, as glTF says, and become mm of the scene frame. A surface should be closed; what is not
 //! as it should be, but can be used, is a [`Finding`]. What moves is
 //! told by `extras.motion` of the glTF scene ([`crate::anatomy::Motion`]); glTF's own animations, skins and morph
 //! targets are not applied.
 //!
 //! Buffers lie in the `.glb`, in files beside a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
-//! (extensions) is refused by name.
+//! (extensions) is refused by name; extensions of looks are ignored.
 
 mod accessor;
 mod document;
+mod extensions;
 mod movement;
 mod surface;
 mod walk;
@@ -21,6 +24,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+
+pub(crate) use surface::{RawMesh, has_area, is_usable};
 
 use super::scene::SURFACES_MAX;
 use super::{Scene, SceneError, TissueTable};
@@ -62,6 +67,11 @@ pub enum FindingKind {
     Empty,
     /// The node has a skin, which is not applied.
     Skin,
+    /// Nodes with meshes that the scene (whose name stands for the surface's) does not hold, left out.
+    NotInScene {
+        /// How many.
+        nodes: usize,
+    },
 }
 
 impl fmt::Display for Finding {
@@ -81,6 +91,9 @@ impl fmt::Display for Finding {
             }
             FindingKind::Empty => write!(f, "surface `{name}` has no triangle with an area: left out"),
             FindingKind::Skin => write!(f, "surface `{name}` has a skin, which is not applied"),
+            FindingKind::NotInScene { nodes } => {
+                write!(f, "{nodes} nodes with meshes are not in `{name}`, the scene that is read: left out")
+            }
         }
     }
 }
@@ -111,7 +124,11 @@ pub fn load_with_findings(
 ) -> Result<(Scene, Vec<Finding>), SceneError> {
     let file = document::File::read(path)?;
     let mut findings = Vec::new();
-    let parts = walk::parts(&file, &mut findings)?;
+    let mut problems = Vec::new();
+    let parts = walk::parts(&file, &mut findings, &mut problems);
+    if let Some(problem) = problems.into_iter().next() {
+        return Err(problem);
+    }
     if parts.len() > SURFACES_MAX {
         return Err(SceneError::TooManySurfaces { path: path.to_owned(), count: parts.len() });
     }
@@ -134,10 +151,53 @@ pub fn load_with_findings(
     Ok((scene, findings))
 }
 
+/// A file as it was written, for the [doctor](super::doctor).
+pub(crate) struct RawScene {
+    pub(crate) surfaces: Vec<RawSurface>,
+    /// What is left out.
+    pub(crate) findings: Vec<Finding>,
+    /// What [`load`] refuses the file for, but for its surfaces.
+    pub(crate) problems: Vec<SceneError>,
+}
+
+/// A surface as it was written.
+pub(crate) struct RawSurface {
+    pub(crate) name: String,
+    /// As the extras or the material say.
+    pub(crate) tissue: Option<String>,
+    pub(crate) priority: i32,
+    pub(crate) mesh: Result<RawMesh, SceneError>,
+}
+
+/// Reads a file and mends nothing: only a file that is not whole, valid glTF is an error.
+pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
+    let file = document::File::read(path)?;
+    let (mut findings, mut problems) = (Vec::new(), Vec::new());
+    let parts = walk::parts(&file, &mut findings, &mut problems);
+    if let Err(problem) = movement::motion(&file, parts.iter().map(|part| part.name.as_str())) {
+        problems.push(problem);
+    }
+    let read = |part: walk::Part<'_>| {
+        let mesh = surface::raw(&file, &part);
+        RawSurface { name: part.name, tissue: part.tissue, priority: part.priority, mesh }
+    };
+    let surfaces = parts.into_par_iter().map(read).collect();
+    Ok(RawScene { surfaces, findings, problems })
+}
+
+/// Index in `tissues` of what a file calls `name`.
+pub(crate) fn tissue_named(name: &str, tissues: &TissueTable) -> Option<usize> {
+    tissues.index_of(name).or_else(|| {
+        let (base, number) = name.rsplit_once('.')?;
+        let is_blenders = number.len() == 3 && number.bytes().all(|b| b.is_ascii_digit());
+        if is_blenders { tissues.index_of(base) } else { None }
+    })
+}
+
 fn tissue_index(part: &walk::Part<'_>, tissues: &TissueTable, path: &Path) -> Result<usize, SceneError> {
     let (path, surface) = (PathBuf::from(path), part.name.clone());
     let Some(name) = &part.tissue else { return Err(SceneError::NoTissue { path, surface }) };
-    tissues.index_of(name).ok_or_else(|| {
+    tissue_named(name, tissues).ok_or_else(|| {
         let suggestion = did_you_mean(name, tissues.names().iter().map(String::as_str));
         SceneError::UnknownTissue { path, surface, tissue: name.clone(), suggestion }
     })

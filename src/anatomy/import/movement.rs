@@ -3,12 +3,12 @@
 use serde_json::Value;
 
 use super::document::File;
+use super::walk::chosen_scene;
 use crate::anatomy::{Motion, SceneError};
 
 /// The scene's motion, checked against the names of its surfaces; none where the file tells none.
 pub(super) fn motion<'a>(file: &File, surfaces: impl Iterator<Item = &'a str> + Clone) -> Result<Motion, SceneError> {
-    let scene = file.document.default_scene().or_else(|| file.document.scenes().next());
-    let extras = scene.and_then(|scene| scene.extras().clone());
+    let extras = chosen_scene(file).and_then(|scene| scene.extras().clone());
     // Extras may be any JSON: what is no object has none of our keys.
     let extras: Option<Value> = extras.and_then(|raw| serde_json::from_str(raw.get()).ok());
     let Some(value) = extras.as_ref().and_then(|extras| extras.get("motion")) else { return Ok(Motion::default()) };

@@ -9,35 +9,55 @@ use gltf::mesh::Mode;
 
 use super::document::File;
 use super::walk::Part;
-use super::{FindingKind, accessor};
+use super::{FindingKind, accessor, extensions};
 use crate::anatomy::{Mesh, SceneError};
 use crate::pose::POSITION_LIMIT_MM;
+
+/// A primitive as it was written.
+pub(crate) struct RawMesh {
+    /// Vertices of the whole buffer, scene frame, mm; any numbers at all.
+    pub(crate) vertices_mm: Vec<Vec3>,
+    /// Indices of vertices; a mirroring transform is already undone.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Indices at the end of a list of triangles that make no whole triangle.
+    pub(crate) left_over: usize,
+}
+
+/// What `part` holds, nothing mended.
+pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
+    let in_part = |reason: String| file.format_error(format!("surface `{}`: {reason}", part.name));
+    let positions = positions(file, part).map_err(in_part)?;
+    let indices = indices(file, part, positions.len()).map_err(in_part)?;
+    let (mut triangles, left_over) = triangles(part.primitive.mode(), &indices);
+    if part.mirrors() {
+        triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    let vertices_mm = positions.into_iter().map(|position| part.scene_mm(position)).collect();
+    Ok(RawMesh { vertices_mm, triangles, left_over })
+}
 
 /// The mesh of `part` in the scene frame, mm: vertices of one position shared, no triangle without area, outward where
 /// it is closed.
 pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKind>), SceneError> {
-    let in_part = |reason: String| file.format_error(format!("surface `{}`: {reason}", part.name));
-    let mut findings = Vec::new();
-    let positions = positions(file, part).map_err(in_part)?;
-    let indices = indices(file, part, positions.len()).map_err(in_part)?;
-    let mut mesh = Mesh::default();
-    let welded = weld(file, part, &positions, &indices, &mut mesh.vertices_mm)?;
-    let (triangles, left_over) = triangles(part.primitive.mode(), &indices);
-    if left_over > 0 {
-        findings.push(FindingKind::LeftOver { indices: left_over });
+    let raw = raw(file, part)?;
+    if let Some(vertex) = raw.bad_vertices().next() {
+        let (path, surface) = (file.path.clone(), part.name.clone());
+        let value = raw.vertices_mm[vertex].to_array();
+        return Err(SceneError::BadVertex { path, surface, vertex, value });
     }
-    let total = triangles.len();
-    let shared = triangles.into_iter().map(|t| t.map(|i| welded[i as usize]));
-    mesh.triangles = shared.filter(|t| has_area(t.map(|i| mesh.vertices_mm[i as usize]))).collect();
+    let mut findings = Vec::new();
+    if raw.left_over > 0 {
+        findings.push(FindingKind::LeftOver { indices: raw.left_over });
+    }
+    let mut mesh = raw.welded();
+    let total = mesh.triangles.len();
+    mesh.triangles.retain(|t| has_area(t.map(|i| mesh.vertices_mm[i as usize])));
     if mesh.triangles.is_empty() {
         findings.push(FindingKind::Empty);
         return Ok((mesh, findings));
     }
     if mesh.triangles.len() < total {
         findings.push(FindingKind::Degenerate { triangles: total - mesh.triangles.len() });
-    }
-    if part.mirrors() {
-        mesh.flip();
     }
     match mesh.unpaired_edges() {
         0 if mesh.signed_volume_mm3() < 0.0 => {
@@ -50,8 +70,53 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
     Ok((mesh, findings))
 }
 
+impl RawMesh {
+    /// Whether each vertex belongs to a triangle: primitives often share one buffer, of which each uses a part.
+    fn used(&self) -> Vec<bool> {
+        let mut used = vec![false; self.vertices_mm.len()];
+        for &index in self.triangles.iter().flatten() {
+            used[index as usize] = true;
+        }
+        used
+    }
+
+    /// Vertices in use that are not finite or too far away, by index.
+    pub(crate) fn bad_vertices(&self) -> impl Iterator<Item = usize> + '_ {
+        let used = self.used();
+        let numbered = self.vertices_mm.iter().enumerate();
+        numbered.filter(move |(index, v)| used[*index] && !is_usable(**v)).map(|(index, _)| index)
+    }
+
+    /// The mesh with one vertex for each distinct position in use; triangles without area and with it.
+    pub(crate) fn welded(&self) -> Mesh {
+        let used = self.used();
+        let mut index_at = HashMap::with_capacity(used.iter().filter(|u| **u).count());
+        let mut mesh = Mesh::default();
+        let mut welded = vec![0; self.vertices_mm.len()];
+        for (vertex, &mm) in self.vertices_mm.iter().enumerate().filter(|(vertex, _)| used[*vertex]) {
+            // Adding zero makes −0 into 0.
+            let key = (mm + Vec3::ZERO).to_array().map(f32::to_bits);
+            welded[vertex] = *index_at.entry(key).or_insert_with(|| {
+                mesh.vertices_mm.push(mm);
+                // There are no more distinct vertices than u32 indices address: `indices` saw to it.
+                (mesh.vertices_mm.len() - 1) as u32
+            });
+        }
+        mesh.triangles = self.triangles.iter().map(|t| t.map(|i| welded[i as usize])).collect();
+        mesh
+    }
+}
+
+/// Whether a vertex is finite and within the scene's limits.
+pub(crate) fn is_usable(vertex_mm: Vec3) -> bool {
+    vertex_mm.to_array().iter().all(|c| f64::from(c.abs()) <= POSITION_LIMIT_MM)
+}
+
 fn positions(file: &File, part: &Part<'_>) -> Result<Vec<[f32; 3]>, String> {
     let accessor = part.primitive.get(&Semantic::Positions).ok_or("it has no positions")?;
+    if accessor.dimensions() == Dimensions::Vec3 && accessor.data_type() != DataType::F32 {
+        return Err(extensions::quantised(accessor.index(), accessor.data_type()));
+    }
     accessor::check(&accessor, Dimensions::Vec3, &[DataType::F32], &file.buffers)?;
     let reader = part.primitive.reader(|buffer| file.buffers.get(buffer.index()).map(Vec::as_slice));
     Ok(reader.read_positions().ok_or("its positions cannot be read")?.collect())
@@ -70,39 +135,6 @@ fn indices(file: &File, part: &Part<'_>, vertices: usize) -> Result<Vec<u32>, St
         Some(index) => Err(format!("index {index} of {vertices} vertices")),
         None => Ok(indices),
     }
-}
-
-/// Appends the distinct vertices in use, in mm; the index of each position among them.
-fn weld(
-    file: &File,
-    part: &Part<'_>,
-    positions: &[[f32; 3]],
-    indices: &[u32],
-    vertices_mm: &mut Vec<Vec3>,
-) -> Result<Vec<u32>, SceneError> {
-    // Primitives often share one buffer of vertices, of which each uses a part.
-    let mut used = vec![false; positions.len()];
-    for &index in indices {
-        used[index as usize] = true;
-    }
-    let mut index_at = HashMap::with_capacity(used.iter().filter(|u| **u).count());
-    let mut welded = vec![0; positions.len()];
-    for (vertex, &position) in positions.iter().enumerate().filter(|(vertex, _)| used[*vertex]) {
-        let mm = part.scene_mm(position);
-        if !mm.to_array().iter().all(|c| f64::from(c.abs()) <= POSITION_LIMIT_MM) {
-            let (path, surface) = (file.path.clone(), part.name.clone());
-            return Err(SceneError::BadVertex { path, surface, vertex, value: mm.to_array() });
-        }
-        // Adding zero makes −0 into 0.
-        let key = (mm + Vec3::ZERO).to_array().map(f32::to_bits);
-        let index = *index_at.entry(key).or_insert_with(|| {
-            vertices_mm.push(mm);
-            // There are no more distinct vertices than u32 indices address: `indices` saw to it.
-            (vertices_mm.len() - 1) as u32
-        });
-        welded[vertex] = index;
-    }
-    Ok(welded)
 }
 
 /// Triangles of a list, strip or fan, wound as glTF says, and how many indices are left over.
@@ -124,7 +156,7 @@ fn triangles(mode: Mode, indices: &[u32]) -> (Vec<[u32; 3]>, usize) {
     }
 }
 
-fn has_area(corners: [Vec3; 3]) -> bool {
+pub(crate) fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     (b - a).cross(c - a).length_squared() > 0.0
 }

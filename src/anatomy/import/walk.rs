@@ -3,7 +3,7 @@
 use glam::{DMat4, DQuat, DVec3, Vec3, Vec4};
 use gltf::mesh::Mode;
 use gltf::scene::Transform;
-use gltf::{Node, Primitive};
+use gltf::{Node, Primitive, Scene};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -34,8 +34,8 @@ struct Inherited {
     priority: Option<i32>,
 }
 
-/// Triangle primitives in depth-first order; findings about what is left out.
-pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>) -> Result<Vec<Part<'a>>, SceneError> {
+/// Triangle primitives in depth-first order; findings about what is left out, problems that make the scene unusable.
+pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &mut Vec<SceneError>) -> Vec<Part<'a>> {
     let root = Inherited { scene_from_parent: DMat4::IDENTITY, tissue: None, priority: None };
     let mut seen = vec![false; file.document.nodes().len()];
     let mut stack: Vec<_> = roots(file).into_iter().rev().map(|node| (node, root.clone())).collect();
@@ -44,18 +44,35 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>) -> Result<V
         // A second visit is a node with two parents, or a cycle.
         if std::mem::replace(&mut seen[node.index()], true) {
             let name = node_name(&node);
-            return Err(file.format_error(format!("node `{name}` is reached twice; nodes must form trees")));
+            problems.push(file.format_error(format!("node `{name}` is reached twice; nodes must form trees")));
+            continue;
         }
-        let here = inherit(file, &node, &above)?;
+        let here = match inherit(file, &node, &above, problems) {
+            Ok(here) => here,
+            Err(problem) => {
+                problems.push(problem);
+                continue;
+            }
+        };
         push_parts(&node, &here, &mut parts, findings);
         let children: Vec<_> = node.children().collect();
         stack.extend(children.into_iter().rev().map(|child| (child, here.clone())));
     }
-    Ok(parts)
+    let elsewhere = file.document.nodes().filter(|node| node.mesh().is_some() && !seen[node.index()]).count();
+    if let Some(scene) = chosen_scene(file).filter(|_| elsewhere > 0) {
+        let surface = scene.name().map_or_else(|| format!("scene {}", scene.index()), str::to_owned);
+        findings.push(Finding { surface, kind: FindingKind::NotInScene { nodes: elsewhere } });
+    }
+    parts
+}
+
+/// The default scene; where none is named, the first.
+pub(super) fn chosen_scene(file: &File) -> Option<Scene<'_>> {
+    file.document.default_scene().or_else(|| file.document.scenes().next())
 }
 
 fn roots(file: &File) -> Vec<Node<'_>> {
-    if let Some(scene) = file.document.default_scene().or_else(|| file.document.scenes().next()) {
+    if let Some(scene) = chosen_scene(file) {
         return scene.nodes().collect();
     }
     let mut is_child = vec![false; file.document.nodes().len()];
@@ -90,48 +107,59 @@ fn push_parts<'a>(node: &Node<'a>, here: &Inherited, parts: &mut Vec<Part<'a>>, 
     }
 }
 
-fn inherit(file: &File, node: &Node<'_>, above: &Inherited) -> Result<Inherited, SceneError> {
+fn inherit(
+    file: &File,
+    node: &Node<'_>,
+    above: &Inherited,
+    problems: &mut Vec<SceneError>,
+) -> Result<Inherited, SceneError> {
     let parent_from_node =
         local_transform(node).map_err(|reason| file.format_error(format!("node `{}`: {reason}", node_name(node))))?;
-    let extras = extras(file, node)?;
+    let own = extras(file, node, node.extras(), problems);
+    // Where trimesh writes a mesh's metadata, and Blender the custom properties of an object's data.
+    let of_mesh = node.mesh().map(|mesh| extras(file, node, mesh.extras(), problems)).unwrap_or_default();
     Ok(Inherited {
         scene_from_parent: above.scene_from_parent * parent_from_node,
-        tissue: extras.0.or_else(|| above.tissue.clone()),
-        priority: extras.1.or(above.priority),
+        tissue: own.0.or(of_mesh.0).or_else(|| above.tissue.clone()),
+        priority: own.1.or(of_mesh.1).or(above.priority),
     })
 }
 
-/// A node's own `extras.tissue` and `extras.priority`; other extras are somebody else's.
-fn extras(file: &File, node: &Node<'_>) -> Result<(Option<String>, Option<i32>), SceneError> {
+/// `tissue` and `priority` of the extras of a node or its mesh; other extras are somebody else's.
+fn extras(
+    file: &File,
+    node: &Node<'_>,
+    extras: &gltf::json::Extras,
+    problems: &mut Vec<SceneError>,
+) -> (Option<String>, Option<i32>) {
     #[derive(Deserialize, Default)]
     struct Extras {
         tissue: Option<Value>,
         priority: Option<Value>,
     }
     // Extras may be any JSON: what is no object has none of our keys.
-    let extras: Extras =
-        node.extras().as_ref().and_then(|raw| serde_json::from_str(raw.get()).ok()).unwrap_or_default();
-    let bad = |key, value: &Value, expected| SceneError::BadExtras {
-        path: file.path.clone(),
-        node: node_name(node),
-        key,
-        value: value.to_string(),
-        expected,
+    let extras: Extras = extras.as_ref().and_then(|raw| serde_json::from_str(raw.get()).ok()).unwrap_or_default();
+    let mut bad = |key, value: &Value, expected| {
+        let (path, node) = (file.path.clone(), node_name(node));
+        problems.push(SceneError::BadExtras { path, node, key, value: value.to_string(), expected });
     };
     let tissue = match extras.tissue {
         None => None,
         Some(Value::String(name)) => Some(name),
-        Some(other) => return Err(bad("tissue", &other, "the name of a tissue")),
-    };
-    let priority = match extras.priority {
-        None => None,
-        Some(value) => {
-            // Editors write whole numbers as 3.0, too.
-            let whole = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= f64::from(i32::MAX));
-            Some(whole.ok_or_else(|| bad("priority", &value, "a whole number within ±2147483647"))? as i32)
+        Some(other) => {
+            bad("tissue", &other, "the name of a tissue");
+            None
         }
     };
-    Ok((tissue, priority))
+    let priority = extras.priority.and_then(|value| {
+        // Editors write whole numbers as 3.0, too.
+        let whole = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= f64::from(i32::MAX));
+        if whole.is_none() {
+            bad("priority", &value, "a whole number within ±2147483647");
+        }
+        whole.map(|v| v as i32)
+    });
+    (tissue, priority)
 }
 
 fn local_transform(node: &Node<'_>) -> Result<DMat4, String> {

@@ -18,7 +18,8 @@ const BRAIN_GUIDE: &str = "ISUOG Practice Guidelines: sonographic examination of
 const HEART_GUIDE: &str = "ISUOG Practice Guidelines: fetal cardiac screening, Ultrasound Obstet Gynecol 61:788 (2023)";
 const SURVEY_GUIDE: &str = "ISUOG Practice Guidelines: performance of the routine mid-trimester fetal ultrasound scan, \
                             Ultrasound Obstet Gynecol 59:840 (2022); AIUM Practice Parameter for the Performance of \
-                            Standard Diagnostic Obstetric Ultrasound Examinations, J Ultrasound Med 37:E13 (2018)";
+                            Standard Diagnostic Obstetric Ultrasound Examinations, J Ultrasound Med 37:E13 (2018; volume \
+                            and page unverified)";
 
 /// The planes of the phantom of `parameters`, as [`build`](crate::anatomy::phantom::build) makes it.
 pub fn obstetric(parameters: &Parameters) -> StandardPlanes {

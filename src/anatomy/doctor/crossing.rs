@@ -1,0 +1,118 @@
+//! Triangles of one surface that pass through each other.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::RESOLUTION_MM;
+use super::finding::Place;
+use super::tree::Tree;
+use crate::anatomy::Mesh;
+
+/// Crossings shallower than this, mm, are below half a wavelength at 8 MHz.
+const SHALLOW_MM: f64 = 0.1;
+
+/// Crossings found in a surface.
+pub(super) struct Crossings {
+    /// Pairs of triangles far from each other over the surface that cross deeply: parts that overlap.
+    pub(super) overlaps: usize,
+    /// Pairs of near neighbours, and shallow ones: creases, as decimation leaves them.
+    pub(super) folds: usize,
+    /// Where all of the overlaps (without any, the folds) are, and one of them.
+    pub(super) places: Vec<Place>,
+}
+
+/// Where two triangles cross.
+struct Pair {
+    triangles: [u32; 2],
+    point: Vec3,
+    /// How far the one reaches beyond the other, mm.
+    depth_mm: f64,
+}
+
+/// Pairs of triangles that pass through each other by more than the tracer resolves. `part_of` is the part of each
+/// triangle, where that is known.
+pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
+    let mesh = tree.mesh();
+    let corners = |t: usize| mesh.triangles[t].map(|i| mesh.vertices_mm[i as usize]);
+    let found: Vec<Pair> = (0..mesh.triangles.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .flat_map_iter(|t| {
+            let mut pairs = Vec::new();
+            tree.near(corners(t), |u| {
+                let other = u as usize;
+                if other <= t {
+                    return;
+                }
+                let crossing = cross(mesh.triangles[t], mesh.triangles[other], corners(t), corners(other));
+                if let Some((point, depth_mm)) = crossing {
+                    pairs.push(Pair { triangles: [t as u32, u], point: point.as_vec3(), depth_mm });
+                }
+            });
+            pairs
+        })
+        .collect();
+    let neighbours = if found.is_empty() { Vec::new() } else { triangles_at_vertices(mesh) };
+    let part = |t: u32| part_of.get(t as usize);
+    let is_fold = |pair: &&Pair| {
+        let [t, u] = pair.triangles;
+        pair.depth_mm < SHALLOW_MM || (part(t) == part(u) && are_near(mesh, &neighbours, t, u))
+    };
+    let (folds, overlaps): (Vec<&Pair>, Vec<&Pair>) = found.iter().partition(is_fold);
+    let shown = if overlaps.is_empty() { &folds } else { &overlaps };
+    let mut places = vec![Place::of(shown.iter().map(|pair| pair.point))];
+    places.extend(shown.first().filter(|_| shown.len() > 1).map(|pair| Place::of([pair.point])));
+    Crossings { overlaps: overlaps.len(), folds: folds.len(), places }
+}
+
+/// Triangles at each vertex.
+fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
+    let mut at = vec![Vec::new(); mesh.vertices_mm.len()];
+    for (t, index) in mesh.triangles.iter().zip(0u32..) {
+        t.iter().for_each(|&vertex| at[vertex as usize].push(index));
+    }
+    at
+}
+
+/// Whether a triangle that touches the first touches the second.
+fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> bool {
+    let second = mesh.triangles[second as usize];
+    let around = mesh.triangles[first as usize].into_iter().flat_map(|vertex| &at_vertex[vertex as usize]);
+    around.copied().any(|t| mesh.triangles[t as usize].iter().any(|vertex| second.contains(vertex)))
+}
+
+/// Where two triangles cross, if they do, and how deeply.
+fn cross(a: [u32; 3], b: [u32; 3], at: [Vec3; 3], bt: [Vec3; 3]) -> Option<(DVec3, f64)> {
+    // Neighbours over an edge meet there alone.
+    if a.iter().filter(|i| b.contains(i)).count() > 1 {
+        return None;
+    }
+    let (at, bt) = (at.map(|v| v.as_dvec3()), bt.map(|v| v.as_dvec3()));
+    through(at, a, b, bt).or_else(|| through(bt, b, a, at))
+}
+
+/// Where an edge of a triangle goes through another one. An edge from a corner that both share starts on the other.
+fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3; 3]) -> Option<(DVec3, f64)> {
+    let normal = (onto[1] - onto[0]).cross(onto[2] - onto[0]).try_normalize()?;
+    let height = corners.map(|p| normal.dot(p - onto[0]));
+    (0..3).find_map(|i| {
+        let j = (i + 1) % 3;
+        if other.contains(&indices[i]) || other.contains(&indices[j]) {
+            return None;
+        }
+        let (low, high) = (height[i].min(height[j]), height[i].max(height[j]));
+        if low > -RESOLUTION_MM || high < RESOLUTION_MM {
+            return None;
+        }
+        let point = corners[i].lerp(corners[j], height[i] / (height[i] - height[j]));
+        is_within(point, onto, normal).then_some((point, high.min(-low)))
+    })
+}
+
+/// Whether a point of a triangle's plane is within it, farther from its edges than the tracer resolves.
+fn is_within(point: DVec3, corners: [DVec3; 3], normal: DVec3) -> bool {
+    (0..3).all(|i| {
+        let (from, to) = (corners[i], corners[(i + 1) % 3]);
+        (to - from).try_normalize().is_some_and(|along| normal.cross(along).dot(point - from) > RESOLUTION_MM)
+    })
+}

@@ -1,0 +1,190 @@
+//! Edges: which have one triangle, which too many, and which way their triangles turn.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+use rayon::slice::ParallelSliceMut;
+
+use super::finding::{Defect, Finding, Place};
+use crate::anatomy::Mesh;
+
+/// Rims this close, mm, are meant to be one; or a quarter of an edge where edges are shorter.
+const SEAM_MM: f32 = 0.01;
+
+/// A directed edge of a triangle, under its undirected one.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Edge {
+    low: u32,
+    high: u32,
+    triangle: u32,
+    /// From the higher vertex to the lower.
+    back: bool,
+}
+
+/// What the edges tell.
+pub(super) struct Edges {
+    pub(super) findings: Vec<Finding>,
+    /// Whether nothing is open and all turn alike: then there is an inside.
+    pub(super) closed: bool,
+    /// Index of each triangle's part: what hangs together over edges.
+    pub(super) part: Vec<u32>,
+}
+
+/// Looks at every edge of a mesh of welded vertices.
+pub(super) fn examine(mesh: &Mesh) -> Edges {
+    let mut edges: Vec<Edge> = Vec::with_capacity(3 * mesh.triangles.len());
+    for (&[a, b, c], triangle) in mesh.triangles.iter().zip(0u32..) {
+        let edge = |(from, to): (u32, u32)| Edge { low: from.min(to), high: from.max(to), triangle, back: from > to };
+        edges.extend([(a, b), (b, c), (c, a)].map(edge));
+    }
+    edges.par_sort_unstable();
+    let mut parts = Groups::new(mesh.triangles.len());
+    let (mut open, mut crowded, mut turned) = (Vec::new(), Vec::new(), Vec::new());
+    let mut unbalanced = 0;
+    for group in edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
+        let balanced = 2 * group.iter().filter(|e| e.back).count() == group.len();
+        match group {
+            [edge] => open.push(if edge.back { [edge.high, edge.low] } else { [edge.low, edge.high] }),
+            [a, b] => {
+                parts.join(a.triangle, b.triangle);
+                if !balanced {
+                    turned.push([a.low, a.high]);
+                }
+            }
+            [first, ..] => {
+                unbalanced += usize::from(!balanced);
+                crowded.push([first.low, first.high]);
+            }
+            [] => {}
+        }
+    }
+    let closed = open.is_empty() && turned.is_empty() && unbalanced == 0;
+    let mut findings = Vec::new();
+    let seam = seam(mesh, &open);
+    if seam.len() < open.len() {
+        let joined: std::collections::HashSet<_> = seam.iter().collect();
+        let gone: Vec<_> = open.iter().filter(|edge| !joined.contains(edge)).copied().collect();
+        let what = format!("{} rim edges lie on others within {SEAM_MM} mm and are not joined to them", gone.len());
+        findings.push(Finding::new(Defect::Unwelded, what).at(places(mesh, &gone)));
+    }
+    if !seam.is_empty() {
+        let holes = places(mesh, &seam);
+        let what = format!("not closed: {} open edges about {} holes", seam.len(), holes.len());
+        findings.push(Finding::new(Defect::Open, what).at(holes));
+    }
+    if !turned.is_empty() {
+        let what = format!("{} edges between triangles of which one is turned over", turned.len());
+        findings.push(Finding::new(Defect::MixedOrientation, what).at(places(mesh, &turned)));
+    }
+    if unbalanced > 0 {
+        let what =
+            format!("{} edges of three or more triangles, {unbalanced} of them with no clear inside", crowded.len());
+        let mut finding = Finding::new(Defect::NonManifold, what).at(places(mesh, &crowded));
+        finding.severity = super::Severity::Error;
+        findings.push(finding);
+    } else if !crowded.is_empty() {
+        let what = format!("{} edges of four or more triangles", crowded.len());
+        findings.push(Finding::new(Defect::NonManifold, what).at(places(mesh, &crowded)));
+    }
+    Edges { findings, closed, part: parts.numbered() }
+}
+
+/// The open edges that stay open if vertices of rims that are nearly in one place become one.
+fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
+    let at = |i: u32| mesh.vertices_mm[i as usize];
+    let mean = open.iter().map(|&[a, b]| f64::from(at(a).distance(at(b)))).sum::<f64>() / open.len().max(1) as f64;
+    let tolerance = SEAM_MM.min(0.25 * mean as f32).max(f32::MIN_POSITIVE);
+    let mut rim: Vec<u32> = open.iter().flatten().copied().collect();
+    rim.sort_unstable();
+    rim.dedup();
+    let cell = |v: Vec3| (v / tolerance).floor().as_i64vec3();
+    let mut cells: HashMap<_, Vec<u32>> = HashMap::new();
+    let mut same: HashMap<u32, u32> = HashMap::with_capacity(rim.len());
+    for vertex in rim {
+        let here = cell(at(vertex));
+        let around = (0..27).map(|i| here + glam::I64Vec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1));
+        let near = |&&other: &&u32| at(other).distance(at(vertex)) <= tolerance;
+        let found = around.filter_map(|key| cells.get(&key)?.iter().find(near).copied()).next();
+        same.insert(vertex, found.unwrap_or(vertex));
+        if found.is_none() {
+            cells.entry(here).or_default().push(vertex);
+        }
+    }
+    let joined = |[a, b]: [u32; 2]| [same.get(&a).copied().unwrap_or(a), same.get(&b).copied().unwrap_or(b)];
+    let mut balance: HashMap<[u32; 2], i32> = HashMap::with_capacity(open.len());
+    for &edge in open {
+        let [a, b] = joined(edge);
+        *balance.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
+    }
+    let stays = |edge: &&[u32; 2]| {
+        let [a, b] = joined(**edge);
+        a != b && balance.get(&[a.min(b), a.max(b)]).is_some_and(|&n| n != 0)
+    };
+    open.iter().filter(stays).copied().collect()
+}
+
+/// Bounds of each group of edges that hang together.
+fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
+    let mut index_of = HashMap::new();
+    for &vertex in edges.iter().flatten() {
+        let next = index_of.len() as u32;
+        index_of.entry(vertex).or_insert(next);
+    }
+    let mut groups = Groups::new(index_of.len());
+    edges.iter().for_each(|[a, b]| groups.join(index_of[a], index_of[b]));
+    let group = groups.numbered();
+    let mut points: Vec<Vec<Vec3>> = Vec::new();
+    for (vertex, &index) in &index_of {
+        let number = group[index as usize] as usize;
+        if points.len() <= number {
+            points.resize(number + 1, Vec::new());
+        }
+        points[number].push(mesh.vertices_mm[*vertex as usize]);
+    }
+    let mut places: Vec<Place> = points.into_iter().map(Place::of).collect();
+    // The map has no order of its own.
+    let key = |p: &Place| (p.size_mm, p.at_mm);
+    places.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
+    places
+}
+
+/// Sets that are joined.
+struct Groups(Vec<u32>);
+
+impl Groups {
+    fn new(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    fn root(&mut self, mut item: u32) -> u32 {
+        while self.0[item as usize] != item {
+            // Halve the way for the next.
+            self.0[item as usize] = self.0[self.0[item as usize] as usize];
+            item = self.0[item as usize];
+        }
+        item
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+
+    /// The set of each item, numbered from 0 in the order of their first items.
+    fn numbered(mut self) -> Vec<u32> {
+        let count = self.0.len();
+        let mut numbers = vec![0; count];
+        let mut next = 0;
+        for item in 0..count as u32 {
+            // A root is the least of its set, so it has its number first.
+            let root = self.root(item);
+            if root == item {
+                numbers[item as usize] = next;
+                next += 1;
+            } else {
+                numbers[item as usize] = numbers[root as usize];
+            }
+        }
+        numbers
+    }
+}

@@ -1,0 +1,212 @@
+//! What a scene is found to suffer from.
+
+use std::fmt;
+
+use glam::Vec3;
+use serde::Serialize;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// The scene is refused, or simulated wrongly.
+    Error,
+    /// Mended while loading, or wrong in some places; worth mending in the file.
+    Warning,
+    /// Good to know.
+    Note,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Note => "note",
+        })
+    }
+}
+
+macro_rules! defects {
+    ($($(#[doc = $doc:literal])+ $name:ident = $severity:ident, $remedy:literal;)*) => {
+        /// What can be wrong with a scene.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+        #[serde(rename_all = "snake_case")]
+        #[non_exhaustive]
+        pub enum Defect {
+            $($(#[doc = $doc])+ $name,)*
+        }
+
+        impl Defect {
+            /// How bad it is.
+            pub fn severity(self) -> Severity {
+                match self { $(Self::$name => Severity::$severity,)* }
+            }
+
+            /// What to do about it.
+            pub fn remedy(self) -> &'static str {
+                match self { $(Self::$name => $remedy,)* }
+            }
+        }
+    };
+}
+
+defects! {
+    /// Primitive that cannot be read: indices, accessors, compression.
+    Unreadable = Error, "export the mesh again, uncompressed, with positions as 32-bit floats";
+    /// Extras, nodes or motion that are refused.
+    Refused = Error, "correct what the message names (in Blender: the object's Custom Properties) and export again";
+    /// More surfaces than can be traced.
+    TooManySurfaces = Error, "join disjoint parts that share tissue and priority into one object (Blender: Ctrl-J)";
+    /// No triangle in the whole scene.
+    EmptyScene = Error, "export meshes with faces; check that the objects are visible and in the exported scene";
+    /// Coordinates that are not finite or beyond ±1e5 mm.
+    BadCoordinates = Error, "delete or place anew the vertices named; where all are far too large, correct the unit";
+    /// Ten times or more beyond what a body measures.
+    WrongUnit = Error, "glTF counts in metres: scale the objects (Blender: set Unit Scale, or S and the factor), apply the scale (Ctrl-A) and export again";
+    /// The scene lies far from the origin for its size.
+    FarFromOrigin = Warning, "move the scene to the origin (Blender: Object > Set Origin, then Alt-G), so that 32-bit coordinates resolve it";
+    /// Neither extras nor a material tell the tissue.
+    NoTissue = Error, "name the material as the tissue, or give the object the custom property `tissue`; `insonify tissues` lists them";
+    /// A tissue that is in no table.
+    UnknownTissue = Error, "correct the name, or define `[tissues.NAME]` in the station file; `insonify tissues` lists them";
+    /// A tissue of the station's own that no surface has.
+    UnusedTissue = Note, "name it in a surface, or remove its table from the station file";
+    /// A primitive without a triangle that has an area.
+    Empty = Warning, "delete the object, or give it faces and a scale that is not 0";
+    /// Points or lines.
+    NotTriangles = Note, "convert curves and wires to meshes (Blender: Object > Convert > Mesh), or delete them";
+    /// Indices that make no whole triangle.
+    LeftOver = Warning, "triangulate and export the mesh again";
+    /// A skin, which is not applied.
+    Skin = Warning, "apply the armature (Blender: Modifiers > Armature > Apply) and export again";
+    /// Meshes of other scenes.
+    NotInScene = Note, "move the objects into the exported scene if they are to be scanned";
+    /// Edges of one triangle only: there is no inside.
+    Open = Error, "fill the hole (Blender: Edit Mode, Select > All by Trait > Non Manifold, then F or Alt-F), or give a sheet a thickness (Solidify)";
+    /// Rims that lie on each other and are not joined.
+    Unwelded = Error, "join the rims (Blender: Edit Mode, A, then Mesh > Merge > By Distance)";
+    /// Edges of more than two triangles.
+    NonManifold = Warning, "delete inner faces (Blender: Select > All by Trait > Interior Faces), or separate what touches along an edge";
+    /// All of a surface faces inward.
+    Inverted = Warning, "turn the faces outward (Blender: Edit Mode, A, Shift-N) so that other programs agree, too";
+    /// Some triangles or parts face the wrong way.
+    MixedOrientation = Error, "let all faces look outward (Blender: Edit Mode, A, Shift-N); a cavity faces into the cavity";
+    /// A part within another part of the same surface.
+    NestedPart = Error, "delete the inner part, turn it over if it is a cavity, or make it an object of its own with a higher priority";
+    /// Triangles without an area.
+    Degenerate = Warning, "dissolve them (Blender: Mesh > Clean Up > Degenerate Dissolve)";
+    /// Triangles too narrow to be hit.
+    Sliver = Note, "nothing, if the picture is right; else remesh or Degenerate Dissolve with a distance of 0.001 mm";
+    /// Triangles that are there more than once.
+    Duplicate = Warning, "remove the copy (Blender: Merge > By Distance removes doubled faces); look for an object duplicated in place";
+    /// Triangles of a surface that pass through each other.
+    SelfIntersection = Error, "unite the parts (Blender: Boolean > Union with Self Intersection, or Remesh), or make them objects of their own";
+    /// Many neighbouring triangles that fold through each other.
+    Crumpled = Warning, "smooth or remesh it (Blender: Sculpt > Remesh, or Smooth), or decimate it less";
+    /// Walls that are one place to the tracer.
+    ThinSheet = Warning, "make it thicker (Blender: Solidify): nothing thinner than 0.001 mm is seen";
+    /// Surfaces of different tissues and one priority that overlap.
+    PriorityTie = Warning, "give the one that is to win a higher `priority` (an integer custom property)";
+    /// Nothing of a surface is ever the medium.
+    Hidden = Warning, "raise its `priority` above that of what hides it, lower the other's, or delete it";
+    /// More memory than every GPU binds.
+    TooLarge = Warning, "reduce triangles (Blender: Decimate): below 2.6 million in all fit every GPU";
+    /// The probe starts in bone or gas, where it sees nothing else.
+    StartsInside = Warning, "move `[pose]` of the station file onto the skin";
+    /// Nothing is within the image at the start.
+    StartsFar = Warning, "move `[pose]` of the station file to the scene, or correct the scene's unit";
+}
+
+impl Defect {
+    /// Its name in JSON.
+    pub fn name(self) -> String {
+        serde_json::to_value(self).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
+    }
+}
+
+/// Where something is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Place {
+    /// Its middle, scene frame, mm.
+    pub at_mm: [f32; 3],
+    /// Its size, mm: the diagonal of its bounds.
+    pub size_mm: f32,
+}
+
+impl Place {
+    pub(super) fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
+        let far = Vec3::splat(f32::INFINITY);
+        let bounds = points.into_iter().fold((far, -far), |(low, high), p| (low.min(p), high.max(p)));
+        let (low, high) = if bounds.0.is_finite() { bounds } else { (Vec3::ZERO, Vec3::ZERO) };
+        Self { at_mm: (0.5 * (low + high)).to_array(), size_mm: (high - low).length() }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.at_mm;
+        write!(f, "({x:.2}, {y:.2}, {z:.2}) mm")?;
+        if self.size_mm > 0.0 { write!(f, ", {:.2} mm across", self.size_mm) } else { Ok(()) }
+    }
+}
+
+/// Something that is wrong with a scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is.
+    pub defect: Defect,
+    /// The surface; none where it is of the whole scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface: Option<String>,
+    /// The surface's tissue, as the file calls it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<String>,
+    /// What is wrong, in words.
+    pub what: String,
+    /// Where, the largest first; at most [`PLACES_MAX`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<Place>,
+    /// What to do about it in the modelling program or the station file.
+    pub remedy: &'static str,
+}
+
+/// Most places that a finding names.
+pub const PLACES_MAX: usize = 3;
+
+impl Finding {
+    pub(super) fn new(defect: Defect, what: impl Into<String>) -> Self {
+        let (severity, remedy) = (defect.severity(), defect.remedy());
+        Self { severity, defect, surface: None, tissue: None, what: what.into(), places: Vec::new(), remedy }
+    }
+
+    pub(super) fn at(mut self, places: impl IntoIterator<Item = Place>) -> Self {
+        self.places = places.into_iter().collect();
+        self.places.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
+        self.places.truncate(PLACES_MAX);
+        self
+    }
+
+    pub(super) fn of(mut self, surface: &str, tissue: Option<&str>) -> Self {
+        self.surface = Some(surface.to_owned());
+        self.tissue = tissue.map(str::to_owned);
+        self
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.surface, &self.tissue) {
+            (Some(surface), Some(tissue)) => write!(f, "`{surface}` ({tissue}): ")?,
+            (Some(surface), None) => write!(f, "`{surface}`: ")?,
+            _ => {}
+        }
+        f.write_str(&self.what)?;
+        for (i, place) in self.places.iter().enumerate() {
+            write!(f, "{}{place}", if i == 0 { " at " } else { "; at " })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,209 @@
+//! The scene doctor: what is wrong with a scene, where, and what to do about it.
+//!
+//! [`examine`] reads a glTF file as it was written, before [`import`](super::import) mends or refuses anything, and tells
+//! all that it finds, not the first alone. Vertices in exactly one place count as one, as exporters split them where
+//! normals or texture coordinates change: that is no defect. Surfaces of different tissues may overlap or touch.
+//!
+//! Overlaps, what is hidden, and thin sheets are looked for below up to 1024 triangles of each surface; all else at every
+//! triangle. Neighbouring triangles that fold through each other, and crossings of less than 0.1 mm, as decimation leaves
+//! them, are told where more than one triangle in 25 has one, slivers where more than one in 1000 is one. A surface
+//! without an inside (open, for example) hides and overlaps nothing.
+
+mod crossing;
+mod edges;
+mod finding;
+mod nesting;
+mod patient;
+mod tree;
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+pub use finding::{Defect, Finding, PLACES_MAX, Place, Severity};
+use patient::Patient;
+use tree::Tree;
+
+use super::bvh::PackedTriangle;
+use super::import::{FindingKind, read_raw};
+use super::scene::SURFACES_MAX;
+use super::{SceneError, TissueTable};
+use crate::pose::Pose;
+
+/// Crossings this close, mm, are one place to the tracer.
+const RESOLUTION_MM: f64 = 1.0e-3;
+
+/// Diagonal of what is scanned, mm: from a wire to a whole body.
+const SIZE_MM: [f32; 2] = [5.0, 3000.0];
+
+/// A storage buffer that every GPU binds, bytes.
+const BUFFER_BYTES: usize = 128 << 20;
+
+/// Impedances of tissues that a probe sees through, MRayl: between gas and bone.
+const SEEN_THROUGH_MRAYL: [f64; 2] = [0.5, 2.6];
+
+/// What a scene is to be used with.
+pub struct Settings<'a> {
+    /// Tissues that it may name.
+    pub tissues: &'a TissueTable,
+    /// Tissues of the station's own, by name; each should be used.
+    pub own_tissues: &'a [String],
+    /// Where the probe starts, `scene_from_probe`, and the depth of its image, mm.
+    pub start: Option<(Pose, f64)>,
+}
+
+/// What an examination found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Surfaces in the file.
+    pub surfaces: usize,
+    /// Their triangles.
+    pub triangles: usize,
+    /// Least and greatest coordinates, mm; none without a finite vertex.
+    pub bounds_mm: Option<[[f32; 3]; 2]>,
+    /// The worst first, then in the file's order.
+    pub findings: Vec<Finding>,
+}
+
+impl Report {
+    /// Findings of one severity.
+    pub fn count(&self, severity: Severity) -> usize {
+        self.findings.iter().filter(|f| f.severity == severity).count()
+    }
+}
+
+/// Examines the `.glb` or `.gltf` file at `path`.
+///
+/// `progress` is told triangles looked at and their number, from several threads.
+///
+/// # Errors
+/// A file that cannot be read or is not whole, valid glTF. All else is a finding.
+pub fn examine(
+    path: &Path,
+    settings: &Settings<'_>,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Report, SceneError> {
+    let raw = read_raw(path)?;
+    let mut findings: Vec<Finding> =
+        raw.problems.iter().map(|problem| Finding::new(Defect::Refused, problem.to_string())).collect();
+    findings.extend(raw.findings.iter().map(|finding| {
+        let defect = match finding.kind {
+            FindingKind::Skin => Defect::Skin,
+            FindingKind::NotInScene { .. } => Defect::NotInScene,
+            _ => Defect::NotTriangles,
+        };
+        Finding::new(defect, finding.to_string())
+    }));
+    let mut patients: Vec<Patient> =
+        raw.surfaces.into_par_iter().map(|surface| Patient::admit(surface, settings.tissues)).collect();
+    let done = AtomicUsize::new(0);
+
+    // The tree borrows the mesh while findings are added to the rest.
+    let meshes: Vec<_> = patients.iter_mut().map(|p| std::mem::take(&mut p.mesh)).collect();
+    let total = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    let trees: Vec<Option<Tree<'_>>> = meshes.par_iter().map(Tree::new).collect();
+    patients.par_iter_mut().zip(&trees).for_each(|(patient, tree)| {
+        let Some(tree) = tree else { return };
+        patient.check_with(tree);
+        let count = tree.mesh().triangles.len();
+        progress(done.fetch_add(count, Ordering::Relaxed) + count, total);
+    });
+    let among = nesting::examine(&patients, &trees);
+    among.into_iter().for_each(|(index, finding)| patients[index].tell(finding));
+
+    let bounds = patient::bounds(patients.iter().filter_map(|p| p.bounds_mm).flat_map(|(low, high)| [low, high]));
+    findings.extend(whole(&patients, bounds));
+    findings.extend(unused(&patients, settings));
+    if let Some((start, depth_mm)) = settings.start {
+        findings.extend(starts(&start, depth_mm, bounds, &patients, &trees, settings.tissues));
+    }
+    let (surfaces, triangles) = (patients.len(), patients.iter().map(|p| p.triangles).sum());
+    let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
+    let of_surfaces = patients.into_iter().flat_map(|patient| patient.findings);
+    // What is told by sizes in mm means nothing in another unit.
+    let by_size = [Defect::Sliver, Defect::ThinSheet, Defect::BadCoordinates, Defect::StartsFar];
+    findings.extend(of_surfaces);
+    findings
+        .retain(|f| !(wrong_unit && by_size.contains(&f.defect) && !f.what.contains("NaN") && !f.what.contains("inf")));
+    findings.dedup();
+    findings.sort_by_key(|f| f.severity);
+    let bounds_mm = bounds.map(|(low, high)| [low.to_array(), high.to_array()]);
+    Ok(Report { surfaces, triangles, bounds_mm, findings })
+}
+
+/// What is wrong with the scene as a whole.
+fn whole(patients: &[Patient], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if patients.len() > SURFACES_MAX {
+        let what = format!("{} surfaces; at most {SURFACES_MAX} are traced", patients.len());
+        findings.push(Finding::new(Defect::TooManySurfaces, what));
+    }
+    let triangles: usize = patients.iter().map(|p| p.triangles).sum();
+    if triangles == 0 {
+        findings.push(Finding::new(Defect::EmptyScene, "the scene holds no triangles"));
+    }
+    let bytes = triangles * size_of::<PackedTriangle>();
+    if bytes > BUFFER_BYTES {
+        let (needed, bound) = (bytes >> 20, BUFFER_BYTES >> 20);
+        let what =
+            format!("{triangles} triangles take {needed} MiB in one buffer; not every GPU binds more than {bound}");
+        findings.push(Finding::new(Defect::TooLarge, what));
+    }
+    let Some((low, high)) = bounds else { return findings };
+    let (size, [least, most]) = ((high.as_dvec3() - low.as_dvec3()).length() as f32, SIZE_MM);
+    let place = Place { at_mm: (0.5 * low + 0.5 * high).to_array(), size_mm: size };
+    if size > most {
+        let factor = if size / 1000.0 >= least { ": 1000 times too large, if it was drawn in mm" } else { "" };
+        let what = format!("the scene is {:.1} m across{factor}", size / 1000.0);
+        findings.push(Finding::new(Defect::WrongUnit, what).at([place]));
+    } else if size > 0.0 && size < least {
+        let factor =
+            if size * 1000.0 <= most { ": 1000 times too small, if it was drawn in m and scaled to mm" } else { "" };
+        findings.push(Finding::new(Defect::WrongUnit, format!("the scene is {size} mm across{factor}")).at([place]));
+    } else if Vec3::from(place.at_mm).length() > (10.0 * size).max(2000.0) {
+        let what =
+            format!("the scene, {size:.0} mm across, is {:.0} mm from the origin", Vec3::from(place.at_mm).length());
+        findings.push(Finding::new(Defect::FarFromOrigin, what).at([place]));
+    }
+    findings
+}
+
+/// Tissues of the station's own that nothing is made of.
+fn unused(patients: &[Patient], settings: &Settings<'_>) -> Vec<Finding> {
+    let used = |name: &String| {
+        let index = settings.tissues.index_of(name);
+        patients.iter().any(|p| p.tissue_index == index)
+    };
+    let unused = settings.own_tissues.iter().filter(|name| !used(name));
+    unused.map(|name| Finding::new(Defect::UnusedTissue, format!("no surface is of the tissue `{name}`"))).collect()
+}
+
+/// What is wrong with where the probe starts.
+fn starts(
+    start: &Pose,
+    depth_mm: f64,
+    bounds: Option<(Vec3, Vec3)>,
+    patients: &[Patient],
+    trees: &[Option<Tree<'_>>],
+    tissues: &TissueTable,
+) -> Option<Finding> {
+    let face = start.position_mm + start.orientation * DVec3::Z * 0.01;
+    let place = Place { at_mm: start.position_mm.as_vec3().to_array(), size_mm: 0.0 };
+    let (low, high) = bounds?;
+    let away = face.distance(face.clamp(low.as_dvec3(), high.as_dvec3()));
+    if away > depth_mm {
+        let what = format!("the probe starts {away:.0} mm from the scene, whose image is {depth_mm:.0} mm deep");
+        return Some(Finding::new(Defect::StartsFar, what).at([place]));
+    }
+    let surface = &patients[nesting::medium(face, patients, trees)?];
+    let impedance = tissues.tissues()[surface.tissue_index?].impedance_mrayl();
+    let [least, most] = SEEN_THROUGH_MRAYL;
+    let what = if impedance > most { "bone or another hard solid" } else { "gas" };
+    (!(least..=most).contains(&impedance)).then(|| {
+        let what = format!("the probe starts in it, which is {what}");
+        Finding::new(Defect::StartsInside, what).at([place]).of(&surface.name, surface.tissue.as_deref())
+    })
+}

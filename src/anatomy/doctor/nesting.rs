@@ -1,0 +1,108 @@
+//! Surfaces against each other: what hides what, and where two claim one place with one priority.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::RESOLUTION_MM;
+use super::finding::{Defect, Finding, Place};
+use super::patient::{Patient, Probe, probes};
+use super::tree::Tree;
+
+/// Triangles of a surface below which it is probed.
+const PROBES: usize = 1024;
+
+/// Part of a surface's probes that must be thin for it to be a sheet.
+const THIN_PART: f64 = 0.05;
+
+/// Most surfaces named that hide another.
+const HIDERS_NAMED: usize = 3;
+
+/// Looks at every closed surface among the others; findings by the index of the surface.
+pub(super) fn examine(patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
+    let mut found: Vec<(usize, Finding)> =
+        (0..patients.len()).into_par_iter().flat_map_iter(|index| one(index, patients, trees)).collect();
+    // Both of a pair tell a tie.
+    let mut told = BTreeSet::new();
+    found.retain(|(index, f)| f.defect != Defect::PriorityTie || told.insert((*index, f.what.clone())));
+    found
+}
+
+fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
+    let patient = &patients[index];
+    let (Some(tree), true) = (&trees[index], patient.closed) else { return Vec::new() };
+    let probes = probes(tree, PROBES);
+    let mut found = Vec::new();
+    let thin: Vec<&Probe> = probes.iter().filter(|p| p.thickness_mm < RESOLUTION_MM).collect();
+    if !thin.is_empty() && thin.len() as f64 >= THIN_PART * probes.len() as f64 {
+        let least = thin.iter().map(|p| p.thickness_mm).fold(f64::INFINITY, f64::min);
+        let what = format!("a sheet {least:.6} mm thick: entered and left at one place, it is not seen");
+        let place = Place::of(thin.iter().map(|p| p.points_mm[1].as_vec3()));
+        found.push((index, Finding::new(Defect::ThinSheet, what).at([place])));
+    }
+    let (mut seen, mut ties) = (false, BTreeMap::<usize, Vec<Vec3>>::new());
+    let mut hiders = BTreeSet::new();
+    for point in probes.iter().flat_map(|probe| probe.points_mm) {
+        let mut hider = None;
+        for other in holding(point, patients, trees).filter(|&other| other != index) {
+            let o = &patients[other];
+            if rank(patients, other) > rank(patients, index) {
+                hider = Some(other);
+            }
+            if o.priority == patient.priority && o.tissue_index != patient.tissue_index {
+                ties.entry(other).or_default().push(point.as_vec3());
+            }
+        }
+        seen |= hider.is_none();
+        hiders.extend(hider);
+    }
+    if !seen && !hiders.is_empty() {
+        let mut names: Vec<_> = hiders.iter().map(|&i| format!("`{}`", patients[i].name)).collect();
+        if names.len() > HIDERS_NAMED {
+            let others = names.len() - HIDERS_NAMED;
+            names.truncate(HIDERS_NAMED);
+            names.push(format!("{others} others"));
+        }
+        let what = format!("nothing of it (priority {}) is seen behind {}", patient.priority, names.join(", "));
+        let place = patient.bounds_mm.map(|(low, high)| Place::of([low, high]));
+        found.push((index, Finding::new(Defect::Hidden, what).at(place)));
+    }
+    for (other, points) in ties {
+        let (loser, winner) = (index.min(other), index.max(other));
+        let what = format!(
+            "it overlaps `{}`, of another tissue and the same priority {}: the later one in the file, `{}`, wins",
+            patients[winner].name, patient.priority, patients[winner].name
+        );
+        found.push((loser, Finding::new(Defect::PriorityTie, what).at([Place::of(points)])));
+    }
+    found
+}
+
+/// Where closed surfaces overlap, the greatest is the medium.
+fn rank(patients: &[Patient], index: usize) -> (i32, usize) {
+    (patients[index].priority, index)
+}
+
+/// Closed surfaces that a point is inside.
+fn holding<'a>(
+    point: DVec3,
+    patients: &'a [Patient],
+    trees: &'a [Option<Tree<'a>>],
+) -> impl Iterator<Item = usize> + 'a {
+    let within = move |patient: &Patient| {
+        let p = point.as_vec3();
+        patient.bounds_mm.is_some_and(|(low, high)| low.cmple(p).all() && high.cmpge(p).all())
+    };
+    let numbered = patients.iter().zip(trees).enumerate();
+    numbered
+        .filter(move |(_, (patient, tree))| {
+            patient.closed && within(patient) && tree.as_ref().is_some_and(|tree| tree.holds(point))
+        })
+        .map(|(index, _)| index)
+}
+
+/// The surface that is the medium at a point; none in the background.
+pub(super) fn medium(point: DVec3, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Option<usize> {
+    holding(point, patients, trees).max_by_key(|&index| rank(patients, index))
+}

@@ -1,0 +1,338 @@
+//! One surface: its vertices, triangles, edges and parts.
+
+use glam::{DVec3, Vec3};
+
+use super::finding::{Defect, Finding, Place};
+use super::tree::Tree;
+use super::{RESOLUTION_MM, crossing, edges};
+use crate::anatomy::import::{RawMesh, RawSurface, has_area, is_usable, tissue_named};
+use crate::anatomy::{Mesh, TissueTable};
+use crate::suggest::did_you_mean;
+
+/// Triangles lower than this, mm, are missed by rays from 150 mm: the tracer's edge tolerance is as wide.
+const SLIVER_MM: f64 = 1e-4;
+
+/// More folds than one in so many triangles are told.
+const FOLDS_ONE_IN: usize = 25;
+
+/// More slivers than one in so many triangles are told: the neighbours of a few are hit in their place.
+const SLIVERS_ONE_IN: usize = 1000;
+
+/// Corners at which is asked what is around a part: one may lie where parts nearly touch.
+const ASKED: usize = 9;
+
+/// A surface under examination.
+pub(super) struct Patient {
+    pub(super) name: String,
+    /// As the file calls it.
+    pub(super) tissue: Option<String>,
+    pub(super) tissue_index: Option<usize>,
+    pub(super) priority: i32,
+    /// What is left without copies, triangles without area and vertices that are no places.
+    pub(super) mesh: Mesh,
+    /// Whether it has an inside.
+    pub(super) closed: bool,
+    /// Bounds of every finite vertex, mm, however far away.
+    pub(super) bounds_mm: Option<(Vec3, Vec3)>,
+    /// Triangles in the file.
+    pub(super) triangles: usize,
+    pub(super) findings: Vec<Finding>,
+    /// Index of each triangle's part.
+    part: Vec<u32>,
+}
+
+impl Patient {
+    /// Takes a surface as it was written, and looks at all but what needs a tree.
+    pub(super) fn admit(raw: RawSurface, tissues: &TissueTable) -> Self {
+        let RawSurface { name, tissue, priority, mesh } = raw;
+        let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
+        let mut patient = Self {
+            name,
+            tissue_index,
+            tissue,
+            priority,
+            mesh: Mesh::default(),
+            closed: false,
+            bounds_mm: None,
+            triangles: 0,
+            findings: Vec::new(),
+            part: Vec::new(),
+        };
+        patient.check_tissue(tissues);
+        match mesh {
+            Ok(raw) => patient.check_mesh(&raw),
+            Err(error) => patient.tell(Finding::new(Defect::Unreadable, error.to_string())),
+        }
+        patient
+    }
+
+    /// Adds a finding about this surface.
+    pub(super) fn tell(&mut self, finding: Finding) {
+        self.findings.push(finding.of(&self.name, self.tissue.as_deref()));
+    }
+
+    fn check_tissue(&mut self, tissues: &TissueTable) {
+        match &self.tissue {
+            None => self.tell(Finding::new(Defect::NoTissue, "neither its node nor its material tells a tissue")),
+            Some(tissue) if self.tissue_index.is_none() => {
+                let suggestion = did_you_mean(tissue, tissues.names().iter().map(String::as_str));
+                let what = format!("there is no tissue `{tissue}`{suggestion}");
+                self.tell(Finding::new(Defect::UnknownTissue, what));
+            }
+            Some(_) => {}
+        }
+    }
+
+    fn check_mesh(&mut self, raw: &RawMesh) {
+        self.triangles = raw.triangles.len();
+        let mut mesh = raw.welded();
+        self.bounds_mm = bounds(mesh.vertices_mm.iter().copied().filter(|v| v.is_finite()));
+        if raw.left_over > 0 {
+            let what = format!("the last {} indices make no whole triangle and are left out", raw.left_over);
+            self.tell(Finding::new(Defect::LeftOver, what));
+        }
+        let bad: Vec<usize> = raw.bad_vertices().collect();
+        if let Some(&first) = bad.first() {
+            let value = raw.vertices_mm[first].to_array();
+            let what =
+                format!("{} vertices are not finite or beyond ±100000 mm; vertex {first} is {value:?} mm", bad.len());
+            self.tell(Finding::new(Defect::BadCoordinates, what));
+            mesh.triangles.retain(|t| t.iter().all(|&i| is_usable(mesh.vertices_mm[i as usize])));
+            // What is cut off is open: nothing else can be told.
+            self.mesh = mesh;
+            return;
+        }
+        self.drop_degenerate(&mut mesh);
+        self.drop_copies(&mut mesh);
+        self.mesh = mesh;
+        if self.mesh.triangles.is_empty() {
+            if self.findings.iter().all(|f| f.defect != Defect::ThinSheet) {
+                self.tell(Finding::new(Defect::Empty, "it has no triangle with an area and is left out"));
+            }
+            return;
+        }
+        self.check_slivers();
+        let edges = edges::examine(&self.mesh);
+        edges.findings.into_iter().for_each(|finding| self.tell(finding));
+        (self.closed, self.part) = (edges.closed, edges.part);
+    }
+
+    fn drop_degenerate(&mut self, mesh: &mut Mesh) {
+        let (mut dropped, mut first) = (0, None);
+        mesh.triangles.retain(|t| {
+            let corners = t.map(|i| mesh.vertices_mm[i as usize]);
+            let keep = has_area(corners);
+            dropped += usize::from(!keep);
+            first = first.or((!keep).then_some(corners));
+            keep
+        });
+        // A surface of nothing else is empty, which is told instead.
+        if let Some(corners) = first.filter(|_| !mesh.triangles.is_empty()) {
+            let what = format!("{dropped} triangles without area are left out, one of them");
+            self.tell(Finding::new(Defect::Degenerate, what).at([Place::of(corners)]));
+        }
+    }
+
+    /// Leaves one of each set of triangles that turn alike, and none of those that lie back to back.
+    fn drop_copies(&mut self, mesh: &mut Mesh) {
+        let mut keys: Vec<([u32; 3], i32, u32)> = mesh.triangles.iter().zip(0..).map(|(t, i)| keyed(*t, i)).collect();
+        keys.sort_unstable();
+        let mut gone = vec![false; mesh.triangles.len()];
+        let (mut copies, mut backs) = (Vec::new(), Vec::new());
+        for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
+            let balance: i32 = group.iter().map(|(_, turn, _)| turn).sum();
+            let kept = group.iter().find(|(_, turn, _)| *turn == balance.signum()).map(|(_, _, index)| *index);
+            let alike = group.len() == balance.unsigned_abs() as usize;
+            if alike { &mut copies } else { &mut backs }.push(group[0].2);
+            group.iter().filter(|(_, _, i)| Some(*i) != kept).for_each(|(_, _, i)| gone[*i as usize] = true);
+        }
+        let corners = |i: u32| mesh.triangles[i as usize].map(|v| mesh.vertices_mm[v as usize]);
+        let all = |of: &[u32]| Place::of(of.iter().flat_map(|&i| corners(i)));
+        let mut found = Vec::new();
+        if !copies.is_empty() {
+            let what = format!("{} triangles are there more than once", copies.len());
+            found.push(Finding::new(Defect::Duplicate, what).at([all(&copies)]));
+        }
+        if !backs.is_empty() {
+            let what = format!("{} pairs of triangles lie back to back: a sheet without thickness", backs.len());
+            found.push(Finding::new(Defect::ThinSheet, what).at([all(&backs)]));
+        }
+        found.into_iter().for_each(|finding| self.tell(finding));
+        let mut gone = gone.into_iter();
+        mesh.triangles.retain(|_| !gone.next().unwrap_or(false));
+    }
+
+    fn check_slivers(&mut self) {
+        let height = |[a, b, c]: [Vec3; 3]| {
+            let [a, b, c] = [a, b, c].map(|v| v.as_dvec3());
+            (b - a).cross(c - a).length() / a.distance(b).max(b.distance(c)).max(c.distance(a))
+        };
+        let slivers: Vec<_> = self.mesh.corners_mm().filter(|corners| height(*corners) < SLIVER_MM).collect();
+        if slivers.len() * SLIVERS_ONE_IN > self.mesh.triangles.len() {
+            let what = format!("{} triangles are lower than {SLIVER_MM} mm: rays may miss them", slivers.len());
+            self.tell(Finding::new(Defect::Sliver, what).at(slivers.into_iter().map(Place::of)));
+        }
+    }
+
+    /// Looks for triangles that cross, and for parts that face the wrong way.
+    pub(super) fn check_with(&mut self, tree: &Tree<'_>) {
+        let crossing::Crossings { overlaps, folds, places } = crossing::find(tree, &self.part);
+        if overlaps > 0 {
+            let what = format!("{overlaps} pairs of its triangles pass through each other");
+            self.tell(Finding::new(Defect::SelfIntersection, what).at(places));
+        } else if folds * FOLDS_ONE_IN > tree.mesh().triangles.len() {
+            let what = format!("{folds} pairs of neighbouring triangles fold through each other");
+            self.tell(Finding::new(Defect::Crumpled, what).at(places));
+        }
+        if self.closed {
+            self.check_parts(tree);
+        }
+    }
+
+    fn check_parts(&mut self, tree: &Tree<'_>) {
+        let parts = parts(tree.mesh(), &self.part);
+        let turned = if parts.iter().map(|p| p.volume_mm3).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+        if turned < 0.0 {
+            self.tell(Finding::new(Defect::Inverted, "it faces inward; it is turned over while loading"));
+        }
+        let (mut inward, mut nested) = (Vec::new(), Vec::new());
+        for (index, part) in parts.iter().enumerate() {
+            let outward = turned * part.volume_mm3 > 0.0;
+            match (is_within_others(index, &parts, &self.part, tree), outward) {
+                (false, false) => inward.push(part.place()),
+                (true, true) => nested.push(part.place()),
+                _ => {}
+            }
+        }
+        if !inward.is_empty() {
+            let what = format!("{} of its {} parts face inward", inward.len(), parts.len());
+            self.tell(Finding::new(Defect::MixedOrientation, what).at(inward));
+        }
+        if !nested.is_empty() {
+            let what = format!(
+                "{} of its {} parts lie within another part: their border is taken for the end of both",
+                nested.len(),
+                parts.len()
+            );
+            self.tell(Finding::new(Defect::NestedPart, what).at(nested));
+        }
+    }
+}
+
+/// What hangs together over edges.
+struct Part {
+    low: Vec3,
+    high: Vec3,
+    /// Some of its corners, evenly over its triangles.
+    corners: Vec<Vec3>,
+    triangles: usize,
+    volume_mm3: f64,
+}
+
+impl Part {
+    fn place(&self) -> Place {
+        Place::of([self.low, self.high])
+    }
+}
+
+fn parts(mesh: &Mesh, part_of: &[u32]) -> Vec<Part> {
+    let mut counts = Vec::new();
+    for &index in part_of {
+        let index = index as usize;
+        if counts.len() <= index {
+            counts.resize(index + 1, 0usize);
+        }
+        counts[index] += 1;
+    }
+    let far = Vec3::splat(f32::INFINITY);
+    let empty = |_: &usize| Part { low: far, high: -far, corners: Vec::new(), triangles: 0, volume_mm3: 0.0 };
+    let mut parts: Vec<Part> = counts.iter().map(empty).collect();
+    let centre = mesh.vertices_mm.first().copied().unwrap_or_default().as_dvec3();
+    for (corners, &index) in mesh.corners_mm().zip(part_of) {
+        let part = &mut parts[index as usize];
+        corners.iter().for_each(|&c| (part.low, part.high) = (part.low.min(c), part.high.max(c)));
+        if part.triangles.is_multiple_of(counts[index as usize].div_ceil(ASKED)) {
+            part.corners.push(corners[0]);
+        }
+        part.triangles += 1;
+        let [a, b, c] = corners.map(|v| v.as_dvec3() - centre);
+        part.volume_mm3 += a.dot(b.cross(c)) / 6.0;
+    }
+    parts
+}
+
+/// Whether a part lies within an odd number of others, by most of its corners.
+fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'_>) -> bool {
+    let part = &parts[index];
+    let meets = |other: &Part| other.low.cmple(part.high).all() && other.high.cmpge(part.low).all();
+    let others: Vec<usize> = (0..parts.len()).filter(|&other| other != index && meets(&parts[other])).collect();
+    let around = |corner: &Vec3| {
+        let holds = |other: usize| tree.winding(corner.as_dvec3(), |t| part_of[t as usize] as usize == other) != 0;
+        others.iter().filter(|&&other| holds(other)).count()
+    };
+    let odd = part.corners.iter().filter(|corner| !around(corner).is_multiple_of(2)).count();
+    2 * odd > part.corners.len()
+}
+
+/// A triangle under its sorted corners, with which way it turns.
+fn keyed([a, b, c]: [u32; 3], index: u32) -> ([u32; 3], i32, u32) {
+    let mut sorted = [a, b, c];
+    sorted.sort_unstable();
+    // Even permutations of the sorted corners turn as they do.
+    let even = [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted);
+    (sorted, if even { 1 } else { -1 }, index)
+}
+
+pub(super) fn bounds(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
+    points.fold(None, |bounds, p| Some(bounds.map_or((p, p), |(low, high): (Vec3, Vec3)| (low.min(p), high.max(p)))))
+}
+
+/// What is below a triangle of a surface.
+pub(super) struct Probe {
+    /// Just below the triangle, and half way to the other side.
+    pub(super) points_mm: [DVec3; 2],
+    /// Way to the other side, mm.
+    pub(super) thickness_mm: f64,
+}
+
+/// Depth of a probe's first point, mm, where the surface is thicker than twice that.
+const SKIN_DEEP_MM: f64 = 0.01;
+
+/// Places inside a closed surface, below at most `count` of its triangles.
+pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
+    let mesh = tree.mesh();
+    let step = mesh.triangles.len().div_ceil(count).max(1);
+    // Few triangles are large: several places below each.
+    let each = (count / mesh.triangles.len().max(1)).clamp(1, PLACES_MAX_A_TRIANGLE);
+    let below = |corners: [Vec3; 3], own: u32, place: usize| {
+        let [a, b, c] = corners.map(|v| v.as_dvec3());
+        let inward = -(b - a).cross(c - a).try_normalize()?;
+        let [u, v] = barycentric(place);
+        let middle = a + (b - a) * u + (c - a) * v;
+        let mut thickness_mm = f64::INFINITY;
+        tree.crossings(middle - inward * RESOLUTION_MM, inward, |crossing| {
+            let t = crossing.t_mm - RESOLUTION_MM;
+            if crossing.triangle != own && crossing.leaves && t >= 0.0 {
+                thickness_mm = thickness_mm.min(t);
+            }
+        });
+        let half_mm = 0.5 * thickness_mm;
+        let points_mm = [SKIN_DEEP_MM.min(half_mm), half_mm].map(|depth| middle + inward * depth);
+        thickness_mm.is_finite().then_some(Probe { points_mm, thickness_mm })
+    };
+    let chosen = mesh.corners_mm().zip(0u32..).step_by(step);
+    chosen.flat_map(|(corners, own)| (0..each).filter_map(move |place| below(corners, own, place))).collect()
+}
+
+/// Most places below one triangle.
+const PLACES_MAX_A_TRIANGLE: usize = 64;
+
+/// Barycentric coordinates of the centroid, then of places evenly over the triangle: the additive recurrence of the
+/// plastic number.
+fn barycentric(place: usize) -> [f64; 2] {
+    if place == 0 {
+        return [1.0 / 3.0; 2];
+    }
+    let [u, v] = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + place as f64 * step).fract());
+    if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
+}

@@ -1,0 +1,114 @@
+//! What is near a place, and what a line crosses, of one surface.
+
+use std::time::Duration;
+
+use glam::{DVec3, Vec3};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2_from_tris;
+use obvhs::ray::Ray;
+use obvhs::triangle::Triangle;
+
+use crate::anatomy::Mesh;
+
+/// Directions along no axis and no common diagonal: two of three decide.
+const DIRECTIONS: [DVec3; 3] =
+    [DVec3::new(0.361, 0.829, 0.427), DVec3::new(-0.743, 0.217, 0.633), DVec3::new(0.512, -0.477, -0.714)];
+
+/// Where a line crosses a triangle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Crossing {
+    /// Distance along the line, mm.
+    pub(super) t_mm: f64,
+    /// Whether the line leaves through the triangle's outside.
+    pub(super) leaves: bool,
+    pub(super) triangle: u32,
+}
+
+/// A tree over a mesh's triangles.
+pub(super) struct Tree<'m> {
+    bvh: Bvh2,
+    mesh: &'m Mesh,
+}
+
+impl<'m> Tree<'m> {
+    /// None of an empty mesh.
+    pub(super) fn new(mesh: &'m Mesh) -> Option<Self> {
+        let triangles: Vec<Triangle> =
+            mesh.corners_mm().map(|[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
+        let config = BvhBuildParams::fast_build();
+        (!triangles.is_empty())
+            .then(|| Self { bvh: build_bvh2_from_tris(&triangles, config, &mut Duration::default()), mesh })
+    }
+
+    pub(super) fn mesh(&self) -> &'m Mesh {
+        self.mesh
+    }
+
+    fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.mesh.triangles[triangle as usize].map(|i| self.mesh.vertices_mm[i as usize])
+    }
+
+    /// Triangles whose boxes meet that of `corners`.
+    pub(super) fn near(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
+        let points = corners.map(Into::into);
+        self.bvh.aabb_traverse(Aabb::from_points(&points), |bvh, node| {
+            let node = bvh.nodes[node as usize];
+            let leaves = node.first_index..node.first_index + node.prim_count;
+            leaves.for_each(|i| each(bvh.primitive_indices[i as usize]));
+            true
+        });
+    }
+
+    /// Every crossing ahead of `from_mm` along the unit `direction`, in any order.
+    pub(super) fn crossings(&self, from_mm: DVec3, direction: DVec3, mut each: impl FnMut(Crossing)) {
+        // A component of 0 makes NaNs of the boxes' slabs.
+        let slanted = |v: f64| if v.abs() < 1e-6 { 1e-6 } else { v as f32 };
+        let [x, y, z] = direction.to_array().map(slanted);
+        let ray = Ray::new_inf(from_mm.as_vec3().into(), Vec3::new(x, y, z).into());
+        self.bvh.ray_traverse_anyhit(ray, |_, index| {
+            let triangle = self.bvh.primitive_indices[index];
+            if let Some((t_mm, leaves)) = intersect(self.corners(triangle), from_mm, direction) {
+                each(Crossing { t_mm, leaves, triangle });
+            }
+        });
+    }
+
+    /// How many times the surface encloses `point_mm`, less how often inside out; triangles that `counts` refuses are
+    /// as if they were not there.
+    pub(super) fn winding(&self, point_mm: DVec3, counts: impl Fn(u32) -> bool) -> i32 {
+        let along = |direction: DVec3| {
+            let mut winding = 0;
+            self.crossings(point_mm, direction.normalize(), |crossing| {
+                if counts(crossing.triangle) {
+                    winding += if crossing.leaves { 1 } else { -1 };
+                }
+            });
+            winding
+        };
+        let [a, b] = [along(DIRECTIONS[0]), along(DIRECTIONS[1])];
+        if a == b { a } else { along(DIRECTIONS[2]) }
+    }
+
+    /// Whether `point_mm` is inside the surface.
+    pub(super) fn holds(&self, point_mm: DVec3) -> bool {
+        self.winding(point_mm, |_| true) != 0
+    }
+}
+
+/// Distance along the line, which is above 0, and whether it leaves (Möller & Trumbore, J Graph Tools 2:21, 1997).
+fn intersect(corners: [Vec3; 3], from: DVec3, direction: DVec3) -> Option<(f64, bool)> {
+    let [a, b, c] = corners.map(|v| v.as_dvec3());
+    let (ab, ac) = (b - a, c - a);
+    let p = direction.cross(ac);
+    let det = ab.dot(p);
+    if det == 0.0 {
+        return None;
+    }
+    let s = from - a;
+    let q = s.cross(ab);
+    let (u, v, t) = (s.dot(p) / det, direction.dot(q) / det, ac.dot(q) / det);
+    // The determinant is −direction · normal.
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, det < 0.0))
+}

@@ -1,0 +1,88 @@
+//! `insonify doctor`: what is wrong with a scene, and what to do about it.
+
+use std::ffi::OsStr;
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::anatomy::TissueTable;
+use insonify::anatomy::doctor::{Finding, Report, Settings, Severity, examine};
+use insonify::station::Station;
+use serde::Serialize;
+
+use super::output::thousands;
+use super::progress::Progress;
+use super::{Classify, Failure, output, session};
+
+/// Say what is wrong with a scene, where, and what to do about it in the modelling program.
+///
+/// A scene alone is examined with the built-in tissues; a station file also tells its own tissues and where the probe
+/// starts. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
+/// notes. Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
+#[derive(Debug, Parser)]
+#[command(after_help = "Examples:\n  \
+                        insonify doctor belly.glb\n  \
+                        insonify doctor configs/gallbladder_stones.toml --json")]
+pub(crate) struct Args {
+    /// Scene (.glb, .gltf) or station file (.toml)
+    scene: PathBuf,
+
+    /// Print the findings as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Printed<'a> {
+    path: &'a PathBuf,
+    #[serde(flatten)]
+    report: &'a Report,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let builtin = TissueTable::builtin().other()?;
+    let (path, station) = if args.scene.extension() == Some(OsStr::new("toml")) {
+        let station = Station::load(&args.scene)?;
+        (session::scene_file(&station)?, Some(station))
+    } else {
+        (args.scene.clone(), None)
+    };
+    let tissues = station.as_ref().map_or(&builtin, |station| &station.tissues);
+    let own = tissues.names().iter().filter(|name| builtin.index_of(name).is_none());
+    // The background is used, though no surface is made of it.
+    let own_tissues: Vec<String> =
+        own.filter(|name| station.as_ref().is_none_or(|s| s.background != **name)).cloned().collect();
+    let start = station.as_ref().and_then(|s| s.default_pose.map(|pose| (pose, s.probe.depth_mm)));
+    let progress = Progress::new("doctor", 0);
+    let settings = Settings { tissues, own_tissues: &own_tissues, start };
+    let report = examine(&path, &settings, &|done, total| progress.set(done, total))?;
+    drop(progress);
+    if args.json {
+        output::json(&Printed { path: &path, report: &report })?;
+    } else {
+        print(&report)?;
+    }
+    match report.count(Severity::Error) {
+        0 => Ok(()),
+        1 => Err(Failure::Other(anyhow!("{} has 1 error", path.display()))),
+        errors => Err(Failure::Other(anyhow!("{} has {errors} errors", path.display()))),
+    }
+}
+
+fn print(report: &Report) -> Result<(), Failure> {
+    let count = |n: usize, name: &str| if n == 1 { format!("1 {name}") } else { format!("{} {name}s", thousands(n)) };
+    let of = format!("{}, {}", count(report.surfaces, "surface"), count(report.triangles, "triangle"));
+    if report.findings.is_empty() {
+        return output::line(format!("nothing is wrong: {of}"));
+    }
+    report.findings.iter().try_for_each(|finding| output::line(line(finding)))?;
+    let of_severity = |severity, name| count(report.count(severity), name);
+    let errors = of_severity(Severity::Error, "error");
+    let (warnings, notes) = (of_severity(Severity::Warning, "warning"), of_severity(Severity::Note, "note"));
+    output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))
+}
+
+fn line(finding: &Finding) -> String {
+    format!("{:8} {finding}\n         {}", finding.severity.to_string(), finding.remedy)
+}

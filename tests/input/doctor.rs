@@ -1,0 +1,334 @@
+//! Scenes with one defect each: the doctor names it, at its surface and place, and says nothing about sound ones.
+
+use glam::{DVec3, Vec3};
+use insonify::anatomy::analytic::{cuboid, joined, sphere};
+use insonify::anatomy::doctor::{Defect, Finding, Report, Settings, Severity, examine};
+use insonify::anatomy::{Mesh, TissueTable};
+use insonify::pose::Pose;
+use serde_json::json;
+
+use crate::builder::*;
+
+/// A scene of surfaces with names, tissues and priorities; coordinates in mm.
+fn scene(surfaces: &[(&str, &str, i32, &Mesh)]) -> Builder {
+    let mut b = Builder::empty();
+    for (name, tissue, priority, mesh) in surfaces {
+        let metres: Vec<_> = mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
+        let indices: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+        let (positions, indices) = (b.positions(&metres), b.indices(&indices, U32));
+        let mesh = b.mesh(&[json!({"attributes": {"POSITION": positions}, "indices": indices})]);
+        b.node(json!({"name": name, "mesh": mesh, "extras": {"tissue": tissue, "priority": priority}}));
+    }
+    b
+}
+
+fn examined(b: &Builder) -> Report {
+    examined_from(b, None)
+}
+
+fn examined_from(b: &Builder, start: Option<(Pose, f64)>) -> Report {
+    let (_dir, path) = file("scene.glb", &b.glb());
+    let tissues = TissueTable::builtin().unwrap();
+    examine(&path, &Settings { tissues: &tissues, own_tissues: &[], start }, &|_, _| {}).unwrap()
+}
+
+/// The only finding, of `defect`, about a ball of liver called `organ` beside a sound one.
+fn only(report: &Report, defect: Defect) -> Finding {
+    let found: Vec<_> = report.findings.iter().map(|f| (f.defect, f.to_string())).collect();
+    assert_eq!(found.len(), 1, "{defect:?}: {found:?}");
+    assert_eq!(found[0].0, defect, "{found:?}");
+    let finding = report.findings[0].clone();
+    assert!(!finding.remedy.is_empty() && finding.severity == defect.severity() || defect == Defect::NonManifold);
+    finding
+}
+
+/// The finding about `organ`, broken by `mesh`, beside a sound ball.
+fn of_organ(mesh: &Mesh, defect: Defect) -> Finding {
+    let sound = sphere(Vec3::new(200.0, 0.0, 0.0), 20.0, 2);
+    let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, mesh)]));
+    let finding = only(&report, defect);
+    assert_eq!((finding.surface.as_deref(), finding.tissue.as_deref()), (Some("organ"), Some("liver")));
+    finding
+}
+
+fn ball() -> Mesh {
+    sphere(Vec3::new(10.0, 20.0, 30.0), 20.0, 3)
+}
+
+fn near(finding: &Finding, place: [f32; 3], within_mm: f32) {
+    let at = Vec3::from(finding.places[0].at_mm);
+    assert!(at.distance(place.into()) <= within_mm, "{finding}");
+}
+
+/// Triangles whose three corners are within `radius_mm` of a point, taken out.
+fn holed(mesh: &Mesh, at: Vec3, radius_mm: f32) -> Mesh {
+    let mut mesh = mesh.clone();
+    let vertices = mesh.vertices_mm.clone();
+    mesh.triangles.retain(|t| !t.iter().all(|&i| vertices[i as usize].distance(at) < radius_mm));
+    mesh
+}
+
+#[test]
+fn sound_scenes_get_nothing() {
+    let outer = cuboid(Vec3::splat(-50.0), Vec3::splat(50.0));
+    // A shell: a cavity faces into itself. And an island in it.
+    let mut cavity = sphere(Vec3::ZERO, 20.0, 3);
+    cavity.flip();
+    let shell = joined([sphere(Vec3::ZERO, 30.0, 3), cavity, sphere(Vec3::ZERO, 8.0, 2)]);
+    let touching = cuboid(Vec3::new(50.0, -50.0, -50.0), Vec3::new(80.0, 50.0, 50.0));
+    let report = examined(&scene(&[
+        ("box", "muscle", 0, &outer),
+        ("shell", "liver", 1, &shell),
+        ("beside", "fat", 0, &touching),
+        ("stone", "gallstone", 2, &sphere(Vec3::new(0.0, 0.0, 25.0), 3.0, 2)),
+    ]));
+    assert_eq!(report.findings, [], "{:#?}", report.findings);
+    assert_eq!((report.surfaces, report.bounds_mm.unwrap()), (4, [[-50.0; 3], [80.0, 50.0, 50.0]]));
+    let builtin = TissueTable::builtin().unwrap();
+    for name in
+        ["bone_plate", "gallbladder_stones", "lung_air", "qa_phantom", "slabs", "speckle_block", "vessel_needle"]
+    {
+        let path = format!("{}/assets/scenes/{name}.glb", env!("CARGO_MANIFEST_DIR"));
+        let settings = Settings { tissues: &builtin, own_tissues: &[], start: None };
+        let report = examine(path.as_ref(), &settings, &|_, _| {}).unwrap();
+        assert_eq!(report.findings, [], "{name}");
+    }
+}
+
+#[test]
+fn a_hole_is_named_with_its_place_and_size() {
+    let top = Vec3::new(10.0, 20.0, 50.0);
+    let finding = of_organ(&holed(&ball(), top, 6.0), Defect::Open);
+    near(&finding, [10.0, 20.0, 50.0], 2.0);
+    assert!((5.0..20.0).contains(&finding.places[0].size_mm), "{finding}");
+    assert!(finding.to_string().starts_with("`organ` (liver): not closed: ") && finding.what.contains("about 1 holes"));
+    let two = holed(&holed(&ball(), top, 6.0), Vec3::new(10.0, 20.0, 10.0), 9.0);
+    let finding = of_organ(&two, Defect::Open);
+    assert_eq!(finding.places.len(), 2);
+    near(&finding, [10.0, 20.0, 10.0], 2.0);
+}
+
+#[test]
+fn rims_that_only_nearly_meet_are_not_welded() {
+    // The upper half a µm off: Blender's and CAD programs' seams.
+    let mut mesh = ball();
+    let count = mesh.vertices_mm.len() as u32;
+    let copies: Vec<Vec3> = mesh.vertices_mm.iter().map(|v| *v + Vec3::splat(0.001)).collect();
+    let above = |t: &[u32; 3]| t.iter().any(|&i| copies[i as usize].z > 30.5);
+    for t in &mut mesh.triangles {
+        if above(t) {
+            *t = t.map(|i| i + count);
+        }
+    }
+    mesh.vertices_mm.extend(&copies);
+    let finding = of_organ(&mesh, Defect::Unwelded);
+    near(&finding, [10.0, 20.0, 30.0], 4.0);
+}
+
+#[test]
+fn edges_of_three_triangles_are_no_border() {
+    let mut mesh = ball();
+    let [a, b, _] = mesh.triangles[0];
+    // A fin, back and front, so that only its root is odd.
+    let tip = mesh.vertices_mm.len() as u32;
+    let at = mesh.vertices_mm[a as usize];
+    mesh.vertices_mm.push(Vec3::new(10.0, 20.0, 30.0) + (at - Vec3::new(10.0, 20.0, 30.0)) * 1.3);
+    mesh.triangles.push([a, b, tip]);
+    let sound = sphere(Vec3::new(200.0, 0.0, 0.0), 20.0, 2);
+    let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, &mesh)]));
+    let non_manifold = report.findings.iter().find(|f| f.defect == Defect::NonManifold).unwrap();
+    assert_eq!((non_manifold.severity, non_manifold.surface.as_deref()), (Severity::Error, Some("organ")));
+    assert!(Vec3::from(non_manifold.places[0].at_mm).distance(at) < 6.0, "{non_manifold}");
+    // Two boxes that share an edge have a clear inside.
+    let two = joined([
+        cuboid(Vec3::ZERO, Vec3::splat(10.0)),
+        cuboid(Vec3::new(10.0, 10.0, 0.0), Vec3::new(20.0, 20.0, 10.0)),
+    ]);
+    let finding = of_organ(&two, Defect::NonManifold);
+    assert_eq!(finding.severity, Severity::Warning);
+    near(&finding, [10.0, 10.0, 5.0], 1e-3);
+}
+
+#[test]
+fn orientation_is_told_of_the_whole_of_parts_and_of_triangles() {
+    let mut inward = ball();
+    inward.flip();
+    of_organ(&inward, Defect::Inverted);
+
+    let mut other = sphere(Vec3::new(80.0, 0.0, 0.0), 10.0, 2);
+    other.flip();
+    let finding = of_organ(&joined([ball(), other]), Defect::MixedOrientation);
+    near(&finding, [80.0, 0.0, 0.0], 1.0);
+
+    let inside = joined([ball(), sphere(Vec3::new(10.0, 20.0, 35.0), 5.0, 2)]);
+    near(&of_organ(&inside, Defect::NestedPart), [10.0, 20.0, 35.0], 1.0);
+
+    let mut turned = ball();
+    let at = turned.vertices_mm[turned.triangles[7][0] as usize];
+    turned.triangles[7].swap(0, 1);
+    near(&of_organ(&turned, Defect::MixedOrientation), at.to_array(), 6.0);
+}
+
+#[test]
+fn triangles_without_area_copies_and_sheets() {
+    let mut mesh = ball();
+    let [a, b, _] = mesh.triangles[5];
+    mesh.triangles.push([a, b, b]);
+    let finding = of_organ(&mesh, Defect::Degenerate);
+    near(&finding, mesh.vertices_mm[a as usize].to_array(), 6.0);
+
+    let mut twice = ball();
+    twice.triangles.push(twice.triangles[9]);
+    let at = twice.vertices_mm[twice.triangles[9][0] as usize];
+    near(&of_organ(&twice, Defect::Duplicate), at.to_array(), 6.0);
+
+    // The same face front and back.
+    let mut card = cuboid(Vec3::ZERO, Vec3::splat(10.0));
+    card.triangles.truncate(2);
+    let mut back = card.clone();
+    back.flip();
+    of_organ(&joined([card, back]), Defect::ThinSheet);
+    let thin = cuboid(Vec3::ZERO, Vec3::new(40.0, 40.0, 0.0005));
+    let finding = of_organ(&thin, Defect::ThinSheet);
+    near(&finding, [20.0, 20.0, 0.0], 10.0);
+}
+
+#[test]
+fn slivers_are_noted() {
+    let mut mesh = cuboid(Vec3::ZERO, Vec3::splat(20.0));
+    // A needle along an edge: the edge's two triangles and the needle's two stay closed.
+    let [a, b, c] = mesh.triangles[0];
+    let at = |i: u32| mesh.vertices_mm[i as usize];
+    let middle = 0.5 * (at(a) + at(b)) + (at(c) - 0.5 * (at(a) + at(b))).normalize() * 2e-5;
+    let new = mesh.vertices_mm.len() as u32;
+    mesh.vertices_mm.push(middle);
+    mesh.triangles[0] = [a, b, new];
+    mesh.triangles.extend([[b, c, new], [c, a, new]]);
+    let finding = of_organ(&mesh, Defect::Sliver);
+    assert_eq!(finding.severity, Severity::Note);
+}
+
+#[test]
+fn parts_that_pass_through_each_other() {
+    let two = joined([ball(), sphere(Vec3::new(35.0, 20.0, 30.0), 15.0, 3)]);
+    let sound = sphere(Vec3::new(200.0, 0.0, 0.0), 20.0, 2);
+    let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, &two)]));
+    let finding = only(&report, Defect::SelfIntersection);
+    assert_eq!(finding.surface.as_deref(), Some("organ"));
+    let ring = finding.places[0];
+    // The spheres meet in a circle of 23 mm at x = 26 mm.
+    assert!((ring.at_mm[0] - 26.0).abs() < 1.5 && (20.0..40.0).contains(&ring.size_mm), "{finding}");
+}
+
+#[test]
+fn coordinates_that_are_no_places() {
+    let nan = |value: f32| {
+        let mut mesh = ball();
+        mesh.vertices_mm[3].y = value;
+        of_organ(&mesh, Defect::BadCoordinates)
+    };
+    assert!(nan(f32::NAN).what.contains("vertex 3 is ["));
+    assert!(nan(f32::INFINITY).what.contains("1 vertices are not finite"));
+}
+
+#[test]
+fn wrong_units_and_places() {
+    let scaled = |factor: f32, by: Vec3| {
+        let mut mesh = ball();
+        mesh.vertices_mm.iter_mut().for_each(|v| *v = *v * factor + by);
+        examined(&scene(&[("organ", "liver", 0, &mesh)]))
+    };
+    assert_eq!(scaled(1.0, Vec3::ZERO).findings, []);
+    for (factor, words) in [(1000.0, "1000 times too large"), (0.001, "1000 times too small"), (1e6, "km across")] {
+        let report = scaled(factor, Vec3::ZERO);
+        if factor < 1e6 {
+            assert!(only(&report, Defect::WrongUnit).what.contains(words), "{:?}", report.findings);
+        } else {
+            assert!(report.findings.iter().any(|f| f.defect == Defect::WrongUnit), "{:?}", report.findings);
+        }
+    }
+    let finding = only(&scaled(1.0, Vec3::new(5000.0, 0.0, 0.0)), Defect::FarFromOrigin);
+    assert!((finding.places[0].at_mm[0] - 5010.0).abs() < 1.0);
+}
+
+#[test]
+fn tissues_that_are_missing_or_misspelt() {
+    let sound = ball();
+    let mut b = scene(&[("organ", "livr", 0, &sound)]);
+    let finding = only(&examined(&b), Defect::UnknownTissue);
+    assert!(finding.what.contains("`livr` (did you mean `liver`?)") && finding.surface.as_deref() == Some("organ"));
+    b.root["nodes"][0]["extras"] = json!({});
+    assert_eq!(only(&examined(&b), Defect::NoTissue).surface.as_deref(), Some("organ"));
+    let (_dir, path) = file("scene.glb", &scene(&[("organ", "liver", 0, &sound)]).glb());
+    let tissues = TissueTable::builtin().unwrap();
+    let settings = Settings { tissues: &tissues, own_tissues: &["steel".to_owned()], start: None };
+    let report = examine(&path, &settings, &|_, _| {}).unwrap();
+    assert!(only(&report, Defect::UnusedTissue).what.contains("`steel`"));
+}
+
+#[test]
+fn overlaps_of_one_priority_and_what_is_hidden() {
+    let (low, high) = (cuboid(Vec3::ZERO, Vec3::splat(40.0)), cuboid(Vec3::splat(20.0), Vec3::splat(60.0)));
+    let finding = only(&examined(&scene(&[("a", "liver", 3, &low), ("b", "fat", 3, &high)])), Defect::PriorityTie);
+    assert!(finding.surface.as_deref() == Some("a") && finding.what.contains("overlaps `b`"), "{finding}");
+    near(&finding, [30.0; 3], 12.0);
+    assert_eq!(examined(&scene(&[("a", "liver", 3, &low), ("b", "fat", 4, &high)])).findings, []);
+    assert_eq!(examined(&scene(&[("a", "liver", 3, &low), ("b", "liver", 3, &high)])).findings, []);
+
+    let inner = sphere(Vec3::splat(20.0), 5.0, 2);
+    let report = examined(&scene(&[("cyst", "bile", 1, &inner), ("body", "liver", 2, &low)]));
+    let finding = only(&report, Defect::Hidden);
+    assert!(finding.surface.as_deref() == Some("cyst") && finding.what.contains("behind `body`"), "{finding}");
+    near(&finding, [20.0; 3], 0.1);
+    assert_eq!(examined(&scene(&[("cyst", "bile", 2, &inner), ("body", "liver", 1, &low)])).findings, []);
+}
+
+#[test]
+fn what_the_importer_leaves_out_or_refuses_is_told_all_at_once() {
+    let mut b = scene(&[("organ", "liver", 0, &ball()), ("wire", "steel", 0, &ball()), ("bad", "fat", 0, &ball())]);
+    b.root["meshes"][1]["primitives"][0]["mode"] = json!(1);
+    b.root["nodes"][2]["extras"] = json!({"tissue": 3, "priority": "high"});
+    let flat = b.positions(&[[0.0; 3]; 3]);
+    let mesh = b.mesh(&[json!({"attributes": {"POSITION": flat}})]);
+    b.node(json!({"name": "point", "mesh": mesh, "extras": {"tissue": "fat"}}));
+    let index = b.indices(&[0, 1, 99_999], U32);
+    let mesh = b.mesh(&[json!({"attributes": {"POSITION": flat}, "indices": index})]);
+    b.node(json!({"name": "beyond", "mesh": mesh, "extras": {"tissue": "fat"}}));
+    let report = examined(&b);
+    let defects: Vec<_> = report.findings.iter().map(|f| f.defect).collect();
+    for defect in [Defect::NotTriangles, Defect::Refused, Defect::NoTissue, Defect::Empty, Defect::Unreadable] {
+        assert!(defects.contains(&defect), "{defect:?} in {:#?}", report.findings);
+    }
+    assert_eq!(defects.iter().filter(|d| **d == Defect::Refused).count(), 2);
+    assert!(report.findings.is_sorted_by_key(|f| f.severity), "the worst first");
+    assert_eq!(report.count(Severity::Error), 4, "{:#?}", report.findings);
+
+    let mut b = Builder::empty();
+    b.node(json!({"name": "nothing"}));
+    only(&examined(&b), Defect::EmptyScene);
+    let mut many = Builder::tetrahedron();
+    let node = |i: usize| json!({"mesh": 0, "extras": {"tissue": "liver"}, "translation": [0.005 * i as f64, 0, 0]});
+    many.root["nodes"] = (0..257).map(node).collect();
+    only(&examined(&many), Defect::TooManySurfaces);
+}
+
+#[test]
+fn where_the_probe_starts() {
+    let bone = scene(&[("rib", "bone_adult", 0, &ball())]);
+    let at = |x: f64| {
+        let pose = Pose { position_mm: DVec3::new(x, 20.0, 30.0), orientation: glam::DQuat::IDENTITY };
+        Some((pose, 150.0))
+    };
+    assert_eq!(examined_from(&bone, at(-20.0)).findings, []);
+    let finding = only(&examined_from(&bone, at(10.0)), Defect::StartsInside);
+    assert!(finding.surface.as_deref() == Some("rib") && finding.what.contains("bone"));
+    assert!(only(&examined_from(&bone, at(-400.0)), Defect::StartsFar).what.contains("390 mm from the scene"));
+}
+
+#[test]
+fn what_is_no_gltf_is_an_error() {
+    let (_dir, path) = file("scene.glb", b"glTF");
+    let tissues = TissueTable::builtin().unwrap();
+    let settings = Settings { tissues: &tissues, own_tissues: &[], start: None };
+    assert!(examine(&path, &settings, &|_, _| {}).is_err());
+}
