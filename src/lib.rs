@@ -14,6 +14,8 @@ pub mod sink;
 
 pub mod generator;
 
+pub mod quality;
+
 pub mod render;
 
 pub mod exam;
