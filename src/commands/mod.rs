@@ -3,6 +3,7 @@
 mod cache;
 mod calibrate;
 mod demo;
+mod evaluate;
 mod exam;
 mod export;
 mod failure;
@@ -33,6 +34,7 @@ mod timeline;
 mod tissues;
 mod tracker_args;
 mod trackers;
+mod tradeoff;
 mod view;
 
 use clap::{Parser, Subcommand};
@@ -85,6 +87,8 @@ enum Command {
     Score(score::Args),
     Calibrate(calibrate::Args),
     Generator(generator::Args),
+    Evaluate(evaluate::Args),
+    Tradeoff(tradeoff::Args),
     Tissues(tissues::Args),
     Trackers(trackers::Args),
     StationKeys(station_keys::Args),
@@ -109,6 +113,8 @@ impl Cli {
             Command::Score(args) => score::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Generator(args) => generator::run(args),
+            Command::Evaluate(args) => evaluate::run(args),
+            Command::Tradeoff(args) => tradeoff::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::Trackers(args) => trackers::run(args),
             Command::StationKeys(args) => station_keys::run(args),

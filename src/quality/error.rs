@@ -42,7 +42,7 @@ pub enum QualityError {
         height: usize,
     },
     /// A mask in which no patch has half of its pixels.
-    #[error("no patch of {patch} x {patch} pixels has half of its pixels inside the mask: pKL has nothing to compare")]
+    #[error("no patch of {patch} x {patch} pixels has half of its pixels inside the mask: there is nothing to compare")]
     NoPatch {
         /// Side of a patch, pixels.
         patch: usize,

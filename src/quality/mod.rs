@@ -9,6 +9,7 @@
 //! | [`psnr_db`] | higher | mean square over the pixels inside |
 //! | [`ssim`] | higher | windows see the whole images; the map is averaged over the pixels inside |
 //! | [`pkl`] | lower | patches with at least half of their pixels inside, by these pixels alone |
+//! | [`level_difference`] | lower | as pKL |
 //! | [`frechet_distance`] | lower | never: extractors take rectangles |
 //! | [`speckle`](mod@speckle) | nearer to the reference's | by the segmentation, which is 0 outside |
 //! | [`structures`](mod@structures) | lower | by the segmentation, which is 0 outside |
@@ -16,6 +17,7 @@
 mod error;
 mod features;
 mod frechet;
+mod level;
 mod pair;
 mod percentile;
 mod pkl;
@@ -30,6 +32,7 @@ pub mod structures;
 pub use error::QualityError;
 pub use features::{CROP, FeatureExtractor, crops};
 pub use frechet::{Gaussian, frechet_distance, frechet_distance_of};
+pub use level::level_difference;
 pub use pair::Pair;
 pub use percentile::percentile;
 pub use pkl::{BINS, PATCH, PSEUDO_COUNT, pkl};
