@@ -30,8 +30,6 @@ override MOVING: bool = false;
 // Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
 // the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
 const REFLECTION_FOLLOWED: f32 = 0.05;
-// Reflections that one path may take.
-const REFLECTIONS_MAX: u32 = 6u;
 // ln of the two-way amplitude at which a path ends: 10⁻¹³.
 const LN_GIVEN_UP: f32 = -30.0;
 // Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
@@ -248,7 +246,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if reflects {
             inside = before;
             reflections++;
-            open = reflections <= REFLECTIONS_MAX;
+            open = reflections <= params.reflections_max;
             // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
             ln_amplitude += log(accepted);
             ln_scatter += 0.5 * log(max(split.energy_reflection, 1.0e-30));

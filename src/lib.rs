@@ -12,6 +12,8 @@ pub mod pipeline;
 
 pub mod sink;
 
+pub mod tradeoff;
+
 pub mod generator;
 
 pub mod quality;

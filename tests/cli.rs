@@ -544,3 +544,124 @@ fn doctor_tells_by_its_exit_code_whether_anything_is_wrong() {
     std::fs::write(&path, "no glTF").unwrap();
     refused(&insonify(&["doctor", text(&path)]), &["is not a whole glTF file"]);
 }
+
+/// Writes a grey image of speckle-like levels.
+fn grey_image(path: &Path, width: u32, height: u32, seed: u32) {
+    let level = |i: u32| ((i ^ seed.wrapping_mul(77)).wrapping_mul(2_654_435_761) >> 25) as u8 + (i % width) as u8 / 2;
+    let pixels: Vec<u8> = (0..width * height).map(level).collect();
+    insonify::sink::png::write_grey(path, width, height, &pixels, insonify::sink::png::Effort::Fast).unwrap();
+}
+
+#[test]
+fn folders_of_images_are_evaluated_by_their_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    for folder in ["a", "b", "m"] {
+        std::fs::create_dir(path(folder)).unwrap();
+    }
+    for (name, a, b) in [("one.png", 1, 2), ("two.png", 3, 3), ("x,y.png", 4, 5)] {
+        grey_image(&path("a").join(name), 64, 48, a);
+        grey_image(&path("b").join(name), 64, 48, b);
+        grey_image(&path("m").join(name), 64, 48, 9);
+    }
+    let (a, b, m) = (path("a"), path("b"), path("m"));
+    let (json, csv) = (path("scores.json"), path("scores.csv"));
+    let files = ["--json", text(&json), "--csv", text(&csv)];
+    let done = insonify(&[&["evaluate", text(&a), text(&b), "--mask", text(&m)], &files[..]].concat());
+    succeeded(&done);
+    let table = String::from_utf8(done.stdout).unwrap();
+    for word in ["PSNR", "SSIM", "pKL x100", "3 images; 1 identical"] {
+        assert!(table.contains(word), "{table}");
+    }
+    assert!(!table.contains("FD"), "{table}");
+    let report: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert_eq!((&report["summary"]["images"], &report["summary"]["identical"]), (&3.into(), &1.into()));
+    assert_eq!((&report["scores"][1]["name"], &report["scores"][1]["psnr_db"]), (&"two.png".into(), &Value::Null));
+    assert_eq!(report["scores"][1]["pkl"], 0.0);
+    let rows = std::fs::read_to_string(&csv).unwrap();
+    assert!(rows.starts_with("image,psnr_db,ssim,pkl\none.png,"), "{rows}");
+    assert!(rows.contains("\ntwo.png,inf,") && rows.contains("\n\"x,y.png\","), "{rows}");
+
+    // Of one pair alone, its mask is one image.
+    let one = |p: &Path| p.join("one.png");
+    let pair = [one(&a), one(&b), one(&m)];
+    succeeded(&insonify(&["evaluate", text(&pair[0]), text(&pair[1]), "--mask", text(&pair[2])]));
+
+    grey_image(&b.join("only.png"), 64, 48, 1);
+    std::fs::remove_file(m.join("two.png")).unwrap();
+    let masked = ["evaluate", text(&a), text(&b), "--mask", text(&m)];
+    refused(&insonify(&masked), &["only.png is only in", "two.png has no mask"]);
+    std::fs::remove_file(b.join("only.png")).unwrap();
+    grey_image(&one(&b), 64, 50, 1);
+    refused(&insonify(&masked[..3]), &["one.png", "64 x 50", "64 x 48"]);
+    refused(&insonify(&["evaluate", text(&a), text(&pair[1])]), &["no folder"]);
+    grey_image(&one(&a), 20, 20, 1);
+    grey_image(&one(&b), 20, 20, 2);
+    refused(&insonify(&["evaluate", text(&one(&a)), text(&one(&b))]), &["pKL", "32 x 32", "20 x 20"]);
+    let black = path("black.png");
+    insonify::sink::png::write_grey(&black, 64, 48, &[0; 64 * 48], insonify::sink::png::Effort::Fast).unwrap();
+    let two = a.join("two.png");
+    refused(&insonify(&["evaluate", text(&two), text(&two), "--mask", text(&black)]), &["two.png", "mask"]);
+}
+
+#[test]
+fn a_feature_extractor_gives_a_frechet_distance() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    grey_image(&path("a.png"), 64, 48, 1);
+    grey_image(&path("b.png"), 64, 48, 2);
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/quality/block_means.onnx");
+    let (a, b, json) = (path("a.png"), path("b.png"), path("scores.json"));
+    let evaluate = |b: &Path| {
+        let files = ["evaluate", text(&a), text(b), "--json", text(&json)];
+        let done = insonify(&[&files[..], &["--features", text(&model), "--features-scale", "grey"]].concat());
+        succeeded(&done);
+        assert!(String::from_utf8(done.stdout).unwrap().contains("\nFD "));
+        let report: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+        report["frechet_distance"].as_f64().unwrap()
+    };
+    assert!(evaluate(&a) < 1e-6);
+    assert!(evaluate(&b) > 1e-3);
+}
+
+#[test]
+fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
+    let dir = directory();
+    let pose = "[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
+    let station = station(&dir, &format!("{SMALL}{pose}"));
+    let out = dir.path().join("out");
+    let tradeoff = |more: &[&str]| {
+        let done = insonify(&[&["tradeoff", text(&station), "--out", text(&out), "--quick"], more].concat());
+        succeeded(&done);
+        stderr(&done)
+    };
+    let said = tradeoff(&[]);
+    for word in ["1 turns of the station's pose", "The reference, ", "[1/", "left"] {
+        assert!(said.contains(word), "{said}");
+    }
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let report: Value = serde_json::from_str(&read("tradeoff.json")).unwrap();
+    let points = report["points"].as_array().unwrap();
+    assert!(points.len() > 10 && points.iter().any(|p| p["on_front"] == true));
+    let named = |name: &str| points.iter().find(|p| p["name"] == name).unwrap();
+    let rmse = |name: &str| named(name)["error"]["rmse"].as_f64().unwrap();
+    assert!(rmse("32x3") < rmse("1x1"), "{} {}", rmse("32x3"), rmse("1x1"));
+    assert!(named("1x1")["time"]["median_ms"].as_f64().unwrap() > 0.0);
+    assert_eq!(named("32x3")["classes"][0]["tissue"], "gel");
+    assert_eq!(read("tradeoff.csv").lines().count(), points.len() + 1);
+    assert!(read("tradeoff.md").contains("1x1 (LQ)") && read("tradeoff.svg").starts_with("<svg"));
+    assert_eq!(image::open(out.join("tradeoff.png")).unwrap().width(), 1200);
+
+    // What is there is not measured again: the same figures come out; one that is missing is.
+    let lost = std::fs::read_dir(out.join("points")).unwrap().map(|entry| entry.unwrap().path());
+    std::fs::remove_file(lost.into_iter().find(|p| text(p).ends_with("_8x3.json")).unwrap()).unwrap();
+    tradeoff(&["--resume"]);
+    let again: Value = serde_json::from_str(&read("tradeoff.json")).unwrap();
+    let median = |report: &Value, name: &str| {
+        let point = report["points"].as_array().unwrap().iter().find(|p| p["name"] == name).cloned();
+        point.unwrap()["time"]["median_ms"].as_f64().unwrap()
+    };
+    assert_eq!(median(&report, "1x1"), median(&again, "1x1"));
+    assert_ne!(median(&report, "8x3"), median(&again, "8x3"));
+    assert_eq!(report["reference"], again["reference"]);
+}

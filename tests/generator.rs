@@ -10,8 +10,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use insonify::generator::{
-    Generator, GeneratorError, Input, LoadOptions, Provider, Runtime, Settings, TierState, load_tiers,
+    FeatureScale, Generator, GeneratorError, Input, LoadOptions, OnnxFeatures, Provider, Runtime, Settings, TierState,
+    load_tiers,
 };
+use insonify::quality::FeatureExtractor;
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{npy, write_json};
 use sha2::{Digest, Sha256};
@@ -486,4 +488,28 @@ fn the_command_checks_measures_and_applies_a_model() {
     let mut expected = Vec::new();
     load("weighted_maps").run(&maps.input(), &mut expected).unwrap();
     assert_eq!(image::open(&out).unwrap().into_bytes(), expected);
+}
+
+#[test]
+fn a_feature_extractor_gives_its_features() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/quality/block_means.onnx");
+    let crop: Vec<u8> = (0..256).map(|i| if i % 16 < 8 { 51 } else { (i / 16) as u8 }).collect();
+    for (scale, of) in [
+        (FeatureScale::Signed, (|level| level / 127.5 - 1.0) as fn(f64) -> f64),
+        (FeatureScale::Unit, |level| level / 255.0),
+        (FeatureScale::Grey, |level| level),
+    ] {
+        let mut extractor = OnnxFeatures::load(&path, runtime(), scale).unwrap();
+        assert_eq!(extractor.crop(), 16);
+        let found = extractor.features(&crop).unwrap();
+        let expected = [1.0, 2.0, 3.0].iter().flat_map(|gain| [51.0, 3.5, 51.0, 11.5].map(|level| gain * of(level)));
+        assert_eq!(found.len(), 12);
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-5 * expected.abs().max(1.0), "{scale}: {found} {expected}");
+        }
+        assert!(extractor.features(&crop[1..]).is_err());
+    }
+    // A generator is none: two channels in.
+    let error = OnnxFeatures::load(&model("identity"), runtime(), FeatureScale::Unit).unwrap_err();
+    assert_says(&error, &["identity.onnx", "1 or 3"]);
 }

@@ -38,6 +38,8 @@ struct Params {
     map_step_mm: f32,
     // Words of packed pixels that meet the sector.
     sector_words: u32,
+    // Reflections that a path is followed through.
+    reflections_max: u32,
     // Gain at eight depths from the face to depth_mm, dB: the sliders.
     sliders_db: array<vec4<f32>, 2>,
 }

@@ -9,6 +9,7 @@ use insonify::anatomy::planes::PlanesError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
+use insonify::quality::QualityError;
 use insonify::render::{GpuError, RenderError, SettingsError};
 use insonify::sink::SinkError;
 use insonify::station::StationError;
@@ -178,7 +179,16 @@ macro_rules! input_errors {
         }
     )*};
 }
-input_errors!(StationError, PlanesError, SceneError, ProbeError, SettingsError, PhantomError, CalibrationError);
+input_errors!(
+    StationError,
+    PlanesError,
+    SceneError,
+    ProbeError,
+    SettingsError,
+    PhantomError,
+    CalibrationError,
+    QualityError
+);
 
 #[cfg(test)]
 mod tests {

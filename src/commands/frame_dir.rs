@@ -71,7 +71,8 @@ impl FrameDir {
     }
 }
 
-fn grey(path: &Path) -> Result<(Vec<u8>, [u32; 2])> {
+/// Pixels of an 8-bit grey image, and its width and height.
+pub(super) fn grey(path: &Path) -> Result<(Vec<u8>, [u32; 2])> {
     let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
     ensure!(image.color() == image::ColorType::L8, "{} is not an 8-bit grey image", path.display());
     let size = [image.width(), image.height()];

@@ -4,6 +4,7 @@ mod cache;
 mod calibrate;
 mod demo;
 mod doctor;
+mod evaluate;
 mod exam;
 mod export;
 mod failure;
@@ -35,6 +36,7 @@ mod timeline;
 mod tissues;
 mod tracker_args;
 mod trackers;
+mod tradeoff;
 mod view;
 
 use clap::{Parser, Subcommand};
@@ -90,6 +92,8 @@ enum Command {
     Qa(qa::Args),
     Calibrate(calibrate::Args),
     Generator(generator::Args),
+    Evaluate(evaluate::Args),
+    Tradeoff(tradeoff::Args),
     Tissues(tissues::Args),
     Trackers(trackers::Args),
     StationKeys(station_keys::Args),
@@ -116,6 +120,8 @@ impl Cli {
             Command::Qa(args) => qa::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Generator(args) => generator::run(args),
+            Command::Evaluate(args) => evaluate::run(args),
+            Command::Tradeoff(args) => tradeoff::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::Trackers(args) => trackers::run(args),
             Command::StationKeys(args) => station_keys::run(args),

@@ -8,6 +8,7 @@
 
 mod budget;
 mod error;
+mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
 mod generator;
 mod load;
@@ -22,6 +23,7 @@ mod tiers;
 
 pub use budget::{Budget, RunTimes};
 pub use error::GeneratorError;
+pub use features::{FeatureScale, OnnxFeatures};
 pub use generator::{Generator, Input, LoadOptions};
 pub use load::{LoadedTiers, RefusedModel, load_tiers};
 pub use manifest::{

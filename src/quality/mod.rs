@@ -1,4 +1,47 @@
-//! How good an image is.
+//! How good an image is: PSNR, SSIM, pKL and the Fréchet distance of the paper's table, speckle statistics and missed
+//! structures.
+//!
+//! Images are 8-bit grey levels, compared in f64. Every metric of two images takes a [`Pair`]: the image judged, its
+//! reference, and a mask where only the sector is meant.
+//!
+//! [`qa_phantom`] measures images of the QA phantom instead, without a reference.
+//!
+//! | metric | better | masked |
+//! |---|---|---|
+//! | [`psnr_db`] | higher | mean square over the pixels inside |
+//! | [`ssim`] | higher | windows see the whole images; the map is averaged over the pixels inside |
+//! | [`pkl`] | lower | patches with at least half of their pixels inside, by these pixels alone |
+//! | [`level_difference`] | lower | as pKL |
+//! | [`frechet_distance`] | lower | never: extractors take rectangles |
+//! | [`speckle`](mod@speckle) | nearer to the reference's | by the segmentation, which is 0 outside |
+//! | [`structures`](mod@structures) | lower | by the segmentation, which is 0 outside |
 
+mod error;
+mod features;
+mod frechet;
+mod level;
 pub mod levels;
+mod pair;
+mod percentile;
+mod pkl;
+mod psnr;
 pub mod qa_phantom;
+#[cfg(test)]
+mod reference_tests;
+mod scores;
+pub mod speckle;
+mod ssim;
+pub mod structures;
+
+pub use error::QualityError;
+pub use features::{CROP, FeatureExtractor, crops};
+pub use frechet::{Gaussian, frechet_distance, frechet_distance_of};
+pub use level::level_difference;
+pub use pair::Pair;
+pub use percentile::percentile;
+pub use pkl::{BINS, PATCH, PSEUDO_COUNT, pkl};
+pub use psnr::psnr_db;
+pub use scores::{Scores, Spread, Summary};
+pub use speckle::ClassSpeckle;
+pub use ssim::{SsimMap, ssim};
+pub use structures::ClassStructure;

@@ -146,7 +146,7 @@ impl Configuration {
     }
 
     /// Whether `probe` and `settings` need no other tables, buffers or passes: gain, dynamic range, TGC, seed, paths a
-    /// sample and maps are uniforms, or chosen for each frame.
+    /// sample, reflections and maps are uniforms, or chosen for each frame.
     pub(super) fn has_tables_of(&self, probe: &Probe, settings: &RenderSettings) -> bool {
         let mut like_these = *settings;
         let (image, mine) = (&mut like_these.image, &self.settings.image);
@@ -156,6 +156,7 @@ impl Configuration {
         image.tgc_sliders_db = mine.tgc_sliders_db;
         like_these.quality.seed = self.settings.quality.seed;
         like_these.paths_per_sample = self.settings.paths_per_sample;
+        like_these.reflections_max = self.settings.reflections_max;
         like_these.maps = self.settings.maps;
         *probe == self.probe && like_these == self.settings
     }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::RenderSettings;
 use super::tables::{CELL_MM, DEPTH_BLOCK, PULSE_PAD};
 use crate::transducer::Probe;
 
@@ -69,9 +70,11 @@ pub(crate) struct Kernels {
 }
 
 impl Kernels {
-    pub(crate) fn new(probe: &Probe) -> Self {
-        let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe);
-        let (axial_half, pulse, clipped_pulse) = pulse(probe);
+    /// Kernels within the settings' caps. Only what the passes themselves cut is noted as clipped: caps are wanted.
+    pub(crate) fn new(probe: &Probe, settings: &RenderSettings) -> Self {
+        let half = |taps: u32| taps.saturating_sub(1) / 2;
+        let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max));
+        let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
         let axial_gain = axial_speckle_gain(&pulse, probe.sample_spacing_mm());
         let width = 2 * lateral_half as usize + 1;
         let scatterer_gain = kernels
@@ -93,7 +96,7 @@ impl Kernels {
 }
 
 /// Half width and kernels of the lateral beam for each block of samples.
-fn lateral_kernels(probe: &Probe) -> (u32, Vec<f64>, Option<ClippedKernel>) {
+fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| {
         let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
@@ -107,8 +110,8 @@ fn lateral_kernels(probe: &Probe) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let array = probe.scanlines.max(2) - 1;
     let wanted = |block: u32| ((LATERAL_REACH * sigma_lines(block)).ceil() as u32).clamp(1, array);
     let widest = (0..blocks).map(wanted).max().unwrap_or(1);
-    let half = widest.min(LATERAL_HALF_MAX);
-    let mut cut = (0..blocks).filter(|&block| wanted(block) > half);
+    let half = widest.min(LATERAL_HALF_MAX).min(cap);
+    let mut cut = (0..blocks).filter(|&block| wanted(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);
     let clipped = cut.next().map(|first| ClippedKernel {
         kernel: Kernel::Lateral,
         wanted: widest,
@@ -128,13 +131,13 @@ fn lateral_kernels(probe: &Probe) -> (u32, Vec<f64>, Option<ClippedKernel>) {
 }
 
 /// Half width and envelope of the pulse in samples, 1 at its peak.
-fn pulse(probe: &Probe) -> (u32, Vec<f64>, Option<ClippedKernel>) {
+fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
     let wanted = ((AXIAL_REACH * sigma).ceil() as u32).max(1);
-    let half = wanted.min(AXIAL_HALF_MAX);
+    let half = wanted.min(AXIAL_HALF_MAX).min(cap);
     let kernel =
         (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
-    let clipped = (wanted > half).then_some(ClippedKernel {
+    let clipped = (wanted > half && half == AXIAL_HALF_MAX).then_some(ClippedKernel {
         kernel: Kernel::Axial,
         wanted,
         kept: half,
@@ -184,27 +187,31 @@ fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn new(probe: &Probe) -> Kernels {
+        Kernels::new(probe, &RenderSettings::default())
+    }
+
     #[test]
     fn kernels_are_normalised() {
-        let (half, kernels, _) = lateral_kernels(&Probe::default());
+        let (half, kernels, _) = lateral_kernels(&Probe::default(), LATERAL_HALF_MAX);
         for kernel in kernels.chunks_exact(2 * half as usize + 1) {
             assert!((kernel.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         }
-        let (half, kernel, _) = pulse(&Probe::default());
+        let (half, kernel, _) = pulse(&Probe::default(), AXIAL_HALF_MAX);
         assert_eq!(kernel[half as usize], 1.0);
     }
 
     #[test]
     fn a_kernel_that_is_cut_says_so_and_names_its_key() {
-        assert_eq!(Kernels::new(&Probe::default()).clipped, []);
-        let many = Kernels::new(&Probe { scanlines: 1024, aperture_mm: 1.5, ..Probe::default() });
+        assert_eq!(new(&Probe::default()).clipped, []);
+        let many = new(&Probe { scanlines: 1024, aperture_mm: 1.5, ..Probe::default() });
         let [beam] = many.clipped[..] else { panic!("{:?}", many.clipped) };
         assert_eq!((beam.kernel, beam.kept, beam.value), (Kernel::Lateral, LATERAL_HALF_MAX, 1024));
         assert!(beam.wanted > LATERAL_HALF_MAX && beam.depths_mm[0] < beam.depths_mm[1], "{beam:?}");
         assert!(beam.to_string().contains("probe.scanlines (now 1024)"), "{beam}");
 
         let long = Probe { samples: 8192, depth_mm: 30.0, frequency_mhz: 1.0, ..Probe::default() };
-        let long = Kernels::new(&long);
+        let long = new(&long);
         assert_eq!(long.axial_half, AXIAL_HALF_MAX);
         let cut = long.clipped.iter().find(|c| c.kernel == Kernel::Axial).expect("a pulse that is cut");
         assert!(cut.wanted > cut.kept && cut.to_string().contains("probe.samples (now 8192)"), "{cut}");
@@ -212,7 +219,24 @@ mod tests {
 
     #[test]
     fn a_beam_wider_than_the_array_is_not_cut() {
-        let narrow = Kernels::new(&Probe { scanlines: 8, ..Probe::default() });
+        let narrow = new(&Probe { scanlines: 8, ..Probe::default() });
         assert!(narrow.lateral_half <= 7 && narrow.clipped.is_empty(), "{:?}", narrow.clipped);
+    }
+
+    #[test]
+    fn caps_cut_kernels_without_a_word_and_keep_the_level() {
+        let probe = Probe::default();
+        let whole = new(&probe);
+        for taps in [3, 4, 5] {
+            let capped = RenderSettings { beam_taps_max: taps, pulse_taps_max: taps, ..RenderSettings::default() };
+            let cut = Kernels::new(&probe, &capped);
+            let half = (taps - 1) / 2;
+            assert_eq!((cut.lateral_half, cut.axial_half), (half, half));
+            assert_eq!(cut.clipped, []);
+            for (kernel, gain) in cut.lateral.chunks_exact(2 * half as usize + 1).zip(&cut.scatterer_gain) {
+                assert!((kernel.iter().sum::<f32>() - 1.0).abs() < 1e-6 && *gain < whole.scatterer_gain[0] * 10.0);
+            }
+        }
+        assert!(whole.lateral_half > 2 && whole.axial_half > 2);
     }
 }

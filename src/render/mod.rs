@@ -20,6 +20,8 @@ pub use frame::{Frame, FrameTimes, PassTime};
 pub use gpu::{Gpu, GpuError, GpuOptions};
 pub use kernels::{ClippedKernel, Kernel};
 pub use renderer::{FRAMES_IN_FLIGHT, RenderError, Renderer};
-pub use settings::{ImageSettings, Quality, RenderSettings, SettingsError};
+pub use settings::{
+    BEAM_TAPS_MAX, ImageSettings, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings, SettingsError,
+};
 pub use shaders::ShaderSet;
 pub use snapshot::Snapshot;

@@ -137,7 +137,7 @@ impl Renderer {
 
     /// Goes on with another probe and other settings. The device, the scene's buffers and compiled passes are kept:
     ///
-    /// - gain, dynamic range, TGC, seed, paths a sample and maps are numbers of the next frame and cost nothing;
+    /// - gain, dynamic range, TGC, seed, paths a sample, reflections and maps are numbers of the next frame and cost nothing;
     /// - all else makes the tables anew and those buffers whose sizes change; what was never rendered with before (several
     ///   paths after a single one, kept lines) is compiled, and then a frame of its own warms it up.
     ///

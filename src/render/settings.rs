@@ -2,6 +2,15 @@
 
 use thiserror::Error;
 
+use super::kernels::{AXIAL_HALF_MAX, LATERAL_HALF_MAX};
+
+/// Reflections after which a path is always given up.
+pub const REFLECTIONS_MAX: u32 = 6;
+/// Taps of the widest lateral beam that its pass holds.
+pub const BEAM_TAPS_MAX: u32 = 2 * LATERAL_HALF_MAX + 1;
+/// Taps of the longest pulse that its pass holds.
+pub const PULSE_TAPS_MAX: u32 = 2 * AXIAL_HALF_MAX + 1;
+
 /// A setting outside its range.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("{key} is {value}; it must lie in {min}..={max}")]
@@ -79,6 +88,12 @@ pub struct RenderSettings {
     pub quality: Quality,
     /// Paths that each sample of a layer is read from, at most `quality.rays`: a low-discrepancy subset.
     pub paths_per_sample: u32,
+    /// Reflections that a path is followed through, 0..=6: with 0 none ever forms a mirror image or reverberates.
+    pub reflections_max: u32,
+    /// Most taps of the lateral beam, 3..=65; a wider beam is cut, and its speckle is narrower. An even number has one less.
+    pub beam_taps_max: u32,
+    /// Most taps of the pulse, 3..=257; likewise.
+    pub pulse_taps_max: u32,
     /// Whether frames carry the complex baseband lines.
     pub lines: bool,
     /// Whether frames carry segmentation and attenuation. Without them the image is the same, bit for bit, and sooner there.
@@ -91,6 +106,9 @@ impl Default for RenderSettings {
             image: ImageSettings::default(),
             quality: Quality::default(),
             paths_per_sample: 1,
+            reflections_max: REFLECTIONS_MAX,
+            beam_taps_max: BEAM_TAPS_MAX,
+            pulse_taps_max: PULSE_TAPS_MAX,
             lines: false,
             maps: true,
         }
@@ -111,7 +129,10 @@ impl RenderSettings {
             ("image.tgc_db_per_cm", self.image.tgc_db_per_cm, 0.0, 100.0),
             ("quality.rays", f64::from(self.quality.rays), 1.0, 256.0),
             ("quality.layers", f64::from(self.quality.layers), 1.0, 33.0),
-            ("paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
+            ("quality.paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
+            ("quality.reflections_max", f64::from(self.reflections_max), 0.0, f64::from(REFLECTIONS_MAX)),
+            ("quality.beam_taps_max", f64::from(self.beam_taps_max), 3.0, f64::from(BEAM_TAPS_MAX)),
+            ("quality.pulse_taps_max", f64::from(self.pulse_taps_max), 3.0, f64::from(PULSE_TAPS_MAX)),
         ];
         let sliders = self.image.tgc_sliders_db.iter().map(|&db| ("image.tgc_sliders_db", db, -100.0, 100.0));
         for (key, value, min, max) in checks.into_iter().chain(sliders) {

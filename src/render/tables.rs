@@ -127,7 +127,7 @@ impl Tables {
             map_step_mm,
             layers: layers(probe, settings.quality.layers),
             tissues: tissues.iter().map(|t| GpuTissue::new(t, probe)).collect(),
-            kernels: Kernels::new(probe),
+            kernels: Kernels::new(probe, settings),
             pixels,
             sector_words,
             mask: mask.into(),

@@ -50,6 +50,12 @@ pub struct QualityRecord {
     pub seed: u32,
     /// Paths that each sample of a layer is read from.
     pub paths_per_sample: u32,
+    /// Reflections that a path is followed through.
+    pub reflections_max: u32,
+    /// Most taps of the lateral beam.
+    pub beam_taps_max: u32,
+    /// Most taps of the pulse.
+    pub pulse_taps_max: u32,
 }
 
 /// The image and how it lies in the probe frame.
@@ -178,7 +184,8 @@ impl From<&Pose> for PoseRecord {
 impl From<&RenderSettings> for QualityRecord {
     fn from(settings: &RenderSettings) -> Self {
         let Quality { rays, layers, seed } = settings.quality;
-        Self { rays, layers, seed, paths_per_sample: settings.paths_per_sample }
+        let &RenderSettings { paths_per_sample, reflections_max, beam_taps_max, pulse_taps_max, .. } = settings;
+        Self { rays, layers, seed, paths_per_sample, reflections_max, beam_taps_max, pulse_taps_max }
     }
 }
 

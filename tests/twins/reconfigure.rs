@@ -13,7 +13,7 @@ type Change = fn(&mut Probe, &mut RenderSettings);
 type Expected = fn(&RenderError) -> bool;
 
 /// What a station changes, alone and together.
-const CHANGES: [(&str, Change); 15] = [
+const CHANGES: [(&str, Change); 16] = [
     ("nothing", |_, _| ()),
     ("gain", |_, s| s.image.gain_db = 31.0),
     ("dynamic range", |_, s| s.image.dynamic_range_db = 45.0),
@@ -24,6 +24,7 @@ const CHANGES: [(&str, Change); 15] = [
     ("frequency", |p, _| p.frequency_mhz = 3.5),
     ("4 × 2", |_, s| (s.quality.rays, s.quality.layers, s.paths_per_sample) = (4, 2, 2)),
     ("1 × 1", |_, s| (s.quality.rays, s.quality.layers, s.paths_per_sample) = (1, 1, 1)),
+    ("caps", |_, s| (s.reflections_max, s.beam_taps_max, s.pulse_taps_max) = (1, 5, 7)),
     ("image", |_, s| (s.image.width, s.image.height) = (97, 61)),
     ("lines", |_, s| s.lines = !s.lines),
     ("samples", |p, _| (p.samples, p.scanlines) = (333, 17)),

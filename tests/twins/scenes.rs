@@ -49,7 +49,7 @@ pub(crate) fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -
         ..ImageSettings::default()
     };
     let quality = Quality { rays: quality.0, layers: quality.1, seed: 7 };
-    RenderSettings { image, quality, paths_per_sample, lines: true, maps: true }
+    RenderSettings { image, quality, paths_per_sample, lines: true, ..RenderSettings::default() }
 }
 
 /// Looks at `target` from `from`, turned a little so that nothing lies in a plane of coordinates.
@@ -125,7 +125,7 @@ pub(crate) fn cases() -> Vec<Case> {
             name: "bone plate, phased, 1 × 1",
             scene: scene(analytic::bone_plate(), "soft_tissue"),
             probe: probe(ProbeKind::Phased { fov_deg: 80.0 }, 90.0, 32, 512),
-            settings: settings((1, 1), 1, 200),
+            settings: RenderSettings { reflections_max: 1, beam_taps_max: 5, ..settings((1, 1), 1, 200) },
             pose: pose([0.2, 0.1, 0.3], [-9.0, 4.0, 50.0]),
         },
         nested(),

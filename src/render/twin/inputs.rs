@@ -108,6 +108,8 @@ pub struct Inputs {
     pub rays_per_line: usize,
     /// Paths that each sample of a layer is read from.
     pub paths_per_sample: usize,
+    /// Reflections that a path is followed through.
+    pub reflections_max: u32,
     /// Seed of every random choice.
     pub seed: u32,
     /// Widest active aperture, mm.
@@ -203,6 +205,7 @@ impl Inputs {
             phase_turns_per_mm: params.phase_turns_per_mm.into(),
             rays_per_line: params.rays as usize,
             paths_per_sample: params.paths_per_sample as usize,
+            reflections_max: params.reflections_max,
             seed: params.seed,
             aperture_mm: params.aperture_mm.into(),
             reach_mm: params.reach_mm.into(),

@@ -15,8 +15,6 @@ const OFF_THE_GRID_MM: f64 = 0.0077;
 /// Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
 /// the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
 const REFLECTION_FOLLOWED: f64 = 0.05;
-/// Reflections that one path may take.
-const REFLECTIONS_MAX: u32 = 6;
 /// Energy that a very rough surface returns diffusely at normal incidence.
 const DIFFUSE: f64 = 0.02;
 /// Surfaces that one path may cross, most of them without a change of medium.
@@ -178,7 +176,7 @@ impl<'a> Tracer<'a> {
                 self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
                 self.refract(normal, cos_incident, split.cos_transmitted, beyond.speed_ratio / tissue.speed_ratio);
             }
-            if reflections > REFLECTIONS_MAX || self.ln_amplitude <= LN_GIVEN_UP {
+            if reflections > self.inputs.reflections_max || self.ln_amplitude <= LN_GIVEN_UP {
                 self.ln_amplitude = 2.0 * LN_SILENT;
                 open = false;
             }

@@ -1,0 +1,295 @@
+//! One point: frames, their times, and how far they are from the reference.
+
+use std::time::Instant;
+
+use insonify::anatomy::Scene;
+use insonify::generator::{Generator, Input, load_tiers};
+use insonify::pose::Pose;
+use insonify::quality::speckle::speckle;
+use insonify::quality::structures::{contrast_lost, structures};
+use insonify::quality::{ClassSpeckle, ClassStructure, Pair, Scores, level_difference, percentile, psnr_db};
+use insonify::render::{Frame, Quality, RenderSettings, Renderer};
+use insonify::sink::TimeTable;
+use insonify::sink::time_table::{OVERHEAD, WHOLE_FRAME};
+use insonify::station::Station;
+use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time};
+use insonify::transducer::Probe;
+
+use super::super::{Classify, Failure};
+use super::reference::{Reference, Truth};
+
+/// Frames of each pose that a point takes at the least.
+pub(super) const FRAMES: usize = SEEDS.len() * REPEATS;
+/// Seeds, unlike those of the reference: how much the error differs between them is its noise.
+const SEEDS: [u32; 2] = [0, 1];
+const REPEATS: usize = 2;
+/// A fast point is repeated until a pose has taken so long for each seed, s.
+const POSE_S: f64 = 0.25;
+const REPEATS_MAX: usize = 8;
+
+/// A renderer with all that measuring needs.
+pub(super) struct Bench {
+    renderer: Renderer,
+    probe: Probe,
+    settings: RenderSettings,
+    /// From number 1.
+    tissues: Vec<String>,
+    generators: Vec<Generator>,
+    frame: Frame,
+}
+
+/// One pose of a point.
+struct PoseError {
+    rmse: [f64; SEEDS.len()],
+    scores: Scores,
+    level_rmse: f64,
+    speckle: Vec<ClassSpeckle>,
+    structures: Vec<ClassStructure>,
+}
+
+/// Times of the frames of a point.
+#[derive(Default)]
+struct Times {
+    table: TimeTable,
+    ms: Vec<f64>,
+    generator_ms: Vec<f64>,
+}
+
+/// Name of the point of a generator on top of LQ.
+pub(super) fn enhanced(generator: &str) -> String {
+    format!("1x1 + {generator}")
+}
+
+impl Bench {
+    pub(super) fn new(renderer: Renderer, station: &Station, scene: &Scene) -> Result<Self, Failure> {
+        let tissues = scene.tissues.names().to_vec();
+        let image = &station.settings.image;
+        let loaded = load_tiers(&station.generator, &tissues, image.width, image.height).input()?;
+        for refused in &loaded.refused {
+            eprintln!("warning: {} is left out: {}", refused.path.display(), refused.error);
+        }
+        Ok(Self {
+            renderer,
+            probe: station.probe,
+            settings: RenderSettings { maps: true, lines: false, ..station.settings },
+            tissues,
+            generators: loaded.generators,
+            frame: Frame::default(),
+        })
+    }
+
+    /// Names of the generators, in order.
+    pub(super) fn generators(&self) -> Vec<String> {
+        self.generators.iter().map(|g| g.manifest().name.clone()).collect()
+    }
+
+    /// Time of a frame of that quality, mean over `poses`, s; the first is rendered twice.
+    pub(super) fn frame_s(&mut self, quality: Quality, poses: &[Pose]) -> Result<f64, Failure> {
+        let knobs = Knobs::of(&self.probe, &self.settings).with(quality.rays, quality.layers);
+        self.configure(&knobs, quality.seed)?;
+        poses.iter().take(1).try_for_each(|pose| self.render(pose).map(drop))?;
+        let started = Instant::now();
+        poses.iter().try_for_each(|pose| self.render(pose).map(drop))?;
+        Ok(started.elapsed().as_secs_f64() / poses.len().max(1) as f64)
+    }
+
+    /// Time of comparing a frame with its reference, s.
+    pub(super) fn comparison_s(&mut self, poses: &[Pose]) -> Result<f64, Failure> {
+        let Some(pose) = poses.first() else { return Ok(0.0) };
+        let range_db = self.settings.image.dynamic_range_db;
+        let truth = Truth::of(self.render(pose)?, range_db)?;
+        let started = Instant::now();
+        self.compare(&truth.bmode.clone(), &truth)?;
+        Ok(started.elapsed().as_secs_f64())
+    }
+
+    pub(super) fn settings(&self) -> &RenderSettings {
+        &self.settings
+    }
+
+    pub(super) fn base(&self) -> Knobs {
+        Knobs::of(&self.probe, &self.settings)
+    }
+
+    pub(super) fn configure(&mut self, knobs: &Knobs, seed: u32) -> Result<(), Failure> {
+        let (probe, settings) = knobs.apply(&self.probe, &self.settings, seed);
+        Ok(self.renderer.reconfigure(&probe, &settings)?)
+    }
+
+    pub(super) fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
+        self.renderer.render(pose, &mut self.frame)?;
+        Ok(&self.frame)
+    }
+
+    /// Measures a point.
+    pub(super) fn point(&mut self, planned: &Planned, reference: &Reference, poses: &[Pose]) -> Result<Point, Failure> {
+        let (times, errors) = self.measure(&planned.knobs, None, reference, poses)?;
+        let point = self.to_point(planned.name.clone(), planned.sweep, planned.knobs, times, errors, reference);
+        Ok(Point { against: planned.against.clone(), ..point })
+    }
+
+    /// Measures a generator on top of LQ.
+    pub(super) fn generated(&mut self, index: usize, reference: &Reference, poses: &[Pose]) -> Result<Point, Failure> {
+        let knobs = self.base().with(Quality::LQ.rays, Quality::LQ.layers);
+        let (times, errors) = self.measure(&knobs, Some(index), reference, poses)?;
+        let name = self.generators[index].manifest().name.clone();
+        let point = self.to_point(enhanced(&name), "generator", knobs, times, errors, reference);
+        Ok(Point { against: Some("1x1".to_owned()), generator: Some(name), ..point })
+    }
+
+    fn measure(
+        &mut self,
+        knobs: &Knobs,
+        generator: Option<usize>,
+        reference: &Reference,
+        poses: &[Pose],
+    ) -> Result<(Times, Vec<PoseError>), Failure> {
+        let mut times = Times::default();
+        let mut errors: Vec<PoseError> = Vec::new();
+        let mut image = Vec::new();
+        for (turn, seed) in SEEDS.into_iter().enumerate() {
+            self.configure(knobs, seed)?;
+            for (index, (pose, truth)) in poses.iter().zip(&reference.truths).enumerate() {
+                if turn == 0 && index == 0 {
+                    // Not counted: what is new was just uploaded.
+                    self.shown(pose, generator, &mut image)?;
+                }
+                let (mut done, mut spent_s) = (0, 0.0);
+                while done < REPEATS || (spent_s < POSE_S && done < REPEATS_MAX) {
+                    let [render_ms, generator_ms] = self.shown(pose, generator, &mut image)?;
+                    times.table.push(&self.frame.times);
+                    times.ms.push(render_ms + generator_ms);
+                    times.generator_ms.push(generator_ms);
+                    spent_s += 1e-3 * (render_ms + generator_ms);
+                    done += 1;
+                }
+                if turn == 0 {
+                    errors.push(self.compare(&image, truth)?);
+                }
+                if let Some(error) = errors.get_mut(index) {
+                    error.rmse[turn] = rmse(&image, truth)?;
+                }
+            }
+        }
+        Ok((times, errors))
+    }
+
+    /// Renders, and enhances where a generator is given. Gives the times of both, ms.
+    fn shown(&mut self, pose: &Pose, generator: Option<usize>, image: &mut Vec<u8>) -> Result<[f64; 2], Failure> {
+        self.renderer.render(pose, &mut self.frame)?;
+        let started = Instant::now();
+        match generator.and_then(|index| self.generators.get_mut(index)) {
+            Some(generator) => generator.run(&Input::from(&self.frame), image)?,
+            None => {
+                image.clone_from(&self.frame.bmode);
+                return Ok([self.frame.times.total_ms, 0.0]);
+            }
+        }
+        Ok([self.frame.times.total_ms, 1e3 * started.elapsed().as_secs_f64()])
+    }
+
+    fn compare(&self, image: &[u8], truth: &Truth) -> Result<PoseError, Failure> {
+        let range_db = self.settings.image.dynamic_range_db;
+        Ok(PoseError {
+            rmse: [0.0; SEEDS.len()],
+            scores: Scores::of(&truth.pair(image)?)?,
+            level_rmse: level_difference(&truth.pair(image)?)?[1],
+            speckle: speckle(image, &truth.segmentation, truth.size, range_db)?,
+            structures: structures(image, &truth.bmode, &truth.segmentation, truth.size)?,
+        })
+    }
+
+    fn to_point(
+        &self,
+        name: String,
+        sweep: &str,
+        knobs: Knobs,
+        times: Times,
+        errors: Vec<PoseError>,
+        reference: &Reference,
+    ) -> Point {
+        let classes = self.classes(&errors, reference);
+        Point {
+            name,
+            sweep: sweep.to_owned(),
+            against: None,
+            knobs,
+            generator: None,
+            time: times.time(),
+            error: summary(&errors, &classes),
+            classes,
+            on_front: false,
+            time_is_noise: false,
+            error_is_noise: false,
+        }
+    }
+
+    /// Errors by tissue, means over poses weighed by pixels.
+    fn classes(&self, errors: &[PoseError], reference: &Reference) -> Vec<ClassError> {
+        let of = |number: usize, tissue: &String| {
+            let is = |class: u8| usize::from(class) == number;
+            let structures: Vec<&ClassStructure> =
+                errors.iter().flat_map(|e| &e.structures).filter(|s| is(s.class)).collect();
+            let pixels: usize = structures.iter().map(|s| s.pixels).sum();
+            let snr = |all: &mut dyn Iterator<Item = &ClassSpeckle>| {
+                mean(all.filter(|s| is(s.class)).filter_map(|s| s.envelope_snr))
+            };
+            (pixels > 0).then(|| ClassError {
+                tissue: tissue.clone(),
+                pixels,
+                grey_difference: structures.iter().map(|s| s.grey_difference * s.pixels as f64).sum::<f64>()
+                    / pixels as f64,
+                envelope_snr: snr(&mut errors.iter().flat_map(|e| &e.speckle)),
+                reference_snr: snr(&mut reference.truths.iter().flat_map(|t| &t.speckle)),
+                contrast_lost: mean(structures.iter().filter_map(|s| s.contrast_lost)),
+            })
+        };
+        self.tissues.iter().enumerate().filter_map(|(index, tissue)| of(index + 1, tissue)).collect()
+    }
+}
+
+impl Times {
+    fn time(&self) -> Time {
+        let part = |part| percentile(&self.ms, part).unwrap_or(f64::NAN);
+        let stages = self.table.stages().into_iter().filter(|s| ![OVERHEAD, WHOLE_FRAME].contains(&s.stage));
+        let mut passes: Vec<PassMs> =
+            stages.map(|s| PassMs { name: s.stage.to_owned(), median_ms: s.p50_ms }).collect();
+        let generator = percentile(&self.generator_ms, 0.5).filter(|ms| *ms > 0.0);
+        passes.extend(generator.map(|median_ms| PassMs { name: "generator".to_owned(), median_ms }));
+        Time {
+            frames: self.ms.len(),
+            median_ms: part(0.5),
+            p95_ms: part(0.95),
+            spread_ms: part(0.75) - part(0.25),
+            passes,
+        }
+    }
+}
+
+fn summary(errors: &[PoseError], classes: &[ClassError]) -> Errors {
+    let over = |of: &dyn Fn(&PoseError) -> f64| mean(errors.iter().map(of)).unwrap_or(f64::NAN);
+    let [first, second] = [0, 1].map(|turn| over(&|e| e.rmse[turn]));
+    let pixels: usize = classes.iter().map(|c| c.pixels).sum();
+    let grey: f64 = classes.iter().map(|c| c.grey_difference.abs() * c.pixels as f64).sum();
+    Errors {
+        rmse: 0.5 * (first + second),
+        rmse_spread: (first - second).abs(),
+        level_rmse: over(&|e| e.level_rmse),
+        psnr_db: over(&|e| e.scores.psnr_db),
+        ssim: over(&|e| e.scores.ssim),
+        pkl: over(&|e| e.scores.pkl),
+        snr_difference: mean(classes.iter().filter_map(|c| Some(c.envelope_snr? - c.reference_snr?))),
+        grey_difference: grey / pixels.max(1) as f64,
+        contrast_lost: mean(errors.iter().filter_map(|e| contrast_lost(&e.structures))),
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
+
+fn rmse(image: &[u8], truth: &Truth) -> Result<f64, Failure> {
+    let pair: Pair<'_> = truth.pair(image)?;
+    Ok(255.0 * 10f64.powf(-psnr_db(&pair) / 20.0))
+}

@@ -1,0 +1,193 @@
+//! The converged reference.
+
+use std::fmt;
+
+use insonify::pose::Pose;
+use insonify::quality::speckle::speckle;
+use insonify::quality::{ClassSpeckle, Pair, level_difference};
+use insonify::render::Frame;
+use insonify::sink::png::{self, Effort};
+use serde::{Deserialize, Serialize};
+
+use super::super::frame_dir::grey;
+use super::super::{Classify, Failure};
+use super::measure::Bench;
+use super::store::Store;
+
+/// Mean change of a pixel by doubled rays below which a reference is converged, grey levels.
+const RAYS_BOUND: f64 = 2.0;
+/// Mean change of a patch's level by doubled layers below which it is, grey levels. Each layer reads other scatterers, so
+/// that pixels never stop to change: other layers are other speckle.
+const LAYERS_BOUND: f64 = 1.5;
+/// Seeds, unlike those of points, so that no point shares its paths with what it is measured against.
+const SEED: u32 = 0x5eed_0000;
+/// Rays that the reference begins with.
+const RAYS: u32 = 32;
+/// Its layers, the first those of HQ.
+const LAYERS: [u32; 3] = [3, 5, 9];
+
+/// Rays and layers that are rendered where all goes well.
+pub(super) const USUAL: [(u32, u32); 4] = [(32, 3), (64, 3), (128, 3), (128, 5)];
+
+/// Whether doubling rays and layers changes little.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct Check {
+    /// Rays of the reference.
+    rays: u32,
+    /// Its layers.
+    layers: u32,
+    /// Mean magnitude of a pixel's change from half the rays, grey levels.
+    rays_change: f64,
+    /// What it must be below.
+    rays_bound: f64,
+    /// Mean magnitude of the change of the levels of 32 × 32 pixels by more layers, grey levels.
+    layers_change: f64,
+    /// What it must be below.
+    layers_bound: f64,
+    /// Whether both are.
+    converged: bool,
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { rays, layers, rays_change, rays_bound, layers_change, layers_bound, converged } = self;
+        let not = if *converged { "is" } else { "is not" };
+        write!(
+            f,
+            "The reference, {rays}x{layers}, {not} converged: doubled rays change a pixel by {rays_change:.2} grey levels in the mean ({rays_bound} allowed), doubled layers the level of 32 x 32 pixels by {layers_change:.2} ({layers_bound} allowed)"
+        )
+    }
+}
+
+/// What is true at one pose.
+pub(super) struct Truth {
+    pub(super) size: [usize; 2],
+    pub(super) bmode: Vec<u8>,
+    pub(super) segmentation: Vec<u8>,
+    mask: Vec<u8>,
+    pub(super) speckle: Vec<ClassSpeckle>,
+}
+
+impl Truth {
+    pub(super) fn of(frame: &Frame, dynamic_range_db: f64) -> Result<Self, Failure> {
+        let size = [frame.width as usize, frame.height as usize];
+        Self::new(size, frame.bmode.clone(), frame.segmentation.clone(), frame.mask.clone(), dynamic_range_db)
+    }
+
+    fn new(
+        size: [usize; 2],
+        bmode: Vec<u8>,
+        segmentation: Vec<u8>,
+        mask: Vec<u8>,
+        range_db: f64,
+    ) -> Result<Self, Failure> {
+        let speckle = speckle(&bmode, &segmentation, size, range_db)?;
+        Ok(Self { size, bmode, segmentation, mask, speckle })
+    }
+
+    /// `image` against it, within the sector.
+    pub(super) fn pair<'a>(&'a self, image: &'a [u8]) -> Result<Pair<'a>, Failure> {
+        Ok(Pair::new(self.size, image, &self.bmode, Some(&self.mask))?)
+    }
+}
+
+/// The reference of every pose.
+pub(super) struct Reference {
+    pub(super) truths: Vec<Truth>,
+    pub(super) check: Check,
+}
+
+impl Reference {
+    /// From the store, or rendered with ever more paths until they change little.
+    pub(super) fn make(bench: &mut Bench, store: &Store, poses: &[Pose], quick: bool) -> Result<Self, Failure> {
+        let record = store.path("reference", "json");
+        if let Some(check) = store.read(&record)? {
+            let truths = (0..poses.len()).map(|i| load(bench, store, i)).collect::<Result<_, _>>()?;
+            return Ok(Self { truths, check });
+        }
+        let reference = Self::converge(bench, poses, quick)?;
+        for (index, truth) in reference.truths.iter().enumerate() {
+            let [width, height] = truth.size.map(|n| n as u32);
+            for (name, map) in [("bmode", &truth.bmode), ("segmentation", &truth.segmentation), ("mask", &truth.mask)] {
+                png::write_grey(&path(store, name, index), width, height, map, Effort::Fast)?;
+            }
+        }
+        // Last: it says that the rest is whole.
+        store.write(&record, &reference.check)?;
+        Ok(reference)
+    }
+
+    fn converge(bench: &mut Bench, poses: &[Pose], quick: bool) -> Result<Self, Failure> {
+        let (rays_max, layers_max) = if quick { (64, LAYERS[0]) } else { (256, LAYERS[1]) };
+        let mut rays = RAYS;
+        let [mut layers, mut next] = [LAYERS[0], LAYERS[1]];
+        let mut turn = 0;
+        let mut render = |rays, layers| {
+            turn += 1;
+            truths(bench, poses, (rays, layers), SEED + turn)
+        };
+        let mut truths = render(rays, layers)?;
+        loop {
+            let mut rays_change = f64::INFINITY;
+            while rays_change >= RAYS_BOUND && rays < rays_max {
+                rays *= 2;
+                let twice = render(rays, layers)?;
+                rays_change = mean_change(&truths, &twice);
+                eprintln!(
+                    "reference {rays}x{layers}: a pixel changes by {rays_change:.2} grey levels from half the rays"
+                );
+                truths = twice;
+            }
+            let more = render(rays, next)?;
+            let layers_change = level_change(&truths, &more)?;
+            eprintln!("reference {rays}x{layers}: levels change by {layers_change:.2} with {next} layers");
+            let enough = layers_change < LAYERS_BOUND;
+            if enough || layers >= layers_max {
+                let converged = enough && rays_change < RAYS_BOUND;
+                let (rays_bound, layers_bound) = (RAYS_BOUND, LAYERS_BOUND);
+                let check = Check { rays, layers, rays_change, rays_bound, layers_change, layers_bound, converged };
+                return Ok(Self { truths, check });
+            }
+            // Half as many rays, so that they are checked again.
+            rays = (rays / 2).max(RAYS);
+            (layers, next) = (next, LAYERS[2]);
+            truths = render(rays, layers)?;
+        }
+    }
+}
+
+fn truths(bench: &mut Bench, poses: &[Pose], (rays, layers): (u32, u32), seed: u32) -> Result<Vec<Truth>, Failure> {
+    bench.configure(&bench.base().with(rays, layers), seed)?;
+    let range_db = bench.settings().image.dynamic_range_db;
+    poses.iter().map(|pose| Truth::of(bench.render(pose)?, range_db)).collect()
+}
+
+fn path(store: &Store, name: &str, index: usize) -> std::path::PathBuf {
+    store.path(&format!("reference_{index}_{name}"), "png")
+}
+
+fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, Failure> {
+    let map = |name| grey(&path(store, name, index)).input();
+    let (bmode, [width, height]) = map("bmode")?;
+    let size = [width as usize, height as usize];
+    Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0, bench.settings().image.dynamic_range_db)
+}
+
+/// Mean magnitude of the change of a pixel of the sectors.
+fn mean_change(before: &[Truth], after: &[Truth]) -> f64 {
+    let (mut sum, mut count) = (0u64, 0u64);
+    for (a, b) in before.iter().zip(after) {
+        for ((x, y), _) in a.bmode.iter().zip(&b.bmode).zip(&b.mask).filter(|(_, mask)| **mask > 0) {
+            sum += u64::from(x.abs_diff(*y));
+            count += 1;
+        }
+    }
+    sum as f64 / count.max(1) as f64
+}
+
+/// Mean magnitude of the change of the levels of patches.
+fn level_change(before: &[Truth], after: &[Truth]) -> Result<f64, Failure> {
+    let changes = before.iter().zip(after).map(|(a, b)| Ok(level_difference(&b.pair(&a.bmode)?)?[0]));
+    let changes = changes.collect::<Result<Vec<f64>, Failure>>()?;
+    Ok(changes.iter().sum::<f64>() / changes.len().max(1) as f64)
+}

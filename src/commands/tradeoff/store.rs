@@ -1,0 +1,78 @@
+//! Points as they are done, for a run that goes on later.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use insonify::sink::{create_dir, remove, write_json};
+use insonify::tradeoff::Point;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+use super::super::{Classify, Failure};
+
+/// Files in the folder, under names that hold all that they depend on.
+pub(super) struct Store {
+    folder: PathBuf,
+    key: String,
+}
+
+impl Store {
+    /// In `out`; without `resume` what is there of the same key is measured again.
+    pub(super) fn new(out: &Path, resume: bool, key: &[&str]) -> Result<Self, Failure> {
+        let folder = out.join("points");
+        create_dir(&folder)?;
+        let store = Self { folder, key: digest(&[env!("CARGO_PKG_VERSION"), &key.join("\n")]) };
+        if !resume {
+            let prefix = format!("{}_", store.key);
+            for entry in std::fs::read_dir(&store.folder).other()? {
+                let path = entry.other()?.path();
+                if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix)) {
+                    remove(&path)?;
+                }
+            }
+        }
+        Ok(store)
+    }
+
+    /// A point that was done.
+    pub(super) fn load(&self, name: &str) -> Result<Option<Point>, Failure> {
+        self.read(&self.path(name, "json"))
+    }
+
+    /// Keeps a point.
+    pub(super) fn keep(&self, point: Point) -> Result<Point, Failure> {
+        write_json(&self.path(&point.name, "json"), &point)?;
+        Ok(point)
+    }
+
+    /// Where something of that name lies.
+    pub(super) fn path(&self, name: &str, extension: &str) -> PathBuf {
+        self.folder.join(format!("{}_{}.{extension}", self.key, name.replace([' ', '/', '\\'], "_")))
+    }
+
+    /// Reads what [`Store::write`] wrote; none where there is nothing.
+    pub(super) fn read<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, Failure> {
+        let text = match std::fs::read(path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(e).with_context(|| format!("cannot read {}", path.display())).other(),
+        };
+        let value = serde_json::from_slice(&text);
+        Ok(Some(value.with_context(|| format!("{} is damaged: run without --resume", path.display())).input()?))
+    }
+
+    /// Writes a value.
+    pub(super) fn write(&self, path: &Path, value: &impl Serialize) -> Result<(), Failure> {
+        Ok(write_json(path, value)?)
+    }
+}
+
+fn digest(parts: &[&str]) -> String {
+    let mut hash = Sha256::new();
+    for part in parts {
+        hash.update(part.as_bytes());
+        hash.update([0]);
+    }
+    hash.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,153 @@
+//! Feature vectors by any ONNX model, for the Fréchet distance.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use ort::session::Session;
+use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
+
+use super::{GeneratorError, Runtime};
+use crate::quality::{CROP, FeatureExtractor, QualityError};
+
+/// What grey levels become in the tensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FeatureScale {
+    /// −1..=1, as Inception v3 was trained with.
+    #[default]
+    Signed,
+    /// 0..=1.
+    Unit,
+    /// 0..=255.
+    Grey,
+}
+
+impl FeatureScale {
+    fn value(self, level: u8) -> f32 {
+        match self {
+            Self::Signed => f32::from(level) / 127.5 - 1.0,
+            Self::Unit => f32::from(level) / 255.0,
+            Self::Grey => f32::from(level),
+        }
+    }
+}
+
+impl fmt::Display for FeatureScale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Signed => "signed",
+            Self::Unit => "unit",
+            Self::Grey => "grey",
+        })
+    }
+}
+
+impl FromStr for FeatureScale {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "signed" => Ok(Self::Signed),
+            "unit" => Ok(Self::Unit),
+            "grey" => Ok(Self::Grey),
+            other => Err(format!("unknown scale `{other}`; scales are signed (-1..1), unit (0..1) and grey (0..255)")),
+        }
+    }
+}
+
+/// A model that makes a vector of a crop: its one input is float32 [1, 1 or 3, side, side], the grey level in every
+/// channel; its first output is float32 [1, d], or [1, d, …], which is averaged over what follows. Inception v3 without
+/// its last layer is one; where the model leaves its side open, 299 is taken.
+pub struct OnnxFeatures {
+    path: PathBuf,
+    session: Session,
+    channels: usize,
+    crop: usize,
+    scale: FeatureScale,
+}
+
+impl fmt::Debug for OnnxFeatures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OnnxFeatures").field("path", &self.path).field("crop", &self.crop).finish_non_exhaustive()
+    }
+}
+
+impl OnnxFeatures {
+    /// Loads the model at `path`.
+    ///
+    /// # Errors
+    /// A file that can't be read, a model that ONNX Runtime doesn't take, tensors of another kind.
+    pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
+        let model = std::fs::read(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        let refused = |e: ort::Error| GeneratorError::Model { path: path.to_owned(), reason: e.message().to_owned() };
+        let mut builder = Session::builder(runtime.environment()).map_err(refused)?;
+        let session = builder.commit_from_memory(&model).map_err(refused)?;
+        let (channels, crop) =
+            signature(&session).map_err(|reason| GeneratorError::Signature { path: path.to_owned(), reason })?;
+        Ok(Self { path: path.to_owned(), session, channels, crop, scale })
+    }
+
+    fn run(&mut self, crop: &[u8]) -> Result<Vec<f64>, String> {
+        let message = |e: ort::Error| e.message().to_owned();
+        let plane = crop.iter().map(|&level| self.scale.value(level));
+        let values: Vec<f32> = (0..self.channels).flat_map(|_| plane.clone()).collect();
+        let shape = [1, self.channels, self.crop, self.crop];
+        let input = Tensor::from_array((shape, values)).map_err(message)?;
+        let outputs = self.session.run(ort::inputs![input]).map_err(message)?;
+        let (shape, values) = outputs[0].try_extract_tensor::<f32>().map_err(message)?;
+        let length = shape.get(1).and_then(|&d| usize::try_from(d).ok()).filter(|&d| d > 0 && shape[0] == 1);
+        let length =
+            length.ok_or_else(|| format!("its output has the shape {shape}; it must be [1, d] or [1, d, ...]"))?;
+        let places = values.len() / length;
+        let mean = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / places as f64;
+        Ok(values.chunks_exact(places.max(1)).map(mean).collect())
+    }
+}
+
+impl FeatureExtractor for OnnxFeatures {
+    fn crop(&self) -> usize {
+        self.crop
+    }
+
+    fn features(&mut self, crop: &[u8]) -> Result<Vec<f64>, QualityError> {
+        let (found, side) = (crop.len(), self.crop);
+        if found != side * side {
+            return Err(QualityError::Size { what: "crop", found, width: side, height: side });
+        }
+        self.run(crop)
+            .map_err(|reason| QualityError::Extractor { reason: format!("{}: {reason}", self.path.display()) })
+    }
+}
+
+/// Channels and side of the input.
+fn signature(session: &Session) -> Result<(usize, usize), String> {
+    let [input] = session.inputs() else {
+        return Err(format!("it has {} inputs; a feature extractor has one", session.inputs().len()));
+    };
+    let output = session.outputs().first().ok_or("it has no output")?;
+    for outlet in [input, output] {
+        if !matches!(outlet.dtype(), ValueType::Tensor { ty: TensorElementType::Float32, .. }) {
+            return Err(format!("`{}` is {}; it must be a tensor of float32", outlet.name(), outlet.dtype()));
+        }
+    }
+    sides(input)
+        .ok_or_else(|| format!("`{}` is {}; it must be float32 [1, 1 or 3, side, side]", input.name(), input.dtype()))
+}
+
+fn sides(input: &Outlet) -> Option<(usize, usize)> {
+    let ValueType::Tensor { shape, .. } = input.dtype() else { return None };
+    let &[batch, channels, height, width] = &shape[..] else { return None };
+    let channels = match channels {
+        1 => 1,
+        3 | -1 => 3,
+        _ => return None,
+    };
+    // -1 is a dimension that the model leaves open.
+    let side = match (height, width) {
+        (-1, -1) => CROP,
+        (side, -1) | (-1, side) => usize::try_from(side).ok()?,
+        (height, width) if height == width => usize::try_from(height).ok()?,
+        _ => return None,
+    };
+    (matches!(batch, -1 | 1) && side > 0).then_some((channels, side))
+}

@@ -1,0 +1,76 @@
+//! What can't be measured.
+
+use thiserror::Error;
+
+/// Why a metric has no value.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum QualityError {
+    /// Pixels that don't fill the image.
+    #[error("the {what} has {found} pixels; an image of {width} x {height} has {}", width * height)]
+    Size {
+        /// Which of the maps.
+        what: &'static str,
+        /// Pixels given.
+        found: usize,
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+    },
+    /// An image without pixels.
+    #[error("the image is {width} x {height}; it must have a pixel at least")]
+    NoPixels {
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+    },
+    /// A mask without a pixel inside.
+    #[error("the mask is 0 everywhere; it must have a pixel inside (any other value)")]
+    EmptyMask,
+    /// An image smaller than the metric's window.
+    #[error("{metric} needs an image of {needed} x {needed} at least, this one is {width} x {height}")]
+    TooSmall {
+        /// Metric.
+        metric: &'static str,
+        /// Pixels needed in both directions.
+        needed: usize,
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+    },
+    /// A mask in which no patch has half of its pixels.
+    #[error("no patch of {patch} x {patch} pixels has half of its pixels inside the mask: there is nothing to compare")]
+    NoPatch {
+        /// Side of a patch, pixels.
+        patch: usize,
+    },
+    /// Too few feature vectors for a covariance.
+    #[error("{found} feature vectors; a covariance needs 2 at least")]
+    FewFeatures {
+        /// Vectors given.
+        found: usize,
+    },
+    /// Feature vectors of different lengths, or empty ones.
+    #[error("a feature vector has {found} values where {expected} are expected")]
+    FeatureLength {
+        /// Values found.
+        found: usize,
+        /// Values expected.
+        expected: usize,
+    },
+    /// A feature that is no number.
+    #[error("value {index} of a feature vector is not finite")]
+    NotFinite {
+        /// Index in its vector.
+        index: usize,
+    },
+    /// The extractor failed.
+    #[error("the feature extractor failed: {reason}")]
+    Extractor {
+        /// What it said.
+        reason: String,
+    },
+}

@@ -1,0 +1,112 @@
+//! The paper's table: metrics of each image, and their mean and percentile over images.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Pair, QualityError, percentile, pkl, psnr_db, ssim};
+
+/// Metrics of one image.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// PSNR, dB; infinite for identical images, which JSON writes as `null`.
+    #[serde(with = "infinite_is_null")]
+    pub psnr_db: f64,
+    /// SSIM, at most 1.
+    pub ssim: f64,
+    /// pKL, nats.
+    pub pkl: f64,
+}
+
+impl Scores {
+    /// Of a pair.
+    ///
+    /// # Errors
+    /// As [`pkl`].
+    pub fn of(pair: &Pair<'_>) -> Result<Self, QualityError> {
+        Ok(Self { pkl: pkl(pair)?, psnr_db: psnr_db(pair), ssim: ssim(pair) })
+    }
+}
+
+/// A metric over images.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Mean.
+    #[serde(with = "infinite_is_null")]
+    pub mean: f64,
+    /// Percentile on the bad side: the 5th where more is better, else the 95th.
+    #[serde(with = "infinite_is_null")]
+    pub percentile: f64,
+}
+
+/// Metrics over images.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Images.
+    pub images: usize,
+    /// Images identical to their references. They have no finite PSNR and are left out of its mean, unless all are; in
+    /// its percentile they are greatest.
+    pub identical: usize,
+    /// PSNR, dB, mean and 5th percentile.
+    pub psnr_db: Spread,
+    /// SSIM, mean and 5th percentile.
+    pub ssim: Spread,
+    /// pKL, nats, mean and 95th percentile.
+    pub pkl: Spread,
+}
+
+impl Summary {
+    /// Of the metrics of each image; None of no images.
+    pub fn of(scores: &[Scores]) -> Option<Self> {
+        let spread = |of: fn(&Scores) -> f64, part| {
+            let values: Vec<f64> = scores.iter().map(of).collect();
+            let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+            let mean = if finite.is_empty() { f64::INFINITY } else { finite.iter().sum::<f64>() / finite.len() as f64 };
+            Some(Spread { mean, percentile: percentile(&values, part)? })
+        };
+        Some(Self {
+            images: scores.len(),
+            identical: scores.iter().filter(|s| s.psnr_db.is_infinite()).count(),
+            psnr_db: spread(|s| s.psnr_db, 0.05)?,
+            ssim: spread(|s| s.ssim, 0.05)?,
+            pkl: spread(|s| s.pkl, 0.95)?,
+        })
+    }
+}
+
+/// JSON has no infinity: `null` stands for it.
+mod infinite_is_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identical_images_are_counted_and_left_out_of_the_mean() {
+        let of = |psnr_db| Scores { psnr_db, ssim: 0.5, pkl: 0.25 };
+        let some = Summary::of(&[of(20.0), of(30.0), of(f64::INFINITY)]).unwrap();
+        assert_eq!((some.images, some.identical), (3, 1));
+        assert_eq!(some.psnr_db, Spread { mean: 25.0, percentile: 21.0 });
+        let all = Summary::of(&[of(f64::INFINITY); 2]).unwrap();
+        assert_eq!(all.psnr_db, Spread { mean: f64::INFINITY, percentile: f64::INFINITY });
+        assert_eq!(Summary::of(&[]), None);
+        let json = serde_json::to_string(&all).unwrap();
+        assert!(json.contains(r#""psnr_db":{"mean":null"#), "{json}");
+        assert_eq!(serde_json::from_str::<Summary>(&json).unwrap(), all);
+    }
+
+    #[test]
+    fn the_percentile_is_on_the_bad_side() {
+        let scores: Vec<Scores> = (0..=100).map(f64::from).map(|i| Scores { psnr_db: i, ssim: i, pkl: i }).collect();
+        let Summary { psnr_db, ssim, pkl, .. } = Summary::of(&scores).unwrap();
+        assert_eq!([psnr_db.percentile, ssim.percentile, pkl.percentile].map(|v| v.round()), [5.0, 5.0, 95.0]);
+    }
+}

@@ -1,0 +1,100 @@
+//! The Pareto front of time and error, and what is noise.
+
+use super::Point;
+
+/// Marks the points that no other beats: none is as fast and as near to the reference, and better in one of both.
+pub fn mark_front(points: &mut [Point]) {
+    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
+    for (point, mine) in points.iter_mut().zip(&places) {
+        let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
+        point.on_front = mine.iter().all(|v| v.is_finite()) && !places.iter().any(beats);
+    }
+}
+
+/// Marks differences from the neighbour that are within the spreads of both.
+pub fn mark_noise(points: &mut [Point]) {
+    let all: Vec<(String, [f64; 2], [f64; 2])> = points
+        .iter()
+        .map(|p| {
+            let values = [p.time.median_ms, p.error.rmse];
+            (p.name.clone(), values, [p.time.spread_ms, p.error.rmse_spread])
+        })
+        .collect();
+    for (point, (_, mine, spread)) in points.iter_mut().zip(&all) {
+        let neighbour = all.iter().find(|(name, ..)| Some(name) == point.against.as_ref());
+        let within = |i: usize| {
+            neighbour.is_some_and(|(_, theirs, other)| (mine[i] - theirs[i]).abs() <= spread[i].max(other[i]))
+        };
+        (point.time_is_noise, point.error_is_noise) = (within(0), within(1));
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::render::RenderSettings;
+    use crate::tradeoff::{ClassError, Errors, Knobs, PassMs, Time};
+    use crate::transducer::Probe;
+
+    pub(in crate::tradeoff) fn point(name: &str, median_ms: f64, rmse: f64, against: Option<&str>) -> Point {
+        Point {
+            name: name.into(),
+            sweep: "rays x layers".into(),
+            against: against.map(Into::into),
+            knobs: Knobs::of(&Probe::default(), &RenderSettings::default()),
+            generator: None,
+            time: Time {
+                frames: 6,
+                median_ms,
+                p95_ms: 1.25 * median_ms,
+                spread_ms: 2.0,
+                passes: vec![PassMs { name: "trace".into(), median_ms: 0.5 * median_ms }],
+            },
+            error: Errors {
+                rmse,
+                rmse_spread: 0.5,
+                level_rmse: 2.25,
+                psnr_db: 20.0 * (255.0 / rmse).log10(),
+                ssim: 0.5,
+                pkl: 0.25,
+                snr_difference: None,
+                grey_difference: 1.5,
+                contrast_lost: Some(0.125),
+            },
+            classes: vec![ClassError {
+                tissue: "liver".into(),
+                pixels: 10,
+                grey_difference: -1.0,
+                envelope_snr: Some(1.8),
+                reference_snr: Some(1.9),
+                contrast_lost: None,
+            }],
+            on_front: false,
+            time_is_noise: false,
+            error_is_noise: false,
+        }
+    }
+
+    #[test]
+    fn the_front_is_what_nothing_beats() {
+        let places =
+            [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
+        let mut points: Vec<Point> = places.iter().map(|&(ms, rmse)| point("", ms, rmse, None)).collect();
+        mark_front(&mut points);
+        let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();
+        assert_eq!(front, [true, true, false, false, true, true, false]);
+    }
+
+    #[test]
+    fn differences_within_the_spread_are_noise() {
+        let mut points = [
+            point("a", 10.0, 30.0, None),
+            point("b", 11.5, 29.0, Some("a")),
+            point("c", 20.0, 28.75, Some("b")),
+            point("d", 20.0, 28.75, Some("who")),
+        ];
+        mark_noise(&mut points);
+        let noise: Vec<_> = points.iter().map(|p| (p.time_is_noise, p.error_is_noise)).collect();
+        assert_eq!(noise, [(false, false), (true, false), (false, true), (false, false)]);
+    }
+}

@@ -1,0 +1,100 @@
+//! All that trades accuracy against time.
+
+use serde::{Deserialize, Serialize};
+
+use crate::render::{Quality, RenderSettings};
+use crate::transducer::Probe;
+
+/// The quality knobs of a frame; see the keys of `[quality]` and `[probe]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Knobs {
+    /// Rays per scanline and layer.
+    pub rays: u32,
+    /// Elevational layers.
+    pub layers: u32,
+    /// Paths that each sample of a layer is read from.
+    pub paths_per_sample: u32,
+    /// Reflections that a path is followed through.
+    pub reflections_max: u32,
+    /// Scanlines.
+    pub scanlines: u32,
+    /// Samples a scanline.
+    pub samples: u32,
+    /// Most taps of the lateral beam.
+    pub beam_taps_max: u32,
+    /// Most taps of the pulse.
+    pub pulse_taps_max: u32,
+}
+
+impl Knobs {
+    /// Those of a station.
+    pub fn of(probe: &Probe, settings: &RenderSettings) -> Self {
+        Self {
+            rays: settings.quality.rays,
+            layers: settings.quality.layers,
+            paths_per_sample: settings.paths_per_sample,
+            reflections_max: settings.reflections_max,
+            scanlines: probe.scanlines,
+            samples: probe.samples,
+            beam_taps_max: settings.beam_taps_max,
+            pulse_taps_max: settings.pulse_taps_max,
+        }
+    }
+
+    /// With other rays and layers.
+    pub fn with(self, rays: u32, layers: u32) -> Self {
+        Self { rays, layers, ..self }
+    }
+
+    /// `probe` and `settings` with these knobs and that seed.
+    pub fn apply(&self, probe: &Probe, settings: &RenderSettings, seed: u32) -> (Probe, RenderSettings) {
+        let probe = Probe { scanlines: self.scanlines, samples: self.samples, ..*probe };
+        let settings = RenderSettings {
+            quality: Quality { rays: self.rays, layers: self.layers, seed },
+            paths_per_sample: self.paths_per_sample,
+            reflections_max: self.reflections_max,
+            beam_taps_max: self.beam_taps_max,
+            pulse_taps_max: self.pulse_taps_max,
+            ..*settings
+        };
+        (probe, settings)
+    }
+
+    /// Names and values, in the order of the tables.
+    pub fn values(&self) -> [(&'static str, u32); 8] {
+        [
+            ("rays", self.rays),
+            ("layers", self.layers),
+            ("paths_per_sample", self.paths_per_sample),
+            ("reflections_max", self.reflections_max),
+            ("scanlines", self.scanlines),
+            ("samples", self.samples),
+            ("beam_taps_max", self.beam_taps_max),
+            ("pulse_taps_max", self.pulse_taps_max),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn knobs_come_back_as_they_went() {
+        let knobs = Knobs {
+            rays: 3,
+            layers: 5,
+            paths_per_sample: 2,
+            reflections_max: 1,
+            scanlines: 17,
+            samples: 99,
+            beam_taps_max: 9,
+            pulse_taps_max: 11,
+        };
+        let (probe, settings) = knobs.apply(&Probe::default(), &RenderSettings::default(), 7);
+        assert_eq!((Knobs::of(&probe, &settings), settings.quality.seed), (knobs, 7));
+        let mut values = knobs.values().map(|(_, value)| value);
+        values.sort_unstable();
+        assert_eq!(values, [1, 2, 3, 5, 9, 11, 17, 99]);
+    }
+}

@@ -1,0 +1,246 @@
+//! The figure: time on a log axis against error, as SVG and PNG.
+//!
+//! `plotters` draws both. In the SVG, text stays text; in the PNG it is drawn with the bitmap font that the captions of
+//! images have, so that no font is looked for on the machine.
+
+use std::convert::Infallible;
+
+use image::{Rgb, RgbImage};
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+use plotters::coord::Shift;
+use plotters::drawing::DrawingAreaErrorKind;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters_backend::{BackendColor, BackendCoord, BackendTextStyle, DrawingBackend, DrawingErrorKind};
+
+use super::Point;
+use super::table::shown;
+
+/// Size of the figure, pixels.
+const SIZE: (u32, u32) = (1200, 800);
+/// Height of the text, pixels.
+const TEXT: u32 = 16;
+/// Times that Zhang et al. 2020 give for LQ and HQ on a 2080 Ti, ms.
+const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "paper, 2080 Ti: HQ 75 ms")];
+
+/// The figure as SVG.
+///
+/// # Errors
+/// What the drawing library refuses, in words.
+pub fn svg(points: &[Point], title: &str) -> Result<String, String> {
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+    draw(&area, points, title).map_err(|e| e.to_string())?;
+    area.present().map_err(|e| e.to_string())?;
+    drop(area);
+    Ok(text)
+}
+
+/// The figure as pixels: width, height, RGB [height × width × 3].
+///
+/// # Errors
+/// What the drawing library refuses, in words.
+pub fn rgb(points: &[Point], title: &str) -> Result<(u32, u32, Vec<u8>), String> {
+    let mut raster = Raster { image: RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3])) };
+    let area = (&mut raster).into_drawing_area();
+    draw(&area, points, title).map_err(|e| e.to_string())?;
+    drop(area);
+    Ok((SIZE.0, SIZE.1, raster.image.into_raw()))
+}
+
+fn draw<B: DrawingBackend>(
+    area: &DrawingArea<B, Shift>,
+    points: &[Point],
+    title: &str,
+) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    let drawn: Vec<&Point> = points.iter().filter(|p| p.time.median_ms > 0.0 && p.error.rmse.is_finite()).collect();
+    let times = drawn.iter().map(|p| p.time.median_ms).chain(PAPER.map(|(ms, _)| ms));
+    let (least, most) = times.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
+    let worst = drawn.iter().map(|p| p.error.rmse).fold(1.0, f64::max);
+    area.fill(&WHITE)?;
+    let text = |anchor: Pos, colour: &RGBColor| ("sans-serif", TEXT).into_font().color(colour).pos(anchor);
+    let from_left = Pos::new(HPos::Left, VPos::Center);
+    area.draw(&Text::new(title.to_owned(), (20, 20), text(from_left, &BLACK)))?;
+    let axis = "RMS difference from the converged reference, grey levels";
+    area.draw(&Text::new(axis, (20, 42), text(from_left, &BLACK)))?;
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(60)
+        .margin_right(40)
+        .margin_bottom(30)
+        .margin_left(10)
+        .set_label_area_size(LabelAreaPosition::Left, 60)
+        .set_label_area_size(LabelAreaPosition::Bottom, 30)
+        .build_cartesian_2d((least / 1.5..most * 2.0).log_scale(), 0.0..worst * 1.15)?;
+    chart
+        .configure_mesh()
+        .light_line_style(RGBColor(244, 244, 244))
+        .bold_line_style(RGBColor(220, 220, 220))
+        .x_label_formatter(&|ms| format!("{ms:.0}"))
+        .y_label_formatter(&|levels| format!("{levels:.0}"))
+        .label_style(text(Pos::new(HPos::Center, VPos::Center), &BLACK))
+        .draw()?;
+    let grey = RGBColor(130, 130, 130);
+    for (row, (ms, name)) in PAPER.into_iter().enumerate() {
+        chart.draw_series([PathElement::new(vec![(ms, 0.0), (ms, worst * 1.15)], grey)])?;
+        let at = (ms * 1.02, worst * (1.12 - 0.04 * row as f64));
+        chart.draw_series([Text::new(name, at, text(from_left, &grey))])?;
+    }
+    let mut front: Vec<&Point> = drawn.iter().copied().filter(|p| p.on_front).collect();
+    front.sort_by(|a, b| a.time.median_ms.total_cmp(&b.time.median_ms));
+    let path: Vec<_> = front.iter().map(|p| (p.time.median_ms, p.error.rmse)).collect();
+    chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
+    let mut sweeps: Vec<&str> = Vec::new();
+    for point in &drawn {
+        let known = sweeps.iter().position(|sweep| *sweep == point.sweep);
+        let index = known.unwrap_or_else(|| {
+            sweeps.push(&point.sweep);
+            sweeps.len() - 1
+        });
+        let (at, colour) = ((point.time.median_ms, point.error.rmse), colour(index));
+        let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
+        chart.draw_series([Circle::new(at, if point.on_front { 6 } else { 4 }, style)])?;
+        if point.on_front || ["1x1", "32x3"].contains(&point.name.as_str()) {
+            let label = Text::new(shown(&point.name), (at.0 * 1.03, at.1 + 0.02 * worst), text(from_left, &BLACK));
+            chart.draw_series([label])?;
+        }
+    }
+    let (width, height) = SIZE;
+    for (row, sweep) in sweeps.iter().enumerate() {
+        let y = 90 + 22 * row as i32;
+        area.draw(&Circle::new((width as i32 - 250, y), 4, colour(row).filled()))?;
+        area.draw(&Text::new(sweep.to_string(), (width as i32 - 235, y), text(from_left, &BLACK)))?;
+    }
+    let under =
+        "time of a frame, ms (median). Black line: Pareto front. Hollow: error within the noise of its neighbour.";
+    area.draw(&Text::new(under, (70, height as i32 - 15), text(from_left, &BLACK)))
+}
+
+/// Colours that the colour-blind tell apart (Okabe and Ito 2008).
+fn colour(index: usize) -> RGBColor {
+    const COLOURS: [RGBColor; 8] = [
+        RGBColor(0, 114, 178),
+        RGBColor(213, 94, 0),
+        RGBColor(0, 158, 115),
+        RGBColor(204, 121, 167),
+        RGBColor(230, 159, 0),
+        RGBColor(86, 180, 233),
+        RGBColor(150, 140, 30),
+        RGBColor(90, 90, 90),
+    ];
+    COLOURS[index % COLOURS.len()]
+}
+
+/// An image that `plotters` draws on.
+struct Raster {
+    image: RgbImage,
+}
+
+impl DrawingBackend for &mut Raster {
+    type ErrorType = Infallible;
+
+    fn get_size(&self) -> (u32, u32) {
+        self.image.dimensions()
+    }
+
+    fn ensure_prepared(&mut self) -> Result<(), DrawingErrorKind<Infallible>> {
+        Ok(())
+    }
+
+    fn present(&mut self) -> Result<(), DrawingErrorKind<Infallible>> {
+        Ok(())
+    }
+
+    fn draw_pixel(&mut self, (x, y): BackendCoord, colour: BackendColor) -> Result<(), DrawingErrorKind<Infallible>> {
+        let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y)) else { return Ok(()) };
+        if let Some(pixel) = self.image.get_pixel_mut_checked(x, y) {
+            let (r, g, b) = colour.rgb;
+            for (below, above) in pixel.0.iter_mut().zip([r, g, b]) {
+                let mixed = f64::from(*below) * (1.0 - colour.alpha) + f64::from(above) * colour.alpha;
+                *below = mixed.round() as u8;
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_text<S: BackendTextStyle>(
+        &mut self,
+        text: &str,
+        style: &S,
+        (x, y): BackendCoord,
+    ) -> Result<(), DrawingErrorKind<Infallible>> {
+        let (width, height) = text_size(text);
+        let left = match style.anchor().h_pos {
+            HPos::Left => x,
+            HPos::Center => x - width as i32 / 2,
+            HPos::Right => x - width as i32,
+        };
+        let top = match style.anchor().v_pos {
+            VPos::Top => y,
+            VPos::Center => y - height as i32 / 2,
+            VPos::Bottom => y - height as i32,
+        };
+        let colour = style.color();
+        for (place, c) in text.chars().enumerate() {
+            let c = if (' '..='~').contains(&c) { c } else { '?' };
+            let Some(glyph) = get_raster(c, FontWeight::Regular, RasterHeight::Size16) else { continue };
+            let left = left + (place * glyph.width()) as i32;
+            for (row, coverages) in (top..).zip(glyph.rows()) {
+                for (column, &coverage) in (left..).zip(coverages.iter()) {
+                    let alpha = colour.alpha * f64::from(coverage) / 255.0;
+                    self.draw_pixel((column, row), BackendColor { alpha, ..colour })?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn estimate_text_size<S: BackendTextStyle>(
+        &self,
+        text: &str,
+        _: &S,
+    ) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
+        Ok(text_size(text))
+    }
+}
+
+fn text_size(text: &str) -> (u32, u32) {
+    let glyph = get_raster_width(FontWeight::Regular, RasterHeight::Size16) as u32;
+    (glyph * text.chars().count() as u32, TEXT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::front::tests::point;
+    use super::super::mark_front;
+    use super::*;
+
+    fn points() -> Vec<Point> {
+        let mut points =
+            vec![point("1x1", 41.0, 30.0, None), point("8x3", 300.0, 12.0, None), point("32x3", 1500.0, 5.0, None)];
+        points.push(Point { sweep: "samples".into(), error_is_noise: true, ..point("slow", 900.0, 25.0, None) });
+        mark_front(&mut points);
+        points
+    }
+
+    #[test]
+    fn both_figures_name_what_they_show() {
+        let text = svg(&points(), "A scene").unwrap();
+        for word in ["A scene", "1x1 (LQ)", "32x3 (HQ)", "2080 Ti: LQ 40 ms", "2080 Ti: HQ 75 ms", "samples", "Pareto"]
+        {
+            assert!(text.contains(word), "`{word}` is missing");
+        }
+        assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
+        let (width, height, pixels) = rgb(&points(), "A scene").unwrap();
+        assert_eq!(pixels.len(), (3 * width * height) as usize);
+        let ink = pixels.chunks_exact(3).filter(|p| p.iter().all(|&v| v < 128)).count();
+        assert!(ink > 3000, "{ink}");
+        // The front's first point.
+        assert!(pixels.chunks_exact(3).any(|p| p == [0, 114, 178]));
+    }
+
+    #[test]
+    fn no_points_and_broken_points_are_drawn_without_a_word() {
+        assert!(svg(&[], "").is_ok() && rgb(&[], "").is_ok());
+        assert!(rgb(&[point("x", f64::NAN, f64::NAN, None), point("y", 0.0, 1.0, None)], "").is_ok());
+    }
+}

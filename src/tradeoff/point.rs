@@ -1,0 +1,100 @@
+//! A measured point.
+
+use serde::{Deserialize, Serialize};
+
+use super::Knobs;
+
+/// One setting, measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Name, unlike all others.
+    pub name: String,
+    /// The knob that was turned, or `generator`.
+    pub sweep: String,
+    /// The neighbour that it is compared with.
+    pub against: Option<String>,
+    /// Values.
+    pub knobs: Knobs,
+    /// Generator that enhanced its frames, if one did.
+    pub generator: Option<String>,
+    /// Time of a frame.
+    pub time: Time,
+    /// How far it is from the reference.
+    pub error: Errors,
+    /// Tissue by tissue.
+    pub classes: Vec<ClassError>,
+    /// Whether no other point is both faster and nearer to the reference.
+    #[serde(default)]
+    pub on_front: bool,
+    /// Whether its time differs from its neighbour's by no more than repeats of one point do.
+    #[serde(default)]
+    pub time_is_noise: bool,
+    /// Whether its error differs from its neighbour's by no more than another seed makes.
+    #[serde(default)]
+    pub error_is_noise: bool,
+}
+
+/// Time of a frame with its maps, from the call until it lies in memory, ms.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Time {
+    /// Frames measured.
+    pub frames: usize,
+    /// Median.
+    pub median_ms: f64,
+    /// 95th percentile.
+    pub p95_ms: f64,
+    /// Distance between the quartiles.
+    pub spread_ms: f64,
+    /// Median of each pass on the device, in order; empty where it has no timestamps.
+    pub passes: Vec<PassMs>,
+}
+
+/// Time of a pass.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PassMs {
+    /// Pass, that of its shader; or `generator`.
+    pub name: String,
+    /// Median, ms.
+    pub median_ms: f64,
+}
+
+/// Distance from the reference, within the sector, means over poses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Root of the mean square difference, grey levels.
+    pub rmse: f64,
+    /// How much that differs with another seed, grey levels.
+    pub rmse_spread: f64,
+    /// Root of the mean square difference of mean levels over patches of 32 × 32, grey levels: what is left where speckle
+    /// is averaged out.
+    pub level_rmse: f64,
+    /// PSNR, dB.
+    pub psnr_db: f64,
+    /// SSIM.
+    pub ssim: f64,
+    /// pKL, nats.
+    pub pkl: f64,
+    /// Envelope SNR less that of the reference, mean over tissues that have one.
+    pub snr_difference: Option<f64>,
+    /// Mean magnitude of a tissue's difference of mean grey levels, weighed by its pixels.
+    pub grey_difference: f64,
+    /// Share of the contrast of borders that is lost.
+    pub contrast_lost: Option<f64>,
+}
+
+/// One tissue's errors, means over the poses that show it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClassError {
+    /// Name.
+    pub tissue: String,
+    /// Pixels over all poses.
+    pub pixels: usize,
+    /// Mean grey level less the reference's.
+    pub grey_difference: f64,
+    /// Envelope SNR.
+    pub envelope_snr: Option<f64>,
+    /// That of the reference.
+    pub reference_snr: Option<f64>,
+    /// Share of its borders' contrast that is lost.
+    pub contrast_lost: Option<f64>,
+}
