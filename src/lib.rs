@@ -14,6 +14,8 @@ pub mod sink;
 
 pub mod generator;
 
+pub mod selftest;
+
 pub mod render;
 
 pub mod exam;

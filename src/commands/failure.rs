@@ -10,6 +10,7 @@ use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
 use insonify::render::{GpuError, RenderError, SettingsError};
+use insonify::selftest::SelfTestError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
@@ -149,6 +150,15 @@ impl From<RenderError> for Failure {
             RenderError::Gpu(error) => error.into(),
             RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
             _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<SelfTestError> for Failure {
+    fn from(error: SelfTestError) -> Self {
+        match error {
+            SelfTestError::Render(error) => error.into(),
+            error => Self::Other(error.into()),
         }
     }
 }

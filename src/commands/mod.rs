@@ -26,6 +26,7 @@ mod replay_args;
 mod run;
 mod run_table;
 mod score;
+mod selftest;
 mod session;
 mod station_keys;
 mod status_line;
@@ -83,6 +84,7 @@ enum Command {
     Planes(planes::Args),
     Exam(exam::Args),
     Score(score::Args),
+    Selftest(selftest::Args),
     Calibrate(calibrate::Args),
     Generator(generator::Args),
     Tissues(tissues::Args),
@@ -107,6 +109,7 @@ impl Cli {
             Command::Planes(args) => planes::run(args),
             Command::Exam(args) => exam::run(args),
             Command::Score(args) => score::run(args),
+            Command::Selftest(args) => selftest::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Generator(args) => generator::run(args),
             Command::Tissues(args) => tissues::run(args),
