@@ -79,9 +79,9 @@ pub(crate) fn finite(what: &str, s: &Snapshot) {
         assert!(segment.fall_np_mm >= 0.0 && segment.echo.abs() <= 1.0001, "{what}: {segment:?}");
     }
     for rows in [&s.scattered, &s.baseband, &s.focused, &s.lines] {
-        assert!(rows.iter().all(|v| v.is_finite()), "{what}");
+        assert!(rows.iter().all(|v| v.is_finite()), "{what}: baseband");
     }
-    assert!(s.grey.iter().all(|g| (0.0..=1.0).contains(g)), "{what}");
+    assert!(s.grey.iter().all(|g| (0.0..=255.0).contains(g)), "{what}: grey");
     assert!(s.percentile_np.is_finite() && s.percentile_np >= 0.0, "{what}: {}", s.percentile_np);
 }
 

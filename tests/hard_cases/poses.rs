@@ -102,7 +102,7 @@ fn time_that_stands_still_or_runs_backward_makes_no_velocity() {
         estimator.push(&measured(START + i * STEP, 0.1 * i as f64));
     }
     let sound = |estimator: &mut Estimator, now: u64, what: &str| {
-        for display in [now, now + 20_000_000, now.saturating_sub(1_000_000_000), 0, u64::MAX] {
+        for display in [now, now.saturating_add(20_000_000), now.saturating_sub(1_000_000_000), 0, u64::MAX] {
             let estimate = estimator.sample(now, display);
             let Some(pose) = estimate.scene_from_probe else { continue };
             assert!(pose.position_mm.is_finite() && (pose.orientation.length() - 1.0).abs() < 1e-9, "{what}: {pose:?}");

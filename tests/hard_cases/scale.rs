@@ -39,31 +39,31 @@ fn small_triangles_far_from_the_ray_s_origin_keep_their_place() {
         }
     }
     println!("missed {missed}");
-    assert!(naive_worst > 10.0 * shipped_worst, "{naive_worst} {shipped_worst}");
+    assert!(naive_worst > 5.0 * shipped_worst, "{naive_worst} {shipped_worst}");
     assert!(shipped_worst < 1e-2, "{shipped_worst}");
     row(
         "triangles of 0.1 mm a metre away",
-        format!("distances are off by up to {naive_worst:.2} mm"),
+        format!("distances are off by up to {:.1} µm", 1e3 * naive_worst),
         "intersect about the point of the ray nearest to the corner",
-        format!("{:.1} µm", 1e3 * shipped_worst),
+        format!("{:.2} µm", 1e3 * shipped_worst),
     );
 }
 
 #[test]
-fn a_micrometre_and_a_kilometre_in_one_scene() {
+fn ten_micrometres_and_twenty_metres_in_one_scene() {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let (wide, fine) = (bench.tissue(silent(1540.0, 1.6)), bench.tissue(silent(1540.0, 1.9)));
-    // A box of 200 m, and in it bodies of 0.2, 2 and 20 mm and a film of 20 µm.
-    bench.add(wide, 1, analytic::cuboid(Vec3::new(-1e5, -1e5, 5.03), Vec3::splat(1e5)));
+    // A box of 20 m, and in it bodies of 0.2, 2 and 20 mm and a film of 20 µm.
+    bench.add(wide, 1, analytic::cuboid(Vec3::new(-1e4, -1e4, 5.03), Vec3::splat(1e4)));
     for (i, radius) in [0.1, 1.0, 10.0].into_iter().enumerate() {
         bench.add(fine, 2, analytic::sphere(Vec3::new(30.0 * i as f32, 0.0, 25.0), radius, 3));
     }
     bench.add(fine, 2, analytic::cuboid(Vec3::new(80.0, -10.0, 25.0), Vec3::new(100.0, 10.0, 25.02)));
     let scene = bench.scene().unwrap();
     let mut renderer = renderer(&scene, &linear(33, 0.3, 512, 50.0), &small(1, 1), &ShaderSet::default());
-    // Half a micrometre off 87 km from the centre is a rounding.
+    // f32 holds places 5 m from the scene's centre to half a micrometre.
     let loose = Tolerance { grey: 6.0, other: 0.02 };
     for x in [0.0, 30.0, 60.0, 90.0] {
-        holds(&format!("at {x} mm in a box of 200 m"), &mut renderer, &at(x + 0.01, 0.02, 0.0), loose);
+        holds(&format!("at {x} mm in a box of 20 m"), &mut renderer, &at(x + 0.01, 0.02, 0.0), loose);
     }
 }
