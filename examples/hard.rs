@@ -1,7 +1,7 @@
 //! A million random frames' worth of rays through the real passes, and no value that is not finite.
 //!
-//! `make hard ARGS="--frames N --state FILE --phantom"`. A frame's worth is 256 rays. Each chunk is a scene by chance (or
-//! the phantom) that 24 random poses look at, 32 rays a scanline; every word that the device wrote for the frame is checked
+//! `make hard ARGS="--frames N --seconds S --state FILE --station STATION"`. A frame's worth is 256 rays. Each chunk is a scene by chance (or
+//! the station's) that 24 random poses look at, 32 rays a scanline; every word that the device wrote for the frame is checked
 //! by its bits. Chunks are numbered and depend on their number alone: the state file says how far earlier runs came, and
 //! the next run goes on. Ends with 1 at the first word that is not finite, and names its chunk and pose.
 

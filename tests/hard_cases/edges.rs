@@ -106,8 +106,8 @@ fn touching_surfaces_are_one_interface() {
     assert_eq!(shipped, 0);
     row(
         "two bodies that share a turned face",
-        format!("{naive} of {all} scanlines show a gap or a second interface"),
-        "hits within 1 µm are one place, crossed together",
+        format!("{naive} of {all} scanlines don't show its three interfaces"),
+        "hits within 1 µm are one place, crossed together and not met again",
         "none".to_owned(),
     );
 }
