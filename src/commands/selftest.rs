@@ -6,7 +6,7 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::render::ShaderSet;
 use insonify::selftest::{self, Report};
-use insonify::sink::selftest_report::{self, number};
+use insonify::sink::selftest_report::{self, figure};
 use insonify::sink::write_json;
 
 use super::progress::Progress;
@@ -68,7 +68,8 @@ fn print(report: &Report) -> Result<(), Failure> {
     for check in &report.checks {
         let title = if check.group == group { "" } else { check.group };
         group = check.group;
-        let [expected, measured, tolerance] = [check.expected, check.measured, check.tolerance].map(number);
+        let figure = |value| figure(value, check.tolerance);
+        let [expected, measured, tolerance] = [check.expected, check.measured, check.tolerance].map(figure);
         let result = if check.passed { "pass" } else { "FAIL" };
         let (name, unit) = (&check.name, check.unit);
         output::line(format!("{title:15} {name:54} {expected:>10} {measured:>14} {tolerance:>10} {unit:6} {result}"))?;

@@ -128,6 +128,13 @@ pub fn run(gpu: &Gpu, shaders: &ShaderSet, progress: &dyn Fn(usize, usize)) -> R
         checks.extend(family.measure(&mut rig)?);
     }
     checks.extend(rig.checks());
+    let mut groups: Vec<&str> = Vec::new();
+    for check in &checks {
+        if !groups.contains(&check.group) {
+            groups.push(check.group);
+        }
+    }
+    checks.sort_by_key(|check| groups.iter().position(|group| *group == check.group));
     progress(families.len(), families.len());
     Ok(Report {
         version: env!("CARGO_PKG_VERSION"),

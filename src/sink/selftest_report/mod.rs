@@ -19,17 +19,15 @@ pub fn write(path: &Path, report: &Report) -> Result<(), SinkError> {
     write_with(path, |file| file.write_all(page.as_bytes()).map_err(SinkError::io(path)))
 }
 
-/// A number as it is read: four significant digits, none after the point where it is whole.
-pub fn number(value: f64) -> String {
+/// A number to two digits of its tolerance; with a tolerance of 0 a count.
+pub fn figure(value: f64, tolerance: f64) -> String {
     if !value.is_finite() {
         return "not measurable".to_owned();
     }
-    if value == 0.0 || (value.fract() == 0.0 && value.abs() < 1e6) {
-        return format!("{value:.0}");
-    }
-    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    let digits = if tolerance > 0.0 { (1.0 - tolerance.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
     let text = format!("{value:.digits$}");
-    if value.abs() < 1e-4 { format!("{value:.2e}") } else { text }
+    // A rounding below zero is zero.
+    if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
 }
 
 /// The page. Writing to a string cannot fail.
@@ -64,9 +62,9 @@ fn page(report: &Report) -> String {
             "<tr{}><th>{title}<td>{}<td>{}<td>{}<td>± {}<td>{unit}<td class=\"{class}\">{result}</tr>",
             if title.is_empty() { "" } else { " class=\"first\"" },
             escape(name),
-            number(*expected),
-            number(*measured),
-            number(*tolerance),
+            figure(*expected, *tolerance),
+            figure(*measured, *tolerance),
+            figure(*tolerance, *tolerance),
         );
     }
     out.push_str(
@@ -109,11 +107,16 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_short() {
-        for (value, text) in
-            [(0.0, "0"), (37.3, "37.30"), (-8.0, "-8"), (0.681034, "0.6810"), (1e-5, "1.00e-5"), (16384.0, "16384")]
-        {
-            assert_eq!(number(value), text);
+    fn figures_have_the_digits_of_their_tolerance() {
+        for (value, tolerance, text) in [
+            (36.677_259_75, 0.002, "36.6773"),
+            (-39.58, 0.5, "-39.58"),
+            (0.009_173_9, 1.83e-5, "0.009174"),
+            (16384.0, 0.0, "16384"),
+            (-1e-7, 0.02, "0.000"),
+            (f64::NAN, 0.1, "not measurable"),
+        ] {
+            assert_eq!(figure(value, tolerance), text);
         }
     }
 }
