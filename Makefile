@@ -5,7 +5,7 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo live test test-browser test-window bench soak setup clean
+.PHONY: help demo live test test-browser test-window bench soak hard setup clean
 
 help:
 	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
@@ -15,6 +15,7 @@ help:
 	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
 	@echo 'make soak   ten minutes of a live station on a bad day: memory, latency and drops; scripts/soak --help'
+	@echo 'make hard   a million random frames worth of rays without a value that is not finite; goes on where it was stopped'
 	@echo 'make setup  what the others do first; scripts/setup --help says more'
 	@echo 'make clean  remove what was built and rendered'
 
@@ -44,6 +45,9 @@ bench: setup
 soak: setup
 	$(CARGO) build --release --bin insonify
 	python3 scripts/soak $(ARGS)
+
+hard: setup
+	$(CARGO) run --release --example hard -- $(ARGS)
 
 setup:
 	@scripts/setup

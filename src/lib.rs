@@ -18,6 +18,8 @@ pub mod generator;
 
 pub mod quality;
 
+pub mod selftest;
+
 pub mod render;
 
 pub mod exam;

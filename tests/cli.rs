@@ -665,3 +665,23 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
     assert_ne!(median(&report, "8x3"), median(&again, "8x3"));
     assert_eq!(report["reference"], again["reference"]);
 }
+
+fn a_selftest_passes_here_and_leaves_its_reports() {
+    let dir = tempfile::tempdir().unwrap();
+    let (json, html) = (dir.path().join("selftest.json"), dir.path().join("selftest.html"));
+    let output = insonify(&["selftest", "--json", text(&json), "--html", text(&html)]);
+    succeeded(&output);
+    let table = String::from_utf8(output.stdout).unwrap();
+    for group in
+        ["Snell", "Fresnel", "Time of flight", "Attenuation", "Point spread", "Speckle", "Shadow", "Determinism"]
+    {
+        assert!(table.contains(group), "{group} is missing:\n{table}");
+    }
+    assert!(!table.contains("FAIL"), "{table}");
+    let report: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert_eq!(report["passed"], true);
+    assert!(report["checks"].as_array().unwrap().len() > 30);
+    let page = std::fs::read_to_string(&html).unwrap();
+    assert!(page.contains("insonify self-test") && page.contains(report["device"].as_str().unwrap()));
+    refused(&insonify(&["selftest", "--html", "selftest.txt"]), &["--html", ".html"]);
+}

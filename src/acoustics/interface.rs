@@ -2,6 +2,8 @@
 //!
 //! Solids are treated as fluids: shear waves are left out.
 
+use glam::DVec3;
+
 /// Pressure reflection and transmission at a plane interface between two fluids.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
@@ -30,6 +32,18 @@ pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_inc
     Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_t }
 }
 
+/// Where a ray of the unit `direction` goes on behind a plane whose unit `normal` points against it, from medium 1 into
+/// medium 2; None beyond the critical angle.
+///
+/// Snell's law: the tangential part of the slowness stays.
+pub fn refracted(c1_m_s: f64, c2_m_s: f64, normal: DVec3, direction: DVec3) -> Option<DVec3> {
+    let ratio = c2_m_s / c1_m_s;
+    let cos_i = -normal.dot(direction);
+    let along = direction + cos_i * normal;
+    let sin2_t = ratio * ratio * along.length_squared();
+    (sin2_t < 1.0).then(|| ratio * along - (1.0 - sin2_t).sqrt() * normal)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,6 +63,15 @@ mod tests {
     fn fat_to_liver_refracts_20_degrees_to_21_85() {
         let i = interface(1.38, 1.65, 1450.0, 1578.0, 20f64.to_radians().cos());
         assert!((i.cos_transmitted.acos().to_degrees() - 21.85).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_refracted_ray_is_as_steep_as_its_cosine() {
+        let direction = DVec3::new(20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos());
+        let bent = refracted(1450.0, 1578.0, DVec3::NEG_Z, direction).unwrap();
+        let i = interface(1.38, 1.65, 1450.0, 1578.0, direction.z);
+        assert!((bent.z - i.cos_transmitted).abs() < 1e-12 && (bent.length() - 1.0).abs() < 1e-12 && bent.y == 0.0);
+        assert_eq!(refracted(1480.0, 4080.0, DVec3::NEG_Z, direction.with_x(0.4).normalize()), None);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
 use insonify::render::{GpuError, RenderError, SettingsError};
+use insonify::selftest::SelfTestError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
@@ -150,6 +151,15 @@ impl From<RenderError> for Failure {
             RenderError::Gpu(error) => error.into(),
             RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
             _ => Self::Other(error.into()),
+        }
+    }
+}
+
+impl From<SelfTestError> for Failure {
+    fn from(error: SelfTestError) -> Self {
+        match error {
+            SelfTestError::Render(error) => error.into(),
+            error => Self::Other(error.into()),
         }
     }
 }

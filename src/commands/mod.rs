@@ -29,6 +29,7 @@ mod replay_args;
 mod run;
 mod run_table;
 mod score;
+mod selftest;
 mod session;
 mod station_keys;
 mod status_line;
@@ -90,6 +91,7 @@ enum Command {
     Exam(exam::Args),
     Score(score::Args),
     Qa(qa::Args),
+    Selftest(selftest::Args),
     Calibrate(calibrate::Args),
     Generator(generator::Args),
     Evaluate(evaluate::Args),
@@ -118,6 +120,7 @@ impl Cli {
             Command::Exam(args) => exam::run(args),
             Command::Score(args) => score::run(args),
             Command::Qa(args) => qa::run(args),
+            Command::Selftest(args) => selftest::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Generator(args) => generator::run(args),
             Command::Evaluate(args) => evaluate::run(args),

@@ -23,6 +23,7 @@ pub mod openigtlink;
 pub mod png;
 pub mod png_sequence;
 pub mod scene_view;
+pub mod selftest_report;
 pub mod time_table;
 pub mod video;
 pub mod window;

@@ -3,8 +3,8 @@
 use insonify::render::Frame;
 use insonify::transducer::Probe;
 
-use super::bench::{Rig, at, linear, magnitude, small};
-use super::speckle::{block, grainy};
+use super::bench::{Rig, at, grainy, linear, magnitude, small};
+use super::speckle::block;
 
 /// Correlation of two sets of envelopes about their means.
 fn correlation(pairs: &[(f64, f64)]) -> f64 {

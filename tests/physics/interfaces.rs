@@ -31,7 +31,7 @@ fn amplitudes_at_normal_incidence_are_fresnels() {
         bench.add(first, 1, slab(PITCH * i as f64, 20.0, -20.0, 60.0));
         bench.add(second, 2, slab(PITCH * i as f64, 19.0, 37.3, 80.0));
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(16, 0.5, 1024, 50.0), &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(16, 0.5, 1024, 50.0), &small(1, 1));
     for (i, (z1, z2)) in pairs.into_iter().enumerate() {
         let frame = rig.frame(&pose(i));
         let r = interface(z1, z2, 1540.0, 1540.0, 1.0).pressure_reflection;
@@ -54,7 +54,7 @@ fn an_echo_from_beyond_interfaces_has_passed_each_twice() {
         let tissue = bench.tissue(silent(1540.0, z));
         bench.add(tissue, i as i32, slab(0.0, 30.0 - i as f64, 10.0 * i as f64, 100.0));
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(16, 0.5, 2048, 50.0), &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(16, 0.5, 2048, 50.0), &small(1, 1));
     let frame = rig.frame(&pose(0));
     for line in 0..16 {
         let echoes = rig.echoes(&frame, line, 1e-4);
@@ -78,7 +78,7 @@ fn strong_interfaces_pass_and_return_their_parts_of_many_paths() {
         let tissue = bench.tissue(silent(3000.0, z));
         bench.add(tissue, 1, slab(PITCH * i as f64, 25.0, 20.0, 40.0));
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(32, 0.5, 1024, 50.0), &small(128, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(32, 0.5, 1024, 50.0), &small(128, 1));
     for (i, z) in plates.into_iter().enumerate() {
         let frame = rig.frame(&pose(i));
         // Range of the front, of the back, and of one more time through the plate.
@@ -124,7 +124,7 @@ fn oblique_amplitudes_follow_both_cosines() {
             bench.add(tissue, 1, analytic::plate(centre, Vec3::new(30.0, 30.0, 30.0), rotation));
         }
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(1, 1.0, 1024, 50.0), &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(1, 1.0, 1024, 50.0), &small(1, 1));
     for (i, (degrees, z2, c2)) in cases.into_iter().enumerate() {
         let mut first = |k: usize| {
             let frame = rig.frame(&pose(2 * i + k));
@@ -152,7 +152,7 @@ fn layers_displace_what_lies_behind_by_the_time_of_flight() {
         bench.add(layer, 1, slab(PITCH * i as f64, 20.0, 8.0, 20.0));
         bench.add(wall, 1, slab(PITCH * i as f64, 20.0, 35.0, 70.0));
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(8, 0.5, 3072, 50.0), &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(8, 0.5, 3072, 50.0), &small(1, 1));
     for (i, speed) in speeds.into_iter().enumerate() {
         let frame = rig.frame(&pose(i));
         for line in 0..8 {
@@ -184,7 +184,7 @@ fn echoes_decay_on_both_ways() {
         }
         let mut probe = linear(8, 0.5, 2048, 50.0);
         probe.frequency_mhz = frequency_mhz;
-        let mut rig = Rig::new(&bench.scene(), &probe, &small(1, 1));
+        let mut rig = Rig::new(&bench.scene().unwrap(), &probe, &small(1, 1));
         let r = energy(1.6, 1.8).sqrt();
         for (i, (alpha, exponent)) in media.into_iter().enumerate() {
             for (k, &depth) in depths.iter().enumerate() {

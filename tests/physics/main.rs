@@ -13,6 +13,7 @@ mod points;
 mod qa;
 mod reflections;
 mod refraction;
+mod selftest;
 mod sizes;
 mod specimens;
 mod speckle;

@@ -53,7 +53,7 @@ fn a_sphere_is_segmented_within_a_pixel() {
         let mut bench = Bench::new(lossy(around));
         let sphere = bench.tissue(lossy(within));
         bench.add(sphere, 1, analytic::sphere(centre.as_vec3(), radius as f32, 6));
-        let mut rigs = rigs(&bench.scene());
+        let mut rigs = rigs(&bench.scene().unwrap());
         if (around, within) != (0.5, 0.0) {
             rigs.truncate(2);
         }
@@ -115,7 +115,7 @@ impl Layers {
             let tissue = bench.tissue(lossy(alpha));
             bench.add(tissue, i as i32, half_space(normal, offset));
         }
-        bench.scene()
+        bench.scene().unwrap()
     }
 }
 

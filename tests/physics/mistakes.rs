@@ -15,7 +15,7 @@ fn layered(deviation: f64, impedance_mrayl: f64) -> Scene {
     let mut bench = Bench::new(grain);
     let plate = bench.tissue(silent(1540.0, impedance_mrayl));
     bench.add(plate, 1, slab(0.0, 40.0, 20.0, 80.0));
-    bench.scene()
+    bench.scene().unwrap()
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn two_interfaces_within_a_sample_both_count() {
     bench.add(film, 1, slab(0.0, 20.0, 20.01, 20.01 + quarter));
     let probe = linear(8, 0.5, 256, 40.0);
     assert!(probe.sample_spacing_mm() > 3.0 * quarter);
-    let mut rig = Rig::new(&bench.scene(), &probe, &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &probe, &small(1, 1));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
     let r: f64 = 0.2 / 3.2;
     let peak = rig.line(&frame, 4).iter().map(|&s| magnitude(s)).fold(0.0, f64::max);
@@ -75,7 +75,7 @@ fn grey_levels_do_not_depend_on_what_else_is_there() {
         let mut settings = small(1, 1);
         settings.image.tgc_db_per_cm = 0.0;
         (settings.image.width, settings.image.height) = (640, 480);
-        let mut rig = Rig::new(&bench.scene(), &linear(160, 0.5, 1024, 60.0), &settings);
+        let mut rig = Rig::new(&bench.scene().unwrap(), &linear(160, 0.5, 1024, 60.0), &settings);
         let (frame, sector) = (rig.frame(&at(0.0, 0.0, 0.0)), rig.sector());
         let left = (0..frame.bmode.len()).filter(move |&i| {
             let (column, row) = (i as u32 % sector.width, i as u32 / sector.width);

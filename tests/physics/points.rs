@@ -1,41 +1,10 @@
 //! Point targets: −6 dB widths against the pulse's and the beam's, whatever the buffers' steps.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use insonify::acoustics::pulse::FWHM_PER_SIGMA;
-use insonify::anatomy::{Mesh, analytic};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, small};
-
-/// A post along a scanline, so thin that only its ray meets it; its one visible face lies at `depth_mm`.
-fn post(probe: &Probe, line: u32, depth_mm: f64) -> Mesh {
-    let lateral = probe.lateral_coordinate((f64::from(line) + 0.5) / f64::from(probe.scanlines));
-    let (origin, direction) = probe.ray(lateral);
-    let width = 0.6 * probe.line_spacing_mm(depth_mm);
-    let length = 400.0;
-    let centre = origin + direction * (depth_mm + 0.5 * length);
-    let rotation = DQuat::from_rotation_arc(DVec3::Z, direction);
-    let size = DVec3::new(width, width, length);
-    analytic::plate(centre.as_vec3(), size.as_vec3(), rotation.as_quat())
-}
-
-/// Full width at half the maximum of a sampled bell, in samples; logarithms are interpolated by parabolas, as a Gaussian's.
-fn half_width(values: &[f64]) -> f64 {
-    let peak = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap();
-    let top = values[peak];
-    let side = |step: isize| {
-        let mut at = peak as isize;
-        while values[(at + step) as usize] >= 0.5 * top {
-            at += step;
-        }
-        let (inside, outside) = (values[at as usize].ln(), values[(at + step) as usize].ln());
-        // ln of a Gaussian is linear in the squared distance.
-        let (d0, d1) = ((at - peak as isize).unsigned_abs() as f64, (at + step - peak as isize).unsigned_abs() as f64);
-        let part = ((0.5 * top).ln() - inside) / (outside - inside);
-        (d0 * d0 + part * (d1 * d1 - d0 * d0)).sqrt()
-    };
-    side(1) + side(-1)
-}
+use super::bench::{Bench, Rig, assert_part, at, half_width, linear, magnitude, post, silent, small};
 
 #[test]
 fn widths_of_points_are_the_pulses_and_the_beams_at_every_sampling() {
@@ -61,9 +30,9 @@ fn widths_of_points_are_the_pulses_and_the_beams_at_every_sampling() {
         let mut bench = Bench::new(silent(1540.0, 1.5));
         let target = bench.tissue(silent(1540.0, 1.7));
         for (i, &depth) in depths.iter().enumerate() {
-            bench.add(target, 1, post(&probe, line(i), depth));
+            bench.add(target, 1, post(DVec3::ZERO, &probe, line(i), depth, 400.0));
         }
-        let mut rig = Rig::new(&bench.scene(), &probe, &small(1, 1));
+        let mut rig = Rig::new(&bench.scene().unwrap(), &probe, &small(1, 1));
         let frame = rig.frame(&at(0.0, 0.0, 0.0));
         for (i, &depth) in depths.iter().enumerate() {
             let samples = probe.samples as usize;

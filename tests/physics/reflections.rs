@@ -25,7 +25,7 @@ fn a_mirror_shows_what_faces_it_at_the_folded_range() {
         1,
         analytic::plate(Vec3::new((side * 30.0) as f32, 0.0, 40.0), Vec3::new(10.0, 30.0, 30.0), Quat::IDENTITY),
     );
-    let mut rig = Rig::new(&bench.scene(), &linear(5, 4.0, 2048, 100.0), &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(5, 4.0, 2048, 100.0), &small(1, 1));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
     let r: f64 = 0.2 / 3.2;
     let to_range = ASSUMED_SPEED_M_S / 1480.0;
@@ -48,7 +48,7 @@ fn reverberation_between_plates_repeats_at_their_distance() {
     let plate = bench.tissue(silent(1540.0, metal));
     bench.add(plate, 1, slab(0.0, 20.0, 20.0, 21.0));
     bench.add(plate, 1, slab(0.0, 20.0, 31.0, 60.0));
-    let mut rig = Rig::new(&bench.scene(), &linear(32, 0.5, 2048, 50.0), &small(128, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(32, 0.5, 2048, 50.0), &small(128, 1));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
     let r: f64 = (metal - water) / (metal + water);
     let passed = (1.0 - r * r).powi(2);
@@ -78,7 +78,7 @@ fn nothing_passes_beyond_the_critical_angle() {
         bench.add(bone, 1, analytic::plate(foot + turned * (15.0 * Vec3::Z), Vec3::new(50.0, 50.0, 30.0), turned));
         bench.add(wall, 2, analytic::plate(foot + turned * (25.0 * Vec3::Z), Vec3::new(45.0, 45.0, 9.0), turned));
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(1, 0.1, 1024, 80.0), &small(64, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(1, 0.1, 1024, 80.0), &small(64, 1));
     for i in 0..4 {
         let frame = rig.frame(&at(0.0, 80.0 * f64::from(i), 0.0));
         let strongest = |from_mm: f64| {
@@ -151,7 +151,7 @@ fn overlapping_surfaces_give_the_medium_to_the_highest_priority() {
     b.add(3, 0, slab(0.0, 18.0, 15.0, 45.0));
     // Wholly within a higher one: never seen.
     b.add(4, 2, slab(0.0, 17.0, 25.0, 35.0));
-    let mut rig = rig(&b.scene());
+    let mut rig = rig(&b.scene().unwrap());
     let media = [(0, 0.0), (1, 10.0), (2, 20.0), (3, 40.0), (0, 45.0)];
     assert_media(&mut rig, 0.0, &media);
     // A probe that starts inside one, two, three and four of them.
@@ -168,7 +168,7 @@ fn nested_spheres_show_shell_after_shell() {
     for (i, radius) in [18.0, 12.0, 6.0].into_iter().enumerate() {
         b.add(i + 1, i as i32, analytic::sphere(Vec3::new(0.0, 0.0, 22.0), radius, 6));
     }
-    let media = column(&mut rig(&b.scene()), 0.0);
+    let media = column(&mut rig(&b.scene().unwrap()), 0.0);
     let want = [(0, 0.0), (1, 4.0), (2, 10.0), (3, 16.0), (2, 28.0), (1, 34.0), (0, 40.0)];
     assert_eq!(media.len(), want.len(), "{media:?}");
     assert!(media.iter().zip(&want).all(|(m, w)| m.0 == w.0 && (m.1 - w.1).abs() < 0.15), "{media:?}");
@@ -184,7 +184,7 @@ fn touching_surfaces_make_one_interface_or_none() {
         b.add(3, second, slab(0.0, 20.0, 30.0, 40.0));
         b.add(2, 0, slab(0.0, 20.0, 20.0, 45.0));
         let media = [(0, 0.0), (1, 10.0), (3, 20.0), (2, 40.0), (0, 45.0)];
-        let mut rig = rig(&b.scene());
+        let mut rig = rig(&b.scene().unwrap());
         assert_media(&mut rig, 0.0, &media);
         assert_media(&mut rig, 15.0, &media[1..]);
         assert_media(&mut rig, 25.0, &media[2..]);

@@ -2,10 +2,11 @@
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
+use insonify::acoustics::interface::refracted;
 use insonify::anatomy::{Tissue, analytic};
 use insonify::pose::Pose;
 
-use super::bench::{Bench, Rig, at, linear, silent, small};
+use super::bench::{Bench, Rig, at, facing, linear, silent, small};
 
 /// Specimens stand on a grid, so that none is far from the scene's centre.
 const PITCH: f64 = 90.0;
@@ -15,12 +16,6 @@ const ENTRY_MM: f64 = 20.0;
 
 fn pose(specimen: usize) -> Pose {
     at(PITCH * (specimen % ROW) as f64, PITCH * (specimen / ROW) as f64, 0.0)
-}
-
-/// The box of `size` whose upper face holds `point` at its middle and has the normal −z turned by `rotation`.
-fn facing(point: DVec3, size: f64, rotation: DQuat) -> insonify::anatomy::Mesh {
-    let centre = point + rotation * DVec3::new(0.0, 0.0, 0.5 * size);
-    analytic::plate(centre.as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
 }
 
 #[test]
@@ -41,14 +36,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
     let turned = |(tilt, about): (f64, f64)| {
         DQuat::from_rotation_z(f64::to_radians(about)) * DQuat::from_rotation_y(f64::to_radians(tilt))
     };
-    let snell = |c1: f64, c2: f64, rotation: DQuat| {
-        let normal = rotation * DVec3::NEG_Z;
-        let cos_incident = -normal.z;
-        let along = DVec3::Z + cos_incident * normal;
-        let sin2 = (c2 / c1).powi(2) * along.length_squared();
-        assert!(sin2 < 1.0);
-        (c2 / c1) * along - (1.0 - sin2).sqrt() * normal
-    };
+    let snell = |c1, c2, rotation: DQuat| refracted(c1, c2, rotation * DVec3::NEG_Z, DVec3::Z).unwrap();
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let mut planes = Vec::new();
     for (i, (c1, c2, incidence, azimuth)) in cases.into_iter().enumerate() {
@@ -76,7 +64,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
             planes.push((point - entry, about_path * DVec3::NEG_Z));
         }
     }
-    let mut rig = Rig::new(&bench.scene(), &linear(1, 1.0, 8192, 120.0), &small(1, 1));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(1, 1.0, 8192, 120.0), &small(1, 1));
     let mut worst = 0.0_f64;
     for (i, (c1, c2, incidence, azimuth)) in cases.into_iter().enumerate() {
         let mut normals = [DVec3::ZERO; 3];

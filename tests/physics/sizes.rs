@@ -4,15 +4,14 @@ use insonify::anatomy::{Bvh, BvhError, analytic};
 use insonify::render::{Frame, RenderError, RenderSettings, Renderer};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::bench::{Bench, Rig, at, gpu, linear, magnitude, silent, slab, small};
-use super::speckle::grainy;
+use super::bench::{Bench, Rig, at, gpu, grainy, linear, magnitude, silent, slab, small};
 
 fn scene() -> insonify::anatomy::Scene {
     let mut bench = Bench::new(grainy(0.0, 0.01));
     let plate = bench.tissue(silent(1540.0, 1.7));
     bench.add(plate, 1, slab(0.0, 40.0, 20.0, 30.0));
     bench.add(plate, 2, analytic::sphere(glam::Vec3::new(0.0, 0.0, 45.0), 6.0, 4));
-    bench.scene()
+    bench.scene().unwrap()
 }
 
 #[test]
@@ -86,7 +85,7 @@ fn wrong_settings_are_refused() {
         let message = refused(&probe, &settings);
         assert!(message.contains(key) && message.contains("must lie in"), "{key}: {message}");
     }
-    let empty = Bench::new(silent(1540.0, 1.5)).scene();
+    let empty = Bench::new(silent(1540.0, 1.5)).scene().unwrap();
     assert_eq!(Bvh::build(&empty).unwrap_err(), BvhError::Empty);
     assert!(matches!(Renderer::new(gpu(), &empty, &good, &small(1, 1)), Err(RenderError::Bvh(BvhError::Empty))));
 }

@@ -5,29 +5,20 @@ use insonify::acoustics::attenuation::attenuation_db_mm;
 use insonify::anatomy::{Scene, Tissue, analytic};
 use insonify::pose::Pose;
 use insonify::render::Frame;
+use insonify::selftest::measure::slope;
 use insonify::transducer::Probe;
 
-use super::bench::{Bench, Rig, at, linear, magnitude, silent, small};
+use super::bench::{Bench, Rig, at, grainy, linear, magnitude, mean_square, silent, small};
 
 /// A block of `tissue` that the probe stands in, so that no face is seen.
 pub(crate) fn block(tissue: Tissue) -> Scene {
     let mut bench = Bench::new(tissue);
     bench.add(0, 1, analytic::cuboid(Vec3::splat(-300.0), Vec3::splat(300.0)));
-    bench.scene()
-}
-
-/// A tissue whose every lattice cell holds a scatterer.
-pub(crate) fn grainy(mean: f64, deviation: f64) -> Tissue {
-    Tissue { scatterer_density: 1.0, scatterer_mean: mean, scatterer_deviation: deviation, ..silent(1540.0, 1.6) }
+    bench.scene().unwrap()
 }
 
 fn tilted() -> Pose {
     Pose { position_mm: DVec3::new(3.0, 4.0, 5.0), orientation: DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.9) }
-}
-
-fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
-    let (count, sum) = values.fold((0u32, 0.0), |(n, s), v| (n + 1, s + v * v));
-    sum / f64::from(count)
 }
 
 /// Envelope of the scanlines, without those whose beam the sector's edge cuts.
@@ -115,7 +106,7 @@ fn speckle_behind_a_strong_interface_has_passed_it_twice() {
         let mut bench = Bench::new(silent(1540.0, 1.5));
         let grain = bench.tissue(grain);
         bench.add(grain, 1, analytic::cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 200.0)));
-        let mut rig = Rig::new(&bench.scene(), &linear(128, 0.3, 2048, 100.0), &small(64, 1));
+        let mut rig = Rig::new(&bench.scene().unwrap(), &linear(128, 0.3, 2048, 100.0), &small(64, 1));
         let frame = rig.frame(&at(0.0, 0.0, 0.0));
         let power = mean_square(envelope(&rig, &frame, 4)[1..].iter().flatten().flatten().copied());
         let passed = 1.0 - ((impedance - 1.5) / (impedance + 1.5)).powi(2);
@@ -141,12 +132,7 @@ fn speckle_decays_at_twice_the_one_way_loss() {
         }
         let depth_cm = |band: usize| 15.0 * (band as f64 + 0.5) / bands as f64;
         let points: Vec<_> = power.iter().enumerate().map(|(b, p)| (depth_cm(b), 10.0 * p.log10())).collect();
-        let n = bands as f64;
-        let (x, y) = points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
-        let xx: f64 = points.iter().map(|p| (p.0 - x).powi(2)).sum();
-        let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / xx;
-        let left = points.iter().map(|p| (p.1 - y - slope * (p.0 - x)).powi(2)).sum::<f64>();
-        let error = (left / (n - 2.0) / xx).sqrt();
+        let (slope, error) = slope(&points);
         let want = -2.0 * 10.0 * attenuation_db_mm(alpha, exponent, 8.0);
         println!("{slope:.4} ± {error:.4} dB/cm, expected {want:.4}");
         assert!(3.0 * error < 0.01 * want.abs(), "too few grains to tell: ± {error}");

@@ -4,6 +4,7 @@
 //! `[p.x, p.y, p.z, e.x | e.y<<8 | e.z<<16 | imask<<24]`, `[child base, triangle base, meta 0..3, meta 4..7]`,
 //! `[min_x 0..7, max_x 0..7]`, the same for y, the same for z.
 
+mod balanced;
 mod moving;
 mod refit;
 
@@ -121,7 +122,12 @@ impl Bvh {
             .map(|group| {
                 let of_group: Vec<Triangle> = group.triangles.iter().map(|&i| triangles[i as usize]).collect();
                 let build = BvhBuildParams::medium_build();
-                (build_cwbvh_from_tris(&of_group, build, &mut Duration::default()), group.triangles.as_slice())
+                let mut tree = build_cwbvh_from_tris(&of_group, build, &mut Duration::default());
+                // A level is left for the root that joins several trees.
+                if depth(bytemuck::cast_slice(&tree.nodes)) + 1 >= STACK_DEPTH_MAX {
+                    tree = balanced::build(&of_group);
+                }
+                (tree, group.triangles.as_slice())
             })
             .collect();
         let order: Vec<u32> =
@@ -216,4 +222,35 @@ fn depth(nodes: &[[u32; 20]]) -> usize {
         open.extend((0..children).map(|child| (words[4] + child, level + 1)));
     }
     deepest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anatomy::{Mesh, Motion, Surface, TissueTable, analytic};
+
+    fn scene(mesh: Mesh) -> Scene {
+        let tissues = TissueTable::builtin().unwrap();
+        let surfaces = vec![Surface { name: String::new(), tissue: 0, priority: 0, mesh }];
+        Scene { tissues, background: 0, surfaces, motion: Motion::default() }
+    }
+
+    #[test]
+    fn fans_of_slivers_and_heaps_in_one_place_have_shallow_trees() {
+        // Every sliver reaches from one corner to the far side: each box holds the one before.
+        let side = |i: u32| Vec3::new(50.0, i as f32 * 0.01, 0.0);
+        let fan = Mesh {
+            vertices_mm: std::iter::once(Vec3::ZERO).chain((0..=4000).map(side)).collect(),
+            triangles: (1..=4000).map(|i| [0, i, i + 1]).collect(),
+        };
+        let mut heap = analytic::cuboid(Vec3::ZERO, Vec3::ONE);
+        heap.triangles = vec![heap.triangles[0]; 5000];
+        for mesh in [fan, heap] {
+            let count = mesh.triangles.len();
+            let bvh = Bvh::build(&scene(mesh)).unwrap();
+            let mut found: Vec<u32> = bvh.triangles.iter().map(|t| t.triangle).collect();
+            found.sort_unstable();
+            assert!(found.into_iter().eq(0..count as u32));
+        }
+    }
 }

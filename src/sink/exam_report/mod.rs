@@ -137,6 +137,7 @@ fn error(percent: Option<f64>) -> String {
     percent.map_or_else(|| "–".to_owned(), |e| format!("{e:+.1} %"))
 }
 
-fn escape(text: &str) -> String {
+/// Text as HTML shows it.
+pub(in crate::sink) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

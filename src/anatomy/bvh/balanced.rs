@@ -1,0 +1,56 @@
+//! A shallow tree for triangles that the usual builder chains one by one: fans of slivers, whose boxes all nest, and heaps
+//! in one place.
+
+use std::time::Duration;
+
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
+use obvhs::{BvhBuildParams, triangle::Triangle};
+
+use super::PackedTriangle;
+use super::refit::{Extent, fit};
+
+/// Builds over the triangles' middles, each moved a little by chance so that no two are alike, and then gives the nodes
+/// the boxes of the triangles themselves: slower to trace than the usual tree, never deeper than about log₂ of their number.
+pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
+    let middle = |t: &Triangle| (t.v0 + t.v1 + t.v2) / 3.0;
+    let bounds = triangles.iter().map(middle).fold(Aabb::empty(), |mut all, point| *all.extend(point));
+    let reach_mm = 0.01 * (bounds.max - bounds.min).length() + 1e-3;
+    let points: Vec<Aabb> = triangles
+        .iter()
+        .zip(0u32..)
+        .map(|(t, index)| {
+            let chance = |salt: u32| {
+                let bits = (index ^ salt.wrapping_mul(0x9e37_79b9)).wrapping_mul(0x85eb_ca6b);
+                (bits ^ (bits >> 13)).wrapping_mul(0xc2b2_ae35) as f32 / u32::MAX as f32 - 0.5
+            };
+            let moved = glam::Vec3::new(chance(1), chance(2), chance(3)) * reach_mm;
+            let [x, y, z] = middle(t).to_array();
+            Aabb::from_point((glam::Vec3::new(x, y, z) + moved).into())
+        })
+        .collect();
+    let params = BvhBuildParams { reinsertion_batch_ratio: 0.0, ..BvhBuildParams::medium_build() };
+    let mut tree = build_cwbvh(&points, params, &mut Duration::default());
+    let leaves: Vec<PackedTriangle> = tree
+        .primitive_indices
+        .iter()
+        .map(|&i| {
+            let t = &triangles[i as usize];
+            PackedTriangle::new([t.v0, t.v1, t.v2].map(glam::Vec3::from), 0, i)
+        })
+        .collect();
+    let nodes: &mut [[u32; 20]] = bytemuck::cast_slice_mut(&mut tree.nodes);
+    // Parents before their children; boxes are made the other way round.
+    let (mut order, mut next) = (vec![0usize], 0);
+    while let Some(&node) = order.get(next) {
+        let words = &nodes[node];
+        let children = (words[3] >> 24).count_ones();
+        order.extend((0..children).map(|child| (words[4] + child) as usize));
+        next += 1;
+    }
+    let mut extents = vec![Extent::default(); nodes.len()];
+    for &node in order.iter().rev() {
+        extents[node] = fit(nodes, node, &leaves, &extents);
+    }
+    tree
+}

@@ -1,0 +1,79 @@
+//! `insonify selftest`: whether this station's device renders what acoustics says.
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::render::ShaderSet;
+use insonify::selftest::{self, Report};
+use insonify::sink::selftest_report::{self, figure};
+use insonify::sink::write_json;
+
+use super::progress::Progress;
+use super::{Failure, output, session};
+
+/// Render small scenes whose answers are known, and compare: Snell, Fresnel, time of flight, attenuation, the point-spread
+/// function, speckle, shadows, maps, determinism. It takes less than a minute.
+///
+/// Run it on a new machine, after an update of the graphics driver, and before an examination counts.
+#[derive(Debug, Parser)]
+#[command(after_help = "Exit codes: 0 all checks passed; 1 one did not; 2 no device.\n\n\
+                        Examples:\n  \
+                        insonify selftest\n  \
+                        insonify selftest --html selftest.html --json selftest.json")]
+pub(crate) struct Args {
+    /// Also write every check with its numbers as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Also write a page to print or to keep (.html)
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(html) = args.html.as_ref().filter(|path| path.extension().is_none_or(|e| e != "html")) {
+        return Err(Failure::Input(anyhow!("--html {} must end in .html", html.display())));
+    }
+    let gpu = session::open_gpu()?;
+    let progress = Progress::new("self-test", 0);
+    let report = selftest::run(&gpu, &ShaderSet::default(), &|done, of| progress.set(done, of))?;
+    drop(progress);
+    if let Some(path) = &args.json {
+        write_json(path, &report)?;
+    }
+    if let Some(path) = &args.html {
+        selftest_report::write(path, &report)?;
+    }
+    print(&report)?;
+    for path in args.json.iter().chain(&args.html) {
+        output::line(path.display())?;
+    }
+    let failed: Vec<_> = report.failed().map(|check| format!("{}: {}", check.group, check.name)).collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let (device, driver) = (&report.device, &report.driver);
+    Err(Failure::Other(anyhow!(
+        "{device} ({driver}) does not render what it should: {}. Update its driver, or choose another one (WGPU_BACKEND)",
+        failed.join("; ")
+    )))
+}
+
+fn print(report: &Report) -> Result<(), Failure> {
+    output::line(format!("{} ({}), {}", report.device, report.driver, report.date))?;
+    output::line(format!("\n{:15} {:54} {:>10} {:>14} {:>10} {:6}", "", "", "expected", "measured", "tolerance", ""))?;
+    let mut group = "";
+    for check in &report.checks {
+        let title = if check.group == group { "" } else { check.group };
+        group = check.group;
+        let figure = |value| figure(value, check.tolerance);
+        let [expected, measured, tolerance] = [check.expected, check.measured, check.tolerance].map(figure);
+        let result = if check.passed { "pass" } else { "FAIL" };
+        let (name, unit) = (&check.name, check.unit);
+        output::line(format!("{title:15} {name:54} {expected:>10} {measured:>14} {tolerance:>10} {unit:6} {result}"))?;
+    }
+    let (passed, all) = (report.checks.len() - report.failed().count(), report.checks.len());
+    output::line(format!("\n{passed} of {all} checks passed in {:.1} s", report.duration_s))
+}

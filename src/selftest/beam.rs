@@ -1,0 +1,94 @@
+//! Point targets and edges: −6 dB widths against the pulse's, the beam's and the lens's.
+
+use glam::DVec2;
+
+use super::bench::{Bench, Places, at, linear, post, silent, slab, small};
+use super::measure::{half_width, line, magnitude};
+use super::{Check, Family, Rig};
+use crate::acoustics::pulse::FWHM_PER_SIGMA;
+use crate::render::RenderError;
+use crate::transducer::{Probe, ProbeKind};
+
+/// Depths of the posts, mm.
+const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
+/// Depth of the edge that the elevational beam is moved across, mm.
+const EDGE_MM: f64 = 30.0;
+/// Nodes of three Gauss–Hermite layers lie at 0 and ±√3 standard deviations.
+const OUTER_NODE: f64 = 1.732_050_807_568_877_2;
+
+/// Posts in a fan, and an edge.
+pub(super) struct Beam {
+    posts: DVec2,
+    edge: DVec2,
+}
+
+fn fan() -> Probe {
+    Probe { kind: ProbeKind::Convex { radius_mm: 40.0, fov_deg: 20.0 }, ..Probe::default() }
+}
+
+/// Scanline of a post.
+fn post_line(i: usize) -> u32 {
+    let posts = POSTS_MM.len() as u32;
+    (2 * i as u32 + 1) * fan().scanlines / (2 * posts)
+}
+
+impl Beam {
+    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
+        let (posts, edge) = (places.next(), places.next());
+        let target = bench.tissue(silent(1540.0, 1.7));
+        for (i, &depth) in POSTS_MM.iter().enumerate() {
+            bench.add(target, 1, post(posts.extend(0.0), &fan(), post_line(i), depth, 300.0));
+        }
+        // From y = 0 of its place on.
+        bench.add(target, 1, slab(edge + DVec2::new(0.0, 20.0), 20.0, EDGE_MM, 45.0));
+        Self { posts, edge }
+    }
+}
+
+impl Family for Beam {
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        let mut checks = Vec::new();
+        let probe = fan();
+        let frame = rig.frame(&probe, &small(1, 1), &at(self.posts.x, self.posts.y, 0.0))?;
+        let spacing = probe.sample_spacing_mm();
+        for (i, &depth) in POSTS_MM.iter().enumerate() {
+            let sample = (depth / spacing) as usize;
+            let reach = (1.0 / spacing) as usize;
+            let envelope: Vec<f64> = line(&probe, frame, post_line(i)).iter().map(|&s| magnitude(s)).collect();
+            let near = envelope.get(sample - reach..sample + reach).unwrap_or_default();
+            let want = FWHM_PER_SIGMA * probe.axial_sigma_mm();
+            let name = format!("axial width at {depth:.0} mm");
+            checks.push(Check::new("Point spread", name, "mm", want, half_width(near) * spacing, 0.02 * want));
+            let neighbours = probe.scanlines / (2 * POSTS_MM.len() as u32);
+            let across: Vec<f64> = (post_line(i) - neighbours..post_line(i) + neighbours)
+                .map(|l| line(&probe, frame, l).get(sample).map_or(0.0, |&s| magnitude(s)))
+                .collect();
+            let want = FWHM_PER_SIGMA * probe.lateral_sigma_mm(depth);
+            let name = format!("lateral width at {depth:.0} mm");
+            let got = half_width(&across) * probe.line_spacing_mm(depth);
+            checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+        }
+        // Moved across the edge, the three layers come into view one by one: the outer two are √3 σ off the middle.
+        let probe = linear(1, 1.0, 256, 50.0);
+        let mut amplitude = |y: f64| {
+            let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
+            Ok::<_, RenderError>(line(&probe, frame, 0).iter().map(|&s| magnitude(s)).fold(0.0, f64::max))
+        };
+        let (none, all) = (amplitude(-10.0)?, amplitude(10.0)?);
+        // Where the amplitude rises above `level`.
+        let mut rise = |level: f64| {
+            let (mut low, mut high) = (-10.0, 10.0);
+            for _ in 0..12 {
+                let middle = 0.5 * (low + high);
+                if amplitude(middle)? > level { high = middle } else { low = middle }
+            }
+            Ok::<_, RenderError>(0.5 * (low + high))
+        };
+        let (first, last) = (rise(none + 0.05 * (all - none))?, rise(none + 0.95 * (all - none))?);
+        let got = FWHM_PER_SIGMA * (last - first) / (2.0 * OUTER_NODE);
+        let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
+        let name = format!("elevational width at {EDGE_MM:.0} mm");
+        checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+        Ok(checks)
+    }
+}

@@ -1,0 +1,137 @@
+//! Specimens: made-up tissues and bodies whose echoes are known.
+
+use glam::{DQuat, DVec2, DVec3, Vec3};
+
+use crate::anatomy::{Mesh, Scene, Surface, Tissue, TissueError, TissueTable, analytic};
+use crate::pose::Pose;
+use crate::render::{ImageSettings, RenderSettings};
+use crate::transducer::{Probe, ProbeKind};
+
+/// Distance of neighbouring specimens, mm.
+const PITCH_MM: f64 = 100.0;
+/// Specimens in a row.
+const ROW: u32 = 5;
+
+/// A silent tissue without loss, of a speed and an impedance.
+pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
+    Tissue {
+        speed_m_s,
+        density_kg_m3: impedance_mrayl * 1e6 / speed_m_s,
+        attenuation_db_cm_mhz: 0.0,
+        attenuation_exponent: 1.0,
+        scatterer_density: 0.0,
+        scatterer_mean: 0.0,
+        scatterer_deviation: 0.0,
+        roughness: 0.0,
+        thickness_mm: 0.0,
+    }
+}
+
+/// A tissue of 1.6 MRayl whose every lattice cell holds a scatterer.
+pub fn grainy(mean: f64, deviation: f64) -> Tissue {
+    Tissue { scatterer_density: 1.0, scatterer_mean: mean, scatterer_deviation: deviation, ..silent(1540.0, 1.6) }
+}
+
+/// Surfaces under construction; the first tissue is the background.
+#[derive(Debug, Default)]
+pub struct Bench {
+    tissues: Vec<Tissue>,
+    surfaces: Vec<Surface>,
+}
+
+impl Bench {
+    /// A bench in `background`, which is tissue 0.
+    pub fn new(background: Tissue) -> Self {
+        Self { tissues: vec![background], surfaces: Vec::new() }
+    }
+
+    /// Adds a tissue and returns its index.
+    pub fn tissue(&mut self, tissue: Tissue) -> usize {
+        self.tissues.push(tissue);
+        self.tissues.len() - 1
+    }
+
+    /// Adds a surface.
+    pub fn add(&mut self, tissue: usize, priority: i32, mesh: Mesh) {
+        self.surfaces.push(Surface { name: String::new(), tissue, priority, mesh });
+    }
+
+    /// The scene. Tissue i keeps its index.
+    ///
+    /// # Errors
+    /// A tissue outside its range, or more than 255.
+    pub fn scene(self) -> Result<Scene, TissueError> {
+        // Names in the order of their numbers: tables are sorted by name.
+        let named = self.tissues.into_iter().enumerate().map(|(i, t)| (format!("t{i:03}"), t));
+        let mut scene = Scene {
+            tissues: TissueTable::new(named)?,
+            background: 0,
+            surfaces: self.surfaces,
+            motion: Default::default(),
+        };
+        scene.sort_by_priority();
+        Ok(scene)
+    }
+}
+
+/// Where specimens stand: (x, y) on a grid of 100 mm, each in nobody's way.
+#[derive(Debug, Default)]
+pub(super) struct Places {
+    taken: u32,
+}
+
+impl Places {
+    /// The next free place, mm.
+    pub(super) fn next(&mut self) -> DVec2 {
+        let place = DVec2::new(f64::from(self.taken % ROW), f64::from(self.taken / ROW));
+        self.taken += 1;
+        PITCH_MM * place
+    }
+}
+
+/// A probe with parallel lines `spacing_mm` apart.
+pub fn linear(scanlines: u32, spacing_mm: f64, samples: u32, depth_mm: f64) -> Probe {
+    let kind = ProbeKind::Linear { width_mm: spacing_mm * f64::from(scanlines) };
+    Probe { kind, scanlines, samples, depth_mm, ..Probe::default() }
+}
+
+/// Settings that keep the lines, of a small image.
+pub fn small(rays: u32, layers: u32) -> RenderSettings {
+    let mut settings = RenderSettings { lines: true, ..RenderSettings::default() };
+    settings.image = ImageSettings { width: 96, height: 64, ..ImageSettings::default() };
+    (settings.quality.rays, settings.quality.layers) = (rays, layers);
+    settings
+}
+
+/// The pose at a point, looking along +z with x to the side.
+pub fn at(x: f64, y: f64, z: f64) -> Pose {
+    Pose { position_mm: DVec3::new(x, y, z), orientation: DQuat::IDENTITY }
+}
+
+/// A box about `centre` (x, y) from depth `top` to `bottom`, mm.
+pub fn slab(centre: DVec2, half_width: f64, top: f64, bottom: f64) -> Mesh {
+    let centre = centre.as_vec2();
+    let half = half_width as f32;
+    analytic::cuboid(
+        Vec3::new(centre.x - half, centre.y - half, top as f32),
+        Vec3::new(centre.x + half, centre.y + half, bottom as f32),
+    )
+}
+
+/// The box of `size` mm whose upper face holds `point` at its middle and has the normal −z turned by `rotation`.
+pub fn facing(point: DVec3, size: f64, rotation: DQuat) -> Mesh {
+    let centre = point + rotation * DVec3::new(0.0, 0.0, 0.5 * size);
+    analytic::plate(centre.as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
+}
+
+/// A post along a scanline of a probe at `face`, so thin that only its ray meets it; its one visible face lies at
+/// `depth_mm`.
+pub fn post(face: DVec3, probe: &Probe, line: u32, depth_mm: f64, length_mm: f64) -> Mesh {
+    let lateral = probe.lateral_coordinate((f64::from(line) + 0.5) / f64::from(probe.scanlines));
+    let (origin, direction) = probe.ray(lateral);
+    let width = 0.6 * probe.line_spacing_mm(depth_mm);
+    let centre = face + origin + direction * (depth_mm + 0.5 * length_mm);
+    let rotation = DQuat::from_rotation_arc(DVec3::Z, direction);
+    let size = DVec3::new(width, width, length_mm);
+    analytic::plate(centre.as_vec3(), size.as_vec3(), rotation.as_quat())
+}

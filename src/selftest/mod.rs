@@ -1,0 +1,149 @@
+//! Whether this device renders what acoustics says.
+//!
+//! Specimens whose answers are known in closed form stand in one scene, so that the passes are compiled once. Each
+//! family of checks builds its own and measures them on frames: lines, grey levels and maps, as a user of the renderer
+//! gets them. Nothing inside the passes is read, but for the comparison with the f64 twins.
+
+pub mod bench;
+pub mod measure;
+
+mod beam;
+mod date;
+mod device;
+mod image;
+mod interfaces;
+mod refraction;
+mod rig;
+mod speckle;
+
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::anatomy::TissueError;
+use crate::render::{Gpu, RenderError, ShaderSet};
+use bench::{Bench, Places, silent};
+use rig::Rig;
+
+/// Why the self-test could not be carried out.
+#[derive(Debug, Error)]
+pub enum SelfTestError {
+    /// A frame could not be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A specimen's tissue is outside its range: a fault of this build.
+    #[error("a specimen of the self-test: {0}")]
+    Tissue(#[from] TissueError),
+}
+
+/// One quantity, measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Check {
+    /// What it belongs to: `Fresnel`, `Snell`, …
+    pub group: &'static str,
+    /// What was measured.
+    pub name: String,
+    /// Unit of the three numbers; empty for ratios.
+    pub unit: &'static str,
+    /// What theory says.
+    pub expected: f64,
+    /// What the frames show; NaN where they don't show it at all.
+    pub measured: f64,
+    /// Largest accepted distance of the two.
+    pub tolerance: f64,
+    /// Whether they are no further apart.
+    pub passed: bool,
+}
+
+impl Check {
+    fn new(
+        group: &'static str,
+        name: impl Into<String>,
+        unit: &'static str,
+        expected: f64,
+        measured: f64,
+        tolerance: f64,
+    ) -> Self {
+        // A NaN fails.
+        let passed = (measured - expected).abs() <= tolerance;
+        Self { group, name: name.into(), unit, expected, measured, tolerance, passed }
+    }
+}
+
+/// A self-test of one device.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Version of insonify.
+    pub version: &'static str,
+    /// Name of the device.
+    pub device: String,
+    /// Its driver.
+    pub driver: String,
+    /// Whether the device is software on the CPU.
+    pub software: bool,
+    /// When the test began: ISO 8601, UTC.
+    pub date: String,
+    /// How long it took, s.
+    pub duration_s: f64,
+    /// Whether every check passed.
+    pub passed: bool,
+    /// Checks, in a fixed order.
+    pub checks: Vec<Check>,
+}
+
+impl Report {
+    /// Checks that did not pass.
+    pub fn failed(&self) -> impl Iterator<Item = &Check> {
+        self.checks.iter().filter(|check| !check.passed)
+    }
+}
+
+/// Checks that share specimens.
+trait Family {
+    /// Renders the specimens and measures them.
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError>;
+}
+
+/// Runs every check on `gpu` with `shaders`; `progress` is told how many families of checks are done, and of how many.
+///
+/// # Errors
+/// A device that fails. A wrong result is no error: [`Report::passed`] says so.
+pub fn run(gpu: &Gpu, shaders: &ShaderSet, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
+    let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let mut places = Places::default();
+    let families: [Box<dyn Family>; 6] = [
+        Box::new(interfaces::Interfaces::new(&mut bench, &mut places)),
+        Box::new(refraction::Refraction::new(&mut bench, &mut places)),
+        Box::new(beam::Beam::new(&mut bench, &mut places)),
+        Box::new(speckle::Speckle::new(&mut bench, &mut places)),
+        Box::new(image::Image::new(&mut bench, &mut places)),
+        Box::new(device::Device::new(&mut bench, &mut places)),
+    ];
+    let mut rig = Rig::new(gpu, &bench.scene()?, shaders)?;
+    let mut checks = Vec::new();
+    for (done, family) in families.iter().enumerate() {
+        progress(done, families.len());
+        checks.extend(family.measure(&mut rig)?);
+    }
+    checks.extend(rig.checks());
+    let mut groups: Vec<&str> = Vec::new();
+    for check in &checks {
+        if !groups.contains(&check.group) {
+            groups.push(check.group);
+        }
+    }
+    checks.sort_by_key(|check| groups.iter().position(|group| *group == check.group));
+    progress(families.len(), families.len());
+    Ok(Report {
+        version: env!("CARGO_PKG_VERSION"),
+        device: gpu.adapter_name(),
+        driver: gpu.driver(),
+        software: gpu.is_software(),
+        date: date::utc(date),
+        duration_s: started.elapsed().as_secs_f64(),
+        passed: checks.iter().all(|check| check.passed),
+        checks,
+    })
+}

@@ -1,0 +1,101 @@
+//! Directions of refracted paths against Snell's law.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use super::bench::{Bench, Places, at, facing, linear, silent, slab, small};
+use super::measure::{echoes, line};
+use super::{Check, Family, Rig};
+use crate::acoustics::ASSUMED_SPEED_M_S;
+use crate::acoustics::interface::refracted;
+use crate::anatomy::Tissue;
+use crate::render::RenderError;
+
+/// Speeds (m/s), angle of incidence and the azimuth that the plane falls away to, degrees.
+const CASES: [(f64, f64, f64, f64); 2] = [(1450.0, 1578.0, 45.0, 30.0), (1480.0, 4080.0, 15.0, 180.0)];
+/// Tilts and azimuths of the three planes that measure the path behind, degrees.
+const PLANES: [(f64, f64); 3] = [(35.0, 20.0), (30.0, 140.0), (40.0, 260.0)];
+/// Where the path enters the second medium, mm, and how far on the planes lie.
+const ENTRY_MM: f64 = 20.0;
+const BEYOND_MM: f64 = 12.0;
+/// Impedance of the first medium, MRayl.
+const IMPEDANCE: f64 = 1.5;
+
+/// A plane behind a refracting one: where it stands, a point of it from the entry, its normal.
+struct Plane {
+    place: DVec2,
+    point: DVec3,
+    normal: DVec3,
+}
+
+/// Three planes behind each refracting one.
+pub(super) struct Refraction {
+    planes: Vec<[Plane; 3]>,
+}
+
+/// Turns z by `tilt` degrees towards the azimuth `about`.
+fn turned((tilt, about): (f64, f64)) -> DQuat {
+    DQuat::from_rotation_z(about.to_radians()) * DQuat::from_rotation_y(tilt.to_radians())
+}
+
+/// Normal of a refracting plane, and the path behind it.
+fn bent(&(c1, c2, incidence, azimuth): &(f64, f64, f64, f64)) -> (DVec3, DVec3) {
+    let normal = turned((incidence, azimuth)) * DVec3::NEG_Z;
+    (normal, refracted(c1, c2, normal, DVec3::Z).unwrap_or(DVec3::Z))
+}
+
+impl Refraction {
+    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
+        let of_case = |case: &(f64, f64, f64, f64)| {
+            let &(c1, c2, incidence, azimuth) = case;
+            let (normal, direction) = bent(case);
+            // Impedances near intromission: every path goes on.
+            let z2 = 1.1 * IMPEDANCE * -direction.dot(normal) / incidence.to_radians().cos();
+            let first = bench.tissue(silent(c1, IMPEDANCE));
+            let second = bench.tissue(silent(c2, z2));
+            // Rough, so that it is seen under any angle.
+            let plane = bench.tissue(Tissue { roughness: 0.5, ..silent(c2, 1.2 * z2) });
+            PLANES.map(|tilt| {
+                let place = places.next();
+                let entry = place.extend(ENTRY_MM);
+                bench.add(first, 0, slab(place, 30.0, -20.0, 40.0));
+                bench.add(second, 1, facing(entry, 45.0, turned((incidence, azimuth))));
+                let rotation = DQuat::from_rotation_arc(DVec3::Z, direction) * turned(tilt);
+                let point = BEYOND_MM * direction;
+                bench.add(plane, 2, facing(entry + point, 20.0, rotation));
+                Plane { place, point, normal: rotation * DVec3::NEG_Z }
+            })
+        };
+        Self { planes: CASES.iter().map(of_case).collect() }
+    }
+}
+
+impl Family for Refraction {
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        let probe = linear(1, 1.0, 4096, 60.0);
+        let mut checks = Vec::new();
+        for (case, planes) in CASES.iter().zip(&self.planes) {
+            let &(c1, c2, incidence, _) = case;
+            let entered_mm = ENTRY_MM * ASSUMED_SPEED_M_S / c1;
+            let mut parts = [f64::NAN; 3];
+            for (part, plane) in parts.iter_mut().zip(planes) {
+                let frame = rig.frame(&probe, &small(1, 1), &at(plane.place.x, plane.place.y, 0.0))?;
+                let echoes = echoes(&probe, line(&probe, frame, 0), 1e-9);
+                let echo = echoes.iter().find(|e| e.peak_mm > entered_mm + 2.0);
+                let path_mm = echo.map_or(f64::NAN, |e| (e.range_mm(1.0) - entered_mm) * c2 / ASSUMED_SPEED_M_S);
+                // The path ends on the plane: normal · direction · path = normal · point.
+                *part = plane.normal.dot(plane.point) / path_mm;
+            }
+            let normals = DMat3::from_cols(planes[0].normal, planes[1].normal, planes[2].normal).transpose();
+            let measured = normals.inverse() * DVec3::from_array(parts);
+            let (normal, direction) = bent(case);
+            let name = format!("{c1:.0} to {c2:.0} m/s under {incidence:.0}°, refracted angle");
+            let want = (-direction).angle_between(normal).to_degrees();
+            let got = (-measured).angle_between(normal).to_degrees();
+            checks.push(Check::new("Snell", name, "°", want, got, 0.05));
+            // A direction solved from three lengths is a unit vector only if all three are right.
+            let name = format!("{c1:.0} to {c2:.0} m/s under {incidence:.0}°, off its plane and length");
+            checks.push(Check::new("Snell", name, "", 0.0, (measured - direction).length(), 2e-3));
+        }
+        Ok(checks)
+    }
+}

@@ -1,0 +1,80 @@
+//! The renderer of a self-test, and what must hold for each of its frames.
+
+use super::Check;
+use super::bench::{linear, small};
+use crate::anatomy::{Bvh, Scene};
+use crate::pose::Pose;
+use crate::render::{Frame, Gpu, RenderError, RenderSettings, Renderer, ShaderSet, Snapshot};
+use crate::transducer::{Probe, Sector};
+
+/// A renderer of all specimens.
+pub(super) struct Rig {
+    renderer: Renderer,
+    frame: Frame,
+    frames: u32,
+    not_finite: u64,
+    lost: u64,
+}
+
+impl Rig {
+    pub(super) fn new(gpu: &Gpu, scene: &Scene, shaders: &ShaderSet) -> Result<Self, RenderError> {
+        let (probe, settings) = (linear(8, 0.5, 64, 50.0), small(1, 1));
+        let renderer = Renderer::with_shaders(gpu, scene, Bvh::build(scene)?, &probe, &settings, shaders)?;
+        Ok(Self { renderer, frame: Frame::default(), frames: 0, not_finite: 0, lost: 0 })
+    }
+
+    /// A frame.
+    pub(super) fn frame(
+        &mut self,
+        probe: &Probe,
+        settings: &RenderSettings,
+        pose: &Pose,
+    ) -> Result<&Frame, RenderError> {
+        self.renderer.reconfigure(probe, settings)?;
+        self.renderer.render(pose, &mut self.frame)?;
+        self.frames += 1;
+        let reals = self.frame.lines.iter().flatten().chain(&self.frame.attenuation);
+        self.not_finite += reals.filter(|v| !v.is_finite()).count() as u64;
+        self.lost += u64::from(self.frame.overflows);
+        Ok(&self.frame)
+    }
+
+    /// A frame with all that its passes read and wrote.
+    pub(super) fn snapshot(
+        &mut self,
+        probe: &Probe,
+        settings: &RenderSettings,
+        pose: &Pose,
+    ) -> Result<Snapshot, RenderError> {
+        self.renderer.reconfigure(probe, settings)?;
+        self.renderer.snapshot(pose)
+    }
+
+    /// How the sector lies in the image of the last frame.
+    pub(super) fn sector(&self) -> Sector {
+        *self.renderer.sector()
+    }
+
+    /// What held for all frames so far.
+    pub(super) fn checks(&self) -> [Check; 2] {
+        let frames = self.frames;
+        [
+            Check::new(
+                "Soundness",
+                format!("values that are not finite, in {frames} frames"),
+                "",
+                0.0,
+                self.not_finite as f64,
+                0.0,
+            ),
+            Check::new(
+                "Soundness",
+                format!("paths or crossings lost, in {frames} frames"),
+                "",
+                0.0,
+                self.lost as f64,
+                0.0,
+            ),
+        ]
+    }
+}

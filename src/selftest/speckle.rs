@@ -1,0 +1,94 @@
+//! Speckle of homogeneous blocks: its statistics, its level, its decay, and how its phase moves with the tissue.
+
+use glam::DVec2;
+
+use super::bench::{Bench, Places, at, grainy, linear, slab, small};
+use super::measure::{line, magnitude, mean_square, slope};
+use super::{Check, Family, Rig};
+use crate::acoustics::attenuation::attenuation_db_mm;
+use crate::acoustics::decibel::db_from_amplitude;
+use crate::anatomy::Tissue;
+use crate::render::{Frame, RenderError};
+use crate::transducer::Probe;
+
+/// RMS amplitude of the scatterers.
+const DEVIATION: f64 = 0.01;
+/// Attenuation of the lossy block, dB/cm/MHz.
+const ALPHA: f64 = 0.5;
+/// How much nearer the tissue comes, mm.
+const NEARER_MM: f64 = 0.01;
+/// Mean over standard deviation of a Rayleigh distribution: √(π/(4 − π)).
+const RAYLEIGH_SNR: f64 = 1.913_058_4;
+/// Bands of depth that the decay is fitted through.
+const BANDS: usize = 64;
+
+/// A block without loss and one with.
+pub(super) struct Speckle {
+    plain: DVec2,
+    lossy: DVec2,
+}
+
+impl Speckle {
+    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
+        let mut block = |tissue: Tissue| {
+            let (tissue, place) = (bench.tissue(tissue), places.next());
+            // The face lies inside, so that it is not seen.
+            bench.add(tissue, 1, slab(place, 40.0, -20.0, 130.0));
+            place
+        };
+        Self {
+            plain: block(grainy(0.0, DEVIATION)),
+            lossy: block(Tissue { attenuation_db_cm_mhz: ALPHA, ..grainy(0.0, DEVIATION) }),
+        }
+    }
+}
+
+/// Envelopes of the scanlines whose beam the sector's edge doesn't cut, one vector a band of depth.
+fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
+    let length = probe.samples as usize / bands;
+    let lines = || (8..probe.scanlines - 8).map(|l| line(probe, frame, l));
+    (0..bands)
+        .map(|band| {
+            let part = |l: &'_ [[f32; 2]]| l.iter().skip(band * length).take(length).map(|&s| magnitude(s)).collect();
+            lines().flat_map(|l| -> Vec<f64> { part(l) }).collect()
+        })
+        .collect()
+}
+
+impl Family for Speckle {
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        let probe = linear(128, 0.3, 2048, 100.0);
+        let settings = small(1, 1);
+        let first = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y, 0.0))?.clone();
+        let envelope = bands(&probe, &first, 1).concat();
+        let power = mean_square(envelope.iter().copied());
+        let mean = envelope.iter().sum::<f64>() / envelope.len() as f64;
+        let snr = mean / (power - mean * mean).max(0.0).sqrt();
+        let level = db_from_amplitude(power.sqrt());
+
+        let nearer = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y, NEARER_MM))?;
+        let (mut re, mut im) = (0.0, 0.0);
+        for (a, b) in first.lines.iter().zip(&nearer.lines) {
+            let [ar, ai, br, bi] = [a[0], a[1], b[0], b[1]].map(f64::from);
+            re += br * ar + bi * ai;
+            im += bi * ar - br * ai;
+        }
+        // Phase is −turns·z: what comes nearer turns forward.
+        let moved_um = 1e3 * im.atan2(re) / (std::f64::consts::TAU * probe.phase_turns_per_mm());
+
+        let lossy = rig.frame(&probe, &settings, &at(self.lossy.x, self.lossy.y, 0.0))?;
+        let centre_cm = |band: usize| 0.1 * probe.depth_mm * (band as f64 + 0.5) / BANDS as f64;
+        let points: Vec<_> = bands(&probe, lossy, BANDS)
+            .into_iter()
+            .enumerate()
+            .map(|(band, values)| (centre_cm(band), db_from_amplitude(mean_square(values.into_iter()).sqrt())))
+            .collect();
+        let want = -20.0 * attenuation_db_mm(ALPHA, 1.0, probe.frequency_mhz);
+        Ok(vec![
+            Check::new("Attenuation", "of speckle, two-way slope", "dB/cm", want, slope(&points).0, 0.02 * want.abs()),
+            Check::new("Speckle", "mean over deviation of the envelope", "", RAYLEIGH_SNR, snr, 0.05),
+            Check::new("Speckle", "level", "dB", db_from_amplitude(DEVIATION), level, 0.5),
+            Check::new("Speckle", "nearer by, from its phase", "µm", 1e3 * NEARER_MM, moved_um, 0.5),
+        ])
+    }
+}

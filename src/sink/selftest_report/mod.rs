@@ -1,0 +1,122 @@
+//! A self-test as a page to print: one HTML file.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use super::exam_report::escape;
+use super::{SinkError, write_with};
+use crate::selftest::{Check, Report};
+
+const STYLE: &str = include_str!("style.css");
+
+/// Writes the page about `report` to `path`.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, report: &Report) -> Result<(), SinkError> {
+    let page = page(report);
+    write_with(path, |file| file.write_all(page.as_bytes()).map_err(SinkError::io(path)))
+}
+
+/// A number to two digits of its tolerance; with a tolerance of 0 a count.
+pub fn figure(value: f64, tolerance: f64) -> String {
+    if !value.is_finite() {
+        return "not measurable".to_owned();
+    }
+    let digits = if tolerance > 0.0 { (1.0 - tolerance.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
+    let text = format!("{value:.digits$}");
+    // A rounding below zero is zero.
+    if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+/// The page. Writing to a string cannot fail.
+fn page(report: &Report) -> String {
+    let Report { version, device, driver, date, duration_s, .. } = report;
+    let failed = report.failed().count();
+    let verdict = if failed == 0 {
+        "<span class=\"good\">passed</span>".to_owned()
+    } else {
+        format!("<span class=\"bad\">{failed} of {} checks failed</span>", report.checks.len())
+    };
+    let kind = if report.software { "software on the CPU" } else { "graphics processor" };
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>insonify self-test</title>\
+         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body>\n\
+         <h1>insonify self-test: {verdict}</h1>\n<dl>\
+         <dt>Device</dt><dd>{} ({kind})</dd><dt>Driver</dt><dd>{}</dd><dt>Date</dt><dd>{date}</dd>\
+         <dt>Version</dt><dd>insonify {version}</dd><dt>Duration</dt><dd>{duration_s:.1} s</dd></dl>\n\
+         <table><thead><tr><th>what<th>measured on frames<th>expected<th>measured<th>tolerance<th>unit<th>result</tr></thead>\
+         <tbody>\n",
+        escape(device),
+        escape(driver),
+    );
+    let mut group = "";
+    for check in &report.checks {
+        let Check { name, unit, expected, measured, tolerance, passed, .. } = check;
+        let title = if check.group == group { "" } else { check.group };
+        group = check.group;
+        let (class, result) = if *passed { ("good", "pass") } else { ("bad", "FAIL") };
+        let _ = writeln!(
+            out,
+            "<tr{}><th>{title}<td>{}<td>{}<td>{}<td>± {}<td>{unit}<td class=\"{class}\">{result}</tr>",
+            if title.is_empty() { "" } else { " class=\"first\"" },
+            escape(name),
+            figure(*expected, *tolerance),
+            figure(*measured, *tolerance),
+            figure(*tolerance, *tolerance),
+        );
+    }
+    out.push_str(
+        "</tbody></table>\n<p class=\"note\">Expected values are closed forms of acoustics (Snell, Fresnel, time of flight, \
+         exponential loss, Gaussian pulse and beam, Rayleigh statistics) for specimens of known shape; measured values are \
+         read off frames that this device rendered. Twin: the same frame by the 64-bit reference on the processor.</p>\n\
+         </body></html>\n",
+    );
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(name: &str, measured: f64, passed: bool) -> Check {
+        let (group, name) = ("Fresnel", name.to_owned());
+        Check { group, name, unit: "mm", expected: 0.5, measured, tolerance: 0.001, passed }
+    }
+
+    #[test]
+    fn the_page_stands_alone_and_says_what_failed() {
+        let checks = vec![check("a < b", 0.5, true), check("gone", f64::NAN, false)];
+        let report = Report {
+            version: "0.0.0",
+            device: "GPU & co".to_owned(),
+            driver: "driver".to_owned(),
+            software: true,
+            date: "2026-01-01T00:00:00Z".to_owned(),
+            duration_s: 1.25,
+            passed: false,
+            checks,
+        };
+        let page = page(&report);
+        for part in ["GPU &amp; co", "a &lt; b", "not measurable", "FAIL", "1 of 2 checks failed", "@media print"] {
+            assert!(page.contains(part), "{part}");
+        }
+        assert!(!page.contains("http") && !page.contains("<script"), "a page of its own");
+        assert_eq!(page.matches("<th>Fresnel").count(), 1);
+    }
+
+    #[test]
+    fn figures_have_the_digits_of_their_tolerance() {
+        for (value, tolerance, text) in [
+            (36.677_259_75, 0.002, "36.6773"),
+            (-39.58, 0.5, "-39.58"),
+            (0.009_173_9, 1.83e-5, "0.009174"),
+            (16384.0, 0.0, "16384"),
+            (-1e-7, 0.02, "0.000"),
+            (f64::NAN, 0.1, "not measurable"),
+        ] {
+            assert_eq!(figure(value, tolerance), text);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Rays through edges and vertices; coplanar and touching surfaces.
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+use insonify::anatomy::{Scene, analytic};
+use insonify::pose::Pose;
+use insonify::render::ShaderSet;
+use insonify::selftest::bench::{Bench, at, linear, silent, small};
+
+use super::house::{ROUNDING, Random, Tolerance, holds, patched, renderer, row};
+
+fn ball() -> Scene {
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let inner = bench.tissue(silent(1540.0, 1.6));
+    bench.add(inner, 1, analytic::sphere(Vec3::new(1.3, -2.1, 0.7), 30.0, 3));
+    bench.scene().unwrap()
+}
+
+/// Poses whose only ray passes through a point of an edge, or through a vertex, of the ball.
+fn aimed(scene: &Scene) -> Vec<Pose> {
+    let mut random = Random(11);
+    let mesh = &scene.surfaces[0].mesh;
+    (0..400)
+        .map(|i| {
+            let [a, b, _] = mesh.triangles[(random.unit() * mesh.triangles.len() as f64) as usize];
+            let [a, b] = [a, b].map(|v| mesh.vertices_mm[v as usize].as_dvec3());
+            let target = if i % 4 == 0 { a } else { a.lerp(b, random.unit()) };
+            let centre = DVec3::new(1.3, -2.1, 0.7);
+            // Towards the inside, up to 60° off the normal.
+            let inward = (centre - target).normalize();
+            let direction = (inward + 0.9 * random.vector()).normalize();
+            let from = target - direction * random.between(40.0, 250.0);
+            Pose::looking(from, direction, random.vector())
+        })
+        .collect()
+}
+
+/// Rays that end in another medium than they must: the ball is entered and left again.
+fn wrong(shaders: &ShaderSet) -> usize {
+    let scene = ball();
+    let mut renderer = renderer(&scene, &linear(1, 0.5, 16, 400.0), &small(1, 1), shaders);
+    let wrong = |pose: &Pose| {
+        let snapshot = renderer.snapshot(pose).unwrap();
+        let tissues: Vec<_> = snapshot.sections.runs.iter().map(|run| run.last().map(|r| r.tissue)).collect();
+        // Two changes of medium, and all rays that see the far side outside.
+        snapshot.paths[0].segments.len() != 3 || tissues.iter().any(|t| *t != Some(0))
+    };
+    aimed(&scene)
+        .iter()
+        .filter({
+            let mut wrong = wrong;
+            move |pose| wrong(pose)
+        })
+        .count()
+}
+
+#[test]
+fn rays_through_shared_edges_are_never_lost() {
+    let tolerance = "let tolerance = w2.w * (abs(t0) + 100.0);";
+    let mut naive = patched("trace", tolerance, "let tolerance = 0.0;");
+    assert!(naive.replace("section", tolerance, "let tolerance = 0.0;"));
+    let (naive, shipped) = (wrong(&naive), wrong(&ShaderSet::default()));
+    assert!(naive > 0, "the naive test is not hard enough");
+    assert_eq!(shipped, 0);
+    row(
+        "rays through edges and vertices of a closed ball",
+        format!("{naive} of 400 slip through or stay inside"),
+        "edges reach 2·10⁻⁷ of their length a mm outward; hits within 1 µm are one place",
+        "none".to_owned(),
+    );
+}
+
+/// Two boxes that share a face, turned so that no face lies in a plane of coordinates.
+fn pair(turned: Quat) -> Scene {
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let (first, second) = (bench.tissue(silent(1540.0, 1.6)), bench.tissue(silent(1540.0, 1.7)));
+    let centre = |z: f32| turned * Vec3::new(0.0, 0.0, z);
+    bench.add(first, 1, analytic::plate(centre(20.0), Vec3::new(60.0, 60.0, 20.0), turned));
+    bench.add(second, 1, analytic::plate(centre(40.0), Vec3::new(60.0, 60.0, 20.0), turned));
+    bench.scene().unwrap()
+}
+
+/// Scanlines that don't show three interfaces: into the first box, into the second, and out.
+fn torn(shaders: &ShaderSet) -> (usize, usize) {
+    let (mut torn, mut all) = (0, 0);
+    for turn in [0.11_f32, 0.23, 0.37] {
+        let turned = Quat::from_euler(glam::EulerRot::XYZ, turn, 0.7 * turn, 1.3 * turn);
+        let probe = linear(128, 0.25, 512, 80.0);
+        let mut renderer = renderer(&pair(turned), &probe, &small(1, 1), shaders);
+        let pose = Pose { position_mm: DVec3::new(0.02, 0.03, 0.0), orientation: turned.as_dquat() };
+        // Leaning, so that each ray meets the common face at an angle of its own.
+        let lean = Pose { orientation: pose.orientation * DQuat::from_rotation_y(0.09), ..pose };
+        for pose in [pose, lean] {
+            let snapshot = renderer.snapshot(&pose).unwrap();
+            torn += snapshot.paths.iter().filter(|p| p.segments.len() != 4).count();
+            all += snapshot.paths.len();
+        }
+    }
+    (torn, all)
+}
+
+#[test]
+fn touching_surfaces_are_one_interface() {
+    let (naive, all) = torn(&patched("trace", "const TOUCH_MM: f32 = 1.0e-3;", "const TOUCH_MM: f32 = 0.0;"));
+    let (shipped, _) = torn(&ShaderSet::default());
+    assert!(naive > all / 20, "{naive} of {all}");
+    assert_eq!(shipped, 0);
+    row(
+        "two bodies that share a turned face",
+        format!("{naive} of {all} scanlines don't show its three interfaces"),
+        "hits within 1 µm are one place, crossed together and not met again",
+        "none".to_owned(),
+    );
+}
+
+#[test]
+fn rays_along_and_through_walls_and_corners_are_the_twins() {
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let body = bench.tissue(silent(1540.0, 1.6));
+    bench.add(body, 1, analytic::cuboid(Vec3::new(-10.0, -10.0, 10.0), Vec3::new(10.0, 10.0, 30.0)));
+    let scene = bench.scene().unwrap();
+    let mut renderer = renderer(&scene, &linear(9, 1.25, 256, 60.0), &small(1, 1), &ShaderSet::default());
+    // Within a pixel of a wall the tissue is a tie.
+    let tie = Tolerance { grey: 25.0, other: 0.06 };
+    // Through the diagonal of the faces, along a wall, along an edge, through corners at 45°.
+    holds("through the diagonal", &mut renderer, &at(0.0, 0.0, 0.0), ROUNDING);
+    holds("along a wall", &mut renderer, &at(0.0, 10.0, 0.0), Tolerance { grey: 60.0, other: 1.0 });
+    holds("along an edge", &mut renderer, &at(10.0, 10.0, 0.0), Tolerance { grey: 60.0, other: 1.0 });
+    let diagonal = Pose::looking(DVec3::new(-20.0, 0.0, 0.0), DVec3::new(1.0, 0.0, 1.0), DVec3::Y);
+    holds("through edges at 45°", &mut renderer, &diagonal, tie);
+    let corner = Pose::looking(DVec3::new(-20.0, -20.0, 0.0), DVec3::ONE, DVec3::X);
+    holds("through corners", &mut renderer, &corner, tie);
+    holds("from a face", &mut renderer, &at(0.0, 0.0, 10.0), tie);
+    holds("from a corner", &mut renderer, &at(10.0, 10.0, 10.0), Tolerance { grey: 60.0, other: 1.0 });
+}

@@ -1,0 +1,126 @@
+//! What every case uses: one device, frames that must hold, random numbers, the table.
+
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use insonify::anatomy::{Bvh, Scene};
+use insonify::pose::Pose;
+use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer, ShaderSet, Snapshot, twin};
+use insonify::transducer::Probe;
+
+/// The device that all cases share.
+pub(crate) fn gpu() -> &'static Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    GPU.get_or_init(|| Gpu::new(&GpuOptions::default()).unwrap())
+}
+
+/// A renderer of any scene, however unsound.
+pub(crate) fn renderer(scene: &Scene, probe: &Probe, settings: &RenderSettings, shaders: &ShaderSet) -> Renderer {
+    // Software devices compile one renderer at a time as fast as several.
+    static COMPILE: Mutex<()> = Mutex::new(());
+    let _one = COMPILE.lock().unwrap_or_else(PoisonError::into_inner);
+    Renderer::with_shaders(gpu(), scene, Bvh::build(scene).unwrap(), probe, settings, shaders).unwrap()
+}
+
+/// The shipped shaders with one change.
+pub(crate) fn patched(pass: &str, from: &str, to: &str) -> ShaderSet {
+    let mut shaders = ShaderSet::default();
+    assert!(shaders.replace(pass, from, to), "{pass} has no `{from}`");
+    shaders
+}
+
+/// How far a frame may be from its twin.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tolerance {
+    /// Mean distance of grey levels, of 255.
+    pub(crate) grey: f64,
+    /// Part of the sector's pixels of another tissue.
+    pub(crate) other: f64,
+}
+
+/// Rounding alone.
+pub(crate) const ROUNDING: Tolerance = Tolerance { grey: 1.0, other: 0.005 };
+
+/// Renders a frame twice and asserts what must hold for every one: finite, in range, nothing outside the mask, the same
+/// bits again, and the twin's image within `tolerance`.
+#[track_caller]
+pub(crate) fn holds(what: &str, renderer: &mut Renderer, pose: &Pose, tolerance: Tolerance) -> Snapshot {
+    let (mut frame, mut again) = (Frame::default(), Frame::default());
+    renderer.render(pose, &mut frame).unwrap();
+    renderer.render(pose, &mut again).unwrap();
+    assert_eq!(words(&frame), words(&again), "{what}: another frame on repeat");
+    assert_eq!(frame.overflows, 0, "{what}");
+    for i in 0..frame.mask.len() {
+        let (level, label) = (frame.attenuation[i], frame.segmentation[i]);
+        assert!((0.0..=1.0).contains(&level), "{what}: attenuation {level}");
+        let outside = frame.mask[i] == 0;
+        assert_eq!(outside, label == 0, "{what}: tissue {label} at pixel {i}");
+        assert!(!outside || (frame.bmode[i], level) == (0, 0.0), "{what}: pixel {i} outside the mask");
+    }
+    let snapshot = renderer.snapshot(pose).unwrap();
+    finite(what, &snapshot);
+    let twin = twin::frame(&snapshot.inputs);
+    let inside: Vec<usize> = (0..frame.mask.len()).filter(|&i| frame.mask[i] == 255).collect();
+    let share = 1.0 / inside.len().max(1) as f64;
+    let grey = inside.iter().map(|&i| (f64::from(frame.bmode[i]) - twin.grey[i]).abs()).sum::<f64>() * share;
+    let other = inside.iter().filter(|&&i| frame.segmentation[i] != twin.segmentation[i]).count() as f64 * share;
+    println!("{what}: grey levels {grey:.3} off the twin's, {:.2} % of another tissue", 100.0 * other);
+    assert!(grey <= tolerance.grey && other <= tolerance.other, "{what}: {grey} {other}, {tolerance:?}");
+    snapshot
+}
+
+/// Asserts that every number of every pass is finite and in its range.
+#[track_caller]
+pub(crate) fn finite(what: &str, s: &Snapshot) {
+    for segment in s.paths.iter().flat_map(|p| &p.segments) {
+        let (origin, step) = (segment.origin_mm, segment.step);
+        let level = [segment.start_mm, segment.ln_amplitude_at_zero, segment.fall_np_mm, segment.echo];
+        let all = origin.is_finite() && step.is_finite() && level.iter().all(|v| v.is_finite());
+        assert!(all && segment.echo_range_mm.is_finite(), "{what}: {segment:?}");
+        assert!(segment.fall_np_mm >= 0.0 && segment.echo.abs() <= 1.0001, "{what}: {segment:?}");
+    }
+    for rows in [&s.scattered, &s.baseband, &s.focused, &s.lines] {
+        assert!(rows.iter().all(|v| v.is_finite()), "{what}: baseband");
+    }
+    assert!(s.grey.iter().all(|g| (0.0..=255.0).contains(g)), "{what}: grey");
+    assert!(s.percentile_np.is_finite() && s.percentile_np >= 0.0, "{what}: {}", s.percentile_np);
+}
+
+/// Every number of a frame, as bits.
+pub(crate) fn words(frame: &Frame) -> Vec<u32> {
+    let reals = frame.lines.iter().flatten().chain(&frame.attenuation).chain([&frame.attenuation_p98]);
+    let bytes = frame.bmode.iter().chain(&frame.segmentation).map(|&b| u32::from(b));
+    reals.map(|v| v.to_bits()).chain(bytes).collect()
+}
+
+/// A frame.
+pub(crate) fn frame(renderer: &mut Renderer, pose: &Pose) -> Frame {
+    let mut frame = Frame::default();
+    renderer.render(pose, &mut frame).unwrap();
+    frame
+}
+
+/// Numbers that look random and are the same each time: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    pub(crate) fn vector(&mut self) -> glam::DVec3 {
+        glam::DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0))
+    }
+}
+
+/// Prints a row of ARCHITECTURE.md's table.
+pub(crate) fn row(case: &str, naive: String, remedy: &str, left: String) {
+    println!("\n| {case} | {naive} | {remedy} | {left} |");
+}

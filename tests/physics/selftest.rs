@@ -1,0 +1,109 @@
+//! The self-test passes on this device, and names what is wrong with damaged shaders.
+
+use insonify::render::ShaderSet;
+use insonify::selftest::{self, Report};
+
+use super::bench::gpu;
+
+fn report(shaders: &ShaderSet) -> Report {
+    selftest::run(gpu(), shaders, &|_, _| {}).unwrap()
+}
+
+fn print(report: &Report) {
+    for c in &report.checks {
+        let result = if c.passed { "pass" } else { "FAIL" };
+        println!(
+            "{result} {:14} {:55} {:.6} measured {:.6} ± {:.6}",
+            c.group, c.name, c.expected, c.measured, c.tolerance
+        );
+    }
+    println!("{:.1} s", report.duration_s);
+}
+
+#[test]
+fn a_sound_device_passes() {
+    let report = report(&ShaderSet::default());
+    print(&report);
+    assert!(report.passed, "{:#?}", report.failed().collect::<Vec<_>>());
+    assert!(!report.device.is_empty() && report.date.ends_with('Z'));
+}
+
+/// What is wrong, the pass, its source and what replaces it, and the group of checks that must fail.
+type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
+
+const DAMAGES: [Damage; 16] = [
+    ("sign of the echoes' phase", "echo", "phasor(-params", "phasor(params", "Time of flight"),
+    ("sign of the speckle's phase", "march", "phasor(-params", "phasor(params", "Speckle"),
+    (
+        "carrier f/c in place of 2f/c",
+        "march",
+        "-params.phase_turns_per_mm",
+        "-0.5 * params.phase_turns_per_mm",
+        "Speckle",
+    ),
+    (
+        "one-way decay of echoes",
+        "trace",
+        "ln_amplitude -= tissue.attenuation_np_mm * t",
+        "ln_amplitude -= 0.5 * tissue.attenuation_np_mm * t",
+        "Attenuation",
+    ),
+    (
+        "one-way decay of speckle",
+        "trace",
+        "let fall = tissue.attenuation_np_mm",
+        "let fall = 0.5 * tissue.attenuation_np_mm",
+        "Attenuation",
+    ),
+    ("missing cosine", "trace", "let b = z1 * cos_transmitted;", "let b = z1;", "Fresnel"),
+    ("an echo without R", "trace", "echo = at_facet.pressure_reflection * ", "echo = ", "Fresnel"),
+    (
+        "Snell upside down",
+        "trace",
+        "let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;",
+        "let sin2_transmitted = sin2_incident / (speed_ratio * speed_ratio);",
+        "Snell",
+    ),
+    ("sound speed ignored", "trace", "range_mm += t / tissue.speed_ratio", "range_mm += t", "Time of flight"),
+    (
+        "pulse of half the step",
+        "detect",
+        "tap(index + 1), tap(index)",
+        "tap(2 * index + 1 - half - PULSE_PAD), tap(2 * index - half - PULSE_PAD)",
+        "Point spread",
+    ),
+    ("beam of one depth everywhere", "lateral", "(first >> BLOCK_SHIFT)", "0u", "Point spread"),
+    ("layers all in the plane", "trace", "vec3<f32>(0.0, layer.y, 0.0)", "vec3<f32>(0.0)", "Point spread"),
+    (
+        "a texture that repeats",
+        "march",
+        "let bits = lattice_hash(cell)",
+        "let bits = lattice_hash(cell & vec3<i32>(1))",
+        "Speckle",
+    ),
+    ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *", "Image"),
+    (
+        "one-way shadow",
+        "trace",
+        "ln_amplitude -= tissue.attenuation_np_mm * t",
+        "ln_amplitude -= 0.5 * tissue.attenuation_np_mm * t",
+        "Shadow",
+    ),
+    ("a buffer that keeps the last frame", "march", "sample) >> 1u] =\n", "sample) >> 1u] +=\n", "Determinism"),
+];
+
+#[test]
+fn each_damage_is_named() {
+    let mut missed = Vec::new();
+    for (what, pass, from, to, group) in DAMAGES {
+        let mut shaders = ShaderSet::default();
+        assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage ({what})");
+        let report = report(&shaders);
+        let failed: Vec<_> = report.failed().map(|c| format!("{}: {} ({})", c.group, c.name, c.measured)).collect();
+        println!("{what}, {:.1} s: {failed:#?}", report.duration_s);
+        if !report.failed().any(|check| check.group == group) {
+            missed.push((what, group));
+        }
+    }
+    assert!(missed.is_empty(), "not named: {missed:#?}");
+}
