@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use super::plan::EffectChoices;
+
 /// A setting outside its range.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("{key} is {value}; it must lie in {min}..={max}")]
@@ -83,6 +85,8 @@ pub struct RenderSettings {
     pub lines: bool,
     /// Whether frames carry segmentation and attenuation. Without them the image is the same, bit for bit, and sooner there.
     pub maps: bool,
+    /// What is said of effects, over what the plan finds ([`EffectPlan`](super::EffectPlan)).
+    pub effects: EffectChoices,
 }
 
 impl Default for RenderSettings {
@@ -93,6 +97,7 @@ impl Default for RenderSettings {
             paths_per_sample: 1,
             lines: false,
             maps: true,
+            effects: EffectChoices::default(),
         }
     }
 }

@@ -5,7 +5,8 @@ use glam::{DMat3, DVec3, Vec3, Vec4};
 use crate::anatomy::Bvh;
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
-use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables, unpack_place};
+use crate::render::plan::{Effect, EffectSet};
+use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, REFLECTIONS_MAX, Tables, unpack_place};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +35,8 @@ pub struct Medium {
     pub impedance_mrayl: f64,
     /// c/c₀: mm of path a mm of range.
     pub speed_ratio: f64,
+    /// c/c₀ in Snell's and Fresnel's laws; 1 everywhere where refraction is left out.
+    pub bending: f64,
     /// Two-way attenuation of the amplitude, nepers a mm of path.
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
@@ -55,6 +58,7 @@ impl From<&GpuTissue> for Medium {
         Self {
             impedance_mrayl: tissue.impedance_mrayl.into(),
             speed_ratio: tissue.speed_ratio.into(),
+            bending: tissue.bending.into(),
             attenuation_np_mm: tissue.attenuation_np_mm.into(),
             roughness: tissue.roughness.into(),
             scatterer_density: tissue.scatterer_density,
@@ -110,6 +114,10 @@ pub struct Inputs {
     pub paths_per_sample: usize,
     /// Seed of every random choice.
     pub seed: u32,
+    /// Whether interfaces echo.
+    pub interface_echoes: bool,
+    /// Reflections that one path may take.
+    pub reflections_max: u32,
     /// Widest active aperture, mm.
     pub aperture_mm: f64,
     /// A distance from the face that leads out of the whole scene, mm.
@@ -163,7 +171,13 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    pub(crate) fn new(params: &Params, tables: &Tables, surface_words: &[u32], bvh: &Bvh) -> Self {
+    pub(crate) fn new(
+        params: &Params,
+        tables: &Tables,
+        surface_words: &[u32],
+        bvh: &Bvh,
+        effects: EffectSet,
+    ) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
             table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
@@ -204,6 +218,8 @@ impl Inputs {
             rays_per_line: params.rays as usize,
             paths_per_sample: params.paths_per_sample as usize,
             seed: params.seed,
+            interface_echoes: effects.has(Effect::InterfaceEchoes),
+            reflections_max: if effects.has(Effect::Reflections) { REFLECTIONS_MAX } else { 0 },
             aperture_mm: params.aperture_mm.into(),
             reach_mm: params.reach_mm.into(),
             rays: line_rays,
