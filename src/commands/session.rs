@@ -2,9 +2,10 @@
 
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
-use insonify::render::{FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::render::{EffectPlan, FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
+use insonify::transducer::Probe;
 
 use super::progress::Progress;
 use super::{Failure, cache};
@@ -29,6 +30,13 @@ pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
             drop(progress);
             Ok(station.load_scene_from(&path)?)
         }
+    }
+}
+
+/// Says in one line each which effects are left out though the scene calls for them.
+pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
+    for warning in EffectPlan::new(scene, probe, settings).warnings() {
+        eprintln!("warning: {warning}");
     }
 }
 

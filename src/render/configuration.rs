@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::buffers::{BatchPlan, Buffers, SceneBuffers};
 use super::gpu::Gpu;
 use super::params::Params;
-use super::plan::{Effect, EffectPlan, SceneFacts};
 use super::passes::{Constants, Pass, Pipelines};
+use super::plan::{Effect, EffectPlan, SceneFacts};
 use super::readback::{MAP_PASSES, Shape, Slot};
 use super::renderer::{FRAMES_IN_FLIGHT, RenderError};
 use super::tables::Tables;
@@ -94,8 +94,9 @@ impl Configuration {
         let plan = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
         let buffers = Buffers::new(gpu, &tables, &params, &plan, settings.lines, previous.map(|p| &p.buffers))?;
 
-        let mut pass =
-            |name, groups, constants: Constants<'_>| Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants);
+        let mut pass = |name, groups, constants: Constants<'_>| {
+            Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
+        };
         let paths = params.scanlines * params.rays * plan.layers_per_batch;
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
@@ -109,10 +110,8 @@ impl Configuration {
             ("ROUGHNESS", flag(on.has(Effect::Roughness))),
             ("REFLECTIONS", flag(on.has(Effect::Reflections))),
         ];
-        let mut path_passes = vec![
-            pass("locate", [paths.div_ceil(64), 1, 1], &[])?,
-            pass("trace", [paths.div_ceil(64), 1, 1], &trace)?,
-        ];
+        let mut path_passes =
+            vec![pass("locate", [paths.div_ceil(64), 1, 1], &[])?, pass("trace", [paths.div_ceil(64), 1, 1], &trace)?];
         if on.has(Effect::Scatterers) {
             path_passes.push(pass("march", samples_by(16), &single)?);
         }
@@ -168,10 +167,6 @@ impl Configuration {
         let known = |clipped: &ClippedKernel| previous.is_some_and(|p| p.tables.kernels.clipped.contains(clipped));
         for clipped in self.tables.kernels.clipped.iter().filter(|clipped| !known(clipped)) {
             tracing::warn!("{clipped}");
-        }
-        let told = |warning: &String| previous.is_some_and(|p| p.effects.warnings().any(|w| w == *warning));
-        for warning in self.effects.warnings().filter(|warning| !told(warning)) {
-            tracing::warn!("{warning}");
         }
     }
 

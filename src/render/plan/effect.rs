@@ -155,9 +155,11 @@ impl EffectChoices {
     /// `maps` off: the maps are left out wherever nothing reads them, and needed wherever something does.
     pub fn set(&mut self, effect: Effect, choice: Choice) -> Result<(), String> {
         if (effect, choice) == (Effect::Maps, Choice::Off) {
-            return Err("maps can be `auto` or `on`: they are left out by themselves wherever no sink and no generator \
+            return Err(
+                "maps can be `auto` or `on`: they are left out by themselves wherever no sink and no generator \
                         reads them"
-                .to_owned());
+                    .to_owned(),
+            );
         }
         self.0[effect as usize] = choice;
         Ok(())

@@ -153,8 +153,7 @@ impl Rules<'_> {
     /// Loss to and fro a mm of range, dB.
     fn loss_db_mm(&self, medium: &Medium) -> f64 {
         let t = &medium.tissue;
-        let one_way =
-            attenuation_db_mm(t.attenuation_db_cm_mhz, t.attenuation_exponent, self.probe.frequency_mhz);
+        let one_way = attenuation_db_mm(t.attenuation_db_cm_mhz, t.attenuation_exponent, self.probe.frequency_mhz);
         2.0 * one_way * t.speed_m_s / ASSUMED_SPEED_M_S
     }
 
@@ -240,7 +239,10 @@ impl Rules<'_> {
                 (false, true) => "are thick",
                 (false, false) => "echo over the width of a scanline",
             };
-            return finding(format!("{asked} asked for, and interfaces {what}"), Bound::none("smooth interfaces' echoes"));
+            return finding(
+                format!("{asked} asked for, and interfaces {what}"),
+                Bound::none("smooth interfaces' echoes"),
+            );
         }
         // No chance is left, and scatterers are read on the scanline's axis: rays differ in where they cross an edge.
         if self.one_medium() {

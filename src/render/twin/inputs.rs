@@ -171,13 +171,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    pub(crate) fn new(
-        params: &Params,
-        tables: &Tables,
-        surface_words: &[u32],
-        bvh: &Bvh,
-        effects: EffectSet,
-    ) -> Self {
+    pub(crate) fn new(params: &Params, tables: &Tables, surface_words: &[u32], bvh: &Bvh, effects: EffectSet) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
             table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
