@@ -513,3 +513,41 @@ fn view_pictures_a_scene_and_refuses_what_it_cannot_show() {
     refused(&view(&["--bmode"]), &["needs a station"]);
     refused(&view(&["--pose", "0,0,0,2,0,0,0"]), &["quaternion"]);
 }
+
+#[test]
+fn a_plan_says_what_a_scene_calls_for() {
+    let plan = |arguments: &[&str]| insonify(&[&["plan", "configs/speckle.toml"], arguments].concat());
+    let decided = plan(&["--no-measure", "--json"]);
+    succeeded(&decided);
+    let json: Value = serde_json::from_slice(&decided.stdout).unwrap();
+    assert_eq!(json["quality"], "HQ");
+    let effect = |json: &Value, name: &str| {
+        json["effects"].as_array().unwrap().iter().find(|e| e["effect"] == name).cloned().unwrap()
+    };
+    assert_eq!(effect(&json, "rays")["on"], false);
+    assert_eq!(effect(&json, "scatterers")["on"], true);
+    assert_eq!(effect(&json, "refraction")["bound"]["kind"], "exact");
+    assert_eq!(json["measured"], Value::Null);
+
+    let forced = plan(&["--no-measure", "--effect", "scatterers=off", "--effect", "rays=on"]);
+    succeeded(&forced);
+    assert!(stderr(&forced).contains("warning: scatterers is off though"), "{}", stderr(&forced));
+    let table = String::from_utf8_lossy(&forced.stdout).into_owned();
+    assert!(table.contains("OFF") && table.contains("liver"), "{table}");
+
+    refused(&plan(&["--effect", "scaterers=off"]), &["did you mean `scatterers`?"]);
+    refused(&plan(&["--effect", "maps=off"]), &["maps can be `auto` or `on`"]);
+}
+
+#[test]
+fn a_plan_measures_what_effects_cost() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let measured = insonify(&["plan", text(&station), "--pose", "0,0,0,1,0,0,0", "--json"]);
+    succeeded(&measured);
+    let json: Value = serde_json::from_slice(&measured.stdout).unwrap();
+    let costs = json["measured"]["costs"].as_array().unwrap();
+    assert!(costs.iter().any(|cost| cost["effect"] == "scatterers" && cost["cost_ms"].is_number()), "{costs:?}");
+    assert!(json["measured"]["planned_ms"].as_f64().unwrap() > 0.0);
+    assert!(json["measured"]["frames"].as_u64().unwrap() >= 9);
+}

@@ -4,6 +4,7 @@ use glam::Vec3;
 use insonify::anatomy::Tissue;
 use insonify::anatomy::analytic::{Part, sphere};
 use insonify::render::plan::{Bound, Choice, Effect};
+use insonify::transducer::ProbeKind;
 
 use crate::bench::{Case, difference, part, silent, slab, speckled};
 
@@ -32,33 +33,36 @@ fn the_sample_scenes_are_the_same_with_all_effects() {
     }
 }
 
-#[test]
-fn rays_that_show_nothing_more_are_left_out() {
-    let case = Case::station("speckle").asking(6, 1);
-    assert_eq!(bound_of(&case, Effect::Rays), Bound::Exact);
-    assert!(!case.plan().has(Effect::Rays));
-    assert_exact("speckle, 6 rays", &case);
+/// Speckle alone below a convex probe.
+fn speckle_alone(speed_m_s: f64) -> Case {
+    let mut case = Case::of(vec![part("slab", "a", slab(10.04, 20.0))], &[("a", speckled(speed_m_s, 1.6, 0.01))], "a");
+    case.probe.kind = ProbeKind::Convex { radius_mm: 20.0, fov_deg: 50.0 };
+    case.asking(6, 1)
 }
 
 #[test]
-fn layers_of_one_medium_are_another_draw_of_its_speckle() {
-    let case = Case::station("speckle").asking(1, 3);
-    let Bound::Distribution { db } = bound_of(&case, Effect::Layers) else { panic!("{}", case.plan()) };
+fn rays_that_show_nothing_more_are_left_out() {
+    let case = speckle_alone(1540.0);
+    assert_eq!(case.on(), ["scatterers", "maps"]);
+    assert_eq!(bound_of(&case, Effect::Rays), Bound::Exact);
+    assert_exact("6 rays at 1540 m/s", &case);
+
+    // Another speed: rays read their scatterers a little beside the scanline's axis.
+    let case = speckle_alone(1580.0);
+    let Bound::Aside { mm } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
+    let half_share_mm = 0.5 * 50f64.to_radians() / 64.0 * (20.0 + 40.0);
+    assert!((mm - half_share_mm * 40.0 / 1540.0).abs() < 1e-9 && !case.plan().has(Effect::Rays), "{mm}");
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
-    println!("speckle, 3 layers: {off:?}, bound {db} dB");
-    assert!(off.part > 0.5, "the same speckle proves nothing: {off:?}");
-    // Beside the bound, the mean of two finite draws: 5.6 dB over the root of some thousand independent speckles.
-    let grey_per_db = 255.0 / case.settings.image.dynamic_range_db;
-    assert!(off.mean_off.abs() < (db + 0.3) * grey_per_db, "{off:?}");
-    let spread = |frame: &insonify::render::Frame| {
-        let levels: Vec<f64> =
-            (0..frame.mask.len()).filter(|&i| frame.mask[i] == 255).map(|i| f64::from(frame.bmode[i])).collect();
-        let mean = levels.iter().sum::<f64>() / levels.len() as f64;
-        (levels.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / levels.len() as f64).sqrt()
-    };
-    let (one, three) = (spread(&planned), spread(&whole));
-    assert!((one / three - 1.0).abs() < 0.05, "{one} against {three}");
+    println!("6 rays at 1580 m/s, {mm:.4} mm: {off:?}");
+    assert!(off.mean > 20.0 && off.part < 0.3 && off.mean_off.abs() < 0.3, "{off:?}");
+}
+
+#[test]
+fn layers_are_left_out_where_nothing_differs_across_the_slice() {
+    let of = |tissue: Tissue| Case::of(vec![part("slab", "a", slab(10.04, 20.0))], &[("a", tissue)], "a").asking(1, 3);
+    assert!(!of(silent(1540.0, 1.6)).plan().has(Effect::Layers));
+    assert!(of(speckled(1540.0, 1.6, 0.01)).plan().has(Effect::Layers));
 }
 
 #[test]
@@ -67,14 +71,14 @@ fn edges_of_silent_targets_stay_within_a_scanlines_share() {
     let tissues = [("target", louder), ("all about", speckled(1540.0, 1.6, 0.01))];
     let target = || vec![part("target", "target", sphere(Vec3::new(0.7, 0.3, 20.0), 5.0, 4))];
     let case = Case::of(target(), &tissues, "all about").asking(8, 1);
-    let Bound::Edges { mm } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
+    let Bound::Aside { mm } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
     assert!((mm - 0.5 * 20.0 / 64.0).abs() < 1e-9);
     assert_eq!(case.on(), ["scatterers", "maps"]);
     let (planned, whole) = case.planned_and_whole();
     // Pixels whose level depends on an edge: the point-spread function reaches beyond the bound.
     let (width, pixel_mm) = (planned.width as usize, 40.0 / 320.0);
     let reach_mm = mm + 2.5 * case.probe.lateral_sigma_mm(20.0) + 4.0 * case.probe.axial_sigma_mm();
-    let mut inner = 0;
+    let (mut inner, mut beyond) = (0, 0);
     for i in (0..planned.mask.len()).filter(|&i| planned.mask[i] == 255) {
         let (column, row) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
         let x_mm = (column - 0.5 * width as f64) * pixel_mm - 0.7;
@@ -82,19 +86,20 @@ fn edges_of_silent_targets_stay_within_a_scanlines_share() {
         let from_edge_mm = (x_mm.hypot(z_mm) - (25.0f64 - 0.09).sqrt()).abs();
         if from_edge_mm > reach_mm + 0.3 {
             inner += 1;
-            assert!(planned.bmode[i].abs_diff(whole.bmode[i]) <= 1, "{from_edge_mm} mm from the edge");
+            beyond += usize::from(planned.bmode[i].abs_diff(whole.bmode[i]) > 1);
         }
     }
     let off = difference(&planned, &whole);
-    println!("silent target: {off:?}, {inner} pixels away from its edge");
-    assert!(inner > 10_000 && off.mean_off.abs() < 1.0, "{inner}: {off:?}");
+    println!("silent target: {off:?}, {inner} pixels away from its edge, {beyond} differ");
+    assert!(inner > 10_000 && beyond * 1000 < inner && off.mean_off.abs() < 1.0, "{inner}, {beyond}: {off:?}");
 }
 
 #[test]
 fn what_lies_below_black_adds_half_a_level_at_most() {
-    // One speed, and an impedance 3·10⁻⁷ more: −137 dB.
-    let tissues = [("a", speckled(1540.0, 1.6, 0.01)), ("b", speckled(1540.0, 1.600_001, 0.01))];
-    let case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &tissues, "a");
+    // One speed, and an impedance 4·10⁻⁷ more: −135 dB.
+    let tissues = [("a", speckled(1540.0, 1.6, 0.01)), ("b", speckled(1540.0, 1.600_000_6, 0.01))];
+    let mut case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &tissues, "a");
+    case.settings.image.gain_db = 0.0;
     let Bound::Level { grey, .. } = bound_of(&case, Effect::InterfaceEchoes) else { panic!("{}", case.plan()) };
     assert!(grey > 0.0 && grey <= 0.5, "{grey}");
     assert!(!case.plan().has(Effect::InterfaceEchoes));
@@ -151,7 +156,7 @@ fn a_scene_that_is_anechoic_has_no_march() {
     assert_eq!(case.on(), ["interface_echoes", "maps"]);
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
-    assert!(off.mean > 2.0 && planned.bmode == whole.bmode, "{off:?}");
+    assert!(off.mean > 2.0 && off.most <= 1, "{off:?}");
     // Whole passes are missing, not only their work.
     let names = |frame: &insonify::render::Frame| frame.times.passes.iter().map(|p| p.name).collect::<Vec<_>>();
     if !planned.times.passes.is_empty() {

@@ -11,7 +11,7 @@ pub const GREY_ALLOWED: f64 = 0.5;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Bound {
-    /// Nothing but rounding of f32.
+    /// Nothing but rounding of f32; it chooses the cell where a scanline runs in a face of the scatterer lattice.
     Exact,
     /// The level of any pixel.
     Level {
@@ -20,20 +20,16 @@ pub enum Bound {
         /// The same, grey levels of 255.
         grey: f64,
     },
-    /// Where edges lie; elsewhere nothing changes.
-    Edges {
-        /// Farthest that an edge moves, mm.
+    /// Where each sample looks: beside its place, within a scanline's share of the sector. Edges lie, and speckle is read,
+    /// so far aside at the most.
+    Aside {
+        /// How far, mm.
         mm: f64,
     },
     /// Where things lie.
     Displacement {
         /// Farthest that a thing moves, mm.
         mm: f64,
-    },
-    /// Speckle is another draw of the same distribution: its mean level and spread stay.
-    Distribution {
-        /// Most that the mean level changes, dB.
-        db: f64,
     },
     /// There is none; what is missing.
     None {
@@ -56,7 +52,7 @@ impl Bound {
     /// Whether an effect of this bound may be left out.
     pub(super) fn negligible(&self) -> bool {
         match self {
-            Self::Exact | Self::Edges { .. } | Self::Distribution { .. } => true,
+            Self::Exact | Self::Aside { .. } => true,
             Self::Level { grey, .. } => *grey <= GREY_ALLOWED,
             Self::Displacement { .. } | Self::None { .. } => false,
         }
@@ -68,9 +64,8 @@ impl fmt::Display for Bound {
         match self {
             Self::Exact => f.write_str("exact"),
             Self::Level { db, grey } => write!(f, "{db:.3} dB, {grey:.2} grey levels"),
-            Self::Edges { mm } => write!(f, "edges within {mm:.2} mm"),
+            Self::Aside { mm } => write!(f, "each sample read within {mm:.3} mm of its place"),
             Self::Displacement { mm } => write!(f, "{mm:.2} mm"),
-            Self::Distribution { db } => write!(f, "another draw of the same speckle, mean within {db:.1} dB"),
             Self::None { lacks } => write!(f, "none: {lacks}"),
         }
     }

@@ -10,12 +10,6 @@ use crate::render::RenderSettings;
 use crate::render::tables::{REFLECTION_FOLLOWED, REFLECTIONS_MAX, SEGMENTS};
 use crate::transducer::Probe;
 
-/// Least part of the lattice's cells that hold a scatterer, for speckle that layers may draw anew.
-const DENSE: f64 = 0.8;
-/// Cells that a pulse holds at the least: four standard deviations of the shortest against the side of a cell.
-const CELLS_OF_A_PULSE: f64 = 4.0;
-/// Fourth moment of a scatterer's deviate over its squared second (a complex Gaussian's is 2): each part sums four nibbles.
-const DEVIATE_FOURTH: f64 = 1.85;
 /// Most that an interface returns over its pressure reflection, its lobe and its diffuse floor together.
 const RETURNING_MAX: f64 = 1.01;
 
@@ -129,12 +123,19 @@ impl Rules<'_> {
             );
             return finding(reason, bound);
         }
-        let level = if r < 1.0 {
-            format!("{:.1} dB", db_from_amplitude(r))
-        } else {
-            "all of it at a grazing or the critical angle".to_owned()
+        let lacks = Bound::none("bright faces of organs and bones");
+        if self.two_speeds().is_none() {
+            return finding(format!("{} to {} reflects {:.1} dB", a.name, b.name, db_from_amplitude(r)), lacks);
+        }
+        // The most telling: that at normal incidence.
+        let normal = |(a, b): (_, _)| (at_normal_incidence(a, b), a, b);
+        let Some((r, a, b)) = self.acting().map(normal).max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return finding("speeds differ", lacks);
         };
-        finding(format!("{} to {} reflects {level}", a.name, b.name), Bound::none("bright faces of organs and bones"))
+        let level = if r > 0.0 { format!("{:.1} dB", db_from_amplitude(r)) } else { "nothing".to_owned() };
+        let reason =
+            format!("{} to {} reflects {level} at normal incidence, all of it at the critical angle", a.name, b.name);
+        finding(reason, lacks)
     }
 
     /// Gain that the best case meets, dB: where gain, TGC and sliders together exceed the least attenuation the most.
@@ -165,7 +166,8 @@ impl Rules<'_> {
         match self.acting().max_by(|a, b| rough(a).total_cmp(&rough(b))) {
             Some(pair) if rough(&pair) as f32 > 0.0 => {
                 let slope = rough(&pair);
-                let reason = format!("{} to {} has slopes of {slope}", pair.0.name, pair.1.name);
+                let rougher = if pair.0.tissue.roughness < slope { pair.1 } else { pair.0 };
+                let reason = format!("faces of {} have slopes of {slope}", rougher.name);
                 finding(reason, Bound::none("echoes of tilted faces; smooth ones shine too much"))
             }
             _ => finding("every interface is a mirror", Bound::Exact),
@@ -180,7 +182,8 @@ impl Rules<'_> {
         match self.acting().max_by(|a, b| thick(a).total_cmp(&thick(b))) {
             Some(pair) if thick(&pair) as f32 > 0.0 => {
                 let mm = thick(&pair);
-                let reason = format!("{} to {} is {mm} mm thick", pair.0.name, pair.1.name);
+                let thicker = if pair.0.tissue.thickness_mm < mm { pair.1 } else { pair.0 };
+                let reason = format!("faces of {} are {mm} mm thick", thicker.name);
                 // Half of it to either side of the face, in a medium that is slower than the image's scale at the most so.
                 let slowest = self.facts.speeds().map_or(1.0, |(slow, _)| slow.tissue.speed_m_s / ASSUMED_SPEED_M_S);
                 finding(reason, Bound::Displacement { mm: 0.5 * mm / slowest.min(1.0) })
@@ -244,12 +247,17 @@ impl Rules<'_> {
                 Bound::none("smooth interfaces' echoes"),
             );
         }
-        // No chance is left, and scatterers are read on the scanline's axis: rays differ in where they cross an edge.
-        if self.one_medium() {
-            return finding(format!("{}: all paths of a scanline are one", self.silent()), Bound::Exact);
-        }
-        let mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm);
-        finding("no interface echoes, bends or reflects: one path a scanline", Bound::Edges { mm })
+        // No chance is left: rays differ in where they cross edges, half a share to either side. Scatterers are read on the
+        // scanline's axis by range, so that a speed other than 1540 m/s leaves a part of that distance.
+        let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm);
+        let stretch = self.facts.media.first().map_or(0.0, |m| (m.tissue.speed_m_s / ASSUMED_SPEED_M_S - 1.0).abs());
+        let of_share = if self.one_medium() { stretch.min(1.0) } else { 1.0 };
+        let bound = match of_share * half_share_mm {
+            mm if mm > 0.0 && self.facts.media.iter().any(Medium::scatters) => Bound::Aside { mm },
+            mm if mm > 0.0 && !self.one_medium() => Bound::Aside { mm },
+            _ => Bound::Exact,
+        };
+        finding("no interface echoes, bends or reflects: one path a scanline", bound)
     }
 
     /// Whether all media are one in all that a path meets.
@@ -269,23 +277,12 @@ impl Rules<'_> {
         }
         let sigma_mm = |depth: f64| self.probe.elevational_sigma_mm(depth);
         let widest = sigma_mm(0.0).max(sigma_mm(self.probe.depth_mm));
-        let Some(medium) = self.facts.media.first().filter(|_| self.one_medium()) else {
-            let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and media differ", 4.0 * widest);
-            return finding(reason, Bound::none("blur across the slice"));
-        };
-        if !medium.scatters() {
-            return finding(format!("{} is everywhere and silent", medium.name), Bound::Exact);
+        if self.one_medium() && !self.facts.media.iter().any(Medium::scatters) {
+            return finding(format!("{} and nothing scatters", self.silent()), Bound::Exact);
         }
-        let (density, mean) = (medium.tissue.scatterer_density, medium.tissue.scatterer_mean);
-        if density < DENSE || mean != 0.0 {
-            let reason = format!("{} has sparse or regular scatterers", medium.name);
-            return finding(reason, Bound::none("the speckle of several planes"));
-        }
-        // Layers add in power: sums of Gaussians are Gaussian. What the density leaves of a fourth moment shifts the mean
-        // of the logarithm as that of a K distribution of shape 2/excess: by excess/4 nepers of power.
-        let excess = (DEVIATE_FOURTH / density - 2.0).abs() / CELLS_OF_A_PULSE;
-        let db = 10.0 / std::f64::consts::LN_10 * excess / 4.0;
-        finding(format!("{} is all that the slice meets", medium.name), Bound::Distribution { db })
+        let what = if self.one_medium() { "speckle differs across it" } else { "media differ across it" };
+        let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and {what}", 4.0 * widest);
+        finding(reason, Bound::none("blur across the slice"))
     }
 
     /// Most loss over the depth, dB, by the attenuation that `of` gives a medium.
@@ -368,10 +365,12 @@ pub(super) fn decided(choice: Choice, called_for: bool) -> bool {
 /// Most of the pressure that the interface of two media reflects at any angle: all of it at the grazing angle, unless they
 /// have one speed.
 fn pressure_reflection(a: &Medium, b: &Medium) -> f64 {
-    let ((c1, _), (c2, _)) = (a.acoustic(), b.acoustic());
-    if c1 != c2 {
-        return 1.0;
-    }
+    let one_speed = a.acoustic().0 == b.acoustic().0;
+    if one_speed { at_normal_incidence(a, b) } else { 1.0 }
+}
+
+/// Part of the pressure that the interface of two media reflects at normal incidence.
+fn at_normal_incidence(a: &Medium, b: &Medium) -> f64 {
     let (z1, z2) = (a.tissue.impedance_mrayl(), b.tissue.impedance_mrayl());
     ((z2 - z1) / (z2 + z1)).abs()
 }
