@@ -19,7 +19,7 @@ fn assert_exact(name: &str, case: &Case) {
     println!("{name}: {off:?}");
     assert!(off.mean > 2.0, "{name}: a black image proves nothing: {off:?}");
     // Where an f32 puts a point into the next cell of the scatterer lattice, a sample is another one.
-    assert!(off.part < 1e-3 && off.mean_off.abs() < 0.01, "{name}: {off:?}");
+    assert!(off.part < 3e-3 && off.mean_off.abs() < 0.01, "{name}: {off:?}");
     assert_eq!(planned.segmentation, whole.segmentation, "{name}");
 }
 

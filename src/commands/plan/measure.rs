@@ -35,7 +35,8 @@ pub(crate) struct Cost {
 
 impl fmt::Display for Cost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.1} ± {:.1} ms", self.cost_ms, self.spread_ms)
+        let noise = if self.cost_ms.abs() <= self.spread_ms { " noise" } else { "" };
+        write!(f, "{:.1} ± {:.1} ms{noise}", self.cost_ms, self.spread_ms)
     }
 }
 

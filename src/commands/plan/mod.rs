@@ -114,7 +114,7 @@ fn reads_maps(station: &Station) -> bool {
 }
 
 fn table(plan: &EffectPlan, settings: &RenderSettings, measured: Option<&Measured>) -> Result<(), Failure> {
-    output::line(format!("{:19} {:4} {:>16}  why", "effect", "", "cost"))?;
+    output::line(format!("{:19} {:4} {:>22}  why", "effect", "", "cost"))?;
     for d in plan.decisions() {
         let cost = measured.and_then(|m| m.costs.of(d.effect)).map_or_else(String::new, |cost| match d.on {
             true => cost.to_string(),
@@ -127,8 +127,8 @@ fn table(plan: &EffectPlan, settings: &RenderSettings, measured: Option<&Measure
             (false, _) => "OFF",
         };
         let bound = if d.called_for { format!("without it {}", d.bound) } else { d.bound.to_string() };
-        output::line(format!("{:19} {state:4} {cost:>16}  {}", d.effect, d.reason))?;
-        output::line(format!("{:42} {bound}", ""))?;
+        output::line(format!("{:19} {state:4} {cost:>22}  {}", d.effect, d.reason))?;
+        output::line(format!("{:48} {bound}", ""))?;
     }
     if plan.decisions().iter().any(|d| d.choice != Choice::Auto) {
         output::line("\nON, OFF: by the station or --effect")?;
@@ -143,7 +143,7 @@ fn table(plan: &EffectPlan, settings: &RenderSettings, measured: Option<&Measure
         100.0 * costs.saved_ms() / costs.all_effects_ms
     ))?;
     output::line(format!(
-        "medians of {} frames each, in turns, on {} ({}); ± half of the middle half of the differences",
+        "medians of {} frames each, in turns, on {} ({}); ±: half of the middle half of the differences; noise: no more than that",
         costs.frames, adapter.name, adapter.driver
     ))
 }

@@ -63,6 +63,7 @@ impl fmt::Display for Bound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exact => f.write_str("exact"),
+            Self::Level { db, grey } if *grey >= 255.0 => write!(f, "{db:.0} dB, all grey levels"),
             Self::Level { db, grey } => write!(f, "{db:.3} dB, {grey:.2} grey levels"),
             Self::Aside { mm } => write!(f, "each sample read within {mm:.3} mm of its place"),
             Self::Displacement { mm } => write!(f, "{mm:.2} mm"),
