@@ -26,6 +26,11 @@
 
 // Whether anything in the scene moves.
 override MOVING: bool = false;
+// Effects that the scene calls for; without one, the tables hold values with which its arithmetic would do nothing.
+override REFRACTION: bool = true;
+override INTERFACE_ECHOES: bool = true;
+override ROUGHNESS: bool = true;
+override REFLECTIONS: bool = true;
 
 // Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
 // the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
@@ -216,7 +221,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // Half of the roughness tilts the facet, half widens the lobe about it.
         let variance = 0.5 * roughness * roughness;
         var facet = normal;
-        if variance > 0.0 {
+        if ROUGHNESS && variance > 0.0 {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
             if dot(facet, direction) > -0.02 {
                 facet = normal;
@@ -225,24 +230,30 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // What returns depends on the facet; what goes on follows the mean surface.
         let cos_facet = clamp(-dot(facet, direction), 0.0, 1.0);
         let cos_incident = clamp(-dot(normal, direction), 0.0, 1.0);
-        let speed_ratio = beyond.speed_ratio / tissue.speed_ratio;
+        let speed_ratio = beyond.bending / tissue.bending;
         let z1 = tissue.impedance_mrayl;
         let z2 = beyond.impedance_mrayl;
-        let at_facet = interface_between(z1, z2, speed_ratio, cos_facet);
         let split = interface_between(z1, z2, speed_ratio, cos_incident);
 
         // The echo, spread over the interface's thickness at an offset that belongs to the place.
-        let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
-        echo_range_mm = range_mm + offset * thickness_mm / tissue.speed_ratio;
-        let weight = mix(weight_power, weight_in_phase, coherence);
-        echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
-            * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
+        echo_range_mm = range_mm;
+        if INTERFACE_ECHOES {
+            var at_facet = split;
+            if ROUGHNESS {
+                at_facet = interface_between(z1, z2, speed_ratio, cos_facet);
+            }
+            let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
+            echo_range_mm += offset * thickness_mm / tissue.speed_ratio;
+            let weight = mix(weight_power, weight_in_phase, coherence);
+            echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
+                * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
+        }
 
         // Reflect with probability R or go on; reflections that hardly return are left to their weight.
         let accepted = acceptance(roughness * roughness, range_mm);
-        let follow = split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-        let reflects = split.energy_reflection >= 1.0
-            || (follow && sample_unit(line_ray, layer, bounce, 0u) < split.energy_reflection);
+        let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
+        let reflects = REFLECTIONS && (split.energy_reflection >= 1.0
+            || (follow && sample_unit(line_ray, layer, bounce, 0u) < split.energy_reflection));
         if reflects {
             inside = before;
             reflections++;
@@ -266,9 +277,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             if MOVING {
                 carried_mm = select(vec3<f32>(0.0), displacements[chosen].xyz, moves);
             }
-            let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
-            if dot(bent, normal) < 0.0 {
-                direction = normalize(bent);
+            if REFRACTION {
+                let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
+                if dot(bent, normal) < 0.0 {
+                    direction = normalize(bent);
+                }
             }
         }
         // Nothing that far down is ever shown: −260 dB.

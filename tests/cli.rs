@@ -666,6 +666,7 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
     assert_eq!(report["reference"], again["reference"]);
 }
 
+#[test]
 fn a_selftest_passes_here_and_leaves_its_reports() {
     let dir = tempfile::tempdir().unwrap();
     let (json, html) = (dir.path().join("selftest.json"), dir.path().join("selftest.html"));
@@ -684,4 +685,42 @@ fn a_selftest_passes_here_and_leaves_its_reports() {
     let page = std::fs::read_to_string(&html).unwrap();
     assert!(page.contains("insonify self-test") && page.contains(report["device"].as_str().unwrap()));
     refused(&insonify(&["selftest", "--html", "selftest.txt"]), &["--html", ".html"]);
+}
+
+#[test]
+fn a_plan_says_what_a_scene_calls_for() {
+    let plan = |arguments: &[&str]| insonify(&[&["plan", "configs/speckle.toml"], arguments].concat());
+    let decided = plan(&["--no-measure", "--json"]);
+    succeeded(&decided);
+    let json: Value = serde_json::from_slice(&decided.stdout).unwrap();
+    assert_eq!(json["quality"], "HQ");
+    let effect = |json: &Value, name: &str| {
+        json["effects"].as_array().unwrap().iter().find(|e| e["effect"] == name).cloned().unwrap()
+    };
+    assert_eq!(effect(&json, "rays")["on"], false);
+    assert_eq!(effect(&json, "scatterers")["on"], true);
+    assert_eq!(effect(&json, "refraction")["bound"]["kind"], "exact");
+    assert_eq!(json["measured"], Value::Null);
+
+    let forced = plan(&["--no-measure", "--effect", "scatterers=off", "--effect", "rays=on"]);
+    succeeded(&forced);
+    assert!(stderr(&forced).contains("warning: scatterers is off though"), "{}", stderr(&forced));
+    let table = String::from_utf8_lossy(&forced.stdout).into_owned();
+    assert!(table.contains("OFF") && table.contains("liver"), "{table}");
+
+    refused(&plan(&["--effect", "scaterers=off"]), &["did you mean `scatterers`?"]);
+    refused(&plan(&["--effect", "maps=off"]), &["maps can be `auto` or `on`"]);
+}
+
+#[test]
+fn a_plan_measures_what_effects_cost() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let measured = insonify(&["plan", text(&station), "--pose", "0,0,0,1,0,0,0", "--json"]);
+    succeeded(&measured);
+    let json: Value = serde_json::from_slice(&measured.stdout).unwrap();
+    let costs = json["measured"]["costs"].as_array().unwrap();
+    assert!(costs.iter().any(|cost| cost["effect"] == "scatterers" && cost["cost_ms"].is_number()), "{costs:?}");
+    assert!(json["measured"]["planned_ms"].as_f64().unwrap() > 0.0);
+    assert!(json["measured"]["frames"].as_u64().unwrap() >= 9);
 }

@@ -13,9 +13,10 @@ struct Tissue {
     thickness_mm: f32,
     // Part of an interface echo that stays in phase over its thickness.
     coherence: f32,
+    // c/c₀ in Snell's and Fresnel's laws; 1 everywhere where refraction is left out.
+    bending: f32,
     pad0: f32,
     pad1: f32,
-    pad2: f32,
 }
 
 // Small integers travel as the low bits of a normal float: some devices flush denormals.

@@ -23,7 +23,7 @@ pub(crate) struct LiveSinks {
 }
 
 /// What is asked for on the command line, else in the station: its `display.sinks` and every display that has a table.
-fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKind> {
+pub(crate) fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKind> {
     let mut kinds = if asked.is_empty() { station.sinks.clone() } else { asked.to_vec() };
     if asked.is_empty() {
         let tables = [

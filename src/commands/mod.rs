@@ -4,6 +4,7 @@ mod cache;
 mod calibrate;
 mod demo;
 mod doctor;
+mod effects;
 mod evaluate;
 mod exam;
 mod export;
@@ -17,6 +18,7 @@ mod live_sinks;
 mod output;
 mod pace;
 mod phantom;
+mod plan;
 mod plane_scene;
 mod planes;
 mod progress;
@@ -64,6 +66,7 @@ Examples:
   insonify doctor scene.glb                              what is wrong with a scene, and what to do about it
   insonify trackers                                      serial ports and HID devices to read a tracker from
   insonify run configs/sphere.toml --sink png            a live session, until Ctrl-C
+  insonify plan configs/sphere.toml                      which effects the scene calls for, why, and what each costs
   insonify station-keys                                  what a station file may say
 
 Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, no GPU driver); 1 other failures.
@@ -87,6 +90,7 @@ enum Command {
     Import(import::Args),
     Export(export::Args),
     Phantom(phantom::Args),
+    Plan(plan::Args),
     Planes(planes::Args),
     Exam(exam::Args),
     Score(score::Args),
@@ -116,6 +120,7 @@ impl Cli {
             Command::Import(args) => import::run(args),
             Command::Export(args) => export::run(args),
             Command::Phantom(args) => phantom::run(args),
+            Command::Plan(args) => plan::run(args),
             Command::Planes(args) => planes::run(args),
             Command::Exam(args) => exam::run(args),
             Command::Score(args) => score::run(args),

@@ -10,6 +10,7 @@ use insonify::sink::{FrameFiles, FrameRecord};
 use insonify::station::Station;
 use serde::Serialize;
 
+use super::effects::EffectArgs;
 use super::quality::RaysLayers;
 use super::{Classify, Failure, output, session};
 
@@ -38,6 +39,9 @@ pub(crate) struct Args {
     /// When to show a scene that moves, s: hearts beat, mothers breathe; at 0 all is at rest
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
+
+    #[command(flatten)]
+    effects: EffectArgs,
 
     /// Directory to write to; made if missing
     #[arg(long, value_name = "DIR", default_value = "out/render")]
@@ -78,6 +82,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let pose = pose.input()?;
     let mut settings = station.settings;
     settings.lines = true;
+    args.effects.apply(&mut settings);
     let seed = args.seed.unwrap_or(settings.quality.seed);
     settings.quality = match args.quality {
         Some(quality) => quality.with_seed(seed),
@@ -91,6 +96,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let gpu = session::open_gpu()?;
     let scene = session::load_scene(&station)?;
+    session::warn_of_effects(&scene, &station.probe, &settings);
     let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
     let mut frame = Frame::default();
     renderer.set_time_s(args.time);

@@ -16,6 +16,7 @@ use insonify::station::Station;
 use insonify::tracker::recording::{self, RecordingSummary};
 use insonify::transducer::Probe;
 
+use super::effects::EffectArgs;
 use super::quality::RaysLayers;
 use super::timeline::{Timeline, check_length, check_span};
 use super::{Failure, session};
@@ -36,6 +37,9 @@ pub(crate) struct ReplayArgs {
     /// Seed of every random choice, 0..=4294967295 [default: the station's own]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u32>,
+
+    #[command(flatten)]
+    effects: EffectArgs,
 
     /// Frames per second of the recording, 0.1..=1000
     #[arg(long, value_name = "FPS", default_value_t = 20.0, allow_negative_numbers = true)]
@@ -113,7 +117,8 @@ impl ReplayArgs {
     /// Reads station and recording.
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
         let rate = FrameRate::new(self.fps)?;
-        let station = Station::load(&self.station)?;
+        let mut station = Station::load(&self.station)?;
+        self.effects.apply(&mut station.settings);
         let (timeline, summary) = self.timeline(&station, rate)?;
         let mut timeline = timeline.since(summary.info.start_time_ns);
         if !summary.is_clean() {
@@ -214,6 +219,7 @@ impl Replay {
         mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let Part { probe, settings, .. } = self.first()?;
+        session::warn_of_effects(scene, probe, settings);
         let mut renderer = Renderer::new(gpu, scene, probe, settings)?;
         for Part { frames, probe, settings } in &self.parts {
             let from = frames.start - self.frames.start;

@@ -26,6 +26,7 @@ use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;
 
+use super::effects::EffectArgs;
 use super::run_table::SummaryTable;
 use super::{Classify, Failure, live, live_sinks, output, session};
 
@@ -47,6 +48,9 @@ pub(crate) struct Args {
     /// Hold the probe at x,y,z,qw,qx,qy,qz [default: the station's pose]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
+
+    #[command(flatten)]
+    effects: EffectArgs,
 
     /// End after this many seconds, up to 31 days
     #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
@@ -127,6 +131,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let gpu = session::open_gpu()?;
     let scene = Arc::new(session::load_scene(&station)?);
+    session::warn_of_effects(&scene, &station.probe, &station.settings);
     let factory = GpuFactory::new(GpuOptions::default(), scene.clone())?;
     let renderer = factory.build_on(&gpu, &station.probe, &station.settings)?;
 
@@ -221,6 +226,7 @@ fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
 /// The station, with a recording in place of its tracker where one is to be played.
 fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
+    args.effects.apply(&mut station.settings);
     if let Some(path) = &args.replay {
         station.tracker.transport =
             Transport::Recording { path: path.clone(), speed: Speed::Factor(1.0), repeat: false };

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
-use insonify::render::{FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::render::{EffectPlan, FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
+use insonify::transducer::Probe;
 
 use super::progress::Progress;
 use super::{Failure, cache};
@@ -34,6 +35,13 @@ pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
             let progress = Progress::new("phantom", 0);
             Ok(phantom::cached(&cache::directory()?, options, &|p| progress.set(p.done, p.total))?)
         }
+    }
+}
+
+/// Says in one line each which effects are left out though the scene calls for them.
+pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
+    for warning in EffectPlan::new(scene, probe, settings).warnings() {
+        eprintln!("warning: {warning}");
     }
 }
 

@@ -6,6 +6,7 @@ use super::buffers::{BatchPlan, Buffers, SceneBuffers};
 use super::gpu::Gpu;
 use super::params::Params;
 use super::passes::{Constants, Pass, Pipelines};
+use super::plan::{Effect, EffectPlan, SceneFacts};
 use super::readback::{MAP_PASSES, Shape, Slot};
 use super::renderer::{FRAMES_IN_FLIGHT, RenderError};
 use super::tables::Tables;
@@ -24,6 +25,8 @@ pub(super) struct Media {
     /// Tissue of each surface, with [`MOVES`] where it moves.
     pub(super) surface_words: Vec<u32>,
     moving: bool,
+    /// What the plan is decided by.
+    facts: SceneFacts,
 }
 
 impl Media {
@@ -37,7 +40,13 @@ impl Media {
                 .map(|s| s.tissue as u32 | if scene.motion.moves(&s.name) { MOVES } else { 0 })
                 .collect(),
             moving: !bvh.displacements().is_empty(),
+            facts: SceneFacts::new(scene),
         }
+    }
+
+    /// The plan of a probe and settings in this scene.
+    pub(super) fn plan(&self, probe: &Probe, settings: &RenderSettings) -> EffectPlan {
+        EffectPlan::of(&self.facts, probe, settings)
     }
 }
 
@@ -45,7 +54,10 @@ impl Media {
 #[derive(Debug)]
 pub(super) struct Configuration {
     pub(super) probe: Probe,
+    /// What was asked for; frames are made with what the plan leaves of it.
     pub(super) settings: RenderSettings,
+    /// Which effects frames are made of.
+    pub(super) effects: EffectPlan,
     pub(super) params: Params,
     pub(super) tables: Tables,
     pub(super) plan: BatchPlan,
@@ -74,29 +86,41 @@ impl Configuration {
         probe.validate()?;
         settings.validate()?;
         let (scene, media) = scene;
-        let tables = Tables::new(&media.tissues, probe, settings);
-        let params = Params::new(media.background, probe, settings, &tables);
-        let plan = BatchPlan::new(probe.scanlines, settings.quality.rays, settings.quality.layers);
+        let effects = media.plan(probe, settings);
+        let on = effects.effects();
+        let planned = effects.settings(settings);
+        let tables = Tables::new(&media.tissues, probe, &planned, on);
+        let params = Params::new(media.background, probe, &planned, &tables);
+        let plan = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
         let buffers = Buffers::new(gpu, &tables, &params, &plan, settings.lines, previous.map(|p| &p.buffers))?;
 
-        let mut pass =
-            |name, groups, constants: Constants| Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants);
+        let mut pass = |name, groups, constants: Constants<'_>| {
+            Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
+        };
         let paths = params.scanlines * params.rays * plan.layers_per_batch;
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
-        let single_path = settings.quality.rays == 1 && settings.quality.layers == 1;
-        let single: Constants = if single_path { &[("SINGLE_PATH", 1.0)] } else { &[("SINGLE_PATH", 0.0)] };
-        let keep: Constants = if settings.lines { &[("KEEP_LINES", 1.0)] } else { &[("KEEP_LINES", 0.0)] };
-        let moving: Constants = if media.moving { &[("MOVING", 1.0)] } else { &[("MOVING", 0.0)] };
-        let path_passes = vec![
-            pass("locate", [paths.div_ceil(64), 1, 1], &[])?,
-            pass("trace", [paths.div_ceil(64), 1, 1], moving)?,
-            pass("march", samples_by(16), single)?,
-            pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?,
+        let flag = |on: bool| f64::from(u8::from(on));
+        let single = [("SINGLE_PATH", flag(planned.quality.rays == 1 && planned.quality.layers == 1))];
+        let keep = [("KEEP_LINES", flag(settings.lines))];
+        let trace = [
+            ("MOVING", flag(media.moving && on.has(Effect::Motion))),
+            ("REFRACTION", flag(on.has(Effect::Refraction))),
+            ("INTERFACE_ECHOES", flag(on.has(Effect::InterfaceEchoes))),
+            ("ROUGHNESS", flag(on.has(Effect::Roughness))),
+            ("REFLECTIONS", flag(on.has(Effect::Reflections))),
         ];
+        let mut path_passes =
+            vec![pass("locate", [paths.div_ceil(64), 1, 1], &[])?, pass("trace", [paths.div_ceil(64), 1, 1], &trace)?];
+        if on.has(Effect::Scatterers) {
+            path_passes.push(pass("march", samples_by(16), &single)?);
+        }
+        if on.has(Effect::InterfaceEchoes) {
+            path_passes.push(pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?);
+        }
         let image_passes = vec![
             pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
-            pass("detect", samples_by(8), keep)?,
+            pass("detect", samples_by(8), &keep)?,
             pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
             pass("percentile", [1, 1, 1], &[])?,
             pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
@@ -120,6 +144,7 @@ impl Configuration {
         Ok(Self {
             probe: *probe,
             settings: *settings,
+            effects,
             params,
             tables,
             plan,
@@ -146,8 +171,8 @@ impl Configuration {
     }
 
     /// Whether `probe` and `settings` need no other tables, buffers or passes: gain, dynamic range, TGC, seed, paths a
-    /// sample, reflections and maps are uniforms, or chosen for each frame.
-    pub(super) fn has_tables_of(&self, probe: &Probe, settings: &RenderSettings) -> bool {
+    /// sample, reflections and maps are uniforms, or chosen for each frame, as long as the plan stays.
+    pub(super) fn has_tables_of(&self, media: &Media, probe: &Probe, settings: &RenderSettings) -> bool {
         let mut like_these = *settings;
         let (image, mine) = (&mut like_these.image, &self.settings.image);
         image.dynamic_range_db = mine.dynamic_range_db;
@@ -158,13 +183,26 @@ impl Configuration {
         like_these.paths_per_sample = self.settings.paths_per_sample;
         like_these.reflections_max = self.settings.reflections_max;
         like_these.maps = self.settings.maps;
-        *probe == self.probe && like_these == self.settings
+        if *probe != self.probe || like_these != self.settings {
+            return false;
+        }
+        let apart_from_maps = |plan: &EffectPlan| plan.effects().without(Effect::Maps);
+        apart_from_maps(&media.plan(probe, settings)) == apart_from_maps(&self.effects)
     }
 
     /// Takes settings of which [`Configuration::has_tables_of`] holds.
     pub(super) fn take(&mut self, media: &Media, settings: &RenderSettings) {
         self.settings = *settings;
-        self.params = Params::new(media.background, &self.probe, settings, &self.tables);
+        self.effects = media.plan(&self.probe, settings);
+        let planned = self.effects.settings(settings);
+        self.params = Params::new(media.background, &self.probe, &planned, &self.tables);
+    }
+
+    /// Clears what passes read and none writes: the samples, where nothing scatters.
+    pub(super) fn clear_unwritten(&self, encoder: &mut wgpu::CommandEncoder) {
+        if !self.effects.has(Effect::Scatterers) {
+            encoder.clear_buffer(&self.buffers.baseband, 0, None);
+        }
     }
 
     /// Passes of a frame in their order, each with its batch.

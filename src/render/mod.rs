@@ -8,6 +8,7 @@ mod kernels;
 mod motion;
 mod params;
 mod passes;
+pub mod plan;
 mod readback;
 mod renderer;
 mod settings;
@@ -19,6 +20,7 @@ pub mod twin;
 pub use frame::{Frame, FrameTimes, PassTime};
 pub use gpu::{Gpu, GpuError, GpuOptions};
 pub use kernels::{ClippedKernel, Kernel};
+pub use plan::{Choice, Decision, Effect, EffectChoices, EffectPlan};
 pub use renderer::{FRAMES_IN_FLIGHT, RenderError, Renderer};
 pub use settings::{
     BEAM_TAPS_MAX, ImageSettings, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings, SettingsError,

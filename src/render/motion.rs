@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::plan::Effect;
 use super::renderer::Renderer;
 use crate::anatomy::bvh::PackedTriangle;
 
@@ -11,9 +12,13 @@ impl Renderer {
     /// Only corners and boxes that changed are uploaded; a scene that does not move costs nothing. A new renderer shows
     /// time 0, at which everything rests.
     pub fn set_time_s(&mut self, time_s: f64) {
-        if !self.bvh.moves() {
-            return;
+        if self.bvh.moves() && self.now.effects.has(Effect::Motion) {
+            self.move_to(time_s);
         }
+    }
+
+    /// Moves the scene to where it is at `time_s`, whatever the plan says.
+    pub(super) fn move_to(&mut self, time_s: f64) {
         // Several renderers may start from one tree; each moves its own.
         let bvh = Arc::make_mut(&mut self.bvh);
         bvh.set_time_s(time_s);

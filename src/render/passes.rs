@@ -8,13 +8,13 @@ use super::params::Params;
 use super::shaders::ShaderSet;
 
 /// What a shader is specialised to: its overrides and their values.
-pub(crate) type Constants = &'static [(&'static str, f64)];
+pub(crate) type Constants<'a> = &'a [(&'static str, f64)];
 
 /// A compiled pass.
 #[derive(Debug)]
 struct Compiled {
     name: &'static str,
-    constants: Constants,
+    constants: Vec<(&'static str, f64)>,
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
 }
@@ -45,7 +45,7 @@ impl Pipelines {
         &mut self,
         gpu: &Gpu,
         name: &'static str,
-        constants: Constants,
+        constants: Constants<'_>,
         bound: &[(&wgpu::Buffer, Binding)],
     ) -> Result<Arc<Compiled>, GpuError> {
         if let Some(known) = self.compiled.iter().find(|c| c.name == name && c.constants == constants) {
@@ -61,7 +61,7 @@ fn compile(
     gpu: &Gpu,
     shaders: &ShaderSet,
     name: &'static str,
-    constants: Constants,
+    constants: Constants<'_>,
     bound: &[(&wgpu::Buffer, Binding)],
 ) -> Result<Compiled, GpuError> {
     let device = &gpu.device;
@@ -120,7 +120,7 @@ fn compile(
     });
     match pollster::block_on(scope.pop()) {
         Some(error) => Err(GpuError::Pipeline { pass: name, reason: error.to_string() }),
-        None => Ok(Compiled { name, constants, layout, pipeline }),
+        None => Ok(Compiled { name, constants: constants.to_vec(), layout, pipeline }),
     }
 }
 
@@ -140,7 +140,7 @@ impl Pass {
         buffers: (&SceneBuffers, &Buffers),
         name: &'static str,
         groups: [u32; 3],
-        constants: Constants,
+        constants: Constants<'_>,
     ) -> Result<Self, GpuError> {
         let limit = gpu.device.limits().max_compute_workgroups_per_dimension;
         if let Some(&needed) = groups.iter().find(|&&g| g > limit) {

@@ -10,6 +10,7 @@ use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::{Configuration, Media};
 use super::gpu::{Gpu, GpuError};
 use super::passes::Pipelines;
+use super::plan::{Choice, Effect, EffectPlan};
 use super::readback::Slot;
 use super::settings::SettingsError;
 use super::shaders::ShaderSet;
@@ -150,14 +151,18 @@ impl Renderer {
     pub fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderError> {
         probe.validate()?;
         settings.validate()?;
-        if self.now.has_tables_of(probe, settings) {
+        if self.now.has_tables_of(&self.media, probe, settings) {
             self.now.take(&self.media, settings);
             return Ok(());
         }
         let scene = (&self.scene, &self.media);
         let next = Configuration::new(&self.gpu, scene, &mut self.pipelines, probe, settings, Some(&self.now))?;
         next.fill(&self.gpu, Some(&self.now));
+        let rests = self.now.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);
         self.now = next;
+        if rests && self.bvh.moves() {
+            self.move_to(0.0);
+        }
         // With frames in flight the ring has no room: the next frame compiles what is new.
         if self.pipelines.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
     }
@@ -187,6 +192,11 @@ impl Renderer {
     /// The settings it renders with.
     pub fn settings(&self) -> &RenderSettings {
         &self.now.settings
+    }
+
+    /// Which effects its frames are made of, and why.
+    pub fn plan(&self) -> &EffectPlan {
+        &self.now.effects
     }
 
     /// The probe it renders with.
@@ -246,11 +256,13 @@ impl Renderer {
         }
         let started = Instant::now();
         self.place(pose);
-        let (now, maps) = (&self.now, self.now.settings.maps);
+        let now = &self.now;
+        let maps = now.settings.maps || now.settings.effects.of(Effect::Maps) == Choice::On;
         let slot = &now.slots[self.next_slot];
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         encoder.clear_buffer(&now.buffers.overflows, 0, None);
+        now.clear_unwritten(&mut encoder);
         for (index, (pass, batch)) in now.passes(maps).enumerate() {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(pass.name),

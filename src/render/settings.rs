@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::kernels::{AXIAL_HALF_MAX, LATERAL_HALF_MAX};
+use super::plan::EffectChoices;
 
 /// Reflections after which a path is always given up.
 pub const REFLECTIONS_MAX: u32 = 6;
@@ -98,6 +99,8 @@ pub struct RenderSettings {
     pub lines: bool,
     /// Whether frames carry segmentation and attenuation. Without them the image is the same, bit for bit, and sooner there.
     pub maps: bool,
+    /// What is said of effects, over what the plan finds ([`EffectPlan`](super::EffectPlan)).
+    pub effects: EffectChoices,
 }
 
 impl Default for RenderSettings {
@@ -111,6 +114,7 @@ impl Default for RenderSettings {
             pulse_taps_max: PULSE_TAPS_MAX,
             lines: false,
             maps: true,
+            effects: EffectChoices::default(),
         }
     }
 }

@@ -67,18 +67,19 @@ impl Renderer {
         let label = wgpu::CommandEncoderDescriptor { label: Some("snapshot") };
         let mut encoder = self.gpu.device.create_command_encoder(&label);
         encoder.clear_buffer(&buffers.overflows, 0, None);
+        now.clear_unwritten(&mut encoder);
         // The echoes are added in place: the scatterers alone are kept on the way.
         let mut scattered = None;
         for pass in now.path_passes.iter().chain(&now.image_passes) {
+            if scattered.is_none() && ["echo", "lateral"].contains(&pass.name) {
+                scattered = Some(Staged::new(&self.gpu, &mut encoder, &buffers.baseband));
+            }
             {
                 let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some(pass.name),
                     timestamp_writes: None,
                 });
                 pass.record(&mut compute, 0);
-            }
-            if pass.name == "march" {
-                scattered = Some(Staged::new(&self.gpu, &mut encoder, &buffers.baseband));
             }
         }
         let wanted = [
@@ -136,7 +137,7 @@ impl Renderer {
             return Err(lost("a buffer was not read back".to_owned()));
         };
 
-        let inputs = Inputs::new(&now.params, &now.tables, &self.media.surface_words, &self.bvh);
+        let inputs = Inputs::new(&now.params, &now.tables, &self.media.surface_words, &self.bvh, now.effects.effects());
         let rows = (now.params.samples as usize, now.params.row_samples as usize);
         let complex = |words: &[u32]| {
             let row =

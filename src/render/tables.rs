@@ -7,6 +7,8 @@ use glam::DVec3;
 
 use super::RenderSettings;
 use super::kernels::{AXIAL_HALF_MAX, Kernels};
+use super::plan::{Effect, EffectSet};
+use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
 use crate::transducer::{Probe, Sector};
@@ -31,6 +33,8 @@ pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div
 pub(crate) const ROW_ALIGN: u32 = 16;
 /// Zeros before and after the pulse, so that eight outputs share one loop.
 pub(crate) const PULSE_PAD: u32 = 8;
+/// Reflections of which less than this part returns (energy, within the aperture) are not followed.
+pub(crate) const REFLECTION_FOLLOWED: f64 = 0.05;
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
 /// Tiles that the image is converted by.
@@ -59,24 +63,33 @@ pub(crate) struct GpuTissue {
     pub(crate) scatterer_deviation: f32,
     pub(crate) thickness_mm: f32,
     pub(crate) coherence: f32,
-    pub(crate) padding: [f32; 3],
+    pub(crate) bending: f32,
+    pub(crate) padding: [f32; 2],
 }
 
 impl GpuTissue {
-    fn new(tissue: &Tissue, probe: &Probe) -> Self {
+    /// A tissue as far as its effects are simulated; an effect that isn't has the value that makes it do nothing.
+    fn new(tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
+        let of = |effect: Effect, value: f64, without: f64| if effects.has(effect) { value } else { without };
+        let thickness_mm = of(Effect::Thickness, tissue.thickness_mm, 0.0);
+        let exponent = of(Effect::FrequencyExponent, tissue.attenuation_exponent, 1.0);
+        let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
+        let loss_np_mm = 2.0 * attenuation_np_mm(loss_db_cm_mhz, exponent, probe.frequency_mhz);
+        let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
         // A sinc of the phase over the thickness, as the Gaussian of the same curvature: never negative.
-        let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * tissue.thickness_mm;
+        let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
         Self {
             impedance_mrayl: tissue.impedance_mrayl() as f32,
-            speed_ratio: (tissue.speed_m_s / ASSUMED_SPEED_M_S) as f32,
-            attenuation_np_mm: (2.0 * tissue.attenuation_np_mm(probe.frequency_mhz)) as f32,
-            roughness: tissue.roughness as f32,
-            scatterer_density: (tissue.scatterer_density * DENSITY_ONE) as u32,
+            speed_ratio: of(Effect::SpeedDisplacement, speed_ratio, 1.0) as f32,
+            attenuation_np_mm: loss_np_mm as f32,
+            roughness: of(Effect::Roughness, tissue.roughness, 0.0) as f32,
+            scatterer_density: (of(Effect::Scatterers, tissue.scatterer_density, 0.0) * DENSITY_ONE) as u32,
             scatterer_mean: tissue.scatterer_mean as f32,
             scatterer_deviation: tissue.scatterer_deviation as f32,
-            thickness_mm: tissue.thickness_mm as f32,
+            thickness_mm: thickness_mm as f32,
             coherence: (-phase * phase / 6.0).exp() as f32,
-            padding: [0.0; 3],
+            bending: of(Effect::Refraction, speed_ratio, 1.0) as f32,
+            padding: [0.0; 2],
         }
     }
 }
@@ -108,7 +121,7 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings) -> Self {
+    pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
         let sector = Sector::fit(probe, settings.image.width, settings.image.height);
         let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
         let map_ray_count = map_ray_count(probe, map_step_mm);
@@ -126,7 +139,7 @@ impl Tables {
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
             layers: layers(probe, settings.quality.layers),
-            tissues: tissues.iter().map(|t| GpuTissue::new(t, probe)).collect(),
+            tissues: tissues.iter().map(|t| GpuTissue::new(t, probe, effects)).collect(),
             kernels: Kernels::new(probe, settings),
             pixels,
             sector_words,

@@ -7,7 +7,7 @@ use crate::anatomy::phantom::parameters::{
 };
 use crate::anatomy::phantom::{Lie, PlacentaSite};
 use crate::generator::{Provider, Settings};
-use crate::render::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, REFLECTIONS_MAX};
+use crate::render::{BEAM_TAPS_MAX, Choice, PULSE_TAPS_MAX, REFLECTIONS_MAX};
 use crate::sink::LiveSinkKind;
 
 /// Values that a key takes.
@@ -148,6 +148,20 @@ pub const KEYS: &[KeyDoc] = &[
     doc("quality", "beam_taps_max", "", "65", integer(3, BEAM_TAPS_MAX as i64), "most taps of the lateral beam; a wider one is cut, and its speckle narrower"),
     doc("quality", "pulse_taps_max", "", "257", integer(3, PULSE_TAPS_MAX as i64), "most taps of the pulse; likewise"),
     doc("quality", "seed", "", "0", integer(0, 4_294_967_295), "seed of every random choice"),
+
+    doc("effects", "refraction", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "paths bend where the speed of sound changes"),
+    doc("effects", "speed_displacement", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "a slow or fast tissue displaces what lies behind it"),
+    doc("effects", "interface_echoes", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "echoes of the places where the medium changes"),
+    doc("effects", "roughness", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "microfacets of rough interfaces"),
+    doc("effects", "thickness", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "echoes spread over the thickness of an interface"),
+    doc("effects", "reflections", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "paths that reflect: mirror images, reverberation"),
+    doc("effects", "rays", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "several rays a scanline and layer; off: one"),
+    doc("effects", "layers", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "several elevational layers; off: one"),
+    doc("effects", "attenuation", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "loss along the path, in the image and in its map"),
+    doc("effects", "frequency_exponent", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "attenuation by a power of the frequency other than 1"),
+    doc("effects", "scatterers", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "speckle"),
+    doc("effects", "motion", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "parts that move, and drift of the whole scene"),
+    doc("effects", "maps", "", "\"auto\"", Accepts::OneOf(&["auto", "on"]), "segmentation and attenuation beside the image; auto: where a sink or a generator reads them"),
 
     doc("pose", "position_mm", "mm", "[0.0, 0.0, 0.0]", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of the probe's face in the scene [x, y, z]"),
     doc("pose", "quaternion", "", "[1.0, 0.0, 0.0, 0.0]", Accepts::Numbers { count: 4, limit: 2.0 }, "unit quaternion [qw, qx, qy, qz] that turns probe axes into scene axes"),

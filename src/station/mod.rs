@@ -7,6 +7,7 @@
 mod browser;
 mod calibration;
 mod display;
+mod effects;
 mod error;
 mod filter;
 mod generator;

@@ -25,6 +25,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         "probe",
         "image",
         "quality",
+        "effects",
         "pose",
         "filter",
         "calibration",
@@ -48,7 +49,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let motion = scene_values.boolean("motion").unwrap_or(true);
     tissue_index(&tissues, &background)?;
     let probe = probe(&section(&mut root, "probe")?)?;
-    let settings = settings(&section(&mut root, "image")?, &section(&mut root, "quality")?)?;
+    let mut settings = settings(&section(&mut root, "image")?, &section(&mut root, "quality")?)?;
+    settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
     let filter = filter::settings(&section(&mut root, "filter")?);
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;

@@ -23,6 +23,28 @@ fn every_pass_is_its_twin() {
 }
 
 #[test]
+fn without_some_effects_every_pass_is_its_twin() {
+    use insonify::render::{Choice, Effect};
+    let groups: [&[Effect]; 4] = [
+        &[Effect::Refraction, Effect::Attenuation],
+        &[Effect::InterfaceEchoes, Effect::SpeedDisplacement],
+        &[Effect::Roughness, Effect::Thickness, Effect::FrequencyExponent, Effect::Scatterers],
+        &[Effect::Reflections, Effect::Rays, Effect::Layers],
+    ];
+    let mut wrong = Vec::new();
+    for group in groups {
+        let mut case = nested();
+        for &effect in group {
+            case.settings.effects = case.settings.effects.with(effect, Choice::Off);
+        }
+        let snapshot = case.renderer(&ShaderSet::default()).snapshot(&case.pose).unwrap();
+        println!("--- without {group:?}");
+        wrong.extend(PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (group, e)));
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
 fn a_snapshot_is_the_frame() {
     for case in RENDERED.iter() {
         assert_eq!(case.frame.bmode, case.snapshot.bmode, "{}", case.name);

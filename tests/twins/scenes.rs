@@ -49,7 +49,7 @@ pub(crate) fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -
         ..ImageSettings::default()
     };
     let quality = Quality { rays: quality.0, layers: quality.1, seed: 7 };
-    RenderSettings { image, quality, paths_per_sample, lines: true, ..RenderSettings::default() }
+    RenderSettings { image, quality, paths_per_sample, lines: true, maps: true, ..RenderSettings::default() }
 }
 
 /// Looks at `target` from `from`, turned a little so that nothing lies in a plane of coordinates.

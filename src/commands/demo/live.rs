@@ -19,6 +19,7 @@ use insonify::tracker::{Speed, Transport};
 use tokio::sync::mpsc;
 
 use super::stills::Stills;
+use crate::commands::effects::EffectArgs;
 use crate::commands::{Classify, Failure, live};
 
 /// What the live station needs, as it lies in the repository: part of the program, so that the demo runs from anywhere.
@@ -53,6 +54,7 @@ const GRACE: Duration = Duration::from_secs(10);
 
 /// What the live part is told.
 pub(super) struct Live<'a> {
+    pub(super) effects: &'a EffectArgs,
     /// Where files go: `live/` and `station/` below it.
     pub(super) out: &'a Path,
     pub(super) gpu: &'a Gpu,
@@ -68,7 +70,8 @@ pub(super) struct Live<'a> {
 impl Live<'_> {
     /// Runs the exam once, and goes on with it while the page is watched by somebody at a terminal.
     pub(super) fn run(&self) -> Result<Summary, Failure> {
-        let station = self.station()?;
+        let mut station = self.station()?;
+        self.effects.apply(&mut station.settings);
         let directory = self.out.join("live");
         clear(&directory)?;
         let stays = !self.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();

@@ -22,6 +22,7 @@ use insonify::station::Station;
 use insonify::tracker::recording::{Event, RecordingReader, poses_of};
 use serde::Serialize;
 
+use super::effects::EffectArgs;
 use super::output::thousands;
 use super::progress::Progress;
 use super::replay::RecordingReport;
@@ -56,6 +57,9 @@ pub(crate) struct Args {
     /// Directory to write to; made if missing
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
+
+    #[command(flatten)]
+    effects: EffectArgs,
 
     /// Leave the live chain out: files only
     #[arg(long)]
@@ -123,7 +127,8 @@ struct Report<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let started = Instant::now();
     let rate = FrameRate::new(args.fps)?;
-    let station = Station::parse(STATION, Path::new("configs"))?;
+    let mut station = Station::parse(STATION, Path::new("configs"))?;
+    args.effects.apply(&mut station.settings);
     let exam_path = Path::new(EXAM_NAME);
     let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
     check_length(&poses, rate)?;
@@ -137,12 +142,22 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
     let gpu = session::open_gpu()?;
     let scene = Arc::new(session::load_scene(&station)?);
+    session::warn_of_effects(&scene, &station.probe, &station.settings);
     going_on()?;
     let live = if args.no_live {
         None
     } else {
         let (out, length) = (&args.out, summary.duration);
-        let live = Live { out, gpu: &gpu, scene: &scene, length, once: args.once, interrupt: &interrupt }.run()?;
+        let live = Live {
+            effects: &args.effects,
+            out,
+            gpu: &gpu,
+            scene: &scene,
+            length,
+            once: args.once,
+            interrupt: &interrupt,
+        }
+        .run()?;
         if !args.json {
             output::line(SummaryTable(&live))?;
             output::line(format!("files              {}\n", args.out.join("live").display()))?;

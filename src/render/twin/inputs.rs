@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3, Vec3, Vec4};
 use crate::anatomy::Bvh;
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
+use crate::render::plan::{Effect, EffectSet};
 use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables, unpack_place};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
@@ -34,6 +35,8 @@ pub struct Medium {
     pub impedance_mrayl: f64,
     /// c/c₀: mm of path a mm of range.
     pub speed_ratio: f64,
+    /// c/c₀ in Snell's and Fresnel's laws; 1 everywhere where refraction is left out.
+    pub bending: f64,
     /// Two-way attenuation of the amplitude, nepers a mm of path.
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
@@ -55,6 +58,7 @@ impl From<&GpuTissue> for Medium {
         Self {
             impedance_mrayl: tissue.impedance_mrayl.into(),
             speed_ratio: tissue.speed_ratio.into(),
+            bending: tissue.bending.into(),
             attenuation_np_mm: tissue.attenuation_np_mm.into(),
             roughness: tissue.roughness.into(),
             scatterer_density: tissue.scatterer_density,
@@ -112,6 +116,10 @@ pub struct Inputs {
     pub reflections_max: u32,
     /// Seed of every random choice.
     pub seed: u32,
+    /// Whether interfaces echo.
+    pub interface_echoes: bool,
+    /// Whether paths reflect.
+    pub reflections: bool,
     /// Widest active aperture, mm.
     pub aperture_mm: f64,
     /// A distance from the face that leads out of the whole scene, mm.
@@ -165,7 +173,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    pub(crate) fn new(params: &Params, tables: &Tables, surface_words: &[u32], bvh: &Bvh) -> Self {
+    pub(crate) fn new(params: &Params, tables: &Tables, surface_words: &[u32], bvh: &Bvh, effects: EffectSet) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
             table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
@@ -207,6 +215,8 @@ impl Inputs {
             paths_per_sample: params.paths_per_sample as usize,
             reflections_max: params.reflections_max,
             seed: params.seed,
+            interface_echoes: effects.has(Effect::InterfaceEchoes),
+            reflections: effects.has(Effect::Reflections),
             aperture_mm: params.aperture_mm.into(),
             reach_mm: params.reach_mm.into(),
             rays: line_rays,

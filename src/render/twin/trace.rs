@@ -6,15 +6,12 @@ use rayon::prelude::*;
 use super::surfaces::{Crossing, Membership, TOUCH_MM, crossings, places};
 use super::{Inputs, Medium, Ray, hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
-use crate::render::tables::SEGMENTS;
+use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
 
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³.
 const LN_GIVEN_UP: f64 = -30.0;
 /// Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
 const OFF_THE_GRID_MM: f64 = 0.0077;
-/// Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
-/// the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
-const REFLECTION_FOLLOWED: f64 = 0.05;
 /// Energy that a very rough surface returns diffusely at normal incidence.
 const DIFFUSE: f64 = 0.02;
 /// Surfaces that one path may cross, most of them without a change of medium.
@@ -155,9 +152,13 @@ impl<'a> Tracer<'a> {
             let cos_incident = (-normal.dot(self.ray.direction)).clamp(0.0, 1.0);
             let split = between(tissue, beyond, cos_incident);
             let accepted = self.acceptance(boundary.roughness * boundary.roughness);
-            let follow = split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
+            // A path goes on with the weight of what is transmitted where the reflection is not followed: a rough surface's
+            // scatters and never forms a mirror image.
+            let may_reflect = self.inputs.reflections;
+            let follow = may_reflect && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
             let chance = hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, 0);
-            if split.energy_reflection >= 1.0 || (follow && chance < split.energy_reflection) {
+            let total = may_reflect && split.energy_reflection >= 1.0;
+            if total || (follow && chance < split.energy_reflection) {
                 self.inside = meeting.before;
                 reflections += 1;
                 // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
@@ -174,7 +175,7 @@ impl<'a> Tracer<'a> {
                 here = meeting.there;
                 let moves = self.inside.highest().is_some_and(|s| self.inputs.surface_moves[s as usize]);
                 self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
-                self.refract(normal, cos_incident, split.cos_transmitted, beyond.speed_ratio / tissue.speed_ratio);
+                self.refract(normal, cos_incident, split.cos_transmitted, beyond.bending / tissue.bending);
             }
             if reflections > self.inputs.reflections_max || self.ln_amplitude <= LN_GIVEN_UP {
                 self.ln_amplitude = 2.0 * LN_SILENT;
@@ -262,6 +263,9 @@ impl<'a> Tracer<'a> {
         boundary: &Medium,
         surface: u32,
     ) -> (f64, f64) {
+        if !self.inputs.interface_echoes {
+            return (0.0, self.range_mm);
+        }
         // Spread over the interface's thickness at an offset that belongs to the place.
         let salt = (surface as i32 + 1).wrapping_mul(7919);
         let offset =
@@ -325,5 +329,5 @@ fn boundary(tissue: &Medium, beyond: &Medium) -> Medium {
 
 /// The interface of two media, at an angle.
 fn between(from: &Medium, to: &Medium, cos_incident: f64) -> Interface {
-    interface(from.impedance_mrayl, to.impedance_mrayl, from.speed_ratio, to.speed_ratio, cos_incident)
+    interface(from.impedance_mrayl, to.impedance_mrayl, from.bending, to.bending, cos_incident)
 }

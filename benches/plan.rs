@@ -1,0 +1,80 @@
+//! What the effect plan saves: frames of the sample scenes as planned and with every effect, at the stations' settings.
+//!
+//! `cargo bench --bench plan`. After each scene the plan's effects are printed. The obstetric phantom comes from the cache
+//! that the program uses.
+
+// A benchmark that cannot be set up has nothing to measure.
+#![allow(clippy::expect_used)]
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use criterion::{BenchmarkId, Criterion};
+use etcetera::BaseStrategy;
+use insonify::anatomy::{Bvh, Scene, phantom};
+use insonify::render::{
+    EffectChoices, EffectPlan, Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer, ShaderSet,
+};
+use insonify::station::{SceneSource, Station};
+
+/// Stations, and whether frames carry maps: a session without a reader of maps needs none.
+const STATIONS: [(&str, bool); 6] = [
+    ("obstetric", true),
+    ("obstetric", false),
+    ("slabs", true),
+    ("speckle_block", true),
+    ("speckle", true),
+    ("vessel_needle", true),
+];
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
+    println!("{} ({})", gpu.adapter_name(), gpu.driver());
+    let mut group = criterion.benchmark_group("plan");
+    group.sample_size(10);
+    for (name, maps) in STATIONS {
+        let station = Station::load(&root.join(format!("configs/{name}.toml"))).expect("a station");
+        let scene = scene(&station);
+        let bvh = Arc::new(Bvh::build(&scene).expect("a scene that can be traced"));
+        let pose = station.default_pose.expect("a pose");
+        // High quality takes seconds a frame in software: what it costs beyond these is proportional.
+        let Quality { rays, layers, seed } = station.settings.quality;
+        let quality = Quality { rays: rays.min(4), layers: layers.min(2), seed };
+        let planned = RenderSettings { maps, quality, ..station.settings };
+        let whole = RenderSettings { maps: true, effects: EffectChoices::ALL_ON, ..planned };
+        let label = if maps { name.to_owned() } else { format!("{name} without a reader of maps") };
+        for (way, settings) in [("planned", planned), ("all effects", whole)] {
+            let shaders = ShaderSet::default();
+            let mut renderer = Renderer::with_shaders(&gpu, &scene, bvh.clone(), &station.probe, &settings, &shaders)
+                .expect("a renderer");
+            let mut frame = Frame::default();
+            group.bench_function(BenchmarkId::new(way, &label), |bencher| {
+                bencher.iter(|| renderer.render(&pose, &mut frame).expect("a frame"));
+            });
+        }
+        println!(
+            "{label} at {} x {}:\n{}",
+            quality.rays,
+            quality.layers,
+            EffectPlan::new(&scene, &station.probe, &planned)
+        );
+    }
+    group.finish();
+    criterion.final_summary();
+}
+
+fn scene(station: &Station) -> Scene {
+    let path = match &station.scene {
+        SceneSource::File(path) => path.clone(),
+        SceneSource::ObstetricPhantom(options) => {
+            let cache = std::env::var_os("INSONIFY_CACHE").map(PathBuf::from).or_else(|| {
+                let strategy = etcetera::choose_base_strategy().ok()?;
+                Some(strategy.cache_dir().join("insonify"))
+            });
+            phantom::cached(&cache.expect("a cache directory"), options, &|_| {}).expect("the phantom")
+        }
+    };
+    station.load_scene_from(&path).expect("the scene")
+}

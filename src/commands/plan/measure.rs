@@ -1,0 +1,186 @@
+//! What each effect costs on this machine.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use insonify::anatomy::{Bvh, Scene};
+use insonify::pose::Pose;
+use insonify::render::{
+    Choice, Effect, EffectChoices, EffectPlan, Frame, Gpu, RenderError, RenderSettings, Renderer, ShaderSet,
+};
+use insonify::transducer::Probe;
+use serde::Serialize;
+
+use crate::commands::Failure;
+use crate::commands::progress::Progress;
+
+/// Turns that every way of rendering gets, and frames of a turn; the first of a turn is not counted.
+const ROUNDS: usize = 7;
+const FRAMES: usize = 4;
+/// A slow device takes fewer turns: no further one begins after this, but for the third.
+const LONG: Duration = Duration::from_secs(30);
+const ROUNDS_MIN: usize = 3;
+/// Time between frames of a scene that moves, s.
+const STEP_S: f64 = 1.0 / 30.0;
+
+/// What leaving an effect out saves, or simulating it costs.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(crate) struct Cost {
+    effect: Effect,
+    /// Median of the differences of a frame's time with and without it, in turns, ms.
+    cost_ms: f64,
+    /// Half of the distance of the differences' quartiles, ms.
+    spread_ms: f64,
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let noise = if self.cost_ms.abs() <= self.spread_ms { " noise" } else { "" };
+        write!(f, "{:.1} ± {:.1} ms{noise}", self.cost_ms, self.spread_ms)
+    }
+}
+
+/// What was measured.
+#[derive(Debug, Serialize)]
+pub(crate) struct Costs {
+    /// Median time of a frame as planned, ms.
+    pub(crate) planned_ms: f64,
+    /// Median time of a frame with all effects, ms.
+    pub(crate) all_effects_ms: f64,
+    /// Frames behind each median.
+    pub(crate) frames: usize,
+    costs: Vec<Cost>,
+}
+
+impl Costs {
+    /// That of `effect`; none where it is a number in a table.
+    pub(crate) fn of(&self, effect: Effect) -> Option<&Cost> {
+        self.costs.iter().find(|cost| cost.effect == effect)
+    }
+
+    /// What the plan saves, ms.
+    pub(crate) fn saved_ms(&self) -> f64 {
+        self.all_effects_ms - self.planned_ms
+    }
+}
+
+/// A way of rendering, and its times.
+struct Way {
+    settings: RenderSettings,
+    /// The effect in which it is not as planned.
+    effect: Option<Effect>,
+    /// Median of each turn, ms.
+    turns_ms: Vec<f64>,
+    all_ms: Vec<f64>,
+}
+
+impl Way {
+    fn new(settings: RenderSettings, effect: Option<Effect>) -> Self {
+        Self { settings, effect, turns_ms: Vec::new(), all_ms: Vec::new() }
+    }
+}
+
+/// Whether an effect takes time of a frame: the others are numbers in the tables.
+fn takes_time(effect: Effect) -> bool {
+    use Effect::{Attenuation, FrequencyExponent, SpeedDisplacement, Thickness};
+    ![SpeedDisplacement, Thickness, Attenuation, FrequencyExponent].contains(&effect)
+}
+
+/// Measures frames as planned, with all effects, and with each effect the other way than planned.
+pub(crate) fn measure(
+    gpu: &Gpu,
+    scene: &Scene,
+    probe: &Probe,
+    settings: &RenderSettings,
+    plan: &EffectPlan,
+    pose: &Pose,
+) -> Result<Costs, Failure> {
+    let asked = |effect| match effect {
+        Effect::Rays => settings.quality.rays > 1,
+        Effect::Layers => settings.quality.layers > 1,
+        Effect::Motion => !scene.motion.is_empty(),
+        _ => true,
+    };
+    let other_way = |effect: Effect| {
+        let on = plan.has(effect);
+        let choice = if on { Choice::Off } else { Choice::On };
+        let mut other = *settings;
+        match effect {
+            Effect::Maps => other.maps = !on,
+            _ => other.effects = other.effects.with(effect, choice),
+        }
+        Way::new(other, Some(effect))
+    };
+    let every = RenderSettings { effects: EffectChoices::ALL_ON, maps: true, ..*settings };
+    let mut ways = vec![Way::new(*settings, None), Way::new(every, None)];
+    ways.extend(Effect::ALL.into_iter().filter(|&effect| takes_time(effect) && asked(effect)).map(other_way));
+
+    let bvh = Bvh::build(scene).map_err(RenderError::from)?;
+    let mut renderer = Renderer::with_shaders(gpu, scene, bvh, probe, settings, &ShaderSet::default())?;
+    let mut frame = Frame::default();
+    let progress = Progress::new("measuring", ROUNDS * ways.len());
+    // Compiles what each needs before the clock runs.
+    for way in &ways {
+        renderer.reconfigure(probe, &way.settings)?;
+    }
+    let began = Instant::now();
+    let mut time_s = 0.0;
+    for round in 0..ROUNDS {
+        if round >= ROUNDS_MIN && began.elapsed() > LONG {
+            break;
+        }
+        let count = ways.len();
+        for (i, way) in ways.iter_mut().enumerate() {
+            renderer.reconfigure(probe, &way.settings)?;
+            let mut turn_ms = Vec::with_capacity(FRAMES);
+            for number in 0..FRAMES {
+                let started = Instant::now();
+                renderer.set_time_s(time_s);
+                renderer.render(pose, &mut frame)?;
+                time_s += STEP_S;
+                if number > 0 {
+                    turn_ms.push(started.elapsed().as_secs_f64() * 1e3);
+                }
+            }
+            way.turns_ms.push(percentile(&mut turn_ms.clone(), 0.5));
+            way.all_ms.append(&mut turn_ms);
+            progress.set(round * count + i + 1, ROUNDS * count);
+        }
+    }
+    drop(progress);
+
+    let planned = ways[0].turns_ms.clone();
+    let cost = |way: &Way| {
+        let effect = way.effect?;
+        let sign = if plan.has(effect) { 1.0 } else { -1.0 };
+        let mut differences: Vec<f64> = planned.iter().zip(&way.turns_ms).map(|(p, w)| sign * (p - w)).collect();
+        let spread_ms = 0.5 * (percentile(&mut differences, 0.75) - percentile(&mut differences, 0.25));
+        Some(Cost { effect, cost_ms: percentile(&mut differences, 0.5), spread_ms })
+    };
+    let costs = ways.iter().filter_map(cost).collect();
+    let frames = ways[0].all_ms.len();
+    let mut median = |i: usize| percentile(&mut ways[i].all_ms, 0.5);
+    Ok(Costs { planned_ms: median(0), all_effects_ms: median(1), frames, costs })
+}
+
+/// The value that this part of `values` lies below; 0 of none.
+fn percentile(values: &mut [f64], part: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let place = part * values.len().saturating_sub(1) as f64;
+    let below = place as usize;
+    let at = |i: usize| values.get(i).or(values.last()).copied().unwrap_or(0.0);
+    at(below) + (at(below + 1) - at(below)) * (place - below as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_lie_between_values() {
+        assert_eq!(percentile(&mut [], 0.5), 0.0);
+        assert_eq!(percentile(&mut [3.0, 1.0, 2.0], 0.5), 2.0);
+        assert_eq!(percentile(&mut [4.0, 1.0, 2.0, 3.0], 0.5), 2.5);
+        assert_eq!(percentile(&mut [5.0], 0.75), 5.0);
+    }
+}

@@ -1,0 +1,149 @@
+//! `insonify plan`: which effects a scene calls for.
+
+mod measure;
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use insonify::pose::Pose;
+use insonify::render::{Choice, Decision, EffectPlan, RenderSettings};
+use insonify::sink::LiveSinkKind;
+use insonify::sink::frame_record::AdapterRecord;
+use insonify::station::Station;
+use serde::Serialize;
+
+use self::measure::{Costs, measure};
+use super::effects::EffectArgs;
+use super::quality::{self, RaysLayers};
+use super::{Failure, live_sinks, output, session};
+
+/// Say which effects a scene calls for, why, how far a frame without each would be off, and what each costs in ms.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Station file (TOML); `insonify station-keys` lists its keys
+    station: PathBuf,
+
+    #[command(flatten)]
+    effects: EffectArgs,
+
+    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the station's own]
+    #[arg(long, value_name = "QUALITY")]
+    quality: Option<RaysLayers>,
+
+    /// Measure at x,y,z,qw,qx,qy,qz [default: the station's pose]; the plan holds for every pose
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pose: Option<Pose>,
+
+    /// Decide only: no device is opened, no frame rendered
+    #[arg(long)]
+    no_measure: bool,
+
+    /// Print the plan as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+An effect is left out where a bound on what it changes holds for every pose: exactly nothing, at most half a grey level,
+edges within a scanline's share, or another draw of the same speckle. [effects] in a station file and --effect say
+otherwise by name: `refraction = \"off\"`, `--effect refraction=off`.
+
+Costs are measured on this machine: a few frames with and without each effect, in turns; medians. Effects without a cost
+are numbers in a table: leaving them out saves no time. Maps are planned for a live session (`insonify run`); render,
+replay and demo write them in any case.
+
+Examples:
+  insonify plan configs/obstetric.toml
+  insonify plan configs/vessel_needle.toml --no-measure --json
+  insonify plan configs/sphere.toml --effect refraction=off";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    station: &'a PathBuf,
+    quality: String,
+    effects: &'a [Decision],
+    /// None without measuring.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measured: Option<Measured>,
+}
+
+#[derive(Serialize)]
+struct Measured {
+    adapter: AdapterRecord,
+    #[serde(flatten)]
+    costs: Costs,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let station = Station::load(&args.station)?;
+    let mut settings = station.settings;
+    args.effects.apply(&mut settings);
+    if let Some(quality) = args.quality {
+        settings.quality = quality.with_seed(settings.quality.seed);
+    }
+    settings.maps = reads_maps(&station);
+    let scene = session::load_scene(&station)?;
+    let plan = EffectPlan::new(&scene, &station.probe, &settings);
+    session::warn_of_effects(&scene, &station.probe, &settings);
+    let pose = args.pose.or(station.default_pose).filter(|_| !args.no_measure);
+    let measured = match pose {
+        None => None,
+        Some(pose) => {
+            let gpu = session::open_gpu()?;
+            let costs = measure(&gpu, &scene, &station.probe, &settings, &plan, &pose)?;
+            Some(Measured { adapter: session::adapter(&gpu), costs })
+        }
+    };
+    if args.json {
+        let quality = quality::name(&settings.quality);
+        return output::json(&Report { station: &args.station, quality, effects: plan.decisions(), measured });
+    }
+    table(&plan, &settings, measured.as_ref())?;
+    if measured.is_none() && !args.no_measure {
+        output::line("\nnot measured: no pose; give --pose, or a [pose] in the station file")?;
+    }
+    Ok(())
+}
+
+/// Whether a live session of the station reads the maps: its generator, or a page that shows them.
+fn reads_maps(station: &Station) -> bool {
+    (station.generator.enabled && !station.generator.models.is_empty())
+        || live_sinks::kinds(&[], station).contains(&LiveSinkKind::Browser)
+}
+
+fn table(plan: &EffectPlan, settings: &RenderSettings, measured: Option<&Measured>) -> Result<(), Failure> {
+    output::line(format!("{:19} {:4} {:>22}  why", "effect", "", "cost"))?;
+    for d in plan.decisions() {
+        let cost = measured.and_then(|m| m.costs.of(d.effect)).map_or_else(String::new, |cost| match d.on {
+            true => cost.to_string(),
+            false => format!("saves {cost}"),
+        });
+        let state = match (d.on, d.choice) {
+            (true, Choice::Auto) => "on",
+            (false, Choice::Auto) => "off",
+            (true, _) => "ON",
+            (false, _) => "OFF",
+        };
+        let bound = if d.called_for { format!("without it {}", d.bound) } else { d.bound.to_string() };
+        output::line(format!("{:19} {state:4} {cost:>22}  {}", d.effect, d.reason))?;
+        output::line(format!("{:48} {bound}", ""))?;
+    }
+    if plan.decisions().iter().any(|d| d.choice != Choice::Auto) {
+        output::line("\nON, OFF: by the station or --effect")?;
+    }
+    let Some(Measured { adapter, costs }) = measured else { return Ok(()) };
+    output::line(format!(
+        "\nat {}: {:.1} ms a frame as planned, {:.1} ms with all effects: {:.1} ms saved ({:.0} %)",
+        quality::name(&settings.quality),
+        costs.planned_ms,
+        costs.all_effects_ms,
+        costs.saved_ms(),
+        100.0 * costs.saved_ms() / costs.all_effects_ms
+    ))?;
+    output::line(format!(
+        "medians of {} frames each, in turns, on {} ({}); ±: half of the middle half of the differences; noise: no more than that",
+        costs.frames, adapter.name, adapter.driver
+    ))
+}

@@ -1,0 +1,73 @@
+//! How far a frame without an effect may be from the frame with it.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// Grey levels of 255 that an effect may change at the most and still be left out.
+pub const GREY_ALLOWED: f64 = 0.5;
+
+/// The most by which leaving an effect out changes a frame, in any pose.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Bound {
+    /// Nothing but rounding of f32; it chooses the cell where a scanline runs in a face of the scatterer lattice.
+    Exact,
+    /// The level of any pixel.
+    Level {
+        /// Most that a level changes, dB.
+        db: f64,
+        /// The same, grey levels of 255.
+        grey: f64,
+    },
+    /// Where each sample looks: beside its place, within a scanline's share of the sector. Edges lie, and speckle is read,
+    /// so far aside at the most.
+    Aside {
+        /// How far, mm.
+        mm: f64,
+    },
+    /// Where things lie.
+    Displacement {
+        /// Farthest that a thing moves, mm.
+        mm: f64,
+    },
+    /// There is none; what is missing.
+    None {
+        /// What a frame without it lacks.
+        lacks: String,
+    },
+}
+
+impl Bound {
+    /// A change of level, dB, on a display of `dynamic_range_db`.
+    pub(super) fn level(db: f64, dynamic_range_db: f64) -> Self {
+        Self::Level { db, grey: db * 255.0 / dynamic_range_db }
+    }
+
+    /// Nothing bounds it.
+    pub(super) fn none(lacks: impl Into<String>) -> Self {
+        Self::None { lacks: lacks.into() }
+    }
+
+    /// Whether an effect of this bound may be left out.
+    pub(super) fn negligible(&self) -> bool {
+        match self {
+            Self::Exact | Self::Aside { .. } => true,
+            Self::Level { grey, .. } => *grey <= GREY_ALLOWED,
+            Self::Displacement { .. } | Self::None { .. } => false,
+        }
+    }
+}
+
+impl fmt::Display for Bound {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Exact => f.write_str("exact"),
+            Self::Level { db, grey } if *grey >= 255.0 => write!(f, "{db:.0} dB, all grey levels"),
+            Self::Level { db, grey } => write!(f, "{db:.3} dB, {grey:.2} grey levels"),
+            Self::Aside { mm } => write!(f, "each sample read within {mm:.3} mm of its place"),
+            Self::Displacement { mm } => write!(f, "{mm:.2} mm"),
+            Self::None { lacks } => write!(f, "none: {lacks}"),
+        }
+    }
+}

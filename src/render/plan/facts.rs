@@ -1,0 +1,61 @@
+//! What of a scene decides which effects it calls for.
+
+use crate::anatomy::{Scene, Tissue};
+
+/// A medium that a path may be in.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Medium {
+    pub(super) name: String,
+    pub(super) tissue: Tissue,
+}
+
+impl Medium {
+    /// Speed and impedance as the device has them: media that agree in both meet without an echo and without a bend.
+    pub(super) fn acoustic(&self) -> (f32, f32) {
+        (self.tissue.speed_m_s as f32, self.tissue.impedance_mrayl() as f32)
+    }
+
+    pub(super) fn scatters(&self) -> bool {
+        self.tissue.scatterer_density > 0.0
+            && (self.tissue.scatterer_mean != 0.0 || self.tissue.scatterer_deviation > 0.0)
+    }
+}
+
+/// What of a scene decides which effects it calls for. Any two of its media are taken to meet: surfaces overlap, move, and
+/// may be open, so that nothing short of the paths themselves shows which do.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SceneFacts {
+    /// Tissues of the surfaces that have triangles, and the background.
+    pub(super) media: Vec<Medium>,
+    /// Surfaces that move.
+    pub(super) moving: Vec<String>,
+    /// Whether the whole scene drifts.
+    pub(super) drifts: bool,
+}
+
+impl SceneFacts {
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let there = || scene.surfaces.iter().filter(|s| !s.mesh.triangles.is_empty());
+        let mut indices: Vec<usize> = there().map(|s| s.tissue).chain([scene.background]).collect();
+        indices.sort_unstable();
+        indices.dedup();
+        let (names, tissues) = (scene.tissues.names(), scene.tissues.tissues());
+        let medium = |i: usize| Some(Medium { name: names.get(i)?.clone(), tissue: tissues.get(i)?.clone() });
+        Self {
+            media: indices.into_iter().filter_map(medium).collect(),
+            moving: there().map(|s| &s.name).filter(|name| scene.motion.moves(name)).cloned().collect(),
+            drifts: scene.motion.drift.is_some(),
+        }
+    }
+
+    /// Every two media.
+    pub(super) fn pairs(&self) -> impl Iterator<Item = (&Medium, &Medium)> {
+        self.media.iter().enumerate().flat_map(|(i, a)| self.media[i + 1..].iter().map(move |b| (a, b)))
+    }
+
+    /// The slowest and the fastest medium; none without media.
+    pub(super) fn speeds(&self) -> Option<(&Medium, &Medium)> {
+        let by = |a: &&Medium, b: &&Medium| a.tissue.speed_m_s.total_cmp(&b.tissue.speed_m_s);
+        Some((self.media.iter().min_by(by)?, self.media.iter().max_by(by)?))
+    }
+}

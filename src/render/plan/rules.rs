@@ -1,0 +1,386 @@
+//! When a scene calls for an effect, and how far a frame without it is off. Every rule holds for any pose of the probe.
+
+use super::bound::Bound;
+use super::effect::{Choice, Effect, EffectSet};
+use super::facts::{Medium, SceneFacts};
+use crate::acoustics::ASSUMED_SPEED_M_S;
+use crate::acoustics::attenuation::attenuation_db_mm;
+use crate::acoustics::decibel::db_from_amplitude;
+use crate::render::RenderSettings;
+use crate::render::settings::REFLECTIONS_MAX;
+use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
+use crate::transducer::Probe;
+
+/// Most that an interface returns over its pressure reflection, its lobe and its diffuse floor together.
+const RETURNING_MAX: f64 = 1.01;
+
+/// What a rule found: why, and how far a frame without the effect is off.
+pub(super) struct Finding {
+    pub(super) reason: String,
+    pub(super) bound: Bound,
+}
+
+fn finding(reason: impl Into<String>, bound: Bound) -> Finding {
+    Finding { reason: reason.into(), bound }
+}
+
+/// What the rules decide by.
+pub(super) struct Rules<'a> {
+    pub(super) facts: &'a SceneFacts,
+    pub(super) probe: &'a Probe,
+    pub(super) settings: &'a RenderSettings,
+    /// Effects decided on so far.
+    pub(super) on: EffectSet,
+}
+
+impl Rules<'_> {
+    /// The rule of `effect`; those before it in [`Effect::ALL`] are decided.
+    pub(super) fn of(&self, effect: Effect) -> Finding {
+        match effect {
+            Effect::Refraction => self.refraction(),
+            Effect::SpeedDisplacement => self.speed_displacement(),
+            Effect::InterfaceEchoes => self.interface_echoes(),
+            Effect::Roughness => self.roughness(),
+            Effect::Thickness => self.thickness(),
+            Effect::Reflections => self.reflections(),
+            Effect::Rays => self.rays(),
+            Effect::Layers => self.layers(),
+            Effect::Attenuation => self.attenuation(),
+            Effect::FrequencyExponent => self.frequency_exponent(),
+            Effect::Scatterers => self.scatterers(),
+            Effect::Motion => self.motion(),
+            Effect::Maps => self.maps(),
+        }
+    }
+
+    /// The slowest and the fastest medium where they differ. The smallest difference counts: at its grazing incidence it
+    /// turns a ray back.
+    fn two_speeds(&self) -> Option<(&Medium, &Medium)> {
+        self.facts.speeds().filter(|(slow, fast)| slow.acoustic().0 != fast.acoustic().0)
+    }
+
+    /// Pairs of media that echo, bend or reflect where they meet.
+    fn acting(&self) -> impl Iterator<Item = (&Medium, &Medium)> {
+        self.facts.pairs().filter(|(a, b)| a.acoustic() != b.acoustic())
+    }
+
+    fn silent(&self) -> String {
+        match &self.facts.media[..] {
+            [only] => format!("{} is the only medium", only.name),
+            _ => "all media have one impedance and one speed".to_owned(),
+        }
+    }
+
+    fn refraction(&self) -> Finding {
+        let Some((slow, fast)) = self.two_speeds() else {
+            let reason = match &self.facts.media[..] {
+                [only] => format!("{} is the only medium", only.name),
+                [some, ..] => format!("every medium has {} m/s", some.tissue.speed_m_s),
+                [] => "no medium".to_owned(),
+            };
+            return finding(reason, Bound::Exact);
+        };
+        let critical_deg = (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees();
+        let reason = format!("{} and {}: nothing passes beyond {critical_deg:.1}°", speed(slow), speed(fast));
+        finding(reason, Bound::none("bent paths, edge shadows and total reflection"))
+    }
+
+    fn speed_displacement(&self) -> Finding {
+        let off = |m: &&Medium| (1.0 - ASSUMED_SPEED_M_S / m.tissue.speed_m_s).abs();
+        let Some(most) = self.facts.media.iter().max_by(|a, b| off(a).total_cmp(&off(b))) else {
+            return finding("no medium", Bound::Exact);
+        };
+        if self.facts.media.iter().all(|m| m.tissue.speed_m_s as f32 == ASSUMED_SPEED_M_S as f32) {
+            return finding(format!("every medium has {ASSUMED_SPEED_M_S} m/s"), Bound::Exact);
+        }
+        let mm = off(&most) * self.probe.depth_mm;
+        finding(format!("{}, the image's scale is of 1540 m/s", speed(most)), Bound::Displacement { mm })
+    }
+
+    /// Most that an interface reflects of the pressure, at any angle, and which.
+    fn strongest(&self) -> Option<(f64, &Medium, &Medium)> {
+        let reflection = |(a, b): (_, _)| (pressure_reflection(a, b), a, b);
+        self.acting().map(reflection).max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    fn interface_echoes(&self) -> Finding {
+        let Some((r, a, b)) = self.strongest() else {
+            return finding(self.silent(), Bound::Exact);
+        };
+        // Every echo of every path in one pulse, all in phase.
+        let paths = f64::from(self.settings.quality.rays * self.settings.quality.layers).sqrt();
+        let amplitude = r * RETURNING_MAX * f64::from(SEGMENTS) * paths;
+        let (gain_db, range_db) = (self.best_gain_db(), self.settings.image.dynamic_range_db);
+        let above_black_db = db_from_amplitude(amplitude) + gain_db + range_db;
+        // What is so far below black adds to what is seen by at the most this.
+        let bound = Bound::level(db_from_amplitude(1.0 + 10f64.powf(above_black_db / 20.0)), range_db);
+        if bound.negligible() {
+            let reason = format!(
+                "{} to {} reflects {:.1} dB at the most, {:.0} dB below black with all gain",
+                a.name,
+                b.name,
+                db_from_amplitude(r),
+                -above_black_db
+            );
+            return finding(reason, bound);
+        }
+        let lacks = Bound::none("bright faces of organs and bones");
+        if self.two_speeds().is_none() {
+            return finding(format!("{} to {} reflects {:.1} dB", a.name, b.name, db_from_amplitude(r)), lacks);
+        }
+        // The most telling: that at normal incidence.
+        let normal = |(a, b): (_, _)| (at_normal_incidence(a, b), a, b);
+        let Some((r, a, b)) = self.acting().map(normal).max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return finding("speeds differ", lacks);
+        };
+        let level = if r > 0.0 { format!("{:.1} dB", db_from_amplitude(r)) } else { "nothing".to_owned() };
+        let reason =
+            format!("{} to {} reflects {level} at normal incidence, all of it at the critical angle", a.name, b.name);
+        finding(reason, lacks)
+    }
+
+    /// Gain that the best case meets, dB: where gain, TGC and sliders together exceed the least attenuation the most.
+    fn best_gain_db(&self) -> f64 {
+        let image = &self.settings.image;
+        let least = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(f64::INFINITY, f64::min);
+        let loss_db_mm = if least.is_finite() { least } else { 0.0 };
+        // Straight lines between the sliders: the most is at one of them.
+        let at = |(i, slider_db): (usize, &f64)| {
+            let depth_mm = self.probe.depth_mm * i as f64 / 7.0;
+            image.gain_db + slider_db + (image.tgc_db_per_cm / 10.0 - loss_db_mm) * depth_mm
+        };
+        image.tgc_sliders_db.iter().enumerate().map(at).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Loss to and fro a mm of range, dB.
+    fn loss_db_mm(&self, medium: &Medium) -> f64 {
+        let t = &medium.tissue;
+        let one_way = attenuation_db_mm(t.attenuation_db_cm_mhz, t.attenuation_exponent, self.probe.frequency_mhz);
+        2.0 * one_way * t.speed_m_s / ASSUMED_SPEED_M_S
+    }
+
+    fn roughness(&self) -> Finding {
+        if !self.on.has(Effect::InterfaceEchoes) && self.reflections().bound.negligible() {
+            return finding("no interface echoes or reflects", Bound::Exact);
+        }
+        let rough = |&(a, b): &(&Medium, &Medium)| a.tissue.roughness.max(b.tissue.roughness);
+        match self.acting().max_by(|a, b| rough(a).total_cmp(&rough(b))) {
+            Some(pair) if rough(&pair) as f32 > 0.0 => {
+                let slope = rough(&pair);
+                let rougher = if pair.0.tissue.roughness < slope { pair.1 } else { pair.0 };
+                let reason = format!("faces of {} have slopes of {slope}", rougher.name);
+                finding(reason, Bound::none("echoes of tilted faces; smooth ones shine too much"))
+            }
+            _ => finding("every interface is a mirror", Bound::Exact),
+        }
+    }
+
+    fn thickness(&self) -> Finding {
+        if !self.on.has(Effect::InterfaceEchoes) {
+            return finding("no interface echoes", Bound::Exact);
+        }
+        let thick = |&(a, b): &(&Medium, &Medium)| a.tissue.thickness_mm.max(b.tissue.thickness_mm);
+        match self.acting().max_by(|a, b| thick(a).total_cmp(&thick(b))) {
+            Some(pair) if thick(&pair) as f32 > 0.0 => {
+                let mm = thick(&pair);
+                let thicker = if pair.0.tissue.thickness_mm < mm { pair.1 } else { pair.0 };
+                let reason = format!("faces of {} are {mm} mm thick", thicker.name);
+                // Half of it to either side of the face, in a medium that is slower than the image's scale at the most so.
+                let slowest = self.facts.speeds().map_or(1.0, |(slow, _)| slow.tissue.speed_m_s / ASSUMED_SPEED_M_S);
+                finding(reason, Bound::Displacement { mm: 0.5 * mm / slowest.min(1.0) })
+            }
+            _ => finding("every interface is thin", Bound::Exact),
+        }
+    }
+
+    fn reflections(&self) -> Finding {
+        if let Some((slow, fast)) = self.two_speeds() {
+            let critical_deg = (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees();
+            let reason = format!(
+                "{} turns all back from {} beyond {critical_deg:.1}°; up to {REFLECTIONS_MAX} a path",
+                fast.name, slow.name
+            );
+            return finding(reason, Bound::none("mirror images and reverberation"));
+        }
+        // One speed: R is the same at every angle. The lobe is the widest at the face.
+        let aperture = (0.25 * self.probe.aperture_mm).clamp(0.06, 0.5).powi(2);
+        let returned = |(a, b): (_, _)| {
+            let rough: f64 = a_roughness(a, b);
+            (pressure_reflection(a, b).powi(2) * aperture / (aperture + rough * rough), a, b)
+        };
+        match self.acting().map(returned).max_by(|a, b| a.0.total_cmp(&b.0)) {
+            None => finding(self.silent(), Bound::Exact),
+            // Rounding must not decide: a hundredth less is followed, too.
+            Some((most, a, b)) if most >= 0.99 * REFLECTION_FOLLOWED => {
+                let percent = 100.0 * most;
+                let (a, b) = (&a.name, &b.name);
+                let reason = format!("{a} to {b} returns {percent:.0} % of the energy; up to {REFLECTIONS_MAX} a path");
+                finding(reason, Bound::none("mirror images and reverberation"))
+            }
+            Some((most, a, b)) => {
+                let (a, b, percent, limit) = (&a.name, &b.name, 100.0 * most, 100.0 * REFLECTION_FOLLOWED);
+                let reason =
+                    format!("{a} to {b} returns {percent:.2} % of the energy at the most; {limit:.0} % are followed");
+                finding(reason, Bound::Exact)
+            }
+        }
+    }
+
+    fn rays(&self) -> Finding {
+        let asked = self.settings.quality.rays;
+        if asked == 1 {
+            return finding("the settings ask for one", Bound::Exact);
+        }
+        if self.settings.paths_per_sample > 1 {
+            let reason = format!("each sample is read from {} paths", self.settings.paths_per_sample);
+            return finding(reason, Bound::none("the paths asked for"));
+        }
+        if self.on.has(Effect::InterfaceEchoes) || !self.reflections().bound.negligible() {
+            let (rough, thick) = (self.on.has(Effect::Roughness), self.on.has(Effect::Thickness));
+            let what = match (rough, thick) {
+                (true, true) => "are rough and thick",
+                (true, false) => "are rough",
+                (false, true) => "are thick",
+                (false, false) => "echo over the width of a scanline",
+            };
+            return finding(
+                format!("{asked} asked for, and interfaces {what}"),
+                Bound::none("smooth interfaces' echoes"),
+            );
+        }
+        // No chance is left: rays differ in where they cross edges, half a share to either side. Scatterers are read on the
+        // scanline's axis by range, so that a speed other than 1540 m/s leaves a part of that distance.
+        let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm);
+        let stretch = self.facts.media.first().map_or(0.0, |m| (m.tissue.speed_m_s / ASSUMED_SPEED_M_S - 1.0).abs());
+        let of_share = if self.one_medium() { stretch.min(1.0) } else { 1.0 };
+        let bound = match of_share * half_share_mm {
+            mm if mm > 0.0 && self.facts.media.iter().any(Medium::scatters) => Bound::Aside { mm },
+            mm if mm > 0.0 && !self.one_medium() => Bound::Aside { mm },
+            _ => Bound::Exact,
+        };
+        finding("no interface echoes, bends or reflects: one path a scanline", bound)
+    }
+
+    /// Whether all media are one in all that a path meets.
+    fn one_medium(&self) -> bool {
+        let like = |m: &Medium| {
+            let t = &m.tissue;
+            let statistics = [t.scatterer_density, t.scatterer_mean, t.scatterer_deviation];
+            (m.acoustic(), self.loss_db_mm(m) as f32, statistics.map(|v| v as f32))
+        };
+        self.facts.media.windows(2).all(|pair| like(&pair[0]) == like(&pair[1]))
+    }
+
+    fn layers(&self) -> Finding {
+        let asked = self.settings.quality.layers;
+        if asked == 1 {
+            return finding("the settings ask for one", Bound::Exact);
+        }
+        let sigma_mm = |depth: f64| self.probe.elevational_sigma_mm(depth);
+        let widest = sigma_mm(0.0).max(sigma_mm(self.probe.depth_mm));
+        if self.one_medium() && !self.facts.media.iter().any(Medium::scatters) {
+            return finding(format!("{} and nothing scatters", self.silent()), Bound::Exact);
+        }
+        let what = if self.one_medium() { "speckle differs across it" } else { "media differ across it" };
+        let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and {what}", 4.0 * widest);
+        finding(reason, Bound::none("blur across the slice"))
+    }
+
+    /// Most loss over the depth, dB, by the attenuation that `of` gives a medium.
+    fn most(&self, of: impl Fn(&Medium) -> f64) -> Option<(f64, &Medium)> {
+        let over_depth = |m| (of(m) * self.probe.depth_mm, m);
+        self.facts.media.iter().map(over_depth).max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    fn attenuation(&self) -> Finding {
+        let depth_mm = self.probe.depth_mm;
+        let Some((db, medium)) = self.most(|m| self.loss_db_mm(m)) else {
+            return finding("no medium", Bound::Exact);
+        };
+        let reason = format!("{} takes {db:.3} dB over {depth_mm} mm to and fro", medium.name);
+        let bound = Bound::level(db, self.settings.image.dynamic_range_db);
+        if db == 0.0 { finding("no medium attenuates", Bound::Exact) } else { finding(reason, bound) }
+    }
+
+    fn frequency_exponent(&self) -> Finding {
+        if !self.on.has(Effect::Attenuation) {
+            return finding("nothing attenuates", Bound::Exact);
+        }
+        let frequency_mhz = self.probe.frequency_mhz;
+        // How far a loss proportional to the frequency is off.
+        let off = |m: &Medium| {
+            let linear = frequency_mhz.powf(1.0 - m.tissue.attenuation_exponent);
+            self.loss_db_mm(m) * (1.0 - linear).abs()
+        };
+        let Some((db, medium)) = self.most(off).filter(|(db, _)| *db > 0.0) else {
+            return finding("every medium attenuates in proportion to the frequency", Bound::Exact);
+        };
+        let y = medium.tissue.attenuation_exponent;
+        let reason = format!("{} goes by f^{y} at {frequency_mhz} MHz", medium.name);
+        finding(reason, Bound::level(db, self.settings.image.dynamic_range_db))
+    }
+
+    fn scatterers(&self) -> Finding {
+        let (loud, still): (Vec<_>, Vec<_>) = self.facts.media.iter().partition(|m| m.scatters());
+        let Some(first) = loud.first() else {
+            return finding("no medium scatters", Bound::Exact);
+        };
+        let names = |media: &[&Medium]| media.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ");
+        let reason = match (&loud[..], &still[..]) {
+            ([_], []) => format!("{} scatters", first.name),
+            (_, []) => format!("all {} media scatter", loud.len()),
+            _ => format!("{} of {} media scatter; none: {}", loud.len(), self.facts.media.len(), names(&still)),
+        };
+        finding(reason, Bound::none("speckle"))
+    }
+
+    fn motion(&self) -> Finding {
+        let (moving, drifts) = (&self.facts.moving, self.facts.drifts);
+        let reason = match (&moving[..], drifts) {
+            ([], false) => return finding("nothing moves", Bound::Exact),
+            ([], true) => "the whole scene drifts".to_owned(),
+            ([only], _) => format!("{only} moves"),
+            ([first, ..], _) => format!("{first} and {} more move", moving.len() - 1),
+        };
+        finding(reason, Bound::none("everything that moves"))
+    }
+
+    fn maps(&self) -> Finding {
+        if self.settings.maps {
+            finding("frames carry segmentation and attenuation", Bound::none("segmentation and attenuation"))
+        } else {
+            finding("no sink and no generator reads them", Bound::Exact)
+        }
+    }
+}
+
+/// What a choice makes of what was found.
+pub(super) fn decided(choice: Choice, called_for: bool) -> bool {
+    match choice {
+        Choice::Auto => called_for,
+        Choice::On => true,
+        Choice::Off => false,
+    }
+}
+
+/// Most of the pressure that the interface of two media reflects at any angle: all of it at the grazing angle, unless they
+/// have one speed.
+fn pressure_reflection(a: &Medium, b: &Medium) -> f64 {
+    let one_speed = a.acoustic().0 == b.acoustic().0;
+    if one_speed { at_normal_incidence(a, b) } else { 1.0 }
+}
+
+/// Part of the pressure that the interface of two media reflects at normal incidence.
+fn at_normal_incidence(a: &Medium, b: &Medium) -> f64 {
+    let (z1, z2) = (a.tissue.impedance_mrayl(), b.tissue.impedance_mrayl());
+    ((z2 - z1) / (z2 + z1)).abs()
+}
+
+/// An interface is as rough as the rougher of its sides.
+fn a_roughness(a: &Medium, b: &Medium) -> f64 {
+    a.tissue.roughness.max(b.tissue.roughness)
+}
+
+fn speed(medium: &Medium) -> String {
+    format!("{} has {} m/s", medium.name, medium.tissue.speed_m_s)
+}

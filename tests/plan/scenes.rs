@@ -1,0 +1,114 @@
+//! The plan of every scene of `configs/`.
+
+use glam::Vec3;
+use insonify::anatomy::TissueTable;
+use insonify::anatomy::analytic::{self, Part, cuboid};
+use insonify::anatomy::phantom::{Parameters, movement, organs};
+use insonify::pose::Pose;
+use insonify::render::plan::{Bound, Choice, Effect, GREY_ALLOWED};
+
+use crate::bench::{Case, station};
+
+/// What any scene of interfaces between tissues calls for.
+const TISSUES: [&str; 7] =
+    ["refraction", "speed_displacement", "interface_echoes", "roughness", "thickness", "reflections", "attenuation"];
+
+/// The effects of tissues and of `more`, in their order.
+fn tissues_and(more: &[&'static str]) -> Vec<&'static str> {
+    Effect::NAMES.into_iter().filter(|name| TISSUES.contains(name) || more.contains(name)).collect()
+}
+
+/// The obstetric station, its phantom's organs as boxes: a plan reads their tissues and what moves.
+fn obstetric() -> Case {
+    let station = station("obstetric");
+    let parameters = Parameters::default();
+    let boxed = |organ: insonify::anatomy::phantom::Organ| Part {
+        name: organ.name,
+        tissue: organ.tissue,
+        priority: organ.priority,
+        mesh: cuboid(Vec3::ZERO, Vec3::ONE),
+    };
+    let parts = organs(&parameters).into_iter().map(boxed).collect();
+    let mut scene = analytic::scene(parts, &TissueTable::builtin().unwrap(), &station.background).unwrap();
+    scene.motion = movement(&parameters);
+    Case { scene, probe: station.probe, settings: station.settings, pose: Pose::IDENTITY }
+}
+
+#[test]
+fn each_scene_calls_for_what_it_should() {
+    let usual = ["scatterers", "maps"];
+    let and = |more: &[&'static str]| tissues_and(&[&usual[..], more].concat());
+    let table = [
+        // Hearts beat, the mother breathes; low quality asks for one ray and one layer.
+        ("obstetric", and(&["frequency_exponent", "motion"])),
+        ("slabs", and(&["frequency_exponent"])),
+        ("speckle_block", and(&["frequency_exponent"])),
+        ("sphere", and(&["frequency_exponent"])),
+        // Here and below all attenuates in proportion to the frequency.
+        ("bone_plate", and(&[])),
+        // Wires of nylon: 2600 m/s among 1540.
+        ("qa_phantom", and(&["rays"])),
+        ("lung_air", and(&["rays"])),
+        ("vessel_needle", and(&["rays", "layers", "frequency_exponent"])),
+        ("gallbladder_stones", and(&["rays", "layers"])),
+        // Liver alone: 1575 m/s displaces; nothing bends, echoes or reflects; speckle differs across the slice.
+        ("speckle", vec!["speed_displacement", "layers", "attenuation", "scatterers", "maps"]),
+    ];
+    for (name, expected) in &table {
+        let case = if *name == "obstetric" { obstetric() } else { Case::station(name) };
+        assert_eq!(case.on(), *expected, "{name}:\n{}", case.plan());
+    }
+    let sets = |names: [&str; 4]| names.map(|name| &table.iter().find(|(n, _)| *n == name).unwrap().1);
+    let four = sets(["obstetric", "speckle", "slabs", "vessel_needle"]);
+    for (i, one) in four.iter().enumerate() {
+        assert!(four[..i].iter().all(|other| other != one), "{one:?} twice");
+    }
+}
+
+#[test]
+fn every_decision_says_why_and_how_far() {
+    for case in [obstetric(), Case::station("speckle"), Case::station("vessel_needle")] {
+        let plan = case.plan();
+        assert_eq!(plan.decisions().len(), Effect::COUNT);
+        for decision in plan.decisions() {
+            assert!(decision.reason.len() > 8, "{decision:?}");
+            assert_eq!(decision.on, decision.called_for, "{decision:?}");
+            match &decision.bound {
+                Bound::Level { grey, .. } => assert_eq!(decision.on, *grey > GREY_ALLOWED, "{decision:?}"),
+                Bound::Displacement { .. } | Bound::None { .. } => assert!(decision.on, "{decision:?}"),
+                Bound::Exact | Bound::Aside { .. } => {
+                    assert!(!decision.on, "{decision:?}")
+                }
+            }
+        }
+        assert_eq!(plan.warnings().count(), 0);
+    }
+}
+
+#[test]
+fn what_is_forced_is_done_and_told() {
+    let case = Case::station("slabs").with(Effect::Refraction, Choice::Off).with(Effect::Motion, Choice::On);
+    let plan = case.plan();
+    assert!(!plan.has(Effect::Refraction) && plan.has(Effect::Motion));
+    let warnings: Vec<_> = plan.warnings().collect();
+    assert_eq!(warnings.len(), 1);
+    for words in ["refraction is off", "fat has 1450 m/s", "muscle has 1580 m/s", "total reflection"] {
+        assert!(warnings[0].contains(words), "{}", warnings[0]);
+    }
+    // What the scene doesn't call for may be off without a word.
+    let case = Case::station("speckle").with(Effect::Refraction, Choice::Off);
+    assert_eq!(case.plan().warnings().count(), 0);
+}
+
+#[test]
+fn maps_are_made_for_who_reads_them() {
+    let mut case = Case::station("slabs");
+    assert!(case.plan().has(Effect::Maps));
+    case.settings.maps = false;
+    assert!(!case.plan().has(Effect::Maps));
+    let frame = case.frame(&case.settings);
+    assert!(frame.segmentation.is_empty() && frame.attenuation.is_empty());
+    let case = case.with(Effect::Maps, Choice::On);
+    let frame = case.frame(&case.settings);
+    assert_eq!(frame.segmentation.len(), frame.bmode.len());
+}
