@@ -212,7 +212,7 @@ fn main() -> ExitCode {
         state.chunks += 1;
         let text = serde_json::to_string(&state).expect("numbers");
         std::fs::write(&args.state, text).expect("a state file that can be written");
-        if state.chunks % 16 == 0 {
+        if state.chunks.is_multiple_of(16) {
             let rate = (state.rays - before) as f64 / started.elapsed().as_secs_f64();
             println!("{} frames' worth of rays, {:.0} rays/s", state.rays / FRAME_RAYS, rate);
         }

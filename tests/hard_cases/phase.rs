@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use super::house::{Random, row};
 
 /// `phasor` of `shaders/shared/phasor.wgsl`.
+#[allow(clippy::approx_constant, reason = "the shader's own digits")]
 fn shipped(turns: f32) -> [f32; 2] {
     let within = turns - turns.round_ties_even();
     let halves = (2.0 * within).round_ties_even();
