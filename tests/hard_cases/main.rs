@@ -11,6 +11,7 @@ mod far;
 mod house;
 mod incidence;
 mod media;
+mod metrics;
 mod phase;
 mod poses;
 mod properties;
