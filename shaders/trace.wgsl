@@ -279,7 +279,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             if REFRACTION {
                 let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
-                if dot(bent, normal) < 0.0 {
+                if split.cos_transmitted > 0.0 && dot(bent, normal) < 0.0 {
                     direction = normalize(bent);
                 }
             }

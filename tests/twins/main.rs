@@ -39,7 +39,10 @@ fn without_some_effects_every_pass_is_its_twin() {
         }
         let snapshot = case.renderer(&ShaderSet::default()).snapshot(&case.pose).unwrap();
         println!("--- without {group:?}");
-        wrong.extend(PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (group, e)));
+        // Where nothing echoes there is no echo to compare.
+        let compared = |pass: &&&str| **pass != "echo" || !group.contains(&Effect::InterfaceEchoes);
+        let wrong_here = PASSES.iter().filter(compared).filter_map(|pass| compare(pass, &snapshot).err());
+        wrong.extend(wrong_here.map(|e| (group, e)));
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

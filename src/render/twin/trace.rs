@@ -311,7 +311,7 @@ impl<'a> Tracer<'a> {
     /// Goes on by Snell's law; `speed_ratio` is c₂/c₁.
     fn refract(&mut self, normal: DVec3, cos_incident: f64, cos_transmitted: f64, speed_ratio: f64) {
         let bent = speed_ratio * self.ray.direction + (speed_ratio * cos_incident - cos_transmitted) * normal;
-        if bent.dot(normal) < 0.0 {
+        if cos_transmitted > 0.0 && bent.dot(normal) < 0.0 {
             self.ray.direction = bent.normalize();
         }
     }
