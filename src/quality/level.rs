@@ -8,10 +8,10 @@ const PATCH: usize = 32;
 /// Mean magnitude and root mean square of the difference of mean grey levels over patches of 32 × 32.
 ///
 /// Two frames with the same tissues and other speckle differ much pixel by pixel, and little here. Patches and mask are
-/// those of [`pkl`](super::pkl()).
+/// those of [`pkl`](fn@super::pkl).
 ///
 /// # Errors
-/// As [`pkl`](super::pkl()).
+/// As [`pkl`](fn@super::pkl).
 pub fn level_difference(pair: &Pair<'_>) -> Result<[f64; 2], QualityError> {
     let (width, height) = (pair.width, pair.height);
     if width < PATCH || height < PATCH {

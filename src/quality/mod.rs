@@ -9,8 +9,8 @@
 //! | metric | better | masked |
 //! |---|---|---|
 //! | [`psnr_db`] | higher | mean square over the pixels inside |
-//! | [`ssim`] | higher | windows see the whole images; the map is averaged over the pixels inside |
-//! | [`pkl`] | lower | patches with at least half of their pixels inside, by these pixels alone |
+//! | [`ssim`](fn@ssim) | higher | windows see the whole images; the map is averaged over the pixels inside |
+//! | [`pkl`](fn@pkl) | lower | patches with at least half of their pixels inside, by these pixels alone |
 //! | [`level_difference`] | lower | as pKL |
 //! | [`frechet_distance`] | lower | never: extractors take rectangles |
 //! | [`speckle`](mod@speckle) | nearer to the reference's | by the segmentation, which is 0 outside |

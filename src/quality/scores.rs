@@ -20,7 +20,7 @@ impl Scores {
     /// Of a pair.
     ///
     /// # Errors
-    /// As [`pkl`].
+    /// As [`pkl`](fn@super::pkl).
     pub fn of(pair: &Pair<'_>) -> Result<Self, QualityError> {
         Ok(Self { pkl: pkl(pair)?, psnr_db: psnr_db(pair), ssim: ssim(pair) })
     }

@@ -18,6 +18,9 @@ pub struct Planned {
     pub knobs: Knobs,
 }
 
+/// Name of a knob, its values, where it is.
+type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
+
 /// A small grid of rays × layers, then every other knob alone about 8 × 3, from those of the station; with `quick` fewer
 /// of each. The station's own values of samples, scanlines and taps are the greatest that are tried.
 pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
@@ -40,7 +43,7 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
     let middle = base.with(MIDDLE.0, MIDDLE.1);
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
     let part = |whole: u32, of: &[u32]| of.iter().map(|n| (whole * n / 8).max(1)).collect::<Vec<_>>();
-    let sweeps: [(&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32); 6] = [
+    let sweeps: [Sweep; 6] = [
         ("paths_per_sample", vec![1, 2, 4, 8], |k| &mut k.paths_per_sample),
         ("reflections_max", vec![0, 1, 2, 4], |k| &mut k.reflections_max),
         ("scanlines", part(base.scanlines, &[2, 4, 6]), |k| &mut k.scanlines),

@@ -99,7 +99,7 @@ impl Bench {
         let range_db = self.settings.image.dynamic_range_db;
         let truth = Truth::of(self.render(pose)?, range_db)?;
         let started = Instant::now();
-        self.compare(&truth.bmode.clone(), &truth)?;
+        self.compare(&truth.bmode, &truth)?;
         Ok(started.elapsed().as_secs_f64())
     }
 

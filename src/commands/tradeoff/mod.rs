@@ -99,7 +99,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let count = args.poses.map_or_else(|| ((TIME_S / estimate.pose_s) as usize).clamp(1, most), usize::from);
     let poses = all.spread(count);
     let device = format!("{} ({})", gpu.adapter_name(), gpu.driver());
-    eprintln!("{} {} on {device}: about {}", poses.len(), all.what, minutes(estimate.pose_s * poses.len() as f64));
+    eprintln!(
+        "{}, {}, on {device}: about {}",
+        counted(poses.len()),
+        all.what,
+        minutes(estimate.pose_s * poses.len() as f64)
+    );
 
     create_dir(&args.out)?;
     let store =
@@ -148,7 +153,7 @@ fn write(out: &Path, report: &Report) -> Result<(), Failure> {
         Ok(write_with(&path, |file| std::io::Write::write_all(file, text.as_bytes()).map_err(failed))?)
     };
     let Report { station, device, threads, poses, points, .. } = report;
-    let title = format!("{}, {poses} poses, on {device}, {threads} threads", station.display());
+    let title = format!("{}, {}, on {device}, {threads} threads", station.display(), counted(*poses));
     text("tradeoff.csv", tradeoff::csv(points))?;
     text("tradeoff.md", format!("{title}. {}\n\n{}", report.reference, tradeoff::markdown(points)))?;
     write_json(&out.join("tradeoff.json"), report)?;
@@ -203,6 +208,10 @@ fn say(point: &Point, done: usize, total: usize, clock: &Eta) {
         "[{done}/{total}] {}: {:.1} ms, PSNR {:.2} dB{left}",
         point.name, point.time.median_ms, point.error.psnr_db
     );
+}
+
+fn counted(poses: usize) -> String {
+    if poses == 1 { "1 pose".to_owned() } else { format!("{poses} poses") }
 }
 
 fn minutes(seconds: f64) -> String {

@@ -13,7 +13,7 @@ use super::Failure;
 /// Where poses come from.
 pub(super) struct Poses {
     all: Vec<Pose>,
-    /// Their name, in the plural.
+    /// What they are.
     pub(super) what: &'static str,
 }
 
@@ -27,13 +27,13 @@ pub(super) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses
         let calibration = station.pose_settings()?.calibration;
         let (timed, _) = recording::poses(path)?;
         let all = timed.iter().map(|t| calibration.scene_from_probe(t.pose)).collect();
-        return Ok(Poses { all, what: "poses of the recording" });
+        return Ok(Poses { all, what: "spread over the recording" });
     }
     let pose = station.default_pose.ok_or_else(|| {
         let station = station.path.display();
         Failure::Input(anyhow!("no pose: give --recording, or a [pose] or recorded tracker in {station}"))
     })?;
-    Ok(Poses { all: vec![pose], what: "turns of the station's pose" })
+    Ok(Poses { all: vec![pose], what: "the station's own, turned about the beam" })
 }
 
 impl Poses {

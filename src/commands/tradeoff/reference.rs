@@ -18,7 +18,7 @@ use super::store::Store;
 const RAYS_BOUND: f64 = 2.0;
 /// Mean change of a patch's level by doubled layers below which it is, grey levels. Each layer reads other scatterers, so
 /// that pixels never stop to change: other layers are other speckle.
-const LAYERS_BOUND: f64 = 1.5;
+const LAYERS_BOUND: f64 = 2.0;
 /// Seeds, unlike those of points, so that no point shares its paths with what it is measured against.
 const SEED: u32 = 0x5eed_0000;
 /// Rays that the reference begins with.
