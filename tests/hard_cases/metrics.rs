@@ -15,7 +15,7 @@ fn images() -> Vec<(&'static str, Vec<u8>)> {
         ("white", of(&|_| 255)),
         ("constant", of(&|_| 100)),
         ("one white pixel", of(&|i| if i == 777 { 255 } else { 0 })),
-        ("checks", of(&|i| if (i + i / SIDE) % 2 == 0 { 0 } else { 255 })),
+        ("checks", of(&|i| if (i + i / SIDE).is_multiple_of(2) { 0 } else { 255 })),
         ("ramp", of(&|i| (4 * (i % SIDE)) as u8)),
     ]
 }

@@ -127,7 +127,7 @@ pub fn examine(
     let by_size = [Defect::Sliver, Defect::ThinSheet, Defect::BadCoordinates, Defect::StartsFar];
     findings.extend(of_surfaces);
     findings
-        .retain(|f| !(wrong_unit && by_size.contains(&f.defect) && !f.what.contains("NaN") && !f.what.contains("inf")));
+        .retain(|f| !wrong_unit || !by_size.contains(&f.defect) || f.what.contains("NaN") || f.what.contains("inf"));
     findings.dedup();
     findings.sort_by_key(|f| f.severity);
     let bounds_mm = bounds.map(|(low, high)| [low.to_array(), high.to_array()]);
