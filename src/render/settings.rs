@@ -87,7 +87,8 @@ pub struct RenderSettings {
     pub image: ImageSettings,
     /// Paths.
     pub quality: Quality,
-    /// Paths that each sample of a layer is read from, at most `quality.rays`: a low-discrepancy subset.
+    /// Paths that each sample of a layer is read from, at most `quality.rays`: a low-discrepancy subset. Paths that nothing
+    /// bends read the same scatterers and add in amplitude: above 1 their level is up to √n too high. No station has it.
     pub paths_per_sample: u32,
     /// Reflections that a path is followed through, 0..=6: with 0 none ever forms a mirror image or reverberates.
     pub reflections_max: u32,

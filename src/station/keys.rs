@@ -143,7 +143,6 @@ pub const KEYS: &[KeyDoc] = &[
 
     doc("quality", "rays", "", "1", integer(1, 256), "rays per scanline and layer"),
     doc("quality", "layers", "", "1", integer(1, 33), "elevational layers"),
-    doc("quality", "paths_per_sample", "", "1", integer(1, 256), "paths that each sample of a layer is read from, no more than the rays"),
     doc("quality", "reflections_max", "", "6", integer(0, REFLECTIONS_MAX as i64), "reflections that a path is followed through"),
     doc("quality", "beam_taps_max", "", "65", integer(3, BEAM_TAPS_MAX as i64), "most taps of the lateral beam; a wider one is cut, and its speckle narrower"),
     doc("quality", "pulse_taps_max", "", "257", integer(3, PULSE_TAPS_MAX as i64), "most taps of the pulse; likewise"),

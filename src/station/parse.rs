@@ -139,7 +139,6 @@ fn settings(image_values: &Values, quality_values: &Values) -> Result<RenderSett
     quality_values.set_integer("layers", &mut quality.layers);
     quality_values.set_integer("seed", &mut quality.seed);
     let mut settings = RenderSettings { image, quality, ..RenderSettings::default() };
-    quality_values.set_integer("paths_per_sample", &mut settings.paths_per_sample);
     quality_values.set_integer("reflections_max", &mut settings.reflections_max);
     quality_values.set_integer("beam_taps_max", &mut settings.beam_taps_max);
     quality_values.set_integer("pulse_taps_max", &mut settings.pulse_taps_max);
