@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
+use insonify::anatomy::Bvh;
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
 use insonify::sink::{create_dir, npy, write_json};
@@ -15,6 +16,8 @@ use insonify::tracker::recording;
 const POSES: usize = 3;
 /// Frames at each pose that are timed.
 const FRAMES: usize = 5;
+/// ln of the amplitude of a stretch that no ray was traced for.
+const GIVEN_UP_LN: f64 = -100.0;
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -26,6 +29,8 @@ fn main() -> anyhow::Result<()> {
     let (recorded, _) = recording::poses(Path::new("assets/exams/obstetric_sweep.mcap"))?;
     let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
 
+    // The device counts from the middle of the scene.
+    let centre_mm = Bvh::build(&scene)?.centre_mm;
     let gpu = Gpu::new(&GpuOptions::default())?;
     let settings = RenderSettings { quality: Quality::HQ, ..station.settings };
     let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &settings)?;
@@ -42,15 +47,24 @@ fn main() -> anyhow::Result<()> {
         }
         times.sort_by(f64::total_cmp);
         trace_ms.push(times[FRAMES / 2]);
-        for path in renderer.snapshot(pose)?.paths {
+        let snapshot = renderer.snapshot(pose)?;
+        let inputs = &snapshot.inputs;
+        for (index, path) in snapshot.paths.iter().enumerate() {
+            // Segments say where scatterers are read: on the scanline's axis, not on the ray.
+            let line_ray = index % inputs.rays.len();
+            let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
+            let shift = inputs.scene_from_probe * (axis.origin_mm - ray.origin_mm);
+            let shift_step = inputs.scene_from_probe * (axis.direction - ray.direction);
             let ends = path.segments.iter().skip(1).map(|s| s.start_mm).chain([station.probe.depth_mm]);
             for (segment, end_mm) in path.segments.iter().zip(ends) {
                 let range_mm = end_mm - segment.start_mm;
-                if range_mm > 0.0 {
-                    let from = segment.scatterer_mm(segment.start_mm);
-                    origins.extend(from.as_vec3().to_array());
-                    directions.extend(segment.step.normalize().as_vec3().to_array());
-                    lengths.push((range_mm * segment.step.length()) as f32);
+                let given_up = segment.ln_amplitude(segment.start_mm) < GIVEN_UP_LN;
+                if range_mm > 0.0 && !given_up {
+                    let from = segment.scatterer_mm(segment.start_mm) - shift - shift_step * segment.start_mm;
+                    let step = segment.step - shift_step;
+                    origins.extend((centre_mm + from).as_vec3().to_array());
+                    directions.extend(step.normalize().as_vec3().to_array());
+                    lengths.push((range_mm * step.length()) as f32);
                 }
             }
         }

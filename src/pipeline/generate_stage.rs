@@ -93,6 +93,10 @@ impl GeneratorLink {
 
     /// When the picture of frame `number`, which the generator was given, may be expected.
     pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
+        // What rests makes nothing.
+        if self.rests.load(Ordering::Relaxed) {
+            return None;
+        }
         let state = lock(&self.state);
         // A run that hangs says nothing about when the next one is done.
         if state.estimate.is_zero() || state.hang != Hang::No {
