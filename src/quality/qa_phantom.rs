@@ -242,8 +242,8 @@ fn dip_db(levels: &Levels, direction: &str, a: (f32, f32), b: (f32, f32)) -> f64
     let (axis, across) = if direction == "axial" { (DVec2::Y, DVec2::X) } else { (DVec2::X, DVec2::Y) };
     let (low, high) = (from.min(to), from.max(to));
     let (start, end) = (low.dot(axis), high.dot(axis));
-    // Half the gap beyond either wire, so that each peak is inside and no neighbour is.
-    let margin = (0.5 * (end - start)).min(0.4);
+    // Part of the gap beyond either wire, so that each peak is inside and no neighbour is.
+    let margin = (0.3 * (end - start)).min(0.4);
     let (side_from, side_to) = (low.dot(across) - 0.3, high.dot(across) + 0.3);
     let steps = |from: f64, to: f64, step: f64| {
         let n = ((to - from) / step).ceil().max(1.0) as u32;
