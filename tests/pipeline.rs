@@ -14,11 +14,11 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use insonify::pipeline::{
     ChoiceSettings, Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts,
-    Pipeline, PoseSample, PoseSource, RenderFault, RendererFactory, Settings, SimulatedClock, Stop, Summary,
-    SystemClock, Terminator,
+    Pipeline, PoseSample, PoseSource, QualityBudget, QualitySummary, RenderFault, RendererFactory, Settings,
+    SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{Pose, TrackingState};
-use insonify::render::{Frame, RenderSettings};
+use insonify::render::{Frame, Quality, QualityPoint, RenderSettings, climb};
 use insonify::sink::SinkError;
 use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, MapsWanted, PresentedFrame};
 use insonify::transducer::Probe;
@@ -73,10 +73,15 @@ fn pose(x: f64) -> Pose {
     Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
 }
 
+type Extra = dyn Fn(Duration, QualityPoint) -> Duration + Send + Sync;
+
 /// A device that takes `service` for a frame, one after another, and fails where `faults` says so.
 struct Device {
     clock: Arc<dyn Clock>,
     service: Duration,
+    /// What a frame of this quality takes beyond `service` now.
+    extra: Arc<Extra>,
+    quality: Quality,
     /// When each is done, its pose, whether it has maps, and the scene's time.
     in_flight: VecDeque<(Duration, Pose, bool, f64)>,
     time_s: f64,
@@ -94,7 +99,8 @@ impl FrameRenderer for Device {
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
-        self.free = self.free.max(self.clock.now()) + self.service;
+        let extra = (self.extra)(self.clock.now(), self.quality.into());
+        self.free = self.free.max(self.clock.now()) + self.service + extra;
         self.in_flight.push_back((self.free, *pose, self.maps, self.time_s));
         Ok(())
     }
@@ -136,6 +142,7 @@ impl FrameRenderer for Device {
             return Err(RenderFault::Refused("too loud".to_owned()));
         }
         self.gain_db = settings.image.gain_db;
+        self.quality = settings.quality;
         Ok(())
     }
 }
@@ -156,6 +163,7 @@ impl RendererFactory for Factory {
         }
         let mut device = (self.device)();
         device.gain_db = settings.image.gain_db;
+        device.quality = settings.quality;
         Ok(Box::new(device))
     }
 }
@@ -311,6 +319,8 @@ struct Session {
     limits: Limits,
     poses: Box<dyn PoseSource>,
     service: Duration,
+    extra: Arc<Extra>,
+    quality: Option<QualityBudget>,
     faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     build_failures: u32,
     enhancer: Option<Box<dyn Enhancer>>,
@@ -331,6 +341,8 @@ impl Session {
             limits: Limits { duration: Some(10 * SECOND), frames: None },
             poses: Box::new(Poses(poses)),
             service: 20 * MS,
+            extra: Arc::new(|_, _| Duration::ZERO),
+            quality: None,
             faults: Arc::new(|_| false),
             build_failures: 0,
             enhancer: None,
@@ -349,9 +361,16 @@ impl Session {
     fn run_watched(self, watch: impl FnMut(&insonify::pipeline::Status)) -> Summary {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
+        let extra = self.extra;
+        let mut render = RenderSettings::default();
+        if let Some(budget) = &self.quality {
+            render.quality = budget.point().with_seed(0);
+        }
         let device = move || Device {
             clock: clock.clone(),
             service,
+            extra: extra.clone(),
+            quality: render.quality,
             in_flight: VecDeque::with_capacity(2),
             maps: true,
             free: Duration::ZERO,
@@ -367,7 +386,8 @@ impl Session {
             renderer: Box::new(device()),
             factory: Box::new(Factory { clock: self.clock, device: Box::new(device), failures: self.build_failures }),
             probe: Probe::default(),
-            render: RenderSettings::default(),
+            render,
+            quality: self.quality,
             enhancer: self.enhancer,
             sinks: self.sinks,
             controls: self.controls,
