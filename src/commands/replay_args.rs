@@ -141,7 +141,7 @@ impl ReplayArgs {
         for reason in controls.refused() {
             eprintln!("warning: {}: {reason}", self.recording.display());
         }
-        self.say_others(&controls);
+        self.say_others(&station, &controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
         let parts = self.parts(&controls, &live, frames.clone())?;
@@ -149,10 +149,11 @@ impl ReplayArgs {
     }
 
     /// Says where the recorded session began with other settings than the station's.
-    fn say_others(&self, controls: &ReplayedControls) {
+    fn say_others(&self, station: &Station, controls: &ReplayedControls) {
         let mut others = controls.others_at_start();
         // What is chosen here is no surprise.
-        others.retain(|other| self.quality.is_none() || !matches!(&*other.key, "rays" | "layers"));
+        let chosen = self.quality.is_some() || station.quality_budget_ms.is_some();
+        others.retain(|other| !chosen || !matches!(&*other.key, "rays" | "layers"));
         if others.is_empty() {
             return;
         }

@@ -71,6 +71,8 @@ pub struct QualityBudget {
     under_since: Option<f64>,
     /// Whether it was said that even the least rung is over the budget.
     told: bool,
+    /// When it was said last, s.
+    told_s: f64,
     /// When the last frame that counts was done, s.
     last_s: f64,
     /// Frames count from then on, s.
@@ -91,11 +93,11 @@ impl QualityBudget {
     /// From what was measured at the start.
     pub fn new(climbed: &Climbed) -> Self {
         let mut ratios = [f64::INFINITY; RUNGS];
-        for rung in 1..RUNGS {
+        for (rung, ratio) in ratios.iter_mut().enumerate().skip(1) {
             // Where it was not measured: time grows no faster than the paths.
             let paths = f64::from(LADDER[rung].paths()) / f64::from(LADDER[rung - 1].paths());
             let measured = climbed.frame_ms[rung].zip(climbed.frame_ms[rung - 1]).map(|(this, below)| this / below);
-            ratios[rung] = measured.filter(|ratio| ratio.is_finite() && *ratio > 0.0).unwrap_or(paths).max(1.0);
+            *ratio = measured.filter(|found| found.is_finite() && *found > 0.0).unwrap_or(paths).max(1.0);
         }
         let rung = climbed.rung.min(RUNGS - 1);
         Self {
@@ -108,6 +110,7 @@ impl QualityBudget {
             over_since: None,
             under_since: None,
             told: false,
+            told_s: f64::NEG_INFINITY,
             last_s: f64::NEG_INFINITY,
             rests_until: f64::NEG_INFINITY,
             before: rung,
@@ -175,13 +178,18 @@ impl QualityBudget {
         Some(QualityChange { from, to: self.point(), frame_ms })
     }
 
-    /// The 75th percentile of the frames' times, ms, once whenever even those of the least rung come to be over the budget.
+    /// The 75th percentile of the frames' times, ms, once whenever even those of the least rung come to be over the budget,
+    /// and no more than once a minute.
     pub fn over_at_least(&mut self) -> Option<f64> {
         let over = self.rung == 0 && self.lasted(self.over_since, OVER_S);
-        let tell = over && !self.told;
+        let tell = over && !self.told && self.last_s - self.told_s >= RETRY_S[0];
         // Frames that fit again end it; a rest doesn't.
-        self.told = over || (self.told && self.rung == 0 && self.pushed < FRAMES_MIN);
-        if tell { self.p75_ms() } else { None }
+        self.told = tell || (self.told && self.rung == 0 && (over || self.pushed < FRAMES_MIN));
+        if !tell {
+            return None;
+        }
+        self.told_s = self.last_s;
+        self.p75_ms()
     }
 
     /// The device had no room for the last change at `now_s`: it is undone. A rung that was reached by a rise is not tried
@@ -330,12 +338,12 @@ mod tests {
         let mut told = Vec::new();
         for frame in 0..2000 {
             let now_s = f64::from(frame) / 20.0;
-            // From 50 s to 60 s all is well.
-            budget.frame(now_s, LADDER[0], if (1000..1200).contains(&frame) { 4.5 } else { 10.0 });
+            // From 60 s to 70 s all is well.
+            budget.frame(now_s, LADDER[0], if (1200..1400).contains(&frame) { 4.5 } else { 10.0 });
             assert_eq!(budget.change(now_s), None);
             told.extend(budget.over_at_least().map(|ms| (now_s, ms)));
         }
-        assert!(matches!(told[..], [(first, 10.0), (second, 10.0)] if first < 4.0 && second > 60.0), "{told:?}");
+        assert!(matches!(told[..], [(first, 10.0), (second, 10.0)] if first < 4.0 && second > 70.0), "{told:?}");
     }
 
     #[test]
