@@ -14,11 +14,11 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use insonify::pipeline::{
     ChoiceSettings, Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts,
-    Pipeline, PoseSample, PoseSource, RenderFault, RendererFactory, Settings, SimulatedClock, Stop, Summary,
-    SystemClock, Terminator,
+    Pipeline, PoseSample, PoseSource, QualityBudget, QualitySummary, RenderFault, RendererFactory, Settings,
+    SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{Pose, TrackingState};
-use insonify::render::{Frame, RenderSettings};
+use insonify::render::{Frame, Quality, QualityPoint, RenderSettings, climb};
 use insonify::sink::SinkError;
 use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, MapsWanted, PresentedFrame};
 use insonify::transducer::Probe;
@@ -73,10 +73,15 @@ fn pose(x: f64) -> Pose {
     Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
 }
 
+type Extra = dyn Fn(Duration, QualityPoint) -> Duration + Send + Sync;
+
 /// A device that takes `service` for a frame, one after another, and fails where `faults` says so.
 struct Device {
     clock: Arc<dyn Clock>,
     service: Duration,
+    /// What a frame of this quality takes beyond `service` now.
+    extra: Arc<Extra>,
+    quality: Quality,
     /// When each is done, its pose, whether it has maps, and the scene's time.
     in_flight: VecDeque<(Duration, Pose, bool, f64)>,
     time_s: f64,
@@ -94,7 +99,8 @@ impl FrameRenderer for Device {
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
-        self.free = self.free.max(self.clock.now()) + self.service;
+        let extra = (self.extra)(self.clock.now(), self.quality.into());
+        self.free = self.free.max(self.clock.now()) + self.service + extra;
         self.in_flight.push_back((self.free, *pose, self.maps, self.time_s));
         Ok(())
     }
@@ -136,6 +142,7 @@ impl FrameRenderer for Device {
             return Err(RenderFault::Refused("too loud".to_owned()));
         }
         self.gain_db = settings.image.gain_db;
+        self.quality = settings.quality;
         Ok(())
     }
 }
@@ -156,6 +163,7 @@ impl RendererFactory for Factory {
         }
         let mut device = (self.device)();
         device.gain_db = settings.image.gain_db;
+        device.quality = settings.quality;
         Ok(Box::new(device))
     }
 }
@@ -311,6 +319,8 @@ struct Session {
     limits: Limits,
     poses: Box<dyn PoseSource>,
     service: Duration,
+    extra: Arc<Extra>,
+    quality: Option<QualityBudget>,
     faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     build_failures: u32,
     enhancer: Option<Box<dyn Enhancer>>,
@@ -331,6 +341,8 @@ impl Session {
             limits: Limits { duration: Some(10 * SECOND), frames: None },
             poses: Box::new(Poses(poses)),
             service: 20 * MS,
+            extra: Arc::new(|_, _| Duration::ZERO),
+            quality: None,
             faults: Arc::new(|_| false),
             build_failures: 0,
             enhancer: None,
@@ -349,9 +361,16 @@ impl Session {
     fn run_watched(self, watch: impl FnMut(&insonify::pipeline::Status)) -> Summary {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
+        let extra = self.extra;
+        let mut render = RenderSettings::default();
+        if let Some(budget) = &self.quality {
+            render.quality = budget.point().with_seed(0);
+        }
         let device = move || Device {
             clock: clock.clone(),
             service,
+            extra: extra.clone(),
+            quality: render.quality,
             in_flight: VecDeque::with_capacity(2),
             maps: true,
             free: Duration::ZERO,
@@ -367,7 +386,8 @@ impl Session {
             renderer: Box::new(device()),
             factory: Box::new(Factory { clock: self.clock, device: Box::new(device), failures: self.build_failures }),
             probe: Probe::default(),
-            render: RenderSettings::default(),
+            render,
+            quality: self.quality,
             enhancer: self.enhancer,
             sinks: self.sinks,
             controls: self.controls,
@@ -1041,6 +1061,62 @@ impl Observer for Heard {
     fn settings(&self, _: u64, _: &LiveSettings) {
         self.0.lock().unwrap().settings += 1;
     }
+}
+
+/// A session with a budget of 40 ms on a device of which a frame takes 8 ms and 2 ms a path (8x1: 24, 4x1: 16, 8x3: 56),
+/// and twice as much from 20 s to 60 s.
+fn budgeted(clock: &Arc<dyn Clock>, heard: &Arc<Heard>) -> Session {
+    let cost_ms = |point: QualityPoint| 8.0 + 2.0 * f64::from(point.paths());
+    let climbed = climb::<()>(40.0, |point| Ok(Some(cost_ms(point)))).unwrap();
+    let extra: Arc<Extra> = Arc::new(move |now, point| {
+        let slow = if (20 * SECOND..60 * SECOND).contains(&now) { 2.0 } else { 1.0 };
+        Duration::from_secs_f64(1e-3 * slow * cost_ms(point))
+    });
+    let limits = Limits { duration: Some(120 * SECOND), frames: None };
+    let (quality, observer) = (Some(QualityBudget::new(&climbed)), Some(heard.clone() as Arc<dyn Observer>));
+    Session { service: Duration::ZERO, extra, quality, observer, limits, ..Session::new(clock, moving) }
+}
+
+/// What was said of the quality, with its time in whole seconds.
+fn said_of_quality(heard: &Heard) -> Vec<(u64, String)> {
+    let heard = heard.0.lock().unwrap();
+    let said = heard.events.iter().filter_map(|(at, text)| Some((*at, text.strip_prefix("quality: ")?)));
+    said.map(|(at, text)| ((at - START_NS) / 1_000_000_000, text.to_owned())).collect()
+}
+
+#[test]
+fn quality_follows_what_the_machine_affords() {
+    let _guard = beside_others();
+    let (clock, log, heard) = (clock(), Log::default(), Arc::<Heard>::default());
+    let summary = Session { sinks: vec![logger(&log)], ..budgeted(&clock, &heard) }.run();
+    let said = said_of_quality(&heard);
+    let texts: Vec<&str> = said.iter().map(|(_, text)| text.as_str()).collect();
+    assert_eq!(texts, ["8x1 -> 4x1: frames take 48 ms of 40", "4x1 -> 8x1: frames take 16 ms of 40"]);
+    assert!((23..30).contains(&said[0].0) && (70..80).contains(&said[1].0), "{said:?}");
+    let (begun, ended) = ("8x1".to_owned(), "8x1".to_owned());
+    let expected = QualitySummary { budget_ms: 40.0, begun, ended, lowered: 1, raised: 1, refused: 0, by_hand: false };
+    assert_eq!(summary.quality, Some(expected));
+    assert_eq!(heard.0.lock().unwrap().settings, 3, "at the start, and at each change");
+    let frames = seen(&log);
+    assert_eq!(frames.len(), 2400, "no frame is lost to a change");
+    let late = |from: u64, to: u64, ms: u32| {
+        let within = |f: &&Seen| (SECOND * from as u32..SECOND * to as u32).contains(&f.presented);
+        frames.iter().filter(within).filter(|f| f.age > ms * MS).count()
+    };
+    assert_eq!([late(0, 20, 24), late(30, 60, 32), late(61, 70, 16), late(80, 120, 24)], [0; 4]);
+}
+
+#[test]
+fn a_quality_that_is_set_by_hand_stays() {
+    let _guard = beside_others();
+    let (clock, heard) = (clock(), Arc::<Heard>::default());
+    let (sender, controls) = tokio::sync::mpsc::channel(1);
+    sender.try_send(Control::Quality { rays: 8, layers: 1 }).unwrap();
+    let summary = Session { controls, ..budgeted(&clock, &heard) }.run();
+    let said = said_of_quality(&heard);
+    assert!(matches!(&said[..], [(0, text)] if text.contains("by hand")), "{said:?}");
+    let quality = summary.quality.unwrap();
+    assert_eq!((quality.by_hand, quality.lowered, quality.raised), (true, 0, 0));
 }
 
 #[test]

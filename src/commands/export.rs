@@ -59,9 +59,8 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let replay = args.replay.read()?;
-    let (timeline, frames) = (&replay.timeline, replay.frames.clone());
-    let Part { probe, settings, .. } = replay.first()?;
+    let mut replay = args.replay.read()?;
+    let probe = &replay.first()?.probe;
     if let Some(part) = replay.parts.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {
         let at = part.frames.start;
         return Err(Failure::Input(anyhow!(
@@ -70,6 +69,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let gpu = session::open_gpu()?;
     let scene = session::load_scene(&replay.station)?;
+    replay.choose_quality(&gpu, &scene)?;
+    let (timeline, frames) = (&replay.timeline, replay.frames.clone());
+    let Part { probe, settings, .. } = replay.first()?;
     let sector = Sector::fit(probe, settings.image.width, settings.image.height);
     let tracking = |index: usize| ImageTracking {
         time_s: timeline.seconds(index),

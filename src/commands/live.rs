@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tiers};
-use insonify::pipeline::{Clock, Enhancer, Limits, Parts, Pipeline, Status, Summary, TieredEnhancer};
-use insonify::pose::Counters;
+use insonify::pipeline::{
+    Clock, Enhancer, GpuRenderer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer,
+};
+use insonify::pose::{Counters, Pose};
 use insonify::sink::frame_line::{source_name, tracking_name};
 use insonify::station::Station;
 
 use super::status_line::StatusLine;
-use super::{Classify, Failure};
+use super::{Classify, Failure, quality};
 
 /// The station's generators; none where there are none, where ONNX Runtime is missing, or where every model is refused:
 /// the station goes on with what it renders, and says so.
@@ -52,6 +54,22 @@ fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
         };
         eprintln!("generator: {} ({p50_ms:.0} ms, budget {budget_ms} ms{state}){kind}", tier.name);
     }
+}
+
+/// Chooses the quality of a station with a budget at `pose` or where the station begins, says which, and returns what
+/// keeps it; none without a budget.
+pub(crate) fn choose_quality(
+    renderer: &mut GpuRenderer,
+    station: &mut Station,
+    pose: Option<Pose>,
+) -> Result<Option<QualityBudget>, Failure> {
+    let Some(budget_ms) = station.quality_budget_ms else { return Ok(None) };
+    // Where a tracker will put the probe is not known yet: the session corrects what this gets wrong.
+    let pose = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
+    let climbed = renderer.choose_quality(&station.probe, &station.settings, &[pose], budget_ms)?;
+    quality::say_chosen(&climbed);
+    station.settings.quality = climbed.point().with_seed(station.settings.quality.seed);
+    Ok(Some(QualityBudget::new(&climbed)))
 }
 
 /// Runs a session and shows how it goes; `each` hears it, too.

@@ -71,6 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             sector.pixel_mm
         )));
     }
+    session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;
     let wires = scene.surfaces.iter().any(|s| s.name == "wires");
     let targets = scene.surfaces.iter().filter(|s| s.name.starts_with("target ")).count();

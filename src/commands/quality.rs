@@ -2,19 +2,19 @@
 
 use std::str::FromStr;
 
-use insonify::render::Quality;
+use insonify::render::{Climbed, LADDER, Preset, Quality, QualityPoint};
 
-/// Rays and layers as given on the command line: `lq`, `hq` or `RxL`.
+/// What `--quality` takes.
+const ACCEPTS: &str = "fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33";
+
+/// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct RaysLayers {
-    rays: u32,
-    layers: u32,
-}
+pub(crate) struct RaysLayers(QualityPoint);
 
 impl RaysLayers {
     /// These rays and layers with a seed.
     pub(crate) fn with_seed(self, seed: u32) -> Quality {
-        Quality { rays: self.rays, layers: self.layers, seed }
+        self.0.with_seed(seed)
     }
 }
 
@@ -22,20 +22,42 @@ impl FromStr for RaysLayers {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let of = |q: Quality| Self { rays: q.rays, layers: q.layers };
-        match text.to_ascii_lowercase().as_str() {
-            "lq" => Ok(of(Quality::LQ)),
-            "hq" => Ok(of(Quality::HQ)),
+        let text = text.to_ascii_lowercase();
+        if let Ok(preset) = text.parse::<Preset>() {
+            return Ok(Self(preset.point()));
+        }
+        match text.as_str() {
+            "lq" => Ok(Self(Quality::LQ.into())),
+            "hq" => Ok(Self(Quality::HQ.into())),
             other => {
                 let parsed = other.split_once('x').and_then(|(r, l)| Some((r.parse().ok()?, l.parse().ok()?)));
                 let in_range = parsed.filter(|(r, l)| (1..=256).contains(r) && (1..=33).contains(l));
-                in_range.map(|(rays, layers)| Self { rays, layers }).ok_or_else(|| {
-                    "expected `lq` (1x1), `hq` (32x3) or rays x layers such as `8x1`, with 1..=256 rays and 1..=33 layers"
-                        .to_owned()
-                })
+                in_range
+                    .map(|(rays, layers)| Self(QualityPoint::new(rays, layers)))
+                    .ok_or_else(|| format!("expected {ACCEPTS}, such as `8x1`"))
             }
         }
     }
+}
+
+/// Says which quality a budget chose, and what the next one takes.
+pub(crate) fn say_chosen(climbed: &Climbed) {
+    let (point, budget_ms) = (climbed.point(), climbed.budget_ms);
+    let Some(ms) = climbed.chosen_ms() else {
+        eprintln!("warning: quality: {point}, whose frames gave no time to hold against {budget_ms} ms");
+        return;
+    };
+    if !climbed.fits() {
+        eprintln!("warning: quality: nothing keeps {budget_ms} ms here; {point} is the least, and takes {ms:.1} ms");
+        return;
+    }
+    let next = climbed.rung + 1;
+    let beyond = match (LADDER.get(next), climbed.frame_ms.get(next).copied().flatten()) {
+        (None, _) => String::new(),
+        (Some(next), Some(ms)) => format!("; {next} takes {ms:.1} ms"),
+        (Some(next), None) => format!("; {next} is more than the device has room for"),
+    };
+    eprintln!("quality: {point}, {ms:.1} ms of {budget_ms}{beyond}");
 }
 
 /// The quality's short name in captions and tables.
@@ -58,6 +80,10 @@ mod tests {
         assert_eq!(quality("lq"), Ok(Quality { seed: 7, ..Quality::LQ }));
         assert_eq!(quality("HQ"), Ok(Quality { seed: 7, ..Quality::HQ }));
         assert_eq!(quality("8x2"), Ok(Quality { rays: 8, layers: 2, seed: 7 }));
+        for (text, rays, layers) in [("fast", 1, 1), ("Balanced", 4, 1), ("accurate", 32, 3), ("reference", 128, 3)] {
+            assert_eq!(quality(text), Ok(Quality { rays, layers, seed: 7 }));
+        }
+        assert!(quality("best").unwrap_err().contains("balanced (4x1)"));
         for wrong in ["", "x", "8", "8x", "0x1", "1x0", "257x1", "1x34", "-1x1", "8x2x1", "mq"] {
             assert!(quality(wrong).is_err(), "{wrong}");
         }

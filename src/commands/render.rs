@@ -11,7 +11,7 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::effects::EffectArgs;
-use super::quality::RaysLayers;
+use super::quality::{self, RaysLayers};
 use super::{Classify, Failure, output, session};
 
 /// Render one frame: bmode.png, segmentation.png with tissues.json, attenuation.npy, mask.png, lines.npy, frame.json.
@@ -28,7 +28,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
 
-    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the station's own]
+    /// fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
+    /// 1..=33 [default: the station's own]
     #[arg(long, value_name = "QUALITY")]
     quality: Option<RaysLayers>,
 
@@ -100,6 +101,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
     let mut frame = Frame::default();
     renderer.set_time_s(args.time);
+    if let (Some(budget_ms), None) = (station.quality_budget_ms, args.quality) {
+        let climbed = renderer.choose_quality(&station.probe, &settings, &[pose], budget_ms)?;
+        quality::say_chosen(&climbed);
+        settings.quality = climbed.point().with_seed(seed);
+    }
     renderer.render(&pose, &mut frame)?;
     if frame.overflows > 0 {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);

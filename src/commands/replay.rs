@@ -173,12 +173,13 @@ impl<'a> RecordingReport<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let replay = args.replay.read()?;
-    let (Replay { station, rate, summary, timeline, .. }, Range { start, end }) = (&replay, replay.frames.clone());
+    let mut replay = args.replay.read()?;
+    let gpu = session::open_gpu()?;
+    let scene = session::load_scene(&replay.station)?;
+    replay.choose_quality(&gpu, &scene)?;
+    let (Replay { rate, summary, timeline, .. }, Range { start, end }) = (&replay, replay.frames.clone());
     let Part { probe, settings, .. } = replay.first()?;
 
-    let gpu = session::open_gpu()?;
-    let scene = session::load_scene(station)?;
     let (width, height) = (settings.image.width, settings.image.height);
     // What an earlier replay left must not be taken for this one's.
     remove(&args.out.join("replay.json"))?;

@@ -13,11 +13,11 @@ use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
 use insonify::sink::FrameRate;
 use insonify::sink::live::LiveSettings;
 use insonify::station::Station;
-use insonify::tracker::recording::{self, RecordingSummary};
+use insonify::tracker::recording::{self, Event, RecordingSummary};
 use insonify::transducer::Probe;
 
 use super::effects::EffectArgs;
-use super::quality::RaysLayers;
+use super::quality::{self, RaysLayers};
 use super::timeline::{Timeline, check_length, check_span};
 use super::{Failure, session};
 
@@ -30,7 +30,8 @@ pub(crate) struct ReplayArgs {
     /// Station file (TOML); `insonify station-keys` lists its keys
     pub(crate) station: PathBuf,
 
-    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the recorded session's, else the station's]
+    /// fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
+    /// 1..=33 [default: the recorded session's, else the station's]
     #[arg(long, value_name = "QUALITY")]
     quality: Option<RaysLayers>,
 
@@ -111,6 +112,9 @@ pub(crate) struct Replay {
     pub(crate) frames: Range<usize>,
     /// In the order of their frames; at least one.
     pub(crate) parts: Vec<Part>,
+    /// Time to render a frame that is to choose the quality, ms; none where the station, the command or the recorded
+    /// session says the quality.
+    budget_ms: Option<f64>,
 }
 
 impl ReplayArgs {
@@ -128,22 +132,28 @@ impl ReplayArgs {
         let mut settings = station.settings;
         settings.quality.seed = self.seed.unwrap_or(settings.quality.seed);
         let events = if self.ignore_controls { &[][..] } else { &summary.events };
+        let recorded = events.iter().any(sets_quality);
+        let budget_ms = station.quality_budget_ms.filter(|_| self.quality.is_none() && !recorded);
+        if let (Some(ms), None, None) = (station.quality_budget_ms, budget_ms, self.quality) {
+            eprintln!("the recorded session says its quality: quality.budget_ms = {ms} chooses nothing");
+        }
         let mut controls = ReplayedControls::new(&station.probe, &settings, events);
         for reason in controls.refused() {
             eprintln!("warning: {}: {reason}", self.recording.display());
         }
-        self.say_others(&controls);
+        self.say_others(&station, &controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
         let parts = self.parts(&controls, &live, frames.clone())?;
-        Ok(Replay { station, rate, summary, timeline, frames, parts })
+        Ok(Replay { station, rate, summary, timeline, frames, parts, budget_ms })
     }
 
     /// Says where the recorded session began with other settings than the station's.
-    fn say_others(&self, controls: &ReplayedControls) {
+    fn say_others(&self, station: &Station, controls: &ReplayedControls) {
         let mut others = controls.others_at_start();
         // What is chosen here is no surprise.
-        others.retain(|other| self.quality.is_none() || !matches!(&*other.key, "rays" | "layers"));
+        let chosen = self.quality.is_some() || station.quality_budget_ms.is_some();
+        others.retain(|other| !chosen || !matches!(&*other.key, "rays" | "layers"));
         if others.is_empty() {
             return;
         }
@@ -198,6 +208,12 @@ impl ReplayArgs {
     }
 }
 
+/// Whether an event of a recorded session says rays or layers.
+fn sets_quality(event: &Event) -> bool {
+    let says = |key: &str| event.name == key || event.value.as_ref().is_some_and(|value| value.get(key).is_some());
+    ["rays", "layers"].into_iter().any(says)
+}
+
 impl Replay {
     /// Settings at the first frame.
     pub(crate) fn first(&self) -> Result<&Part, Failure> {
@@ -207,6 +223,22 @@ impl Replay {
     /// How often the settings change among the frames.
     pub(crate) fn changes(&self) -> usize {
         self.parts.len().saturating_sub(1)
+    }
+
+    /// Takes the quality that the station's budget chooses, if it is to, measured at the first, middle and last frame's
+    /// pose; says which.
+    pub(crate) fn choose_quality(&mut self, gpu: &Gpu, scene: &Scene) -> Result<(), Failure> {
+        let Some(budget_ms) = self.budget_ms else { return Ok(()) };
+        let Part { probe, settings, .. } = self.first()?;
+        let poses = self.timeline.poses.get(self.frames.clone()).unwrap_or_default();
+        let last = poses.len().saturating_sub(1);
+        let poses: Vec<Pose> = [0, last / 2, last].iter().filter_map(|i| poses.get(*i).copied()).collect();
+        let climbed = Renderer::new(gpu, scene, probe, settings)?.choose_quality(probe, settings, &poses, budget_ms)?;
+        quality::say_chosen(&climbed);
+        for part in &mut self.parts {
+            part.settings.quality = climbed.point().with_seed(part.settings.quality.seed);
+        }
+        Ok(())
     }
 
     /// Renders all frames in order, two in flight. `before` is called before each is submitted, and may wait; `each` gets

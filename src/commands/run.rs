@@ -119,7 +119,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let station = station(args)?;
+    let mut station = station(args)?;
     let (poses, tracked) = pose_source(args, &station)?;
     // A recording that can't be played is refused before anything is opened; one that nobody plays may be missing.
     let stream = match &tracked {
@@ -133,7 +133,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
     let factory = GpuFactory::new(GpuOptions::default(), scene.clone())?;
-    let renderer = factory.build_on(&gpu, &station.probe, &station.settings)?;
+    let mut renderer = factory.build_on(&gpu, &station.probe, &station.settings)?;
+    let quality = live::choose_quality(&mut renderer, &mut station, args.pose)?;
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let stop = Stop::new(&clock);
@@ -169,6 +170,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         factory: Box::new(factory),
         probe: station.probe,
         render: station.settings,
+        quality,
         enhancer,
         sinks,
         controls,

@@ -30,6 +30,15 @@ impl fmt::Display for SummaryTable<'_> {
             writeln!(f, "  {count:>8}  {cause}")?;
         }
         writeln!(f, "  {:>8}  ticks without a frame", s.missed_ticks)?;
+        if let Some(q) = &s.quality {
+            let (begun, ended, lowered, raised) = (&q.begun, &q.ended, q.lowered, q.raised);
+            write!(
+                f,
+                "quality            {begun} to {ended} for {} ms: lowered {lowered}, raised {raised}",
+                q.budget_ms
+            )?;
+            writeln!(f, ", refused {}{}", q.refused, if q.by_hand { ", then set by hand" } else { "" })?;
+        }
         if let Some(g) = &s.generator {
             let (done, late, dropped, failed) = (g.done, g.late, g.dropped, g.failed);
             let (hung, given_up) = (g.hung, g.given_up);

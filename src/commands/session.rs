@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
-use insonify::render::{EffectPlan, FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::render::{EffectPlan, FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, QualityPoint, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
@@ -42,6 +42,14 @@ pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
 pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
     for warning in EffectPlan::new(scene, probe, settings).warnings() {
         eprintln!("warning: {warning}");
+    }
+}
+
+/// Says that a command takes the least quality of a station that has a budget in its place.
+pub(crate) fn warn_of_budget(station: &Station) {
+    if let Some(budget_ms) = station.quality_budget_ms {
+        let point = QualityPoint::from(station.settings.quality);
+        eprintln!("warning: quality.budget_ms = {budget_ms} chooses nothing here: the quality is {point}");
     }
 }
 

@@ -157,6 +157,7 @@ fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pos
     });
     let station = station.input()?;
     let pose = pose.ok_or(ViewError::NoFan { what: "--bmode" }).input()?;
+    session::warn_of_budget(station);
     let gpu = session::open_gpu()?;
     let mut renderer = session::renderer(&gpu, scene, station, &station.settings)?;
     let mut frame = Frame::default();

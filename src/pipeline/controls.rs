@@ -16,6 +16,8 @@ pub(super) struct Changes {
     pub(super) picture: bool,
     /// Anything a watcher sees.
     pub(super) any: bool,
+    /// Somebody set the quality.
+    pub(super) quality: bool,
     /// The session shall end.
     pub(super) quit: bool,
     /// Controls applied.
@@ -69,6 +71,7 @@ impl Controls {
                 Ok(changed) => {
                     (self.probe, self.settings, self.frozen, self.enhance) = changed;
                     changes.applied += 1;
+                    changes.quality |= matches!(control, Control::Quality { .. });
                 }
                 Err(reason) => {
                     changes.refused += 1;
@@ -153,7 +156,7 @@ mod tests {
         assert_eq!((live.image.gain_db, live.image.dynamic_range_db, live.image.tgc_db_per_cm), (3.0, 70.0, 5.0));
         assert_eq!((live.image.tgc_sliders_db[7], live.depth_mm, live.focus_mm), (-6.0, 90.0, 40.0));
         assert_eq!((live.rays, live.layers, live.frozen, live.enhance), (4, 3, true, false));
-        assert_eq!(changes, Changes { picture: true, any: true, quit: true, applied: 10, refused: 0 });
+        assert_eq!(changes, Changes { picture: true, any: true, quality: true, quit: true, applied: 10, refused: 0 });
         assert!(refused.is_empty());
     }
 

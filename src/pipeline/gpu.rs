@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Frame, Gpu, GpuError, GpuOptions, RenderError, RenderSettings, Renderer, ShaderSet};
+use crate::render::{Climbed, Frame, Gpu, GpuError, GpuOptions, RenderError, RenderSettings, Renderer, ShaderSet};
 use crate::transducer::Probe;
 
 /// A renderer that can be configured anew.
@@ -36,6 +36,22 @@ impl GpuFactory {
     pub fn build_on(&self, gpu: &Gpu, probe: &Probe, settings: &RenderSettings) -> Result<GpuRenderer, RenderError> {
         let (bvh, shaders) = (self.bvh.clone(), ShaderSet::default());
         Ok(GpuRenderer { renderer: Renderer::with_shaders(gpu, &self.scene, bvh, probe, settings, &shaders)? })
+    }
+}
+
+impl GpuRenderer {
+    /// As [`Renderer::choose_quality`].
+    ///
+    /// # Errors
+    /// As [`Renderer::choose_quality`].
+    pub fn choose_quality(
+        &mut self,
+        probe: &Probe,
+        settings: &RenderSettings,
+        poses: &[Pose],
+        budget_ms: f64,
+    ) -> Result<Climbed, RenderError> {
+        self.renderer.choose_quality(probe, settings, poses, budget_ms)
     }
 }
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::clock::lock;
 use super::histogram::Histogram;
+use super::quality_budget::QualitySummary;
 use crate::pose::TrackingState;
 use crate::sink::live::{FrameSource, PresentedFrame};
 
@@ -64,6 +65,8 @@ pub(super) struct Metrics {
     pub(super) refused: AtomicU64,
     /// Expected time from sampling to presentation, ns.
     expected_ns: AtomicU64,
+    /// What the budget did to the quality, where there is one.
+    quality: Mutex<Option<QualitySummary>>,
     shown: Mutex<Shown>,
 }
 
@@ -173,6 +176,16 @@ impl Metrics {
     /// Time that lies between sampling and presentation, by the last frames.
     pub(super) fn expected(&self) -> Duration {
         Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed))
+    }
+
+    /// What the budget did to the quality until now.
+    pub(super) fn set_quality(&self, summary: QualitySummary) {
+        *lock(&self.quality) = Some(summary);
+    }
+
+    /// What the budget did to the quality; none without one.
+    pub(super) fn quality(&self) -> Option<QualitySummary> {
+        lock(&self.quality).clone()
     }
 
     /// Looks at what is known of presented frames.

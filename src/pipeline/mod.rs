@@ -22,6 +22,7 @@ mod metrics;
 mod pace;
 mod parts;
 mod presenter;
+mod quality_budget;
 mod recorded;
 mod render_stage;
 mod rendered;
@@ -47,6 +48,7 @@ pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
 };
+pub use quality_budget::{QualityBudget, QualityChange, QualitySummary};
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};

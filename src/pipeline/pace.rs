@@ -53,8 +53,9 @@ impl Pace {
         self.free_at
     }
 
-    /// A frame submitted at `submitted` was done at `now`; `left` are still in flight.
-    pub(super) fn rendered(&mut self, submitted: Duration, now: Duration, left: u32) {
+    /// A frame submitted at `submitted` was done at `now`; `left` are still in flight. Returns how long the device was at
+    /// it: from its submission, or from the end of the frame before where that was later.
+    pub(super) fn rendered(&mut self, submitted: Duration, now: Duration, left: u32) -> Duration {
         let took = now.saturating_sub(submitted.max(self.last_rendered));
         self.service = match self.service {
             Duration::ZERO => took,
@@ -62,10 +63,12 @@ impl Pace {
         };
         self.last_rendered = now;
         self.free_at = now + self.service * left;
+        took
     }
 
-    /// The device was lost at `now` with all that it was given.
-    pub(super) fn lost(&mut self, now: Duration) {
+    /// Nothing is in flight at `now`, and what frames took until now says nothing of the next ones: the device was lost, or
+    /// frames are others.
+    pub(super) fn begin_anew(&mut self, now: Duration) {
         (self.free_at, self.last_rendered, self.service) = (now, now, Duration::ZERO);
     }
 

@@ -12,12 +12,14 @@ use super::generate_stage::GeneratorLink;
 use super::metrics::{Metrics, count};
 use super::pace::Pace;
 use super::parts::{FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory};
+use super::quality_budget::QualityBudget;
 use super::rendered::{Rendered, blacken};
 use super::shutdown::Stop;
 use super::slot::Slot;
 use crate::pose::{Pose, TrackingState};
-use crate::render::{FRAMES_IN_FLIGHT, Frame};
+use crate::render::{FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings};
 use crate::sink::live::{FrameTimeline, LiveSettings, MapsWanted};
+use crate::transducer::Probe;
 
 /// Rendered frames that stages may hold: in each slot, at work in the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
@@ -55,6 +57,8 @@ pub(super) struct RenderParts {
     pub(super) factory: Box<dyn RendererFactory>,
     pub(super) poses: Box<dyn PoseSource>,
     pub(super) controls: Controls,
+    /// Keeps the quality at what the machine affords; none: it stays as it is set.
+    pub(super) quality: Option<QualityBudget>,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
     pub(super) generator: Option<Arc<GeneratorLink>>,
@@ -117,6 +121,7 @@ impl RenderStage {
     /// Renders until the session is to stop, then closes the slots behind it.
     pub(super) fn run(mut self) {
         self.parts.events.settings(&self.parts.controls.live());
+        self.note_quality(false);
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {
@@ -136,6 +141,7 @@ impl RenderStage {
     /// Begins a frame.
     fn tick(&mut self) {
         self.apply_controls();
+        self.keep_quality();
         self.reopen();
         let missed = self.pace.missed();
         let sample = self.sample();
@@ -226,25 +232,75 @@ impl RenderStage {
         if changes.quit {
             self.parts.stop.request("asked by a watcher");
         }
+        if changes.quality && self.parts.quality.is_some() {
+            self.note_quality(true);
+            self.parts.quality = None;
+            self.parts.events.info("quality: set by hand, the budget no longer chooses it");
+        }
         if changes.picture {
-            while !self.in_flight.is_empty() {
-                self.receive();
-            }
-            let (probe, settings) = (self.parts.controls.probe, self.parts.controls.settings);
-            if let Device::Ready(renderer) = &mut self.device {
-                let _span = tracing::debug_span!("reconfigure").entered();
-                match renderer.reconfigure(&probe, &settings) {
-                    Ok(()) => self.shape = renderer.shape(),
-                    Err(RenderFault::Refused(reason)) => {
-                        (self.parts.controls.probe, self.parts.controls.settings) = before;
-                        self.parts.events.warn(format!("not set: {reason}"));
-                    }
-                    Err(fault) => self.lose(&fault),
-                }
+            self.reconfigure(before);
+            let now_s = self.parts.clock.now().as_secs_f64();
+            if let Some(quality) = &mut self.parts.quality {
+                quality.rest(now_s);
             }
         }
         if changes.any {
             self.parts.events.settings(&self.parts.controls.live());
+        }
+    }
+
+    /// Brings the settings to the renderer. False where it refuses them: they are as `before` again.
+    fn reconfigure(&mut self, before: (Probe, RenderSettings)) -> bool {
+        while !self.in_flight.is_empty() {
+            self.receive();
+        }
+        let (probe, settings) = (self.parts.controls.probe, self.parts.controls.settings);
+        let Device::Ready(renderer) = &mut self.device else { return true };
+        let _span = tracing::debug_span!("reconfigure").entered();
+        match renderer.reconfigure(&probe, &settings) {
+            Ok(()) => self.shape = renderer.shape(),
+            Err(RenderFault::Refused(reason)) => {
+                (self.parts.controls.probe, self.parts.controls.settings) = before;
+                self.parts.events.warn(format!("not set: {reason}"));
+                return false;
+            }
+            Err(fault) => self.lose(&fault),
+        }
+        true
+    }
+
+    /// Takes another quality where the budget asks for one. A picture that stands still stays as it is.
+    fn keep_quality(&mut self) {
+        if self.parts.controls.frozen || !matches!(self.device, Device::Ready(_)) {
+            return;
+        }
+        let now_s = self.parts.clock.now().as_secs_f64();
+        let Some(quality) = &mut self.parts.quality else { return };
+        let budget_ms = quality.budget_ms();
+        if let Some(frame_ms) = quality.over_at_least() {
+            let point = quality.point();
+            self.parts.events.warn(format!(
+                "quality: {point} is the least there is, and frames take {frame_ms:.0} ms of {budget_ms}"
+            ));
+        }
+        let Some(change) = quality.change(now_s) else { return };
+        let before = (self.parts.controls.probe, self.parts.controls.settings);
+        self.parts.controls.settings.quality = change.to.with_seed(before.1.quality.seed);
+        if self.reconfigure(before) {
+            self.pace.begin_anew(self.parts.clock.now());
+            let (from, to, ms) = (change.from, change.to, change.frame_ms);
+            self.parts.events.info(&format!("quality: {from} -> {to}: frames take {ms:.0} ms of {budget_ms}"));
+            self.parts.events.settings(&self.parts.controls.live());
+        } else if let Some(quality) = &mut self.parts.quality {
+            quality.refused(now_s);
+        }
+        self.note_quality(false);
+    }
+
+    /// Notes for the summary what the budget did.
+    fn note_quality(&self, by_hand: bool) {
+        if let Some(quality) = &self.parts.quality {
+            self.parts.metrics.set_quality(quality.summary(by_hand));
         }
     }
 
@@ -269,7 +325,12 @@ impl RenderStage {
         }
         self.backoff = Duration::ZERO;
         let left = u32::try_from(self.in_flight.len()).unwrap_or(0);
-        self.pace.rendered(oldest.timeline.submitted, self.parts.clock.now(), left);
+        let now = self.parts.clock.now();
+        let took = self.pace.rendered(oldest.timeline.submitted, now, left);
+        if let Some(quality) = &mut self.parts.quality {
+            let point = QualityPoint::new(oldest.settings.rays, oldest.settings.layers);
+            quality.frame(now.as_secs_f64(), point, 1e3 * took.as_secs_f64());
+        }
         match rendered {
             Some(rendered) => self.hand_on(rendered),
             None => count(&self.parts.metrics.frames_held),
@@ -307,7 +368,7 @@ impl RenderStage {
             count(&self.parts.metrics.device_lost);
         }
         count(&self.parts.metrics.losses);
-        self.pace.lost(self.parts.clock.now());
+        self.pace.begin_anew(self.parts.clock.now());
         // A frame that says so comes first: building may take seconds.
         let wait = self.back_off().max(self.parts.period);
         self.device = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
@@ -332,7 +393,7 @@ impl RenderStage {
             Ok(renderer) => {
                 self.shape = renderer.shape();
                 self.device = Device::Ready(renderer);
-                self.pace.lost(self.parts.clock.now());
+                self.pace.begin_anew(self.parts.clock.now());
                 count(&self.parts.metrics.rebuilt);
                 self.parts.events.info("the renderer was built anew");
             }

@@ -16,6 +16,7 @@ use super::generate_stage::{GenerateStage, GeneratorLink};
 use super::metrics::{Metrics, Status, counted, memory_bytes};
 use super::parts::{Enhancer, FrameRenderer, PoseSource, RendererFactory};
 use super::presenter::Presenter;
+use super::quality_budget::QualityBudget;
 use super::render_stage::{RenderParts, RenderStage};
 use super::rendered::Rendered;
 use super::shutdown::{Joined, Part, Stop, Thread, spawn};
@@ -95,6 +96,8 @@ pub struct Parts {
     pub probe: Probe,
     /// The renderer's settings to begin with.
     pub render: RenderSettings,
+    /// Keeps the quality at what the machine affords, from the point that `render` begins with; none: it stays as set.
+    pub quality: Option<QualityBudget>,
     /// Translates frames; none: rendered frames are shown.
     pub enhancer: Option<Box<dyn Enhancer>>,
     /// Where frames go.
@@ -227,6 +230,7 @@ impl Pipeline {
             factory: parts.factory,
             poses: parts.poses,
             controls: Controls::new(parts.controls, parts.probe, parts.render, has_generator),
+            quality: parts.quality,
             to_presenter: to_presenter.clone(),
             to_generator: to_generator.clone(),
             generator: generator.clone(),
@@ -332,6 +336,7 @@ impl Pipeline {
                 device_rebuilt: counted(&metrics.rebuilt),
                 controls: counted(&metrics.controls),
                 controls_refused: counted(&metrics.refused),
+                quality: metrics.quality(),
                 generator,
                 sinks,
                 stuck,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::histogram::Percentiles;
+use super::quality_budget::QualitySummary;
 
 /// What one sink did.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -83,6 +84,8 @@ pub struct Summary {
     pub controls: u64,
     /// Controls that were out of range.
     pub controls_refused: u64,
+    /// What the budget did to the quality, where there is one.
+    pub quality: Option<QualitySummary>,
     /// The generator, where there is one.
     pub generator: Option<GeneratorSummary>,
     /// Each sink.

@@ -5,10 +5,12 @@ mod configuration;
 mod frame;
 mod gpu;
 mod kernels;
+mod ladder;
 mod motion;
 mod params;
 mod passes;
 pub mod plan;
+mod preset;
 mod readback;
 mod renderer;
 mod settings;
@@ -20,7 +22,9 @@ pub mod twin;
 pub use frame::{Frame, FrameTimes, PassTime};
 pub use gpu::{Gpu, GpuError, GpuOptions};
 pub use kernels::{ClippedKernel, Kernel};
+pub use ladder::{Climbed, LADDER, RUNGS, climb};
 pub use plan::{Choice, Decision, Effect, EffectChoices, EffectPlan};
+pub use preset::{Preset, QualityPoint, UnknownPreset};
 pub use renderer::{FRAMES_IN_FLIGHT, RenderError, Renderer};
 pub use settings::{
     BEAM_TAPS_MAX, ImageSettings, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings, SettingsError,

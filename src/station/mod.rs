@@ -15,6 +15,7 @@ mod keys;
 mod openigtlink;
 mod parse;
 mod pipeline;
+mod quality;
 mod scene;
 mod tracker_table;
 mod values;
@@ -58,6 +59,8 @@ pub struct Station {
     pub probe: Probe,
     /// Image and quality.
     pub settings: RenderSettings,
+    /// Time to render a frame that rays and layers are chosen by, ms; none: they are as set.
+    pub quality_budget_ms: Option<f64>,
     /// Generators.
     pub generator: crate::generator::Settings,
     /// The built-in tissues with the station's own and its changes.

@@ -10,7 +10,6 @@ use super::values::{Values, optional, section, take, wrong_type};
 use super::{Station, StationError, calibration, filter};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::pose::Pose;
-use crate::render::{ImageSettings, Quality, RenderSettings};
 use crate::suggest::did_you_mean;
 use crate::transducer::{Probe, ProbeKind};
 
@@ -49,7 +48,9 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let motion = scene_values.boolean("motion").unwrap_or(true);
     tissue_index(&tissues, &background)?;
     let probe = probe(&section(&mut root, "probe")?)?;
-    let mut settings = settings(&section(&mut root, "image")?, &section(&mut root, "quality")?)?;
+    let quality_values = section(&mut root, "quality")?;
+    let mut settings = super::quality::settings(&section(&mut root, "image")?, &quality_values)?;
+    let quality_budget_ms = quality_values.number("budget_ms");
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
     let filter = filter::settings(&section(&mut root, "filter")?);
@@ -68,6 +69,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         motion,
         probe,
         settings,
+        quality_budget_ms,
         tissues,
         default_pose,
         filter,
@@ -122,28 +124,6 @@ fn probe(values: &Values) -> Result<Probe, StationError> {
     values.set("elevational_focus_mm", &mut probe.elevational_focus_mm);
     probe.validate()?;
     Ok(probe)
-}
-
-fn settings(image_values: &Values, quality_values: &Values) -> Result<RenderSettings, StationError> {
-    let mut image = ImageSettings::default();
-    image_values.set_integer("width", &mut image.width);
-    image_values.set_integer("height", &mut image.height);
-    image_values.set("dynamic_range_db", &mut image.dynamic_range_db);
-    image_values.set("gain_db", &mut image.gain_db);
-    image_values.set("tgc_db_per_cm", &mut image.tgc_db_per_cm);
-    if let Some(sliders) = image_values.numbers("tgc_sliders_db") {
-        image.tgc_sliders_db = sliders;
-    }
-    let mut quality = Quality::default();
-    quality_values.set_integer("rays", &mut quality.rays);
-    quality_values.set_integer("layers", &mut quality.layers);
-    quality_values.set_integer("seed", &mut quality.seed);
-    let mut settings = RenderSettings { image, quality, ..RenderSettings::default() };
-    quality_values.set_integer("reflections_max", &mut settings.reflections_max);
-    quality_values.set_integer("beam_taps_max", &mut settings.beam_taps_max);
-    quality_values.set_integer("pulse_taps_max", &mut settings.pulse_taps_max);
-    settings.validate()?;
-    Ok(settings)
 }
 
 fn pose(root: &mut Table) -> Result<Option<Pose>, StationError> {

@@ -93,10 +93,12 @@ proptest! {
             let at = at % bytes.len();
             bytes.splice(at..at, noise);
         }
-        let whole = decode(protocol, &bytes, &[]);
-        prop_assert_eq!(&decode(protocol, &bytes, &cuts), &whole);
+        // Compared as text: an error may hold the NaN that it found, which equals nothing.
+        let text = |cuts: &[usize]| format!("{:?}", decode(protocol, &bytes, cuts));
+        let whole = text(&[]);
+        prop_assert_eq!(&text(&cuts), &whole);
         let every: Vec<_> = (0..bytes.len()).collect();
-        prop_assert_eq!(&decode(protocol, &bytes, &every), &whole);
+        prop_assert_eq!(&text(&every), &whole);
     }
 
     #[test]

@@ -76,7 +76,8 @@ impl Live<'_> {
         clear(&directory)?;
         let stays = !self.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
         let factory = GpuFactory::new(GpuOptions::default(), self.scene.clone())?;
-        let renderer = factory.build_on(self.gpu, &station.probe, &station.settings)?;
+        let mut renderer = factory.build_on(self.gpu, &station.probe, &station.settings)?;
+        let quality = live::choose_quality(&mut renderer, &mut station, None)?;
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
         let stop = Stop::new(&clock);
 
@@ -118,6 +119,7 @@ impl Live<'_> {
             factory: Box::new(factory),
             probe: station.probe,
             render: station.settings,
+            quality,
             enhancer,
             sinks,
             controls,

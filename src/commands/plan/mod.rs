@@ -27,7 +27,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     effects: EffectArgs,
 
-    /// lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33 [default: the station's own]
+    /// fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
+    /// 1..=33 [default: the station's own]
     #[arg(long, value_name = "QUALITY")]
     quality: Option<RaysLayers>,
 
@@ -82,6 +83,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     args.effects.apply(&mut settings);
     if let Some(quality) = args.quality {
         settings.quality = quality.with_seed(settings.quality.seed);
+    } else {
+        session::warn_of_budget(&station);
     }
     settings.maps = reads_maps(&station);
     let scene = session::load_scene(&station)?;

@@ -90,6 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     let all = poses::of_station(&station, args.recording.as_deref())?;
     let gpu = session::open_gpu()?;
+    session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;
     let planned = tradeoff::plan(Knobs::of(&station.probe, &station.settings), args.quick);
     let renderer = session::renderer(&gpu, &scene, &station, &station.settings)?;

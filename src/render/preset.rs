@@ -1,0 +1,115 @@
+//! Named points of what accuracy costs: rays × layers.
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+use super::Quality;
+
+/// Rays × layers, written `8x1`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct QualityPoint {
+    /// Rays per scanline and layer, 1..=256.
+    pub rays: u32,
+    /// Elevational layers, 1..=33.
+    pub layers: u32,
+}
+
+impl QualityPoint {
+    /// This point.
+    pub const fn new(rays: u32, layers: u32) -> Self {
+        Self { rays, layers }
+    }
+
+    /// The point with a seed.
+    pub const fn with_seed(self, seed: u32) -> Quality {
+        Quality { rays: self.rays, layers: self.layers, seed }
+    }
+
+    /// Paths a scanline: rays × layers.
+    pub const fn paths(self) -> u32 {
+        self.rays * self.layers
+    }
+}
+
+impl From<Quality> for QualityPoint {
+    fn from(quality: Quality) -> Self {
+        Self::new(quality.rays, quality.layers)
+    }
+}
+
+impl fmt::Display for QualityPoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.rays, self.layers)
+    }
+}
+
+/// A text that names no preset.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error("`{found}` is no preset; they are {}", Preset::NAMES.join(", "))]
+pub struct UnknownPreset {
+    /// The text.
+    pub found: String,
+}
+
+/// A named point of the [`LADDER`](super::LADDER), in rising cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Preset {
+    /// 1 ray × 1 layer: the paper's low quality.
+    Fast,
+    /// 4 rays × 1 layer: rays spread over rough interfaces, in the scan plane alone.
+    Balanced,
+    /// 32 rays × 3 layers: the paper's high quality.
+    Accurate,
+    /// 128 rays × 3 layers: four times the paths of the paper's high quality.
+    Reference,
+}
+
+impl Preset {
+    /// All of them, in rising cost.
+    pub const ALL: [Self; 4] = [Self::Fast, Self::Balanced, Self::Accurate, Self::Reference];
+    /// Their names, in that order.
+    pub const NAMES: &'static [&'static str] = &["fast", "balanced", "accurate", "reference"];
+
+    /// Its rays and layers.
+    pub const fn point(self) -> QualityPoint {
+        match self {
+            Self::Fast => QualityPoint::new(1, 1),
+            Self::Balanced => QualityPoint::new(4, 1),
+            Self::Accurate => QualityPoint::new(32, 3),
+            Self::Reference => QualityPoint::new(128, 3),
+        }
+    }
+}
+
+impl FromStr for Preset {
+    type Err = UnknownPreset;
+
+    fn from_str(text: &str) -> Result<Self, UnknownPreset> {
+        let named = Self::NAMES.iter().zip(Self::ALL).find(|(name, _)| **name == text);
+        named.map(|(_, preset)| preset).ok_or_else(|| UnknownPreset { found: text.to_owned() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::LADDER;
+    use super::*;
+
+    #[test]
+    fn presets_are_points_of_the_ladder_in_rising_cost() {
+        let rungs: Vec<_> = Preset::ALL.map(|preset| LADDER.iter().position(|point| *point == preset.point())).into();
+        assert!(rungs.iter().all(Option::is_some) && rungs.is_sorted(), "{rungs:?}");
+        assert_eq!(Preset::Fast.point().with_seed(0), Quality::LQ);
+        assert_eq!(Preset::Accurate.point().with_seed(0), Quality::HQ);
+    }
+
+    #[test]
+    fn names_are_read() {
+        assert_eq!(Preset::NAMES.iter().map(|name| name.parse().unwrap()).collect::<Vec<Preset>>(), Preset::ALL);
+        let error = "best".parse::<Preset>().unwrap_err().to_string();
+        assert_eq!(error, "`best` is no preset; they are fast, balanced, accurate, reference");
+        assert_eq!(Preset::Reference.point().to_string(), "128x3");
+    }
+}
