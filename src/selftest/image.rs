@@ -27,6 +27,10 @@ const GAIN_DB: f64 = 10.0;
 const RANGE_DB: f64 = 100.0;
 /// TGC, dB/cm: not the loss, so that what is left of it shows.
 const TGC_DB_CM: f64 = 5.0;
+/// RMS amplitude of the block's scatterers.
+const DEVIATION: f64 = 0.03;
+/// Mean level of fully developed speckle below its RMS level, dB: 10·γ/ln 10 of an exponential power, γ Euler's constant.
+const LOG_SPECKLE_DB: f64 = 2.506_815_5;
 
 /// A block with a plate over its half.
 pub(super) struct Image {
@@ -49,7 +53,7 @@ fn settings() -> RenderSettings {
 impl Image {
     pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
         let place = places.next();
-        let block = bench.tissue(Tissue { attenuation_db_cm_mhz: BLOCK_ALPHA, ..grainy(0.0, 0.03) });
+        let block = bench.tissue(Tissue { attenuation_db_cm_mhz: BLOCK_ALPHA, ..grainy(0.0, DEVIATION) });
         let plate_tissue =
             bench.tissue(Tissue { attenuation_db_cm_mhz: PLATE_ALPHA, ..silent(1540.0, PLATE_IMPEDANCE) });
         bench.add(block, 1, slab(place, 40.0, -20.0, 90.0));
@@ -104,6 +108,10 @@ impl Family for Image {
         let rows: Vec<_> =
             (0..48).map(|i| 5.0 + f64::from(i)).map(|z| (0.1 * z + 0.05, view.db(right, (z, z + 1.0)))).collect();
         let want_slope = TGC_DB_CM - 20.0 * one_way_db_mm(BLOCK_ALPHA);
+        let middle = |of: fn(&(f64, f64)) -> f64| rows.iter().map(of).sum::<f64>() / rows.len() as f64;
+        let (depth_cm, level_db) = (middle(|row| row.0), middle(|row| row.1));
+        let at_face_db = RANGE_DB + GAIN_DB + db_from_amplitude(DEVIATION) - LOG_SPECKLE_DB;
+        let want_db = at_face_db + want_slope * depth_cm;
 
         // Pixels of the plate's tissue, as a depth.
         let number = self.plate_tissue as u8 + 1;
@@ -122,6 +130,8 @@ impl Family for Image {
         Ok(vec![
             Check::new("Shadow", "depth behind an absorbing plate", "dB", want_shadow, shadow, 1.0),
             Check::new("Image", "slope of the grey levels with TGC", "dB/cm", want_slope, slope(&rows).0, 0.15),
+            // Some 4000 independent speckles of 5.6 dB: 0.1 dB of chance, the same on every device; the rest is the lattice's.
+            Check::new("Image", format!("level of the grey at {:.0} mm", 10.0 * depth_cm), "dB", want_db, level_db, 0.75),
             Check::new("Maps", "segmentation: depth of the plate", "mm", PLATE_MM.0, top_mm, sector.pixel_mm),
             Check::new("Maps", "segmentation: thickness of the plate", "mm", thickness, plate_mm, sector.pixel_mm),
             Check::new("Maps", "attenuation at 50 mm, one-way", "dB", want_level, level, 0.1),

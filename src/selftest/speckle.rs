@@ -21,6 +21,13 @@ const NEARER_MM: f64 = 0.01;
 const RAYLEIGH_SNR: f64 = 1.913_058_4;
 /// Bands of depth that the decay is fitted through.
 const BANDS: usize = 64;
+/// Lags between which a period is looked for, mm: beyond what pulse and beam smear, and as far as enough is left to compare.
+const LAGS_MM: (f64, f64) = (3.0, 80.0);
+const LAGS_ACROSS_MM: (f64, f64) = (4.0, 25.0);
+/// Every how many scanlines one is compared with itself: about a beam.
+const LINE_STEP: u32 = 4;
+/// Samples from lag to lag: less than the pulse is long.
+const LAG_STEP: usize = 2;
 
 /// A block without loss and one with.
 pub(super) struct Speckle {
@@ -53,6 +60,45 @@ fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
             lines().flat_map(|l| -> Vec<f64> { part(l) }).collect()
         })
         .collect()
+}
+
+/// Magnitude of the correlation of pairs of lines of samples, 0..=1.
+fn correlation<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> f64 {
+    let [mut re, mut im, mut first, mut second] = [0.0; 4];
+    for (a, b) in pairs {
+        for (a, b) in a.iter().zip(b) {
+            let [ar, ai, br, bi] = [a[0], a[1], b[0], b[1]].map(f64::from);
+            re += br * ar + bi * ai;
+            im += bi * ar - br * ai;
+            first += ar * ar + ai * ai;
+            second += br * br + bi * bi;
+        }
+    }
+    // 0/0 stays NaN: a frame without speckle doesn't pass.
+    re.hypot(im) / (first * second).sqrt()
+}
+
+/// The larger of two, NaN where either is.
+fn most(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
+}
+
+/// The most that a frame's lines are like themselves some way deeper.
+fn likeness_along(probe: &Probe, frame: &Frame) -> f64 {
+    let lag = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
+    let lines = || (0..probe.scanlines).step_by(LINE_STEP as usize).map(|l| line(probe, frame, l));
+    (lag(LAGS_MM.0)..lag(LAGS_MM.1))
+        .step_by(LAG_STEP)
+        .map(|lag| correlation(lines().map(|l| (l, l.get(lag..).unwrap_or_default()))))
+        .fold(0.0, most)
+}
+
+/// The most that a frame's lines are like those some way beside them.
+fn likeness_across(probe: &Probe, frame: &Frame) -> f64 {
+    let lag = |mm: f64| (mm / probe.line_spacing_mm(0.0)) as u32;
+    (lag(LAGS_ACROSS_MM.0)..lag(LAGS_ACROSS_MM.1))
+        .map(|lag| correlation((0..probe.scanlines - lag).map(|l| (line(probe, frame, l), line(probe, frame, l + lag)))))
+        .fold(0.0, most)
 }
 
 impl Family for Speckle {
@@ -88,6 +134,10 @@ impl Family for Speckle {
             Check::new("Attenuation", "of speckle, two-way slope", "dB/cm", want, slope(&points).0, 0.02 * want.abs()),
             Check::new("Speckle", "mean over deviation of the envelope", "", RAYLEIGH_SNR, snr, 0.05),
             Check::new("Speckle", "level", "dB", db_from_amplitude(DEVIATION), level, 0.5),
+            // Thousands of independent speckles are alike by a few hundredths, a lattice that repeats by most of 1. Which
+            // they are is exact integer arithmetic: devices differ in rounding alone.
+            Check::new("Speckle", "likeness to itself 3 to 80 mm deeper", "", 0.0, likeness_along(&probe, &first), 0.2),
+            Check::new("Speckle", "likeness to itself 4 to 25 mm beside", "", 0.0, likeness_across(&probe, &first), 0.2),
             Check::new("Speckle", "nearer by, from its phase", "µm", 1e3 * NEARER_MM, moved_um, 0.5),
         ])
     }

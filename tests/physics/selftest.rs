@@ -31,7 +31,7 @@ fn a_sound_device_passes() {
 /// What is wrong, the pass, its source and what replaces it, and the group of checks that must fail.
 type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const DAMAGES: [Damage; 16] = [
+const DAMAGES: [Damage; 19] = [
     ("sign of the echoes' phase", "echo", "phasor(-params", "phasor(params", "Time of flight"),
     ("sign of the speckle's phase", "march", "phasor(-params", "phasor(params", "Speckle"),
     (
@@ -44,8 +44,8 @@ const DAMAGES: [Damage; 16] = [
     (
         "one-way decay of echoes",
         "trace",
-        "ln_amplitude -= tissue.attenuation_np_mm * t",
-        "ln_amplitude -= 0.5 * tissue.attenuation_np_mm * t",
+        "exp(max(ln_amplitude, LN_SILENT))",
+        "exp(max(0.5 * ln_amplitude, LN_SILENT))",
         "Attenuation",
     ),
     (
@@ -75,12 +75,21 @@ const DAMAGES: [Damage; 16] = [
     ("beam of one depth everywhere", "lateral", "(first >> BLOCK_SHIFT)", "0u", "Point spread"),
     ("layers all in the plane", "trace", "vec3<f32>(0.0, layer.y, 0.0)", "vec3<f32>(0.0)", "Point spread"),
     (
-        "a texture that repeats",
+        "a texture that repeats every 9.6 mm",
         "march",
         "let bits = lattice_hash(cell)",
-        "let bits = lattice_hash(cell & vec3<i32>(1))",
+        "let bits = lattice_hash(cell & vec3<i32>(63))",
         "Speckle",
     ),
+    (
+        "a texture that repeats sideways only",
+        "march",
+        "let bits = lattice_hash(cell)",
+        "let bits = lattice_hash(cell & vec3<i32>(63, -1, -1))",
+        "Speckle",
+    ),
+    ("no gain", "detect", "+ params.gain_db", "", "Image"),
+    ("no sliders", "detect", "+ vec4<f32>(slider_db", "+ 0.0 * vec4<f32>(slider_db", "Twin"),
     ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *", "Image"),
     (
         "one-way shadow",

@@ -10,12 +10,16 @@ use obvhs::{BvhBuildParams, triangle::Triangle};
 use super::PackedTriangle;
 use super::refit::{Extent, fit};
 
+/// How far middles are moved by chance, of the diagonal that they span: 200 steps of the builder's Morton codes (21 bits an
+/// axis), which parts heaps, and far less than neighbours of an ordinary mesh are apart.
+const JITTER: f32 = 1e-4;
+
 /// Builds over the triangles' middles, each moved a little by chance so that no two are alike, and then gives the nodes
 /// the boxes of the triangles themselves: slower to trace than the usual tree, never deeper than about log₂ of their number.
 pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     let middle = |t: &Triangle| (t.v0 + t.v1 + t.v2) / 3.0;
     let bounds = triangles.iter().map(middle).fold(Aabb::empty(), |mut all, point| *all.extend(point));
-    let reach_mm = 0.01 * (bounds.max - bounds.min).length() + 1e-3;
+    let reach_mm = JITTER * (bounds.max - bounds.min).length() + 1e-3;
     let points: Vec<Aabb> = triangles
         .iter()
         .zip(0u32..)

@@ -245,7 +245,13 @@ mod tests {
         };
         let mut heap = analytic::cuboid(Vec3::ZERO, Vec3::ONE);
         heap.triangles = vec![heap.triangles[0]; 5000];
-        for mesh in [fan, heap] {
+        // The same heap in a corner of half a metre of ordinary triangles.
+        let mut wide = heap.clone();
+        let ball = analytic::sphere(Vec3::splat(250.0), 250.0, 3);
+        let first = wide.vertices_mm.len() as u32;
+        wide.vertices_mm.extend(ball.vertices_mm);
+        wide.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+        for mesh in [fan, heap, wide] {
             let count = mesh.triangles.len();
             let bvh = Bvh::build(&scene(mesh)).unwrap();
             let mut found: Vec<u32> = bvh.triangles.iter().map(|t| t.triangle).collect();
