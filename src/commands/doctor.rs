@@ -55,7 +55,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         own.filter(|name| station.as_ref().is_none_or(|s| s.background != **name)).cloned().collect();
     let start = station.as_ref().and_then(|s| s.default_pose.map(|pose| (pose, s.probe.depth_mm)));
     let progress = Progress::new("doctor", 0);
-    let settings = Settings { tissues, own_tissues: &own_tissues, start };
+    let background = station.as_ref().and_then(|s| tissues.index_of(&s.background));
+    let settings = Settings { tissues, own_tissues: &own_tissues, background, start };
     let report = examine(&path, &settings, &|done, total| progress.set(done, total))?;
     drop(progress);
     if args.json {

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 use insonify::anatomy::analytic::{cuboid, joined, sphere};
 use insonify::anatomy::doctor::{Defect, Finding, Report, Settings, Severity, examine};
+use insonify::anatomy::import::FindingKind;
 use insonify::anatomy::{Mesh, TissueTable};
 use insonify::pose::Pose;
 use serde_json::json;
@@ -29,7 +30,7 @@ fn examined(b: &Builder) -> Report {
 fn examined_from(b: &Builder, start: Option<(Pose, f64)>) -> Report {
     let (_dir, path) = file("scene.glb", &b.glb());
     let tissues = TissueTable::builtin().unwrap();
-    examine(&path, &Settings { tissues: &tissues, own_tissues: &[], start }, &|_, _| {}).unwrap()
+    examine(&path, &Settings { tissues: &tissues, own_tissues: &[], background: None, start }, &|_, _| {}).unwrap()
 }
 
 /// The only finding, of `defect`, about a ball of liver called `organ` beside a sound one.
@@ -89,7 +90,7 @@ fn sound_scenes_get_nothing() {
         ["bone_plate", "gallbladder_stones", "lung_air", "qa_phantom", "slabs", "speckle_block", "vessel_needle"]
     {
         let path = format!("{}/assets/scenes/{name}.glb", env!("CARGO_MANIFEST_DIR"));
-        let settings = Settings { tissues: &builtin, own_tissues: &[], start: None };
+        let settings = Settings { tissues: &builtin, own_tissues: &[], background: None, start: None };
         let report = examine(path.as_ref(), &settings, &|_, _| {}).unwrap();
         assert_eq!(report.findings, [], "{name}");
     }
@@ -228,6 +229,7 @@ fn coordinates_that_are_no_places() {
         of_organ(&mesh, Defect::BadCoordinates)
     };
     assert!(nan(f32::NAN).what.contains("vertex 3 is ["));
+    assert!(nan(200_000.0).what.contains("vertex 3 is ["), "one stray vertex is no wrong unit");
     assert!(nan(f32::INFINITY).what.contains("1 vertices are not finite"));
 }
 
@@ -261,7 +263,7 @@ fn tissues_that_are_missing_or_misspelt() {
     assert_eq!(only(&examined(&b), Defect::NoTissue).surface.as_deref(), Some("organ"));
     let (_dir, path) = file("scene.glb", &scene(&[("organ", "liver", 0, &sound)]).glb());
     let tissues = TissueTable::builtin().unwrap();
-    let settings = Settings { tissues: &tissues, own_tissues: &["steel".to_owned()], start: None };
+    let settings = Settings { tissues: &tissues, own_tissues: &["steel".to_owned()], background: None, start: None };
     let report = examine(&path, &settings, &|_, _| {}).unwrap();
     assert!(only(&report, Defect::UnusedTissue).what.contains("`steel`"));
 }
@@ -326,9 +328,143 @@ fn where_the_probe_starts() {
 }
 
 #[test]
+fn where_the_probe_starts_in_the_background() {
+    let (_dir, path) = file("scene.glb", &scene(&[("organ", "liver", 0, &ball())]).glb());
+    let tissues = TissueTable::builtin().unwrap();
+    let pose = Pose { position_mm: DVec3::new(-30.0, 20.0, 30.0), orientation: glam::DQuat::IDENTITY };
+    let in_background = |name: &str| {
+        let (background, start) = (tissues.index_of(name), Some((pose, 150.0)));
+        assert!(background.is_some());
+        examine(&path, &Settings { tissues: &tissues, own_tissues: &[], background, start }, &|_, _| {}).unwrap()
+    };
+    let finding = only(&in_background("air"), Defect::StartsInside);
+    assert!(finding.surface.is_none() && finding.what.contains("the background `air`, which is gas"), "{finding}");
+    assert_eq!(in_background("gel").findings, []);
+}
+
+#[test]
+fn finely_meshed_parts_overlap_however_shallow_their_triangles_cross() {
+    let two = joined([sphere(Vec3::ZERO, 2.5, 5), sphere(Vec3::new(2.5, 0.1, 0.05), 2.5, 5)]);
+    let finding = of_organ(&two, Defect::SelfIntersection);
+    near(&finding, [1.25, 0.05, 0.025], 0.2);
+    assert!((3.5..6.5).contains(&finding.places[0].size_mm), "a ring of 4.3 mm: {finding}");
+}
+
+#[test]
+fn triangles_without_area_close_t_junctions() {
+    let mut mesh = cuboid(Vec3::ZERO, Vec3::splat(20.0));
+    let [a, b, c] = mesh.triangles[0];
+    let middle = 0.5 * (mesh.vertices_mm[a as usize] + mesh.vertices_mm[b as usize]);
+    let m = mesh.vertices_mm.len() as u32;
+    mesh.vertices_mm.push(middle);
+    mesh.triangles[0] = [a, m, c];
+    mesh.triangles.push([m, b, c]);
+    let junction = mesh.clone();
+    mesh.triangles.push([a, b, m]);
+    of_organ(&mesh, Defect::Degenerate);
+    of_organ(&junction, Defect::Open);
+    // Nor do they open a surface that is closed without them.
+    let mut spare = cuboid(Vec3::ZERO, Vec3::splat(20.0));
+    spare.vertices_mm.push(middle);
+    spare.triangles.push([a, b, m]);
+    of_organ(&spare, Defect::Degenerate);
+
+    let kinds = |mesh: &Mesh| {
+        let (scene, findings) = scene(&[("organ", "liver", 0, mesh)]).load().unwrap();
+        let volume = scene.surfaces[0].mesh.signed_volume_mm3();
+        assert!((volume - 8000.0).abs() < 0.1, "outward: {volume}");
+        findings.into_iter().map(|f| f.kind).collect::<Vec<_>>()
+    };
+    let flat = FindingKind::Degenerate { triangles: 1 };
+    assert_eq!((kinds(&mesh), kinds(&spare)), (vec![flat], vec![flat]));
+    mesh.flip();
+    assert_eq!(kinds(&mesh), [flat, FindingKind::InsideOut]);
+}
+
+#[test]
+fn an_inverted_surface_is_examined_as_it_will_be_loaded() {
+    let mut cyst = sphere(Vec3::splat(20.0), 5.0, 2);
+    cyst.flip();
+    let body = cuboid(Vec3::ZERO, Vec3::splat(40.0));
+    let report = examined(&scene(&[("cyst", "bile", 1, &cyst), ("body", "liver", 2, &body)]));
+    let found: Vec<_> = report.findings.iter().map(|f| (f.defect, f.surface.as_deref())).collect();
+    assert_eq!(found, [(Defect::Inverted, Some("cyst")), (Defect::Hidden, Some("cyst"))]);
+}
+
+/// A scene with a ball of liver, above `from_z_mm` of one material and below of another.
+fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> Report {
+    let mut b = Builder::empty();
+    let metres: Vec<_> = mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
+    let positions = b.positions(&metres);
+    let is_above = |t: &&[u32; 3]| t.iter().all(|&i| mesh.vertices_mm[i as usize].z > from_z_mm);
+    let (above, below): (Vec<_>, Vec<_>) = mesh.triangles.iter().partition(is_above);
+    let primitives = [above, below].map(|triangles: Vec<&[u32; 3]>| {
+        let indices: Vec<u32> = triangles.into_iter().flatten().copied().collect();
+        let indices = b.indices(&indices, U32);
+        json!({"attributes": {"POSITION": positions}, "indices": indices})
+    });
+    let mesh = b.mesh(&primitives);
+    b.node(json!({"name": "organ", "mesh": mesh, "extras": {"tissue": "liver"}}));
+    examined(&b)
+}
+
+#[test]
+fn an_object_of_two_materials_is_no_hole() {
+    let found = |report: &Report| -> Vec<_> {
+        report.findings.iter().map(|f| (f.defect, f.surface.clone().unwrap())).collect()
+    };
+    let (upper, lower) = ("organ/0".to_owned(), "organ/1".to_owned());
+    let report = of_two_materials(&ball(), 30.0);
+    let split = Defect::SplitByMaterial;
+    assert_eq!(found(&report), [(split, upper.clone()), (split, lower.clone())], "{:#?}", report.findings);
+    assert!(report.findings[0].remedy.contains("one material"));
+    // With a hole besides, in the lower half.
+    let report = of_two_materials(&holed(&ball(), Vec3::new(10.0, 20.0, 10.0), 6.0), 30.0);
+    assert_eq!(found(&report), [(split, upper), (Defect::Open, lower.clone()), (split, lower)]);
+}
+
+#[test]
+fn a_graze_of_two_surfaces_is_no_tie() {
+    let a = sphere(Vec3::ZERO, 20.0, 4);
+    let corners = a.triangles[0].map(|i| a.vertices_mm[i as usize]);
+    let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
+    // The other one, mirrored in a point 0.015 mm below the first's triangle: they overlap by 0.03 mm there.
+    let point = centroid - centroid.normalize() * 0.015;
+    let mut b = a.clone();
+    b.vertices_mm.iter_mut().for_each(|v| *v = 2.0 * point - *v);
+    b.flip();
+    assert_eq!(examined(&scene(&[("a", "liver", 3, &a), ("b", "fat", 3, &b)])).findings, []);
+}
+
+#[test]
+fn a_wall_between_joined_boxes_is_no_sheet() {
+    let left = cuboid(Vec3::ZERO, Vec3::splat(10.0));
+    let mut right = left.clone();
+    right.vertices_mm.iter_mut().for_each(|v| v.x = 20.0 - v.x);
+    right.flip();
+    let finding = of_organ(&joined([left, right]), Defect::NonManifold);
+    assert!(finding.severity == Severity::Warning && finding.what.contains("a wall between"), "{finding}");
+    assert!(finding.remedy.contains("delete inner faces"));
+    near(&finding, [10.0, 5.0, 5.0], 1e-3);
+}
+
+#[test]
+fn crumbs_that_face_the_wrong_way_are_no_error() {
+    let mut crumb = sphere(Vec3::new(10.0, 20.0, 60.0), 0.3, 1);
+    crumb.flip();
+    let inside = sphere(Vec3::new(10.0, 20.0, 30.0), 0.3, 1);
+    for (crumb, defect) in [(crumb, Defect::MixedOrientation), (inside, Defect::NestedPart)] {
+        let report = examined(&scene(&[("organ", "liver", 0, &joined([ball(), crumb]))]));
+        let found: Vec<_> = report.findings.iter().map(|f| (f.defect, f.severity)).collect();
+        assert_eq!(found, [(defect, Severity::Warning)], "{:?}", report.findings);
+        assert!(report.findings[0].what.contains("crumbs"), "{}", report.findings[0]);
+    }
+}
+
+#[test]
 fn what_is_no_gltf_is_an_error() {
     let (_dir, path) = file("scene.glb", b"glTF");
     let tissues = TissueTable::builtin().unwrap();
-    let settings = Settings { tissues: &tissues, own_tissues: &[], start: None };
+    let settings = Settings { tissues: &tissues, own_tissues: &[], background: None, start: None };
     assert!(examine(&path, &settings, &|_, _| {}).is_err());
 }

@@ -63,7 +63,7 @@ fn blender(material: &str) -> Builder {
 
 #[test]
 fn a_box_of_blender_is_read() {
-    for material in ["liver", "liver.001", "liver.042"] {
+    for material in ["liver", "liver.001", "liver.042", "liver.1000"] {
         let (scene, findings) = blender(material).load().unwrap();
         assert_eq!(findings, [], "{material}");
         assert_eq!(tissues_of(&scene), [("Organ", "liver", 4)]);
@@ -74,6 +74,33 @@ fn a_box_of_blender_is_read() {
     for material in ["liver.1", "liver.001.002", "liver.abc", "Material.001"] {
         assert!(blender(material).load().unwrap_err().to_string().contains("unknown tissue"), "{material}");
     }
+}
+
+#[test]
+fn what_an_objects_data_says_is_not_of_its_children() {
+    // Blender: an object `skin`, whose mesh has custom properties, with the child `rib`, which has a material alone.
+    let mut b = Builder::tetrahedron();
+    let rib = json!({"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]});
+    b.root["materials"] = json!([{"name": "bone_adult"}]);
+    b.root["meshes"][0]["extras"] = json!({"tissue": "skin", "priority": 7});
+    b.push("meshes", rib);
+    b.root["nodes"] = json!([{"name": "skin", "mesh": 0, "children": [1]}, {"name": "rib", "mesh": 1}]);
+    let mut found = b.load().map(|(scene, _)| scene).unwrap();
+    found.surfaces.sort_by_key(|s| s.priority);
+    assert_eq!(tissues_of(&found), [("rib", "bone_adult", 0), ("skin", "skin", 7)]);
+    // What the object itself says is.
+    b.root["nodes"][0]["extras"] = json!({"tissue": "fat", "priority": 3});
+    let (scene, _) = b.load().unwrap();
+    assert_eq!(tissues_of(&scene), [("skin", "fat", 3), ("rib", "fat", 3)]);
+}
+
+#[test]
+fn an_accessor_of_zeros_that_no_surface_needs_is_no_compression() {
+    let mut b = Builder::tetrahedron();
+    let zeros = b.push("accessors", json!({"componentType": F32, "type": "VEC3", "count": 4}));
+    b.root["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(zeros);
+    b.root["extensionsUsed"] = json!(["ACME_looks"]);
+    assert!((f64::from(b.load_mesh().signed_volume_mm3() as f32) - TETRAHEDRON_MM3).abs() < 0.01);
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Triangles of one surface that pass through each other.
 
+use std::collections::HashMap;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -11,9 +13,16 @@ use crate::anatomy::Mesh;
 /// Crossings shallower than this, mm, are below half a wavelength at 8 MHz.
 const SHALLOW_MM: f64 = 0.1;
 
+/// Parts whose crossings all lie within this, mm, only touch. Of triangles, none goes deeper into another than it is
+/// large: finely meshed parts overlap in shallow crossings around a wide ring.
+const TOUCH_MM: f32 = 1.0;
+
+/// A border of two solids that overlap crosses at least so many triangles; fewer are a fold.
+const RING: usize = 3;
+
 /// Crossings found in a surface.
 pub(super) struct Crossings {
-    /// Pairs of triangles far from each other over the surface that cross deeply: parts that overlap.
+    /// Pairs of triangles of parts that overlap, or far from each other over one part.
     pub(super) overlaps: usize,
     /// Pairs of near neighbours, and shallow ones: creases, as decimation leaves them.
     pub(super) folds: usize,
@@ -54,11 +63,25 @@ pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
         .collect();
     let neighbours = if found.is_empty() { Vec::new() } else { triangles_at_vertices(mesh) };
     let part = |t: u32| part_of.get(t as usize);
-    let is_fold = |pair: &&Pair| {
-        let [t, u] = pair.triangles;
-        pair.depth_mm < SHALLOW_MM || (part(t) == part(u) && are_near(mesh, &neighbours, t, u))
+    let parts_of = |pair: &Pair| {
+        let [a, b] = pair.triangles.map(part);
+        [a.min(b), a.max(b)]
     };
-    let (folds, overlaps): (Vec<&Pair>, Vec<&Pair>) = found.iter().partition(is_fold);
+    let mut rings: HashMap<_, Vec<Vec3>> = HashMap::new();
+    for pair in &found {
+        rings.entry(parts_of(pair)).or_default().push(pair.point);
+    }
+    let wide: HashMap<_, bool> =
+        rings.into_iter().map(|(parts, points)| (parts, Place::of(points).size_mm >= TOUCH_MM)).collect();
+    let is_fold = |pair: &&Pair| {
+        let ([t, u], parts) = (pair.triangles, parts_of(pair));
+        let is_shallow = pair.depth_mm < SHALLOW_MM;
+        if parts[0] == parts[1] { is_shallow || are_near(mesh, &neighbours, t, u) } else { is_shallow && !wide[&parts] }
+    };
+    let (mut folds, mut overlaps): (Vec<&Pair>, Vec<&Pair>) = found.iter().partition(is_fold);
+    if overlaps.len() < RING {
+        folds.append(&mut overlaps);
+    }
     let shown = if overlaps.is_empty() { &folds } else { &overlaps };
     let mut places = vec![Place::of(shown.iter().map(|pair| pair.point))];
     places.extend(shown.first().filter(|_| shown.len() > 1).map(|pair| Place::of([pair.point])));

@@ -26,6 +26,10 @@ pub(super) struct Edges {
     pub(super) findings: Vec<Finding>,
     /// Whether nothing is open and all turn alike: then there is an inside.
     pub(super) closed: bool,
+    /// Edges that are open, turned or of no clear inside.
+    pub(super) unpaired: usize,
+    /// Open edges, as their triangles turn.
+    pub(super) open: Vec<[u32; 2]>,
     /// Index of each triangle's part: what hangs together over edges.
     pub(super) part: Vec<u32>,
 }
@@ -58,7 +62,7 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
             [] => {}
         }
     }
-    let closed = open.is_empty() && turned.is_empty() && unbalanced == 0;
+    let unpaired = open.len() + turned.len() + unbalanced;
     let mut findings = Vec::new();
     let seam = seam(mesh, &open);
     if seam.len() < open.len() {
@@ -86,7 +90,7 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
         let what = format!("{} edges of four or more triangles", crowded.len());
         findings.push(Finding::new(Defect::NonManifold, what).at(places(mesh, &crowded)));
     }
-    Edges { findings, closed, part: parts.numbered() }
+    Edges { findings, closed: unpaired == 0, unpaired, open, part: parts.numbered() }
 }
 
 /// The open edges that stay open if vertices of rims that are nearly in one place become one.

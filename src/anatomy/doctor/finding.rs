@@ -84,6 +84,8 @@ defects! {
     NotInScene = Note, "move the objects into the exported scene if they are to be scanned";
     /// Edges of one triangle only: there is no inside.
     Open = Error, "fill the hole (Blender: Edit Mode, Select > All by Trait > Non Manifold, then F or Alt-F), or give a sheet a thickness (Solidify)";
+    /// One object whose faces have several materials: each becomes a surface of its own, which is not closed.
+    SplitByMaterial = Error, "use one material for the whole object, or separate the parts and close each (Blender: P > By Material, then F or Alt-F)";
     /// Rims that lie on each other and are not joined.
     Unwelded = Error, "join the rims (Blender: Edit Mode, A, then Mesh > Merge > By Distance)";
     /// Edges of more than two triangles.

@@ -14,6 +14,7 @@ mod edges;
 mod finding;
 mod nesting;
 mod patient;
+mod split;
 mod tree;
 
 use std::path::Path;
@@ -51,6 +52,8 @@ pub struct Settings<'a> {
     pub tissues: &'a TissueTable,
     /// Tissues of the station's own, by name; each should be used.
     pub own_tissues: &'a [String],
+    /// Index in `tissues` of what is outside of every surface, where that is known.
+    pub background: Option<usize>,
     /// Where the probe starts, `scene_from_probe`, and the depth of its image, mm.
     pub start: Option<(Pose, f64)>,
 }
@@ -62,7 +65,7 @@ pub struct Report {
     pub surfaces: usize,
     /// Their triangles.
     pub triangles: usize,
-    /// Least and greatest coordinates, mm; none without a finite vertex.
+    /// Least and greatest coordinates, mm, without strays beyond ±1e5 mm; none without a finite vertex.
     pub bounds_mm: Option<[[f32; 3]; 2]>,
     /// The worst first, then in the file's order.
     pub findings: Vec<Finding>,
@@ -99,6 +102,7 @@ pub fn examine(
     }));
     let mut patients: Vec<Patient> =
         raw.surfaces.into_par_iter().map(|surface| Patient::admit(surface, settings.tissues)).collect();
+    split::find(&mut patients);
     let done = AtomicUsize::new(0);
 
     // The tree borrows the mesh while findings are added to the rest.
@@ -114,11 +118,11 @@ pub fn examine(
     let among = nesting::examine(&patients, &trees);
     among.into_iter().for_each(|(index, finding)| patients[index].tell(finding));
 
-    let bounds = patient::bounds(patients.iter().filter_map(|p| p.bounds_mm).flat_map(|(low, high)| [low, high]));
+    let bounds = bounds(&patients);
     findings.extend(whole(&patients, bounds));
     findings.extend(unused(&patients, settings));
     if let Some((start, depth_mm)) = settings.start {
-        findings.extend(starts(&start, depth_mm, bounds, &patients, &trees, settings.tissues));
+        findings.extend(starts(&start, depth_mm, bounds, &patients, &trees, settings));
     }
     let (surfaces, triangles) = (patients.len(), patients.iter().map(|p| p.triangles).sum());
     let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
@@ -132,6 +136,16 @@ pub fn examine(
     findings.sort_by_key(|f| f.severity);
     let bounds_mm = bounds.map(|(low, high)| [low.to_array(), high.to_array()]);
     Ok(Report { surfaces, triangles, bounds_mm, findings })
+}
+
+/// Bounds of the scene, mm. Some vertices that are no places are strays; where most are none, the unit is wrong.
+fn bounds(patients: &[Patient]) -> Option<(Vec3, Vec3)> {
+    let over = |of: &dyn Fn(&Patient) -> Option<(Vec3, Vec3)>| {
+        patient::bounds(patients.iter().filter_map(of).flat_map(|(low, high)| [low, high]))
+    };
+    let [vertices, bad] = [0, 1].map(|i| patients.iter().map(|p| p.vertices[i]).sum::<usize>());
+    let usable = over(&|p| p.bounds_mm).filter(|_| 2 * bad <= vertices);
+    usable.or_else(|| over(&|p| p.finite_mm))
 }
 
 /// What is wrong with the scene as a whole.
@@ -188,7 +202,7 @@ fn starts(
     bounds: Option<(Vec3, Vec3)>,
     patients: &[Patient],
     trees: &[Option<Tree<'_>>],
-    tissues: &TissueTable,
+    settings: &Settings<'_>,
 ) -> Option<Finding> {
     let face = start.position_mm + start.orientation * DVec3::Z * 0.01;
     let place = Place { at_mm: start.position_mm.as_vec3().to_array(), size_mm: 0.0 };
@@ -198,12 +212,20 @@ fn starts(
         let what = format!("the probe starts {away:.0} mm from the scene, whose image is {depth_mm:.0} mm deep");
         return Some(Finding::new(Defect::StartsFar, what).at([place]));
     }
-    let surface = &patients[nesting::medium(face, patients, trees)?];
-    let impedance = tissues.tissues()[surface.tissue_index?].impedance_mrayl();
+    let surface = nesting::medium(face, patients, trees).map(|index| &patients[index]);
+    let tissue = surface.map_or(settings.background, |surface| surface.tissue_index)?;
+    let impedance = settings.tissues.tissues().get(tissue)?.impedance_mrayl();
     let [least, most] = SEEN_THROUGH_MRAYL;
     let what = if impedance > most { "bone or another hard solid" } else { "gas" };
-    (!(least..=most).contains(&impedance)).then(|| {
-        let what = format!("the probe starts in it, which is {what}");
-        Finding::new(Defect::StartsInside, what).at([place]).of(&surface.name, surface.tissue.as_deref())
+    (!(least..=most).contains(&impedance)).then(|| match surface {
+        Some(surface) => {
+            let what = format!("the probe starts in it, which is {what}");
+            Finding::new(Defect::StartsInside, what).at([place]).of(&surface.name, surface.tissue.as_deref())
+        }
+        None => {
+            let name = settings.tissues.names().get(tissue).map_or("", String::as_str);
+            let what = format!("the probe starts off every surface, in the background `{name}`, which is {what}");
+            Finding::new(Defect::StartsInside, what).at([place])
+        }
     })
 }

@@ -16,6 +16,9 @@ const PROBES: usize = 1024;
 /// Part of a surface's probes that must be thin for it to be a sheet.
 const THIN_PART: f64 = 0.05;
 
+/// Part of a surface's probes that must lie in another one for a tie, where none lies deep in both.
+const TIED_PART: f64 = 0.01;
+
 /// Most surfaces named that hide another.
 const HIDERS_NAMED: usize = 3;
 
@@ -41,9 +44,10 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
         let place = Place::of(thin.iter().map(|p| p.points_mm[1].as_vec3()));
         found.push((index, Finding::new(Defect::ThinSheet, what).at([place])));
     }
-    let (mut seen, mut ties) = (false, BTreeMap::<usize, Vec<Vec3>>::new());
+    let (mut seen, mut ties) = (false, BTreeMap::<usize, Tie>::new());
     let mut hiders = BTreeSet::new();
-    for point in probes.iter().flat_map(|probe| probe.points_mm) {
+    let points = probes.iter().flat_map(|probe| probe.points_mm.into_iter().zip([false, true]));
+    for (point, half_way) in points {
         let mut hider = None;
         for other in holding(point, patients, trees).filter(|&other| other != index) {
             let o = &patients[other];
@@ -51,7 +55,9 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
                 hider = Some(other);
             }
             if o.priority == patient.priority && o.tissue_index != patient.tissue_index {
-                ties.entry(other).or_default().push(point.as_vec3());
+                let tie = ties.entry(other).or_default();
+                tie.points.push(point.as_vec3());
+                tie.deep |= half_way;
             }
         }
         seen |= hider.is_none();
@@ -68,7 +74,9 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
         let place = patient.bounds_mm.map(|(low, high)| Place::of([low, high]));
         found.push((index, Finding::new(Defect::Hidden, what).at(place)));
     }
-    for (other, points) in ties {
+    // A few points just below the skin are two meshes of one border.
+    ties.retain(|_, tie| tie.deep || tie.points.len() as f64 >= TIED_PART * probes.len() as f64);
+    for (other, Tie { points, .. }) in ties {
         let (loser, winner) = (index.min(other), index.max(other));
         let what = format!(
             "it overlaps `{}`, of another tissue and the same priority {}: the later one in the file, `{}`, wins",
@@ -77,6 +85,14 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
         found.push((loser, Finding::new(Defect::PriorityTie, what).at([Place::of(points)])));
     }
     found
+}
+
+/// Where two surfaces claim one place with one priority.
+#[derive(Default)]
+struct Tie {
+    points: Vec<Vec3>,
+    /// Whether one of them is half way through the surface.
+    deep: bool,
 }
 
 /// Where closed surfaces overlap, the greatest is the medium.

@@ -1,11 +1,13 @@
 //! One surface: its vertices, triangles, edges and parts.
 
+use std::collections::{HashMap, HashSet};
+
 use glam::{DVec3, Vec3};
 
-use super::finding::{Defect, Finding, Place};
+use super::finding::{Defect, Finding, Place, Severity};
 use super::tree::Tree;
 use super::{RESOLUTION_MM, crossing, edges};
-use crate::anatomy::import::{RawMesh, RawSurface, has_area, is_usable, tissue_named};
+use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
 use crate::anatomy::{Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
@@ -21,19 +23,37 @@ const SLIVERS_ONE_IN: usize = 1000;
 /// Corners at which is asked what is around a part: one may lie where parts nearly touch.
 const ASKED: usize = 9;
 
+/// Parts of less volume than this in all, mm³, and than this part of the surface's, are crumbs: decimation folds what is
+/// as small as its triangles, and which way that faces is chance.
+const CRUMBS_MM3: f64 = 1.0;
+const CRUMBS_PART: f64 = 1e-4;
+
+/// What to do about crumbs.
+const CRUMBS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
+
 /// A surface under examination.
 pub(super) struct Patient {
     pub(super) name: String,
+    /// Index of its node.
+    pub(super) node: usize,
     /// As the file calls it.
     pub(super) tissue: Option<String>,
     pub(super) tissue_index: Option<usize>,
     pub(super) priority: i32,
-    /// What is left without copies, triangles without area and vertices that are no places.
+    /// What is left without copies, triangles without area and vertices that are no places; outward, where it is closed.
     pub(super) mesh: Mesh,
     /// Whether it has an inside.
     pub(super) closed: bool,
-    /// Bounds of every finite vertex, mm, however far away.
+    /// Whether it faced inward in the file.
+    inverted: bool,
+    /// Corners of its open edges, as their triangles turn, mm.
+    pub(super) open_mm: Vec<[Vec3; 2]>,
+    /// Bounds of every vertex, mm, but for those that are no places.
     pub(super) bounds_mm: Option<(Vec3, Vec3)>,
+    /// Bounds of every finite vertex, mm, however far away.
+    pub(super) finite_mm: Option<(Vec3, Vec3)>,
+    /// Vertices in use, and how many of them are no places.
+    pub(super) vertices: [usize; 2],
     /// Triangles in the file.
     pub(super) triangles: usize,
     pub(super) findings: Vec<Finding>,
@@ -44,16 +64,21 @@ pub(super) struct Patient {
 impl Patient {
     /// Takes a surface as it was written, and looks at all but what needs a tree.
     pub(super) fn admit(raw: RawSurface, tissues: &TissueTable) -> Self {
-        let RawSurface { name, tissue, priority, mesh } = raw;
+        let RawSurface { name, node, tissue, priority, mesh } = raw;
         let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
         let mut patient = Self {
             name,
+            node,
             tissue_index,
             tissue,
             priority,
             mesh: Mesh::default(),
             closed: false,
+            inverted: false,
+            open_mm: Vec::new(),
             bounds_mm: None,
+            finite_mm: None,
+            vertices: [0; 2],
             triangles: 0,
             findings: Vec::new(),
             part: Vec::new(),
@@ -86,7 +111,10 @@ impl Patient {
     fn check_mesh(&mut self, raw: &RawMesh) {
         self.triangles = raw.triangles.len();
         let mut mesh = raw.welded();
-        self.bounds_mm = bounds(mesh.vertices_mm.iter().copied().filter(|v| v.is_finite()));
+        let vertices = || mesh.vertices_mm.iter().copied();
+        self.finite_mm = bounds(vertices().filter(|v| v.is_finite()));
+        self.bounds_mm = bounds(vertices().filter(|v| is_usable(*v)));
+        self.vertices = [mesh.vertices_mm.len(), vertices().filter(|v| !is_usable(*v)).count()];
         if raw.left_over > 0 {
             let what = format!("the last {} indices make no whole triangle and are left out", raw.left_over);
             self.tell(Finding::new(Defect::LeftOver, what));
@@ -102,7 +130,7 @@ impl Patient {
             self.mesh = mesh;
             return;
         }
-        self.drop_degenerate(&mut mesh);
+        let fillers = self.drop_degenerate(&mut mesh);
         self.drop_copies(&mut mesh);
         self.mesh = mesh;
         if self.mesh.triangles.is_empty() {
@@ -112,25 +140,43 @@ impl Patient {
             return;
         }
         self.check_slivers();
-        let edges = edges::examine(&self.mesh);
+        let edges = self.edges(&fillers);
         edges.findings.into_iter().for_each(|finding| self.tell(finding));
+        let at = |i: u32| self.mesh.vertices_mm[i as usize];
+        self.open_mm = edges.open.iter().map(|edge| edge.map(at)).collect();
         (self.closed, self.part) = (edges.closed, edges.part);
+        // As loading does: what is below a triangle is then inside.
+        if self.closed && self.mesh.signed_volume_mm3() < 0.0 {
+            self.inverted = true;
+            self.mesh.flip();
+        }
     }
 
-    fn drop_degenerate(&mut self, mesh: &mut Mesh) {
-        let (mut dropped, mut first) = (0, None);
-        mesh.triangles.retain(|t| {
-            let corners = t.map(|i| mesh.vertices_mm[i as usize]);
-            let keep = has_area(corners);
-            dropped += usize::from(!keep);
-            first = first.or((!keep).then_some(corners));
-            keep
-        });
+    /// What the edges tell with or without the `fillers` of T-junctions, whichever leaves fewer unpaired.
+    fn edges(&mut self, fillers: &[[u32; 3]]) -> edges::Edges {
+        let without = edges::examine(&self.mesh);
+        if without.closed || fillers.is_empty() {
+            return without;
+        }
+        let count = self.mesh.triangles.len();
+        self.mesh.triangles.extend(fillers);
+        let mut with = edges::examine(&self.mesh);
+        self.mesh.triangles.truncate(count);
+        with.part.truncate(count);
+        if with.unpaired < without.unpaired { with } else { without }
+    }
+
+    /// Leaves out triangles without area; those of them that may close T-junctions.
+    fn drop_degenerate(&mut self, mesh: &mut Mesh) -> Vec<[u32; 3]> {
+        let total = mesh.triangles.len();
+        let first = mesh.first_flat();
+        let fillers = mesh.drop_flat();
         // A surface of nothing else is empty, which is told instead.
         if let Some(corners) = first.filter(|_| !mesh.triangles.is_empty()) {
-            let what = format!("{dropped} triangles without area are left out, one of them");
+            let what = format!("{} triangles without area are left out, one of them", total - mesh.triangles.len());
             self.tell(Finding::new(Defect::Degenerate, what).at([Place::of(corners)]));
         }
+        fillers
     }
 
     /// Leaves one of each set of triangles that turn alike, and none of those that lie back to back.
@@ -153,13 +199,17 @@ impl Patient {
             let what = format!("{} triangles are there more than once", copies.len());
             found.push(Finding::new(Defect::Duplicate, what).at([all(&copies)]));
         }
-        if !backs.is_empty() {
-            let what = format!("{} pairs of triangles lie back to back: a sheet without thickness", backs.len());
-            found.push(Finding::new(Defect::ThinSheet, what).at([all(&backs)]));
-        }
-        found.into_iter().for_each(|finding| self.tell(finding));
+        let (backs_at, walls) = (all(&backs), backs.iter().map(|&i| mesh.triangles[i as usize]).collect::<Vec<_>>());
         let mut gone = gone.into_iter();
         mesh.triangles.retain(|_| !gone.next().unwrap_or(false));
+        if !backs.is_empty() && is_inner_wall(&walls, mesh) {
+            let what = format!("{} pairs of triangles lie back to back: a wall between joined parts", backs.len());
+            found.push(Finding::new(Defect::NonManifold, what).at([backs_at]));
+        } else if !backs.is_empty() {
+            let what = format!("{} pairs of triangles lie back to back: a sheet without thickness", backs.len());
+            found.push(Finding::new(Defect::ThinSheet, what).at([backs_at]));
+        }
+        found.into_iter().for_each(|finding| self.tell(finding));
     }
 
     fn check_slivers(&mut self) {
@@ -191,22 +241,22 @@ impl Patient {
 
     fn check_parts(&mut self, tree: &Tree<'_>) {
         let parts = parts(tree.mesh(), &self.part);
-        let turned = if parts.iter().map(|p| p.volume_mm3).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
-        if turned < 0.0 {
+        if self.inverted {
             self.tell(Finding::new(Defect::Inverted, "it faces inward; it is turned over while loading"));
         }
         let (mut inward, mut nested) = (Vec::new(), Vec::new());
         for (index, part) in parts.iter().enumerate() {
-            let outward = turned * part.volume_mm3 > 0.0;
+            let outward = part.volume_mm3 > 0.0;
+            // An inward part within an outward one is a hollow.
             match (is_within_others(index, &parts, &self.part, tree), outward) {
-                (false, false) => inward.push(part.place()),
-                (true, true) => nested.push(part.place()),
+                (false, false) => inward.push(part),
+                (true, true) => nested.push(part),
                 _ => {}
             }
         }
         if !inward.is_empty() {
             let what = format!("{} of its {} parts face inward", inward.len(), parts.len());
-            self.tell(Finding::new(Defect::MixedOrientation, what).at(inward));
+            self.tell(of_parts(Defect::MixedOrientation, what, &inward, &parts));
         }
         if !nested.is_empty() {
             let what = format!(
@@ -214,9 +264,34 @@ impl Patient {
                 nested.len(),
                 parts.len()
             );
-            self.tell(Finding::new(Defect::NestedPart, what).at(nested));
+            self.tell(of_parts(Defect::NestedPart, what, &nested, &parts));
         }
     }
+}
+
+/// A finding about the parts `wrong` of all `parts`.
+fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Finding {
+    let volume_mm3 = |parts: &mut dyn Iterator<Item = &Part>| parts.map(|p| p.volume_mm3.abs()).sum::<f64>();
+    let (of_wrong, of_all) = (volume_mm3(&mut wrong.iter().copied()), volume_mm3(&mut parts.iter()));
+    let mut finding = Finding::new(defect, what).at(wrong.iter().map(|part| part.place()));
+    if of_wrong <= CRUMBS_MM3.min(CRUMBS_PART * of_all) {
+        finding.what += &format!("; they are crumbs of {of_wrong:.1e} mm³ in all");
+        (finding.severity, finding.remedy) = (Severity::Warning, CRUMBS_REMEDY);
+    }
+    finding
+}
+
+/// Whether triangles of sheets end at the `rest` of the surface everywhere: then they part its inside.
+fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
+    let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| [a.min(b), a.max(b)]);
+    let mut count = HashMap::<[u32; 2], usize>::new();
+    sheets.iter().flat_map(edges).for_each(|edge| *count.entry(edge).or_default() += 1);
+    let mut rim: HashSet<[u32; 2]> = count.into_iter().filter(|(_, n)| *n == 1).map(|(edge, _)| edge).collect();
+    let has_rim = !rim.is_empty();
+    for edge in rest.triangles.iter().flat_map(edges) {
+        rim.remove(&edge);
+    }
+    has_rim && rim.is_empty()
 }
 
 /// What hangs together over edges.

@@ -1,7 +1,9 @@
 //! Extensions of glTF: those of looks do no harm, those of geometry are refused with what to do.
 
+use gltf::Semantic;
 use gltf::accessor::DataType;
 use gltf::json::Root;
+use gltf::json::validation::Checked;
 
 /// Extensions that change materials, lights or metadata alone, by how their names begin.
 const HARMLESS: [&str; 8] = [
@@ -48,9 +50,15 @@ pub(super) fn quantised(accessor: usize, found: DataType) -> String {
     format!("accessor {accessor}: its positions are {found:?}; only F32 is read: {remedy}")
 }
 
-/// Why accessors without bytes are not read: the extension that keeps them elsewhere, if the file uses one.
+/// Why positions or indices without bytes are not read: the extension that keeps them elsewhere, if the file uses one.
 pub(super) fn no_data(root: &Root) -> Option<String> {
-    let accessor = root.accessors.iter().position(|a| a.buffer_view.is_none() && a.sparse.is_none())?;
+    // Elsewhere, an accessor without data is legally one of zeros.
+    let of_shape = root.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|primitive| {
+        let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+        positions.into_iter().chain(&primitive.indices).map(|index| index.value())
+    });
+    let has_none = |i: &usize| root.accessors.get(*i).is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none());
+    let accessor = of_shape.filter(has_none).min()?;
     let name = root.extensions_used.iter().find(|name| !is_harmless(name))?;
     Some(format!("accessor {accessor} has no data; the file uses the extension `{name}`: {}", remedy(name)))
 }

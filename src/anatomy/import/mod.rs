@@ -3,7 +3,7 @@
 //! A **surface** is one triangle primitive of one node of the default scene (else the first scene, else every root
 //! node). Its tissue is `extras.tissue` of its node, else of the node's mesh, else of the nearest ancestor that has one,
 //! else the name of its material; its priority is `extras.priority` (a whole number) of its node, else of the mesh, else
-//! of the nearest ancestor, else 0. An ending such as `.001`, which Blender adds to a name that is taken, is no part of a
+//! of the nearest ancestor, else 0. A mesh's extras are of its nodes alone, not of their children. An ending such as `.001`, which Blender adds to a name that is taken, is no part of a
 //! tissue's name.
 //! Positions are in metres, as glTF says, and become mm of the scene frame. A surface should be closed; what is not
 //! as it should be, but can be used, is a [`Finding`]. What moves is
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-pub(crate) use surface::{RawMesh, has_area, is_usable};
+pub(crate) use surface::{RawMesh, is_usable};
 
 use super::scene::SURFACES_MAX;
 use super::{Scene, SceneError, TissueTable};
@@ -163,6 +163,8 @@ pub(crate) struct RawScene {
 /// A surface as it was written.
 pub(crate) struct RawSurface {
     pub(crate) name: String,
+    /// Index of its node.
+    pub(crate) node: usize,
     /// As the extras or the material say.
     pub(crate) tissue: Option<String>,
     pub(crate) priority: i32,
@@ -179,7 +181,7 @@ pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
     }
     let read = |part: walk::Part<'_>| {
         let mesh = surface::raw(&file, &part);
-        RawSurface { name: part.name, tissue: part.tissue, priority: part.priority, mesh }
+        RawSurface { name: part.name, node: part.node, tissue: part.tissue, priority: part.priority, mesh }
     };
     let surfaces = parts.into_par_iter().map(read).collect();
     Ok(RawScene { surfaces, findings, problems })
@@ -189,7 +191,7 @@ pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
 pub(crate) fn tissue_named(name: &str, tissues: &TissueTable) -> Option<usize> {
     tissues.index_of(name).or_else(|| {
         let (base, number) = name.rsplit_once('.')?;
-        let is_blenders = number.len() == 3 && number.bytes().all(|b| b.is_ascii_digit());
+        let is_blenders = number.len() >= 3 && number.bytes().all(|b| b.is_ascii_digit());
         if is_blenders { tissues.index_of(base) } else { None }
     })
 }

@@ -51,7 +51,7 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
     }
     let mut mesh = raw.welded();
     let total = mesh.triangles.len();
-    mesh.triangles.retain(|t| has_area(t.map(|i| mesh.vertices_mm[i as usize])));
+    let fillers = mesh.drop_flat();
     if mesh.triangles.is_empty() {
         findings.push(FindingKind::Empty);
         return Ok((mesh, findings));
@@ -59,7 +59,7 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
     if mesh.triangles.len() < total {
         findings.push(FindingKind::Degenerate { triangles: total - mesh.triangles.len() });
     }
-    match mesh.unpaired_edges() {
+    match unpaired_edges(&mut mesh, &fillers) {
         0 if mesh.signed_volume_mm3() < 0.0 => {
             mesh.flip();
             findings.push(FindingKind::InsideOut);
@@ -68,6 +68,19 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
         edges => findings.push(FindingKind::Open { edges }),
     }
     Ok((mesh, findings))
+}
+
+/// Unpaired edges with or without the `fillers` of T-junctions, whichever are fewer.
+fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
+    let without = mesh.unpaired_edges();
+    if without == 0 || fillers.is_empty() {
+        return without;
+    }
+    let count = mesh.triangles.len();
+    mesh.triangles.extend(fillers);
+    let with = mesh.unpaired_edges();
+    mesh.triangles.truncate(count);
+    without.min(with)
 }
 
 impl RawMesh {
@@ -156,7 +169,22 @@ fn triangles(mode: Mode, indices: &[u32]) -> (Vec<[u32; 3]>, usize) {
     }
 }
 
-pub(crate) fn has_area(corners: [Vec3; 3]) -> bool {
+impl Mesh {
+    /// Corners of the first triangle without area, mm.
+    pub(crate) fn first_flat(&self) -> Option<[Vec3; 3]> {
+        self.corners_mm().find(|corners| !has_area(*corners))
+    }
+
+    /// Drops triangles without area. Returns those of three distinct vertices: between a long edge and the two halves
+    /// that run along it, such a one closes a T-junction.
+    pub(crate) fn drop_flat(&mut self) -> Vec<[u32; 3]> {
+        let Self { vertices_mm, triangles } = self;
+        let is_flat = |t: &mut [u32; 3]| !has_area(t.map(|i| vertices_mm[i as usize]));
+        triangles.extract_if(.., is_flat).filter(|[a, b, c]| a != b && b != c && c != a).collect()
+    }
+}
+
+fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     (b - a).cross(c - a).length_squared() > 0.0
 }

@@ -18,6 +18,8 @@ const ROTATION_NORM_TOLERANCE: f64 = 1e-2;
 pub(super) struct Part<'a> {
     /// The node's name; with the primitive's number where its mesh has several.
     pub(super) name: String,
+    /// Index of the node.
+    pub(super) node: usize,
     /// As the extras or the material say.
     pub(super) tissue: Option<String>,
     pub(super) priority: i32,
@@ -32,6 +34,14 @@ struct Inherited {
     scene_from_parent: DMat4,
     tissue: Option<String>,
     priority: Option<i32>,
+}
+
+/// What a node says of itself.
+struct Here {
+    /// Tissue and priority of its own extras.
+    own: (Option<String>, Option<i32>),
+    /// With what is above it.
+    handed_down: Inherited,
 }
 
 /// Triangle primitives in depth-first order; findings about what is left out, problems that make the scene unusable.
@@ -54,9 +64,9 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
                 continue;
             }
         };
-        push_parts(&node, &here, &mut parts, findings);
+        push_parts(file, &node, &here, &mut parts, findings, problems);
         let children: Vec<_> = node.children().collect();
-        stack.extend(children.into_iter().rev().map(|child| (child, here.clone())));
+        stack.extend(children.into_iter().rev().map(|child| (child, here.handed_down.clone())));
     }
     let elsewhere = file.document.nodes().filter(|node| node.mesh().is_some() && !seen[node.index()]).count();
     if let Some(scene) = chosen_scene(file).filter(|_| elsewhere > 0) {
@@ -82,8 +92,19 @@ fn roots(file: &File) -> Vec<Node<'_>> {
     file.document.nodes().filter(|node| !is_child[node.index()]).collect()
 }
 
-fn push_parts<'a>(node: &Node<'a>, here: &Inherited, parts: &mut Vec<Part<'a>>, findings: &mut Vec<Finding>) {
+fn push_parts<'a>(
+    file: &'a File,
+    node: &Node<'a>,
+    here: &Here,
+    parts: &mut Vec<Part<'a>>,
+    findings: &mut Vec<Finding>,
+    problems: &mut Vec<SceneError>,
+) {
     let Some(mesh) = node.mesh() else { return };
+    // Where trimesh writes a mesh's metadata, and Blender the custom properties of an object's data: of it alone.
+    let of_mesh = extras(file, node, mesh.extras(), problems);
+    let tissue = here.own.0.as_ref().or(of_mesh.0.as_ref()).or(here.handed_down.tissue.as_ref());
+    let priority = here.own.1.or(of_mesh.1).or(here.handed_down.priority);
     let several = mesh.primitives().len() > 1;
     for primitive in mesh.primitives() {
         let mut name = node_name(node);
@@ -99,9 +120,10 @@ fn push_parts<'a>(node: &Node<'a>, here: &Inherited, parts: &mut Vec<Part<'a>>, 
         }
         parts.push(Part {
             name,
-            tissue: here.tissue.clone().or_else(|| primitive.material().name().map(str::to_owned)),
-            priority: here.priority.unwrap_or(0),
-            scene_from_mesh: here.scene_from_parent,
+            node: node.index(),
+            tissue: tissue.cloned().or_else(|| primitive.material().name().map(str::to_owned)),
+            priority: priority.unwrap_or(0),
+            scene_from_mesh: here.handed_down.scene_from_parent,
             primitive,
         });
     }
@@ -112,17 +134,16 @@ fn inherit(
     node: &Node<'_>,
     above: &Inherited,
     problems: &mut Vec<SceneError>,
-) -> Result<Inherited, SceneError> {
+) -> Result<Here, SceneError> {
     let parent_from_node =
         local_transform(node).map_err(|reason| file.format_error(format!("node `{}`: {reason}", node_name(node))))?;
     let own = extras(file, node, node.extras(), problems);
-    // Where trimesh writes a mesh's metadata, and Blender the custom properties of an object's data.
-    let of_mesh = node.mesh().map(|mesh| extras(file, node, mesh.extras(), problems)).unwrap_or_default();
-    Ok(Inherited {
+    let handed_down = Inherited {
         scene_from_parent: above.scene_from_parent * parent_from_node,
-        tissue: own.0.or(of_mesh.0).or_else(|| above.tissue.clone()),
-        priority: own.1.or(of_mesh.1).or(above.priority),
-    })
+        tissue: own.0.clone().or_else(|| above.tissue.clone()),
+        priority: own.1.or(above.priority),
+    };
+    Ok(Here { own, handed_down })
 }
 
 /// `tissue` and `priority` of the extras of a node or its mesh; other extras are somebody else's.

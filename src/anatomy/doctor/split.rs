@@ -1,0 +1,48 @@
+//! Objects that are closed as a whole, but not in each of their materials.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::Vec3;
+
+use super::finding::{Defect, Finding};
+use super::patient::Patient;
+
+/// An edge by its corners' bits, the lesser first.
+type Key = [[u32; 3]; 2];
+
+/// Looks whether open edges of surfaces of one node fit each other, and tells so in place of the hole.
+pub(super) fn find(patients: &mut [Patient]) {
+    let mut of_node = BTreeMap::<usize, Vec<usize>>::new();
+    for (index, patient) in patients.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {
+        of_node.entry(patient.node).or_default().push(index);
+    }
+    for siblings in of_node.into_values().filter(|siblings| siblings.len() > 1) {
+        let mut balance = HashMap::<Key, i32>::new();
+        for edge in siblings.iter().flat_map(|&index| &patients[index].open_mm) {
+            let (key, turn) = keyed(edge);
+            *balance.entry(key).or_default() += turn;
+        }
+        for index in siblings {
+            let patient = &mut patients[index];
+            let total = patient.open_mm.len();
+            let joined = patient.open_mm.iter().filter(|edge| balance[&keyed(edge).0] == 0).count();
+            if joined == 0 {
+                continue;
+            }
+            if joined == total {
+                patient.findings.retain(|f| f.defect != Defect::Open);
+            }
+            let what = format!(
+                "split by material: {joined} of its {total} open edges go on in other materials of the same object"
+            );
+            patient.tell(Finding::new(Defect::SplitByMaterial, what));
+        }
+    }
+}
+
+/// The edge, whichever way it runs, and which way.
+fn keyed(edge: &[Vec3; 2]) -> (Key, i32) {
+    // Adding zero makes −0 into 0.
+    let [a, b] = edge.map(|v| (v + Vec3::ZERO).to_array().map(f32::to_bits));
+    if a < b { ([a, b], 1) } else { ([b, a], -1) }
+}
