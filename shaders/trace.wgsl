@@ -230,7 +230,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // What returns depends on the facet; what goes on follows the mean surface.
         let cos_facet = clamp(-dot(facet, direction), 0.0, 1.0);
         let cos_incident = clamp(-dot(normal, direction), 0.0, 1.0);
-        let speed_ratio = beyond.bending / tissue.bending;
+        // A division may round x/x to other than 1.
+        let speed_ratio = select(beyond.bending / tissue.bending, 1.0, beyond.bending == tissue.bending);
         let z1 = tissue.impedance_mrayl;
         let z2 = beyond.impedance_mrayl;
         let split = interface_between(z1, z2, speed_ratio, cos_incident);

@@ -6,6 +6,11 @@ struct Interface {
 }
 
 fn interface_between(z1: f32, z2: f32, speed_ratio: f32, cos_incident: f32) -> Interface {
+    // One speed: the same at every angle, and no critical one.
+    if speed_ratio == 1.0 {
+        let same = (z2 - z1) / max(z2 + z1, 1.0e-30);
+        return Interface(same, min(same * same, 1.0), cos_incident);
+    }
     // Grazing rays: 1 − cos² from its factors keeps its digits.
     let sin2_incident = max((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);
     let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;

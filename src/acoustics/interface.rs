@@ -17,15 +17,22 @@ pub struct Interface {
 
 /// The interface from medium 1 to medium 2 at `cos_incident` (0..=1).
 ///
-/// r = (Z₂cosθᵢ − Z₁cosθₜ)/(Z₂cosθᵢ + Z₁cosθₜ); beyond the critical angle R = 1.
+/// r = (Z₂cosθᵢ − Z₁cosθₜ)/(Z₂cosθᵢ + Z₁cosθₜ); beyond the critical angle R = 1. Media of one speed have none: r is that at
+/// normal incidence at every angle.
 /// Source: Szabo, *Diagnostic Ultrasound Imaging* (2nd ed.), section 3.3.
 pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_incident: f64) -> Interface {
     let cos_i = cos_incident.clamp(0.0, 1.0);
-    let sin_t = c2_m_s / c1_m_s * (1.0 - cos_i * cos_i).max(0.0).sqrt();
-    if sin_t >= 1.0 {
+    if c1_m_s == c2_m_s {
+        let r = (z2_mrayl - z1_mrayl) / (z2_mrayl + z1_mrayl);
+        return Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_i };
+    }
+    let ratio = c2_m_s / c1_m_s;
+    // 1 − n²(1 − cos²) without its cancellation at grazing incidence.
+    let cos2_t = (1.0 - ratio) * (1.0 + ratio) + (ratio * cos_i).powi(2);
+    if cos2_t <= 0.0 {
         return Interface { pressure_reflection: 1.0, energy_reflection: 1.0, cos_transmitted: 0.0 };
     }
-    let cos_t = (1.0 - sin_t * sin_t).max(0.0).sqrt();
+    let cos_t = cos2_t.sqrt();
     let (a, b) = (z2_mrayl * cos_i, z1_mrayl * cos_t);
     let sum = a + b;
     let r = if sum > 0.0 { (a - b) / sum } else { 1.0 };
@@ -72,6 +79,18 @@ mod tests {
         let i = interface(1.38, 1.65, 1450.0, 1578.0, direction.z);
         assert!((bent.z - i.cos_transmitted).abs() < 1e-12 && (bent.length() - 1.0).abs() < 1e-12 && bent.y == 0.0);
         assert_eq!(refracted(1480.0, 4080.0, DVec3::NEG_Z, direction.with_x(0.4).normalize()), None);
+    }
+
+    #[test]
+    fn media_of_one_speed_reflect_the_same_at_every_angle() {
+        for cos in [1.0, 0.5, 1e-4, 1e-9, 0.0] {
+            assert_eq!(interface(1.6, 1.6, 1540.0, 1540.0, cos).energy_reflection, 0.0, "{cos}");
+            let i = interface(1.5, 1.7, 1540.0, 1540.0, cos);
+            assert!((i.pressure_reflection - 0.0625).abs() < 1e-12 && i.cos_transmitted == cos, "{cos}: {i:?}");
+        }
+        // Into a slower medium nothing is total, however grazing.
+        let slower = interface(1.6, 1.6, 1540.0, 1539.0, 1e-9);
+        assert!(slower.cos_transmitted > 0.03, "{slower:?}");
     }
 
     #[test]

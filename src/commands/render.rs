@@ -111,14 +111,21 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
     }
     let adapter = session::adapter(&gpu);
-    let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, renderer.sector(), adapter);
+    let (plan, sector) = (renderer.plan(), renderer.sector());
+    let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
     if args.json {
         return output::json(&Report { record: &record, files });
     }
     let (w, h, ms) = (frame.width, frame.height, frame.times.total_ms);
-    let (rays, layers) = (settings.quality.rays, settings.quality.layers);
+    let (asked, simulated) = (settings.quality, &record.simulated);
+    let of = |simulated: u32, asked: u32, what: &str| match asked {
+        _ if asked == simulated => format!("{asked} {what}"),
+        _ => format!("{simulated} of {asked} {what}"),
+    };
+    let rays = of(simulated.rays, asked.rays, "rays");
+    let layers = of(simulated.layers, asked.layers, "layers");
     let adapter = &record.adapter;
-    output::line(format!("{w} x {h} pixels, {rays} rays x {layers} layers in {ms:.1} ms on {}", adapter.name))?;
+    output::line(format!("{w} x {h} pixels, {rays} x {layers} in {ms:.1} ms on {}", adapter.name))?;
     files.iter().try_for_each(|file| output::line(file.display()))
 }

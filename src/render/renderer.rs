@@ -138,7 +138,8 @@ impl Renderer {
 
     /// Goes on with another probe and other settings. The device, the scene's buffers and compiled passes are kept:
     ///
-    /// - gain, dynamic range, TGC, seed, paths a sample, reflections and maps are numbers of the next frame and cost nothing;
+    /// - gain, dynamic range, TGC, seed, paths a sample, reflections and maps are numbers of the next frame and cost nothing,
+    ///   as long as the plan calls for the same effects;
     /// - all else makes the tables anew and those buffers whose sizes change; what was never rendered with before (several
     ///   paths after a single one, kept lines) is compiled, and then a frame of its own warms it up.
     ///
@@ -186,7 +187,10 @@ impl Renderer {
     /// Whether the next frames carry segmentation and attenuation: as [`Renderer::reconfigure`] with
     /// [`RenderSettings::maps`], at no cost, for a choice that is made for each frame.
     pub fn set_maps(&mut self, maps: bool) {
-        self.now.settings.maps = maps;
+        if maps != self.now.settings.maps {
+            self.now.settings.maps = maps;
+            self.now.effects = self.media.plan(&self.now.probe, &self.now.settings);
+        }
     }
 
     /// The settings it renders with.

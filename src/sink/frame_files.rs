@@ -77,8 +77,9 @@ pub fn tissue_numbers(tissues: &TissueTable) -> BTreeMap<usize, &str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anatomy::analytic;
     use crate::pose::Pose;
-    use crate::render::{PassTime, RenderSettings};
+    use crate::render::{EffectPlan, PassTime, Quality, RenderSettings};
     use crate::sink::frame_record::AdapterRecord;
     use crate::transducer::{Probe, Sector};
 
@@ -109,6 +110,16 @@ mod tests {
         TissueTable::new([("liver".to_owned(), tissue.clone()), ("blood".to_owned(), tissue)]).unwrap()
     }
 
+    /// That of 32 x 1 paths in liver alone.
+    fn plan(probe: &Probe) -> EffectPlan {
+        let scene = analytic::scene(Vec::new(), &tissues(), "liver").unwrap();
+        EffectPlan::new(&scene, probe, &settings())
+    }
+
+    fn settings() -> RenderSettings {
+        RenderSettings { quality: Quality { rays: 32, ..Quality::LQ }, ..RenderSettings::default() }
+    }
+
     #[test]
     fn every_file_holds_what_it_promises() {
         let dir = tempfile::tempdir().unwrap();
@@ -117,7 +128,7 @@ mod tests {
         let pose = Pose::from_components([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]).unwrap();
         let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into() };
         let sector = Sector::fit(&probe, 4, 3);
-        let record = FrameRecord::new(&frame, &pose, &probe, &RenderSettings::default(), &sector, adapter);
+        let record = FrameRecord::new(&frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter);
         let files = FrameFiles { frame: &frame, tissues: &tissues(), record: &record };
         let written = files.write(&dir.path().join("new")).unwrap();
         let read = |name: &str| std::fs::read(dir.path().join("new").join(name)).unwrap();
@@ -138,6 +149,9 @@ mod tests {
         assert_eq!(json["times"]["passes"][0]["name"], "march");
         assert_eq!((&json["probe"]["kind"], &json["probe"]["width_mm"]), (&"convex".into(), &serde_json::Value::Null));
         assert_eq!(json["adapter"]["driver"], "Mesa");
+        // Liver alone, and none of it scatters: of the rays asked for one shows all.
+        assert_eq!((&json["quality"]["rays"], &json["simulated"]["rays"]), (&32.into(), &1.into()));
+        assert_eq!(json["simulated"]["effects"], serde_json::json!(["attenuation", "maps"]));
     }
 
     #[test]
@@ -148,7 +162,7 @@ mod tests {
         let pose = Pose::from_components([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
         let adapter = AdapterRecord { name: String::new(), driver: String::new() };
         let sector = Sector::fit(&probe, 4, 3);
-        let record = FrameRecord::new(&frame, &pose, &probe, &RenderSettings::default(), &sector, adapter);
+        let record = FrameRecord::new(&frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter);
         std::fs::write(dir.path().join("frame.json"), "of an earlier frame").unwrap();
         let error = FrameFiles { frame: &frame, tissues: &tissues(), record: &record }.write(dir.path()).unwrap_err();
         assert!(error.to_string().contains("lines.npy"), "{error}");

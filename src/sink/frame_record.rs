@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::time_table::pass_totals;
 use crate::pose::Pose;
-use crate::render::{Frame, FrameTimes, Quality, RenderSettings};
+use crate::render::{Effect, EffectPlan, Frame, FrameTimes, Quality, RenderSettings};
 use crate::transducer::{Probe, ProbeKind, Sector};
 
 /// What a frame was made with: pose, quality, image, probe, device. The station file holds scene and tissues.
@@ -14,8 +14,10 @@ pub struct FrameRecord {
     pub version: &'static str,
     /// `scene_from_probe`.
     pub pose: PoseRecord,
-    /// Paths.
+    /// Paths as asked for.
     pub quality: QualityRecord,
+    /// What was simulated of them.
+    pub simulated: SimulatedRecord,
     /// Image.
     pub image: ImageRecord,
     /// Probe.
@@ -39,7 +41,7 @@ pub struct PoseRecord {
     pub orientation_wxyz: [f64; 4],
 }
 
-/// Rays and layers.
+/// Rays and layers as asked for.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct QualityRecord {
     /// Rays per scanline and layer.
@@ -56,6 +58,17 @@ pub struct QualityRecord {
     pub beam_taps_max: u32,
     /// Most taps of the pulse.
     pub pulse_taps_max: u32,
+}
+
+/// What the effect plan made of what was asked for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SimulatedRecord {
+    /// Rays per scanline and layer: one where more show nothing more.
+    pub rays: u32,
+    /// Elevational layers: likewise.
+    pub layers: u32,
+    /// Names of the effects that the frame is made of.
+    pub effects: Vec<Effect>,
 }
 
 /// The image and how it lies in the probe frame.
@@ -141,12 +154,13 @@ pub struct AdapterRecord {
 }
 
 impl FrameRecord {
-    /// The record of `frame`, rendered at `pose` by `adapter`.
+    /// The record of `frame`, rendered at `pose` by `adapter` with the effects of `plan`.
     pub fn new(
         frame: &Frame,
         pose: &Pose,
         probe: &Probe,
         settings: &RenderSettings,
+        plan: &EffectPlan,
         sector: &Sector,
         adapter: AdapterRecord,
     ) -> Self {
@@ -155,6 +169,7 @@ impl FrameRecord {
             version: env!("CARGO_PKG_VERSION"),
             pose: PoseRecord::from(pose),
             quality: QualityRecord::from(settings),
+            simulated: SimulatedRecord::new(settings, plan),
             image: ImageRecord {
                 width: frame.width,
                 height: frame.height,
@@ -186,6 +201,13 @@ impl From<&RenderSettings> for QualityRecord {
         let Quality { rays, layers, seed } = settings.quality;
         let &RenderSettings { paths_per_sample, reflections_max, beam_taps_max, pulse_taps_max, .. } = settings;
         Self { rays, layers, seed, paths_per_sample, reflections_max, beam_taps_max, pulse_taps_max }
+    }
+}
+
+impl SimulatedRecord {
+    fn new(settings: &RenderSettings, plan: &EffectPlan) -> Self {
+        let Quality { rays, layers, .. } = plan.settings(settings).quality;
+        Self { rays, layers, effects: plan.effects().iter().collect() }
     }
 }
 

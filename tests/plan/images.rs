@@ -1,8 +1,8 @@
 //! A planned frame is the frame with all effects, within the bound that the plan states.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use insonify::anatomy::Tissue;
-use insonify::anatomy::analytic::{Part, sphere};
+use insonify::anatomy::analytic::{Part, plate, sphere};
 use insonify::render::plan::{Bound, Choice, Effect};
 use insonify::transducer::ProbeKind;
 
@@ -21,6 +21,8 @@ fn assert_exact(name: &str, case: &Case) {
     // Where an f32 puts a point into the next cell of the scatterer lattice, a sample is another one.
     assert!(off.part < 3e-3 && off.mean_off.abs() < 0.01, "{name}: {off:?}");
     assert_eq!(planned.segmentation, whole.segmentation, "{name}");
+    let maps_off = planned.attenuation.iter().zip(&whole.attenuation).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(maps_off <= 0.5 / 255.0, "{name}: the attenuation map is {maps_off} off");
 }
 
 #[test]
@@ -49,8 +51,9 @@ fn rays_that_show_nothing_more_are_left_out() {
 
     // Another speed: rays read their scatterers a little beside the scanline's axis.
     let case = speckle_alone(1580.0);
-    let Bound::Aside { mm } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
-    let half_share_mm = 0.5 * 50f64.to_radians() / 64.0 * (20.0 + 40.0);
+    let Bound::Aside { mm, .. } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
+    // Where range 40 mm lies.
+    let half_share_mm = 0.5 * 50f64.to_radians() / 64.0 * (20.0 + 40.0 * 1580.0 / 1540.0);
     assert!((mm - half_share_mm * 40.0 / 1540.0).abs() < 1e-9 && !case.plan().has(Effect::Rays), "{mm}");
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
@@ -70,9 +73,13 @@ fn edges_of_silent_targets_stay_within_a_scanlines_share() {
     let louder = speckled(1540.0, 1.6, 0.05);
     let tissues = [("target", louder), ("all about", speckled(1540.0, 1.6, 0.01))];
     let target = || vec![part("target", "target", sphere(Vec3::new(0.7, 0.3, 20.0), 5.0, 4))];
-    let case = Case::of(target(), &tissues, "all about").asking(8, 1);
-    let Bound::Aside { mm } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
-    assert!((mm - 0.5 * 20.0 / 64.0).abs() < 1e-9);
+    let mut case = Case::of(target(), &tissues, "all about").asking(8, 1);
+    // Half of 0.31 mm is more than half a pixel, and than a quarter of the beam's σ.
+    let Bound::Aside { mm, allowed_mm } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
+    assert!((mm - 0.5 * 20.0 / 64.0).abs() < 1e-9 && mm > allowed_mm && case.plan().has(Effect::Rays), "{allowed_mm}");
+    case.probe.scanlines = 192;
+    let Bound::Aside { mm, .. } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
+    assert!((mm - 0.5 * 20.0 / 192.0).abs() < 1e-9);
     assert_eq!(case.on(), ["scatterers", "maps"]);
     let (planned, whole) = case.planned_and_whole();
     // Pixels whose level depends on an edge: the point-spread function reaches beyond the bound.
@@ -111,11 +118,44 @@ fn what_lies_below_black_adds_half_a_level_at_most() {
 }
 
 #[test]
+fn a_plan_that_turns_with_the_gain_is_that_of_a_new_renderer() {
+    let tissues = [("a", speckled(1540.0, 1.6, 0.01)), ("b", speckled(1540.0, 1.600_000_6, 0.01))];
+    let case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &tissues, "a");
+    let with_gain = |gain_db| {
+        let mut settings = case.settings;
+        settings.image.gain_db = gain_db;
+        settings
+    };
+    let mut renderer = case.renderer(&with_gain(0.0));
+    let mut frame = insonify::render::Frame::default();
+    for (gain_db, echoes) in [(0.0, false), (120.0, true), (0.0, false)] {
+        let settings = with_gain(gain_db);
+        renderer.reconfigure(&case.probe, &settings).unwrap();
+        assert_eq!(renderer.plan().has(Effect::InterfaceEchoes), echoes, "{gain_db} dB: {}", renderer.plan());
+        renderer.set_time_s(0.3);
+        renderer.render(&case.pose, &mut frame).unwrap();
+        assert!(frame.bmode == case.frame(&settings).bmode, "{gain_db} dB");
+    }
+}
+
+#[test]
+fn media_of_one_speed_and_one_impedance_never_reflect() {
+    // A scanline meets a face at 10⁻⁴ rad, 20 mm deep: 1 − cos² rounds to 1.
+    let rough = Tissue { roughness: 0.3, ..speckled(1540.0, 1.6, 0.01) };
+    let line_x = 0.5 * 20.0 / 64.0;
+    let (normal_to, size) = (Quat::from_rotation_y(1e-4), Vec3::new(10.0, 80.0, 200.0));
+    let beside = plate(Vec3::new(line_x + 5.0, 0.0, 20.0), size, normal_to);
+    let case = Case::of(vec![part("beside", "b", beside)], &[("a", rough.clone()), ("b", rough)], "a");
+    assert_eq!(case.on(), ["scatterers", "maps"]);
+    assert_exact("a grazed face between like media", &case);
+}
+
+#[test]
 fn attenuation_that_no_level_shows_is_left_out() {
-    let lossy = Tissue { attenuation_db_cm_mhz: 0.002, ..speckled(1540.0, 1.6, 0.01) };
+    let lossy = Tissue { attenuation_db_cm_mhz: 0.0004, ..speckled(1540.0, 1.6, 0.01) };
     let case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &[("a", lossy.clone()), ("b", lossy)], "a");
     let Bound::Level { db, grey } = bound_of(&case, Effect::Attenuation) else { panic!("{}", case.plan()) };
-    assert!((db - 2.0 * 0.002 * 5.0 * 4.0).abs() < 1e-9 && grey < 0.5, "{db} dB, {grey}");
+    assert!((db - 2.0 * 0.0004 * 5.0 * 4.0).abs() < 1e-9 && grey < 0.5, "{db} dB, {grey}");
     assert!(!case.plan().has(Effect::Attenuation));
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);

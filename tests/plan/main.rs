@@ -6,4 +6,5 @@
 mod adversarial;
 mod bench;
 mod images;
+mod rules;
 mod scenes;

@@ -104,6 +104,11 @@ fn what_is_forced_is_done_and_told() {
 fn maps_are_made_for_who_reads_them() {
     let mut case = Case::station("slabs");
     assert!(case.plan().has(Effect::Maps));
+    let mut renderer = case.renderer(&case.settings);
+    for maps in [false, true, false] {
+        renderer.set_maps(maps);
+        assert_eq!(renderer.plan().has(Effect::Maps), maps);
+    }
     case.settings.maps = false;
     assert!(!case.plan().has(Effect::Maps));
     let frame = case.frame(&case.settings);

@@ -307,7 +307,8 @@ fn key_frame(
         sheet.panel(format!("attenuation, 1 = {:.3}", high.attenuation_p98), high, Map::Attenuation)?,
     ];
     let (adapter, sector) = (session::adapter(gpu), hq.renderer.sector());
-    let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, sector, adapter);
+    let plan = hq.renderer.plan();
+    let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
     FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;
     Ok(row)
 }

@@ -86,6 +86,23 @@ fn takes_time(effect: Effect) -> bool {
     ![SpeedDisplacement, Thickness, Attenuation, FrequencyExponent].contains(&effect)
 }
 
+/// The settings of a frame in which `effect` is the other way than planned, and every other effect as planned: rules follow
+/// one another, and would change with it.
+fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> RenderSettings {
+    let mut other = *settings;
+    for each in Effect::ALL {
+        let on = plan.has(each) != (each == effect);
+        if each == Effect::Maps {
+            // Never off by force: by who reads them.
+            other.effects = other.effects.with(each, Choice::Auto);
+            other.maps = on;
+        } else {
+            other.effects = other.effects.with(each, if on { Choice::On } else { Choice::Off });
+        }
+    }
+    other
+}
+
 /// Measures frames as planned, with all effects, and with each effect the other way than planned.
 pub(crate) fn measure(
     gpu: &Gpu,
@@ -101,16 +118,7 @@ pub(crate) fn measure(
         Effect::Motion => !scene.motion.is_empty(),
         _ => true,
     };
-    let other_way = |effect: Effect| {
-        let on = plan.has(effect);
-        let choice = if on { Choice::Off } else { Choice::On };
-        let mut other = *settings;
-        match effect {
-            Effect::Maps => other.maps = !on,
-            _ => other.effects = other.effects.with(effect, choice),
-        }
-        Way::new(other, Some(effect))
-    };
+    let other_way = |effect| Way::new(other_way(settings, plan, effect), Some(effect));
     let every = RenderSettings { effects: EffectChoices::ALL_ON, maps: true, ..*settings };
     let mut ways = vec![Way::new(*settings, None), Way::new(every, None)];
     ways.extend(Effect::ALL.into_iter().filter(|&effect| takes_time(effect) && asked(effect)).map(other_way));
@@ -175,6 +183,24 @@ fn percentile(values: &mut [f64], part: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_other_way_differs_in_one_effect() {
+        for name in ["slabs", "speckle", "vessel_needle"] {
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.toml"));
+            let station = insonify::station::Station::load(&path).unwrap();
+            let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
+            let mut settings = station.settings;
+            settings.effects = settings.effects.with(Effect::Maps, Choice::On);
+            let plan = EffectPlan::new(&scene, &station.probe, &settings);
+            for effect in Effect::ALL {
+                let other = EffectPlan::new(&scene, &station.probe, &other_way(&settings, &plan, effect));
+                for each in Effect::ALL {
+                    assert_eq!(other.has(each) != plan.has(each), each == effect, "{name}: {effect}, {each}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn percentiles_lie_between_values() {

@@ -13,7 +13,7 @@ pub const GREY_ALLOWED: f64 = 0.5;
 pub enum Bound {
     /// Nothing but rounding of f32; it chooses the cell where a scanline runs in a face of the scatterer lattice.
     Exact,
-    /// The level of any pixel.
+    /// The level of any pixel; where media of different loss meet, but for speckle nulls 26 dB below the mean.
     Level {
         /// Most that a level changes, dB.
         db: f64,
@@ -25,6 +25,8 @@ pub enum Bound {
     Aside {
         /// How far, mm.
         mm: f64,
+        /// How far it may be, mm: half a pixel, or a quarter of the lateral beam's σ where that is more.
+        allowed_mm: f64,
     },
     /// Where things lie.
     Displacement {
@@ -52,7 +54,8 @@ impl Bound {
     /// Whether an effect of this bound may be left out.
     pub(super) fn negligible(&self) -> bool {
         match self {
-            Self::Exact | Self::Aside { .. } => true,
+            Self::Exact => true,
+            Self::Aside { mm, allowed_mm } => mm <= allowed_mm,
             Self::Level { grey, .. } => *grey <= GREY_ALLOWED,
             Self::Displacement { .. } | Self::None { .. } => false,
         }
@@ -65,7 +68,9 @@ impl fmt::Display for Bound {
             Self::Exact => f.write_str("exact"),
             Self::Level { db, grey } if *grey >= 255.0 => write!(f, "{db:.0} dB, all grey levels"),
             Self::Level { db, grey } => write!(f, "{db:.3} dB, {grey:.2} grey levels"),
-            Self::Aside { mm } => write!(f, "each sample read within {mm:.3} mm of its place"),
+            Self::Aside { mm, allowed_mm } => {
+                write!(f, "each sample read within {mm:.3} mm of its place; {allowed_mm:.3} mm is not seen")
+            }
             Self::Displacement { mm } => write!(f, "{mm:.2} mm"),
             Self::None { lacks } => write!(f, "none: {lacks}"),
         }

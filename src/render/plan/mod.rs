@@ -5,6 +5,7 @@
 mod bound;
 mod effect;
 mod facts;
+mod loss;
 mod rules;
 
 use std::fmt;

@@ -4,12 +4,13 @@ use super::bound::Bound;
 use super::effect::{Choice, Effect, EffectSet};
 use super::facts::{Medium, SceneFacts};
 use crate::acoustics::ASSUMED_SPEED_M_S;
-use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::render::RenderSettings;
-use crate::render::settings::REFLECTIONS_MAX;
 use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
-use crate::transducer::Probe;
+use crate::transducer::{Probe, Sector};
+
+/// Parts of the lateral beam's σ that a sample may be read aside.
+const ASIDE_OF_BEAM: f64 = 0.25;
 
 /// Most that an interface returns over its pressure reflection, its lobe and its diffuse floor together.
 const RETURNING_MAX: f64 = 1.01;
@@ -20,7 +21,7 @@ pub(super) struct Finding {
     pub(super) bound: Bound,
 }
 
-fn finding(reason: impl Into<String>, bound: Bound) -> Finding {
+pub(super) fn finding(reason: impl Into<String>, bound: Bound) -> Finding {
     Finding { reason: reason.into(), bound }
 }
 
@@ -114,7 +115,7 @@ impl Rules<'_> {
         let above_black_db = db_from_amplitude(amplitude) + gain_db + range_db;
         // What is so far below black adds to what is seen by at the most this.
         let bound = Bound::level(db_from_amplitude(1.0 + 10f64.powf(above_black_db / 20.0)), range_db);
-        if bound.negligible() {
+        if bound.negligible() && !self.settings.lines {
             let reason = format!(
                 "{} to {} reflects {:.1} dB at the most, {:.0} dB below black with all gain",
                 a.name,
@@ -142,7 +143,7 @@ impl Rules<'_> {
     /// Gain that the best case meets, dB: where gain, TGC and sliders together exceed the least attenuation the most.
     fn best_gain_db(&self) -> f64 {
         let image = &self.settings.image;
-        let least = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(f64::INFINITY, f64::min);
+        let least = self.facts.media.iter().map(|m| self.least_loss_db_mm(m)).fold(f64::INFINITY, f64::min);
         let loss_db_mm = if least.is_finite() { least } else { 0.0 };
         // Straight lines between the sliders: the most is at one of them.
         let at = |(i, slider_db): (usize, &f64)| {
@@ -152,15 +153,15 @@ impl Rules<'_> {
         image.tgc_sliders_db.iter().enumerate().map(at).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Loss to and fro a mm of range, dB.
-    fn loss_db_mm(&self, medium: &Medium) -> f64 {
-        let t = &medium.tissue;
-        let one_way = attenuation_db_mm(t.attenuation_db_cm_mhz, t.attenuation_exponent, self.probe.frequency_mhz);
-        2.0 * one_way * t.speed_m_s / ASSUMED_SPEED_M_S
+    /// Way in a medium for a mm of range: 1 where displacement by speed is left out.
+    pub(super) fn speed_ratio(&self, medium: &Medium) -> f64 {
+        if self.on.has(Effect::SpeedDisplacement) { medium.tissue.speed_m_s / ASSUMED_SPEED_M_S } else { 1.0 }
     }
 
     fn roughness(&self) -> Finding {
-        if !self.on.has(Effect::InterfaceEchoes) && self.reflections().bound.negligible() {
+        // Roughness spreads reflections until none is followed: those of smooth faces decide.
+        let reflects = !self.reflections_of(|_, _| 0.0).bound.negligible();
+        if !self.on.has(Effect::InterfaceEchoes) && !decided(self.settings.effects.of(Effect::Reflections), reflects) {
             return finding("no interface echoes or reflects", Bound::Exact);
         }
         let rough = |&(a, b): &(&Medium, &Medium)| a.tissue.roughness.max(b.tissue.roughness);
@@ -185,8 +186,12 @@ impl Rules<'_> {
                 let mm = thick(&pair);
                 let thicker = if pair.0.tissue.thickness_mm < mm { pair.1 } else { pair.0 };
                 let reason = format!("faces of {} are {mm} mm thick", thicker.name);
+                if self.settings.quality.rays * self.settings.quality.layers > 1 {
+                    // Paths add in power on a thick face, in amplitude on a thin one.
+                    return finding(reason, Bound::none("grain and place of thick faces"));
+                }
                 // Half of it to either side of the face, in a medium that is slower than the image's scale at the most so.
-                let slowest = self.facts.speeds().map_or(1.0, |(slow, _)| slow.tissue.speed_m_s / ASSUMED_SPEED_M_S);
+                let slowest = self.facts.speeds().map_or(1.0, |(slow, _)| self.speed_ratio(slow));
                 finding(reason, Bound::Displacement { mm: 0.5 * mm / slowest.min(1.0) })
             }
             _ => finding("every interface is thin", Bound::Exact),
@@ -194,10 +199,17 @@ impl Rules<'_> {
     }
 
     fn reflections(&self) -> Finding {
+        let rough = self.on.has(Effect::Roughness);
+        self.reflections_of(|a, b| if rough { a.tissue.roughness.max(b.tissue.roughness) } else { 0.0 })
+    }
+
+    /// The rule of reflections where the interface of two media is as rough as `roughness` says.
+    fn reflections_of(&self, roughness: impl Fn(&Medium, &Medium) -> f64) -> Finding {
+        let reflections_max = self.settings.reflections_max;
         if let Some((slow, fast)) = self.two_speeds() {
             let critical_deg = (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees();
             let reason = format!(
-                "{} turns all back from {} beyond {critical_deg:.1}°; up to {REFLECTIONS_MAX} a path",
+                "{} turns all back from {} beyond {critical_deg:.1}°; up to {reflections_max} a path",
                 fast.name, slow.name
             );
             return finding(reason, Bound::none("mirror images and reverberation"));
@@ -205,7 +217,7 @@ impl Rules<'_> {
         // One speed: R is the same at every angle. The lobe is the widest at the face.
         let aperture = (0.25 * self.probe.aperture_mm).clamp(0.06, 0.5).powi(2);
         let returned = |(a, b): (_, _)| {
-            let rough: f64 = a_roughness(a, b);
+            let rough = roughness(a, b);
             (pressure_reflection(a, b).powi(2) * aperture / (aperture + rough * rough), a, b)
         };
         match self.acting().map(returned).max_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -214,7 +226,7 @@ impl Rules<'_> {
             Some((most, a, b)) if most >= 0.99 * REFLECTION_FOLLOWED => {
                 let percent = 100.0 * most;
                 let (a, b) = (&a.name, &b.name);
-                let reason = format!("{a} to {b} returns {percent:.0} % of the energy; up to {REFLECTIONS_MAX} a path");
+                let reason = format!("{a} to {b} returns {percent:.0} % of the energy; up to {reflections_max} a path");
                 finding(reason, Bound::none("mirror images and reverberation"))
             }
             Some((most, a, b)) => {
@@ -250,15 +262,27 @@ impl Rules<'_> {
         }
         // No chance is left: rays differ in where they cross edges, half a share to either side. Scatterers are read on the
         // scanline's axis by range, so that a speed other than 1540 m/s leaves a part of that distance.
-        let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm);
-        let stretch = self.facts.media.first().map_or(0.0, |m| (m.tissue.speed_m_s / ASSUMED_SPEED_M_S - 1.0).abs());
-        let of_share = if self.one_medium() { stretch.min(1.0) } else { 1.0 };
-        let bound = match of_share * half_share_mm {
-            mm if mm > 0.0 && self.facts.media.iter().any(Medium::scatters) => Bound::Aside { mm },
-            mm if mm > 0.0 && !self.one_medium() => Bound::Aside { mm },
-            _ => Bound::Exact,
-        };
+        // Media of another speed reach farther than the depth, where shares are wider.
+        let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
+        let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm * ratio);
+        let stretch = self.facts.media.iter().map(|m| (self.speed_ratio(m) - 1.0).abs()).fold(0.0, f64::max);
+        let mm = half_share_mm * if self.one_medium() { stretch } else { stretch.max(1.0) };
+        let seen = !self.one_medium() || self.facts.media.iter().any(Medium::scatters);
+        let bound =
+            if mm > 0.0 && seen { Bound::Aside { mm, allowed_mm: self.aside_allowed_mm() } } else { Bound::Exact };
+        if !bound.negligible() {
+            return finding(format!("{asked} asked for, and scanlines lie {:.2} mm apart", 2.0 * half_share_mm), bound);
+        }
         finding("no interface echoes, bends or reflects: one path a scanline", bound)
+    }
+
+    /// How far aside a sample may be read unseen, mm: half a pixel, or a part of the beam at its narrowest.
+    fn aside_allowed_mm(&self) -> f64 {
+        let image = &self.settings.image;
+        let focus_mm = self.probe.focus_mm.min(self.probe.depth_mm);
+        let depths_mm = (0..=64).map(|i| self.probe.depth_mm * f64::from(i) / 64.0).chain([focus_mm]);
+        let narrowest_mm = depths_mm.map(|z| self.probe.lateral_sigma_mm(z)).fold(f64::INFINITY, f64::min);
+        (0.5 * Sector::fit(self.probe, image.width, image.height).pixel_mm).max(ASIDE_OF_BEAM * narrowest_mm)
     }
 
     /// Whether all media are one in all that a path meets.
@@ -284,40 +308,6 @@ impl Rules<'_> {
         let what = if self.one_medium() { "speckle differs across it" } else { "media differ across it" };
         let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and {what}", 4.0 * widest);
         finding(reason, Bound::none("blur across the slice"))
-    }
-
-    /// Most loss over the depth, dB, by the attenuation that `of` gives a medium.
-    fn most(&self, of: impl Fn(&Medium) -> f64) -> Option<(f64, &Medium)> {
-        let over_depth = |m| (of(m) * self.probe.depth_mm, m);
-        self.facts.media.iter().map(over_depth).max_by(|a, b| a.0.total_cmp(&b.0))
-    }
-
-    fn attenuation(&self) -> Finding {
-        let depth_mm = self.probe.depth_mm;
-        let Some((db, medium)) = self.most(|m| self.loss_db_mm(m)) else {
-            return finding("no medium", Bound::Exact);
-        };
-        let reason = format!("{} takes {db:.3} dB over {depth_mm} mm to and fro", medium.name);
-        let bound = Bound::level(db, self.settings.image.dynamic_range_db);
-        if db == 0.0 { finding("no medium attenuates", Bound::Exact) } else { finding(reason, bound) }
-    }
-
-    fn frequency_exponent(&self) -> Finding {
-        if !self.on.has(Effect::Attenuation) {
-            return finding("nothing attenuates", Bound::Exact);
-        }
-        let frequency_mhz = self.probe.frequency_mhz;
-        // How far a loss proportional to the frequency is off.
-        let off = |m: &Medium| {
-            let linear = frequency_mhz.powf(1.0 - m.tissue.attenuation_exponent);
-            self.loss_db_mm(m) * (1.0 - linear).abs()
-        };
-        let Some((db, medium)) = self.most(off).filter(|(db, _)| *db > 0.0) else {
-            return finding("every medium attenuates in proportion to the frequency", Bound::Exact);
-        };
-        let y = medium.tissue.attenuation_exponent;
-        let reason = format!("{} goes by f^{y} at {frequency_mhz} MHz", medium.name);
-        finding(reason, Bound::level(db, self.settings.image.dynamic_range_db))
     }
 
     fn scatterers(&self) -> Finding {
@@ -374,11 +364,6 @@ fn pressure_reflection(a: &Medium, b: &Medium) -> f64 {
 fn at_normal_incidence(a: &Medium, b: &Medium) -> f64 {
     let (z1, z2) = (a.tissue.impedance_mrayl(), b.tissue.impedance_mrayl());
     ((z2 - z1) / (z2 + z1)).abs()
-}
-
-/// An interface is as rough as the rougher of its sides.
-fn a_roughness(a: &Medium, b: &Medium) -> f64 {
-    a.tissue.roughness.max(b.tissue.roughness)
 }
 
 fn speed(medium: &Medium) -> String {
