@@ -43,7 +43,8 @@ pub struct Time {
     pub median_ms: f64,
     /// 95th percentile.
     pub p95_ms: f64,
-    /// Distance between the quartiles of the times less the median of their pose: what repeats differ by, poses do not count.
+    /// Distance between the quartiles of the times less the median of their pose: what repeats differ by, without what poses
+    /// do.
     pub spread_ms: f64,
     /// Median of each pass on the device, in order; empty where it has no timestamps.
     pub passes: Vec<PassMs>,
