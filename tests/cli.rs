@@ -676,7 +676,7 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
 #[test]
 fn a_tradeoff_of_black_images_goes_on_too() {
     let dir = directory();
-    let pose = "gain_db = -200\n[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
+    let pose = "gain_db = -200.0\ntgc_db_per_cm = 0.0\n[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
     let station = station(&dir, &format!("{SMALL}{pose}"));
     let out = dir.path().join("out");
     for more in [&[][..], &["--resume"]] {
