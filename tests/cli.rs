@@ -597,7 +597,13 @@ fn folders_of_images_are_evaluated_by_their_names() {
     refused(&insonify(&["evaluate", text(&a), text(&pair[1])]), &["no folder"]);
     grey_image(&one(&a), 20, 20, 1);
     grey_image(&one(&b), 20, 20, 2);
-    refused(&insonify(&["evaluate", text(&one(&a)), text(&one(&b))]), &["pKL", "32 x 32", "20 x 20"]);
+    let small = insonify(&["evaluate", text(&one(&a)), text(&one(&b)), "--csv", text(&csv)]);
+    succeeded(&small);
+    let table = String::from_utf8(small.stdout).unwrap();
+    assert!(table.contains("1 without pKL") && table.contains("SSIM"), "{table}");
+    let row = table.lines().find(|line| line.starts_with("pKL x100")).unwrap();
+    assert_eq!(row.split_whitespace().collect::<Vec<_>>(), ["pKL", "x100", "-", "-"]);
+    assert!(std::fs::read_to_string(&csv).unwrap().ends_with(",\n"), "pKL is not empty");
     let black = path("black.png");
     insonify::sink::png::write_grey(&black, 64, 48, &[0; 64 * 48], insonify::sink::png::Effort::Fast).unwrap();
     let two = a.join("two.png");
@@ -644,8 +650,9 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
     let points = report["points"].as_array().unwrap();
     assert!(points.len() > 10 && points.iter().any(|p| p["on_front"] == true));
     let named = |name: &str| points.iter().find(|p| p["name"] == name).unwrap();
-    let rmse = |name: &str| named(name)["error"]["rmse"].as_f64().unwrap();
-    assert!(rmse("32x3") < rmse("1x1"), "{} {}", rmse("32x3"), rmse("1x1"));
+    let error = |name: &str| named(name)["error"]["level_rmse"].as_f64().unwrap();
+    assert!(error("32x3") < error("1x1"), "{} {}", error("32x3"), error("1x1"));
+    assert_eq!(named("1x1 all effects")["knobs"]["all_effects"], true);
     assert!(named("1x1")["time"]["median_ms"].as_f64().unwrap() > 0.0);
     assert_eq!(named("32x3")["classes"][0]["tissue"], "gel");
     assert_eq!(read("tradeoff.csv").lines().count(), points.len() + 1);
@@ -664,6 +671,22 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
     assert_eq!(median(&report, "1x1"), median(&again, "1x1"));
     assert_ne!(median(&report, "8x3"), median(&again, "8x3"));
     assert_eq!(report["reference"], again["reference"]);
+}
+
+#[test]
+fn a_tradeoff_of_black_images_goes_on_too() {
+    let dir = directory();
+    let pose = "gain_db = -200.0\ntgc_db_per_cm = 0.0\n[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
+    let station = station(&dir, &format!("{SMALL}{pose}"));
+    let out = dir.path().join("out");
+    for more in [&[][..], &["--resume"]] {
+        let done = insonify(&[&["tradeoff", text(&station), "--out", text(&out), "--quick"], more].concat());
+        succeeded(&done);
+        assert!(String::from_utf8_lossy(&done.stdout).contains("The reference, "));
+        let report: Value = serde_json::from_slice(&std::fs::read(out.join("tradeoff.json")).unwrap()).unwrap();
+        let error = &report["points"][0]["error"];
+        assert_eq!((&error["psnr_db"], &error["identical"], &error["rmse"]), (&Value::Null, &1.into(), &0.0.into()));
+    }
 }
 
 #[test]

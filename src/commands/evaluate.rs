@@ -57,7 +57,8 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 PSNR   10 log10(255^2 / MSE), dB. Identical images are infinitely good and are left out of its mean.
 SSIM   as MATLAB's ssim: Gaussian 11 x 11, sigma 1.5, K 0.01 and 0.03, edges replicated
-pKL    mean of D(B || A) over patches of 32 x 32, histograms of 50 bins with half a pixel added to each; shown x 100
+pKL    mean of D(B || A) over patches of 32 x 32, histograms of 50 bins with half a pixel added to each; shown x 100,
+       and as - where no patch is half inside
 FD     Frechet distance of the feature vectors; needs 2 crops at least
 
 Examples:
@@ -215,7 +216,7 @@ fn score(files: &Files, features: Option<&mut Features>) -> Result<Scores> {
     if let Some(features) = features {
         features.add([&image, &reference], size)?;
     }
-    Ok(Scores::of(&Pair::new(size, &image, &reference, mask.as_deref())?)?)
+    Ok(Scores::of(&Pair::new(size, &image, &reference, mask.as_deref())?))
 }
 
 fn csv(file: &mut impl Write, scores: &[Named]) -> std::io::Result<()> {
@@ -224,23 +225,33 @@ fn csv(file: &mut impl Write, scores: &[Named]) -> std::io::Result<()> {
         // A field with a comma, quote or line break stands in quotes, quotes doubled (RFC 4180).
         let quoted = name.contains([',', '"', '\n', '\r']);
         let name = if quoted { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.clone() };
+        let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
         writeln!(file, "{name},{psnr_db},{ssim},{pkl}")?;
     }
     Ok(())
 }
 
 fn print(summary: &Summary, distance: Option<f64>) -> Result<(), Failure> {
-    let Summary { images, identical, psnr_db, ssim, pkl } = summary;
+    let Summary { images, identical, psnr_db, ssim, without_pkl, pkl } = summary;
     output::line(format!("{:12} {:>9} {:>9}", "", "mean", "5/95 %"))?;
     let row = |name: &str, mean: f64, percentile: f64, digits: usize| {
         output::line(format!("{name:12} {mean:>9.digits$} {percentile:>9.digits$}"))
     };
     row("PSNR [dB]", psnr_db.mean, psnr_db.percentile, 2)?;
     row("SSIM [%]", 100.0 * ssim.mean, 100.0 * ssim.percentile, 2)?;
-    row("pKL x100", 100.0 * pkl.mean, 100.0 * pkl.percentile, 2)?;
+    match pkl {
+        Some(pkl) => row("pKL x100", 100.0 * pkl.mean, 100.0 * pkl.percentile, 2)?,
+        None => output::line(format!("{:12} {:>9} {:>9}", "pKL x100", "-", "-"))?,
+    }
     if let Some(distance) = distance {
         output::line(format!("{:12} {distance:>9.2} {:>9}", "FD", "-"))?;
     }
-    let note = if *identical > 0 { format!("; {identical} identical, not in the mean of PSNR") } else { String::new() };
+    let mut note = String::new();
+    if *identical > 0 {
+        note += &format!("; {identical} identical, not in the mean of PSNR");
+    }
+    if *without_pkl > 0 {
+        note += &format!("; {without_pkl} without pKL, as no patch of 32 x 32 is half inside");
+    }
     output::line(format!("{images} {}{note}", if *images == 1 { "image" } else { "images" }))
 }

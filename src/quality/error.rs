@@ -67,6 +67,9 @@ pub enum QualityError {
         /// Index in its vector.
         index: usize,
     },
+    /// Features so large that their distance is no number.
+    #[error("the distance of the features is not finite: their values are too large")]
+    NoDistance,
     /// The extractor failed.
     #[error("the feature extractor failed: {reason}")]
     Extractor {

@@ -31,7 +31,7 @@ impl Gaussian {
 /// negative eigenvalues, which are rounding, taken as 0. Nothing is inverted: singular covariances are as good as others.
 ///
 /// # Errors
-/// Distributions of different dimensions, or with values that aren't finite.
+/// Distributions of different dimensions, with values that aren't finite, or so large that their distance isn't.
 pub fn frechet_distance(a: &Gaussian, b: &Gaussian) -> Result<f64, QualityError> {
     let dimension = a.mean.len();
     for g in [a, b] {
@@ -45,14 +45,14 @@ pub fn frechet_distance(a: &Gaussian, b: &Gaussian) -> Result<f64, QualityError>
     }
     let roots = root(&a.covariance) * root(&b.covariance);
     let cross: f64 = roots.singular_values().iter().sum();
-    Ok(distance(&a.mean, &b.mean, a.covariance.trace() + b.covariance.trace(), cross))
+    distance(&a.mean, &b.mean, a.covariance.trace() + b.covariance.trace(), cross)
 }
 
 /// [`frechet_distance`] of two sets of feature vectors, by the shorter way: with fewer vectors than dimensions
 /// tr (Σ₁Σ₂)^½ is the sum of the singular values of X₁·X₂ᵀ over √((n₁ − 1)(n₂ − 1)), X being the centred vectors as rows.
 ///
 /// # Errors
-/// As [`Gaussian::of`]; sets whose vectors have different lengths.
+/// As [`Gaussian::of`]; sets whose vectors have different lengths, or values so large that the distance isn't finite.
 pub fn frechet_distance_of(a: &[Vec<f64>], b: &[Vec<f64>]) -> Result<f64, QualityError> {
     let ((mean_a, rows_a), (mean_b, rows_b)) = (centred(a)?, centred(b)?);
     let (expected, found) = (mean_a.len(), mean_b.len());
@@ -66,11 +66,13 @@ pub fn frechet_distance_of(a: &[Vec<f64>], b: &[Vec<f64>]) -> Result<f64, Qualit
     let products = &rows_a * rows_b.transpose();
     let cross = products.singular_values().iter().sum::<f64>() / (free_a * free_b).sqrt();
     let traces = rows_a.norm_squared() / free_a + rows_b.norm_squared() / free_b;
-    Ok(distance(&mean_a, &mean_b, traces, cross))
+    distance(&mean_a, &mean_b, traces, cross)
 }
 
-fn distance(mean_a: &DVector<f64>, mean_b: &DVector<f64>, traces: f64, cross: f64) -> f64 {
-    ((mean_a - mean_b).norm_squared() + traces - 2.0 * cross).max(0.0)
+fn distance(mean_a: &DVector<f64>, mean_b: &DVector<f64>, traces: f64, cross: f64) -> Result<f64, QualityError> {
+    let distance = (mean_a - mean_b).norm_squared() + traces - 2.0 * cross;
+    // `max` would make 0 of NaN.
+    if distance.is_finite() { Ok(distance.max(0.0)) } else { Err(QualityError::NoDistance) }
 }
 
 /// Mean, and the vectors less their mean as rows [n × d].
@@ -158,5 +160,11 @@ mod tests {
         let (one, two) = (diagonal(&[0.0], &[1.0]), diagonal(&[0.0; 2], &[1.0; 2]));
         assert!(frechet_distance(&one, &two).is_err());
         assert!(frechet_distance_of(&[vec![0.0], vec![1.0]], &[vec![0.0; 2], vec![1.0; 2]]).is_err());
+    }
+
+    #[test]
+    fn a_distance_beyond_all_numbers_is_an_error() {
+        let far = diagonal(&[1e200], &[1.0]);
+        assert_eq!(frechet_distance(&far, &diagonal(&[-1e200], &[1.0])), Err(QualityError::NoDistance));
     }
 }

@@ -41,6 +41,7 @@ pub use pair::Pair;
 pub use percentile::percentile;
 pub use pkl::{BINS, PATCH, PSEUDO_COUNT, pkl};
 pub use psnr::psnr_db;
+pub(crate) use scores::infinite_is_null;
 pub use scores::{Scores, Spread, Summary};
 pub use speckle::ClassSpeckle;
 pub use ssim::{SsimMap, ssim};

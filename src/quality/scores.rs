@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Pair, QualityError, percentile, pkl, psnr_db, ssim};
+use super::{Pair, percentile, pkl, psnr_db, ssim};
 
 /// Metrics of one image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -12,17 +12,15 @@ pub struct Scores {
     pub psnr_db: f64,
     /// SSIM, at most 1.
     pub ssim: f64,
-    /// pKL, nats.
-    pub pkl: f64,
+    /// pKL, nats; none of an image smaller than a patch, or of a mask that leaves none.
+    pub pkl: Option<f64>,
 }
 
 impl Scores {
     /// Of a pair.
-    ///
-    /// # Errors
-    /// As [`pkl`](fn@super::pkl).
-    pub fn of(pair: &Pair<'_>) -> Result<Self, QualityError> {
-        Ok(Self { pkl: pkl(pair)?, psnr_db: psnr_db(pair), ssim: ssim(pair) })
+    pub fn of(pair: &Pair<'_>) -> Self {
+        // That there is no patch to compare is pKL's only error.
+        Self { pkl: pkl(pair).ok(), psnr_db: psnr_db(pair), ssim: ssim(pair) }
     }
 }
 
@@ -49,15 +47,17 @@ pub struct Summary {
     pub psnr_db: Spread,
     /// SSIM, mean and 5th percentile.
     pub ssim: Spread,
-    /// pKL, nats, mean and 95th percentile.
-    pub pkl: Spread,
+    /// Images without pKL.
+    pub without_pkl: usize,
+    /// pKL of the others, nats, mean and 95th percentile; none if there are no others.
+    pub pkl: Option<Spread>,
 }
 
 impl Summary {
     /// Of the metrics of each image; None of no images.
     pub fn of(scores: &[Scores]) -> Option<Self> {
-        let spread = |of: fn(&Scores) -> f64, part| {
-            let values: Vec<f64> = scores.iter().map(of).collect();
+        let spread = |of: fn(&Scores) -> Option<f64>, part| {
+            let values: Vec<f64> = scores.iter().filter_map(of).collect();
             let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
             let mean = if finite.is_empty() { f64::INFINITY } else { finite.iter().sum::<f64>() / finite.len() as f64 };
             Some(Spread { mean, percentile: percentile(&values, part)? })
@@ -65,22 +65,23 @@ impl Summary {
         Some(Self {
             images: scores.len(),
             identical: scores.iter().filter(|s| s.psnr_db.is_infinite()).count(),
-            psnr_db: spread(|s| s.psnr_db, 0.05)?,
-            ssim: spread(|s| s.ssim, 0.05)?,
-            pkl: spread(|s| s.pkl, 0.95)?,
+            psnr_db: spread(|s| Some(s.psnr_db), 0.05)?,
+            ssim: spread(|s| Some(s.ssim), 0.05)?,
+            without_pkl: scores.iter().filter(|s| s.pkl.is_none()).count(),
+            pkl: spread(|s| s.pkl, 0.95),
         })
     }
 }
 
 /// JSON has no infinity: `null` stands for it.
-mod infinite_is_null {
+pub(crate) mod infinite_is_null {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub(super) fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
         value.is_finite().then_some(*value).serialize(to)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
         Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
     }
 }
@@ -91,7 +92,7 @@ mod tests {
 
     #[test]
     fn identical_images_are_counted_and_left_out_of_the_mean() {
-        let of = |psnr_db| Scores { psnr_db, ssim: 0.5, pkl: 0.25 };
+        let of = |psnr_db| Scores { psnr_db, ssim: 0.5, pkl: Some(0.25) };
         let some = Summary::of(&[of(20.0), of(30.0), of(f64::INFINITY)]).unwrap();
         assert_eq!((some.images, some.identical), (3, 1));
         assert_eq!(some.psnr_db, Spread { mean: 25.0, percentile: 21.0 });
@@ -104,9 +105,21 @@ mod tests {
     }
 
     #[test]
+    fn an_image_without_a_patch_has_all_but_pkl() {
+        let small = Scores::of(&Pair::new([20, 10], &[8; 200], &[7; 200], None).unwrap());
+        assert!((small.psnr_db - 20.0 * 255f64.log10()).abs() < 1e-12 && small.ssim > 0.9 && small.pkl.is_none());
+        let large = Scores { pkl: Some(0.25), ..small };
+        let summary = Summary::of(&[small, large]).unwrap();
+        assert_eq!((summary.images, summary.without_pkl), (2, 1));
+        assert_eq!(summary.pkl, Some(Spread { mean: 0.25, percentile: 0.25 }));
+        assert_eq!(Summary::of(&[small]).unwrap().pkl, None);
+    }
+
+    #[test]
     fn the_percentile_is_on_the_bad_side() {
-        let scores: Vec<Scores> = (0..=100).map(f64::from).map(|i| Scores { psnr_db: i, ssim: i, pkl: i }).collect();
+        let scores: Vec<Scores> =
+            (0..=100).map(f64::from).map(|i| Scores { psnr_db: i, ssim: i, pkl: Some(i) }).collect();
         let Summary { psnr_db, ssim, pkl, .. } = Summary::of(&scores).unwrap();
-        assert_eq!([psnr_db.percentile, ssim.percentile, pkl.percentile].map(|v| v.round()), [5.0, 5.0, 95.0]);
+        assert_eq!([psnr_db.percentile, ssim.percentile, pkl.unwrap().percentile].map(|v| v.round()), [5.0, 5.0, 95.0]);
     }
 }

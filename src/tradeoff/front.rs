@@ -2,9 +2,10 @@
 
 use super::Point;
 
-/// Marks the points that no other beats: none is as fast and as near to the reference, and better in one of both.
+/// Marks the points that no other beats: none is as fast and as near to the reference, and better in one of both. Nearness is
+/// by levels: other layers are other speckle, which no pixel forgives.
 pub fn mark_front(points: &mut [Point]) {
-    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
+    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.level_rmse]).collect();
     for (point, mine) in points.iter_mut().zip(&places) {
         let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
         point.on_front = mine.iter().all(|v| v.is_finite()) && !places.iter().any(beats);
@@ -16,8 +17,8 @@ pub fn mark_noise(points: &mut [Point]) {
     let all: Vec<(String, [f64; 2], [f64; 2])> = points
         .iter()
         .map(|p| {
-            let values = [p.time.median_ms, p.error.rmse];
-            (p.name.clone(), values, [p.time.spread_ms, p.error.rmse_spread])
+            let values = [p.time.median_ms, p.error.level_rmse];
+            (p.name.clone(), values, [p.time.spread_ms, p.error.level_rmse_spread])
         })
         .collect();
     for (point, (_, mine, spread)) in points.iter_mut().zip(&all) {
@@ -36,7 +37,7 @@ pub(super) mod tests {
     use crate::tradeoff::{ClassError, Errors, Knobs, PassMs, Time};
     use crate::transducer::Probe;
 
-    pub(in crate::tradeoff) fn point(name: &str, median_ms: f64, rmse: f64, against: Option<&str>) -> Point {
+    pub(in crate::tradeoff) fn point(name: &str, median_ms: f64, level_rmse: f64, against: Option<&str>) -> Point {
         Point {
             name: name.into(),
             sweep: "rays x layers".into(),
@@ -51,12 +52,14 @@ pub(super) mod tests {
                 passes: vec![PassMs { name: "trace".into(), median_ms: 0.5 * median_ms }],
             },
             error: Errors {
-                rmse,
-                rmse_spread: 0.5,
-                level_rmse: 2.25,
-                psnr_db: 20.0 * (255.0 / rmse).log10(),
+                level_rmse,
+                level_rmse_spread: 0.5,
+                rmse: 25.5,
+                rmse_spread: 0.25,
+                psnr_db: 20.0,
+                identical: 0,
                 ssim: 0.5,
-                pkl: 0.25,
+                pkl: Some(0.25),
                 snr_difference: None,
                 grey_difference: 1.5,
                 contrast_lost: Some(0.125),
@@ -79,7 +82,9 @@ pub(super) mod tests {
     fn the_front_is_what_nothing_beats() {
         let places =
             [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
-        let mut points: Vec<Point> = places.iter().map(|&(ms, rmse)| point("", ms, rmse, None)).collect();
+        let mut points: Vec<Point> = places.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
+        // Pixels have no say.
+        points[3].error.rmse = 0.0;
         mark_front(&mut points);
         let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();
         assert_eq!(front, [true, true, false, false, true, true, false]);

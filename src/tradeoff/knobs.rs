@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::render::{Quality, RenderSettings};
+use crate::render::{EffectChoices, Quality, RenderSettings};
 use crate::transducer::Probe;
 
 /// The quality knobs of a frame; see the keys of `[quality]` and `[probe]`.
@@ -12,8 +12,6 @@ pub struct Knobs {
     pub rays: u32,
     /// Elevational layers.
     pub layers: u32,
-    /// Paths that each sample of a layer is read from.
-    pub paths_per_sample: u32,
     /// Reflections that a path is followed through.
     pub reflections_max: u32,
     /// Scanlines.
@@ -24,6 +22,8 @@ pub struct Knobs {
     pub beam_taps_max: u32,
     /// Most taps of the pulse.
     pub pulse_taps_max: u32,
+    /// Whether every effect is simulated; else those of the station, without what its scene does not call for.
+    pub all_effects: bool,
 }
 
 impl Knobs {
@@ -32,12 +32,12 @@ impl Knobs {
         Self {
             rays: settings.quality.rays,
             layers: settings.quality.layers,
-            paths_per_sample: settings.paths_per_sample,
             reflections_max: settings.reflections_max,
             scanlines: probe.scanlines,
             samples: probe.samples,
             beam_taps_max: settings.beam_taps_max,
             pulse_taps_max: settings.pulse_taps_max,
+            all_effects: settings.effects == EffectChoices::ALL_ON,
         }
     }
 
@@ -46,15 +46,20 @@ impl Knobs {
         Self { rays, layers, ..self }
     }
 
+    /// With every effect simulated.
+    pub fn with_all_effects(self) -> Self {
+        Self { all_effects: true, ..self }
+    }
+
     /// `probe` and `settings` with these knobs and that seed.
     pub fn apply(&self, probe: &Probe, settings: &RenderSettings, seed: u32) -> (Probe, RenderSettings) {
         let probe = Probe { scanlines: self.scanlines, samples: self.samples, ..*probe };
         let settings = RenderSettings {
             quality: Quality { rays: self.rays, layers: self.layers, seed },
-            paths_per_sample: self.paths_per_sample,
             reflections_max: self.reflections_max,
             beam_taps_max: self.beam_taps_max,
             pulse_taps_max: self.pulse_taps_max,
+            effects: if self.all_effects { EffectChoices::ALL_ON } else { settings.effects },
             ..*settings
         };
         (probe, settings)
@@ -65,12 +70,12 @@ impl Knobs {
         [
             ("rays", self.rays),
             ("layers", self.layers),
-            ("paths_per_sample", self.paths_per_sample),
             ("reflections_max", self.reflections_max),
             ("scanlines", self.scanlines),
             ("samples", self.samples),
             ("beam_taps_max", self.beam_taps_max),
             ("pulse_taps_max", self.pulse_taps_max),
+            ("all_effects", u32::from(self.all_effects)),
         ]
     }
 }
@@ -84,17 +89,20 @@ mod tests {
         let knobs = Knobs {
             rays: 3,
             layers: 5,
-            paths_per_sample: 2,
             reflections_max: 1,
             scanlines: 17,
             samples: 99,
             beam_taps_max: 9,
             pulse_taps_max: 11,
+            all_effects: true,
         };
         let (probe, settings) = knobs.apply(&Probe::default(), &RenderSettings::default(), 7);
         assert_eq!((Knobs::of(&probe, &settings), settings.quality.seed), (knobs, 7));
         let mut values = knobs.values().map(|(_, value)| value);
         values.sort_unstable();
-        assert_eq!(values, [1, 2, 3, 5, 9, 11, 17, 99]);
+        assert_eq!(values, [1, 1, 3, 5, 9, 11, 17, 99]);
+        let planned = Knobs { all_effects: false, ..knobs };
+        let (_, settings) = planned.apply(&Probe::default(), &RenderSettings::default(), 7);
+        assert_eq!(settings.effects, EffectChoices::default());
     }
 }

@@ -4,13 +4,15 @@ use super::Knobs;
 
 /// Rays and layers about which the other knobs are turned one at a time.
 const MIDDLE: (u32, u32) = (8, 3);
+/// Rays and layers at which every effect is simulated too.
+const ALL_EFFECTS: [(u32, u32); 3] = [(1, 1), (8, 1), (32, 3)];
 
 /// A point to be measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Planned {
     /// Name, unlike all others.
     pub name: String,
-    /// The knob that is turned: `rays x layers`, or one of [`Knobs::values`].
+    /// The knob that is turned: `rays x layers`, `all effects`, or one of [`Knobs::values`].
     pub sweep: &'static str,
     /// The neighbour that it is compared with to tell a difference from noise.
     pub against: Option<String>,
@@ -21,8 +23,8 @@ pub struct Planned {
 /// Name of a knob, its values, where it is.
 type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
 
-/// A small grid of rays × layers, then every other knob alone about 8 × 3, from those of the station; with `quick` fewer
-/// of each. The station's own values of samples, scanlines and taps are the greatest that are tried.
+/// A small grid of rays × layers; three points of it with every effect, whether the scene calls for it or not; then every
+/// other knob alone about 8 × 3, from those of the station; with `quick` fewer of each. The station's own values of samples, scanlines and taps are the greatest that are tried.
 pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
     let mut points: Vec<Planned> = Vec::new();
     let (rays, layers): (&[u32], &[u32]) =
@@ -40,11 +42,27 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
             against = Some(name);
         }
     }
+    for (rays, layers) in ALL_EFFECTS {
+        let grid_name = format!("{rays}x{layers}");
+        // A station that simulates every effect has these already.
+        if !base.all_effects {
+            points.push(Planned {
+                name: format!("{grid_name} all effects"),
+                sweep: "all effects",
+                against: Some(grid_name),
+                knobs: base.with(rays, layers).with_all_effects(),
+            });
+        }
+    }
     let middle = base.with(MIDDLE.0, MIDDLE.1);
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
-    let part = |whole: u32, of: &[u32]| of.iter().map(|n| (whole * n / 8).max(1)).collect::<Vec<_>>();
-    let sweeps: [Sweep; 6] = [
-        ("paths_per_sample", vec![1, 2, 4, 8], |k| &mut k.paths_per_sample),
+    let part = |whole: u32, of: &[u32]| {
+        let mut values: Vec<u32> = of.iter().map(|n| (whole * n / 8).max(1)).collect();
+        // Parts of the least stations are the same.
+        values.dedup();
+        values
+    };
+    let sweeps: [Sweep; 5] = [
         ("reflections_max", vec![0, 1, 2, 4], |k| &mut k.reflections_max),
         ("scanlines", part(base.scanlines, &[2, 4, 6]), |k| &mut k.scanlines),
         ("samples", part(base.samples, &[2, 4, 6]), |k| &mut k.samples),
@@ -57,7 +75,7 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
             let mut knobs = middle;
             let own = *knob(&mut knobs);
             // What the station has is the middle itself; a cap beyond it caps nothing.
-            if value == own || (value > own && sweep != "paths_per_sample") {
+            if value >= own {
                 continue;
             }
             *knob(&mut knobs) = value;
@@ -96,10 +114,30 @@ mod tests {
     }
 
     #[test]
-    fn the_least_station_has_points_that_can_be_rendered() {
-        let probe = Probe { scanlines: 1, samples: 1, ..Probe::default() };
-        for point in plan(Knobs::of(&probe, &RenderSettings::default()), false) {
-            assert!(point.knobs.scanlines >= 1 && point.knobs.samples >= 1);
+    fn the_least_stations_have_points_that_can_be_rendered_each_once() {
+        for (scanlines, samples) in [(1, 1), (2, 3), (3, 2), (4, 7)] {
+            let probe = Probe { scanlines, samples, ..Probe::default() };
+            let points = plan(Knobs::of(&probe, &RenderSettings::default()), false);
+            for (i, point) in points.iter().enumerate() {
+                assert!(point.knobs.scanlines >= 1 && point.knobs.samples >= 1);
+                assert!(points[..i].iter().all(|p| p.name != point.name), "{point:?}");
+            }
         }
+    }
+
+    #[test]
+    fn all_effects_are_measured_beside_those_that_the_scene_calls_for() {
+        let base = Knobs::of(&Probe::default(), &RenderSettings::default());
+        for quick in [false, true] {
+            let points = plan(base, quick);
+            for name in ["1x1", "8x1", "32x3"] {
+                let of = |name: &str| points.iter().find(|p| p.name == name).unwrap();
+                let (planned, all) = (of(name), of(&format!("{name} all effects")));
+                assert_eq!((all.sweep, all.against.as_deref()), ("all effects", Some(name)));
+                assert_eq!(all.knobs, planned.knobs.with_all_effects());
+                assert!(!planned.knobs.all_effects);
+            }
+        }
+        assert!(plan(base.with_all_effects(), false).iter().all(|p| p.sweep != "all effects"));
     }
 }

@@ -23,14 +23,14 @@ const TEXT: u32 = 16;
 /// Times that Zhang et al. 2020 give for LQ and HQ on a 2080 Ti, ms.
 const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "paper, 2080 Ti: HQ 75 ms")];
 
-/// The figure as SVG.
+/// The figure as SVG; its axis says whether the reference is converged.
 ///
 /// # Errors
 /// What the drawing library refuses, in words.
-pub fn svg(points: &[Point], title: &str) -> Result<String, String> {
+pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, String> {
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-    draw(&area, points, title).map_err(|e| e.to_string())?;
+    draw(&area, points, title, converged).map_err(|e| e.to_string())?;
     area.present().map_err(|e| e.to_string())?;
     drop(area);
     Ok(text)
@@ -40,10 +40,10 @@ pub fn svg(points: &[Point], title: &str) -> Result<String, String> {
 ///
 /// # Errors
 /// What the drawing library refuses, in words.
-pub fn rgb(points: &[Point], title: &str) -> Result<(u32, u32, Vec<u8>), String> {
+pub fn rgb(points: &[Point], title: &str, converged: bool) -> Result<(u32, u32, Vec<u8>), String> {
     let mut raster = Raster { image: RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3])) };
     let area = (&mut raster).into_drawing_area();
-    draw(&area, points, title).map_err(|e| e.to_string())?;
+    draw(&area, points, title, converged).map_err(|e| e.to_string())?;
     drop(area);
     Ok((SIZE.0, SIZE.1, raster.image.into_raw()))
 }
@@ -52,16 +52,19 @@ fn draw<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     points: &[Point],
     title: &str,
+    converged: bool,
 ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-    let drawn: Vec<&Point> = points.iter().filter(|p| p.time.median_ms > 0.0 && p.error.rmse.is_finite()).collect();
+    let drawn: Vec<&Point> =
+        points.iter().filter(|p| p.time.median_ms > 0.0 && p.error.level_rmse.is_finite()).collect();
     let times = drawn.iter().map(|p| p.time.median_ms).chain(PAPER.map(|(ms, _)| ms));
     let (least, most) = times.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
-    let worst = drawn.iter().map(|p| p.error.rmse).fold(1.0, f64::max);
+    let worst = drawn.iter().map(|p| p.error.level_rmse).fold(1.0, f64::max);
     area.fill(&WHITE)?;
     let text = |anchor: Pos, colour: &RGBColor| ("sans-serif", TEXT).into_font().color(colour).pos(anchor);
     let from_left = Pos::new(HPos::Left, VPos::Center);
     area.draw(&Text::new(title.to_owned(), (20, 20), text(from_left, &BLACK)))?;
-    let axis = "RMS difference from the converged reference, grey levels";
+    let reference = if converged { "the converged reference" } else { "the reference (NOT converged)" };
+    let axis = format!("RMS difference of mean levels (32 x 32 pixels) from {reference}, grey levels");
     area.draw(&Text::new(axis, (20, 42), text(from_left, &BLACK)))?;
     let mut chart = ChartBuilder::on(area)
         .margin_top(60)
@@ -87,7 +90,7 @@ fn draw<B: DrawingBackend>(
     }
     let mut front: Vec<&Point> = drawn.iter().copied().filter(|p| p.on_front).collect();
     front.sort_by(|a, b| a.time.median_ms.total_cmp(&b.time.median_ms));
-    let path: Vec<_> = front.iter().map(|p| (p.time.median_ms, p.error.rmse)).collect();
+    let path: Vec<_> = front.iter().map(|p| (p.time.median_ms, p.error.level_rmse)).collect();
     chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
     let mut sweeps: Vec<&str> = Vec::new();
     for point in &drawn {
@@ -96,10 +99,24 @@ fn draw<B: DrawingBackend>(
             sweeps.push(&point.sweep);
             sweeps.len() - 1
         });
-        let (at, colour) = ((point.time.median_ms, point.error.rmse), colour(index));
+        let (at, colour) = ((point.time.median_ms, point.error.level_rmse), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
-        chart.draw_series([Circle::new(at, if point.on_front { 6 } else { 4 }, style)])?;
-        if point.on_front || ["1x1", "32x3"].contains(&point.name.as_str()) {
+        let size = if point.on_front { 6 } else { 4 };
+        if point.knobs.all_effects {
+            // A thin line from the same point without what the scene does not call for.
+            if let Some(planned) = drawn.iter().find(|p| Some(&p.name) == point.against.as_ref()) {
+                let from = (planned.time.median_ms, planned.error.level_rmse);
+                chart.draw_series([PathElement::new(vec![from, at], colour)])?;
+            }
+            chart.draw_series([TriangleMarker::new(at, size + 2, colour.filled())])?;
+            if point.error_is_noise {
+                // Its outline alone can't be drawn.
+                chart.draw_series([TriangleMarker::new(at, size - 1, WHITE.filled())])?;
+            }
+        } else {
+            chart.draw_series([Circle::new(at, size, style)])?;
+        }
+        if point.on_front || point.sweep == "all effects" || ["1x1", "32x3"].contains(&point.name.as_str()) {
             let label = Text::new(shown(&point.name), (at.0 * 1.03, at.1 + 0.02 * worst), text(from_left, &BLACK));
             chart.draw_series([label])?;
         }
@@ -107,7 +124,12 @@ fn draw<B: DrawingBackend>(
     let (width, height) = SIZE;
     for (row, sweep) in sweeps.iter().enumerate() {
         let y = 90 + 22 * row as i32;
-        area.draw(&Circle::new((width as i32 - 250, y), 4, colour(row).filled()))?;
+        let at = (width as i32 - 250, y);
+        if *sweep == "all effects" {
+            area.draw(&TriangleMarker::new(at, 6, colour(row).filled()))?;
+        } else {
+            area.draw(&Circle::new(at, 4, colour(row).filled()))?;
+        }
         area.draw(&Text::new(sweep.to_string(), (width as i32 - 235, y), text(from_left, &BLACK)))?;
     }
     let under =
@@ -218,19 +240,32 @@ mod tests {
         let mut points =
             vec![point("1x1", 41.0, 30.0, None), point("8x3", 300.0, 12.0, None), point("32x3", 1500.0, 5.0, None)];
         points.push(Point { sweep: "samples".into(), error_is_noise: true, ..point("slow", 900.0, 25.0, None) });
+        let mut all = Point { sweep: "all effects".into(), ..point("1x1 all effects", 80.0, 30.0, Some("1x1")) };
+        all.knobs.all_effects = true;
+        points.push(all);
         mark_front(&mut points);
         points
     }
 
     #[test]
     fn both_figures_name_what_they_show() {
-        let text = svg(&points(), "A scene").unwrap();
-        for word in ["A scene", "1x1 (LQ)", "32x3 (HQ)", "2080 Ti: LQ 40 ms", "2080 Ti: HQ 75 ms", "samples", "Pareto"]
-        {
+        let text = svg(&points(), "A scene", true).unwrap();
+        assert!(text.contains("<polygon") && text.contains("the converged reference"), "{text}");
+        assert!(svg(&points(), "", false).unwrap().contains("NOT converged"));
+        for word in [
+            "A scene",
+            "1x1 (LQ)",
+            "32x3 (HQ)",
+            "2080 Ti: LQ 40 ms",
+            "2080 Ti: HQ 75 ms",
+            "samples",
+            "Pareto",
+            "1x1 (LQ), all effects",
+        ] {
             assert!(text.contains(word), "`{word}` is missing");
         }
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
-        let (width, height, pixels) = rgb(&points(), "A scene").unwrap();
+        let (width, height, pixels) = rgb(&points(), "A scene", true).unwrap();
         assert_eq!(pixels.len(), (3 * width * height) as usize);
         let ink = pixels.chunks_exact(3).filter(|p| p.iter().all(|&v| v < 128)).count();
         assert!(ink > 3000, "{ink}");
@@ -240,7 +275,7 @@ mod tests {
 
     #[test]
     fn no_points_and_broken_points_are_drawn_without_a_word() {
-        assert!(svg(&[], "").is_ok() && rgb(&[], "").is_ok());
-        assert!(rgb(&[point("x", f64::NAN, f64::NAN, None), point("y", 0.0, 1.0, None)], "").is_ok());
+        assert!(svg(&[], "", true).is_ok() && rgb(&[], "", false).is_ok());
+        assert!(rgb(&[point("x", f64::NAN, f64::NAN, None), point("y", 0.0, 1.0, None)], "", true).is_ok());
     }
 }

@@ -43,7 +43,8 @@ pub struct Time {
     pub median_ms: f64,
     /// 95th percentile.
     pub p95_ms: f64,
-    /// Distance between the quartiles.
+    /// Distance between the quartiles of the times less the median of their pose: what repeats differ by, without what poses
+    /// do.
     pub spread_ms: f64,
     /// Median of each pass on the device, in order; empty where it has no timestamps.
     pub passes: Vec<PassMs>,
@@ -61,19 +62,26 @@ pub struct PassMs {
 /// Distance from the reference, within the sector, means over poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Root of the mean square difference, grey levels.
+    /// Root of the mean square difference of mean levels over patches of 32 × 32, grey levels: what is left where speckle
+    /// is averaged out. Points are ranked by it.
+    pub level_rmse: f64,
+    /// How much that differs with another seed, grey levels.
+    pub level_rmse_spread: f64,
+    /// Root of the mean square difference of pixels, grey levels. Other layers are other speckle: it compares points with
+    /// the layers of the reference, and no others.
     pub rmse: f64,
     /// How much that differs with another seed, grey levels.
     pub rmse_spread: f64,
-    /// Root of the mean square difference of mean levels over patches of 32 × 32, grey levels: what is left where speckle
-    /// is averaged out.
-    pub level_rmse: f64,
-    /// PSNR, dB.
+    /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, where none does.
+    #[serde(with = "crate::quality::infinite_is_null")]
     pub psnr_db: f64,
+    /// Poses whose image is the reference's, which have no finite PSNR.
+    #[serde(default)]
+    pub identical: usize,
     /// SSIM.
     pub ssim: f64,
     /// pKL, nats.
-    pub pkl: f64,
+    pub pkl: Option<f64>,
     /// Envelope SNR less that of the reference, mean over tissues that have one.
     pub snr_difference: Option<f64>,
     /// Mean magnitude of a tissue's difference of mean grey levels, weighed by its pixels.
@@ -97,4 +105,18 @@ pub struct ClassError {
     pub reference_snr: Option<f64>,
     /// Share of its borders' contrast that is lost.
     pub contrast_lost: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::front::tests::point;
+    use super::*;
+
+    #[test]
+    fn points_come_back_as_they_were_written() {
+        let mut points = [point("1x1", 10.0, 2.0, None), point("black", 5.0, 0.0, Some("1x1"))];
+        points[1].error = Errors { psnr_db: f64::INFINITY, identical: 3, rmse: 0.0, ..points[1].error };
+        let json = serde_json::to_string(&points).unwrap();
+        assert_eq!(serde_json::from_str::<[Point; 2]>(&json).unwrap(), points);
+    }
 }

@@ -18,14 +18,18 @@ use insonify::transducer::Probe;
 use super::super::{Classify, Failure};
 use super::reference::{Reference, Truth};
 
-/// Frames of each pose that a point takes at the least.
-pub(super) const FRAMES: usize = SEEDS.len() * REPEATS;
 /// Seeds, unlike those of the reference: how much the error differs between them is its noise.
 const SEEDS: [u32; 2] = [0, 1];
 const REPEATS: usize = 2;
 /// A fast point is repeated until a pose has taken so long for each seed, s.
 const POSE_S: f64 = 0.25;
 const REPEATS_MAX: usize = 8;
+
+/// Time that a pose of a point takes whose frames take `frame_s` and comparisons `compare_s`, s.
+pub(super) fn pose_s(frame_s: f64, compare_s: f64) -> f64 {
+    let repeats = (POSE_S / frame_s.max(1e-6)).ceil().clamp(REPEATS as f64, REPEATS_MAX as f64);
+    SEEDS.len() as f64 * repeats * frame_s + compare_s
+}
 
 /// A renderer with all that measuring needs.
 pub(super) struct Bench {
@@ -41,8 +45,8 @@ pub(super) struct Bench {
 /// One pose of a point.
 struct PoseError {
     rmse: [f64; SEEDS.len()],
+    level_rmse: [f64; SEEDS.len()],
     scores: Scores,
-    level_rmse: f64,
     speckle: Vec<ClassSpeckle>,
     structures: Vec<ClassStructure>,
 }
@@ -51,7 +55,8 @@ struct PoseError {
 #[derive(Default)]
 struct Times {
     table: TimeTable,
-    ms: Vec<f64>,
+    /// Of each pose.
+    ms: Vec<Vec<f64>>,
     generator_ms: Vec<f64>,
 }
 
@@ -78,19 +83,36 @@ impl Bench {
         })
     }
 
-    /// Names of the generators, in order.
+    /// Names of the generators, in order; of the same ones all but the first have their number.
     pub(super) fn generators(&self) -> Vec<String> {
-        self.generators.iter().map(|g| g.manifest().name.clone()).collect()
+        let names: Vec<&str> = self.generators.iter().map(|g| g.manifest().name.as_str()).collect();
+        let unlike = |(index, name): (usize, &&str)| {
+            if names[..index].contains(name) { format!("{name} ({})", index + 1) } else { (*name).to_owned() }
+        };
+        names.iter().enumerate().map(unlike).collect()
     }
 
-    /// Time of a frame of that quality, mean over `poses`, s; the first is rendered twice.
-    pub(super) fn frame_s(&mut self, quality: Quality, poses: &[Pose]) -> Result<f64, Failure> {
-        let knobs = Knobs::of(&self.probe, &self.settings).with(quality.rays, quality.layers);
-        self.configure(&knobs, quality.seed)?;
+    /// What tells the models from others: the sums of their files, which loading has checked.
+    pub(super) fn models(&self) -> String {
+        self.generators.iter().map(|g| format!("{:?}\n", g.manifest())).collect()
+    }
+
+    /// Time of a frame with those knobs, mean over `poses`, s; the first is rendered twice.
+    pub(super) fn frame_s(&mut self, knobs: &Knobs, poses: &[Pose]) -> Result<f64, Failure> {
+        self.configure(knobs, 0)?;
         poses.iter().take(1).try_for_each(|pose| self.render(pose).map(drop))?;
         let started = Instant::now();
         poses.iter().try_for_each(|pose| self.render(pose).map(drop))?;
         Ok(started.elapsed().as_secs_f64() / poses.len().max(1) as f64)
+    }
+
+    /// Time of a frame of LQ with a generator, s; the first is not counted.
+    pub(super) fn generated_s(&mut self, index: usize, poses: &[Pose]) -> Result<f64, Failure> {
+        self.configure(&self.base().with(Quality::LQ.rays, Quality::LQ.layers), 0)?;
+        let Some(pose) = poses.first() else { return Ok(0.0) };
+        let mut image = Vec::new();
+        self.shown(pose, Some(index), &mut image)?;
+        Ok(1e-3 * self.shown(pose, Some(index), &mut image)?.iter().sum::<f64>())
     }
 
     /// Time of comparing a frame with its reference, s.
@@ -129,10 +151,15 @@ impl Bench {
     }
 
     /// Measures a generator on top of LQ.
-    pub(super) fn generated(&mut self, index: usize, reference: &Reference, poses: &[Pose]) -> Result<Point, Failure> {
+    pub(super) fn generated(
+        &mut self,
+        index: usize,
+        name: String,
+        reference: &Reference,
+        poses: &[Pose],
+    ) -> Result<Point, Failure> {
         let knobs = self.base().with(Quality::LQ.rays, Quality::LQ.layers);
         let (times, errors) = self.measure(&knobs, Some(index), reference, poses)?;
-        let name = self.generators[index].manifest().name.clone();
         let point = self.to_point(enhanced(&name), "generator", knobs, times, errors, reference);
         Ok(Point { against: Some("1x1".to_owned()), generator: Some(name), ..point })
     }
@@ -144,7 +171,7 @@ impl Bench {
         reference: &Reference,
         poses: &[Pose],
     ) -> Result<(Times, Vec<PoseError>), Failure> {
-        let mut times = Times::default();
+        let mut times = Times { ms: vec![Vec::new(); poses.len()], ..Times::default() };
         let mut errors: Vec<PoseError> = Vec::new();
         let mut image = Vec::new();
         for (turn, seed) in SEEDS.into_iter().enumerate() {
@@ -158,7 +185,7 @@ impl Bench {
                 while done < REPEATS || (spent_s < POSE_S && done < REPEATS_MAX) {
                     let [render_ms, generator_ms] = self.shown(pose, generator, &mut image)?;
                     times.table.push(&self.frame.times);
-                    times.ms.push(render_ms + generator_ms);
+                    times.ms[index].push(render_ms + generator_ms);
                     times.generator_ms.push(generator_ms);
                     spent_s += 1e-3 * (render_ms + generator_ms);
                     done += 1;
@@ -168,6 +195,7 @@ impl Bench {
                 }
                 if let Some(error) = errors.get_mut(index) {
                     error.rmse[turn] = rmse(&image, truth)?;
+                    error.level_rmse[turn] = level_difference(&truth.pair(&image)?)?[1];
                 }
             }
         }
@@ -192,8 +220,8 @@ impl Bench {
         let range_db = self.settings.image.dynamic_range_db;
         Ok(PoseError {
             rmse: [0.0; SEEDS.len()],
-            scores: Scores::of(&truth.pair(image)?)?,
-            level_rmse: level_difference(&truth.pair(image)?)?[1],
+            level_rmse: [0.0; SEEDS.len()],
+            scores: Scores::of(&truth.pair(image)?),
             speckle: speckle(image, &truth.segmentation, truth.size, range_db)?,
             structures: structures(image, &truth.bmode, &truth.segmentation, truth.size)?,
         })
@@ -250,34 +278,42 @@ impl Bench {
 
 impl Times {
     fn time(&self) -> Time {
-        let part = |part| percentile(&self.ms, part).unwrap_or(f64::NAN);
+        let all = self.ms.concat();
+        let part = |part| percentile(&all, part).unwrap_or(f64::NAN);
+        // Poses differ, and that is no noise.
+        let less_median = |pose: &Vec<f64>| {
+            let median = percentile(pose, 0.5).unwrap_or(0.0);
+            pose.iter().map(|ms| ms - median).collect::<Vec<_>>()
+        };
+        let rest = self.ms.iter().flat_map(less_median).collect::<Vec<_>>();
+        let rest = |part| percentile(&rest, part).unwrap_or(f64::NAN);
         let stages = self.table.stages().into_iter().filter(|s| ![OVERHEAD, WHOLE_FRAME].contains(&s.stage));
         let mut passes: Vec<PassMs> =
             stages.map(|s| PassMs { name: s.stage.to_owned(), median_ms: s.p50_ms }).collect();
         let generator = percentile(&self.generator_ms, 0.5).filter(|ms| *ms > 0.0);
         passes.extend(generator.map(|median_ms| PassMs { name: "generator".to_owned(), median_ms }));
-        Time {
-            frames: self.ms.len(),
-            median_ms: part(0.5),
-            p95_ms: part(0.95),
-            spread_ms: part(0.75) - part(0.25),
-            passes,
-        }
+        Time { frames: all.len(), median_ms: part(0.5), p95_ms: part(0.95), spread_ms: rest(0.75) - rest(0.25), passes }
     }
 }
 
 fn summary(errors: &[PoseError], classes: &[ClassError]) -> Errors {
     let over = |of: &dyn Fn(&PoseError) -> f64| mean(errors.iter().map(of)).unwrap_or(f64::NAN);
-    let [first, second] = [0, 1].map(|turn| over(&|e| e.rmse[turn]));
+    let pixels_of = [0, 1].map(|turn| over(&|e| e.rmse[turn]));
+    let levels_of = [0, 1].map(|turn| over(&|e| e.level_rmse[turn]));
+    let middle = |[first, second]: [f64; 2]| 0.5 * (first + second);
+    let spread = |[first, second]: [f64; 2]| (first - second).abs();
+    let finite = errors.iter().map(|e| e.scores.psnr_db).filter(|db| db.is_finite());
     let pixels: usize = classes.iter().map(|c| c.pixels).sum();
     let grey: f64 = classes.iter().map(|c| c.grey_difference.abs() * c.pixels as f64).sum();
     Errors {
-        rmse: 0.5 * (first + second),
-        rmse_spread: (first - second).abs(),
-        level_rmse: over(&|e| e.level_rmse),
-        psnr_db: over(&|e| e.scores.psnr_db),
+        level_rmse: middle(levels_of),
+        level_rmse_spread: spread(levels_of),
+        rmse: middle(pixels_of),
+        rmse_spread: spread(pixels_of),
+        psnr_db: mean(finite).unwrap_or(f64::INFINITY),
+        identical: errors.iter().filter(|e| e.scores.psnr_db.is_infinite()).count(),
         ssim: over(&|e| e.scores.ssim),
-        pkl: over(&|e| e.scores.pkl),
+        pkl: mean(errors.iter().filter_map(|e| e.scores.pkl)),
         snr_difference: mean(classes.iter().filter_map(|c| Some(c.envelope_snr? - c.reference_snr?))),
         grey_difference: grey / pixels.max(1) as f64,
         contrast_lost: mean(errors.iter().filter_map(|e| contrast_lost(&e.structures))),
@@ -292,4 +328,16 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 fn rmse(image: &[u8], truth: &Truth) -> Result<f64, Failure> {
     let pair: Pair<'_> = truth.pair(image)?;
     Ok(255.0 * 10f64.powf(-psnr_db(&pair) / 20.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spread_is_that_of_repeats_and_not_of_poses() {
+        let times = Times { ms: vec![vec![10.0, 11.0, 12.0], vec![100.0, 101.0, 102.0]], ..Times::default() };
+        let time = times.time();
+        assert_eq!((time.frames, time.median_ms, time.spread_ms), (6, 56.0, 1.5));
+    }
 }

@@ -1,5 +1,7 @@
 //! `insonify tradeoff`: what accuracy costs in time.
 
+mod eta;
+mod identity;
 mod measure;
 mod poses;
 mod reference;
@@ -10,12 +12,12 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::render::Quality;
 use insonify::sink::{SinkError, create_dir, png, write_json, write_with};
 use insonify::station::Station;
-use insonify::tradeoff::{self, Knobs, Planned, Point};
+use insonify::tradeoff::{self, Knobs, Point};
 use serde::Serialize;
 
+use self::eta::{Estimate, Eta};
 use self::measure::Bench;
 use self::reference::Reference;
 use self::store::Store;
@@ -25,8 +27,10 @@ use super::{Classify, Failure, output, session};
 ///
 /// Renders some poses of the station with so many rays that doubling them changes little, which is checked and told, and
 /// with the 3 layers of HQ unless more change the levels: every other number of layers is other speckle. Then
-/// turns rays and layers in a small grid, and every other knob alone about 8 x 3; a station's generators run on top of LQ.
-/// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector.
+/// turns rays and layers in a small grid, three points of it also with all effects that the scene does not call for, and
+/// every other knob alone about 8 x 3; a station's generators run on top of LQ. The reference has all effects.
+/// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector. The front
+/// goes by the error of mean levels (32 x 32 pixels): pixels of other layers are other speckle.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -37,7 +41,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "out/tradeoff")]
     out: PathBuf,
 
-    /// Poses, spread over the recording, 1..=100 [default: 3, or as many as take 8 minutes]
+    /// Poses, spread over the recording, 1..=100 [default: 3, or as many as take about 5 minutes]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
     poses: Option<u16>,
 
@@ -49,7 +53,7 @@ pub(crate) struct Args {
     #[arg(long)]
     quick: bool,
 
-    /// Keep what the folder holds of an earlier run of the same station, poses, device and version
+    /// Keep what the folder holds of an earlier run of the same station, scene, models, poses, machine and version
     #[arg(long)]
     resume: bool,
 }
@@ -69,8 +73,8 @@ Examples:
   insonify tradeoff configs/live.toml --out out/tradeoff
   insonify tradeoff configs/vessel_needle.toml --quick";
 
-/// Time that a run without --poses shall take, s.
-const TIME_S: f64 = 480.0;
+/// Time that a run without --poses shall take, s; a reference that converges late may double it.
+const TIME_S: f64 = 270.0;
 /// Poses of such a run.
 const POSES: usize = 3;
 
@@ -79,6 +83,7 @@ struct Report<'a> {
     version: &'static str,
     station: &'a Path,
     device: String,
+    processor: String,
     threads: usize,
     poses: usize,
     reference: &'a reference::Check,
@@ -95,50 +100,58 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let planned = tradeoff::plan(Knobs::of(&station.probe, &station.settings), args.quick);
     let renderer = session::renderer(&gpu, &scene, &station, &station.settings)?;
     let mut bench = Bench::new(renderer, &station, &scene)?;
-    let estimate = estimate(&mut bench, &planned, &all.spread(1))?;
-    let most = if args.quick { 1 } else { POSES };
-    let count = args.poses.map_or_else(|| ((TIME_S / estimate.pose_s) as usize).clamp(1, most), usize::from);
-    let poses = all.spread(count);
+    let estimate = Estimate::measure(&mut bench, &planned, &all.spread(1))?;
     let device = format!("{} ({})", gpu.adapter_name(), gpu.driver());
-    eprintln!(
-        "{}, {}, on {device}: about {}",
-        counted(poses.len()),
-        all.what,
-        minutes(estimate.pose_s * poses.len() as f64)
-    );
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let processor = identity::processor();
 
     create_dir(&args.out)?;
-    let store =
-        Store::new(&args.out, args.resume, &[&identity(&station)?, &device, &format!("{poses:?} {}", args.quick)])?;
-    let clock = Eta { started: Instant::now(), total_s: estimate.pose_s * poses.len() as f64 };
-    let reference = Reference::make(&mut bench, &store, &poses, args.quick)?;
+    let mut key = vec![identity::of(&station, &scene), bench.models(), device.clone(), processor.clone()];
+    key.push(format!("{threads} {} {:?}", args.quick, args.recording));
+    let count = match args.poses {
+        Some(count) => usize::from(count),
+        None => poses_in_time(&Store::new(&args.out, args.resume, &key)?, &estimate, args.quick)?,
+    };
+    let poses = all.spread(count);
+    let total_s = estimate.pose_s() * poses.len() as f64;
+    eprintln!("{}, {}, on {device}: about {}", counted(poses.len()), all.what, minutes(total_s));
+    key.push(format!("{poses:?}"));
+    let store = Store::new(&args.out, args.resume, &key)?;
+    let mut eta = Eta::new(total_s);
+    let part_s = |part_s: f64| part_s * poses.len() as f64;
+    let started = Instant::now();
+    let (reference, kept) = Reference::make(&mut bench, &store, &poses, args.quick)?;
+    eta.done(part_s(estimate.reference_s), (!kept).then(|| started.elapsed().as_secs_f64()));
     eprintln!("{}", reference.check);
     let mut points: Vec<Point> = Vec::new();
     let generators = bench.generators();
     let total = planned.len() + generators.len();
-    for planned in &planned {
-        let point = match store.load(&planned.name)? {
-            Some(point) => point,
-            None => store.keep(bench.point(planned, &reference, &poses)?)?,
+    for (index, estimate_s) in estimate.points_s.iter().enumerate() {
+        let generator = index.checked_sub(planned.len());
+        // Generators go by their number: names of theirs may differ in what no file name holds.
+        let file = generator.map_or_else(|| planned[index].name.clone(), |number| format!("generator {number}"));
+        let started = Instant::now();
+        let (point, taken_s) = match store.load(&file)? {
+            Some(point) => (point, None),
+            None => {
+                let point = match generator {
+                    Some(number) => bench.generated(number, generators[number].clone(), &reference, &poses)?,
+                    None => bench.point(&planned[index], &reference, &poses)?,
+                };
+                (store.keep(&file, point)?, Some(started.elapsed().as_secs_f64()))
+            }
         };
-        say(&point, points.len() + 1, total, &clock);
+        eta.done(part_s(*estimate_s), taken_s);
         points.push(point);
-    }
-    for (index, name) in generators.into_iter().enumerate() {
-        let point = match store.load(&measure::enhanced(&name))? {
-            Some(point) => point,
-            None => store.keep(bench.generated(index, &reference, &poses)?)?,
-        };
-        say(&point, points.len() + 1, total, &clock);
-        points.push(point);
+        say(&points, total, &eta);
     }
     tradeoff::mark_front(&mut points);
     tradeoff::mark_noise(&mut points);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         station: &args.station,
         device,
+        processor,
         threads,
         poses: poses.len(),
         reference: &reference.check,
@@ -147,67 +160,52 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     write(&args.out, &report)
 }
 
+/// Poses that can be measured in [`TIME_S`]; of a run that goes on as many as it had, as estimates differ.
+fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usize, Failure> {
+    let path = store.path("poses", "json");
+    if let Some(count) = store.read::<usize>(&path)? {
+        return Ok(count.clamp(1, POSES));
+    }
+    let most = if quick { 1 } else { POSES };
+    let count = ((TIME_S / estimate.pose_s()) as usize).clamp(1, most);
+    store.write(&path, &count)?;
+    Ok(count)
+}
+
 fn write(out: &Path, report: &Report) -> Result<(), Failure> {
     let text = |name: &str, text: String| -> Result<(), Failure> {
         let path = out.join(name);
         let failed = |source| SinkError::Io { path: path.clone(), source };
         Ok(write_with(&path, |file| std::io::Write::write_all(file, text.as_bytes()).map_err(failed))?)
     };
-    let Report { station, device, threads, poses, points, .. } = report;
-    let title = format!("{}, {}, on {device}, {threads} threads", station.display(), counted(*poses));
+    let Report { station, device, processor, threads, poses, points, reference, .. } = report;
+    let converged = reference.converged;
+    let not = if converged { "" } else { " (reference not converged)" };
+    let title = format!("{}{not}, {}, on {device}, {threads} threads", station.display(), counted(*poses));
     text("tradeoff.csv", tradeoff::csv(points))?;
-    text("tradeoff.md", format!("{title}. {}\n\n{}", report.reference, tradeoff::markdown(points)))?;
+    text("tradeoff.md", format!("{title} of {processor}. {reference}\n\n{}", tradeoff::markdown(points)))?;
     write_json(&out.join("tradeoff.json"), report)?;
     let figure = |e: String| anyhow!("the figure can't be drawn: {e}");
-    text("tradeoff.svg", tradeoff::plot::svg(points, &title).map_err(figure).other()?)?;
-    let (width, height, rgb) = tradeoff::plot::rgb(points, &title).map_err(figure).other()?;
+    text("tradeoff.svg", tradeoff::plot::svg(points, &title, converged).map_err(figure).other()?)?;
+    let (width, height, rgb) = tradeoff::plot::rgb(points, &title, converged).map_err(figure).other()?;
     png::write_rgb(&out.join("tradeoff.png"), width, height, &rgb)?;
     output::line(tradeoff::markdown(points))?;
+    output::line(reference)?;
     for name in ["csv", "json", "svg", "png", "md"] {
         output::line(out.join(format!("tradeoff.{name}")).display())?;
     }
     Ok(())
 }
 
-/// What a run will take.
-struct Estimate {
-    /// For each pose, s.
-    pose_s: f64,
-}
-
-/// From one frame of LQ, one of 8 × 3 and one comparison.
-fn estimate(bench: &mut Bench, planned: &[Planned], pose: &[insonify::pose::Pose]) -> Result<Estimate, Failure> {
-    let (lq_s, middle_s) =
-        (bench.frame_s(Quality::LQ, pose)?, bench.frame_s(Quality { rays: 8, layers: 3, seed: 0 }, pose)?);
-    let path_s = ((middle_s - lq_s) / 23.0).max(0.0);
-    let frame_s = |paths: u32| lq_s + path_s * f64::from(paths - 1);
-    let compare_s = bench.comparison_s(pose)?;
-    let points: f64 =
-        planned.iter().map(|p| measure::FRAMES as f64 * frame_s(p.knobs.rays * p.knobs.layers) + compare_s).sum();
-    let reference: f64 = reference::USUAL.iter().map(|&(rays, layers)| frame_s(rays * layers)).sum();
-    Ok(Estimate { pose_s: points + reference })
-}
-
-/// All that a station's frames depend on but for knobs and poses; the scene by its file's size and time.
-fn identity(station: &Station) -> Result<String, Failure> {
-    let file = station.scene_file().map(std::fs::metadata).transpose().input()?;
-    let file = file.map(|m| (m.len(), m.modified().ok()));
-    let Station { scene, background, motion, probe, settings, generator, tissues, .. } = station;
-    Ok(format!("{scene:?} {file:?} {background} {motion} {probe:?} {settings:?} {generator:?} {tissues:?}"))
-}
-
-struct Eta {
-    started: Instant,
-    total_s: f64,
-}
-
-fn say(point: &Point, done: usize, total: usize, clock: &Eta) {
-    // Work goes with paths more than with points; the estimate knows, what was kept does not count.
-    let left_s = (clock.total_s - clock.started.elapsed().as_secs_f64()).max(0.0);
-    let left = if done < total { format!(", about {} left", minutes(left_s)) } else { String::new() };
+fn say(points: &[Point], total: usize, eta: &Eta) {
+    let Some(point) = points.last() else { return };
+    let left = if points.len() < total { format!(", about {} left", minutes(eta.left_s())) } else { String::new() };
     eprintln!(
-        "[{done}/{total}] {}: {:.1} ms, PSNR {:.2} dB{left}",
-        point.name, point.time.median_ms, point.error.psnr_db
+        "[{}/{total}] {}: {:.1} ms, level error {:.2}{left}",
+        points.len(),
+        point.name,
+        point.time.median_ms,
+        point.error.level_rmse
     );
 }
 

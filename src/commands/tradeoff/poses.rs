@@ -26,7 +26,10 @@ pub(super) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses
     if let Some(path) = file.or(own) {
         let calibration = station.pose_settings()?.calibration;
         let (timed, _) = recording::poses(path)?;
-        let all = timed.iter().map(|t| calibration.scene_from_probe(t.pose)).collect();
+        let all: Vec<Pose> = timed.iter().map(|t| calibration.scene_from_probe(t.pose)).collect();
+        if all.is_empty() {
+            return Err(Failure::Input(anyhow!("{} holds no pose", path.display())));
+        }
         return Ok(Poses { all, what: "spread over the recording" });
     }
     let pose = station.default_pose.ok_or_else(|| {

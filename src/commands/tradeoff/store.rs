@@ -19,7 +19,7 @@ pub(super) struct Store {
 
 impl Store {
     /// In `out`; without `resume` what is there of the same key is measured again.
-    pub(super) fn new(out: &Path, resume: bool, key: &[&str]) -> Result<Self, Failure> {
+    pub(super) fn new(out: &Path, resume: bool, key: &[String]) -> Result<Self, Failure> {
         let folder = out.join("points");
         create_dir(&folder)?;
         let store = Self { folder, key: digest(&[env!("CARGO_PKG_VERSION"), &key.join("\n")]) };
@@ -41,8 +41,8 @@ impl Store {
     }
 
     /// Keeps a point.
-    pub(super) fn keep(&self, point: Point) -> Result<Point, Failure> {
-        write_json(&self.path(&point.name, "json"), &point)?;
+    pub(super) fn keep(&self, name: &str, point: Point) -> Result<Point, Failure> {
+        write_json(&self.path(name, "json"), &point)?;
         Ok(point)
     }
 

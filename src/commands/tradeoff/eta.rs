@@ -1,0 +1,105 @@
+//! What a run will take, and what is left of it.
+
+use insonify::pose::Pose;
+use insonify::tradeoff::{Knobs, Planned};
+
+use super::super::Failure;
+use super::measure::{Bench, pose_s};
+use super::reference::USUAL;
+
+/// Estimated times of a pose, s.
+pub(super) struct Estimate {
+    pub(super) reference_s: f64,
+    /// Of each planned point, then of each generator.
+    pub(super) points_s: Vec<f64>,
+}
+
+/// Time of a frame by its paths, s.
+struct Line {
+    one_s: f64,
+    path_s: f64,
+}
+
+impl Line {
+    /// From a frame of 1 × 1 and one of 8 × 3.
+    fn of(bench: &mut Bench, base: Knobs, pose: &[Pose]) -> Result<Self, Failure> {
+        let one_s = bench.frame_s(&base.with(1, 1), pose)?;
+        let middle_s = bench.frame_s(&base.with(8, 3), pose)?;
+        Ok(Self { one_s, path_s: ((middle_s - one_s) / 23.0).max(0.0) })
+    }
+
+    fn frame_s(&self, paths: u32) -> f64 {
+        self.one_s + self.path_s * f64::from(paths - 1)
+    }
+}
+
+impl Estimate {
+    /// From two frames with and two without what the scene does not call for, one of each generator and one comparison.
+    pub(super) fn measure(bench: &mut Bench, planned: &[Planned], pose: &[Pose]) -> Result<Self, Failure> {
+        let base = bench.base();
+        let own = Line::of(bench, base, pose)?;
+        let all = Line::of(bench, base.with_all_effects(), pose)?;
+        let compare_s = bench.comparison_s(pose)?;
+        let point_s = |p: &Planned| {
+            let line = if p.knobs.all_effects { &all } else { &own };
+            pose_s(line.frame_s(p.knobs.rays * p.knobs.layers), compare_s)
+        };
+        let mut points_s: Vec<f64> = planned.iter().map(point_s).collect();
+        for index in 0..bench.generators().len() {
+            points_s.push(pose_s(bench.generated_s(index, pose)?, compare_s));
+        }
+        Ok(Self { reference_s: USUAL.iter().map(|&(rays, layers)| all.frame_s(rays * layers)).sum(), points_s })
+    }
+
+    /// Of a pose, s.
+    pub(super) fn pose_s(&self) -> f64 {
+        self.reference_s + self.points_s.iter().sum::<f64>()
+    }
+}
+
+/// What is left, corrected by what the done parts took.
+#[derive(Default)]
+pub(super) struct Eta {
+    left_s: f64,
+    /// Estimated and true time of what was measured, s.
+    estimated_s: f64,
+    taken_s: f64,
+}
+
+impl Eta {
+    pub(super) fn new(total_s: f64) -> Self {
+        Self { left_s: total_s, ..Self::default() }
+    }
+
+    /// A part estimated at `estimate_s` is done: it took `taken_s`, or was kept from an earlier run.
+    pub(super) fn done(&mut self, estimate_s: f64, taken_s: Option<f64>) {
+        self.left_s = (self.left_s - estimate_s).max(0.0);
+        if let Some(taken_s) = taken_s {
+            self.estimated_s += estimate_s;
+            self.taken_s += taken_s;
+        }
+    }
+
+    /// s.
+    pub(super) fn left_s(&self) -> f64 {
+        let slower = if self.estimated_s > 0.0 { self.taken_s / self.estimated_s } else { 1.0 };
+        self.left_s * slower
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_corrects_itself() {
+        let mut eta = Eta::new(100.0);
+        assert_eq!(eta.left_s(), 100.0);
+        eta.done(20.0, None);
+        assert_eq!(eta.left_s(), 80.0);
+        eta.done(30.0, Some(60.0));
+        assert_eq!(eta.left_s(), 100.0);
+        eta.done(60.0, Some(75.0));
+        assert_eq!(eta.left_s(), 0.0);
+    }
+}
