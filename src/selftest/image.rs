@@ -131,7 +131,14 @@ impl Family for Image {
             Check::new("Shadow", "depth behind an absorbing plate", "dB", want_shadow, shadow, 1.0),
             Check::new("Image", "slope of the grey levels with TGC", "dB/cm", want_slope, slope(&rows).0, 0.15),
             // Some 4000 independent speckles of 5.6 dB: 0.1 dB of chance, the same on every device; the rest is the lattice's.
-            Check::new("Image", format!("level of the grey at {:.0} mm", 10.0 * depth_cm), "dB", want_db, level_db, 0.75),
+            Check::new(
+                "Image",
+                format!("level of the grey at {:.0} mm", 10.0 * depth_cm),
+                "dB",
+                want_db,
+                level_db,
+                0.75,
+            ),
             Check::new("Maps", "segmentation: depth of the plate", "mm", PLATE_MM.0, top_mm, sector.pixel_mm),
             Check::new("Maps", "segmentation: thickness of the plate", "mm", thickness, plate_mm, sector.pixel_mm),
             Check::new("Maps", "attenuation at 50 mm, one-way", "dB", want_level, level, 0.1),

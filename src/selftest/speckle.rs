@@ -97,7 +97,9 @@ fn likeness_along(probe: &Probe, frame: &Frame) -> f64 {
 fn likeness_across(probe: &Probe, frame: &Frame) -> f64 {
     let lag = |mm: f64| (mm / probe.line_spacing_mm(0.0)) as u32;
     (lag(LAGS_ACROSS_MM.0)..lag(LAGS_ACROSS_MM.1))
-        .map(|lag| correlation((0..probe.scanlines - lag).map(|l| (line(probe, frame, l), line(probe, frame, l + lag)))))
+        .map(|lag| {
+            correlation((0..probe.scanlines - lag).map(|l| (line(probe, frame, l), line(probe, frame, l + lag))))
+        })
         .fold(0.0, most)
 }
 
@@ -137,7 +139,14 @@ impl Family for Speckle {
             // Thousands of independent speckles are alike by a few hundredths, a lattice that repeats by most of 1. Which
             // they are is exact integer arithmetic: devices differ in rounding alone.
             Check::new("Speckle", "likeness to itself 3 to 80 mm deeper", "", 0.0, likeness_along(&probe, &first), 0.2),
-            Check::new("Speckle", "likeness to itself 4 to 25 mm beside", "", 0.0, likeness_across(&probe, &first), 0.2),
+            Check::new(
+                "Speckle",
+                "likeness to itself 4 to 25 mm beside",
+                "",
+                0.0,
+                likeness_across(&probe, &first),
+                0.2,
+            ),
             Check::new("Speckle", "nearer by, from its phase", "µm", 1e3 * NEARER_MM, moved_um, 0.5),
         ])
     }

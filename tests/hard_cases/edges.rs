@@ -131,14 +131,17 @@ fn rays_along_and_through_walls_and_corners_are_the_twins() {
     let mut renderer = renderer(&scene, &linear(9, 1.25, 256, 60.0), &small(1, 1), &ShaderSet::default());
     // Within a pixel of a wall the tissue is a tie.
     let tie = Tolerance { grey: 25.0, other: 0.06 };
+    // What lies in the wall itself is a tie: a third of the image along the whole of it, a sixth up to an edge. The rest
+    // is not, but for a pixel's width about it.
+    let (in_wall, up_to_edge) = (Tolerance { grey: 60.0, other: 0.37 }, Tolerance { grey: 60.0, other: 0.21 });
     // Through the diagonal of the faces, along a wall, along an edge, through corners at 45°.
     holds("through the diagonal", &mut renderer, &at(0.0, 0.0, 0.0), ROUNDING);
-    holds("along a wall", &mut renderer, &at(0.0, 10.0, 0.0), Tolerance { grey: 60.0, other: 1.0 });
-    holds("along an edge", &mut renderer, &at(10.0, 10.0, 0.0), Tolerance { grey: 60.0, other: 1.0 });
+    holds("along a wall", &mut renderer, &at(0.0, 10.0, 0.0), in_wall);
+    holds("along an edge", &mut renderer, &at(10.0, 10.0, 0.0), up_to_edge);
     let diagonal = Pose::looking(DVec3::new(-20.0, 0.0, 0.0), DVec3::new(1.0, 0.0, 1.0), DVec3::Y);
     holds("through edges at 45°", &mut renderer, &diagonal, tie);
     let corner = Pose::looking(DVec3::new(-20.0, -20.0, 0.0), DVec3::ONE, DVec3::X);
     holds("through corners", &mut renderer, &corner, tie);
     holds("from a face", &mut renderer, &at(0.0, 0.0, 10.0), tie);
-    holds("from a corner", &mut renderer, &at(10.0, 10.0, 10.0), Tolerance { grey: 60.0, other: 1.0 });
+    holds("from a corner", &mut renderer, &at(10.0, 10.0, 10.0), up_to_edge);
 }

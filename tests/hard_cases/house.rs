@@ -28,6 +28,15 @@ pub(crate) fn patched(pass: &str, from: &str, to: &str) -> ShaderSet {
     shaders
 }
 
+/// Asserts that each of these lines stands in a pass: where a case repeats the shader's arithmetic in Rust, that it is
+/// what the shader does.
+#[track_caller]
+pub(crate) fn stands_in(pass: &str, lines: &[&str]) {
+    for line in lines {
+        assert!(ShaderSet::default().replace(pass, line, line), "{pass} has no `{line}`");
+    }
+}
+
 /// How far a frame may be from its twin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {

@@ -5,12 +5,21 @@ use insonify::acoustics::interface::interface;
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, facing, linear, silent, small};
 
-use super::house::{ROUNDING, Tolerance, holds, renderer, row};
+use super::house::{ROUNDING, Tolerance, holds, renderer, row, stands_in};
 
 /// cosθₜ as it stands in a textbook.
 fn naive(ratio: f32, cos: f32) -> f32 {
     (1.0 - ratio * ratio * (1.0 - cos * cos)).sqrt()
 }
+
+/// `shipped` as it stands in the shader.
+const SHIPPED: [&str; 5] = [
+    "let sin2_incident = max((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);",
+    "let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;",
+    "if sin2_transmitted >= 1.0 {",
+    "return Interface(1.0, 1.0, 0.0);",
+    "let cos_transmitted = sqrt(max(1.0 - sin2_transmitted, 0.0));",
+];
 
 /// cosθₜ of `shaders/shared/interface.wgsl`.
 fn shipped(ratio: f32, cos: f32) -> f32 {
@@ -21,6 +30,7 @@ fn shipped(ratio: f32, cos: f32) -> f32 {
 
 #[test]
 fn beyond_the_critical_angle_a_cosine_is_no_number() {
+    stands_in("trace", &SHIPPED);
     let ratio = 4080.0 / 1480.0;
     let cosines: Vec<f32> = (0..=1000).map(|i| i as f32 / 1000.0).collect();
     let lost = cosines.iter().filter(|&&c| naive(ratio, c).is_nan()).count();
@@ -42,6 +52,7 @@ fn beyond_the_critical_angle_a_cosine_is_no_number() {
 
 #[test]
 fn near_normal_incidence_one_less_a_square_loses_its_digits() {
+    stands_in("trace", &SHIPPED);
     let (mut naive, mut shipped) = (0.0_f64, 0.0_f64);
     for i in 1..=1000 {
         // Hundredths of a degree.

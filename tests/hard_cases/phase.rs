@@ -2,7 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use super::house::{Random, row};
+use super::house::{Random, row, stands_in};
+
+/// `shipped` as it stands in the shader.
+const SHIPPED: [&str; 7] = [
+    "let within = turns - round(turns);",
+    "let halves = round(2.0 * within);",
+    "let r = within - 0.5 * halves;",
+    "let u = r * r;",
+    "let c = 0.99999994 + u * (-19.739172 + u * (64.93459 + u * (-85.240326 + u * 56.242363)));",
+    "let s = r * (6.283185 + u * (-41.341656 + u * (81.601006 + u * (-76.54978 + u * 39.536697))));",
+    "return vec2<f32>(c, s) * (1.0 - 2.0 * abs(halves));",
+];
 
 /// `phasor` of `shaders/shared/phasor.wgsl`.
 #[allow(clippy::approx_constant, reason = "the shader's own digits")]
@@ -19,6 +30,9 @@ fn shipped(turns: f32) -> [f32; 2] {
 
 #[test]
 fn a_carrier_of_thousands_of_turns_keeps_its_phase() {
+    for pass in ["march", "echo"] {
+        stands_in(pass, &SHIPPED);
+    }
     let mut random = Random(2);
     let (mut naive, mut kept) = (0.0_f64, 0.0_f64);
     for _ in 0..100_000 {
