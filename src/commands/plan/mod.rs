@@ -46,8 +46,8 @@ pub(crate) struct Args {
 }
 
 const AFTER_HELP: &str = "\
-An effect is left out where a bound on what it changes holds for every pose: exactly nothing, at most half a grey level,
-edges within a scanline's share, or another draw of the same speckle. [effects] in a station file and --effect say
+An effect is left out where a bound on what it changes holds for every pose: exactly nothing, at most half a grey level
+(but for nulls of the speckle), or edges and speckle aside by less than half a pixel or a quarter of the beam's σ. [effects] in a station file and --effect say
 otherwise by name: `refraction = \"off\"`, `--effect refraction=off`.
 
 Costs are measured on this machine: a few frames with and without each effect, in turns; medians. Effects without a cost
