@@ -17,7 +17,7 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     vec![
         organ("symphysis", "cartilage", 29, 1.8, 6.0, symphysis().placed(shift)),
         organ("maternal_pelvis", "bone_adult", 30, 3.4, 10.0, hip_bones().placed(shift)),
-        organ("sacrum", "bone_adult", 32, 3.2, 9.5, sacrum().placed(shift)),
+        organ("sacrum", "bone_adult", 31, 3.2, 9.5, sacrum().placed(shift)),
     ]
 }
 

@@ -36,7 +36,7 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     vec![
         organ("psoas_muscles", "muscle", 17, 4.0, 17.0, psoas().placed(shift)),
         organ("intervertebral_discs", "cartilage", 31, 2.8, 9.5, discs.placed(shift)),
-        organ("lumbar_vertebrae", "bone_adult", 33, 3.0, 10.0, vertebrae().placed(shift)),
+        organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 10.0, vertebrae().placed(shift)),
     ]
 }
 
