@@ -27,8 +27,8 @@ pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_inc
         return Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_i };
     }
     let ratio = c2_m_s / c1_m_s;
-    // 1 − n²(1 − cos²) without its cancellation at grazing incidence.
-    let cos2_t = (1.0 - ratio) * (1.0 + ratio) + (ratio * cos_i).powi(2);
+    // 1 − cos² from its factors keeps its digits at normal incidence.
+    let cos2_t = 1.0 - ratio * ratio * (1.0 - cos_i) * (1.0 + cos_i);
     if cos2_t <= 0.0 {
         return Interface { pressure_reflection: 1.0, energy_reflection: 1.0, cos_transmitted: 0.0 };
     }
