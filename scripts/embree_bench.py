@@ -10,6 +10,7 @@ from embreex import mesh_construction, rtcore, rtcore_scene
 
 folder = sys.argv[1]
 load = lambda name: np.load(os.path.join(folder, name + ".npy"))
+BEYOND_MM = 0.02  # past a ray's end, so that a miss is no hit there
 STEP_MM = 1e-3  # from a hit to the next cast; crossings that near are one place
 
 
@@ -18,7 +19,7 @@ def cast(scene, origins, directions, lengths):
     seconds = casts = ended = 0
     while len(lengths):
         start = time.perf_counter()
-        far = scene.run(origins, directions, dists=lengths + STEP_MM, query="DISTANCE")
+        far = scene.run(origins, directions, dists=lengths + BEYOND_MM, query="DISTANCE")
         seconds += time.perf_counter() - start
         casts += len(lengths)
         ended += np.count_nonzero(np.abs(far - lengths) < 0.01)
