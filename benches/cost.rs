@@ -8,12 +8,13 @@
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
 
-use std::path::{Path, PathBuf};
+mod support;
 
-use etcetera::BaseStrategy;
+use std::path::Path;
+
 use glam::{DVec3, Vec3};
+use insonify::anatomy::TissueTable;
 use insonify::anatomy::analytic::{Part, joined, scene, sphere};
-use insonify::anatomy::{Scene, TissueTable, phantom};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
 use insonify::station::Station;
@@ -52,7 +53,7 @@ fn main() {
     if curves.iter().all(|(name, ..)| !is_wanted(name)) {
         return;
     }
-    let scene = phantom_scene(&station);
+    let scene = support::scene(&station);
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
     let poses: Vec<Pose> = (0..FRAMES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * FRAMES)].pose).collect();
     let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &station.settings).expect("a renderer");
@@ -137,15 +138,4 @@ fn exponent(points: &[Point], ms: impl Fn(&Point) -> f64) -> f64 {
     let sxy: f64 = logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
     let sxx: f64 = logs.iter().map(|p| (p.0 - x).powi(2)).sum();
     sxy / sxx
-}
-
-/// The station's phantom, from the cache that the program uses.
-fn phantom_scene(station: &Station) -> Scene {
-    let cache = std::env::var_os("INSONIFY_CACHE").map(PathBuf::from).or_else(|| {
-        let strategy = etcetera::choose_base_strategy().ok()?;
-        Some(strategy.cache_dir().join("insonify"))
-    });
-    let path = phantom::cached(&cache.expect("a cache directory"), &phantom::PhantomOptions::default(), &|_| {})
-        .expect("the phantom");
-    station.load_scene_from(&path).expect("the phantom's scene")
 }

@@ -6,16 +6,17 @@
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
 
-use std::path::{Path, PathBuf};
+mod support;
+
+use std::path::Path;
 use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion};
-use etcetera::BaseStrategy;
-use insonify::anatomy::{Bvh, Scene, phantom};
+use insonify::anatomy::Bvh;
 use insonify::render::{
     EffectChoices, EffectPlan, Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer, ShaderSet,
 };
-use insonify::station::{SceneSource, Station};
+use insonify::station::Station;
 
 /// Stations, and whether frames carry maps: a session without a reader of maps needs none.
 const STATIONS: [(&str, bool); 6] = [
@@ -36,7 +37,7 @@ fn main() {
     group.sample_size(10);
     for (name, maps) in STATIONS {
         let station = Station::load(&root.join(format!("configs/{name}.toml"))).expect("a station");
-        let scene = scene(&station);
+        let scene = support::scene(&station);
         let bvh = Arc::new(Bvh::build(&scene).expect("a scene that can be traced"));
         let pose = station.default_pose.expect("a pose");
         // High quality takes seconds a frame in software: what it costs beyond these is proportional.
@@ -63,18 +64,4 @@ fn main() {
     }
     group.finish();
     criterion.final_summary();
-}
-
-fn scene(station: &Station) -> Scene {
-    let path = match &station.scene {
-        SceneSource::File(path) => path.clone(),
-        SceneSource::ObstetricPhantom(options) => {
-            let cache = std::env::var_os("INSONIFY_CACHE").map(PathBuf::from).or_else(|| {
-                let strategy = etcetera::choose_base_strategy().ok()?;
-                Some(strategy.cache_dir().join("insonify"))
-            });
-            phantom::cached(&cache.expect("a cache directory"), options, &|_| {}).expect("the phantom")
-        }
-    };
-    station.load_scene_from(&path).expect("the scene")
 }

@@ -6,12 +6,13 @@
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
 
-use std::path::{Path, PathBuf};
+mod support;
+
+use std::path::Path;
 use std::sync::Arc;
 
 use criterion::Criterion;
-use etcetera::BaseStrategy;
-use insonify::anatomy::{Bvh, Scene, phantom};
+use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer, ShaderSet};
 use insonify::sink::TimeTable;
@@ -27,7 +28,7 @@ fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let station = Station::load(&root.join("configs/obstetric.toml")).expect("the obstetric station");
-    let scene = scene(&station);
+    let scene = support::scene(&station);
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
     let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
     let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
@@ -98,15 +99,4 @@ fn whole_frames(criterion: &mut Criterion, name: &str, renderer: &mut Renderer, 
     if times.frames() > 0 {
         println!("{}\n", SideBySide(&[(name, &times)]));
     }
-}
-
-/// The station's phantom, from the cache that the program uses.
-fn scene(station: &Station) -> Scene {
-    let cache = std::env::var_os("INSONIFY_CACHE").map(PathBuf::from).or_else(|| {
-        let strategy = etcetera::choose_base_strategy().ok()?;
-        Some(strategy.cache_dir().join("insonify"))
-    });
-    let path = phantom::cached(&cache.expect("a cache directory"), &phantom::PhantomOptions::default(), &|_| {})
-        .expect("the phantom");
-    station.load_scene_from(&path).expect("the phantom's scene")
 }

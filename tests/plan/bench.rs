@@ -10,6 +10,7 @@ use insonify::pose::Pose;
 use insonify::render::{
     Choice, Effect, EffectChoices, EffectPlan, Frame, Gpu, GpuOptions, ImageSettings, RenderSettings, Renderer,
 };
+pub(crate) use insonify::selftest::bench::silent;
 use insonify::station::Station;
 use insonify::transducer::{Probe, ProbeKind};
 
@@ -110,22 +111,7 @@ impl Case {
     }
 }
 
-/// A tissue that takes and scatters nothing, smooth and thin.
-pub(crate) fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
-    Tissue {
-        speed_m_s,
-        density_kg_m3: impedance_mrayl * 1e6 / speed_m_s,
-        attenuation_db_cm_mhz: 0.0,
-        attenuation_exponent: 1.0,
-        scatterer_density: 0.0,
-        scatterer_mean: 0.0,
-        scatterer_deviation: 0.0,
-        roughness: 0.0,
-        thickness_mm: 0.0,
-    }
-}
-
-/// The same with speckle.
+/// [`silent`] with speckle.
 pub(crate) fn speckled(speed_m_s: f64, impedance_mrayl: f64, deviation: f64) -> Tissue {
     Tissue { scatterer_density: 0.9, scatterer_deviation: deviation, ..silent(speed_m_s, impedance_mrayl) }
 }
