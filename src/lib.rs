@@ -22,6 +22,8 @@ pub mod selftest;
 
 pub mod render;
 
+pub mod dataset;
+
 pub mod exam;
 
 pub mod transducer;

@@ -190,6 +190,11 @@ impl Off {
     }
 }
 
+/// A pose that is off from `pose` by up to 1.5 times `size`, evenly.
+pub(crate) fn wandered(pose: &Pose, size: &Deviation, random: &mut SplitMix64) -> Pose {
+    Off::draw(size, random).of(pose)
+}
+
 fn sizes(e: &Deviation) -> [f64; 5] {
     [e.tilt_deg, e.rock_deg, e.rotate_deg, e.slide_mm, e.slide_mm]
 }

@@ -1,0 +1,29 @@
+//! Data sets of paired frames for training generators: low and high quality of the same pose, with segmentation and
+//! attenuation.
+//!
+//! A data set is a directory: `dataset.json` ([`Header`]), one row a tuple in `manifest*.jsonl` ([`Row`]), the tuples
+//! themselves as `uint8` arrays [4 × height × width] in `tuples/`, the masks of the sectors in `masks/`, and the station
+//! files in `stations/`. What is in it is planned from a seed before anything is rendered ([`plan`]); rendering itself is
+//! `insonify dataset`'s.
+
+mod error;
+mod plan;
+mod read;
+mod row;
+mod variation;
+
+pub use error::DatasetError;
+pub use plan::{Exam, Moment, Plan, Shard, Source, Wishes};
+pub use read::{Dataset, Tuple, read_rows};
+pub use row::{ExamRow, Header, PhantomRow, PoseRow, Row, SettingsRow, Split, StationRow};
+pub use variation::parameters;
+
+/// Version of the directory's layout.
+pub const FORMAT: u32 = 1;
+
+/// What the planes of a tuple hold, in their order: grey levels of low and high quality, numbers of tissues
+/// ([`Header::classes`]), and the attenuation map × 255.
+pub const PLANES: [&str; 4] = ["lq", "hq", "segmentation", "attenuation"];
+
+/// File of the header in its directory.
+pub const HEADER_FILE: &str = "dataset.json";

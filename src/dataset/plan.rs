@@ -1,0 +1,242 @@
+//! Which tuples a data set holds: drawn from its seed before anything is rendered.
+
+use std::fmt;
+use std::ops::Range;
+use std::str::FromStr;
+
+use super::variation::whole;
+use super::{DatasetError, Split, parameters};
+use crate::anatomy::Skin;
+use crate::anatomy::phantom::Parameters;
+use crate::anatomy::planes::StandardPlanes;
+use crate::exam::hand::{Deviation, Skill, wandered};
+use crate::exam::session::{self, PLANE_S};
+use crate::exam::{ExamError, START_TIME_NS};
+use crate::pose::freehand::SplitMix64;
+use crate::pose::{Pose, TimedPose};
+
+/// Least distance and angle of two key frames of an exam: one of both is kept.
+const APART_MM: f64 = 4.0;
+const APART_DEG: f64 = 4.0;
+/// How often a key frame that is too near to another, or off the skin, is looked for elsewhere.
+const TRIES: usize = 40;
+/// A probe that is further off the skin than this shows nothing, mm.
+const OFF_SKIN_MM: f64 = 1.0;
+/// How far a hand wanders about the pose of a station without standard planes.
+const WANDER: Deviation = Deviation { tilt_deg: 12.0, rock_deg: 10.0, rotate_deg: 40.0, slide_mm: 12.0 };
+/// Length of such a session, s: what moves in the scene moves.
+const WANDER_S: f64 = 60.0;
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wishes {
+    /// Tuples in all, at least 2.
+    pub frames: usize,
+    /// Seed of every choice.
+    pub seed: u64,
+    /// Phantoms of each station whose scene is one; 0: its own as it is.
+    pub phantoms: usize,
+    /// Tuples an exam, at least 1.
+    pub frames_per_exam: usize,
+    /// Share of tuples for the test, above 0 and below 1.
+    pub test_share: f64,
+    /// For each station, whether its scene is a phantom.
+    pub stations: Vec<bool>,
+}
+
+/// One exam of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exam {
+    /// Number in the plan, from 0.
+    pub number: usize,
+    /// Which station.
+    pub station: usize,
+    /// The phantom, where it is not the station's own scene.
+    pub phantom: Option<Parameters>,
+    /// Of its session, its settings and its frames.
+    pub seed: u64,
+    /// Whose hand.
+    pub skill: Skill,
+    /// What its tuples are for.
+    pub split: Split,
+    /// Numbers of its tuples.
+    pub tuples: Range<usize>,
+}
+
+/// What a data set holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// In order: those of a station, and within it of a phantom, follow each other.
+    pub exams: Vec<Exam>,
+}
+
+/// What an exam's poses are made from.
+pub enum Source<'a> {
+    /// A hand looks for standard planes on the skin.
+    Planes(&'a StandardPlanes, &'a Skin),
+    /// A hand wanders about this pose.
+    About(Pose),
+}
+
+/// A key frame of an exam.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moment {
+    /// Number of its tuple.
+    pub index: usize,
+    /// Time in the session, s.
+    pub time_s: f64,
+    /// `scene_from_probe`.
+    pub pose: Pose,
+    /// Seed of its frames.
+    pub seed: u32,
+}
+
+/// Part `number` of `of`, from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    /// Which, 1..=of.
+    pub number: usize,
+    /// How many there are.
+    pub of: usize,
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parts {
+            Some((number, of)) if (1..=of).contains(&number) && of <= 100_000 => Ok(Self { number, of }),
+            _ => Err("expected i/n with i from 1 to n, such as 3/8".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+impl Shard {
+    /// The shard's exams: a run of them, so that few shards need the same phantom.
+    pub fn of<'a>(&self, exams: &'a [Exam]) -> &'a [Exam] {
+        let bound = |number: usize| exams.len() * number / self.of;
+        &exams[bound(self.number - 1)..bound(self.number)]
+    }
+}
+
+impl Plan {
+    /// The plan for `wishes`, the same for the same.
+    ///
+    /// Whole phantoms are kept for the test, in a station with a scene of its own whole exams: as many as come nearest to
+    /// the share, and of each kind at least one.
+    ///
+    /// # Errors
+    /// Fewer tuples than it takes for training and test; a share that is none.
+    pub fn new(wishes: &Wishes) -> Result<Self, DatasetError> {
+        let Wishes { frames, frames_per_exam, test_share, phantoms, ref stations, .. } = *wishes;
+        let wrong = |text: String| Err(DatasetError::Plan(text));
+        if !(test_share > 0.0 && test_share < 1.0) {
+            return wrong(format!("a test share of {test_share} is none: it must be above 0 and below 1"));
+        }
+        if frames_per_exam == 0 || stations.is_empty() {
+            return wrong("an exam must have a frame, and a data set a station".to_owned());
+        }
+        if phantoms == 1 && stations.contains(&true) {
+            return wrong("one phantom cannot be shared between training and test: ask for 2 or more, or for 0: exams of the station's own".to_owned());
+        }
+        let mut random = SplitMix64(wishes.seed ^ 0x6461_7461_7365_7421);
+        let mut exams = Vec::new();
+        let mut first = 0;
+        for (station, &is_phantom) in stations.iter().enumerate() {
+            let last = frames * (station + 1) / stations.len();
+            let groups = if is_phantom && phantoms > 0 { phantoms } else { 0 };
+            let count = (last - first).div_ceil(frames_per_exam);
+            let units = if groups > 0 { groups.min(count) } else { count };
+            if units < 2 {
+                return wrong(format!(
+                    "{} frames of a station are {count} exams of {frames_per_exam}: too few for training and test",
+                    last - first
+                ));
+            }
+            let tests = ((test_share * units as f64).round() as usize).clamp(1, units - 1);
+            let phantom_seeds: Vec<u64> = (0..groups).map(|_| whole(&mut random)).collect();
+            for nth in 0..count {
+                // Units follow each other; the last ones are the test.
+                let unit = nth * units / count;
+                let skill = Skill::NAMES[exams.len() % Skill::NAMES.len()].1;
+                exams.push(Exam {
+                    number: exams.len(),
+                    station,
+                    phantom: phantom_seeds.get(unit).map(|&seed| parameters(seed)),
+                    seed: whole(&mut random),
+                    skill,
+                    split: if unit >= units - tests { Split::Test } else { Split::Train },
+                    tuples: first + nth * (last - first) / count..first + (nth + 1) * (last - first) / count,
+                });
+            }
+            first = last;
+        }
+        Ok(Self { exams })
+    }
+}
+
+impl Exam {
+    /// The exam's key frames: spread over its session, on the skin, and apart from each other.
+    ///
+    /// # Errors
+    /// As [`session::make`].
+    pub fn moments(&self, source: &Source) -> Result<Vec<Moment>, ExamError> {
+        let mut random = SplitMix64(self.seed ^ 0x6d6f_6d65_6e74);
+        let count = self.tuples.len();
+        let mut moments: Vec<Moment> = Vec::with_capacity(count);
+        let session = match source {
+            Source::Planes(planes, _) => {
+                let mut chosen: Vec<_> = planes.planes.iter().collect();
+                session::shuffle(&mut chosen, self.seed);
+                let Source::Planes(_, skin) = source else { return Ok(moments) };
+                let duration_s = PLANE_S * chosen.len() as f64;
+                session::make(&chosen, skin, &session::Settings { seed: self.seed, duration_s, skill: self.skill })?
+                    .poses
+            }
+            Source::About(_) => Vec::new(),
+        };
+        for (nth, index) in self.tuples.clone().enumerate() {
+            let mut found = None;
+            for _ in 0..TRIES {
+                let part = (nth as f64 + random.unit()) / count as f64;
+                let (time_s, pose) = match source {
+                    Source::Planes(..) => at(&session, part),
+                    Source::About(pose) => (part * WANDER_S, wandered(pose, &WANDER, &mut random)),
+                };
+                let on_skin = match source {
+                    Source::Planes(_, skin) => skin.press_mm(&pose).is_none_or(|mm| mm > -OFF_SKIN_MM),
+                    Source::About(_) => true,
+                };
+                let apart = moments.iter().all(|other| is_apart(&other.pose, &pose));
+                found = Some((time_s, pose));
+                if on_skin && apart {
+                    break;
+                }
+            }
+            let Some((time_s, pose)) = found else { continue };
+            // Short, so that every reader of the manifest has it exactly.
+            let time_s = (1e3 * time_s).round() / 1e3;
+            moments.push(Moment { index, time_s, pose, seed: whole(&mut random) as u32 });
+        }
+        Ok(moments)
+    }
+}
+
+/// Time, s, and pose at a part 0..1 of a session.
+fn at(session: &[TimedPose], part: f64) -> (f64, Pose) {
+    let index = (part * session.len() as f64) as usize;
+    let Some(timed) = session.get(index).or(session.last()) else { return (0.0, Pose::IDENTITY) };
+    (timed.host_time_ns.saturating_sub(START_TIME_NS) as f64 * 1e-9, timed.pose)
+}
+
+fn is_apart(a: &Pose, b: &Pose) -> bool {
+    let angle_deg = a.orientation.angle_between(b.orientation).to_degrees();
+    a.position_mm.distance(b.position_mm) >= APART_MM || angle_deg >= APART_DEG
+}

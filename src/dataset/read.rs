@@ -1,0 +1,149 @@
+//! Reading a data set back.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use npyz::NpyFile;
+
+use super::{DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
+
+/// A data set's header and rows; arrays are read when asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dataset {
+    /// Its directory.
+    pub directory: PathBuf,
+    /// `dataset.json`.
+    pub header: Header,
+    /// Of all manifests, by index.
+    pub rows: Vec<Row>,
+}
+
+/// A tuple's arrays, each [height × width], row-major, the first row nearest to the probe.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Tuple {
+    /// Width, height.
+    pub size: [usize; 2],
+    /// Grey levels of the low quality.
+    pub lq: Vec<u8>,
+    /// Grey levels of the high quality.
+    pub hq: Vec<u8>,
+    /// Index in [`Header::classes`].
+    pub segmentation: Vec<u8>,
+    /// Attenuation map × 255.
+    pub attenuation: Vec<u8>,
+    /// 255 inside the sector, 0 outside.
+    pub mask: Vec<u8>,
+}
+
+impl Header {
+    /// Reads `dataset.json` of `directory`.
+    ///
+    /// # Errors
+    /// No such file, no header, or another version's.
+    pub fn load(directory: &Path) -> Result<Self, DatasetError> {
+        let path = directory.join(HEADER_FILE);
+        let text = std::fs::read(&path).map_err(|source| DatasetError::Io { path: path.clone(), source })?;
+        let header: Self =
+            serde_json::from_slice(&text).map_err(|source| DatasetError::Header { path: path.clone(), source })?;
+        if header.format != FORMAT {
+            return Err(DatasetError::Format { path, found: header.format, expected: FORMAT });
+        }
+        Ok(header)
+    }
+}
+
+impl Dataset {
+    /// Reads header and manifests. The last line of a manifest may be cut off, as a killed run leaves it.
+    ///
+    /// # Errors
+    /// A directory without a header or rows, a line that is no row, or an index that comes twice.
+    pub fn open(directory: &Path) -> Result<Self, DatasetError> {
+        let header = Header::load(directory)?;
+        let failed = |source| DatasetError::Io { path: directory.to_owned(), source };
+        let mut manifests = Vec::new();
+        for entry in std::fs::read_dir(directory).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            if name.starts_with("manifest") && name.ends_with(".jsonl") {
+                manifests.push(path);
+            }
+        }
+        manifests.sort();
+        let mut rows: Vec<Row> = Vec::new();
+        for path in &manifests {
+            rows.extend(read_rows(path)?.0);
+        }
+        rows.sort_by_key(|row| row.index);
+        if let Some([row, _]) = rows.array_windows().find(|[a, b]| a.index == b.index) {
+            return Err(DatasetError::Array {
+                path: directory.to_owned(),
+                reason: format!("tuple {} is in its manifests twice", row.index),
+            });
+        }
+        Ok(Self { directory: directory.to_owned(), header, rows })
+    }
+
+    /// Rows of a split.
+    pub fn of(&self, split: Split) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(move |row| row.split == split)
+    }
+
+    /// Reads the arrays of `row`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or whose type or shape isn't the row's.
+    pub fn tuple(&self, row: &Row) -> Result<Tuple, DatasetError> {
+        let [width, height] = row.size.map(|n| n as usize);
+        let path = self.directory.join(&row.file);
+        let all = read(&path, &[PLANES.len(), height, width])?;
+        let mask = read(&self.directory.join(&row.mask), &[height, width])?;
+        let mut planes = all.chunks_exact((width * height).max(1)).map(<[u8]>::to_vec);
+        let mut next = || planes.next().unwrap_or_default();
+        let tuple =
+            Tuple { size: [width, height], lq: next(), hq: next(), segmentation: next(), attenuation: next(), mask };
+        let classes = self.header.classes.len();
+        match tuple.segmentation.iter().find(|&&class| usize::from(class) >= classes) {
+            Some(class) => {
+                let reason = format!("holds class {class}; the data set has {classes}");
+                Err(DatasetError::Array { path, reason })
+            }
+            None => Ok(tuple),
+        }
+    }
+}
+
+/// The rows of a manifest, and the length of the file up to the end of the last whole one, bytes.
+///
+/// # Errors
+/// The file cannot be read, or a line but the last is no row.
+pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
+    let text = std::fs::read(path).map_err(|source| DatasetError::Io { path: path.to_owned(), source })?;
+    let (mut rows, mut whole) = (Vec::new(), 0);
+    for (number, line) in text.split_inclusive(|&byte| byte == b'\n').enumerate() {
+        let is_last_and_cut = !line.ends_with(b"\n");
+        if is_last_and_cut {
+            break;
+        }
+        let row = serde_json::from_slice(line).map_err(|e| DatasetError::Row {
+            path: path.to_owned(),
+            line: number + 1,
+            reason: e.to_string(),
+        })?;
+        rows.push(row);
+        whole += line.len() as u64;
+    }
+    Ok((rows, whole))
+}
+
+fn read(path: &Path, shape: &[usize]) -> Result<Vec<u8>, DatasetError> {
+    let failed = |source| DatasetError::Io { path: path.to_owned(), source };
+    let npy = NpyFile::new(BufReader::new(File::open(path).map_err(failed)?)).map_err(failed)?;
+    let found: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
+    if found != shape || npy.order() != npyz::Order::C {
+        let reason = format!("is an array {found:?}; its row says {shape:?}");
+        return Err(DatasetError::Array { path: path.to_owned(), reason });
+    }
+    npy.into_vec::<u8>()
+        .map_err(|e| DatasetError::Array { path: path.to_owned(), reason: format!("is not of bytes: {e}") })
+}

@@ -1,0 +1,204 @@
+//! What a data set says of itself and of each tuple.
+
+use serde::{Deserialize, Serialize};
+
+use crate::anatomy::phantom::{Lie, Parameters, PhantomOptions, PlacentaSite};
+use crate::pose::Pose;
+
+/// `dataset.json`: what holds for all tuples. Two runs with the same header make the same tuples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// [`FORMAT`](super::FORMAT).
+    pub format: u32,
+    /// Version of insonify that made it.
+    pub insonify: String,
+    /// Seed of the plan.
+    pub seed: u64,
+    /// Tuples planned, over all shards.
+    pub frames: usize,
+    /// Name of the tissue of each number in the segmentation; 0 is `outside`, outside the sector.
+    pub classes: Vec<String>,
+    /// [`PLANES`](super::PLANES).
+    pub planes: Vec<String>,
+    /// Rays and layers of the low quality.
+    pub lq: [u32; 2],
+    /// Rays and layers of the high quality.
+    pub hq: [u32; 2],
+    /// Phantoms of each station whose scene is one; 0: its own as it is.
+    pub phantoms: usize,
+    /// Tuples an exam.
+    pub frames_per_exam: usize,
+    /// Share of tuples for the test.
+    pub test_share: f64,
+    /// Station files, as they are kept in `stations/`, with the directory that their paths start from.
+    pub stations: Vec<StationRow>,
+}
+
+/// A station of a data set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StationRow {
+    /// File in the data set's directory.
+    pub file: String,
+    /// Where paths within it start.
+    pub directory: String,
+    /// SHA-256 of the scene's file; none for a generated phantom.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_sha256: Option<String>,
+}
+
+/// Training or test. No exam, and no phantom, is in both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Split {
+    /// To learn from.
+    Train,
+    /// To be judged by.
+    Test,
+}
+
+/// One tuple: all that it takes to render it again, and where it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Number in the plan, from 0.
+    pub index: usize,
+    /// What it is for.
+    pub split: Split,
+    /// Station file in the data set's directory.
+    pub station: String,
+    /// The phantom, where the scene is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phantom: Option<PhantomRow>,
+    /// The session that the pose is from.
+    pub exam: ExamRow,
+    /// Time in the session, and of the scene's motion, s.
+    pub time_s: f64,
+    /// `scene_from_probe`.
+    pub pose: PoseRow,
+    /// What differs from the station's settings.
+    pub settings: SettingsRow,
+    /// Seed of both frames.
+    pub seed: u32,
+    /// Rays and layers of the low quality.
+    pub lq: [u32; 2],
+    /// Rays and layers of the high quality.
+    pub hq: [u32; 2],
+    /// Width, height, pixels.
+    pub size: [u32; 2],
+    /// The tuple's array in the data set's directory.
+    pub file: String,
+    /// Its sector's mask.
+    pub mask: String,
+    /// SHA-256 of the tuple's file.
+    pub sha256: String,
+}
+
+/// A generated phantom.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PhantomRow {
+    /// Triangles over those of the full phantom.
+    pub scale: f64,
+    /// Gestational age, weeks.
+    pub weeks: f64,
+    /// [`Lie::word`].
+    pub lie: String,
+    /// Turn about the fetus' long axis, degrees.
+    pub roll_deg: f64,
+    /// 0..=1.
+    pub flexion: f64,
+    /// [`PlacentaSite::word`].
+    pub placenta: String,
+    /// Amniotic fluid index, mm.
+    pub fluid_index_mm: f64,
+    /// Subcutaneous fat, mm.
+    pub fat_mm: f64,
+    /// Seed of the individual.
+    pub seed: u64,
+}
+
+/// A session of a simulated hand.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExamRow {
+    /// Number in the plan, from 0.
+    pub number: usize,
+    /// Its seed.
+    pub seed: u64,
+    /// Whose hand; none where the hand wanders about the station's pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skill: Option<String>,
+}
+
+/// A pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PoseRow {
+    /// Centre of the probe's face, mm.
+    pub position_mm: [f64; 3],
+    /// Unit quaternion w, x, y, z that turns probe axes into scene axes.
+    pub quaternion: [f64; 4],
+}
+
+/// Settings that differ from session to session.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SettingsRow {
+    /// Level added everywhere, dB.
+    pub gain_db: f64,
+    /// Levels from black to white, dB.
+    pub dynamic_range_db: f64,
+    /// Depth of the transmit focus, mm.
+    pub focus_mm: f64,
+}
+
+impl From<&Pose> for PoseRow {
+    /// Rounded to a nanometre and to 1e-9: so short a number is read back exactly by every reader of JSON.
+    fn from(pose: &Pose) -> Self {
+        let [x, y, z, w] = pose.orientation.to_array();
+        let short = |digits: f64| move |value: f64| (value * digits).round() / digits;
+        Self { position_mm: pose.position_mm.to_array().map(short(1e6)), quaternion: [w, x, y, z].map(short(1e9)) }
+    }
+}
+
+impl From<&PoseRow> for Pose {
+    fn from(row: &PoseRow) -> Self {
+        let [w, x, y, z] = row.quaternion;
+        let orientation = glam::DQuat::from_xyzw(x, y, z, w).normalize();
+        Self { position_mm: row.position_mm.into(), orientation }
+    }
+}
+
+impl From<&PhantomOptions> for PhantomRow {
+    fn from(options: &PhantomOptions) -> Self {
+        let p = &options.parameters;
+        Self {
+            scale: options.scale,
+            weeks: p.gestational_weeks,
+            lie: p.lie.word().to_owned(),
+            roll_deg: p.roll_deg,
+            flexion: p.flexion,
+            placenta: p.placenta.word().to_owned(),
+            fluid_index_mm: p.fluid_index_mm,
+            fat_mm: p.maternal_fat_mm,
+            seed: p.seed,
+        }
+    }
+}
+
+impl PhantomRow {
+    /// The options that generate it; the error names an unknown word or a value outside its range.
+    ///
+    /// # Errors
+    /// As said.
+    pub fn options(&self) -> Result<PhantomOptions, String> {
+        let parameters = Parameters {
+            gestational_weeks: self.weeks,
+            lie: Lie::from_word(&self.lie).ok_or_else(|| format!("`{}` is no lie", self.lie))?,
+            roll_deg: self.roll_deg,
+            flexion: self.flexion,
+            placenta: PlacentaSite::from_word(&self.placenta)
+                .ok_or_else(|| format!("`{}` is no site of a placenta", self.placenta))?,
+            fluid_index_mm: self.fluid_index_mm,
+            maternal_fat_mm: self.fat_mm,
+            seed: self.seed,
+        };
+        parameters.validate().map_err(|e| e.to_string())?;
+        Ok(PhantomOptions { scale: self.scale, parameters })
+    }
+}
