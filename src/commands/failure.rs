@@ -6,6 +6,7 @@ use insonify::anatomy::SceneError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::phantom::{CacheError, PhantomError};
 use insonify::anatomy::planes::PlanesError;
+use insonify::dataset::DatasetError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
@@ -191,6 +192,7 @@ macro_rules! input_errors {
 }
 input_errors!(
     StationError,
+    DatasetError,
     PlanesError,
     SceneError,
     ProbeError,

@@ -2,6 +2,7 @@
 
 mod cache;
 mod calibrate;
+mod dataset;
 mod demo;
 mod doctor;
 mod effects;
@@ -97,6 +98,7 @@ enum Command {
     Qa(qa::Args),
     Selftest(selftest::Args),
     Calibrate(calibrate::Args),
+    Dataset(dataset::Args),
     Generator(generator::Args),
     Evaluate(evaluate::Args),
     Tradeoff(tradeoff::Args),
@@ -127,6 +129,7 @@ impl Cli {
             Command::Qa(args) => qa::run(args),
             Command::Selftest(args) => selftest::run(args),
             Command::Calibrate(args) => calibrate::run(args),
+            Command::Dataset(args) => dataset::run(args),
             Command::Generator(args) => generator::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Tradeoff(args) => tradeoff::run(args),

@@ -1,7 +1,7 @@
 //! Progress of what takes over a second, on stderr: a bar on a terminal, else a line now and then.
 
 use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -14,6 +14,8 @@ pub(crate) struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
     last_line: Mutex<Instant>,
+    /// When it began, and with how many steps done.
+    began: OnceLock<(Instant, usize)>,
 }
 
 impl Progress {
@@ -28,11 +30,12 @@ impl Progress {
             bar.set_message(label);
             bar
         });
-        Self { label, bar, last_line: Mutex::new(Instant::now()) }
+        Self { label, bar, last_line: Mutex::new(Instant::now()), began: OnceLock::new() }
     }
 
     /// `done` of `total` steps are done.
     pub(crate) fn set(&self, done: usize, total: usize) {
+        let &(began, first) = self.began.get_or_init(|| (Instant::now(), done));
         if let Some(bar) = &self.bar {
             bar.set_length(total as u64);
             // Threads overtake each other; the bar goes forward only.
@@ -42,8 +45,25 @@ impl Progress {
         let Ok(mut last) = self.last_line.lock() else { return };
         if last.elapsed() >= LINE_INTERVAL {
             *last = Instant::now();
-            eprintln!("{}: {done} of {total}", self.label);
+            eprintln!(
+                "{}: {done} of {total}{}",
+                self.label,
+                left(began.elapsed(), done.saturating_sub(first), total, done)
+            );
         }
+    }
+}
+
+/// What is left, where enough is done to tell.
+fn left(elapsed: Duration, steps: usize, total: usize, done: usize) -> String {
+    if steps == 0 || elapsed < LINE_INTERVAL {
+        return String::new();
+    }
+    let left_s = elapsed.as_secs_f64() / steps as f64 * total.saturating_sub(done) as f64;
+    match left_s {
+        s if s < 90.0 => format!(" (left: {s:.0} s)"),
+        s if s < 5400.0 => format!(" (left: {:.0} min)", s / 60.0),
+        s => format!(" (left: {:.1} h)", s / 3600.0),
     }
 }
 

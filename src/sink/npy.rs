@@ -26,19 +26,36 @@ pub fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]]) -> R
     write(path, shape, "c8", bytemuck::cast_slice(values))
 }
 
+/// An array of `uint8` as the bytes of its file: `planes` [planes × rows × columns] after each other, or without a third
+/// dimension where there is one plane.
+///
+/// # Errors
+/// A plane that does not fill `shape`, which has the rows and columns; `path` is for the error alone.
+pub fn bytes_of_u8(path: &Path, shape: [usize; 2], planes: &[&[u8]]) -> Result<Vec<u8>, SinkError> {
+    planes.iter().try_for_each(|plane| check_shape(path, shape, plane.len()))?;
+    let [rows, columns] = shape.map(|n| n as u64);
+    let mut bytes = Vec::with_capacity(planes.iter().map(|plane| plane.len()).sum::<usize>() + 256);
+    match planes.len() {
+        1 => header(path, &[rows, columns], "|u1", &mut bytes)?,
+        count => header(path, &[count as u64, rows, columns], "|u1", &mut bytes)?,
+    }
+    planes.iter().for_each(|plane| bytes.extend_from_slice(plane));
+    Ok(bytes)
+}
+
 fn write(path: &Path, shape: [usize; 2], kind: &str, bytes: &[u8]) -> Result<(), SinkError> {
     let order = if cfg!(target_endian = "big") { '>' } else { '<' };
-    let invalid = |e| SinkError::io(path)(std::io::Error::new(std::io::ErrorKind::InvalidInput, e));
-    let dtype: TypeStr = format!("{order}{kind}").parse().map_err(invalid)?;
     write_with(path, |w| {
-        WriteOptions::new_header_only()
-            .dtype(DType::new_scalar(dtype))
-            .shape(&shape.map(|n| n as u64))
-            .writer(&mut *w)
-            .write_header_only()
-            .and_then(|w| w.write_all(bytes))
-            .map_err(SinkError::io(path))
+        header(path, &shape.map(|n| n as u64), &format!("{order}{kind}"), w)?;
+        w.write_all(bytes).map_err(SinkError::io(path))
     })
+}
+
+fn header(path: &Path, shape: &[u64], kind: &str, w: &mut impl Write) -> Result<(), SinkError> {
+    let invalid = |e| SinkError::io(path)(std::io::Error::new(std::io::ErrorKind::InvalidInput, e));
+    let dtype: TypeStr = kind.parse().map_err(invalid)?;
+    let options = WriteOptions::new_header_only().dtype(DType::new_scalar(dtype)).shape(shape).writer(&mut *w);
+    options.write_header_only().map(drop).map_err(SinkError::io(path))
 }
 
 #[cfg(test)]
@@ -70,6 +87,18 @@ mod tests {
         assert_eq!(npy.dtype().descr(), if cfg!(target_endian = "big") { "'>c8'" } else { "'<c8'" });
         let data = &bytes[bytes.len() - 24..];
         assert_eq!(data, bytemuck::cast_slice::<[f32; 2], u8>(&values));
+    }
+
+    #[test]
+    fn bytes_are_planes_of_an_array() {
+        let path = Path::new("a.npy");
+        let bytes = bytes_of_u8(path, [2, 3], &[&[1, 2, 3, 4, 5, 6], &[7, 8, 9, 10, 11, 12]]).unwrap();
+        let npy = npyz::NpyFile::new(&bytes[..]).unwrap();
+        assert_eq!((npy.shape(), npy.dtype().descr()), (&[2, 2, 3][..], "'|u1'".to_owned()));
+        assert_eq!(npy.into_vec::<u8>().unwrap(), (1..=12).collect::<Vec<u8>>());
+        let one = bytes_of_u8(path, [1, 2], &[&[0, 255]]).unwrap();
+        assert_eq!(npyz::NpyFile::new(&one[..]).unwrap().shape(), &[1, 2]);
+        assert!(bytes_of_u8(path, [2, 3], &[&[1]]).is_err());
     }
 
     #[test]

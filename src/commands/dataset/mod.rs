@@ -1,0 +1,334 @@
+//! `insonify dataset`: paired frames to train generators on.
+
+mod store;
+mod studio;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::anatomy::planes::file_beside;
+use insonify::dataset::{
+    Exam, ExamRow, FORMAT, Header, Moment, PLANES, PhantomRow, Plan, Row, SettingsRow, Shard, Source, Split, Wishes,
+};
+use insonify::station::{SceneSource, Station};
+use serde::Serialize;
+
+use super::output::thousands;
+use super::plane_scene::PlaneScene;
+use super::progress::Progress;
+use super::quality::RaysLayers;
+use super::{Failure, output, session};
+use store::{Store, kept_station};
+use studio::Studio;
+
+/// Render paired frames of low and high quality with their maps, to train and judge generators.
+///
+/// Phantoms, sessions of simulated hands over them, and settings are drawn from the seed; key frames of a session lie far
+/// apart. No session, and no phantom, is in both training and test. Each tuple can be rendered again from its row in the
+/// manifest, bit for bit on the same device: --verify does so. A run that was stopped goes on where it was.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Station files (TOML): probe, image, tissues and scene; frames are shared out evenly
+    #[arg(required_unless_present = "verify", conflicts_with = "verify")]
+    stations: Vec<PathBuf>,
+
+    /// Tuples to make, 2..=10000000
+    #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    frames: u32,
+
+    /// Seed of phantoms, sessions, settings and key frames
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+
+    /// Directory to write to; made if missing
+    #[arg(long, value_name = "DIR", required_unless_present = "verify")]
+    out: Option<PathBuf>,
+
+    /// Do part i of n, from 1/n to n/n: one job of an array; all may write to the same directory
+    #[arg(long, value_name = "I/N", default_value = "1/1")]
+    shard: Shard,
+
+    /// Phantoms to draw for a station whose scene is the obstetric one; 0: its own as it is [default: one in 40 frames, 4 at least]
+    #[arg(long, value_name = "N")]
+    phantoms: Option<u32>,
+
+    /// Tuples of a session
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames_per_exam: u32,
+
+    /// Share of the test, above 0 and below 1: whole phantoms, else whole sessions
+    #[arg(long, value_name = "X", default_value_t = 0.1)]
+    test_share: f64,
+
+    /// Rays x layers of the low quality, or a preset
+    #[arg(long, value_name = "QUALITY", default_value = "lq")]
+    lq: RaysLayers,
+
+    /// Rays x layers of the high quality, or a preset
+    #[arg(long, value_name = "QUALITY", default_value = "hq")]
+    hq: RaysLayers,
+
+    /// Render tuples of an existing data set again, and compare them with what it holds
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "shard"])]
+    verify: Option<PathBuf>,
+
+    /// How many to render again, spread over the data set; 0: all
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "verify")]
+    tuples: usize,
+
+    /// Say what would be made, and make nothing
+    #[arg(long)]
+    dry_run: bool,
+
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Files:
+  dataset.json          what holds for all: version, seed, names of the classes, qualities
+  manifest.jsonl        a row a tuple: station, phantom, session, pose, settings, seed, files, SHA-256
+                        (with --shard manifest.I-of-N.jsonl; readers take all of them)
+  tuples/NNNNNNN.npy    uint8 [4, height, width]: LQ, HQ, number of the tissue, attenuation x 255
+  masks/*.npy           uint8 [height, width], 255 inside the sector
+  stations/*.toml       the station files as they were
+
+Examples:
+  insonify dataset configs/obstetric.toml --frames 600 --seed 1 --out out/data
+  insonify dataset configs/obstetric.toml --frames 6669 --test-share 0.1 --out /scratch/data --shard $SLURM_ARRAY_TASK_ID/64
+  insonify dataset --verify out/data --tuples 10";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    out: &'a PathBuf,
+    shard: String,
+    made: usize,
+    kept: usize,
+    train: usize,
+    test: usize,
+    bytes: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    match (&args.verify, &args.out) {
+        (Some(directory), _) => studio::verify(directory, args.tuples, args.json),
+        (None, Some(out)) => make(args, out),
+        (None, None) => Err(Failure::Input(anyhow!("--out is missing: the directory to write to"))),
+    }
+}
+
+fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
+    let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
+    let is_phantom = |station: &Station| matches!(station.scene, SceneSource::ObstetricPhantom(_));
+    let frames = args.frames as usize;
+    let share = frames / stations.len().max(1);
+    let wishes = Wishes {
+        frames,
+        seed: args.seed,
+        phantoms: args.phantoms.map_or((share / 40).max(4), |n| n as usize),
+        frames_per_exam: args.frames_per_exam as usize,
+        test_share: args.test_share,
+        stations: stations.iter().map(is_phantom).collect(),
+    };
+    let plan = Plan::new(&wishes)?;
+    let exams = args.shard.of(&plan.exams);
+    let classes = classes(&stations)?;
+    let [lq, hq] = [args.lq, args.hq].map(|quality| quality.with_seed(0));
+    let header = Header {
+        format: FORMAT,
+        insonify: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: args.seed,
+        frames,
+        classes,
+        planes: PLANES.map(str::to_owned).to_vec(),
+        lq: [lq.rays, lq.layers],
+        hq: [hq.rays, hq.layers],
+        phantoms: wishes.phantoms,
+        frames_per_exam: wishes.frames_per_exam,
+        test_share: args.test_share,
+        stations: stations.iter().map(kept_station).collect::<Result<_, _>>()?,
+    };
+    say(args, &stations, exams, &header)?;
+    if args.dry_run {
+        return Ok(());
+    }
+    let mut store = Store::open(out, &header, &stations, args.shard)?;
+    let started = Instant::now();
+    let total: usize = exams.iter().map(|exam| exam.tuples.len()).sum();
+    let kept = store.done();
+    let progress = Progress::new("dataset", total);
+    progress.set(kept, total);
+    let mut made = 0;
+    if kept < total {
+        let gpu = session::open_gpu()?;
+        let mut studio = Studio::new(&gpu, header.classes.clone());
+        for exam in exams {
+            if exam.tuples.clone().all(|index| store.has(index)) {
+                continue;
+            }
+            made += shoot(&mut studio, &mut store, exam, &stations, &header, &mut |done| {
+                progress.set(kept + made + done, total)
+            })?;
+        }
+    }
+    drop(progress);
+    let (train, test) = store.splits();
+    let report = Report {
+        out,
+        shard: args.shard.to_string(),
+        made,
+        kept,
+        train,
+        test,
+        bytes: store.bytes(),
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    if args.json {
+        return output::json(&report);
+    }
+    output::line(format!(
+        "{made} tuples made in {:.0} s, {kept} were there; {train} to train, {test} to test, {}",
+        report.seconds,
+        megabytes(report.bytes)
+    ))?;
+    output::line(store.manifest().display())
+}
+
+/// Renders what is missing of an exam; gives how many.
+fn shoot(
+    studio: &mut Studio,
+    store: &mut Store,
+    exam: &Exam,
+    stations: &[Station],
+    header: &Header,
+    done: &mut dyn FnMut(usize),
+) -> Result<usize, Failure> {
+    let Some(station) = stations.get(exam.station) else { return Ok(0) };
+    let station = with_phantom(station, exam);
+    let moments = moments(studio, exam, &station)?;
+    let phantom = match &station.scene {
+        SceneSource::ObstetricPhantom(options) => Some(PhantomRow::from(options)),
+        SceneSource::File(_) => None,
+    };
+    let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
+    let about_planes = station_has_planes(&station);
+    let mut made = 0;
+    for Moment { index, time_s, pose, seed } in moments {
+        if store.has(index) {
+            continue;
+        }
+        let mut row = Row {
+            index,
+            split: exam.split,
+            station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
+            phantom: phantom.clone(),
+            exam: ExamRow {
+                number: exam.number,
+                seed: exam.seed,
+                skill: about_planes.then(|| exam.skill.name().to_owned()),
+            },
+            time_s,
+            pose: (&pose).into(),
+            settings,
+            seed,
+            lq: header.lq,
+            hq: header.hq,
+            size: [station.settings.image.width, station.settings.image.height],
+            file: format!("tuples/{index:07}.npy"),
+            mask: String::new(),
+            sha256: String::new(),
+        };
+        let take = studio.take(&station, &row)?;
+        store.keep(&mut row, &take)?;
+        made += 1;
+        done(made);
+    }
+    Ok(made)
+}
+
+/// The station with the exam's phantom.
+fn with_phantom(station: &Station, exam: &Exam) -> Station {
+    let mut station = station.clone();
+    if let (SceneSource::ObstetricPhantom(options), Some(parameters)) = (&mut station.scene, exam.phantom) {
+        options.parameters = parameters;
+    }
+    station
+}
+
+/// Whether its scene has standard planes: a file's lie beside it.
+fn station_has_planes(station: &Station) -> bool {
+    station.scene_file().is_none_or(|path| file_beside(path).exists())
+}
+
+fn moments(studio: &mut Studio, exam: &Exam, station: &Station) -> Result<Vec<Moment>, Failure> {
+    if station_has_planes(station) {
+        let scene = match station.scene_file() {
+            Some(_) => PlaneScene::of(station, studio.scene(station)?)?,
+            None => PlaneScene::open(station)?,
+        };
+        return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin))?);
+    }
+    let pose = station.default_pose.ok_or_else(|| {
+        Failure::Input(anyhow!(
+            "{}: the scene has no standard planes, and the station no [pose] to wander about",
+            station.path.display()
+        ))
+    })?;
+    Ok(exam.moments(&Source::About(pose))?)
+}
+
+/// `outside`, then every tissue of the stations, once.
+fn classes(stations: &[Station]) -> Result<Vec<String>, Failure> {
+    let mut classes = vec!["outside".to_owned()];
+    for name in stations.iter().flat_map(|station| station.tissues.names()) {
+        if !classes.contains(name) {
+            classes.push(name.clone());
+        }
+    }
+    match classes.len() {
+        0..=256 => Ok(classes),
+        count => Err(Failure::Input(anyhow!("the stations have {count} tissues; a data set holds 255"))),
+    }
+}
+
+/// Says what will be made, and what it takes.
+fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) -> Result<(), Failure> {
+    let count = |split| exams.iter().filter(|e| e.split == split).map(|e| e.tuples.len()).sum::<usize>();
+    let bytes: u64 = exams
+        .iter()
+        .map(|exam| {
+            let image = stations.get(exam.station).map(|s| s.settings.image).unwrap_or_default();
+            (exam.tuples.len() * PLANES.len()) as u64 * u64::from(image.width) * u64::from(image.height)
+        })
+        .sum();
+    let mut phantoms: Vec<u64> = exams.iter().filter_map(|e| e.phantom.map(|p| p.seed)).collect();
+    phantoms.sort_unstable();
+    phantoms.dedup();
+    let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
+    let (train, test) = (count(Split::Train), count(Split::Test));
+    let of = if phantoms.is_empty() { String::new() } else { format!(" over {} phantoms", phantoms.len()) };
+    eprintln!(
+        "dataset: {} tuples{shard} of {} sessions{of}: {train} to train, {test} to test; {}x{} against {}x{} rays x layers; {} on disk",
+        thousands(train + test),
+        exams.len(),
+        header.lq[0],
+        header.lq[1],
+        header.hq[0],
+        header.hq[1],
+        megabytes(bytes)
+    );
+    Ok(())
+}
+
+fn megabytes(bytes: u64) -> String {
+    match bytes as f64 * 1e-6 {
+        mb if mb < 2000.0 => format!("{mb:.0} MB"),
+        mb => format!("{:.1} GB", mb * 1e-3),
+    }
+}

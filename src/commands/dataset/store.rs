@@ -1,0 +1,181 @@
+//! What is on disk of a data set.
+
+use std::collections::HashSet;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use insonify::dataset::{HEADER_FILE, Header, Row, Shard, Split, StationRow, read_rows};
+use insonify::sink::{SinkError, create_dir, write_json, write_text, write_with};
+use insonify::station::Station;
+use sha2::{Digest, Sha256};
+
+use super::super::{Classify, Failure};
+use super::studio::Take;
+
+/// Lower-case hexadecimal digits of a sum.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What a data set says of `station`; its file is named after its content.
+pub(super) fn kept_station(station: &Station) -> Result<StationRow, Failure> {
+    let text =
+        std::fs::read(&station.path).with_context(|| format!("cannot read {}", station.path.display())).input()?;
+    let name = station.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let directory = station.path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let directory = directory.canonicalize().with_context(|| format!("cannot open {}", directory.display())).input()?;
+    let sum_of = |path: &Path| -> Result<String, Failure> {
+        Ok(sha256(&std::fs::read(path).with_context(|| format!("cannot read {}", path.display())).input()?))
+    };
+    Ok(StationRow {
+        file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),
+        directory: directory.display().to_string(),
+        scene_sha256: station.scene_file().map(sum_of).transpose()?,
+    })
+}
+
+/// The station `file` of the data set in `directory`.
+pub(super) fn open_station(directory: &Path, header: &Header, file: &str) -> Result<Station, Failure> {
+    let known = header.stations.iter().find(|station| station.file == file);
+    let known = known.ok_or_else(|| anyhow!("{HEADER_FILE} knows no station `{file}`")).input()?;
+    let path = directory.join(file);
+    let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())).input()?;
+    let mut station = Station::parse(&text, Path::new(&known.directory))?;
+    station.path = path;
+    if let (Some(scene), Some(expected)) = (station.scene_file(), &known.scene_sha256) {
+        let bytes = std::fs::read(scene).with_context(|| format!("cannot read {}", scene.display())).input()?;
+        if sha256(&bytes) != *expected {
+            return Err(Failure::Input(anyhow!("{} is another scene than the data set was made of", scene.display())));
+        }
+    }
+    Ok(station)
+}
+
+/// The directory of a data set, and the manifest of one shard.
+pub(super) struct Store {
+    directory: PathBuf,
+    path: PathBuf,
+    manifest: File,
+    done: HashSet<usize>,
+    masks: HashSet<String>,
+    splits: (usize, usize),
+    bytes: u64,
+}
+
+impl Store {
+    /// Opens or makes the data set of `header` in `directory`; refuses another one's.
+    pub(super) fn open(directory: &Path, header: &Header, stations: &[Station], shard: Shard) -> Result<Self, Failure> {
+        for folder in ["tuples", "masks", "stations"] {
+            create_dir(&directory.join(folder))?;
+        }
+        let path = directory.join(HEADER_FILE);
+        if path.exists() {
+            let found = Header::load(directory)?;
+            if let Some(what) = difference(&found, header) {
+                return Err(Failure::Input(anyhow!(
+                    "{} holds another data set ({what}): give another --out, or remove it",
+                    directory.display()
+                )));
+            }
+        } else {
+            for (station, kept) in stations.iter().zip(&header.stations) {
+                let text = std::fs::read_to_string(&station.path).other()?;
+                write_text(&directory.join(&kept.file), &text)?;
+            }
+            // Last: where it is, all else is.
+            write_json(&path, header)?;
+        }
+        let name = match shard.of {
+            1 => "manifest.jsonl".to_owned(),
+            of => format!("manifest.{:05}-of-{of:05}.jsonl", shard.number),
+        };
+        let path = directory.join(name);
+        let (rows, whole) = if path.exists() { read_rows(&path)? } else { (Vec::new(), 0) };
+        let failed = |source| SinkError::Io { path: path.clone(), source };
+        let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
+        // What a killed run left of its last row.
+        manifest.set_len(whole).map_err(failed)?;
+        let mut store = Self {
+            directory: directory.to_owned(),
+            path,
+            manifest,
+            done: HashSet::new(),
+            masks: HashSet::new(),
+            splits: (0, 0),
+            bytes: 0,
+        };
+        rows.iter().for_each(|row| store.count(row));
+        Ok(store)
+    }
+
+    fn count(&mut self, row: &Row) {
+        self.done.insert(row.index);
+        self.bytes += 4 * u64::from(row.size[0]) * u64::from(row.size[1]);
+        match row.split {
+            Split::Train => self.splits.0 += 1,
+            Split::Test => self.splits.1 += 1,
+        }
+    }
+
+    /// Writes a tuple, its mask and then its row, whose sums and names it fills in.
+    pub(super) fn keep(&mut self, row: &mut Row, take: &Take) -> Result<(), Failure> {
+        let [width, height] = take.size;
+        row.size = take.size;
+        row.mask = format!("masks/{width}x{height}_{}.npy", &sha256(&take.mask)[..16]);
+        row.sha256 = sha256(&take.tuple);
+        if self.masks.insert(row.mask.clone()) {
+            self.write(&row.mask, &take.mask)?;
+        }
+        self.write(&row.file, &take.tuple)?;
+        let mut line = serde_json::to_vec(row).other()?;
+        line.push(b'\n');
+        let failed = |source| SinkError::Io { path: self.path.clone(), source };
+        self.manifest.write_all(&line).map_err(failed)?;
+        self.count(row);
+        Ok(())
+    }
+
+    fn write(&self, file: &str, bytes: &[u8]) -> Result<(), Failure> {
+        let path = self.directory.join(file);
+        Ok(write_with(&path, |w| w.write_all(bytes).map_err(|source| SinkError::Io { path: path.clone(), source }))?)
+    }
+
+    /// Whether a tuple is there.
+    pub(super) fn has(&self, index: usize) -> bool {
+        self.done.contains(&index)
+    }
+
+    /// Tuples that are there.
+    pub(super) fn done(&self) -> usize {
+        self.done.len()
+    }
+
+    /// Tuples to train and to test.
+    pub(super) fn splits(&self) -> (usize, usize) {
+        self.splits
+    }
+
+    /// Of the tuples.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// The file of the rows.
+    pub(super) fn manifest(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// What differs first between two headers.
+fn difference(found: &Header, wanted: &Header) -> Option<String> {
+    let fields = |header: &Header| -> Vec<(String, String)> {
+        let value = serde_json::to_value(header).unwrap_or_default();
+        let fields = value.as_object().cloned().unwrap_or_default();
+        fields.into_iter().map(|(key, value)| (key, value.to_string())).collect()
+    };
+    let pairs = fields(found).into_iter().zip(fields(wanted));
+    let differing = pairs.into_iter().find(|(found, wanted)| found != wanted);
+    differing.map(|((key, found), (_, wanted))| format!("{key} is {found}, not {wanted}"))
+}

@@ -1,0 +1,164 @@
+//! Renders tuples from their rows.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use insonify::anatomy::Scene;
+use insonify::anatomy::bvh::Bvh;
+use insonify::dataset::{Dataset, Row};
+use insonify::pose::Pose;
+use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer, ShaderSet};
+use insonify::sink::npy::bytes_of_u8;
+use insonify::station::{SceneSource, Station};
+use serde::Serialize;
+
+use super::super::progress::Progress;
+use super::super::{Failure, output, session};
+use super::store::{open_station, sha256};
+
+/// A rendered tuple.
+pub(super) struct Take {
+    /// The bytes of its file.
+    pub(super) tuple: Vec<u8>,
+    /// The bytes of its mask's file.
+    pub(super) mask: Vec<u8>,
+    /// Width, height.
+    pub(super) size: [u32; 2],
+}
+
+/// A scene with a renderer of each quality.
+struct Set {
+    /// What it was made for.
+    station: Station,
+    scene: Scene,
+    renderers: Option<[Renderer; 2]>,
+    /// Class of each number of the frames.
+    class_of: Vec<u8>,
+}
+
+/// Renders tuples; keeps the last scene, as rows of the same follow each other.
+pub(super) struct Studio<'a> {
+    gpu: &'a Gpu,
+    classes: Vec<String>,
+    set: Option<Set>,
+    frames: [Frame; 2],
+    planes: [Vec<u8>; 2],
+}
+
+impl<'a> Studio<'a> {
+    pub(super) fn new(gpu: &'a Gpu, classes: Vec<String>) -> Self {
+        Self { gpu, classes, set: None, frames: Default::default(), planes: Default::default() }
+    }
+
+    /// The scene of `station`.
+    pub(super) fn scene(&mut self, station: &Station) -> Result<&Scene, Failure> {
+        Ok(&self.set(station)?.scene)
+    }
+
+    fn set(&mut self, station: &Station) -> Result<&mut Set, Failure> {
+        if self.set.as_ref().is_none_or(|set| set.station != *station) {
+            // Before the next is made: both at once may be too much.
+            self.set = None;
+            let scene = session::load_scene(station)?;
+            let class_of = class_of(&self.classes, scene.tissues.names())?;
+            self.set = Some(Set { station: station.clone(), scene, renderers: None, class_of });
+        }
+        self.set.as_mut().ok_or_else(|| Failure::Other(anyhow!("no scene")))
+    }
+
+    /// Renders the tuple of `row`, of whose files it needs none.
+    pub(super) fn take(&mut self, station: &Station, row: &Row) -> Result<Take, Failure> {
+        let gpu = self.gpu;
+        let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
+        let of =
+            |[rays, layers]: [u32; 2]| RenderSettings { quality: Quality { rays, layers, seed: row.seed }, ..settings };
+        // The maps are the same; the second frame needs none.
+        let both = [of(row.lq), RenderSettings { maps: false, ..of(row.hq) }];
+        let set = self.set(station)?;
+        if set.renderers.is_none() {
+            let bvh = Arc::new(Bvh::build(&set.scene).map_err(insonify::render::RenderError::from)?);
+            let shaders = ShaderSet::default();
+            let make = |settings| Renderer::with_shaders(gpu, &set.scene, bvh.clone(), &probe, settings, &shaders);
+            set.renderers = Some([make(&both[0])?, make(&both[1])?]);
+        }
+        let Some(set) = &mut self.set else { return Err(Failure::Other(anyhow!("no scene"))) };
+        let pose = Pose::from(&row.pose);
+        for ((renderer, settings), frame) in set.renderers.iter_mut().flatten().zip(&both).zip(&mut self.frames) {
+            renderer.reconfigure(&probe, settings)?;
+            renderer.set_time_s(row.time_s);
+            renderer.render(&pose, frame)?;
+        }
+        let [lq, hq] = &self.frames;
+        let [segmentation, attenuation] = &mut self.planes;
+        let class = |&number: &u8| set.class_of.get(usize::from(number)).copied();
+        segmentation.clear();
+        for number in &lq.segmentation {
+            let class = class(number).ok_or_else(|| Failure::Other(anyhow!("tissue number {number} has no class")))?;
+            segmentation.push(class);
+        }
+        attenuation.clear();
+        attenuation.extend(lq.attenuation.iter().map(|a| (a * 255.0).round() as u8));
+        let shape = [lq.height as usize, lq.width as usize];
+        let path = Path::new(&row.file);
+        Ok(Take {
+            tuple: bytes_of_u8(path, shape, &[&lq.bmode, &hq.bmode, segmentation, attenuation])?,
+            mask: bytes_of_u8(path, shape, &[&lq.mask])?,
+            size: [lq.width, lq.height],
+        })
+    }
+}
+
+/// The class of each tissue number: 0 is outside, number i + 1 is the scene's tissue i.
+fn class_of(classes: &[String], tissues: &[String]) -> Result<Vec<u8>, Failure> {
+    let class = |name: &str| {
+        let found = classes.iter().position(|class| class == name).and_then(|at| u8::try_from(at).ok());
+        found.ok_or_else(|| Failure::Input(anyhow!("the data set has no class `{name}`")))
+    };
+    std::iter::once("outside").chain(tissues.iter().map(String::as_str)).map(class).collect()
+}
+
+#[derive(Serialize)]
+struct Verified {
+    tuples: usize,
+    differ: Vec<usize>,
+}
+
+/// Renders `count` tuples of the data set in `directory` again, spread over it, and compares them; 0 is all.
+pub(super) fn verify(directory: &Path, count: usize, json: bool) -> Result<(), Failure> {
+    let data = Dataset::open(directory)?;
+    let total = if count == 0 { data.rows.len() } else { count.min(data.rows.len()) };
+    if total == 0 {
+        return Err(Failure::Input(anyhow!("{} holds no tuple yet", directory.display())));
+    }
+    let gpu = session::open_gpu()?;
+    let mut studio = Studio::new(&gpu, data.header.classes.clone());
+    let progress = Progress::new("verify", total);
+    let mut differ = Vec::new();
+    for nth in 0..total {
+        progress.set(nth, total);
+        let row = &data.rows[(2 * nth + 1) * data.rows.len() / (2 * total)];
+        let mut station = open_station(directory, &data.header, &row.station)?;
+        if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
+            let wrong = |reason| Failure::Input(anyhow!("tuple {}: {reason}", row.index));
+            *options = phantom.options().map_err(wrong)?;
+        }
+        if sha256(&studio.take(&station, row)?.tuple) != row.sha256 {
+            differ.push(row.index);
+        }
+    }
+    drop(progress);
+    let verified = Verified { tuples: total, differ };
+    if json {
+        output::json(&verified)?;
+    } else {
+        output::line(format!("{} of {total} tuples are the same, bit for bit", total - verified.differ.len()))?;
+    }
+    match verified.differ.as_slice() {
+        [] => Ok(()),
+        differ => Err(Failure::Other(anyhow!(
+            "{} of {total} tuples differ from the data set ({differ:?}): another device, driver or version made them, or a file changed",
+            differ.len()
+        ))),
+    }
+}
