@@ -1,0 +1,177 @@
+//! Data sets as a shell sees them: what is made, what goes on, what is refused.
+// Helpers are outside of tests for clippy; a failing one fails its test.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use glam::Vec3;
+use insonify::anatomy::analytic::cuboid;
+use insonify::anatomy::export::{LabelledSurface, write_glb};
+use insonify::dataset::{Dataset, DatasetError, Split};
+use tempfile::TempDir;
+
+const STATION: &str = "[scene]\npath = \"scene.glb\"\n[probe]\nscanlines = 32\nsamples = 256\n\
+                       [image]\nwidth = 80\nheight = 60\n[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
+
+fn insonify(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A station over a box of liver, and where its data set goes.
+fn studio() -> (TempDir, PathBuf, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let mesh = cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 90.0));
+    let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
+    write_glb(&[surface], &dir.path().join("scene.glb")).unwrap();
+    let station = dir.path().join("station.toml");
+    std::fs::write(&station, STATION).unwrap();
+    let out = dir.path().join("data");
+    (dir, station, out)
+}
+
+fn make(station: &Path, out: &Path, more: &[&str]) -> Output {
+    let usual =
+        ["dataset", text(station), "--frames", "6", "--frames-per-exam", "2", "--hq", "4x1", "--out", text(out)];
+    insonify(&[&usual, more].concat())
+}
+
+#[track_caller]
+fn made(output: &Output) {
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[track_caller]
+fn failed(output: &Output, code: i32, words: &[&str]) {
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{message}");
+    words.iter().for_each(|word| assert!(message.contains(word), "`{word}` is missing: {message}"));
+}
+
+fn sums(out: &Path) -> BTreeMap<usize, String> {
+    Dataset::open(out).unwrap().rows.into_iter().map(|row| (row.index, row.sha256)).collect()
+}
+
+#[test]
+fn a_data_set_holds_what_its_rows_say_and_renders_again() {
+    let (_dir, station, out) = studio();
+    let output = make(&station, &out, &["--json"]);
+    made(&output);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((report["made"].as_u64(), report["test"].as_u64()), (Some(6), Some(2)));
+
+    let data = Dataset::open(&out).unwrap();
+    assert_eq!((data.rows.len(), data.of(Split::Test).count()), (6, 2));
+    let class = |name: &str| data.header.classes.iter().position(|c| c == name).unwrap() as u8;
+    let (outside, liver, gel) = (class("outside"), class("liver"), class("gel"));
+    let mut differ = 0;
+    for row in &data.rows {
+        let tuple = data.tuple(row).unwrap();
+        assert_eq!(tuple.size, [80, 60]);
+        assert!(tuple.segmentation.iter().all(|class| [outside, liver, gel].contains(class)));
+        assert!(tuple.segmentation.contains(&liver), "{:?}", row.pose);
+        for (at, &inside) in tuple.mask.iter().enumerate() {
+            assert_eq!(inside == 0, tuple.segmentation[at] == outside);
+            assert!(inside > 0 || (tuple.lq[at], tuple.hq[at], tuple.attenuation[at]) == (0, 0, 0));
+        }
+        differ += usize::from(tuple.lq != tuple.hq);
+    }
+    assert_eq!(differ, 6, "four rays differ from one");
+
+    made(&insonify(&["dataset", "--verify", text(&out), "--tuples", "0"]));
+    // Damage is seen.
+    let manifest = out.join("manifest.jsonl");
+    let rows = std::fs::read_to_string(&manifest).unwrap();
+    let seed = format!("\"seed\":{}", data.rows[3].seed);
+    assert_eq!(rows.matches(&seed).count(), 1);
+    std::fs::write(&manifest, rows.replace(&seed, "\"seed\":1")).unwrap();
+    failed(&insonify(&["dataset", "--verify", text(&out), "--tuples", "0"]), 1, &["1 of 6", "[3]"]);
+}
+
+#[test]
+fn a_killed_run_goes_on_and_shards_make_the_same_tuples() {
+    let (dir, station, out) = studio();
+    made(&make(&station, &out, &[]));
+    let whole = sums(&out);
+
+    // As a kill leaves it: two rows, half of the third.
+    let manifest = out.join("manifest.jsonl");
+    let rows = std::fs::read(&manifest).unwrap();
+    let ends: Vec<usize> = rows.iter().enumerate().filter(|(_, b)| **b == b'\n').map(|(at, _)| at + 1).collect();
+    std::fs::write(&manifest, &rows[..ends[1] + 40]).unwrap();
+    assert_eq!(sums(&out).len(), 2);
+    std::fs::remove_file(out.join("tuples/0000004.npy")).unwrap();
+    let again = make(&station, &out, &["--json"]);
+    made(&again);
+    let report: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
+    assert_eq!((report["made"].as_u64(), report["kept"].as_u64()), (Some(4), Some(2)));
+    assert_eq!(sums(&out), whole);
+
+    let shards = dir.path().join("shards");
+    for shard in ["2/2", "1/2"] {
+        made(&make(&station, &shards, &["--shard", shard]));
+    }
+    assert_eq!(sums(&shards), whole);
+}
+
+#[test]
+fn wrong_wishes_and_foreign_directories_are_refused() {
+    let (_dir, station, out) = studio();
+    for (more, word) in [
+        (&["--shard", "3/2"][..], "i from 1 to n"),
+        (&["--test-share", "1.5"], "share of 1.5"),
+        (&["--frames-per-exam", "6"], "too few"),
+        (&["--frames", "1"], "2..="),
+        (&["--hq", "x"], "rays x layers"),
+    ] {
+        let usual = ["dataset", text(&station), "--out", text(&out)];
+        let frames = if more.contains(&"--frames") { &[][..] } else { &["--frames", "6"] };
+        failed(&insonify(&[&usual, frames, more].concat()), 2, &[word]);
+    }
+    assert!(!out.exists(), "nothing is left of what was refused");
+    failed(&insonify(&["dataset", "--out", text(&out)]), 2, &["STATIONS"]);
+    failed(&insonify(&["dataset", "--verify", text(&out)]), 2, &["dataset.json"]);
+
+    made(&make(&station, &out, &["--dry-run"]));
+    assert!(!out.exists(), "a dry run writes nothing");
+    made(&make(&station, &out, &[]));
+    failed(&make(&station, &out, &["--seed", "2"]), 2, &["another data set", "seed is 1, not 2"]);
+    std::fs::write(&station, STATION.replace("[pose]", "gain_db = 3\n[pose]")).unwrap();
+    failed(&make(&station, &out, &[]), 2, &["another data set", "stations"]);
+}
+
+#[test]
+fn damaged_files_are_named() {
+    let (_dir, station, out) = studio();
+    made(&make(&station, &out, &[]));
+    let data = Dataset::open(&out).unwrap();
+    let file = out.join(&data.rows[0].file);
+    let bytes = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &bytes[..bytes.len() - 1]).unwrap();
+    assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Array { path, .. }) if path == file));
+    std::fs::write(&file, vec![0; 40]).unwrap();
+    assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Io { path, .. }) if path == file));
+    std::fs::copy(out.join(&data.rows[0].mask), &file).unwrap();
+    assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Array { path, .. }) if path == file));
+    // Of a class that the header doesn't name.
+    let mut wrong = bytes;
+    let at = wrong.len() - 80 * 60 - 1;
+    wrong[at] = 255;
+    std::fs::write(&file, wrong).unwrap();
+    let error = data.tuple(&data.rows[0]).unwrap_err().to_string();
+    assert!(error.contains("class 255"), "{error}");
+
+    let manifest = out.join("manifest.jsonl");
+    let rows = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::write(&manifest, rows.replacen("\"index\":1,", "\"index\":0,", 1)).unwrap();
+    assert!(Dataset::open(&out).unwrap_err().to_string().contains("twice"));
+    std::fs::write(&manifest, rows.replacen("\"index\":1,", "", 1)).unwrap();
+    let error = Dataset::open(&out).unwrap_err().to_string();
+    assert!(error.contains("line 2") && error.contains("index"), "{error}");
+}
