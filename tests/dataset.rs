@@ -83,6 +83,11 @@ fn a_data_set_holds_what_its_rows_say_and_renders_again() {
         differ += usize::from(tuple.lq != tuple.hq);
     }
     assert_eq!(differ, 6, "four rays differ from one");
+    let tuple = data.tuple(&data.rows[0]).unwrap();
+    let map = tuple.attenuation_map();
+    assert_eq!(map.iter().copied().fold(0.0, f32::max), 1.0, "2 % are at the greatest");
+    let faint = map.iter().filter(|a| (1e-9..1e-3).contains(*a)).count();
+    assert!(faint > 100, "what linear bytes would lose: {faint} pixels");
 
     made(&insonify(&["dataset", "--verify", text(&out), "--tuples", "0"]));
     // Damage is seen.

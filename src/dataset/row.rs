@@ -20,6 +20,8 @@ pub struct Header {
     pub classes: Vec<String>,
     /// [`PLANES`](super::PLANES).
     pub planes: Vec<String>,
+    /// [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
+    pub attenuation_power: f32,
     /// Rays and layers of the low quality.
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.

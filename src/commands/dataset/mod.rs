@@ -10,7 +10,8 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::planes::file_beside;
 use insonify::dataset::{
-    Exam, ExamRow, FORMAT, Header, Moment, PLANES, PhantomRow, Plan, Row, SettingsRow, Shard, Source, Split, Wishes,
+    ATTENUATION_POWER, Exam, ExamRow, FORMAT, Header, Moment, PLANES, PhantomRow, Plan, Row, SettingsRow, Shard,
+    Source, Split, Wishes,
 };
 use insonify::station::{SceneSource, Station};
 use serde::Serialize;
@@ -93,7 +94,7 @@ Files:
   dataset.json          what holds for all: version, seed, names of the classes, qualities
   manifest.jsonl        a row a tuple: station, phantom, session, pose, settings, seed, files, SHA-256
                         (with --shard manifest.I-of-N.jsonl; readers take all of them)
-  tuples/NNNNNNN.npy    uint8 [4, height, width]: LQ, HQ, number of the tissue, attenuation x 255
+  tuples/NNNNNNN.npy    uint8 [4, height, width]: LQ, HQ, number of the tissue, 255 x attenuation^(1/4)
   masks/*.npy           uint8 [height, width], 255 inside the sector
   stations/*.toml       the station files as they were
 
@@ -147,6 +148,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         frames,
         classes,
         planes: PLANES.map(str::to_owned).to_vec(),
+        attenuation_power: ATTENUATION_POWER,
         lq: [lq.rays, lq.layers],
         hq: [hq.rays, hq.layers],
         phantoms: wishes.phantoms,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::anyhow;
 use insonify::anatomy::Scene;
 use insonify::anatomy::bvh::Bvh;
-use insonify::dataset::{Dataset, Row};
+use insonify::dataset::{ATTENUATION_POWER, Dataset, Row};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer, ShaderSet};
 use insonify::sink::npy::bytes_of_u8;
@@ -98,7 +98,7 @@ impl<'a> Studio<'a> {
             segmentation.push(class);
         }
         attenuation.clear();
-        attenuation.extend(lq.attenuation.iter().map(|a| (a * 255.0).round() as u8));
+        attenuation.extend(lq.attenuation.iter().map(|a| (a.powf(ATTENUATION_POWER) * 255.0).round() as u8));
         let shape = [lq.height as usize, lq.width as usize];
         let path = Path::new(&row.file);
         Ok(Take {
