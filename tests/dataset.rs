@@ -86,7 +86,7 @@ fn a_data_set_holds_what_its_rows_say_and_renders_again() {
     let tuple = data.tuple(&data.rows[0]).unwrap();
     let map = tuple.attenuation_map();
     assert_eq!(map.iter().copied().fold(0.0, f32::max), 1.0, "2 % are at the greatest");
-    let faint = map.iter().filter(|a| (1e-9..1e-3).contains(*a)).count();
+    let faint = map.iter().filter(|a| (1e-9..1.0 / 255.0).contains(*a)).count();
     assert!(faint > 100, "what linear bytes would lose: {faint} pixels");
 
     made(&insonify(&["dataset", "--verify", text(&out), "--tuples", "0"]));
