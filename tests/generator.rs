@@ -198,6 +198,43 @@ fn channels_come_in_the_manifests_order() {
 }
 
 #[test]
+fn a_generator_of_maps_needs_no_image_and_tissues_go_by_groups() {
+    // Of placenta, skull, amniotic fluid: other, two tissues' group, one's.
+    check("maps_only", |maps, x, y| {
+        let attenuation = f64::from(maps.attenuation[y * maps.width as usize + x]);
+        0.2 * f64::from(maps.class(x, y)) + 0.2 * attenuation
+    });
+    let maps = Maps::new((20, 10));
+    let without = Input { image: &[], ..maps.input() };
+    let (mut generator, [mut expected, mut found]) = (load("maps_only"), [vec![], vec![]]);
+    generator.run(&maps.input(), &mut expected).unwrap();
+    generator.run(&without, &mut found).unwrap();
+    assert_eq!(found, expected);
+    generator.measure(20, 10, 1).unwrap();
+    let tissues = ["calvaria", "titanium"].map(str::to_owned);
+    let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };
+    let mut other = Generator::load(&model("maps_only"), runtime(), &options).unwrap();
+    let attenuation = [0.0; 3];
+    let input =
+        Input { width: 3, height: 1, image: &[], segmentation: &[1, 2, 0], attenuation: &attenuation, mask: &[255; 3] };
+    other.run(&input, &mut found).unwrap();
+    assert_eq!(found, [153, 102, 0], "a group's tissue, any other, outside");
+}
+
+#[test]
+fn only_the_maps_that_a_model_takes_are_asked_for() {
+    let maps = Maps::new((20, 10));
+    let of = |name: &str, input: Input<'_>| load(name).run(&input, &mut Vec::new()).map_err(|e| e.to_string());
+    let no_maps = Input { segmentation: &[], attenuation: &[], ..maps.input() };
+    assert_eq!(of("blur", no_maps), Ok(()));
+    assert!(of("inverted_class", no_maps).unwrap_err().contains("segmentation"));
+    assert_eq!(of("inverted_class", Input { attenuation: &[], ..maps.input() }), Ok(()));
+    assert!(of("weighted_maps", Input { attenuation: &[], ..maps.input() }).unwrap_err().contains("attenuation"));
+    assert!(of("blur", Input { image: &[], ..maps.input() }).unwrap_err().contains("image"));
+    assert!(of("maps_only", Input { mask: &[], ..maps.input() }).unwrap_err().contains("mask"));
+}
+
+#[test]
 fn a_tissue_without_a_class_refuses_the_model() {
     let tissues = ["placenta", "titanium"].map(str::to_owned);
     let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };

@@ -77,6 +77,10 @@ class Generator:
     output: dict = field(default_factory=lambda: dict(UNIT))
     multiple: int = 1
     encoding: str = "map"
+    classes: list = field(default_factory=lambda: list(CLASSES))
+    # Class of tissues that are none of their own, and that of all others.
+    of: dict = field(default_factory=dict)
+    other: str = ""
     parity: np.ndarray = None
     # Added to one expected level, so that the pair is wrong.
     parity_error: float = 0.0
@@ -84,6 +88,8 @@ class Generator:
 
     @property
     def variant(self):
+        if "image" not in self.channels:
+            return "Maps"
         return "MSA" if "attenuation" in self.channels else "MS" if "segmentation" in self.channels else "M"
 
 
@@ -146,6 +152,14 @@ def class_levels():
     """Channels mask, one a class, image: a level for each class, 0.2 apart, and a tenth of the image."""
     g = Graph()
     weights = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.1]).reshape(1, 6, 1, 1)
+    g.node("Conv", ["input", g.floats("weights", weights)], "output", kernel_shape=[1, 1])
+    return g.model(6)
+
+
+def maps_only():
+    """Channels one a class, attenuation, mask: a level for each class, 0.2 apart, and 0.2 of the attenuation."""
+    g = Graph()
+    weights = np.array([0.0, 0.2, 0.4, 0.6, 0.2, 0.0]).reshape(1, 6, 1, 1)
     g.node("Conv", ["input", g.floats("weights", weights)], "output", kernel_shape=[1, 1])
     return g.model(6)
 
@@ -280,7 +294,7 @@ def tensor(generator, planes):
     for name, affine in generator.channels.items():
         maps = [raw[name]]
         if name == "segmentation" and generator.encoding == "classes":
-            maps = [(classes == c).astype(np.float64) for c in range(len(CLASSES))]
+            maps = [(classes == c).astype(np.float64) for c in range(len(generator.classes))]
         channels += [m * affine["scale"] + affine["offset"] for m in maps]
     height, width = image.shape
     multiple = generator.multiple
@@ -326,8 +340,11 @@ channels = [{names}]
     for name, affine in generator.channels.items():
         text += f"{name} = {{ scale = {affine['scale']}, offset = {affine['offset']} }}\n"
     if "segmentation" in generator.channels:
-        classes = ", ".join(f'"{name}"' for name in CLASSES)
+        classes = ", ".join(f'"{name}"' for name in generator.classes)
         text += f'\n[segmentation]\nencoding = "{generator.encoding}"\nclasses = [{classes}]\n'
+        text += f'other = "{generator.other}"\n' if generator.other else ""
+        text += "\n[segmentation.of]\n" if generator.of else ""
+        text += "".join(f'{tissue} = "{name}"\n' for tissue, name in generator.of.items())
     text += f"""
 [output]
 name = "output"
@@ -356,6 +373,10 @@ def main():
         Generator("inverted_class", "Test: inverts class 2.", inverted_class(), {**m, "segmentation": UNIT}),
         Generator("weighted_maps", "Test: a sum of image, class and attenuation.", weighted_maps(), msa),
         Generator("class_levels", "Test: a level for each class.", class_levels(), by_class, encoding="classes"),
+        Generator("maps_only", "Test: a level for each group of tissues, and the attenuation.", maps_only(),
+                  {"segmentation": UNIT, "attenuation": UNIT, "mask": UNIT}, encoding="classes",
+                  classes=["outside", "fluid", "soft", "hard"],
+                  of={"amniotic_fluid": "fluid", "skull": "hard", "calvaria": "hard"}, other="soft"),
         Generator("not_a_number", "Test: NaN where the image is brighter than 0.9.", not_a_number(), m,
                   parity=parity_planes(brightest=200)),
         Generator("endless", "Test: loops the longer, the brighter the first pixel is.", endless(), m),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use insonify::generator::{Input, Variant};
+use insonify::generator::{Channel, Input, Manifest};
 
 use super::generator::missing;
 
@@ -15,59 +15,51 @@ pub(crate) struct FrameDir {
     pub(crate) height: u32,
     /// Names of tissues from number 1.
     pub(crate) tissues: Vec<String>,
-    image: Vec<u8>,
+    image: Option<Vec<u8>>,
     mask: Vec<u8>,
     segmentation: Option<Vec<u8>>,
     attenuation: Option<Vec<f32>>,
-    /// What stands for maps that are not there and not read.
-    none: (Vec<u8>, Vec<f32>),
 }
 
 impl FrameDir {
-    /// Reads bmode.png and mask.png, and segmentation.png with tissues.json and attenuation.npy if they are there.
+    /// Reads mask.png, and bmode.png, segmentation.png with tissues.json and attenuation.npy if they are there.
     pub(crate) fn read(directory: &Path) -> Result<Self> {
-        let (image, [width, height]) = grey(&directory.join("bmode.png"))?;
-        let same_size = |name: &str| -> Result<Vec<u8>> {
-            let path = directory.join(name);
-            let (pixels, [w, h]) = grey(&path)?;
-            ensure!((w, h) == (width, height), "{} is {w} x {h}, bmode.png {width} x {height}", path.display());
-            Ok(pixels)
-        };
-        let mask = same_size("mask.png")?;
+        let (mask, [width, height]) = grey(&directory.join("mask.png"))?;
         let there = |name: &str| directory.join(name).exists();
-        let segmentation = there("segmentation.png").then(|| same_size("segmentation.png")).transpose()?;
+        let optional = |name: &str| -> Result<Option<Vec<u8>>> {
+            let path = directory.join(name);
+            if !there(name) {
+                return Ok(None);
+            }
+            let (pixels, [w, h]) = grey(&path)?;
+            ensure!((w, h) == (width, height), "{} is {w} x {h}, mask.png {width} x {height}", path.display());
+            Ok(Some(pixels))
+        };
+        let image = optional("bmode.png")?;
+        let segmentation = optional("segmentation.png")?;
         let tissues = if segmentation.is_some() { names(&directory.join("tissues.json"))? } else { Vec::new() };
         let path = directory.join("attenuation.npy");
         let attenuation = path.exists().then(|| floats(&path, [height, width])).transpose()?;
-        let none = (vec![0; image.len()], vec![0.0; image.len()]);
-        Ok(Self {
-            directory: directory.to_owned(),
-            width,
-            height,
-            tissues,
-            image,
-            mask,
-            segmentation,
-            attenuation,
-            none,
-        })
+        Ok(Self { directory: directory.to_owned(), width, height, tissues, image, mask, segmentation, attenuation })
     }
 
-    /// The maps for a generator of that variant.
-    pub(crate) fn input(&self, variant: Variant) -> Result<Input<'_>> {
-        let lacks = |file| missing(&self.directory, file, variant);
-        let segmentation = match (&self.segmentation, variant) {
-            (Some(map), _) => map,
-            (None, Variant::M) => &self.none.0,
-            (None, _) => return Err(lacks("segmentation.png")),
+    /// The maps for a generator of that manifest.
+    pub(crate) fn input(&self, manifest: &Manifest) -> Result<Input<'_>> {
+        let lacks = |channel, there: bool, file| match manifest.takes(channel) && !there {
+            true => Err(missing(&self.directory, file, manifest.variant)),
+            false => Ok(()),
         };
-        let attenuation = match (&self.attenuation, variant) {
-            (Some(map), _) => map,
-            (None, Variant::MSA) => return Err(lacks("attenuation.npy")),
-            (None, _) => &self.none.1,
-        };
-        let (width, height) = (self.width, self.height);
-        Ok(Input { width, height, image: &self.image, segmentation, attenuation, mask: &self.mask })
+        lacks(Channel::Image, self.image.is_some(), "bmode.png")?;
+        lacks(Channel::Segmentation, self.segmentation.is_some(), "segmentation.png")?;
+        lacks(Channel::Attenuation, self.attenuation.is_some(), "attenuation.npy")?;
+        Ok(Input {
+            width: self.width,
+            height: self.height,
+            image: self.image.as_deref().unwrap_or_default(),
+            segmentation: self.segmentation.as_deref().unwrap_or_default(),
+            attenuation: self.attenuation.as_deref().unwrap_or_default(),
+            mask: &self.mask,
+        })
     }
 }
 

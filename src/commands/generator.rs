@@ -19,7 +19,7 @@ pub(crate) struct Args {
     /// Model (.onnx); its manifest is the .toml of the same name beside it
     model: PathBuf,
 
-    /// Directory of a frame to apply it to: bmode.png, mask.png and the maps that it takes, as `insonify render` writes
+    /// Directory of a frame to apply it to: mask.png and of bmode.png and the maps those that it takes, as `insonify render` writes
     #[arg(long, value_name = "DIR")]
     frame: Option<PathBuf>,
 
@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(frame) = &frame {
         let path = args.out.clone().unwrap_or_else(|| frame.directory.join("enhanced.png"));
         let mut image = Vec::new();
-        generator.run(&frame.input(generator.manifest().variant).input()?, &mut image)?;
+        generator.run(&frame.input(generator.manifest()).input()?, &mut image)?;
         png::write_grey(&path, frame.width, frame.height, &image, Effort::Small)?;
         written = Some(path);
     }

@@ -5,14 +5,15 @@ use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
 
-use super::manifest::{Affine, Manifest};
+use super::manifest::{Affine, Channel, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
 use super::session::{RunFailure, Session};
 use super::{GeneratorError, Provider, Runtime, Terminator};
 use crate::render::Frame;
 
-/// What a generator reads: the maps of one frame, row-major, the first row nearest to the probe.
+/// What a generator reads: the maps of one frame, row-major, the first row nearest to the probe. Those that its model
+/// does not take ([`Manifest::takes`]) are not looked at and may be empty; the mask may not.
 #[derive(Debug, Clone, Copy)]
 pub struct Input<'a> {
     /// Width, pixels.
@@ -43,17 +44,21 @@ impl<'a> From<&'a Frame> for Input<'a> {
 }
 
 impl Input<'_> {
-    fn check(&self) -> Result<(), GeneratorError> {
+    /// Whether the maps that the model takes have the frame's size.
+    fn check(&self, manifest: &Manifest) -> Result<(), GeneratorError> {
         let (width, height) = (self.width, self.height);
         let expected = width as usize * height as usize;
         let maps = [
-            ("image", self.image.len()),
-            ("segmentation", self.segmentation.len()),
-            ("attenuation", self.attenuation.len()),
-            ("mask", self.mask.len()),
+            (Channel::Mask, "mask", self.mask.len()),
+            (Channel::Image, "image", self.image.len()),
+            (Channel::Segmentation, "segmentation", self.segmentation.len()),
+            (Channel::Attenuation, "attenuation", self.attenuation.len()),
         ];
-        match maps.into_iter().find(|(_, found)| *found != expected || expected == 0) {
-            Some((map, found)) => Err(GeneratorError::InputSize { map, width, height, expected, found }),
+        let wrong = |&(channel, _, found): &(Channel, _, usize)| {
+            manifest.takes(channel) && (found != expected || expected == 0)
+        };
+        match maps.into_iter().find(wrong) {
+            Some((_, map, found)) => Err(GeneratorError::InputSize { map, width, height, expected, found }),
             None => Ok(()),
         }
     }
@@ -192,7 +197,7 @@ impl Generator {
 
     /// The model's output, finite throughout the field of view.
     fn infer(&mut self, input: &Input) -> Result<(&[f32], Geometry), GeneratorError> {
-        input.check()?;
+        input.check(&self.manifest)?;
         let name = &self.manifest.name;
         let failed = |failure| match failure {
             RunFailure::Stopped => GeneratorError::Terminated { name: name.clone() },

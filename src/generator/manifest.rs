@@ -1,5 +1,6 @@
 //! What a model takes and gives: a strict TOML file beside the `.onnx`, of the same name.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -51,7 +52,7 @@ pub enum Kind {
     FixedFilter,
 }
 
-/// Which maps a generator takes (Zhang et al. 2020).
+/// Which maps a generator takes (Zhang et al. 2020; [`Variant::Maps`]: Zhang et al., IJCARS 2021).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Variant {
     /// Image and mask.
@@ -60,6 +61,8 @@ pub enum Variant {
     MS,
     /// Image, mask, segmentation and attenuation.
     MSA,
+    /// Mask, segmentation and attenuation: it needs no rendered image.
+    Maps,
 }
 
 /// A map that becomes a channel, or with classes several.
@@ -114,11 +117,25 @@ pub struct InputManifest {
 pub struct SegmentationManifest {
     /// One channel or several.
     pub encoding: Encoding,
-    /// Names of tissues in the order of their classes; `outside` is what is outside the sector.
+    /// Names of classes in their order: tissues, or groups that [`Self::of`] puts tissues into; `outside` is what is
+    /// outside the sector.
     pub classes: Vec<String>,
     /// The class that stands for every tissue not named. Without it, such a tissue is an error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
+    /// The class of each tissue that is not its own: `tissue = "class"`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub of: BTreeMap<String, String>,
+}
+
+impl SegmentationManifest {
+    /// Index of the class of the tissue of that name: by [`Self::of`], else the class of its name, else
+    /// [`Self::other`]'s.
+    pub fn class_of(&self, tissue: &str) -> Option<usize> {
+        let index = |name: &String| self.classes.iter().position(|class| class == name);
+        let own = || self.classes.iter().position(|class| class == tissue);
+        self.of.get(tissue).and_then(index).or_else(own).or_else(|| self.other.as_ref().and_then(index))
+    }
 }
 
 /// How many channels the segmentation has.
@@ -147,7 +164,8 @@ pub struct OutputManifest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParityManifest {
-    /// Planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255.
+    /// Planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255; those that the model
+    /// does not take are not looked at by it.
     pub input: String,
     /// Grey levels before rounding [height, width], 0 outside the sector.
     pub output: String,
@@ -214,6 +232,11 @@ impl Manifest {
         }
     }
 
+    /// Whether the model takes that map.
+    pub fn takes(&self, channel: Channel) -> bool {
+        self.input.channels.contains(&channel)
+    }
+
     /// Channels of the input tensor.
     pub fn tensor_channels(&self) -> usize {
         let of = |channel: &Channel| match (channel, &self.segmentation) {
@@ -275,14 +298,18 @@ impl Manifest {
             }
         }
         let has = |channel| channels.contains(&channel);
-        if !has(Channel::Image) || !has(Channel::Mask) {
-            return Err("input.channels must hold image and mask".to_owned());
+        if !has(Channel::Mask) {
+            return Err("input.channels must hold mask".to_owned());
         }
-        let found = match (has(Channel::Segmentation), has(Channel::Attenuation)) {
-            (false, false) => Variant::M,
-            (true, false) => Variant::MS,
-            (true, true) => Variant::MSA,
-            (false, true) => return Err("input.channels holds attenuation without segmentation".to_owned()),
+        let found = match [Channel::Image, Channel::Segmentation, Channel::Attenuation].map(has) {
+            [true, false, false] => Variant::M,
+            [true, true, false] => Variant::MS,
+            [true, true, true] => Variant::MSA,
+            [false, true, true] => Variant::Maps,
+            [true, false, true] => return Err("input.channels holds attenuation without segmentation".to_owned()),
+            [false, ..] => {
+                return Err("input.channels must hold image, or segmentation and attenuation without it".to_owned());
+            }
         };
         if found != self.variant {
             return Err(format!("variant is {:?}, but input.channels are those of {found:?}", self.variant));
@@ -304,6 +331,17 @@ impl Manifest {
         }
         if let Some((i, twice)) = classes.iter().enumerate().find(|(i, c)| classes[..*i].contains(c)) {
             return Err(format!("segmentation.classes holds `{twice}` again at {i}"));
+        }
+        for (tissue, class) in &segmentation.of {
+            if !classes.contains(class) {
+                return Err(format!(
+                    "segmentation.of.{tissue} is `{class}`, which is not in segmentation.classes: {}",
+                    classes.join(", ")
+                ));
+            }
+            if tissue != class && classes.contains(tissue) {
+                return Err(format!("segmentation.of.{tissue} is `{class}`, but `{tissue}` is a class itself"));
+            }
         }
         match &segmentation.other {
             Some(other) if !classes.contains(other) => {
@@ -335,6 +373,32 @@ mod tests {
     }
 
     #[test]
+    fn tissues_find_their_class() {
+        let of = "other = \"placenta\"\n[segmentation.of]\ncalvaria = \"skull\"\nskull = \"skull\"\n\n[output]";
+        let manifest = Manifest::parse(&TEXT.replace("[output]", of)).unwrap();
+        let segmentation = manifest.segmentation.as_ref().unwrap();
+        let classes = ["outside", "skull", "calvaria", "amniotic_fluid", "steel"].map(|t| segmentation.class_of(t));
+        assert_eq!(classes, [Some(0), Some(3), Some(3), Some(1), Some(2)]);
+        let again: Manifest = toml::from_str(&toml::to_string(&manifest).unwrap()).unwrap();
+        assert_eq!(again, manifest);
+        let none = SegmentationManifest { other: None, ..segmentation.clone() };
+        assert_eq!(none.class_of("steel"), None);
+    }
+
+    #[test]
+    fn a_generator_of_maps_takes_no_image() {
+        let text = TEXT
+            .replace("\"image\", ", "")
+            .replace("image = { scale = 1.0, offset = 0.0 }\n", "")
+            .replace("variant = \"MSA\"", "variant = \"Maps\"");
+        let manifest = Manifest::parse(&text).unwrap();
+        assert_eq!((manifest.variant, manifest.tensor_channels()), (Variant::Maps, 3));
+        assert!(!manifest.takes(Channel::Image) && manifest.takes(Channel::Attenuation));
+        let lone = text.replace("\"attenuation\", ", "").replace("attenuation = { scale = 1.0, offset = 0.0 }\n", "");
+        assert!(Manifest::parse(&lone).unwrap_err().contains("must hold image, or"));
+    }
+
+    #[test]
     fn contradictions_are_told() {
         let with = |from: &str, to: &str| {
             assert!(TEXT.contains(from), "{from}");
@@ -353,6 +417,8 @@ mod tests {
             ("\"outside\", ", "", "`outside`"),
             ("\"placenta\"", "\"outside\"", "again"),
             ("encoding = \"map\"", "encoding = \"map\"\nother = \"gas\"", "`gas`"),
+            ("encoding = \"map\"", "encoding = \"map\"\nof = { calvaria = \"bone\" }", "of.calvaria is `bone`"),
+            ("encoding = \"map\"", "encoding = \"map\"\nof = { placenta = \"skull\" }", "a class itself"),
             ("scale = 1.0\noffset = 0.0\n", "scale = 0.0\noffset = 0.0\n", "output.scale"),
             ("tolerance = 0.01", "tolerance = 0.0", "parity.tolerance"),
             ("input = \"speckle", "input = \"../speckle", "beside the manifest"),

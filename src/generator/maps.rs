@@ -49,13 +49,11 @@ impl ClassMap {
         tissues: &[String],
         model: &Path,
     ) -> Result<Self, GeneratorError> {
-        let index = |name: &str| manifest.classes.iter().position(|c| c == name);
-        let other = manifest.other.as_deref().and_then(index);
         let mut class = [0; 256];
         let names = std::iter::once("outside").chain(tissues.iter().map(String::as_str));
         for (slot, name) in class.iter_mut().zip(names) {
-            let found = index(name)
-                .or(other)
+            let found = manifest
+                .class_of(name)
                 .ok_or_else(|| GeneratorError::UnknownTissue { path: model.to_owned(), tissue: name.to_owned() })?;
             *slot = found as u8;
         }
