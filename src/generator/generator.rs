@@ -192,7 +192,7 @@ impl Generator {
     }
 
     fn output_affine(&self) -> Affine {
-        Affine { scale: self.manifest.output.scale, offset: self.manifest.output.offset }
+        Affine::new(self.manifest.output.scale, self.manifest.output.offset)
     }
 
     /// The model's output, finite throughout the field of view.

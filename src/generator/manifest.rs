@@ -79,7 +79,7 @@ pub enum Channel {
     Attenuation,
 }
 
-/// y = scale · x + offset.
+/// y = scale · x^power + offset.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Affine {
@@ -87,6 +87,24 @@ pub struct Affine {
     pub scale: f32,
     /// Offset.
     pub offset: f32,
+    /// 1, or for the attenuation 0.5 or 0.25: it falls over ten decades, and a linear network sees but the first two.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub power: f32,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn is_one(power: &f32) -> bool {
+    *power == 1.0
+}
+
+impl Affine {
+    /// y = scale · x + offset.
+    pub fn new(scale: f32, offset: f32) -> Self {
+        Self { scale, offset, power: 1.0 }
+    }
 }
 
 /// The input tensor: float32 [1, channels, height, width].
@@ -292,7 +310,13 @@ impl Manifest {
                 (1, None) => {
                     return Err(format!("input.{name} is missing: say {{ scale = 1.0, offset = 0.0 }} or other"));
                 }
-                (1, Some(affine)) if affine.scale.is_finite() && affine.offset.is_finite() => (),
+                (1, Some(affine)) if affine.scale.is_finite() && affine.offset.is_finite() => {
+                    let roots: &[f32] = if channel == Channel::Attenuation { &[1.0, 0.5, 0.25] } else { &[1.0] };
+                    if !roots.contains(&affine.power) {
+                        let power = affine.power;
+                        return Err(format!("input.{name}.power is {power}; it must be one of {roots:?}"));
+                    }
+                }
                 (1, Some(_)) => return Err(format!("input.{name} must be finite")),
                 (n, _) => return Err(format!("input.channels holds {name} {n} times")),
             }
@@ -414,6 +438,8 @@ mod tests {
             ("\"image\", \"mask\"]", "\"image\", \"image\", \"mask\"]", "image 2 times"),
             ("attenuation = { scale = 1.0, offset = 0.0 }\n", "", "input.attenuation is missing"),
             ("attenuation = { scale = 1.0", "attenuation = { scale = inf", "finite"),
+            ("attenuation = { scale = 1.0", "attenuation = { power = 0.3, scale = 1.0", "[1.0, 0.5, 0.25]"),
+            ("mask = { scale = 1.0", "mask = { power = 0.5, scale = 1.0", "input.mask.power is 0.5"),
             ("\"outside\", ", "", "`outside`"),
             ("\"placenta\"", "\"outside\"", "again"),
             ("encoding = \"map\"", "encoding = \"map\"\nother = \"gas\"", "`gas`"),

@@ -71,8 +71,8 @@ pub(super) fn fill(
 ) -> Result<(), GeneratorError> {
     let mut planes = tensor.chunks_exact_mut(geometry.padded_pixels());
     for &channel in &manifest.input.channels {
-        let affine = manifest.affine(channel).unwrap_or(Affine { scale: 1.0, offset: 0.0 });
-        let Affine { scale, offset } = affine;
+        let affine = manifest.affine(channel).unwrap_or(Affine::new(1.0, 0.0));
+        let Affine { scale, offset, power } = affine;
         match (channel, &manifest.segmentation, classes) {
             (Channel::Segmentation, Some(segmentation), Some(classes)) => {
                 let greatest = input.segmentation.iter().copied().max().unwrap_or(0);
@@ -94,7 +94,14 @@ pub(super) fn fill(
                     }
                 }
             }
-            (Channel::Attenuation, ..) => plane(planes.next(), geometry, input.attenuation, |a| a * scale + offset),
+            (Channel::Attenuation, ..) => {
+                let values = input.attenuation;
+                match power {
+                    0.25 => plane(planes.next(), geometry, values, |a: f32| a.max(0.0).sqrt().sqrt() * scale + offset),
+                    0.5 => plane(planes.next(), geometry, values, |a: f32| a.max(0.0).sqrt() * scale + offset),
+                    _ => plane(planes.next(), geometry, values, |a| a * scale + offset),
+                }
+            }
             (Channel::Mask, ..) => {
                 let [outside, inside] = [offset, scale + offset];
                 plane(planes.next(), geometry, input.mask, |m| if m > 0 { inside } else { outside });
@@ -197,11 +204,37 @@ mod tests {
     }
 
     #[test]
+    fn the_attenuation_may_be_a_root() {
+        let text = include_str!("../../tests/data/generators/weighted_maps.toml");
+        let values = [0.0, 1e-8, 6.25e-2, 1.0];
+        for (power, expected) in [("1.0", values), ("0.5", [0.0, 1e-4, 0.25, 1.0]), ("0.25", [0.0, 1e-2, 0.5, 1.0])] {
+            let from = "attenuation = { scale = 1.0, offset = 0.0 }";
+            let text = text.replace(from, &format!("attenuation = {{ scale = 2.0, offset = 1.0, power = {power} }}"));
+            let manifest = Manifest::parse(&text).unwrap();
+            let at = manifest.input.channels.iter().position(|c| *c == Channel::Attenuation).unwrap();
+            let input = Input {
+                width: 4,
+                height: 1,
+                image: &[0; 4],
+                segmentation: &[0; 4],
+                attenuation: &values,
+                mask: &[255; 4],
+            };
+            let classes = ClassMap::identity(4);
+            let mut tensor = [0.0; 16];
+            fill(&manifest, Some(&classes), &input, &Geometry::new(4, 1, 1), &mut tensor).unwrap();
+            for (got, expected) in tensor[4 * at..4 * at + 4].iter().zip(expected) {
+                assert!((got - (2.0 * expected + 1.0)).abs() < 1e-6, "{power}: {got} {expected}");
+            }
+        }
+    }
+
+    #[test]
     fn levels_are_rounded_and_clipped_and_masked() {
         let geometry = Geometry::new(6, 1, 1);
         let output = [-0.1, 0.4 / 255.0, 0.6 / 255.0, 254.6 / 255.0, 7.0, 1.0];
         let mut out = vec![9; 20];
-        let unit = Affine { scale: 1.0, offset: 0.0 };
+        let unit = Affine::new(1.0, 0.0);
         quantise(&output, unit, &[255, 255, 255, 255, 255, 0], &geometry, &mut out);
         assert_eq!(out, [0, 0, 1, 255, 255, 0]);
     }
@@ -222,7 +255,7 @@ mod tests {
         #[test]
         fn every_level_comes_back_through_any_normalisation(scale in 0.1f32..10.0, offset in -5.0f32..5.0, x in 0u8..=255) {
             let there = f32::from(x) / 255.0 * scale + offset;
-            let back = Affine { scale: 1.0 / scale, offset: -offset / scale };
+            let back = Affine::new(1.0 / scale, -offset / scale);
             let mut out = Vec::new();
             quantise(&[there], back, &[255], &Geometry::new(1, 1, 1), &mut out);
             prop_assert_eq!(out[0], x);
