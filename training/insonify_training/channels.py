@@ -16,11 +16,14 @@ VARIANTS = {
 class Encoder:
     """Makes input, target and mask of a batch of bytes."""
 
-    def __init__(self, variant, segmentation, classes, device="cpu"):
+    def __init__(self, variant, segmentation, data, attenuation_power=1.0, device="cpu"):
         self.names = VARIANTS[variant]
         self.segmentation = segmentation
         self.device = torch.device(device)
-        self.values = torch.from_numpy(segmentation.values(classes)).to(self.device)
+        self.values = torch.from_numpy(segmentation.values(data.classes)).to(self.device)
+        # The attenuation falls by orders of magnitude with depth: a root of it shows shadows there as well.
+        levels = torch.arange(256, dtype=torch.float64) / 255
+        self.attenuation = (levels ** (attenuation_power / data.attenuation_power)).float().to(self.device)
 
     @property
     def channels(self):
@@ -42,8 +45,10 @@ class Encoder:
                 continue
             if name == "mask":
                 out[:, at] = (mask[:, 0] > 0).float()
+            elif name == "image":
+                out[:, at] = planes[:, LQ].float() * (1 / 255)
             else:
-                out[:, at] = planes[:, LQ if name == "image" else ATTENUATION].float() * (1 / 255)
+                out[:, at] = self.attenuation[planes[:, ATTENUATION].int()]
             at += 1
         return out
 

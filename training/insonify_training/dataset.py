@@ -1,7 +1,7 @@
 """The data set that `insonify dataset` writes, and seeded crops of it.
 
-A tuple is a `.npy` of uint8 [4, height, width]: LQ grey level, HQ grey level, class number, attenuation x 255. It is
-read through a memory map, so that a crop costs its own pages only.
+A tuple is a `.npy` of uint8 [4, height, width]: LQ grey level, HQ grey level, class number, attenuation x 255 (or its
+power that `attenuation_power` in dataset.json says). It is read through a memory map, so that a crop costs its own pages only.
 """
 
 import hashlib
@@ -70,6 +70,8 @@ class Dataset:
         self.classes = list(described["classes"])
         if not self.classes or self.classes[0] != "outside" or len(self.classes) > 256:
             raise DatasetError(f"{header}: classes must be at most 256 names, the first `outside`")
+        # The byte is 255 x a^power of the attenuation a.
+        self.attenuation_power = float(described.get("attenuation_power", 1.0))
         rows = {row.index: row for path in manifests for row in _parse_rows(path)}
         self.rows = [rows[index] for index in sorted(rows)]
         shared = {row.exam for row in self.split("train")} & {row.exam for row in self.split("test")}

@@ -34,13 +34,13 @@ class ExportError(Exception):
     """Why an export is no good."""
 
 
-def load_run(folder, classes, data=None):
-    """The trainer of a run, its averaged weights ready for use; `data` calibrates a run that isn't frozen yet."""
+def load_run(folder, data):
+    """The trainer of a run, its averaged weights ready for use; a run that isn't frozen yet is calibrated on `data`."""
     state = read_checkpoint(Path(folder) / "checkpoint.pt")
-    trainer = Trainer(Config.from_dict(state["config"]), classes)
+    trainer = Trainer(Config.from_dict(state["config"]), data)
     trainer.load(state)
     config = trainer.config
-    if trainer.step < config.freeze_from * config.steps and data is not None and config.norm != "none":
+    if trainer.step < config.freeze_from * config.steps and config.norm != "none":
         crops = Crops(data, "train", config.crop, config.batch, config.seed + 1, config.flip)
         trainer.calibrate(crops.at(step) for step in range(CALIBRATION_BATCHES))
     freeze(trainer.average)
@@ -104,8 +104,9 @@ def parity_planes(data, encode):
                     best, found = score, (np.array(planes[(slice(None), *at)]), np.array(mask[at]))
     planes, mask = found
     indices = encode.segmentation.indices(data.classes)
+    attenuation = (planes[ATTENUATION] / 255.0) ** (1 / data.attenuation_power)
     return np.stack(
-        [planes[LQ], indices[planes[SEGMENTATION]], planes[ATTENUATION].astype(np.float32) / 255, mask]
+        [planes[LQ], indices[planes[SEGMENTATION]], attenuation, mask]
     ).astype(np.float32), planes, mask
 
 
@@ -149,7 +150,7 @@ def export(run, data, out, description=None, frames=32, name=None):
     """Exports the run in folder `run` into folder `out`; what was found, as a dictionary."""
     out = Path(out)
     name = name or out.name
-    trainer, data_sha256 = load_run(run, data.classes, data)
+    trainer, data_sha256 = load_run(run, data)
     config, encode = trainer.config, trainer.encode
     network = fold(trainer.average)
     multiple = network.padding_multiple
@@ -181,6 +182,8 @@ def export(run, data, out, description=None, frames=32, name=None):
     if "segmentation" in channels:
         affine["segmentation"]["scale"] = encode.segmentation.scale
         tables["segmentation"] = encode.segmentation.manifest()
+    if "attenuation" in channels and config.attenuation_power != 1.0:
+        affine["attenuation"]["power"] = config.attenuation_power
     tables["output"] = {"name": "output", **unit}
     tables["parity"] = {
         "input": f"{name}.parity_input.npy", "output": f"{name}.parity_output.npy", "tolerance": TOLERANCE,

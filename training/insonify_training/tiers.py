@@ -10,6 +10,8 @@ class Config:
     network: str = "stride8"
     variant: str = "MSA"
     segmentation: str = "map"
+    # The attenuation's power that the network sees: 1 is the map itself.
+    attenuation_power: float = 0.25
     norm: str = "instance"
     steps: int = 20000
     batch: int = 8
@@ -23,7 +25,7 @@ class Config:
     # Steps without the GAN term, and steps in which it grows to its weight.
     warmup: int = 4000
     ramp: int = 4000
-    ndf: int = 16
+    ndf: int = 8
     # Decay of the running mean of the weights, which is what is exported.
     ema: float = 0.999
     flip: bool = True
@@ -44,7 +46,7 @@ class Config:
 
 FAST = Config(network="stride8", steps=20000, batch=8, crop=256)
 MIDDLE = Config(network="stride4", steps=20000, batch=8, crop=256)
-CLASSIC = Config(network="unet16", steps=20000, batch=4, crop=256)
+CLASSIC = Config(network="unet16", ndf=16, steps=20000, batch=4, crop=256)
 PAPER = Config(
     network="unet64", segmentation="map", steps=50000, batch=16, crop=512, ndf=64, decay_from=1.0, warmup=2000, ramp=3000
 )

@@ -76,7 +76,7 @@ def resume(trainer, run, config, data_sha256):
     state = read_checkpoint(run.checkpoint)
     kept = Config.from_dict(state["config"])
     # More steps are no other training; what a network is made of is.
-    for name in ("network", "variant", "segmentation", "norm", "ndf"):
+    for name in ("network", "variant", "segmentation", "attenuation_power", "norm", "ndf"):
         if getattr(kept, name) != getattr(config, name):
             raise SystemExit(
                 f"{run.checkpoint}: {name} is {getattr(kept, name)}, not {getattr(config, name)}: name another --out"
@@ -190,7 +190,7 @@ def main(argv=None):
         test = Crops(data, "test", config.crop, 16, TEST_SEED, flip=False, min_inside=0.5).at(0)
     except DatasetError as error:
         raise SystemExit(str(error)) from None
-    trainer = Trainer(config, data.classes, args.device, args.bf16)
+    trainer = Trainer(config, data, args.device, args.bf16)
     unknown = trainer.segmentation.unknown(data.classes)
     if unknown:
         print(f"not in insonify's table, taken for {trainer.segmentation.other}: {', '.join(unknown)}", file=sys.stderr)

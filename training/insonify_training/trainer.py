@@ -17,10 +17,10 @@ ADAM_BETAS = (0.5, 0.999)
 class Trainer:
     """State of a training run."""
 
-    def __init__(self, config, classes, device="cpu", bf16=False):
+    def __init__(self, config, data, device="cpu", bf16=False):
         self.config, self.device, self.bf16 = config, torch.device(device), bf16
         self.segmentation = Segmentation.make(config.segmentation)
-        self.encode = Encoder(config.variant, self.segmentation, classes, device)
+        self.encode = Encoder(config.variant, self.segmentation, data, config.attenuation_power, device)
         torch.manual_seed(config.seed)
         place = {"device": self.device, "memory_format": torch.channels_last}
         self.generator = make(config.network, self.encode.channels, config.norm).to(**place)
