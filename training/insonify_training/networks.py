@@ -85,42 +85,15 @@ class Conv(nn.Sequential):
         return layer
 
 
-class PhaseUp(nn.Module):
-    """A transposed convolution of 4 x 4, stride 2, as a convolution of 2 x 2 and a pixel shuffle: the same sums.
-
-    ONNX Runtime's convolutions are several times as fast as its transposed ones.
-    """
-
-    def __init__(self, transposed):
-        super().__init__()
-        weight = transposed.weight.data  # [in, out, 4, 4]
-        inputs, outputs = weight.shape[:2]
-        self.conv = nn.Conv2d(inputs, 4 * outputs, 2, padding=1)
-        phases = weight.new_empty(outputs, 2, 2, inputs, 2, 2)
-        # Output 2i takes kernel 3 of input i-1 and 1 of i; output 2i+1 takes 2 of i and 0 of i+1. Before the crop by
-        # one, output 2i is the second of the pair of i, and 2i+1 the first of the pair of i+1.
-        taps = ([2, 0], [3, 1])
-        for a in range(2):
-            for b in range(2):
-                picked = weight[:, :, taps[a], :][:, :, :, taps[b]]
-                phases[:, a, b] = picked.permute(1, 0, 2, 3)
-        self.conv.weight.data = phases.reshape(4 * outputs, inputs, 2, 2)
-        self.conv.bias.data = transposed.bias.data.repeat_interleave(4)
-
-    def forward(self, x):
-        return F.pixel_shuffle(self.conv(x), 2)[:, :, 1:-1, 1:-1]
-
-
 def fold(network):
-    """A copy of `network` for the runtime: norms folded into convolutions, transposed convolutions as plain ones."""
+    """A copy of `network` for the runtime: its norms frozen and folded into the convolutions."""
     network = copy.deepcopy(network).float().eval()
     freeze(network)
 
     def visit(module):
         for name, child in module.named_children():
             if isinstance(child, Conv):
-                layer = child.folded()
-                setattr(module, name, PhaseUp(layer) if isinstance(layer, nn.ConvTranspose2d) else layer)
+                setattr(module, name, child.folded())
             else:
                 visit(child)
 
@@ -131,14 +104,15 @@ def fold(network):
 class StemNet(nn.Module):
     """A strided convolution as the stem, a small U-Net at the coarse scale, a pixel shuffle as the head.
 
-    `widths` are the channels of its scales, each half as fine as the one before.
+    `widths` are the channels of its scales, each half as fine as the one before. The finest scale takes most of the
+    time, so that its skip comes straight from the stem.
     """
 
     def __init__(self, channels, stride, widths, norm="instance"):
         super().__init__()
         self.padding_multiple = stride << (len(widths) - 1)
         self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
-        self.encode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[:-1])
+        self.encode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[1:-1])
         self.down = nn.ModuleList(Conv(a, b, stride=2, norm=norm) for a, b in zip(widths, widths[1:]))
         self.bottom = nn.ModuleList(Conv(widths[-1], widths[-1], norm=norm) for _ in range(2))
         self.up = nn.ModuleList(Conv(b, a, 1, padding=0, norm="none") for a, b in zip(widths, widths[1:]))
@@ -148,8 +122,9 @@ class StemNet(nn.Module):
 
     def forward(self, x):
         x = F.relu(self.stem(x))
-        skips = []
-        for encode, down in zip(self.encode, self.down):
+        skips = [x]
+        x = F.relu(self.down[0](x))
+        for encode, down in zip(self.encode, self.down[1:]):
             x = F.relu(encode(x))
             skips.append(x)
             x = F.relu(down(x))
@@ -198,7 +173,7 @@ def make(network, channels, norm="instance"):
     if network == "stride8":
         made = StemNet(channels, 8, (64, 128), norm)
     elif network == "stride4":
-        made = StemNet(channels, 4, (32, 64, 128, 256), norm)
+        made = StemNet(channels, 4, (32, 64, 128, 192), norm)
     elif network.startswith("unet") and network[4:].isdigit():
         made = UNet(channels, int(network[4:]), norm)
     else:
