@@ -12,18 +12,19 @@ class Config:
     segmentation: str = "map"
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
-    norm: str = "instance"
+    norm: str = "none"
     steps: int = 20000
-    batch: int = 8
+    batch: int = 4
     crop: int = 256
-    rate: float = 2e-4
+    rate: float = 1e-3
     # Part of the steps after which the rate falls towards 0, and after which the norms' statistics stay as they are.
     decay_from: float = 0.5
     freeze_from: float = 0.7
     gan_weight: float = 1.0
-    l1_weight: float = 100.0
+    # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
+    l1_weight: float = 200.0
     # Steps without the GAN term, and steps in which it grows to its weight.
-    warmup: int = 4000
+    warmup: int = 8000
     ramp: int = 4000
     ndf: int = 8
     # Decay of the running mean of the weights, which is what is exported.
@@ -44,11 +45,21 @@ class Config:
         return cls(**values)
 
 
-FAST = Config(network="stride8", steps=20000, batch=8, crop=256)
-MIDDLE = Config(network="stride4", steps=20000, batch=8, crop=256)
-CLASSIC = Config(network="unet16", ndf=16, steps=20000, batch=4, crop=256)
+FAST = Config(network="stride8")
+MIDDLE = Config(network="stride4")
+CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, ndf=16)
+# For a GPU: the paper's network and schedule.
 PAPER = Config(
-    network="unet64", segmentation="map", steps=50000, batch=16, crop=512, ndf=64, decay_from=1.0, warmup=2000, ramp=3000
+    network="unet64",
+    norm="instance",
+    steps=50000,
+    batch=16,
+    crop=512,
+    rate=2e-4,
+    decay_from=1.0,
+    ndf=64,
+    warmup=2000,
+    ramp=3000,
 )
 
 
