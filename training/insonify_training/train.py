@@ -20,8 +20,8 @@ from .sheets import loss_plot, sample_sheet
 from .tiers import TIERS, Config
 from .trainer import Trainer, read_checkpoint, save_checkpoint
 
-# Seed of the test crops that the log is about: the same for every run.
-TEST_SEED = 20260
+# Seed and number of the test crops that the log is about, the same for every run.
+TEST_SEED, TEST_CROPS = 20260, 16
 STOPPED = 130
 
 
@@ -187,13 +187,17 @@ def main(argv=None):
     try:
         data = Dataset(args.data)
         crops = Crops(data, "train", config.crop, config.batch, config.seed, config.flip)
-        test = Crops(data, "test", config.crop, 16, TEST_SEED, flip=False, min_inside=0.5).at(0)
+        # A data set that is still being written may have no test rows yet.
+        split = "test" if data.split("test") else "train"
+        test = Crops(data, split, config.crop, TEST_CROPS, TEST_SEED, flip=False, min_inside=0.5).at(0)
     except DatasetError as error:
         raise SystemExit(str(error)) from None
     trainer = Trainer(config, data, args.device, args.bf16)
     unknown = trainer.segmentation.unknown(data.classes)
     if unknown:
         print(f"not in insonify's table, taken for {trainer.segmentation.other}: {', '.join(unknown)}", file=sys.stderr)
+    if split == "train":
+        print("no test rows yet: figures and sheet are of training crops", file=sys.stderr)
     run = Run(args.out or Path("runs") / args.tier, config, data)
     data_sha256 = data.sha256()
     resume(trainer, run, config, data_sha256)
