@@ -76,3 +76,7 @@ TIERS = {
 }
 # Those that `make train` trains, in this order.
 SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_maps", "middle_msa")
+
+if __name__ == "__main__":
+    # For scripts/train.
+    print(*SHIPPED)
