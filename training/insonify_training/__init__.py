@@ -1,0 +1,1 @@
+"""Trains insonify's generators: G: {image, mask, segmentation, attenuation} -> high-quality image."""

@@ -1,0 +1,62 @@
+"""From bytes of a tuple to the tensor of a network: what the station does by the model's manifest."""
+
+import torch
+
+from .dataset import ATTENUATION, HQ, LQ, SEGMENTATION
+
+# Channels of each variant, as fed (Zhang et al. 2020; Maps: Zhang et al., IJCARS 2021).
+VARIANTS = {
+    "M": ("image", "mask"),
+    "MS": ("image", "mask", "segmentation"),
+    "MSA": ("image", "mask", "segmentation", "attenuation"),
+    "Maps": ("mask", "segmentation", "attenuation"),
+}
+
+
+class Encoder:
+    """Makes input, target and mask of a batch of bytes."""
+
+    def __init__(self, variant, segmentation, data, attenuation_power=1.0, device="cpu"):
+        self.names = VARIANTS[variant]
+        self.segmentation = segmentation
+        self.device = torch.device(device)
+        self.values = torch.from_numpy(segmentation.values(data.classes)).to(self.device)
+        # The attenuation falls by orders of magnitude with depth: a root of it shows shadows there as well.
+        levels = torch.arange(256, dtype=torch.float64) / 255
+        self.attenuation = (levels ** (attenuation_power / data.attenuation_power)).float().to(self.device)
+
+    @property
+    def channels(self):
+        """Channels of the input tensor."""
+        return sum(self.segmentation.channels if name == "segmentation" else 1 for name in self.names)
+
+    def input(self, planes, mask):
+        """Input float32 [n, channels, h, w] of planes uint8 [n, 4, h, w] and mask uint8 [n, 1, h, w]."""
+        planes, mask = self._bytes(planes), self._bytes(mask)
+        n, _, height, width = planes.shape
+        out = torch.empty((n, self.channels, height, width), device=self.device)
+        out = out.to(memory_format=torch.channels_last)
+        at = 0
+        for name in self.names:
+            if name == "segmentation":
+                count = self.segmentation.channels
+                out[:, at : at + count] = self.values[planes[:, SEGMENTATION].int()].permute(0, 3, 1, 2)
+                at += count
+                continue
+            if name == "mask":
+                out[:, at] = (mask[:, 0] > 0).float()
+            elif name == "image":
+                out[:, at] = planes[:, LQ].float() * (1 / 255)
+            else:
+                out[:, at] = self.attenuation[planes[:, ATTENUATION].int()]
+            at += 1
+        return out
+
+    def __call__(self, planes, mask):
+        """Input [n, channels, h, w], target [n, 1, h, w] and mask [n, 1, h, w], float32 within 0..=1."""
+        inside = (self._bytes(mask) > 0).float()
+        target = self._bytes(planes)[:, HQ : HQ + 1].float() * (1 / 255) * inside
+        return self.input(planes, mask), target, inside
+
+    def _bytes(self, array):
+        return array if torch.is_tensor(array) else torch.from_numpy(array).to(self.device)

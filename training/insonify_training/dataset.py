@@ -1,0 +1,173 @@
+"""The data set that `insonify dataset` writes, and seeded crops of it.
+
+A tuple is a `.npy` of uint8 [4, height, width]: LQ grey level, HQ grey level, class number, attenuation x 255 (or its
+power that `attenuation_power` in dataset.json says). It is read through a memory map, so that a crop costs its own pages only.
+"""
+
+import hashlib
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+LQ, HQ, SEGMENTATION, ATTENUATION = range(4)
+# Crop origins are drawn from a grid of this step, px, and moved by less than it.
+GRID_PX = 8
+
+
+class DatasetError(Exception):
+    """What is wrong with a data set; names the file."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A tuple: a row of the manifest."""
+
+    index: int
+    split: str
+    exam: str
+    file: str
+    mask: str
+    sha256: str
+    # Width and height, px.
+    size: tuple
+
+
+def _parse_rows(path):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            row = json.loads(line)
+        except json.JSONDecodeError as error:
+            # A killed run leaves half a line at the end.
+            if number == len(lines):
+                return
+            raise DatasetError(f"{path}:{number}: no JSON: {error}") from None
+        try:
+            keys = {key: row[key] for key in ("index", "split", "file", "mask", "sha256")}
+            yield Row(**keys, exam=json.dumps(row.get("exam")), size=tuple(row["size"]))
+        except (KeyError, TypeError) as error:
+            raise DatasetError(f"{path}:{number}: {error!r} is missing or wrong") from None
+
+
+class Dataset:
+    """Rows of a data set, and its pictures."""
+
+    def __init__(self, directory):
+        self.directory = Path(directory)
+        header = self.directory / "dataset.json"
+        manifests = sorted(self.directory.glob("manifest*.jsonl"))
+        if not header.is_file() or not manifests:
+            raise DatasetError(f"{self.directory}: no data set: dataset.json and manifest*.jsonl must be there")
+        described = json.loads(header.read_text(encoding="utf-8"))
+        if described.get("format") != 1:
+            raise DatasetError(f"{header}: format is {described.get('format')}; this reads 1")
+        self.classes = list(described["classes"])
+        if not self.classes or self.classes[0] != "outside" or len(self.classes) > 256:
+            raise DatasetError(f"{header}: classes must be at most 256 names, the first `outside`")
+        # The byte is 255 x a^power of the attenuation a.
+        self.attenuation_power = float(described.get("attenuation_power", 1.0))
+        rows = {row.index: row for path in manifests for row in _parse_rows(path)}
+        self.rows = [rows[index] for index in sorted(rows)]
+        shared = {row.exam for row in self.split("train")} & {row.exam for row in self.split("test")}
+        if shared:
+            raise DatasetError(f"{self.directory}: exams in both train and test: {sorted(shared)[:3]}")
+
+    def split(self, name):
+        """Rows of `train` or `test`."""
+        return [row for row in self.rows if row.split == name]
+
+    def sha256(self, split="train"):
+        """SHA-256 of the rows' `sha256` of one split, sorted, each on a line: what a model was trained on."""
+        lines = "".join(f"{digest}\n" for digest in sorted(row.sha256 for row in self.split(split)))
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    def planes(self, row):
+        """Planes of a tuple, memory-mapped: uint8 [4, height, width]."""
+        return _open(self.directory / row.file, (4, row.size[1], row.size[0]))
+
+    def mask(self, row):
+        """255 inside the sector, 0 outside: uint8 [height, width]."""
+        return _mask(self.directory / row.mask, (row.size[1], row.size[0]))
+
+
+def _open(path, shape):
+    try:
+        array = np.load(path, mmap_mode="r")
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"{path}: {error}") from None
+    if array.dtype != np.uint8 or array.shape != shape:
+        raise DatasetError(f"{path}: {array.dtype} {array.shape}; it must be uint8 {shape}")
+    return array
+
+
+@lru_cache(maxsize=64)
+def _mask(path, shape):
+    return np.ascontiguousarray(_open(path, shape))
+
+
+@lru_cache(maxsize=64)
+def _origins(path, shape, crop, min_inside):
+    """Origins [n, 2] (row, column) on the grid at which enough of a crop is inside the sector."""
+    inside = (_mask(path, shape) > 0).astype(np.float64)
+    table = np.pad(inside.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+    rows, columns = shape[0] - crop, shape[1] - crop
+    y, x = np.mgrid[0 : rows + 1 : GRID_PX, 0 : columns + 1 : GRID_PX]
+    area = table[y + crop, x + crop] - table[y, x + crop] - table[y + crop, x] + table[y, x]
+    enough = area >= min(min_inside * crop * crop, area.max())
+    return np.stack([y[enough], x[enough]], axis=1)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Crops: planes uint8 [n, 4, crop, crop] and mask uint8 [n, 1, crop, crop]."""
+
+    planes: np.ndarray
+    mask: np.ndarray
+
+
+class Crops:
+    """Square crops of one split. What batch `step` holds depends on seed and step only, whatever was drawn before."""
+
+    def __init__(self, dataset, split, crop, batch, seed, flip=True, min_inside=0.25):
+        self.dataset, self.crop, self.batch, self.seed = dataset, crop, batch, seed
+        self.flip, self.min_inside = flip, min_inside
+        self.rows = dataset.split(split)
+        if not self.rows:
+            raise DatasetError(f"{dataset.directory}: no rows of split `{split}`")
+        smallest = min(min(row.size) for row in self.rows)
+        if crop > smallest:
+            raise DatasetError(f"{dataset.directory}: a crop of {crop} px doesn't fit {smallest} px")
+
+    def at(self, step):
+        """The batch of `step`."""
+        random = np.random.default_rng([self.seed, step])
+        planes = np.empty((self.batch, 4, self.crop, self.crop), dtype=np.uint8)
+        mask = np.empty((self.batch, 1, self.crop, self.crop), dtype=np.uint8)
+        for i in range(self.batch):
+            row = self.rows[random.integers(len(self.rows))]
+            size = (row.size[1], row.size[0])
+            origins = _origins(self.dataset.directory / row.mask, size, self.crop, self.min_inside)
+            origin = origins[random.integers(len(origins))] + random.integers(GRID_PX, size=2)
+            y, x = np.minimum(origin, np.subtract(size, self.crop))
+            at = np.s_[y : y + self.crop, x : x + self.crop]
+            # Mirroring left and right swaps the ends of the fan: as good a frame of the mirrored body.
+            mirror = np.s_[..., ::-1] if self.flip and random.random() < 0.5 else np.s_[...]
+            planes[i] = self.dataset.planes(row)[(slice(None), *at)][mirror]
+            mask[i, 0] = self.dataset.mask(row)[at][mirror]
+        return Batch(planes, mask)
+
+    def stream(self, start, end, threads=1, ahead=4):
+        """Batches of the steps `start` to `end`, in order, made ahead by threads."""
+        with ThreadPoolExecutor(threads) as pool:
+            waiting = [pool.submit(self.at, step) for step in range(start, min(start + ahead, end))]
+            for step in range(start, end):
+                batch = waiting.pop(0).result()
+                if step + ahead < end:
+                    waiting.append(pool.submit(self.at, step + ahead))
+                yield batch

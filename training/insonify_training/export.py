@@ -1,0 +1,229 @@
+"""Exports a run for the station: `python -m insonify_training.export RUN --data DIR --out assets/generators/NAME`.
+
+Writes NAME.onnx (averaged weights, statistics frozen and folded into the convolutions, height and width free),
+NAME.toml (its manifest), NAME.parity_input.npy and NAME.parity_output.npy, and checks them in ONNX Runtime.
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from .channels import VARIANTS
+from .dataset import ATTENUATION, LQ, SEGMENTATION, Crops, Dataset
+from .networks import fold, freeze
+from .quality import psnr_db, ssim
+from .tiers import Config
+from .trainer import Trainer, read_checkpoint
+
+OPSET = 18
+# Height and width of the parity pair.
+PARITY_SIZE = (128, 160)
+# Grey levels by which another machine's arithmetic may differ.
+TOLERANCE = 0.25
+# Grey levels by which ONNX Runtime may differ from PyTorch here.
+AGREES = 0.05
+CALIBRATION_BATCHES = 32
+
+
+class ExportError(Exception):
+    """Why an export is no good."""
+
+
+def load_run(folder, data):
+    """The trainer of a run, its averaged weights ready for use; a run that isn't frozen yet is calibrated on `data`."""
+    state = read_checkpoint(Path(folder) / "checkpoint.pt")
+    trainer = Trainer(Config.from_dict(state["config"]), data)
+    trainer.load(state)
+    config = trainer.config
+    if trainer.step < config.freeze_from * config.steps and config.norm != "none":
+        crops = Crops(data, "train", config.crop, config.batch, config.seed + 1, config.flip)
+        trainer.calibrate(crops.at(step) for step in range(CALIBRATION_BATCHES))
+    freeze(trainer.average)
+    return trainer, state.get("data_sha256")
+
+
+def write_onnx(network, channels, path):
+    """Writes `network` as ONNX with a free height and width."""
+    multiple = network.padding_multiple
+    sample = torch.zeros(1, channels, multiple, 2 * multiple)
+    axes = {"input": {2: "height", 3: "width"}, "output": {2: "height", 3: "width"}}
+    torch.onnx.export(
+        network.to(memory_format=torch.contiguous_format), (sample,), str(path), dynamo=False, opset_version=OPSET,
+        input_names=["input"], output_names=["output"], dynamic_axes=axes,
+    )
+
+
+def padded(tensor, multiple):
+    """`tensor` [..., h, w] mirrored at right and bottom up to a multiple, as the station does."""
+
+    def index(n):
+        period = max(2 * (n - 1), 1)
+        i = torch.arange(-(-n // multiple) * multiple) % period
+        return torch.minimum(i, period - i)
+
+    return tensor[..., index(tensor.shape[-2])[:, None], index(tensor.shape[-1])]
+
+
+def run_onnx(session, inputs, multiple):
+    """Output [n, 1, h, w] of the model for inputs of any size."""
+    height, width = inputs.shape[-2:]
+    return torch.from_numpy(
+        np.concatenate(
+            [session.run(None, {"input": padded(one[None], multiple).contiguous().numpy()})[0] for one in inputs]
+        )
+    )[..., :height, :width]
+
+
+def session(path, threads=2):
+    """An ONNX Runtime session on the CPU."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+
+
+def parity_planes(data, encode):
+    """Planes float32 [4, h, w] as a parity pair holds them, of a piece of a test tuple with bone or many tissues."""
+    height, width = PARITY_SIZE
+    best, found = -1, None
+    for row in data.split("test")[:8]:
+        planes, mask = data.planes(row), data.mask(row)
+        for y in range(0, row.size[1] - height + 1, height // 2):
+            for x in range(0, row.size[0] - width + 1, width // 2):
+                at = np.s_[y : y + height, x : x + width]
+                kinds = len(np.unique(planes[SEGMENTATION][at]))
+                # With the sector's edge in it, the mask counts as well.
+                score = kinds + 2 * (0.05 < (mask[at] == 0).mean() < 0.4)
+                if score > best:
+                    best, found = score, (np.array(planes[(slice(None), *at)]), np.array(mask[at]))
+    planes, mask = found
+    indices = encode.segmentation.indices(data.classes)
+    attenuation = (planes[ATTENUATION] / 255.0) ** (1 / data.attenuation_power)
+    return np.stack(
+        [planes[LQ], indices[planes[SEGMENTATION]], attenuation, mask]
+    ).astype(np.float32), planes, mask
+
+
+def toml_value(value):
+    """A value as TOML writes it."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return json.dumps(value)
+
+
+def write_manifest(path, head, tables):
+    """Writes keys `head` and `tables` as TOML."""
+    lines = ["# Written by training/insonify_training/export.py."]
+    lines += [f"{key} = {toml_value(value)}" for key, value in head.items()]
+    for name, table in tables.items():
+        lines += ["", f"[{name}]"]
+        nested = {key: value for key, value in table.items() if name == "segmentation" and isinstance(value, dict)}
+        lines += [f"{key} = {toml_value(value)}" for key, value in table.items() if key not in nested]
+        for key, value in nested.items():
+            lines += ["", f"[{name}.{key}]", *(f"{one} = {toml_value(of)}" for one, of in value.items())]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def measure(trainer, ort, multiple, data, frames):
+    """Means of PSNR and SSIM over the full field of view of test tuples, generated by the exported model."""
+    rows = data.split("test")
+    rows = rows[:: max(1, len(rows) // frames)][:frames]
+    values = []
+    for row in rows:
+        planes, mask = np.array(data.planes(row))[None], np.array(data.mask(row))[None, None]
+        inputs, target, inside = trainer.encode(planes, mask)
+        output = run_onnx(ort, inputs, multiple).clamp(0, 1) * inside
+        lq = torch.from_numpy(planes[:, LQ : LQ + 1]).float() / 255 * inside
+        values.append([f(p, target).item() for p in (output, lq) for f in (psnr_db, ssim)])
+    return np.mean(values, axis=0)
+
+
+def export(run, data, out, description=None, frames=32, name=None):
+    """Exports the run in folder `run` into folder `out`; what was found, as a dictionary."""
+    out = Path(out)
+    name = name or out.name
+    trainer, data_sha256 = load_run(run, data)
+    config, encode = trainer.config, trainer.encode
+    network = fold(trainer.average)
+    multiple = network.padding_multiple
+    out.mkdir(parents=True, exist_ok=True)
+    model = out / f"{name}.onnx"
+    write_onnx(network, encode.channels, model)
+    ort = session(model)
+
+    parity, planes, mask = parity_planes(data, encode)
+    inputs, _, inside = encode(planes[None], mask[None, None])
+    with torch.no_grad():
+        live = trainer.average(padded(inputs, multiple))[..., : mask.shape[0], : mask.shape[1]].clamp(0, 1) * inside
+        expected = network(padded(inputs, multiple))[..., : mask.shape[0], : mask.shape[1]].clamp(0, 1) * inside
+    found = run_onnx(ort, inputs, multiple).clamp(0, 1) * inside
+    differences = {
+        "folded_levels": (expected - live).abs().max().item() * 255,
+        "onnxruntime_levels": (expected - found).abs().max().item() * 255,
+    }
+    if not max(differences.values()) < AGREES:
+        raise ExportError(f"{model}: differs from PyTorch by more than {AGREES} grey levels: {differences}")
+    np.save(out / f"{name}.parity_input.npy", parity)
+    np.save(out / f"{name}.parity_output.npy", (expected[0, 0] * 255).numpy().astype(np.float32))
+
+    psnr, similarity, psnr_lq, similarity_lq = measure(trainer, ort, multiple, data, frames)
+    unit = {"scale": 1.0, "offset": 0.0}
+    channels = VARIANTS[config.variant]
+    affine = {channel: dict(unit) for channel in channels}
+    tables = {"input": {"name": "input", "channels": list(channels), **affine}}
+    if "segmentation" in channels:
+        affine["segmentation"]["scale"] = encode.segmentation.scale
+        tables["segmentation"] = encode.segmentation.manifest()
+    if "attenuation" in channels and config.attenuation_power != 1.0:
+        affine["attenuation"]["power"] = config.attenuation_power
+    tables["output"] = {"name": "output", **unit}
+    tables["parity"] = {
+        "input": f"{name}.parity_input.npy", "output": f"{name}.parity_output.npy", "tolerance": TOLERANCE,
+    }
+    tables["training"] = {"data_sha256": data_sha256 or data.sha256(), "iterations": trainer.step}
+    tables["quality"] = {"psnr_db": round(float(psnr), 3), "ssim": round(float(similarity), 4)}
+    head = {
+        "format": 1,
+        "name": name,
+        "description": description or f"{config.network}, {config.variant}: LQ frames to HQ appearance.",
+        "kind": "trained",
+        "variant": config.variant,
+        "sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
+        "padding_multiple": multiple,
+    }
+    write_manifest(out / f"{name}.toml", head, tables)
+    return {
+        "model": str(model), "bytes": model.stat().st_size, "iterations": trainer.step, **differences,
+        "psnr_db": float(psnr), "ssim": float(similarity), "psnr_lq_db": float(psnr_lq), "ssim_lq": float(similarity_lq),
+    }
+
+
+def main(argv=None):
+    """The command."""
+    p = argparse.ArgumentParser(prog="insonify-export", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    p.add_argument("run", type=Path, help="folder of the run")
+    p.add_argument("--data", type=Path, required=True, help="data set: its test split gives the parity pair and quality")
+    p.add_argument("--out", type=Path, required=True, help="folder to write; its name is the generator's")
+    p.add_argument("--description", help="a sentence for the manifest")
+    p.add_argument("--frames", type=int, default=32, help="test frames for [quality] [default: 32]")
+    p.add_argument("--threads", type=int, default=2)
+    args = p.parse_args(argv)
+    torch.set_num_threads(args.threads)
+    try:
+        found = export(args.run, Dataset(args.data), args.out, args.description, args.frames)
+    except ExportError as error:
+        raise SystemExit(str(error)) from None
+    print(json.dumps(found, indent=2))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,45 @@
+"""Losses of the generator and the discriminator, and how they are weighed over the steps."""
+
+import torch
+import torch.nn.functional as F
+
+# Slope of the output beyond black and white: the station clips there, but a gradient must lead back.
+LEAK = 0.05
+
+
+def soft_clip(y):
+    """`y` clipped to 0..=1 but for a slight slope outside."""
+    inside = y.clamp(0.0, 1.0)
+    return inside + LEAK * (y - inside)
+
+
+def l1(output, target):
+    """Mean absolute difference of masked pictures."""
+    return F.l1_loss(output, target)
+
+
+def discriminator_loss(real, fake):
+    """Cross-entropy of logits of rendered and of generated patches."""
+    on_real = F.binary_cross_entropy_with_logits(real.float(), torch.ones_like(real, dtype=torch.float32))
+    on_fake = F.binary_cross_entropy_with_logits(fake.float(), torch.zeros_like(fake, dtype=torch.float32))
+    return 0.5 * (on_real + on_fake)
+
+
+def generator_gan_loss(fake):
+    """Cross-entropy of generated patches taken for rendered."""
+    return F.binary_cross_entropy_with_logits(fake.float(), torch.ones_like(fake, dtype=torch.float32))
+
+
+def gan_weight(step, weight, warmup, ramp):
+    """Weight of the GAN term: 0 for `warmup` steps, then linear to `weight` over `ramp` steps."""
+    if step < warmup:
+        return 0.0
+    return weight * min(1.0, (step - warmup + 1) / max(ramp, 1))
+
+
+def learning_rate(step, steps, rate, decay_from):
+    """`rate` up to the part `decay_from` of the steps, then linear towards 0 (at least a hundredth)."""
+    start = decay_from * steps
+    if step <= start:
+        return rate
+    return rate * max(0.01, 1.0 - (step - start) / max(steps - start, 1.0))

@@ -1,0 +1,181 @@
+"""Networks: from the channels of a frame to its grey levels / 255.
+
+All are convolutional, take sides that are a multiple of `padding_multiple`, and have their norm directly behind a
+convolution, into which `fold` puts it once its statistics are frozen.
+"""
+
+import copy
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+EPS = 1e-5
+# Statistics are followed on every so many training passes, by this part: they change slowly, and reading them costs.
+FOLLOW_EVERY, MOMENTUM = 4, 0.02
+
+
+class Norm(nn.Module):
+    """Instance or batch norm that follows its statistics, and can be frozen to them.
+
+    Live instance statistics differ between a crop and the full field of view; frozen ones are the same everywhere.
+    """
+
+    def __init__(self, channels, kind):
+        super().__init__()
+        self.kind = kind
+        self.weight, self.bias = nn.Parameter(torch.ones(channels)), nn.Parameter(torch.zeros(channels))
+        self.register_buffer("mean", torch.zeros(channels))
+        self.register_buffer("variance", torch.ones(channels))
+        self.register_buffer("passes", torch.zeros((), dtype=torch.long))
+        self.frozen = False
+        self.every, self.momentum = FOLLOW_EVERY, MOMENTUM
+
+    def forward(self, x):
+        if self.frozen:
+            return F.batch_norm(x, self.mean, self.variance, self.weight, self.bias, False, 0.0, EPS)
+        if self.training:
+            if self.passes % self.every == 0:
+                self.follow(x)
+            self.passes += 1
+        if self.kind == "batch":
+            if not self.training:
+                return F.batch_norm(x, self.mean, self.variance, self.weight, self.bias, False, 0.0, EPS)
+            return F.batch_norm(x, None, None, self.weight, self.bias, True, 0.0, EPS)
+        # One group a channel is instance norm, and keeps channels_last.
+        return F.group_norm(x, x.shape[1], self.weight, self.bias, EPS)
+
+    @torch.no_grad()
+    def follow(self, x):
+        """Moves the statistics towards those of `x`; at first it is their mean."""
+        x = x.detach().float()
+        if self.kind == "batch":
+            variance, mean = torch.var_mean(x, (0, 2, 3), unbiased=False)
+        else:
+            variance, mean = (s.mean(0) for s in torch.var_mean(x, (2, 3), unbiased=False))
+        part = max(self.momentum, 1.0 / (1 + int(self.passes) // self.every))
+        self.mean.lerp_(mean, part)
+        self.variance.lerp_(variance, part)
+
+
+def freeze(network, frozen=True):
+    """Freezes the norms of `network` to the statistics they have followed."""
+    for module in network.modules():
+        if isinstance(module, Norm):
+            module.frozen = frozen
+
+
+class Conv(nn.Sequential):
+    """A convolution and its norm."""
+
+    def __init__(self, inputs, outputs, kernel=3, stride=1, padding=1, norm="none", transposed=False):
+        layer = nn.ConvTranspose2d if transposed else nn.Conv2d
+        parts = [layer(inputs, outputs, kernel, stride, padding)]
+        super().__init__(*parts, *([Norm(outputs, norm)] if norm != "none" else []))
+
+    def folded(self):
+        """The convolution that does what convolution and frozen norm do."""
+        layer = copy.deepcopy(self[0])
+        if len(self) == 2:
+            norm = self[1]
+            scale = norm.weight * torch.rsqrt(norm.variance + EPS)
+            shape = (1, -1, 1, 1) if isinstance(layer, nn.ConvTranspose2d) else (-1, 1, 1, 1)
+            layer.weight.data = layer.weight * scale.view(shape)
+            layer.bias.data = (layer.bias - norm.mean) * scale + norm.bias
+        return layer
+
+
+def fold(network):
+    """A copy of `network` for the runtime: its norms frozen and folded into the convolutions."""
+    network = copy.deepcopy(network).float().eval()
+    freeze(network)
+
+    def visit(module):
+        for name, child in module.named_children():
+            if isinstance(child, Conv):
+                setattr(module, name, child.folded())
+            else:
+                visit(child)
+
+    visit(network)
+    return network.requires_grad_(False)
+
+
+class StemNet(nn.Module):
+    """A strided convolution as the stem, a small U-Net at the coarse scale, a pixel shuffle as the head.
+
+    `widths` are the channels of its scales, each half as fine as the one before. The finest scale takes most of the
+    time, so that its skip comes straight from the stem.
+    """
+
+    def __init__(self, channels, stride, widths, norm="instance"):
+        super().__init__()
+        self.padding_multiple = stride << (len(widths) - 1)
+        self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
+        self.encode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[1:-1])
+        self.down = nn.ModuleList(Conv(a, b, stride=2, norm=norm) for a, b in zip(widths, widths[1:]))
+        self.bottom = nn.ModuleList(Conv(widths[-1], widths[-1], norm=norm) for _ in range(2))
+        self.up = nn.ModuleList(Conv(b, a, 1, padding=0, norm="none") for a, b in zip(widths, widths[1:]))
+        self.decode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[:-1])
+        self.head = Conv(widths[0], stride * stride, norm="none")
+        self.stride = stride
+
+    def forward(self, x):
+        x = F.relu(self.stem(x))
+        skips = [x]
+        x = F.relu(self.down[0](x))
+        for encode, down in zip(self.encode, self.down[1:]):
+            x = F.relu(encode(x))
+            skips.append(x)
+            x = F.relu(down(x))
+        for bottom in self.bottom:
+            x = F.relu(bottom(x))
+        for up, decode, skip in zip(reversed(self.up), reversed(self.decode), reversed(skips)):
+            x = F.interpolate(up(x), scale_factor=2.0, mode="nearest") + skip
+            x = F.relu(decode(x))
+        return F.pixel_shuffle(self.head(x), self.stride)
+
+
+class UNet(nn.Module):
+    """pix2pix's generator (Isola et al. 2017) of 8 levels, norm before each non-linearity; `ngf` is its base width."""
+
+    LEVELS = 8
+
+    def __init__(self, channels, ngf, norm="instance"):
+        super().__init__()
+        self.padding_multiple = 1 << self.LEVELS
+        widths = [min(ngf << level, 8 * ngf) for level in range(self.LEVELS)]
+        last = self.LEVELS - 1
+        # The first has no norm; at the deepest one a crop may be a single pixel, which has no variance.
+        norms = ["none", *[norm] * (last - 1), "none"]
+        self.down = nn.ModuleList(
+            Conv(a, b, 4, 2, norm=n) for a, b, n in zip([channels, *widths], widths, norms)
+        )
+        self.up = nn.ModuleList()
+        for level in reversed(range(self.LEVELS)):
+            inputs = widths[level] * (1 if level == last else 2)
+            outputs = widths[level - 1] if level else 1
+            self.up.append(Conv(inputs, outputs, 4, 2, norm=norm if level else "none", transposed=True))
+
+    def forward(self, x):
+        skips = []
+        for level, down in enumerate(self.down):
+            x = down(x if level == 0 else F.leaky_relu(x, 0.2))
+            skips.append(x)
+        x = skips.pop()
+        for level, up in enumerate(self.up):
+            x = up(F.relu(x if level == 0 else torch.cat([x, skips.pop()], 1)))
+        return x
+
+
+def make(network, channels, norm="instance"):
+    """The network by its name: stride8, stride4, unet16, unet64 (any ngf); weights from torch's own seed."""
+    if network == "stride8":
+        made = StemNet(channels, 8, (64, 128), norm)
+    elif network == "stride4":
+        made = StemNet(channels, 4, (32, 64, 128, 192), norm)
+    elif network.startswith("unet") and network[4:].isdigit():
+        made = UNet(channels, int(network[4:]), norm)
+    else:
+        raise ValueError(f"network is `{network}`; it must be stride8, stride4 or unetN (N: channels of the first level)")
+    return made

@@ -1,0 +1,82 @@
+"""What is trained, and how: each tier that insonify ships, and the paper's own schedule for a GPU."""
+
+from dataclasses import asdict, dataclass, fields, replace
+
+
+@dataclass(frozen=True)
+class Config:
+    """How one generator is trained. A run's folder keeps it."""
+
+    network: str = "stride8"
+    variant: str = "MSA"
+    segmentation: str = "map"
+    # The attenuation's power that the network sees: 1 is the map itself.
+    attenuation_power: float = 0.25
+    norm: str = "none"
+    steps: int = 20000
+    batch: int = 4
+    crop: int = 256
+    rate: float = 1e-3
+    # Part of the steps after which the rate falls towards 0, and after which the norms' statistics stay as they are.
+    decay_from: float = 0.5
+    freeze_from: float = 0.7
+    gan_weight: float = 1.0
+    # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
+    l1_weight: float = 200.0
+    # Steps without the GAN term, and steps in which it grows to its weight.
+    warmup: int = 8000
+    ramp: int = 4000
+    ndf: int = 8
+    # Decay of the running mean of the weights, which is what is exported.
+    ema: float = 0.999
+    flip: bool = True
+    seed: int = 1
+
+    def to_dict(self):
+        """For JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values):
+        """From `to_dict`; keys it doesn't know are an error."""
+        unknown = set(values) - {f.name for f in fields(cls)}
+        if unknown:
+            raise ValueError(f"unknown keys {sorted(unknown)}")
+        return cls(**values)
+
+
+FAST = Config(network="stride8")
+MIDDLE = Config(network="stride4")
+CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, ndf=16)
+# For a GPU: the paper's network and schedule.
+PAPER = Config(
+    network="unet64",
+    norm="instance",
+    steps=50000,
+    batch=16,
+    crop=512,
+    rate=2e-4,
+    decay_from=1.0,
+    ndf=64,
+    warmup=2000,
+    ramp=3000,
+)
+
+
+def _variants(name, config, variants):
+    return {f"{name}_{variant.lower()}": replace(config, variant=variant) for variant in variants}
+
+
+# Tiers by name, `NETWORK_VARIANT`.
+TIERS = {
+    **_variants("fast", FAST, ("M", "MS", "MSA", "Maps")),
+    **_variants("middle", MIDDLE, ("M", "MS", "MSA", "Maps")),
+    **_variants("classic", CLASSIC, ("M", "MS", "MSA", "Maps")),
+    **_variants("paper", PAPER, ("M", "MS", "MSA", "Maps")),
+}
+# Those that `make train` trains, in this order.
+SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_maps", "middle_msa")
+
+if __name__ == "__main__":
+    # For scripts/train.
+    print(*SHIPPED)

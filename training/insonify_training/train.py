@@ -1,0 +1,217 @@
+"""Trains one generator: `python -m insonify_training.train TIER --data DIR --out RUN`.
+
+The run's folder holds config.json, checkpoint.pt, log.jsonl, loss.png and sheet.png. The same command goes on where a
+run was stopped. Ctrl-C or SIGTERM saves first; the exit code is then 130.
+"""
+
+import argparse
+import json
+import signal
+import sys
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+
+import torch
+
+from .dataset import LQ, Crops, Dataset, DatasetError
+from .quality import psnr_db, ssim
+from .sheets import loss_plot, sample_sheet
+from .tiers import TIERS, Config
+from .trainer import Trainer, read_checkpoint, save_checkpoint
+
+# Seed and number of the test crops that the log is about, the same for every run.
+TEST_SEED, TEST_CROPS = 20260, 16
+STOPPED = 130
+
+
+def parser():
+    """The command line: a tier, and flags that change it."""
+    p = argparse.ArgumentParser(prog="insonify-train", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    p.add_argument("tier", nargs="?", default="fast_msa", choices=sorted(TIERS), metavar="TIER", help=", ".join(TIERS))
+    p.add_argument("--data", type=Path, required=True, help="data set that `insonify dataset` wrote")
+    p.add_argument("--out", type=Path, help="folder of the run [default: runs/TIER]")
+    for field in fields(Config):
+        flag = "--" + field.name.replace("_", "-")
+        if field.type is bool:
+            p.add_argument(flag, action=argparse.BooleanOptionalAction, default=None)
+        else:
+            p.add_argument(flag, type=field.type, help="[default: the tier's]")
+    p.add_argument("--threads", type=int, default=2, help="threads of the arithmetic [default: 2]")
+    p.add_argument("--loaders", type=int, default=1, help="threads that read crops [default: 1]")
+    p.add_argument("--device", default="cpu", help="cpu or cuda [default: cpu]")
+    p.add_argument("--bf16", action="store_true", help="bfloat16 where torch's autocast allows it")
+    p.add_argument("--save-minutes", type=float, default=5.0, help="between checkpoints and pictures [default: 5]")
+    p.add_argument("--stop-after", type=int, metavar="N", help="stop after N steps of this call, saved, as Ctrl-C does")
+    return p
+
+
+def configure(args):
+    """The tier's config with the flags' values in it."""
+    given = {f.name: getattr(args, f.name) for f in fields(Config)}
+    return replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
+
+
+class Run:
+    """The files of a run."""
+
+    def __init__(self, folder, config, data):
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        self.checkpoint, self.log_path = folder / "checkpoint.pt", folder / "log.jsonl"
+        text = json.dumps({"config": config.to_dict(), "data": str(data.directory.resolve())}, indent=2)
+        (folder / "config.json").write_text(text + "\n", encoding="utf-8")
+
+    def log(self, **row):
+        """Appends a row to the log."""
+        with open(self.log_path, "a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+
+def resume(trainer, run, config, data_sha256):
+    """Goes on from the run's checkpoint, if there is one."""
+    if not run.checkpoint.exists():
+        run.log(event="start", data_sha256=data_sha256, config=config.to_dict())
+        return
+    state = read_checkpoint(run.checkpoint)
+    kept = Config.from_dict(state["config"])
+    # More steps are no other training; what a network is made of is.
+    for name in ("network", "variant", "segmentation", "attenuation_power", "norm", "ndf"):
+        if getattr(kept, name) != getattr(config, name):
+            raise SystemExit(
+                f"{run.checkpoint}: {name} is {getattr(kept, name)}, not {getattr(config, name)}: name another --out"
+            )
+    trainer.load(state)
+    changed = {k: v for k, v in config.to_dict().items() if kept.to_dict()[k] != v}
+    if changed:
+        print(f"goes on with other settings than before: {changed}", file=sys.stderr)
+    if state.get("data_sha256") != data_sha256:
+        print("goes on with other data than before", file=sys.stderr)
+    run.log(event="resume", at=trainer.step, data_sha256=data_sha256, changed=changed)
+
+
+def examine(trainer, batch, run):
+    """PSNR and SSIM on the test crops, and the sheet."""
+    output, target, mask = trainer.generate(batch)
+    lq = torch.from_numpy(batch.planes[:, LQ : LQ + 1]).to(target).mul(1 / 255) * mask
+    row = {
+        "psnr_db": round(psnr_db(output, target).mean().item(), 3),
+        "ssim": round(ssim(output, target).mean().item(), 4),
+        "psnr_lq_db": round(psnr_db(lq, target).mean().item(), 3),
+        "ssim_lq": round(ssim(lq, target).mean().item(), 4),
+    }
+    run.log(step=trainer.step, **row)
+    shown = slice(0, 4)
+    columns = {"LQ": lq, "generated": output, "target": target, "difference": (output - target).abs()}
+    title = f"step {trainer.step}  {row['psnr_db']:.2f} dB (LQ {row['psnr_lq_db']:.2f})"
+    sample_sheet(run.folder / "sheet.png", {k: v[shown].cpu() for k, v in columns.items()}, title)
+    loss_plot(run.log_path, run.folder / "loss.png", run.folder.name)
+    return row
+
+
+def hours(seconds):
+    """Seconds as h:mm:ss."""
+    seconds = int(seconds)
+    return f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
+
+
+def loop(trainer, crops, test, run, args, data_sha256):
+    """Trains to the end, or until told to stop. Whether it came to the end."""
+    config = trainer.config
+    stop = []
+    previous = {s: signal.signal(s, lambda number, _: stop.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
+    begun, first = time.monotonic(), trainer.step
+    last = config.steps if args.stop_after is None else min(config.steps, first + args.stop_after)
+    saved = shown = begun
+    waited = 0.0
+    sums, count = {}, 0
+
+    def save():
+        trainer.seconds += time.monotonic() - save.since
+        save.since = time.monotonic()
+        save_checkpoint(run.checkpoint, {**trainer.state(), "data_sha256": data_sha256})
+
+    save.since = begun
+    stream = crops.stream(first, last, args.loaders)
+    try:
+        while trainer.step < last and not stop:
+            asked = time.monotonic()
+            batch = next(stream)
+            waited += time.monotonic() - asked
+            seen = trainer.train(batch)
+            for key, value in seen.items():
+                sums[key] = sums.get(key, 0.0) + value
+            count += 1
+            now = time.monotonic()
+            if now - shown > 2.0 or trainer.step == last:
+                means = {key: float(total) / count for key, total in sums.items()}
+                if not all(abs(value) < 1e6 for value in means.values()):
+                    raise SystemExit(f"step {trainer.step}: the losses are no numbers any more: {means}")
+                pace = (now - begun) / (trainer.step - first)
+                run.log(
+                    step=trainer.step,
+                    **{k: round(v, 6) for k, v in means.items()},
+                    step_ms=round(1000 * pace, 1),
+                    waited_ms=round(1000 * waited / (trainer.step - first), 2),
+                )
+                left = hours(pace * (config.steps - trainer.step))
+                print(
+                    f"\r{run.folder.name} {trainer.step}/{config.steps}  L1 {means['l1']:.4f}  "
+                    f"GAN {means.get('gan', 0):.3f}/{means.get('discriminator', 0):.3f}  {1000 * pace:.0f} ms/step  "
+                    f"left {left}  ",
+                    end="",
+                    file=sys.stderr,
+                    flush=True,
+                )
+                shown, sums, count = now, {}, 0
+            if now - saved > 60 * args.save_minutes:
+                save()
+                row = examine(trainer, test, run)
+                print(f"{row['psnr_db']:.2f} dB (LQ {row['psnr_lq_db']:.2f})", file=sys.stderr)
+                saved = time.monotonic()
+    finally:
+        stream.close()
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+    save()
+    row = examine(trainer, test, run)
+    print(f"\n{run.folder}: step {trainer.step} of {config.steps}, {row}", file=sys.stderr)
+    return trainer.step >= config.steps
+
+
+def main(argv=None):
+    """The command."""
+    args = parser().parse_args(argv)
+    config = configure(args)
+    torch.set_num_threads(args.threads)
+    try:
+        data = Dataset(args.data)
+        crops = Crops(data, "train", config.crop, config.batch, config.seed, config.flip)
+        # A data set that is still being written may have no test rows yet.
+        split = "test" if data.split("test") else "train"
+        test = Crops(data, split, config.crop, TEST_CROPS, TEST_SEED, flip=False, min_inside=0.5).at(0)
+    except DatasetError as error:
+        raise SystemExit(str(error)) from None
+    trainer = Trainer(config, data, args.device, args.bf16)
+    unknown = trainer.segmentation.unknown(data.classes)
+    if unknown:
+        print(f"not in insonify's table, taken for {trainer.segmentation.other}: {', '.join(unknown)}", file=sys.stderr)
+    if split == "train":
+        print("no test rows yet: figures and sheet are of training crops", file=sys.stderr)
+    run = Run(args.out or Path("runs") / args.tier, config, data)
+    data_sha256 = data.sha256()
+    resume(trainer, run, config, data_sha256)
+    weights = sum(p.numel() for p in trainer.generator.parameters())
+    print(
+        f"{run.folder}: {config.network} {config.variant}, {weights / 1e6:.2f} M weights; {len(crops.rows)} tuples; "
+        f"steps {trainer.step} to {config.steps} of {config.batch} x {config.crop}²",
+        file=sys.stderr,
+    )
+    if not loop(trainer, crops, test, run, args, data_sha256):
+        print("stopped: the same command goes on", file=sys.stderr)
+        return STOPPED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,91 @@
+import shutil
+
+import numpy as np
+import pytest
+
+from insonify_training.channels import VARIANTS, Encoder
+from insonify_training.classes import Segmentation
+from insonify_training.dataset import Crops, Dataset, DatasetError
+
+
+def test_batches_depend_on_seed_and_step_only(data):
+    crops = Crops(data, "train", 64, 3, seed=7)
+    ahead = list(crops.stream(4, 9, threads=3))
+    for step, batch in zip(range(4, 9), ahead):
+        again = Crops(data, "train", 64, 3, seed=7).at(step)
+        assert (batch.planes == again.planes).all() and (batch.mask == again.mask).all()
+    assert (Crops(data, "train", 64, 3, seed=8).at(4).planes != ahead[0].planes).any()
+
+
+def test_crops_hold_enough_of_the_sector_and_stay_aligned(data):
+    crops = Crops(data, "train", 48, 4, seed=1, min_inside=0.5)
+    for step in range(20):
+        batch = crops.at(step)
+        inside = batch.mask[:, 0] > 0
+        # Origins are moved by less than the grid's step, so that a little less may be inside.
+        assert inside.mean((1, 2)).min() > 0.25
+        # Outside the sector every plane is 0, whichever way a crop was mirrored.
+        assert not batch.planes.transpose(1, 0, 2, 3)[:, ~inside].any()
+
+
+def test_half_a_last_line_is_ignored_and_any_other_is_an_error(data_dir, tmp_path):
+    copy = shutil.copytree(data_dir, tmp_path / "set")
+    manifest = copy / "manifest.jsonl"
+    whole = manifest.read_text()
+    manifest.write_text(whole[:-40])
+    assert len(Dataset(copy).rows) == len(Dataset(data_dir).rows) - 1
+    manifest.write_text(whole[:30] + "\n" + whole)
+    with pytest.raises(DatasetError, match="manifest.jsonl:1"):
+        Dataset(copy)
+
+
+def test_shards_are_read_together(data_dir, tmp_path):
+    copy = shutil.copytree(data_dir, tmp_path / "set")
+    lines = (copy / "manifest.jsonl").read_text().splitlines(keepends=True)
+    (copy / "manifest.jsonl").unlink()
+    (copy / "manifest.001-of-002.jsonl").write_text("".join(lines[1::2]))
+    (copy / "manifest.000-of-002.jsonl").write_text("".join(lines[::2]))
+    assert Dataset(copy).rows == Dataset(data_dir).rows
+    assert Dataset(copy).sha256() == Dataset(data_dir).sha256()
+
+
+def test_an_exam_in_both_splits_is_refused(data_dir, tmp_path):
+    copy = shutil.copytree(data_dir, tmp_path / "set")
+    manifest = copy / "manifest.jsonl"
+    manifest.write_text(manifest.read_text().replace('"exam": 7', '"exam": 0'))
+    with pytest.raises(DatasetError, match="both train and test"):
+        Dataset(copy)
+
+
+@pytest.mark.parametrize("encoding", ["map", "classes"])
+@pytest.mark.parametrize("variant", list(VARIANTS))
+def test_channels_are_what_the_manifest_says(data, variant, encoding):
+    segmentation = Segmentation.make(encoding)
+    encode = Encoder(variant, segmentation, data, attenuation_power=0.25)
+    batch = Crops(data, "train", 64, 2, seed=3).at(0)
+    inputs, target, mask = encode(batch.planes, batch.mask)
+    assert inputs.shape == (2, encode.channels, 64, 64)
+    expected = {
+        "image": batch.planes[:, :1] / np.float32(255),
+        "mask": (batch.mask > 0).astype(np.float32),
+        "attenuation": (batch.planes[:, 3:] / np.float32(255)) ** 0.25,
+    }
+    indices = segmentation.indices(data.classes)[batch.planes[:, 2]]
+    if encoding == "map":
+        expected["segmentation"] = indices[:, None] * segmentation.scale
+    else:
+        expected["segmentation"] = indices[:, None] == np.arange(len(segmentation.classes))[:, None, None]
+    whole = np.concatenate([expected[name] for name in VARIANTS[variant]], axis=1)
+    np.testing.assert_allclose(inputs.numpy(), whole, atol=1e-6)
+    np.testing.assert_allclose(target.numpy(), batch.planes[:, 1:2] / np.float32(255), atol=1e-6)
+    assert ((mask.numpy() > 0) == (batch.mask > 0)).all()
+
+
+def test_neighbouring_classes_look_alike():
+    classes = Segmentation.make("map").classes
+    assert classes[0] == "outside" and len(set(classes)) == len(classes)
+    at = classes.index
+    assert at("air") < at("amniotic_fluid") < at("brain") < at("liver") < at("fascia") < at("bone_fetal")
+    groups = Segmentation.make("classes")
+    assert groups.of["calvaria_fetal"] == "hard" and groups.of["blood"] == "fluid" and groups.of["lung_air"] == "gas"
+    assert groups.index("never_heard_of") == groups.index("soft_tissue")

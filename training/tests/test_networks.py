@@ -1,0 +1,79 @@
+import pytest
+import torch
+
+from insonify_training import losses
+from insonify_training.discriminator import PatchDiscriminator
+from insonify_training.networks import Norm, fold, freeze, make
+from insonify_training.quality import psnr_db, ssim
+
+
+@pytest.mark.parametrize("norm", ["none", "instance", "batch"])
+@pytest.mark.parametrize("name", ["stride8", "stride4", "unet4"])
+def test_a_folded_network_is_the_frozen_one(name, norm):
+    torch.manual_seed(1)
+    network = make(name, 4, norm)
+    # Coarsest maps of more than a pixel: one alone has no variance.
+    size = max(64, network.padding_multiple)
+    for _ in range(3):
+        network(torch.rand(2, 4, size, size))
+    freeze(network.eval())
+    folded = fold(network)
+    assert not any(isinstance(m, Norm) for m in folded.modules())
+    x = torch.rand(1, 4, size, 2 * size)
+    with torch.no_grad():
+        y = network(x)
+        torch.testing.assert_close(folded(x), y, atol=1e-4, rtol=1e-4)
+    assert y.shape == (1, 1, size, 2 * size)
+
+
+def test_frozen_statistics_give_a_crop_what_the_whole_gets():
+    torch.manual_seed(2)
+    network = make("stride8", 4, "instance").eval()
+    x = torch.rand(1, 4, 512, 512)
+    crop = x[..., 128:384, 128:384]
+    for frozen, same in ((True, True), (False, False)):
+        freeze(network, frozen)
+        with torch.no_grad():
+            whole, part = network(x)[..., 128:384, 128:384], network(crop)
+        # The middle is farther from the crop's border than the network sees.
+        inner = (whole - part)[..., 112:144, 112:144].abs().max()
+        assert (inner < 1e-5) == same
+
+
+def test_statistics_are_the_mean_of_what_was_seen():
+    norm = Norm(3, "instance")
+    norm.every, norm.momentum = 1, 0.0
+    x = torch.randn(4, 2, 3, 8, 8) * 3 + 1
+    for one in x:
+        norm(one)
+    torch.testing.assert_close(norm.mean, x.mean((0, 1, 3, 4)))
+    torch.testing.assert_close(norm.variance, x.var((3, 4), unbiased=False).mean((0, 1)))
+
+
+def test_the_discriminator_has_four_convolutions_and_judges_patches():
+    discriminator = PatchDiscriminator(4, 8)
+    assert len(discriminator.layers) == 4
+    assert discriminator(torch.rand(2, 4, 64, 64), torch.rand(2, 1, 64, 64)).shape == (2, 1, 14, 14)
+
+
+def test_schedules():
+    weights = [losses.gan_weight(step, 1.0, 10, 5) for step in range(20)]
+    assert weights[:10] == [0.0] * 10 and weights[10:15] == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0]) and weights[19] == 1.0
+    rates = [losses.learning_rate(step, 100, 1.0, 0.5) for step in (0, 50, 75, 99)]
+    assert rates == pytest.approx([1.0, 1.0, 0.5, 0.02])
+
+
+def test_soft_clip_leads_back():
+    y = torch.tensor([-1.0, 0.5, 2.0], requires_grad=True)
+    losses.soft_clip(y).sum().backward()
+    assert y.grad.tolist() == pytest.approx([0.05, 1.0, 0.05])
+
+
+def test_quality_of_known_pictures():
+    x = torch.rand(2, 1, 32, 32)
+    assert ssim(x, x).tolist() == pytest.approx([1.0, 1.0])
+    grey = torch.full((1, 1, 16, 16), 100 / 255)
+    assert psnr_db(grey, grey + 10 / 255).item() == pytest.approx(28.13, abs=0.01)
+    # Of constants only the means differ: (2ab + c1) / (a² + b² + c1).
+    a, b, c1 = 100.0, 110.0, 2.55**2
+    assert ssim(grey, grey + 10 / 255).item() == pytest.approx((2 * a * b + c1) / (a * a + b * b + c1), abs=1e-4)

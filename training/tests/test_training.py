@@ -1,0 +1,84 @@
+import json
+import tomllib
+
+import numpy as np
+import pytest
+import torch
+
+from insonify_training import export, train
+from insonify_training.sheets import read_log
+from insonify_training.trainer import read_checkpoint
+
+TINY = ["--crop", "64", "--batch", "4", "--threads", "1", "--warmup", "20", "--ramp", "10", "--ndf", "4"]
+
+
+def run(data_dir, out, *flags):
+    return train.main(["fast_msa", "--data", str(data_dir), "--out", str(out), *TINY, *flags])
+
+
+@pytest.fixture(scope="module")
+def trained(data_dir, tmp_path_factory):
+    out = tmp_path_factory.mktemp("run") / "tiny"
+    assert run(data_dir, out, "--steps", "150", "--warmup", "130") == 0
+    return out
+
+
+def test_it_learns(trained):
+    rows = read_log(trained / "log.jsonl")
+    last = rows[-1]
+    assert last["step"] == 150 and last["gan_weight"] > 0 and last["gan"] > 0
+    assert last["psnr_db"] > last["psnr_lq_db"] + 1
+    assert (trained / "loss.png").stat().st_size > 1000 and (trained / "sheet.png").stat().st_size > 1000
+
+
+def test_a_resumed_run_is_the_run(data_dir, tmp_path):
+    flags = ["--steps", "8", "--warmup", "3", "--norm", "instance"]
+    assert run(data_dir, tmp_path / "whole", *flags) == 0
+    assert run(data_dir, tmp_path / "parts", *flags, "--stop-after", "5") == train.STOPPED
+    assert read_checkpoint(tmp_path / "parts/checkpoint.pt")["step"] == 5
+    assert run(data_dir, tmp_path / "parts", *flags) == 0
+    whole, parts = (read_checkpoint(tmp_path / name / "checkpoint.pt") for name in ("whole", "parts"))
+    for part in ("generator", "average", "discriminator"):
+        for name, tensor in whole[part].items():
+            assert torch.equal(tensor, parts[part][name]), (part, name)
+
+
+def test_another_network_is_not_resumed(data_dir, trained):
+    with pytest.raises(SystemExit, match="network is stride8, not stride4"):
+        run(data_dir, trained, "--network", "stride4")
+
+
+@pytest.mark.parametrize("flags", [[], ["--norm", "instance", "--freeze-from", "1", "--segmentation", "classes"]])
+def test_an_export_is_what_the_manifest_says(data, data_dir, tmp_path, flags):
+    run(data_dir, tmp_path / "run", "--steps", "6", *flags)
+    found = export.export(tmp_path / "run", data, tmp_path / "tiny_msa", frames=1)
+    assert found["onnxruntime_levels"] < export.AGREES and found["folded_levels"] < export.AGREES
+    manifest = tomllib.loads((tmp_path / "tiny_msa/tiny_msa.toml").read_text())
+    assert manifest["variant"] == "MSA" and manifest["training"] == {"data_sha256": data.sha256(), "iterations": 6}
+
+    # As the station does it: from the parity pair's planes by the manifest alone.
+    planes = np.load(tmp_path / "tiny_msa/tiny_msa.parity_input.npy")
+    expected = np.load(tmp_path / "tiny_msa/tiny_msa.parity_output.npy")
+    image, classes, attenuation, mask = planes
+    table = manifest["input"]
+    channels = []
+    for name in table["channels"]:
+        if name == "segmentation" and manifest["segmentation"]["encoding"] == "classes":
+            count = len(manifest["segmentation"]["classes"])
+            maps = [(classes == index).astype(np.float32) for index in range(count)]
+        else:
+            maps = [{"image": image / 255, "mask": mask / 255, "segmentation": classes, "attenuation": attenuation}[name]]
+        affine = table[name]
+        channels += [m ** affine.get("power", 1.0) * affine["scale"] + affine["offset"] for m in maps]
+    tensor = torch.from_numpy(np.stack(channels)[None].astype(np.float32))
+    session = export.session(tmp_path / "tiny_msa/tiny_msa.onnx", 1)
+    output = export.run_onnx(session, tensor, manifest["padding_multiple"])[0, 0].numpy()
+    levels = np.clip(output * 255, 0, 255) * (mask > 0)
+    assert np.abs(levels - expected).max() < manifest["parity"]["tolerance"]
+
+
+def test_the_log_keeps_the_last_of_a_step(tmp_path):
+    log = tmp_path / "log.jsonl"
+    rows = [{"step": 1, "l1": 0.5}, {"event": "resume"}, {"step": 1, "l1": 0.4}, {"step": 1, "psnr_db": 20.0}]
+    log.write_text("\n".join(map(json.dumps, rows)) + '\n{"step": 2, "l')
+    assert read_log(log) == [{"step": 1, "l1": 0.4, "psnr_db": 20.0}]
