@@ -91,7 +91,7 @@ def main(argv=None):
     with tempfile.TemporaryDirectory() as folder:
         for name in args.network:
             torch.manual_seed(1)
-            network = fold(make(name, args.channels))
+            network = fold(make(name, args.channels, image=0))
             path = Path(folder) / f"{name}.onnx"
             write_onnx(network, args.channels, path)
             x = random.random((1, args.channels, *shape_for(size, network.padding_multiple)), dtype=np.float32)

@@ -30,6 +30,11 @@ class Encoder:
         """Channels of the input tensor."""
         return sum(self.segmentation.channels if name == "segmentation" else 1 for name in self.names)
 
+    @property
+    def image(self):
+        """Which channel the LQ image is, if it is one."""
+        return self.names.index("image") if self.names[0] == "image" else None
+
     def input(self, planes, mask):
         """Input float32 [n, channels, h, w] of planes uint8 [n, 4, h, w] and mask uint8 [n, 1, h, w]."""
         planes, mask = self._bytes(planes), self._bytes(mask)

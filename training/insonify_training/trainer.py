@@ -23,7 +23,7 @@ class Trainer:
         self.encode = Encoder(config.variant, self.segmentation, data, config.attenuation_power, device)
         torch.manual_seed(config.seed)
         place = {"device": self.device, "memory_format": torch.channels_last}
-        self.generator = make(config.network, self.encode.channels, config.norm).to(**place)
+        self.generator = make(config.network, self.encode.channels, config.norm, self.encode.image).to(**place)
         self.discriminator = PatchDiscriminator(self.encode.channels, config.ndf).to(**place)
         self.average = copy.deepcopy(self.generator).eval().requires_grad_(False)
         adam = {"lr": config.rate, "betas": ADAM_BETAS}
