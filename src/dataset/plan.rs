@@ -240,3 +240,104 @@ fn is_apart(a: &Pose, b: &Pose) -> bool {
     let angle_deg = a.orientation.angle_between(b.orientation).to_degrees();
     a.position_mm.distance(b.position_mm) >= APART_MM || angle_deg >= APART_DEG
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+    use proptest::prelude::*;
+
+    fn wishes() -> Wishes {
+        Wishes { frames: 600, seed: 1, phantoms: 15, frames_per_exam: 8, test_share: 0.1, stations: vec![true, false] }
+    }
+
+    fn key(exam: &Exam) -> (usize, Option<u64>, Option<usize>) {
+        let phantom = exam.phantom.map(|p| p.seed);
+        (exam.station, phantom, phantom.is_none().then_some(exam.number))
+    }
+
+    proptest! {
+        #[test]
+        fn every_tuple_is_planned_once_and_no_phantom_is_in_both(
+            frames in 40usize..700, seed: u64, phantoms in 0usize..12, per in 1usize..12, share in 0.01f64..0.99,
+            stations in proptest::collection::vec(any::<bool>(), 1..3),
+        ) {
+            prop_assume!(phantoms != 1);
+            let wishes = Wishes { frames, seed, phantoms, frames_per_exam: per, test_share: share, stations };
+            let plan = match Plan::new(&wishes) {
+                Ok(plan) => plan,
+                Err(e) => { prop_assert!(e.to_string().contains("too few")); return Ok(()) }
+            };
+            let tuples: Vec<usize> = plan.exams.iter().flat_map(|e| e.tuples.clone()).collect();
+            prop_assert_eq!(tuples, (0..frames).collect::<Vec<_>>());
+            let keys = |split| -> std::collections::HashSet<_> {
+                plan.exams.iter().filter(|e| e.split == split).map(key).collect()
+            };
+            let (train, test) = (keys(Split::Train), keys(Split::Test));
+            prop_assert!(train.is_disjoint(&test) && !train.is_empty() && !test.is_empty());
+            prop_assert!(plan.exams.iter().all(|e| e.tuples.len() <= per && !e.tuples.is_empty()));
+            prop_assert_eq!(&Plan::new(&wishes).unwrap(), &plan);
+            for of in [1, 3, 7] {
+                let parts = (1..=of).flat_map(|number| Shard { number, of }.of(&plan.exams).to_vec());
+                prop_assert_eq!(&parts.collect::<Vec<_>>(), &plan.exams);
+            }
+        }
+    }
+
+    #[test]
+    fn another_seed_is_another_data_set() {
+        let seeds = |seed| -> Vec<u64> {
+            Plan::new(&Wishes { seed, ..wishes() }).unwrap().exams.iter().map(|e| e.seed).collect()
+        };
+        assert!(seeds(1).iter().zip(seeds(2)).all(|(a, b)| *a != b));
+    }
+
+    #[test]
+    fn wishes_that_cannot_be_met_say_why() {
+        for (wishes, word) in [
+            (Wishes { test_share: 0.0, ..wishes() }, "share of 0"),
+            (Wishes { test_share: f64::NAN, ..wishes() }, "share of NaN"),
+            (Wishes { phantoms: 1, ..wishes() }, "one phantom"),
+            (Wishes { frames: 10, ..wishes() }, "too few"),
+            (Wishes { stations: vec![], ..wishes() }, "a station"),
+        ] {
+            let error = Plan::new(&wishes).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn key_frames_of_the_phantom_lie_apart_and_on_the_skin() {
+        let exam = Plan::new(&wishes()).unwrap().exams[0].clone();
+        let parameters = exam.phantom.unwrap();
+        let skin = Skin::phantom(&parameters);
+        let planes = crate::anatomy::planes::obstetric(&parameters);
+        let source = Source::Planes(&planes, &skin);
+        let moments = exam.moments(&source).unwrap();
+        assert_eq!(moments.iter().map(|m| m.index).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
+        for (i, a) in moments.iter().enumerate() {
+            assert!(skin.press_mm(&a.pose).unwrap() > -OFF_SKIN_MM);
+            assert!(moments[..i].iter().all(|b| is_apart(&a.pose, &b.pose) && b.time_s < a.time_s && b.seed != a.seed));
+        }
+        assert_eq!(exam.moments(&source).unwrap(), moments);
+    }
+
+    #[test]
+    fn a_hand_without_planes_wanders_about_a_pose() {
+        let exam = Exam { tuples: 5..25, phantom: None, ..Plan::new(&wishes()).unwrap().exams[0].clone() };
+        let home = Pose { position_mm: DVec3::new(1.0, 2.0, 3.0), orientation: DQuat::from_rotation_x(1.0) };
+        let moments = exam.moments(&Source::About(home)).unwrap();
+        assert_eq!(moments.len(), 20);
+        for moment in &moments {
+            assert!(moment.pose.position_mm.distance(home.position_mm) < 1.5 * 1.5 * WANDER.slide_mm);
+        }
+    }
+
+    #[test]
+    fn a_shard_is_one_of_how_many() {
+        assert_eq!("3/8".parse(), Ok(Shard { number: 3, of: 8 }));
+        for text in ["0/8", "9/8", "3", "a/b", "1/0", "-1/2", "1/200000"] {
+            assert!(text.parse::<Shard>().is_err(), "{text}");
+        }
+    }
+}

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use npyz::NpyFile;
 
-use super::{DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
+use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 
 /// A data set's header and rows; arrays are read when asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,10 +30,18 @@ pub struct Tuple {
     pub hq: Vec<u8>,
     /// Index in [`Header::classes`].
     pub segmentation: Vec<u8>,
-    /// Attenuation map × 255.
+    /// 255 × the attenuation map to the power of [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
     pub attenuation: Vec<u8>,
     /// 255 inside the sector, 0 outside.
     pub mask: Vec<u8>,
+}
+
+impl Tuple {
+    /// The attenuation map, 0..=1, as frames have it.
+    pub fn attenuation_map(&self) -> Vec<f32> {
+        let levels: [f32; 256] = std::array::from_fn(|byte| (byte as f32 / 255.0).powf(ATTENUATION_POWER.recip()));
+        self.attenuation.iter().map(|&byte| levels[usize::from(byte)]).collect()
+    }
 }
 
 impl Header {

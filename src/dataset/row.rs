@@ -20,6 +20,8 @@ pub struct Header {
     pub classes: Vec<String>,
     /// [`PLANES`](super::PLANES).
     pub planes: Vec<String>,
+    /// [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
+    pub attenuation_power: f32,
     /// Rays and layers of the low quality.
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.
@@ -200,5 +202,44 @@ impl PhantomRow {
         };
         parameters.validate().map_err(|e| e.to_string())?;
         Ok(PhantomOptions { scale: self.scale, parameters })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_pose_comes_back_from_json_bit_for_bit(
+            position in proptest::array::uniform3(-2000.0f64..2000.0), turn in proptest::array::uniform3(-3.0f64..3.0),
+        ) {
+            let orientation = glam::DQuat::from_scaled_axis(turn.into());
+            let pose = Pose { position_mm: position.into(), orientation };
+            let row = PoseRow::from(&pose);
+            let again: PoseRow = serde_json::from_str(&serde_json::to_string(&row).unwrap()).unwrap();
+            prop_assert_eq!(again, row);
+            let back = Pose::from(&row);
+            prop_assert!(back.position_mm.distance(pose.position_mm) < 1e-6);
+            prop_assert!(back.orientation.angle_between(pose.orientation) < 1e-7);
+        }
+
+        #[test]
+        fn a_phantom_comes_back_from_json_bit_for_bit(seed: u64) {
+            let options = PhantomOptions { scale: 1.0, parameters: crate::dataset::parameters(seed) };
+            let row = PhantomRow::from(&options);
+            let again: PhantomRow = serde_json::from_str(&serde_json::to_string(&row).unwrap()).unwrap();
+            prop_assert_eq!(again.options().unwrap(), options);
+        }
+    }
+
+    #[test]
+    fn unknown_words_and_wrong_values_are_told() {
+        let row = PhantomRow::from(&PhantomOptions { scale: 1.0, parameters: Parameters::default() });
+        let error = |row: PhantomRow| row.options().unwrap_err();
+        assert!(error(PhantomRow { lie: "oblique".into(), ..row.clone() }).contains("oblique"));
+        assert!(error(PhantomRow { placenta: "low".into(), ..row.clone() }).contains("low"));
+        assert!(error(PhantomRow { weeks: 50.0, ..row }).contains("16..=34"));
     }
 }

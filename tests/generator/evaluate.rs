@@ -36,7 +36,7 @@ fn data_set(directory: &Path) {
     let header = json!({
         "format": 1, "insonify": "0.1.0", "seed": 1, "frames": 2,
         "classes": ["outside", "amniotic_fluid", "bone_fetal", "placenta"],
-        "planes": ["lq", "hq", "segmentation", "attenuation"], "lq": [1, 1], "hq": [32, 3], "phantoms": 0,
+        "planes": ["lq", "hq", "segmentation", "attenuation"], "attenuation_power": 0.25, "lq": [1, 1], "hq": [32, 3], "phantoms": 0,
         "frames_per_exam": 1, "test_share": 0.5,
         "stations": [{"file": "stations/a.toml", "directory": "/nowhere"}],
     });

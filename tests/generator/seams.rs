@@ -147,7 +147,7 @@ fn nothing_is_outside_the_sector_and_its_edge_shows_no_padding() {
     let fan = |x: usize, y: usize| {
         let (dx, dy) = (x as f64 - 301.0, y as f64 + 120.0);
         let (radius, angle) = (dx.hypot(dy), dx.atan2(dy).abs());
-        (120.0..556.0).contains(&radius) && angle < 0.575
+        (120.0..557.0).contains(&radius) && angle < 0.575
     };
     for path in shipped() {
         let mut generator = load_shipped(&path);

@@ -102,7 +102,7 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         let judged = Judged { tuple: &tuple, index: row.index, places, side, behind };
         judged.features(&tuple.hq, &mut extractors, &mut target)?;
         rows[0].add(&judged, &tuple.lq, &mut extractors)?;
-        let attenuation = attenuation(&tuple);
+        let attenuation = tuple.attenuation_map();
         for ((_, generator), row) in generators.iter_mut().zip(&mut rows[1..]) {
             generate(generator, &tuple, &attenuation, &mut image)?;
             row.add(&judged, &image, &mut extractors)?;
@@ -144,11 +144,6 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         notes,
         sheets,
     })
-}
-
-/// Attenuation as a rendered frame has it.
-pub(super) fn attenuation(tuple: &Tuple) -> Vec<f32> {
-    tuple.attenuation.iter().map(|&a| f32::from(a) / 255.0).collect()
 }
 
 /// Runs a generator on the full field of view of a tuple.

@@ -9,7 +9,7 @@ use insonify::sink::comparison_sheet::Panel;
 use insonify::sink::{ComparisonSheet, create_dir};
 
 use super::super::{Classify, Failure};
-use super::dataset::{attenuation, generate};
+use super::dataset::generate;
 use super::judge::{ImageScores, RowReport};
 
 /// Width of a full field of view, pixels.
@@ -37,7 +37,7 @@ pub(super) fn write(
         let Some(scores) = order.get(at).filter(|_| !seen) else { continue };
         let Some(row) = chosen.iter().find(|row| row.index == scores.index) else { continue };
         let tuple = dataset.tuple(row).input()?;
-        let attenuation = attenuation(&tuple);
+        let attenuation = tuple.attenuation_map();
         let mut images = vec![("LQ".to_owned(), tuple.lq.clone())];
         for (name, generator) in generators.iter_mut() {
             let mut image = Vec::new();
