@@ -10,6 +10,9 @@ use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
 use super::{GeneratorError, Runtime};
 use crate::quality::{CROP, FeatureExtractor, QualityError};
 
+/// Written by `training/make_features.py`.
+const TEXTURE64: &[u8] = include_bytes!("../../assets/quality/texture64.onnx");
+
 /// What grey levels become in the tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureScale {
@@ -59,6 +62,7 @@ impl FromStr for FeatureScale {
 /// channel; its first output is float32 [1, d], or [1, d, …], which is averaged over what follows. Inception v3 without
 /// its last layer is one; where the model leaves its side open, 299 is taken.
 pub struct OnnxFeatures {
+    name: String,
     path: PathBuf,
     session: Session,
     channels: usize,
@@ -79,12 +83,40 @@ impl OnnxFeatures {
     /// A file that can't be read, a model that ONNX Runtime doesn't take, tensors of another kind.
     pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
         let model = std::fs::read(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        Self::of_model(stem, path, &model, runtime, scale)
+    }
+
+    /// The built-in network `texture64`: 64 fixed statistics of the texture of a crop of 256 × 256, nothing of it learnt.
+    /// Means and deviations of the magnitudes of Gabor filters of 4 octaves and 4 orientations, and their correlations
+    /// (after Portilla and Simoncelli, IJCV 2000); `training/make_features.py` writes it and says what each one is. A
+    /// distance over these is no FID.
+    ///
+    /// # Errors
+    /// ONNX Runtime doesn't take it.
+    pub fn texture64(runtime: &Runtime) -> Result<Self, GeneratorError> {
+        let path = Path::new("assets/quality/texture64.onnx");
+        Self::of_model("texture64".to_owned(), path, TEXTURE64, runtime, FeatureScale::Unit)
+    }
+
+    fn of_model(
+        name: String,
+        path: &Path,
+        model: &[u8],
+        runtime: &Runtime,
+        scale: FeatureScale,
+    ) -> Result<Self, GeneratorError> {
         let refused = |e: ort::Error| GeneratorError::Model { path: path.to_owned(), reason: e.message().to_owned() };
         let mut builder = Session::builder(runtime.environment()).map_err(refused)?;
-        let session = builder.commit_from_memory(&model).map_err(refused)?;
+        let session = builder.commit_from_memory(model).map_err(refused)?;
         let (channels, crop) =
             signature(&session).map_err(|reason| GeneratorError::Signature { path: path.to_owned(), reason })?;
-        Ok(Self { path: path.to_owned(), session, channels, crop, scale })
+        Ok(Self { name, path: path.to_owned(), session, channels, crop, scale })
+    }
+
+    /// Its name: that of its file, without the extension.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     fn run(&mut self, crop: &[u8]) -> Result<Vec<f64>, String> {

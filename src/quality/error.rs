@@ -53,6 +53,12 @@ pub enum QualityError {
         /// Vectors given.
         found: usize,
     },
+    /// Too few frames of a sequence.
+    #[error("{found} frames; steadiness needs 2 at least")]
+    FewFrames {
+        /// Frames given.
+        found: usize,
+    },
     /// Feature vectors of different lengths, or empty ones.
     #[error("a feature vector has {found} values where {expected} are expected")]
     FeatureLength {

@@ -15,7 +15,10 @@
 //! | [`frechet_distance`] | lower | never: extractors take rectangles |
 //! | [`speckle`](mod@speckle) | nearer to the reference's | by the segmentation, which is 0 outside |
 //! | [`structures`](mod@structures) | lower | by the segmentation, which is 0 outside |
+//! | [`regions`] | nearer to the reference's | by tissue, and behind bone |
+//! | [`steadiness`] | nearer to the target's | pixels inside in both frames |
 
+mod crop_places;
 mod error;
 mod features;
 mod frechet;
@@ -28,11 +31,14 @@ mod psnr;
 pub mod qa_phantom;
 #[cfg(test)]
 mod reference_tests;
+pub mod regions;
 mod scores;
 pub mod speckle;
 mod ssim;
+pub mod steadiness;
 pub mod structures;
 
+pub use crop_places::{CROP_COUNT, CROP_INSIDE, CROP_SIDE, crop_places, cut};
 pub use error::QualityError;
 pub use features::{CROP, FeatureExtractor, crops};
 pub use frechet::{Gaussian, frechet_distance, frechet_distance_of};
@@ -41,8 +47,10 @@ pub use pair::Pair;
 pub use percentile::percentile;
 pub use pkl::{BINS, PATCH, PSEUDO_COUNT, pkl};
 pub use psnr::psnr_db;
+pub use regions::{RegionError, RegionSum, Scanlines};
 pub(crate) use scores::infinite_is_null;
 pub use scores::{Scores, Spread, Summary};
 pub use speckle::ClassSpeckle;
 pub use ssim::{SsimMap, ssim};
+pub use steadiness::Steadiness;
 pub use structures::ClassStructure;

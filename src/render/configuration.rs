@@ -7,7 +7,7 @@ use super::gpu::Gpu;
 use super::params::Params;
 use super::passes::{Constants, Pass, Pipelines};
 use super::plan::{Effect, EffectPlan, SceneFacts};
-use super::readback::{MAP_PASSES, Shape, Slot};
+use super::readback::{Contents, Shape, Slot};
 use super::renderer::{FRAMES_IN_FLIGHT, RenderError};
 use super::tables::Tables;
 use super::{ClippedKernel, RenderSettings};
@@ -206,13 +206,12 @@ impl Configuration {
     }
 
     /// Passes of a frame in their order, each with its batch.
-    pub(super) fn passes(&self, maps: bool) -> impl Iterator<Item = (&Pass, u32)> {
+    pub(super) fn passes(&self, contents: Contents) -> impl Iterator<Item = (&Pass, u32)> {
         let paths = (0..self.plan.batches).flat_map(|batch| self.path_passes.iter().map(move |pass| (pass, batch)));
-        let left_out = |pass: &&Pass| !MAP_PASSES.contains(&pass.name);
-        let image = self.image_passes.iter().filter(move |pass| maps || left_out(pass)).map(move |pass| {
-            let alone = !maps && pass.name == self.image_alone.name;
+        let image = self.image_passes.iter().map(move |pass| {
+            let alone = !contents.maps && pass.name == self.image_alone.name;
             (if alone { &self.image_alone } else { pass }, 0)
         });
-        paths.chain(image)
+        paths.chain(image).filter(move |(pass, _)| contents.takes(pass.name))
     }
 }

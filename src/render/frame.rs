@@ -25,7 +25,8 @@ pub struct Frame {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// B-mode grey levels [height × width], 0 outside the sector.
+    /// B-mode grey levels [height × width], 0 outside the sector. Empty without
+    /// [`Renderer::set_image`](super::Renderer::set_image).
     pub bmode: Vec<u8>,
     /// Tissue numbers [height × width]: index in the scene's table + 1; 0 outside the sector. Empty without
     /// [`RenderSettings::maps`](super::RenderSettings::maps).

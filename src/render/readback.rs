@@ -34,7 +34,25 @@ pub(crate) struct Shape {
 }
 
 /// Passes that a frame without maps leaves out.
-pub(crate) const MAP_PASSES: [&str; 2] = ["section", "percentile"];
+const MAP_PASSES: [&str; 2] = ["section", "percentile"];
+/// Passes that a frame without its image leaves out.
+const IMAGE_PASSES: [&str; 6] = ["locate", "trace", "march", "echo", "lateral", "detect"];
+
+/// What a frame holds, beside its mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Contents {
+    /// The B-mode image.
+    pub(crate) image: bool,
+    /// Segmentation and attenuation.
+    pub(crate) maps: bool,
+}
+
+impl Contents {
+    /// Whether it takes the pass of that name.
+    pub(crate) fn takes(self, pass: &str) -> bool {
+        (self.maps || !MAP_PASSES.contains(&pass)) && (self.image || !IMAGE_PASSES.contains(&pass))
+    }
+}
 
 #[derive(Debug)]
 struct Queries {
@@ -104,8 +122,8 @@ impl Slot {
     }
 
     /// Passes of a frame.
-    fn passes(&self, maps: bool) -> impl Iterator<Item = &'static str> {
-        self.shape.passes.iter().copied().filter(move |name| maps || !MAP_PASSES.contains(name))
+    fn passes(&self, contents: Contents) -> impl Iterator<Item = &'static str> {
+        self.shape.passes.iter().copied().filter(move |name| contents.takes(name))
     }
 
     /// Timestamps around the pass that is recorded as the `index`-th.
@@ -118,10 +136,12 @@ impl Slot {
     }
 
     /// Records the copies from the working buffers.
-    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, maps: bool) {
+    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, contents: Contents) {
         let l = &self.layout;
-        encoder.copy_buffer_to_buffer(&buffers.bmode, 0, &self.staging, 0, Some(l.pixels));
-        if maps {
+        if contents.image {
+            encoder.copy_buffer_to_buffer(&buffers.bmode, 0, &self.staging, 0, Some(l.pixels));
+        }
+        if contents.maps {
             encoder.copy_buffer_to_buffer(&buffers.segmentation, 0, &self.staging, l.segmentation(), Some(l.pixels));
             encoder.copy_buffer_to_buffer(&buffers.attenuation, 0, &self.staging, l.attenuation(), Some(4 * l.pixels));
             encoder.copy_buffer_to_buffer(&buffers.percentile, 0, &self.staging, l.scalars(), Some(16));
@@ -131,7 +151,7 @@ impl Slot {
             encoder.copy_buffer_to_buffer(&buffers.lines, 0, &self.staging, l.lines(), Some(l.lines));
         }
         if let Some(queries) = &self.queries {
-            let count = 2 * self.passes(maps).count() as u32;
+            let count = 2 * self.passes(contents).count() as u32;
             encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
             encoder.copy_buffer_to_buffer(&queries.resolved, 0, &self.staging, l.times(), Some(u64::from(count) * 8));
         }
@@ -147,7 +167,7 @@ impl Slot {
     }
 
     /// Copies the mapped frame out and gives the memory back.
-    pub(crate) fn read(&self, frame: &mut Frame, maps: bool) -> Result<(), GpuError> {
+    pub(crate) fn read(&self, frame: &mut Frame, contents: Contents) -> Result<(), GpuError> {
         let lost = |e: wgpu::MapRangeError| GpuError::Lost { reason: e.to_string() };
         {
             let view = self.staging.slice(..).get_mapped_range().map_err(lost)?;
@@ -156,13 +176,16 @@ impl Slot {
             let at = |offset: u64, size: u64| &bytes[offset as usize..(offset + size) as usize];
             (frame.width, frame.height) = (self.shape.width, self.shape.height);
             let (width, stride) = (self.shape.width as usize, 4 * self.shape.row_words as usize);
-            unpad(&mut frame.bmode, at(0, l.pixels), width, stride);
+            // Of a frame without its image, or without maps, none are left of an earlier one.
+            frame.bmode.clear();
+            if contents.image {
+                unpad(&mut frame.bmode, at(0, l.pixels), width, stride);
+            }
             let scalars: &[u32] = bytemuck::cast_slice(at(l.scalars(), 32));
-            // Of a frame without maps none are left of an earlier one.
             frame.segmentation.clear();
             frame.attenuation.clear();
             frame.attenuation_p98 = 0.0;
-            if maps {
+            if contents.maps {
                 unpad(&mut frame.segmentation, at(l.segmentation(), l.pixels), width, stride);
                 let levels: &[f32] = bytemuck::cast_slice(at(l.attenuation(), 4 * l.pixels));
                 unpad(&mut frame.attenuation, levels, width, stride);
@@ -177,7 +200,7 @@ impl Slot {
             frame.times.passes.clear();
             if let Some(queries) = &self.queries {
                 let ticks: &[u64] = bytemuck::cast_slice(at(l.times(), l.queries * 8));
-                for (name, pair) in self.passes(maps).zip(ticks.chunks_exact(2)) {
+                for (name, pair) in self.passes(contents).zip(ticks.chunks_exact(2)) {
                     let ms = pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6;
                     match frame.times.passes.iter_mut().find(|p| p.name == name) {
                         Some(pass) => pass.ms += ms,

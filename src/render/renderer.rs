@@ -11,7 +11,7 @@ use super::configuration::{Configuration, Media};
 use super::gpu::{Gpu, GpuError};
 use super::passes::Pipelines;
 use super::plan::{Choice, Effect, EffectPlan};
-use super::readback::Slot;
+use super::readback::{Contents, Slot};
 use super::settings::SettingsError;
 use super::shaders::ShaderSet;
 use super::tables::TISSUES_MAX;
@@ -64,7 +64,7 @@ pub enum RenderError {
 struct InFlight {
     slot: Arc<Slot>,
     mask: Arc<[u8]>,
-    maps: bool,
+    contents: Contents,
     submission: wgpu::SubmissionIndex,
     started: Instant,
 }
@@ -78,6 +78,8 @@ pub struct Renderer {
     pub(super) scene: SceneBuffers,
     pipelines: Pipelines,
     pub(super) now: Configuration,
+    /// Whether the next frames carry their image.
+    image: bool,
     in_flight: VecDeque<InFlight>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
@@ -126,6 +128,7 @@ impl Renderer {
             scene,
             pipelines,
             now,
+            image: true,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             next_slot: 0,
             mapped,
@@ -171,7 +174,7 @@ impl Renderer {
     /// Renders a frame for each of `with` or without maps: drivers compile at the first dispatch, not in a user's first
     /// frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
-        let maps = self.now.settings.maps;
+        let (maps, image) = (self.now.settings.maps, std::mem::replace(&mut self.image, true));
         // Looks away from the scene, as that takes the least time.
         let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * glam::DVec3::Z;
         let away = Pose { position_mm: beside_mm, orientation: glam::DQuat::IDENTITY };
@@ -179,8 +182,12 @@ impl Renderer {
             self.now.settings.maps = with;
             let rendered = self.render(&away, &mut Frame::default());
             self.now.settings.maps = maps;
-            rendered?;
+            if rendered.is_err() {
+                self.image = image;
+                return rendered;
+            }
         }
+        self.image = image;
         Ok(())
     }
 
@@ -191,6 +198,13 @@ impl Renderer {
             self.now.settings.maps = maps;
             self.now.effects = self.media.plan(&self.now.probe, &self.now.settings);
         }
+    }
+
+    /// Whether the next frames carry their B-mode image: without it [`Frame::bmode`] is empty and the passes that make it
+    /// are left out, for a generator that takes maps alone. Frames without maps, and those whose lines are kept, have it in
+    /// any case. Costs nothing; frames in flight stay as they were submitted.
+    pub fn set_image(&mut self, image: bool) {
+        self.image = image;
     }
 
     /// The settings it renders with.
@@ -262,23 +276,24 @@ impl Renderer {
         self.place(pose);
         let now = &self.now;
         let maps = now.settings.maps || now.settings.effects.of(Effect::Maps) == Choice::On;
+        let contents = Contents { image: self.image || !maps || now.settings.lines, maps };
         let slot = &now.slots[self.next_slot];
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         encoder.clear_buffer(&now.buffers.overflows, 0, None);
         now.clear_unwritten(&mut encoder);
-        for (index, (pass, batch)) in now.passes(maps).enumerate() {
+        for (index, (pass, batch)) in now.passes(contents).enumerate() {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(pass.name),
                 timestamp_writes: slot.timestamps(index),
             });
             pass.record(&mut compute, batch);
         }
-        slot.record(&mut encoder, &now.buffers, maps);
+        slot.record(&mut encoder, &now.buffers, contents);
         let submission = self.gpu.queue.submit([encoder.finish()]);
         slot.map(&self.map_done);
         let (slot, mask) = (slot.clone(), now.tables.mask.clone());
-        self.in_flight.push_back(InFlight { slot, mask, maps, submission, started });
+        self.in_flight.push_back(InFlight { slot, mask, contents, submission, started });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }
@@ -288,7 +303,7 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { slot, mask, maps, submission, started } =
+        let InFlight { slot, mask, contents, submission, started } =
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
         let result = loop {
@@ -303,7 +318,7 @@ impl Renderer {
         };
         result.map_err(|e| lost(e.to_string()))?;
         self.gpu.check()?;
-        slot.read(frame, maps)?;
+        slot.read(frame, contents)?;
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;

@@ -5,6 +5,7 @@
 
 pub mod browser;
 pub mod colour;
+pub mod comparison_sheet;
 pub mod contact_sheet;
 pub mod control;
 pub mod exam_report;
@@ -34,6 +35,7 @@ mod error;
 mod file;
 mod live_kind;
 
+pub use comparison_sheet::ComparisonSheet;
 pub use contact_sheet::ContactSheet;
 pub use error::SinkError;
 pub use file::{create_dir, remove, write_json, write_text, write_with};

@@ -113,10 +113,21 @@ fn draw<B: DrawingBackend>(
                 // Its outline alone can't be drawn.
                 chart.draw_series([TriangleMarker::new(at, size - 1, WHITE.filled())])?;
             }
+        } else if point.generator.is_some() {
+            // A thin line from the frame that it enhances.
+            if let Some(raw) = drawn.iter().find(|p| Some(&p.name) == point.against.as_ref()) {
+                let from = (raw.time.median_ms, raw.error.level_rmse);
+                chart.draw_series([PathElement::new(vec![from, at], colour)])?;
+            }
+            chart.draw_series([EmptyElement::at(at) + square((0, 0), style)])?;
         } else {
             chart.draw_series([Circle::new(at, size, style)])?;
         }
-        if point.on_front || point.sweep == "all effects" || ["1x1", "32x3"].contains(&point.name.as_str()) {
+        if point.on_front
+            || point.generator.is_some()
+            || point.sweep == "all effects"
+            || ["1x1", "32x3"].contains(&point.name.as_str())
+        {
             let label = Text::new(shown(&point.name), (at.0 * 1.03, at.1 + 0.02 * worst), text(from_left, &BLACK));
             chart.draw_series([label])?;
         }
@@ -127,6 +138,8 @@ fn draw<B: DrawingBackend>(
         let at = (width as i32 - 250, y);
         if *sweep == "all effects" {
             area.draw(&TriangleMarker::new(at, 6, colour(row).filled()))?;
+        } else if *sweep == "generator" {
+            area.draw(&square(at, colour(row).filled()))?;
         } else {
             area.draw(&Circle::new(at, 4, colour(row).filled()))?;
         }
@@ -135,6 +148,11 @@ fn draw<B: DrawingBackend>(
     let under =
         "time of a frame, ms (median). Black line: Pareto front. Hollow: error within the noise of its neighbour.";
     area.draw(&Text::new(under, (70, height as i32 - 15), text(from_left, &BLACK)))
+}
+
+/// The marker of a generator.
+fn square((x, y): (i32, i32), style: ShapeStyle) -> Rectangle<(i32, i32)> {
+    Rectangle::new([(x - 6, y - 6), (x + 6, y + 6)], style)
 }
 
 /// Colours that the colour-blind tell apart (Okabe and Ito 2008).
@@ -243,6 +261,10 @@ mod tests {
         let mut all = Point { sweep: "all effects".into(), ..point("1x1 all effects", 80.0, 30.0, Some("1x1")) };
         all.knobs.all_effects = true;
         points.push(all);
+        for (name, ms, error) in [("1x1 + msa", 70.0, 6.0), ("maps + fast", 50.0, 28.0)] {
+            let generator = Some(name.to_owned());
+            points.push(Point { generator, sweep: "generator".into(), ..point(name, ms, error, Some("1x1")) });
+        }
         mark_front(&mut points);
         points
     }
@@ -261,9 +283,14 @@ mod tests {
             "samples",
             "Pareto",
             "1x1 (LQ), all effects",
+            "1x1 + msa",
+            "maps + fast",
         ] {
             assert!(text.contains(word), "`{word}` is missing");
         }
+        // Frame and background are rectangles too; so are two generators and their line in the legend.
+        let squares = text.matches(r#"width="12" height="12""#).count();
+        assert_eq!(squares, 3, "{text}");
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
         let (width, height, pixels) = rgb(&points(), "A scene", true).unwrap();
         assert_eq!(pixels.len(), (3 * width * height) as usize);

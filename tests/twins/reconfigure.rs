@@ -170,3 +170,28 @@ fn an_image_without_maps_is_the_image_with_them() {
         assert!(frame.segmentation.is_empty() && frame.bmode == with.bmode, "{}", case.name);
     }
 }
+
+#[test]
+fn maps_without_the_image_are_those_with_it() {
+    for case in cases() {
+        let case = Case { settings: RenderSettings { lines: false, maps: true, ..case.settings }, ..case };
+        let mut renderer = case.renderer(&ShaderSet::default());
+        let with = render(&mut renderer, &case);
+        renderer.set_image(false);
+        let mut frame = with.clone();
+        renderer.submit(&case.pose).unwrap();
+        // Of frames in flight each keeps its own choice; one without maps has its image.
+        renderer.set_maps(false);
+        renderer.submit(&case.pose).unwrap();
+        renderer.receive(&mut frame).unwrap();
+        assert!(frame.bmode.is_empty() && frame.mask == with.mask, "{}", case.name);
+        assert!(frame.segmentation == with.segmentation && frame.attenuation == with.attenuation, "{}", case.name);
+        assert_eq!(frame.attenuation_p98, with.attenuation_p98);
+        assert!(frame.times.passes.iter().all(|pass| ["section", "percentile", "scan_convert"].contains(&pass.name)));
+        renderer.receive(&mut frame).unwrap();
+        assert!(frame.bmode == with.bmode && frame.segmentation.is_empty(), "{}", case.name);
+        renderer.set_maps(true);
+        renderer.set_image(true);
+        assert!(render(&mut renderer, &case) == with, "{}", case.name);
+    }
+}

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use insonify::anatomy::Scene;
-use insonify::generator::{Generator, Input, load_tiers};
+use insonify::generator::{Channel, Generator, Input, Manifest, load_tiers};
 use insonify::pose::Pose;
 use insonify::quality::speckle::speckle;
 use insonify::quality::structures::{contrast_lost, structures};
@@ -60,9 +60,10 @@ struct Times {
     generator_ms: Vec<f64>,
 }
 
-/// Name of the point of a generator on top of LQ.
-pub(super) fn enhanced(generator: &str) -> String {
-    format!("1x1 + {generator}")
+/// Name of the point of a generator on top of LQ, or of the maps alone where it takes no image.
+fn enhanced(generator: &str, manifest: &Manifest) -> String {
+    let from = if manifest.takes(Channel::Image) { "1x1" } else { "maps" };
+    format!("{from} + {generator}")
 }
 
 impl Bench {
@@ -139,6 +140,7 @@ impl Bench {
     }
 
     pub(super) fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
+        self.renderer.set_image(true);
         self.renderer.render(pose, &mut self.frame)?;
         Ok(&self.frame)
     }
@@ -160,7 +162,8 @@ impl Bench {
     ) -> Result<Point, Failure> {
         let knobs = self.base().with(Quality::LQ.rays, Quality::LQ.layers);
         let (times, errors) = self.measure(&knobs, Some(index), reference, poses)?;
-        let point = self.to_point(enhanced(&name), "generator", knobs, times, errors, reference);
+        let shown = self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, g.manifest()));
+        let point = self.to_point(shown, "generator", knobs, times, errors, reference);
         Ok(Point { against: Some("1x1".to_owned()), generator: Some(name), ..point })
     }
 
@@ -202,8 +205,12 @@ impl Bench {
         Ok((times, errors))
     }
 
-    /// Renders, and enhances where a generator is given. Gives the times of both, ms.
+    /// Renders, without the image where the generator takes none, and enhances where one is given. Gives the times of both,
+    /// ms.
     fn shown(&mut self, pose: &Pose, generator: Option<usize>, image: &mut Vec<u8>) -> Result<[f64; 2], Failure> {
+        let needed =
+            generator.and_then(|index| self.generators.get(index)).is_none_or(|g| g.manifest().takes(Channel::Image));
+        self.renderer.set_image(needed);
         self.renderer.render(pose, &mut self.frame)?;
         let started = Instant::now();
         match generator.and_then(|index| self.generators.get_mut(index)) {

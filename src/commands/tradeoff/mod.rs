@@ -3,7 +3,7 @@
 mod eta;
 mod identity;
 mod measure;
-mod poses;
+pub(super) mod poses;
 mod reference;
 mod store;
 

@@ -11,14 +11,14 @@ use insonify::tracker::{Transport, recording};
 use super::Failure;
 
 /// Where poses come from.
-pub(super) struct Poses {
+pub(in crate::commands) struct Poses {
     all: Vec<Pose>,
     /// What they are.
     pub(super) what: &'static str,
 }
 
 /// Poses of `file`, else of the station's recording by its calibration, else the station's own.
-pub(super) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses, Failure> {
+pub(in crate::commands) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses, Failure> {
     let own = match &station.tracker.transport {
         Transport::Recording { path, .. } => Some(path.as_path()),
         _ => None,
@@ -41,7 +41,7 @@ pub(super) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses
 
 impl Poses {
     /// `count` poses spread evenly over the recording; a single one is turned about its beam in even steps.
-    pub(super) fn spread(&self, count: usize) -> Vec<Pose> {
+    pub(in crate::commands) fn spread(&self, count: usize) -> Vec<Pose> {
         if let [pose] = self.all[..] {
             let turned = |i: usize| {
                 let angle = std::f64::consts::PI * i as f64 / count as f64;

@@ -1,4 +1,4 @@
-//! `insonify evaluate`: how near images come to their references.
+//! Images and their references, as files.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -6,65 +6,15 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
-use clap::Parser;
-use insonify::generator::{FeatureScale, OnnxFeatures, Runtime};
+use insonify::generator::{OnnxFeatures, Runtime};
 use insonify::quality::{FeatureExtractor, Pair, Scores, Summary, crops, frechet_distance_of};
 use insonify::sink::{SinkError, write_json, write_with};
 use serde::Serialize;
 
-use super::frame_dir::grey;
-use super::progress::Progress;
-use super::{Classify, Failure, output};
-
-/// Compare images with their references: PSNR, SSIM, pKL and, with a feature extractor, the Fréchet distance.
-///
-/// Prints the mean over images and the 5th percentile (pKL: the 95th), as the paper's table has them.
-#[derive(Debug, Parser)]
-#[command(after_help = AFTER_HELP)]
-pub(crate) struct Args {
-    /// Image, or folder of images (.png, 8-bit grey)
-    #[arg(value_name = "A")]
-    images: PathBuf,
-
-    /// Reference, or folder of references with the same file names
-    #[arg(value_name = "B")]
-    references: PathBuf,
-
-    /// Compare only where this image isn't black: a mask for all, or a folder of masks with the images' file names
-    #[arg(long, value_name = "M")]
-    mask: Option<PathBuf>,
-
-    /// Also write everything as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-
-    /// Also write a line for each image
-    #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
-
-    /// Feature extractor for the Fréchet distance (.onnx): float32 [1, 1 or 3, side, side] to [1, d]
-    ///
-    /// With Inception v3 without its last layer (299 x 299 to 2048) it is the FID. It is one number for all images and has
-    /// no percentile. Features are those of the centre cut into four crops; the mask doesn't count here.
-    #[arg(long, value_name = "MODEL")]
-    features: Option<PathBuf>,
-
-    /// What grey levels become for it: signed (-1..1), unit (0..1) or grey (0..255)
-    #[arg(long, value_name = "SCALE", default_value_t, requires = "features")]
-    features_scale: FeatureScale,
-}
-
-const AFTER_HELP: &str = "\
-PSNR   10 log10(255^2 / MSE), dB. Identical images are infinitely good and are left out of its mean.
-SSIM   as MATLAB's ssim: Gaussian 11 x 11, sigma 1.5, K 0.01 and 0.03, edges replicated
-pKL    mean of D(B || A) over patches of 32 x 32, histograms of 50 bins with half a pixel added to each; shown x 100,
-       and as - where no patch is half inside
-FD     Frechet distance of the feature vectors; needs 2 crops at least
-
-Examples:
-  insonify evaluate out/lq/bmode.png out/hq/bmode.png --mask out/hq/mask.png
-  insonify evaluate enhanced/ hq/ --mask masks/ --csv scores.csv --json scores.json
-  insonify evaluate enhanced/ hq/ --features inception_v3.onnx";
+use super::super::frame_dir::grey;
+use super::super::progress::Progress;
+use super::super::{Classify, Failure, output};
+use super::Args;
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -117,9 +67,9 @@ impl Features {
     }
 }
 
-/// Runs the command.
-pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let files = paired(args).input()?;
+/// Compares `images` with `references`.
+pub(super) fn run(args: &Args, images: &PathBuf, references: &PathBuf) -> Result<(), Failure> {
+    let files = paired(images, references, args.mask.as_ref()).input()?;
     let mut features = Features::load(args)?;
     let total = files.len();
     let progress = Progress::new("evaluate", total);
@@ -140,8 +90,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         let report = Report {
             version: env!("CARGO_PKG_VERSION"),
-            images: &args.images,
-            references: &args.references,
+            images,
+            references,
             mask: args.mask.as_ref(),
             features: args.features.as_ref(),
             summary,
@@ -154,12 +104,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Pairs two images, or the images of two folders by their names.
-fn paired(args: &Args) -> Result<Vec<Files>> {
-    let Args { images, references, mask, .. } = args;
+fn paired(images: &PathBuf, references: &PathBuf, mask: Option<&PathBuf>) -> Result<Vec<Files>> {
     if !images.is_dir() && !references.is_dir() {
-        ensure!(mask.as_ref().is_none_or(|m| !m.is_dir()), "--mask is a folder; two images have one mask");
+        ensure!(mask.is_none_or(|m| !m.is_dir()), "--mask is a folder; two images have one mask");
         let name = images.file_name().map_or_else(|| images.clone().into_os_string(), Into::into);
-        return Ok(vec![Files { name, image: images.clone(), reference: references.clone(), mask: mask.clone() }]);
+        return Ok(vec![Files { name, image: images.clone(), reference: references.clone(), mask: mask.cloned() }]);
     }
     for path in [images, references] {
         ensure!(path.is_dir(), "{} is no folder; give two images or two folders", path.display());
@@ -168,7 +117,7 @@ fn paired(args: &Args) -> Result<Vec<Files>> {
     ensure!(!names.is_empty(), "{} holds no .png", images.display());
     let mut unpaired = only_in(images, &names, &others);
     unpaired.extend(only_in(references, &others, &names));
-    if let Some(folder) = mask.as_ref().filter(|m| m.is_dir()) {
+    if let Some(folder) = mask.filter(|m| m.is_dir()) {
         let masks = self::names(folder)?;
         unpaired.extend(names.difference(&masks).map(|name| missing(folder, name)));
     }
@@ -176,7 +125,7 @@ fn paired(args: &Args) -> Result<Vec<Files>> {
         bail!("images go by their names, and some have no partner: {}", unpaired.join(", "));
     }
     let files = names.into_iter().map(|name| {
-        let mask = mask.as_ref().map(|m| if m.is_dir() { m.join(&name) } else { m.clone() });
+        let mask = mask.map(|m| if m.is_dir() { m.join(&name) } else { m.clone() });
         Files { image: images.join(&name), reference: references.join(&name), mask, name }
     });
     Ok(files.collect())

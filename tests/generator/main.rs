@@ -4,16 +4,20 @@
 // clippy.toml allows these in test functions only, not in what they share.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod evaluate;
+mod seams;
+
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use insonify::anatomy::TissueTable;
 use insonify::generator::{
     FeatureScale, Generator, GeneratorError, Input, LoadOptions, OnnxFeatures, Provider, Runtime, Settings, TierState,
     load_tiers,
 };
-use insonify::quality::FeatureExtractor;
+use insonify::quality::{FeatureExtractor, frechet_distance_of};
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{npy, write_json};
 use sha2::{Digest, Sha256};
@@ -272,19 +276,22 @@ fn a_model_that_misses_its_parity_pair_is_refused_with_the_place() {
 #[test]
 fn every_other_model_meets_its_parity_pair() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let tissues = TissueTable::builtin().unwrap().names().to_vec();
+    let test_tissues = TISSUES.map(str::to_owned);
+    let of_tests = std::fs::read_dir(root.join("tests/data/generators")).unwrap().map(|file| file.unwrap().path());
+    let onnx =
+        of_tests.filter(|path| path.extension().is_some_and(|e| e == "onnx") && !path.ends_with("wrong_parity.onnx"));
+    let all =
+        onnx.map(|path| (path, &test_tissues[..])).chain(seams::shipped().into_iter().map(|path| (path, &tissues[..])));
     let mut loaded = 0;
-    for directory in ["tests/data/generators", "assets/generators/demo_smooth"] {
-        for file in std::fs::read_dir(root.join(directory)).unwrap() {
-            let path = file.unwrap().path();
-            if path.extension().is_some_and(|e| e == "onnx") && !path.ends_with("wrong_parity.onnx") {
-                let generator = load_path(&path, Provider::Cpu).unwrap_or_else(|e| panic!("{e}"));
-                assert!(generator.parity().difference <= generator.parity().tolerance);
-                assert_eq!(generator.manifest().name, path.file_stem().unwrap().to_str().unwrap());
-                loaded += 1;
-            }
-        }
+    for (path, tissues) in all {
+        let options = LoadOptions { provider: Provider::Cpu, threads: 1, tissues };
+        let generator = Generator::load(&path, runtime(), &options).unwrap_or_else(|e| panic!("{e}"));
+        assert!(generator.parity().difference <= generator.parity().tolerance);
+        assert_eq!(generator.manifest().name, path.file_stem().unwrap().to_str().unwrap());
+        loaded += 1;
     }
-    assert!(loaded >= 12, "{loaded}");
+    assert!(loaded >= 13, "{loaded}");
 }
 
 #[test]
@@ -410,6 +417,93 @@ fn files_that_contradict_each_other_are_refused() {
     };
     refused(&no_manifest, &["identity.toml", "missing field"]);
     assert_says(&load_path(&model("nothing"), Provider::Cpu).unwrap_err(), &["cannot read", "nothing.toml"]);
+}
+
+/// The hash in the manifest's text replaced by that of `model`, which is written to `path`.
+fn with_model(text: &str, path: &Path, model: &[u8]) -> String {
+    std::fs::write(path, model).unwrap();
+    let hash: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();
+    let start = text.find("sha256 = \"").unwrap() + 10;
+    format!("{}{hash}{}", &text[..start], &text[start + 64..])
+}
+
+#[test]
+fn broken_weights_truncated_and_foreign_models_are_refused_and_the_rest_goes_on() {
+    let not_numbers = changed("blur", |text, path| {
+        let mut model = std::fs::read(path).unwrap();
+        let ninth = (1.0f32 / 9.0).to_le_bytes();
+        let at = model.windows(4).position(|bytes| bytes == ninth).expect("a weight of 1/9");
+        model[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+        with_model(text, path, &model)
+    });
+    let truncated = changed("identity", |text, path| {
+        let model = std::fs::read(path).unwrap();
+        with_model(text, path, &model[..model.len() / 2])
+    });
+    let texture = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/quality/texture64.onnx");
+    let foreign = changed("identity", |text, path| with_model(text, path, &std::fs::read(&texture).unwrap()));
+    let other_channels =
+        changed("brightness", |text, path| with_model(text, path, &std::fs::read(model("weighted_maps")).unwrap()));
+    let models = [&not_numbers.1, &truncated.1, &foreign.1, &other_channels.1, &model("identity")].map(Clone::clone);
+    let settings = Settings { models: models.to_vec(), threads: 1, budget_ms: 10_000.0, ..Settings::default() };
+    let tissues = TISSUES.map(str::to_owned);
+    let mut loaded = load_tiers(&settings, &tissues, 40, 30).unwrap();
+    let words: [&[&str]; 4] = [
+        &["`blur`", "not finite"],
+        &["ONNX Runtime cannot use", "identity.onnx"],
+        &["does not fit its manifest", "no output `output`"],
+        &["does not fit its manifest", "`input` has 4 channels; the manifest's are 2"],
+    ];
+    assert_eq!(loaded.refused.len(), 4);
+    for ((refused, words), path) in loaded.refused.iter().zip(words).zip(&models) {
+        assert_eq!(&refused.path, path);
+        assert_says(&refused.error, words);
+    }
+    let maps = Maps::new((40, 30));
+    let mut out = Vec::new();
+    loaded.generators[0].run(&maps.input(), &mut out).unwrap();
+    assert_eq!((loaded.tiers.current(), out), (Some(0), maps.image));
+    // Without a sound one the station has none, and shows what it renders.
+    let none = Settings { models: models[..4].to_vec(), ..settings };
+    let loaded = load_tiers(&none, &tissues, 40, 30).unwrap();
+    assert!(loaded.generators.is_empty() && loaded.tiers.current().is_none() && loaded.refused.len() == 4);
+}
+
+#[test]
+fn the_texture_network_tells_textures_apart() {
+    let mut network = OnnxFeatures::texture64(runtime()).unwrap();
+    assert_eq!((network.name(), network.crop()), ("texture64", 256));
+    // Black and white have no texture; sums and logarithms of nothing stay numbers.
+    for level in [0, 255] {
+        let features = network.features(&[level; 65_536]).unwrap();
+        assert_eq!(features.len(), 64);
+        assert!(features.iter().all(|f| f.is_finite()) && (features[0] - f64::from(level) / 63.75).abs() < 1e-4);
+    }
+    // Waves of 8 pixels along rows: most in the second octave at 0 degrees.
+    let wave = |x: usize, y: usize, turned: bool| {
+        let along = if turned { y } else { x };
+        (127.5 + 100.0 * (std::f64::consts::TAU * along as f64 / 8.0).sin()) as u8
+    };
+    for turned in [false, true] {
+        let crop: Vec<u8> = (0..65_536).map(|i| wave(i % 256, i / 256, turned)).collect();
+        let features = network.features(&crop).unwrap();
+        let strongest = (4..20).max_by(|&a, &b| features[a].total_cmp(&features[b])).unwrap();
+        assert_eq!(strongest, 4 + 4 + if turned { 2 } else { 0 }, "{features:?}");
+    }
+    // Grain of other size is further away than other grain of the same size.
+    let grain = |size: usize, seed: u32| -> Vec<u8> {
+        let hash = |x: usize, y: usize| {
+            let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ seed;
+            (n ^ (n >> 15)).wrapping_mul(0x27d4_eb2f) >> 24
+        };
+        (0..65_536).map(|i| hash(i % 256 / size, i / 256 / size) as u8).collect()
+    };
+    let mut set = |size: usize, first: u32| -> Vec<Vec<f64>> {
+        (0..6).map(|i| network.features(&grain(size, first + 1000 * i)).unwrap()).collect()
+    };
+    let (fine, again, coarse) = (set(2, 1), set(2, 99), set(3, 1));
+    let distance = |a: &[Vec<f64>], b: &[Vec<f64>]| frechet_distance_of(a, b).unwrap();
+    assert!(distance(&fine, &coarse) > 10.0 * distance(&fine, &again));
 }
 
 #[test]

@@ -1,0 +1,224 @@
+//! What is measured of one row of the table: the low quality, or a generator.
+
+use std::path::PathBuf;
+
+use insonify::dataset::Tuple;
+use insonify::generator::Variant;
+use insonify::quality::structures::{contrast_lost, structures};
+use insonify::quality::{
+    FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, crops, cut, frechet_distance_of,
+};
+use serde::Serialize;
+
+use super::super::Failure;
+use super::models::Extractor;
+
+/// Feature vectors of the crops and of the full field of view.
+#[derive(Clone, Default)]
+pub(super) struct Vectors {
+    pub(super) crops: Vec<Vec<f64>>,
+    pub(super) full: Vec<Vec<f64>>,
+}
+
+/// A tuple with all that images are judged by.
+pub(super) struct Judged<'a> {
+    pub(super) tuple: &'a Tuple,
+    /// Number of the tuple.
+    pub(super) index: usize,
+    /// Upper left corners of its crops.
+    pub(super) places: Vec<[usize; 2]>,
+    pub(super) side: usize,
+    /// Which pixels lie behind bone, where the scanlines are known.
+    pub(super) behind: Option<Vec<bool>>,
+}
+
+/// Scores of one image, for the table of images.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct ImageScores {
+    pub(super) index: usize,
+    pub(super) full: Scores,
+    /// With the crop's left and top.
+    pub(super) crops: Vec<([usize; 2], Scores)>,
+}
+
+/// What has been gathered of a row.
+pub(super) struct Row {
+    pub(super) name: String,
+    pub(super) model: Option<PathBuf>,
+    pub(super) variant: Option<Variant>,
+    pub(super) images: Vec<ImageScores>,
+    /// Of each extractor.
+    pub(super) vectors: Vec<Vectors>,
+    tissues: Vec<RegionSum>,
+    behind: RegionSum,
+    elsewhere: RegionSum,
+    lost: Vec<f64>,
+}
+
+/// A row of the report.
+#[derive(Serialize)]
+pub(super) struct RowReport {
+    /// `LQ`, or the generator's name.
+    pub(super) name: String,
+    pub(super) model: Option<PathBuf>,
+    pub(super) variant: Option<Variant>,
+    /// On random crops.
+    pub(super) crops: Option<Summary>,
+    /// On the full field of view.
+    pub(super) full: Summary,
+    /// Distances to the target's features.
+    pub(super) distances: Vec<Distance>,
+    /// Share of the contrast of tissues' borders that is lost, mean over images.
+    pub(super) contrast_lost: Option<f64>,
+    /// Of each tissue there is.
+    pub(super) tissues: Vec<TissueRow>,
+    /// Behind bone.
+    pub(super) behind_bone: Option<RegionError>,
+    /// In the rest of the sector.
+    pub(super) elsewhere: Option<RegionError>,
+    pub(super) images: Vec<ImageScores>,
+}
+
+/// A Fréchet distance.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Distance {
+    /// What it is called.
+    pub(super) name: String,
+    pub(super) crops: Option<f64>,
+    pub(super) full: Option<f64>,
+}
+
+/// How one tissue comes out.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct TissueRow {
+    pub(super) tissue: String,
+    /// Part of the sectors' pixels.
+    pub(super) share: f64,
+    #[serde(flatten)]
+    pub(super) error: RegionError,
+}
+
+impl Judged<'_> {
+    /// Adds the features of `image` on crops and on the full field of view to those of each extractor.
+    pub(super) fn features(
+        &self,
+        image: &[u8],
+        extractors: &mut [Extractor],
+        vectors: &mut [Vectors],
+    ) -> Result<(), Failure> {
+        for (extractor, vectors) in extractors.iter_mut().zip(vectors) {
+            let side = extractor.network.crop();
+            let mut add = |image: &[u8], size: [usize; 2], to: &mut Vec<Vec<f64>>| -> Result<(), Failure> {
+                // An image too small for the network has no features: the distance is left out.
+                if size.into_iter().any(|n| n < side) {
+                    return Ok(());
+                }
+                for crop in crops(image, size, side)? {
+                    to.push(extractor.network.features(&crop)?);
+                }
+                Ok(())
+            };
+            for &place in &self.places {
+                let crop = cut(image, self.tuple.size[0], place, self.side);
+                add(&crop, [self.side; 2], &mut vectors.crops)?;
+            }
+            add(image, self.tuple.size, &mut vectors.full)?;
+        }
+        Ok(())
+    }
+
+    /// Scores of an image and of its crops.
+    fn scores(&self, image: &[u8]) -> Result<ImageScores, Failure> {
+        let Tuple { size, hq, mask, .. } = self.tuple;
+        let full = Scores::of(&Pair::new(*size, image, hq, Some(mask))?);
+        let crop = |&place: &[usize; 2]| {
+            let [image, hq, mask] = [image, hq, mask].map(|map| cut(map, size[0], place, self.side));
+            Ok((place, Scores::of(&Pair::new([self.side; 2], &image, &hq, Some(&mask))?)))
+        };
+        let crops = self.places.iter().map(crop).collect::<Result<Vec<_>, Failure>>()?;
+        Ok(ImageScores { index: self.index, full, crops })
+    }
+}
+
+impl Row {
+    pub(super) fn new(name: String, model: Option<PathBuf>, variant: Option<Variant>, extractors: usize) -> Self {
+        Self {
+            name,
+            model,
+            variant,
+            images: Vec::new(),
+            vectors: vec![Vectors::default(); extractors],
+            tissues: vec![RegionSum::default(); 256],
+            behind: RegionSum::default(),
+            elsewhere: RegionSum::default(),
+            lost: Vec::new(),
+        }
+    }
+
+    /// Judges an image of the row.
+    pub(super) fn add(
+        &mut self,
+        judged: &Judged<'_>,
+        image: &[u8],
+        extractors: &mut [Extractor],
+    ) -> Result<(), Failure> {
+        self.images.push(judged.scores(image)?);
+        judged.features(image, extractors, &mut self.vectors)?;
+        let Tuple { size, hq, segmentation, mask, .. } = judged.tuple;
+        for (index, ((&found, &expected), &number)) in image.iter().zip(hq).zip(segmentation).enumerate() {
+            if mask[index] == 0 {
+                continue;
+            }
+            self.tissues[usize::from(number)].add(found, expected);
+            match judged.behind.as_ref().map(|behind| behind[index]) {
+                Some(true) => self.behind.add(found, expected),
+                Some(false) => self.elsewhere.add(found, expected),
+                None => (),
+            }
+        }
+        self.lost.extend(contrast_lost(&structures(image, hq, segmentation, *size)?));
+        Ok(())
+    }
+
+    /// The row's means and distances to the features of the target.
+    pub(super) fn report(
+        self,
+        names: &[String],
+        target: &[Vectors],
+        extractors: &[Extractor],
+    ) -> Result<RowReport, Failure> {
+        let crops: Vec<Scores> = self.images.iter().flat_map(|i| i.crops.iter().map(|c| c.1)).collect();
+        let full: Vec<Scores> = self.images.iter().map(|i| i.full).collect();
+        let Some(full) = Summary::of(&full) else { return Err(Failure::Input(anyhow::anyhow!("there is no tuple"))) };
+        let distance =
+            |a: &[Vec<f64>], b: &[Vec<f64>]| (a.len().min(b.len()) > 1).then(|| frechet_distance_of(a, b)).transpose();
+        let mut distances = Vec::new();
+        for ((extractor, own), target) in extractors.iter().zip(&self.vectors).zip(target) {
+            distances.push(Distance {
+                name: extractor.label.clone(),
+                crops: distance(&own.crops, &target.crops)?,
+                full: distance(&own.full, &target.full)?,
+            });
+        }
+        let all: u64 = self.tissues.iter().map(RegionSum::pixels).sum();
+        let tissue = |(name, sum): (&String, &RegionSum)| {
+            let error = sum.error()?;
+            Some(TissueRow { tissue: name.clone(), share: error.pixels as f64 / all.max(1) as f64, error })
+        };
+        let mut tissues: Vec<TissueRow> = names.iter().zip(&self.tissues).filter_map(tissue).collect();
+        tissues.sort_by(|a, b| b.error.pixels.cmp(&a.error.pixels).then_with(|| a.tissue.cmp(&b.tissue)));
+        Ok(RowReport {
+            name: self.name,
+            model: self.model,
+            variant: self.variant,
+            crops: Summary::of(&crops),
+            full,
+            distances,
+            contrast_lost: (!self.lost.is_empty()).then(|| self.lost.iter().sum::<f64>() / self.lost.len() as f64),
+            tissues,
+            behind_bone: self.behind.error(),
+            elsewhere: self.elsewhere.error(),
+            images: self.images,
+        })
+    }
+}

@@ -1,0 +1,143 @@
+//! `insonify evaluate`: how near images come to their references, and generators to their targets.
+
+mod dataset;
+mod images;
+mod judge;
+mod models;
+mod sheets;
+mod steadiness;
+mod tables;
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::generator::{FeatureScale, Provider};
+use insonify::quality::{CROP_COUNT, CROP_SIDE};
+
+use super::Failure;
+
+/// Compare images with their references, or generators with what they are to generate: PSNR, SSIM, pKL and Frechet
+/// distances.
+///
+/// Prints the mean over images and the 5th percentile (pKL: the 95th), as the paper's table has them. With --dataset, a
+/// row for the low quality and one for each generator, on random crops and on the full field of view, with tables of
+/// tissues and of what lies behind bone. With --steadiness, how much generated frames flicker as the probe slides.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Image, or folder of images (.png, 8-bit grey)
+    #[arg(value_name = "A", required_unless_present_any = ["dataset", "steadiness"], requires = "references")]
+    images: Option<PathBuf>,
+
+    /// Reference, or folder of references with the same file names
+    #[arg(value_name = "B", conflicts_with_all = ["dataset", "steadiness", "model"])]
+    references: Option<PathBuf>,
+
+    /// Compare only where this image isn't black: a mask for all, or a folder of masks with the images' file names
+    #[arg(long, value_name = "M", conflicts_with_all = ["dataset", "steadiness"])]
+    mask: Option<PathBuf>,
+
+    /// Generator (.onnx), with its manifest beside it; may be given again and again, the best last
+    #[arg(long, value_name = "MODEL")]
+    model: Vec<PathBuf>,
+
+    /// Judge low quality and generators on the tuples of this data set (`insonify dataset` writes one)
+    #[arg(long, value_name = "DIR")]
+    dataset: Option<PathBuf>,
+
+    /// Which tuples: test, train or all
+    #[arg(long, value_name = "SPLIT", default_value = "test", value_parser = ["test", "train", "all"])]
+    split: String,
+
+    /// At most so many tuples, spread evenly over the split
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    limit: Option<u32>,
+
+    /// Random crops of each tuple, 0..=64; 0 leaves their table out
+    #[arg(long, value_name = "N", default_value_t = CROP_COUNT as u32, value_parser = clap::value_parser!(u32).range(0..=64))]
+    crops: u32,
+
+    /// Side of a crop, pixels, 16..=4096
+    #[arg(long, value_name = "PIXELS", default_value_t = CROP_SIDE as u32, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    crop: u32,
+
+    /// Seed of the crops' places
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Measure how steady frames are while the probe of this station (TOML) slides in its image plane
+    #[arg(long, value_name = "STATION")]
+    steadiness: Option<PathBuf>,
+
+    /// Frames of that slide, 2..=1000
+    #[arg(long, value_name = "N", default_value_t = 12, requires = "steadiness", value_parser = clap::value_parser!(u32).range(2..=1000))]
+    frames: u32,
+
+    /// Pixels that the probe slides from frame to frame, 1..=100; the paper's are 0.157 mm
+    #[arg(long, value_name = "PIXELS", default_value_t = 3, requires = "steadiness", value_parser = clap::value_parser!(u32).range(1..=100))]
+    step: u32,
+
+    /// Folder for tables (table.md) and, of a data set, pictures of the best, the median and the worst tuple
+    #[arg(long, value_name = "DIR", conflicts_with = "references")]
+    out: Option<PathBuf>,
+
+    /// Also write everything as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Also write a line for each image
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+
+    /// Feature extractor for the Frechet distance (.onnx): float32 [1, 1 or 3, side, side] to [1, d]
+    ///
+    /// With Inception v3 without its last layer (299 x 299 to 2048) it is the FID. It is one number for all images and has
+    /// no percentile. Features are those of the centre cut into four crops; the mask doesn't count here. A data set is
+    /// judged by the built-in network texture64 as well.
+    #[arg(long, value_name = "MODEL")]
+    features: Option<PathBuf>,
+
+    /// What grey levels become for it: signed (-1..1), unit (0..1) or grey (0..255)
+    #[arg(long, value_name = "SCALE", default_value_t, requires = "features")]
+    features_scale: FeatureScale,
+
+    /// What generators run on: cpu, cuda or tensorrt
+    #[arg(long, value_name = "NAME", default_value_t)]
+    provider: Provider,
+
+    /// Threads of a generator's run, 0..=256; 0 is one a processor
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256))]
+    threads: u32,
+}
+
+const AFTER_HELP: &str = "\
+PSNR   10 log10(255^2 / MSE), dB. Identical images are infinitely good and are left out of its mean.
+SSIM   as MATLAB's ssim: Gaussian 11 x 11, sigma 1.5, K 0.01 and 0.03, edges replicated
+pKL    mean of D(B || A) over patches of 32 x 32, histograms of 50 bins with half a pixel added to each; shown x 100,
+       and as - where no patch is half inside
+FD     Frechet distance of the feature vectors; needs 2 crops at least. texture64 is a fixed bank of filters: no FID
+All but FD are of the pixels inside the sector.
+
+Crops of a data set are cut from what a generator makes of the full field of view; the paper runs generators on crops.
+With frozen statistics both are the same but for a margin. At least half of a crop lies inside the sector.
+Behind bone are the pixels of a scanline more than 2 mm deeper than its first bone (tissues named bone, calvaria, skull).
+
+Examples:
+  insonify evaluate out/lq/bmode.png out/hq/bmode.png --mask out/hq/mask.png
+  insonify evaluate enhanced/ hq/ --mask masks/ --csv scores.csv --json scores.json
+  insonify evaluate --dataset data/ --model m.onnx --model ms.onnx --model msa.onnx --out out/evaluation
+  insonify evaluate --model msa.onnx --steadiness configs/obstetric.toml";
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let (Some(images), Some(references)) = (&args.images, &args.references) {
+        return images::run(args, images, references);
+    }
+    if args.dataset.is_none() && args.csv.is_some() {
+        return Err(Failure::Input(anyhow!("--csv has a line an image: it needs images, or a --dataset")));
+    }
+    let data = args.dataset.as_ref().map(|directory| dataset::run(args, directory)).transpose()?;
+    let steady = args.steadiness.as_ref().map(|station| steadiness::run(args, station)).transpose()?;
+    tables::write(args, data.as_ref(), steady.as_ref())
+}

@@ -1,0 +1,64 @@
+//! The generators and feature extractors that a command names.
+
+use insonify::generator::{Generator, LoadOptions, OnnxFeatures, Runtime};
+use insonify::quality::FeatureExtractor;
+
+use super::super::{Classify, Failure};
+use super::Args;
+
+/// Loads the generators for tissues of those names, from number 1; with their names, which differ.
+pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String, Generator)>, Failure> {
+    let mut named: Vec<(String, Generator)> = Vec::new();
+    if args.model.is_empty() {
+        return Ok(named);
+    }
+    let runtime = Runtime::get().input()?;
+    let options = LoadOptions { provider: args.provider, threads: args.threads, tissues };
+    for path in &args.model {
+        let generator = Generator::load(path, runtime, &options)?;
+        let name = generator.manifest().name.clone();
+        let taken = named.iter().any(|(other, _)| *other == name);
+        named.push((if taken { format!("{name} ({})", named.len() + 1) } else { name }, generator));
+    }
+    Ok(named)
+}
+
+/// A feature extractor and what its distance is called.
+pub(super) struct Extractor {
+    pub(super) label: String,
+    pub(super) network: OnnxFeatures,
+}
+
+/// The built-in network, and the one that is named.
+pub(super) fn extractors(args: &Args) -> Result<Vec<Extractor>, Failure> {
+    let runtime = Runtime::get().input()?;
+    let mut all = vec![OnnxFeatures::texture64(runtime)?];
+    if let Some(path) = &args.features {
+        all.push(OnnxFeatures::load(path, runtime, args.features_scale)?);
+    }
+    let labelled = |mut network: OnnxFeatures| {
+        let side = network.crop();
+        let length = network.features(&vec![0; side * side])?.len();
+        Ok(Extractor { label: label(network.name(), side, length), network })
+    };
+    all.into_iter().map(labelled).collect()
+}
+
+/// FID is what Inception v3 makes: its name, its input and its 2048 features tell it.
+fn label(name: &str, side: usize, length: usize) -> String {
+    let is_inception = name.to_ascii_lowercase().contains("inception") && (side, length) == (299, 2048);
+    if is_inception { "FID".to_owned() } else { format!("FD {name}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::label;
+
+    #[test]
+    fn only_inception_makes_the_fid() {
+        assert_eq!(label("inception_v3", 299, 2048), "FID");
+        assert_eq!(label("Inception_v3", 299, 1000), "FD Inception_v3");
+        assert_eq!(label("texture64", 256, 64), "FD texture64");
+        assert_eq!(label("resnet50", 299, 2048), "FD resnet50");
+    }
+}

@@ -1,0 +1,201 @@
+//! Tables of generators: printed and written as Markdown, all figures as JSON, a line an image as CSV.
+
+use std::fmt::Write;
+
+use insonify::quality::{Scores, Summary};
+use insonify::sink::{create_dir, write_json, write_text};
+use serde::Serialize;
+
+use super::super::{Failure, output};
+use super::judge::{Distance, RowReport};
+use super::{Args, dataset, steadiness};
+
+/// Tissues with a smaller share of the pixels are left out of the printed table, not out of the JSON.
+const SHARE_MIN: f64 = 0.002;
+
+#[derive(Serialize)]
+struct Report<'a> {
+    version: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dataset: Option<&'a dataset::Report>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    steadiness: Option<&'a steadiness::Report>,
+}
+
+/// Prints the tables, and writes what is asked for.
+pub(super) fn write(
+    args: &Args,
+    data: Option<&dataset::Report>,
+    steady: Option<&steadiness::Report>,
+) -> Result<(), Failure> {
+    let mut text = String::new();
+    if let Some(data) = data {
+        text += &of_dataset(data);
+    }
+    if let Some(steady) = steady {
+        text += &of_steadiness(steady);
+    }
+    output::line(text.trim_end())?;
+    if let (Some(path), Some(data)) = (&args.csv, data) {
+        write_text(path, &csv(data))?;
+    }
+    if let Some(path) = &args.json {
+        write_json(path, &Report { version: env!("CARGO_PKG_VERSION"), dataset: data, steadiness: steady })?;
+    }
+    if let Some(out) = &args.out {
+        create_dir(out)?;
+        write_text(&out.join("table.md"), &text)?;
+        output::line(out.join("table.md").display())?;
+        data.iter().flat_map(|data| &data.sheets).try_for_each(|path| output::line(path.display()))?;
+    }
+    Ok(())
+}
+
+fn of_dataset(report: &dataset::Report) -> String {
+    let dataset::Report { dataset, split, tuples, crop_side, crops_per_tuple, crop_inside, seed, rows, notes, .. } =
+        report;
+    let mut text = format!("{}, split {split}, {tuples} tuples\n\n", dataset.display());
+    if rows.iter().any(|row| row.crops.is_some()) {
+        let inside = 100.0 * crop_inside;
+        let _ = writeln!(
+            text,
+            "{crops_per_tuple} random crops of {crop_side} x {crop_side} a tuple (seed {seed}, at least {inside:.0} % \
+             inside the sector), cut from the generators' full fields of view:\n"
+        );
+        text += &table(rows, |row| row.crops.as_ref(), |distance| distance.crops);
+    }
+    text += "The full field of view:\n\n";
+    text += &table(rows, |row| Some(&row.full), |distance| distance.full);
+    text += &shadows(rows);
+    text += &tissues(rows);
+    for note in notes {
+        let _ = writeln!(text, "Note: {note}.\n");
+    }
+    text
+}
+
+/// The paper's table.
+fn table(
+    rows: &[RowReport],
+    summary: impl Fn(&RowReport) -> Option<&Summary>,
+    distance: impl Fn(&Distance) -> Option<f64>,
+) -> String {
+    let mut text = "| | PSNR dB | 5 % | SSIM % | 5 % | pKL x100 | 95 % |".to_owned();
+    let names = rows.first().map_or(&[][..], |row| &row.distances);
+    names.iter().for_each(|d| text += &format!(" {} |", d.name));
+    text += "\n|---|---:|---:|---:|---:|---:|---:|";
+    names.iter().for_each(|_| text += "---:|");
+    text += "\n";
+    for row in rows {
+        let Some(&Summary { psnr_db, ssim, pkl: spread, .. }) = summary(row) else { continue };
+        let pkl = |value: Option<f64>| number(value.map(|v| 100.0 * v));
+        let [mean, worst] = [ssim.mean, ssim.percentile].map(|v| 100.0 * v);
+        let name = named(row);
+        let _ = write!(text, "| {name} | {:.2} | {:.2} | {mean:.2} | {worst:.2} |", psnr_db.mean, psnr_db.percentile);
+        let _ = write!(text, " {} | {} |", pkl(spread.map(|s| s.mean)), pkl(spread.map(|s| s.percentile)));
+        row.distances.iter().for_each(|d| text += &format!(" {} |", number(distance(d))));
+        text += "\n";
+    }
+    text + "\n"
+}
+
+/// What lies behind bone, and lost structures.
+fn shadows(rows: &[RowReport]) -> String {
+    let mut text =
+        "Behind bone (mean grey level, its difference from the target's, and the mean magnitude of the pixels' \
+                    differences) and in the rest of the sector, and the contrast of tissues' borders that is lost:\n\n"
+            .to_owned();
+    text += "| | behind bone | off | pixels off | elsewhere | off | pixels off | contrast lost % |\n";
+    text += "|---|---:|---:|---:|---:|---:|---:|---:|\n";
+    for row in rows {
+        let _ = write!(text, "| {} |", named(row));
+        for region in [row.behind_bone, row.elsewhere] {
+            let grey = number(region.map(|r| r.grey));
+            let off = region.map_or("-".to_owned(), |r| format!("{:+.2}", r.difference));
+            let _ = write!(text, " {grey} | {off} | {} |", number(region.map(|r| r.absolute_difference)));
+        }
+        let _ = writeln!(text, " {} |", number(row.contrast_lost.map(|lost| 100.0 * lost)));
+    }
+    if let Some(row) = rows.first() {
+        let grey = |region: Option<insonify::quality::RegionError>| number(region.map(|r| r.reference_grey));
+        let _ = writeln!(text, "| target | {} | | | {} | | | |", grey(row.behind_bone), grey(row.elsewhere));
+    }
+    text + "\n"
+}
+
+/// A line a tissue: its share, the target's level, and for each row how far it is off.
+fn tissues(rows: &[RowReport]) -> String {
+    let Some(first) = rows.first() else { return String::new() };
+    let mut text =
+        "By tissue: mean grey level less the target's / mean magnitude of the pixels' differences:\n\n".to_owned();
+    text += "| tissue | share % | target |";
+    rows.iter().for_each(|row| text += &format!(" {} |", row.name));
+    text += "\n|---|---:|---:|";
+    rows.iter().for_each(|_| text += "---:|");
+    text += "\n";
+    let shown = first.tissues.iter().filter(|t| t.share >= SHARE_MIN);
+    for tissue in shown {
+        let (share, target) = (100.0 * tissue.share, tissue.error.reference_grey);
+        let _ = write!(text, "| {} | {share:.1} | {target:.1} |", tissue.tissue);
+        for row in rows {
+            let error = row.tissues.iter().find(|t| t.tissue == tissue.tissue).map(|t| t.error);
+            let shown =
+                error.map_or("-".to_owned(), |e| format!("{:+.1} / {:.1}", e.difference, e.absolute_difference));
+            let _ = write!(text, " {shown} |");
+        }
+        text += "\n";
+    }
+    let left = first.tissues.iter().filter(|t| t.share < SHARE_MIN).count();
+    if left > 0 {
+        let _ = writeln!(text, "\n{left} tissues with less than {} % of the pixels are left out.", 100.0 * SHARE_MIN);
+    }
+    text + "\n"
+}
+
+fn of_steadiness(report: &steadiness::Report) -> String {
+    let steadiness::Report { station, frames, step_pixels, step_mm, rows } = report;
+    let mut text = format!(
+        "Steadiness: {frames} frames of {} while the probe slides by {step_pixels} pixels ({step_mm:.3} mm) a frame in \
+         its image plane; mean magnitude of the difference of neighbouring frames after the exact shift, grey levels:\n\n",
+        station.display()
+    );
+    text += "| | difference | over the target's | without the shift |\n|---|---:|---:|---:|\n";
+    for row in rows {
+        let s = &row.steadiness;
+        let _ = writeln!(
+            text,
+            "| {} | {:.2} | {:.2} | {:.2} |",
+            row.name, s.difference, s.over_target, s.unwarped_difference
+        );
+    }
+    text + "\n"
+}
+
+fn csv(report: &dataset::Report) -> String {
+    let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
+    for row in &report.rows {
+        // A field with a comma or a quote stands in quotes, quotes doubled (RFC 4180).
+        let name = match row.name.contains([',', '"']) {
+            true => format!("\"{}\"", row.name.replace('"', "\"\"")),
+            false => row.name.clone(),
+        };
+        let mut line = |index: usize, part: &str, [left, top]: [usize; 2], scores: &Scores| {
+            let Scores { psnr_db, ssim, pkl } = scores;
+            let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
+            let _ = writeln!(text, "{index},{name},{part},{left},{top},{psnr_db},{ssim},{pkl}");
+        };
+        for image in &row.images {
+            line(image.index, "full", [0, 0], &image.full);
+            image.crops.iter().for_each(|(place, scores)| line(image.index, "crop", *place, scores));
+        }
+    }
+    text
+}
+
+fn named(row: &RowReport) -> String {
+    row.variant.map_or_else(|| row.name.clone(), |variant| format!("{} ({variant:?})", row.name))
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.2}"))
+}

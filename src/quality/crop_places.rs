@@ -1,0 +1,119 @@
+//! Where an image is judged by crops, as the paper does: at random, but where the sector is.
+
+use super::QualityError;
+use crate::pose::freehand::SplitMix64;
+
+/// Side of a crop of the paper, pixels.
+pub const CROP_SIDE: usize = 512;
+/// Crops of an image in the paper.
+pub const CROP_COUNT: usize = 4;
+/// Least share of a crop's pixels inside the mask, where the mask has such places.
+pub const CROP_INSIDE: f64 = 0.5;
+/// Draws for one crop; after them the best one is taken.
+const DRAWS: usize = 200;
+
+/// Left and top of `count` crops of `side` × `side` pixels at random places of an image [height × width], the same for the
+/// same `seed`. At least [`CROP_INSIDE`] of a crop lies inside `mask` (not 0); where 200 draws find no such place, the one
+/// with the most. Crops may overlap.
+///
+/// # Errors
+/// An image smaller than a crop, a mask of another size, a mask without a pixel.
+pub fn crop_places(
+    mask: &[u8],
+    [width, height]: [usize; 2],
+    side: usize,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<[usize; 2]>, QualityError> {
+    if Some(mask.len()) != width.checked_mul(height) {
+        return Err(QualityError::Size { what: "mask", found: mask.len(), width, height });
+    }
+    if side == 0 || width < side || height < side {
+        return Err(QualityError::TooSmall { metric: "a crop", needed: side.max(1), width, height });
+    }
+    if mask.iter().all(|&m| m == 0) {
+        return Err(QualityError::EmptyMask);
+    }
+    let sums = sums(mask, width);
+    let inside = |[left, top]: [usize; 2]| {
+        let at = |column: usize, row: usize| sums[row * (width + 1) + column];
+        at(left + side, top + side) + at(left, top) - at(left + side, top) - at(left, top + side)
+    };
+    let least = (CROP_INSIDE * (side * side) as f64).ceil() as u32;
+    let mut random = SplitMix64(seed);
+    let mut draw = |room: usize| ((random.unit() * (room + 1) as f64) as usize).min(room);
+    let mut place = || {
+        let mut best = [0, 0];
+        let mut most = None;
+        for _ in 0..DRAWS {
+            let place = [draw(width - side), draw(height - side)];
+            let found = inside(place);
+            if most.is_none_or(|most| found > most) {
+                (best, most) = (place, Some(found));
+            }
+            if found >= least {
+                return place;
+            }
+        }
+        best
+    };
+    Ok((0..count).map(|_| place()).collect())
+}
+
+/// The crop [side × side] of a map [height × width] whose upper left corner is at `[left, top]`; what is beyond the map is
+/// left out.
+pub fn cut<T: Copy>(map: &[T], width: usize, [left, top]: [usize; 2], side: usize) -> Vec<T> {
+    let rows = map.chunks_exact(width.max(1)).skip(top).take(side);
+    rows.flat_map(|row| row.iter().skip(left).take(side)).copied().collect()
+}
+
+/// Pixels inside above and left of each corner [height + 1 × width + 1].
+fn sums(mask: &[u8], width: usize) -> Vec<u32> {
+    let stride = width + 1;
+    let mut sums = vec![0u32; stride * (mask.len() / width + 1)];
+    for (row, values) in mask.chunks_exact(width).enumerate() {
+        let mut of_row = 0;
+        for (column, &value) in values.iter().enumerate() {
+            of_row += u32::from(value > 0);
+            sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + of_row;
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crops_lie_in_the_sector_and_come_again() {
+        let size = [60, 40];
+        let mask: Vec<u8> = (0..2400).map(|i| if i % 60 >= 40 { 255 } else { 0 }).collect();
+        let of = |seed| crop_places(&mask, size, 16, 50, seed).unwrap();
+        let places = of(1);
+        assert_eq!((places.len(), &places), (50, &of(1)));
+        assert_ne!(places, of(2));
+        assert!(places.iter().all(|&[left, top]| left >= 32 && left <= 44 && top <= 24), "{places:?}");
+        assert!(places.iter().any(|p| p[0] == 44) && places.iter().any(|p| p[1] > 15));
+        let share = |p: [usize; 2]| cut(&mask, 60, p, 16).iter().filter(|&&m| m > 0).count();
+        assert!(places.iter().all(|&p| 2 * share(p) >= 256));
+    }
+
+    #[test]
+    fn a_narrow_sector_gives_the_best_places_and_none_is_an_error() {
+        let mut mask = vec![0; 2400];
+        mask[20 * 60 + 30] = 1;
+        let places = crop_places(&mask, [60, 40], 30, 4, 3).unwrap();
+        assert!(places.iter().all(|&p| cut(&mask, 60, p, 30).contains(&1)), "{places:?}");
+        assert_eq!(crop_places(&[0; 2400], [60, 40], 30, 4, 3), Err(QualityError::EmptyMask));
+        assert!(crop_places(&mask, [60, 40], 41, 4, 3).is_err() && crop_places(&mask, [60, 41], 8, 4, 3).is_err());
+        assert_eq!(crop_places(&mask, [60, 40], 40, 1, 3).unwrap()[0][1], 0);
+    }
+
+    #[test]
+    fn a_crop_is_cut_out() {
+        let map: Vec<u8> = (0..20).collect();
+        assert_eq!(cut(&map, 5, [1, 2], 2), [11, 12, 16, 17]);
+        assert_eq!(cut(&map, 5, [4, 3], 2), [19]);
+    }
+}

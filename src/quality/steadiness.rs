@@ -1,0 +1,140 @@
+//! How steady frames are as the probe moves: what changes between two frames besides what the motion explains.
+
+use serde::{Deserialize, Serialize};
+
+use super::QualityError;
+
+/// Mean magnitude of `after` less `before`, grey levels, where what lies at column c and row r of `before` lies at column
+/// c + `shift`\[0\] and row r + `shift`\[1\] of `after`: over the pixels that are inside `mask` [height × width] (not 0) in
+/// both frames. A picture that moves by that shift as a whole has 0.
+///
+/// # Errors
+/// Maps of another size; a shift that leaves no pixel inside both.
+pub fn shifted_difference(
+    before: &[u8],
+    after: &[u8],
+    mask: &[u8],
+    [width, height]: [usize; 2],
+    shift: [isize; 2],
+) -> Result<f64, QualityError> {
+    for (what, map) in [("frame before", before), ("frame after", after), ("mask", mask)] {
+        if Some(map.len()) != width.checked_mul(height) {
+            return Err(QualityError::Size { what, found: map.len(), width, height });
+        }
+    }
+    let (mut sum, mut pixels) = (0u64, 0u64);
+    for row in 0..height {
+        let Some(to) = row.checked_add_signed(shift[1]).filter(|&to| to < height) else { continue };
+        for column in 0..width {
+            let Some(to_column) = column.checked_add_signed(shift[0]).filter(|&to| to < width) else { continue };
+            let (from, to) = (row * width + column, to * width + to_column);
+            if mask[from] > 0 && mask[to] > 0 {
+                sum += u64::from(before[from].abs_diff(after[to]));
+                pixels += 1;
+            }
+        }
+    }
+    if pixels == 0 { Err(QualityError::EmptyMask) } else { Ok(sum as f64 / pixels as f64) }
+}
+
+/// Steadiness of a sequence, held against that of its target.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Steadiness {
+    /// Mean over neighbouring frames of [`shifted_difference`], grey levels.
+    pub difference: f64,
+    /// The same without the shift: what a frame changes on the screen.
+    pub unwarped_difference: f64,
+    /// `difference` over that of the target: 1 is as steady as the target, more flickers, less is smoother.
+    pub over_target: f64,
+}
+
+impl Steadiness {
+    /// Of `frames` [height × width] each, whose content moves by `shift` from each to the next, against `target`.
+    ///
+    /// # Errors
+    /// As [`shifted_difference`]; fewer than two frames.
+    pub fn of(
+        frames: &[Vec<u8>],
+        target: &[Vec<u8>],
+        mask: &[u8],
+        size: [usize; 2],
+        shift: [isize; 2],
+    ) -> Result<Self, QualityError> {
+        let difference = mean(frames, mask, size, shift)?;
+        Ok(Self {
+            difference,
+            unwarped_difference: mean(frames, mask, size, [0, 0])?,
+            over_target: difference / mean(target, mask, size, shift)?,
+        })
+    }
+}
+
+fn mean(frames: &[Vec<u8>], mask: &[u8], size: [usize; 2], shift: [isize; 2]) -> Result<f64, QualityError> {
+    let steps = frames.array_windows().map(|[a, b]| shifted_difference(a, b, mask, size, shift));
+    let steps = steps.collect::<Result<Vec<f64>, QualityError>>()?;
+    if steps.is_empty() {
+        return Err(QualityError::FewFrames { found: frames.len() });
+    }
+    Ok(steps.iter().sum::<f64>() / steps.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [usize; 2] = [90, 50];
+
+    /// A texture that is fixed in the scene, seen by a window that has moved so far.
+    fn seen(moved: [isize; 2], noise: u32) -> Vec<u8> {
+        let hash = |x: isize, y: isize, salt: u32| {
+            let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ salt;
+            n.wrapping_mul(0x27d4_eb2f) >> 24
+        };
+        let at = |i: isize| {
+            let (x, y) = (i % 90 + moved[0], i / 90 + moved[1]);
+            let grain = if noise == 0 { 0 } else { hash(i, 0, noise) % 16 };
+            (hash(x, y, 7) % 200 + grain) as u8
+        };
+        (0..90 * 50).map(at).collect()
+    }
+
+    #[test]
+    fn a_picture_that_moves_as_a_whole_has_no_difference() {
+        let mask = vec![255; 90 * 50];
+        for moved in [[3, 0], [-4, 2], [0, 0]] {
+            let frames: Vec<_> = (0..5).map(|i| seen([i * moved[0], i * moved[1]], 0)).collect();
+            let shift = moved.map(|v| -v);
+            let found = Steadiness::of(&frames, &seen_with_noise(moved), &mask, SIZE, shift).unwrap();
+            assert_eq!((found.difference, found.over_target), (0.0, 0.0), "{moved:?}");
+            assert_eq!(found.unwarped_difference > 20.0, moved != [0, 0]);
+        }
+    }
+
+    fn seen_with_noise(moved: [isize; 2]) -> Vec<Vec<u8>> {
+        (0..5).map(|i| seen([i * moved[0], i * moved[1]], 1 + i as u32)).collect()
+    }
+
+    #[test]
+    fn flicker_is_what_the_motion_does_not_explain() {
+        let mask = vec![255; 90 * 50];
+        let noisy = seen_with_noise([3, 0]);
+        let found = Steadiness::of(&noisy, &noisy, &mask, SIZE, [-3, 0]).unwrap();
+        // Mean distance of two numbers out of 0..16.
+        assert!((found.difference - 85.0 / 16.0).abs() < 0.2 && found.over_target == 1.0, "{found:?}");
+    }
+
+    #[test]
+    fn only_what_is_inside_in_both_counts() {
+        let (before, mut after) = ([10, 20, 30, 40], [20, 30, 40, 99]);
+        let of = |after: &[u8], mask: &[u8], shift| shifted_difference(&before, after, mask, [4, 1], [shift, 0]);
+        assert_eq!(of(&after, &[1; 4], -1), Ok(0.0));
+        after[1] = 36;
+        assert_eq!(of(&after, &[1; 4], -1), Ok(2.0));
+        assert_eq!(of(&after, &[1, 0, 1, 1], -1), Ok(0.0));
+        assert_eq!(of(&after, &[1; 4], 4), Err(QualityError::EmptyMask));
+        assert!(of(&after[1..], &[1; 4], 0).is_err());
+        let one = [before.to_vec()];
+        let few = Steadiness::of(&one, &one, &[1; 4], [4, 1], [0, 0]);
+        assert_eq!(few, Err(QualityError::FewFrames { found: 1 }));
+    }
+}

@@ -1,0 +1,179 @@
+//! Every shipped generator on the full field of view: nothing outside the sector, no seams, no padding that shows.
+
+use super::*;
+
+/// Grey levels that rounding, and sums in another order, may make.
+const ROUNDING: u8 = 1;
+/// Side beyond which a model's own multiple says that it sees the whole field of view: pix2pix of 8 levels.
+const DEEP: u32 = 256;
+
+/// All of `assets/generators`.
+pub(super) fn shipped() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/generators");
+    let folders = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
+    let files = folders.flat_map(|folder| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
+    let mut models: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "onnx")).collect();
+    models.sort();
+    assert!(!models.is_empty());
+    models
+}
+
+/// With the tissues of the built-in table.
+fn load_shipped(path: &Path) -> Generator {
+    let tissues = TissueTable::builtin().unwrap().names().to_vec();
+    let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };
+    Generator::load(path, runtime(), &options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A scene: speckle over tissues in blobs, and a shadow; another one for another seed.
+fn scene(width: usize, height: usize, mask: impl Fn(usize, usize) -> bool, seed: u32) -> Maps {
+    let hash = |x: usize, y: usize, salt: u32| {
+        let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ (seed + salt);
+        (n ^ (n >> 15)).wrapping_mul(0x27d4_eb2f) >> 24
+    };
+    let mut maps = Maps {
+        width: width as u32,
+        height: height as u32,
+        image: vec![],
+        segmentation: vec![],
+        attenuation: vec![],
+        mask: vec![],
+    };
+    for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        let inside = mask(x, y);
+        let tissue = 1 + hash(x / 40, y / 24, 1) % 40;
+        // A mean of four is between speckle of one and of many looks.
+        let speckle = (0..4).map(|salt| hash(x / 2, y, 7 + salt)).sum::<u32>() / 4;
+        let level = (speckle * (tissue % 7 + 1) / 5).min(255) as u8;
+        maps.image.push(if inside { level } else { 0 });
+        maps.segmentation.push(if inside { tissue as u8 } else { 0 });
+        let shadow = if hash(x / 60, 0, 3) < 60 { 0.3 } else { 1.0 };
+        let attenuation = shadow * (1.0 - 0.8 * y as f32 / height as f32);
+        maps.attenuation.push(if inside { attenuation } else { 0.0 });
+        maps.mask.push(if inside { 255 } else { 0 });
+    }
+    maps
+}
+
+/// Columns from `from` on.
+fn columns(maps: &Maps, from: usize) -> Maps {
+    fn cut<T: Copy>(map: &[T], width: usize, from: usize) -> Vec<T> {
+        map.chunks_exact(width).flat_map(|row| &row[from..]).copied().collect()
+    }
+    let width = maps.width as usize;
+    Maps {
+        width: maps.width - from as u32,
+        height: maps.height,
+        image: cut(&maps.image, width, from),
+        segmentation: cut(&maps.segmentation, width, from),
+        attenuation: cut(&maps.attenuation, width, from),
+        mask: cut(&maps.mask, width, from),
+    }
+}
+
+/// The maps with `border` pixels of outside on every side.
+fn bordered(maps: &Maps, border: usize) -> Maps {
+    fn frame<T: Copy + Default>(map: &[T], width: usize, border: usize) -> Vec<T> {
+        let outer = width + 2 * border;
+        let mut out = vec![T::default(); border * outer];
+        for row in map.chunks_exact(width) {
+            out.extend(std::iter::repeat_n(T::default(), border));
+            out.extend_from_slice(row);
+            out.extend(std::iter::repeat_n(T::default(), border));
+        }
+        out.extend(std::iter::repeat_n(T::default(), border * outer));
+        out
+    }
+    let width = maps.width as usize;
+    Maps {
+        width: maps.width + 2 * border as u32,
+        height: maps.height + 2 * border as u32,
+        image: frame(&maps.image, width, border),
+        segmentation: frame(&maps.segmentation, width, border),
+        attenuation: frame(&maps.attenuation, width, border),
+        mask: frame(&maps.mask, width, border),
+    }
+}
+
+fn run(generator: &mut Generator, maps: &Maps) -> Vec<u8> {
+    let mut out = Vec::new();
+    generator.run(&maps.input(), &mut out).unwrap();
+    out
+}
+
+/// Greatest column at which two images of that width differ by more than rounding.
+fn last_difference(a: &[u8], b: &[u8], width: usize) -> Option<usize> {
+    let differs = |column: &usize| {
+        (0..a.len() / width).any(|row| a[row * width + column].abs_diff(b[row * width + column]) > ROUNDING)
+    };
+    (0..width).rev().find(differs)
+}
+
+#[test]
+fn a_crops_output_is_the_full_field_of_views_inside_a_margin() {
+    let (width, height, from) = (1024, 256, 512);
+    for path in shipped() {
+        let mut generator = load_shipped(&path);
+        let name = generator.manifest().name.clone();
+        if generator.manifest().padding_multiple >= DEEP {
+            // Its receptive field is the whole frame: there is no margin to be inside of.
+            continue;
+        }
+        let all = scene(width, height, |_, _| true, 1);
+        let mut changed = scene(width, height, |_, _| true, 77);
+        for row in 0..height {
+            let kept = row * width + from..(row + 1) * width;
+            changed.image[kept.clone()].copy_from_slice(&all.image[kept.clone()]);
+            changed.segmentation[kept.clone()].copy_from_slice(&all.segmentation[kept.clone()]);
+            changed.attenuation[kept.clone()].copy_from_slice(&all.attenuation[kept]);
+        }
+        let full = run(&mut generator, &all);
+        // How far what is left of `from` is seen at its right. Statistics of the whole frame would be seen everywhere.
+        let other = run(&mut generator, &changed);
+        let reach = last_difference(&full, &other, width).map_or(0, |column| (column + 1).saturating_sub(from));
+        assert!(reach <= 200, "{name}: {reach} columns beyond the change differ: are its statistics frozen?");
+        let crop = run(&mut generator, &columns(&all, from));
+        let inner: Vec<u8> = full.chunks_exact(width).flat_map(|row| &row[from..]).copied().collect();
+        let margin = last_difference(&crop, &inner, width - from).map_or(0, |column| column + 1);
+        assert!(margin <= 200, "{name}: a crop differs {margin} columns from its edge");
+        eprintln!("{name}: a change is seen {reach} columns away, a crop's edge {margin}");
+    }
+}
+
+#[test]
+fn nothing_is_outside_the_sector_and_its_edge_shows_no_padding() {
+    // A fan that touches all four sides, of a size that is no multiple of any model's.
+    let (width, height) = (603usize, 437usize);
+    let fan = |x: usize, y: usize| {
+        let (dx, dy) = (x as f64 - 301.0, y as f64 + 120.0);
+        let (radius, angle) = (dx.hypot(dy), dx.atan2(dy).abs());
+        (120.0..557.0).contains(&radius) && angle < 0.575
+    };
+    for path in shipped() {
+        let mut generator = load_shipped(&path);
+        let name = generator.manifest().name.clone();
+        let maps = scene(width, height, fan, 5);
+        assert!(maps.mask[301] > 0 && maps.mask[(height - 1) * width + 301] > 0);
+        let alone = run(&mut generator, &maps);
+        assert!(alone.iter().zip(&maps.mask).all(|(&level, &mask)| mask > 0 || level == 0), "{name}: outside");
+        // On a larger canvas no edge of the tensor touches the sector: what differs is what padding does.
+        let border = 64usize.next_multiple_of(generator.manifest().padding_multiple as usize);
+        let canvas = run(&mut generator, &bordered(&maps, border));
+        let outer = width + 2 * border;
+        let (mut sums, mut counts) = ([0u64; 2], [0u64; 2]);
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            if maps.mask[y * width + x] == 0 {
+                continue;
+            }
+            let from_edge = x.min(y).min(width - 1 - x).min(height - 1 - y);
+            let off = alone[y * width + x].abs_diff(canvas[(y + border) * outer + x + border]);
+            let zone = usize::from(from_edge >= 16);
+            sums[zone] += u64::from(off);
+            counts[zone] += 1;
+        }
+        let [near, far] = [0, 1].map(|zone| sums[zone] as f64 / counts[zone].max(1) as f64);
+        eprintln!("{name}: {near:.2} grey levels within 16 pixels of the frame's edge, {far:.3} elsewhere");
+        assert!(counts[0] > 2000, "{counts:?}");
+        assert!(near < 8.0 && far < 1.0, "{name}: {near} levels at the frame's edge, {far} elsewhere");
+    }
+}
