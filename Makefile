@@ -5,7 +5,7 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo live test test-browser test-window bench soak hard setup clean
+.PHONY: help demo live test test-browser test-window test-training train bench soak hard setup clean
 
 help:
 	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
@@ -16,6 +16,8 @@ help:
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
 	@echo 'make soak   ten minutes of a live station on a bad day: memory, latency and drops; scripts/soak --help'
 	@echo 'make hard   a million random frames worth of rays without a value that is not finite; goes on where it was stopped'
+	@echo 'make train  train every shipped generator from nothing; says how long; goes on where it was stopped'
+	@echo 'make test-training  the tests of the training package (training/)'
 	@echo 'make setup  what the others do first; scripts/setup --help says more'
 	@echo 'make clean  remove what was built and rendered'
 
@@ -45,6 +47,12 @@ bench: setup
 soak: setup
 	$(CARGO) build --release --bin insonify
 	python3 scripts/soak $(ARGS)
+
+train: setup
+	scripts/train $(ARGS)
+
+test-training:
+	scripts/train --test $(ARGS)
 
 hard: setup
 	$(CARGO) run --release --example hard -- $(ARGS)

@@ -13,7 +13,7 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 20000
+    steps: int = 7000
     batch: int = 4
     crop: int = 256
     rate: float = 1e-3
@@ -24,8 +24,8 @@ class Config:
     # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
     l1_weight: float = 200.0
     # Steps without the GAN term, and steps in which it grows to its weight.
-    warmup: int = 8000
-    ramp: int = 4000
+    warmup: int = 4500
+    ramp: int = 1000
     ndf: int = 8
     # Decay of the running mean of the weights, which is what is exported.
     ema: float = 0.999
@@ -75,7 +75,7 @@ TIERS = {
     **_variants("paper", PAPER, ("M", "MS", "MSA", "Maps")),
 }
 # Those that `make train` trains, in this order.
-SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_maps", "middle_msa")
+SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_maps")
 
 if __name__ == "__main__":
     # For scripts/train.
