@@ -93,7 +93,7 @@ mod tests {
         let places = of(1);
         assert_eq!((places.len(), &places), (50, &of(1)));
         assert_ne!(places, of(2));
-        assert!(places.iter().all(|&[left, top]| left >= 32 && left <= 44 && top <= 24), "{places:?}");
+        assert!(places.iter().all(|&[left, top]| (32..=44).contains(&left) && top <= 24), "{places:?}");
         assert!(places.iter().any(|p| p[0] == 44) && places.iter().any(|p| p[1] > 15));
         let share = |p: [usize; 2]| cut(&mask, 60, p, 16).iter().filter(|&&m| m > 0).count();
         assert!(places.iter().all(|&p| 2 * share(p) >= 256));

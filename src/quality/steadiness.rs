@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::QualityError;
+use super::{Pair, QualityError, level_difference};
 
 /// Mean magnitude of `after` less `before`, grey levels, where what lies at column c and row r of `before` lies at column
 /// c + `shift`\[0\] and row r + `shift`\[1\] of `after`: over the pixels that are inside `mask` [height × width] (not 0) in
@@ -37,15 +37,51 @@ pub fn shifted_difference(
     if pixels == 0 { Err(QualityError::EmptyMask) } else { Ok(sum as f64 / pixels as f64) }
 }
 
+/// [`level_difference`] of `after` and `before` after the shift, mean magnitude, grey levels: flicker without the speckle,
+/// which decorrelates as the probe moves, and which a smooth picture lacks. Pixels as in [`shifted_difference`].
+///
+/// # Errors
+/// Maps of another size; frames smaller than a patch; a shift that leaves no patch.
+pub fn shifted_level_difference(
+    before: &[u8],
+    after: &[u8],
+    mask: &[u8],
+    [width, height]: [usize; 2],
+    shift: [isize; 2],
+) -> Result<f64, QualityError> {
+    if let Some(map) = [after, mask].into_iter().find(|map| Some(map.len()) != width.checked_mul(height)) {
+        return Err(QualityError::Size { what: "frame after", found: map.len(), width, height });
+    }
+    // `after` brought back onto `before`.
+    let mut back = vec![0; after.len()];
+    let mut both = vec![0; after.len()];
+    for (index, (back, both)) in back.iter_mut().zip(&mut both).enumerate() {
+        let column = (index % width).checked_add_signed(shift[0]).filter(|&to| to < width);
+        let row = (index / width).checked_add_signed(shift[1]).filter(|&to| to < height);
+        if let (Some(column), Some(row)) = (column, row)
+            && mask[index] > 0
+            && mask[row * width + column] > 0
+        {
+            (*back, *both) = (after[row * width + column], 255);
+        }
+    }
+    Ok(level_difference(&Pair::new([width, height], &back, before, Some(&both))?)?[0])
+}
+
 /// Steadiness of a sequence, held against that of its target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Steadiness {
     /// Mean over neighbouring frames of [`shifted_difference`], grey levels.
     pub difference: f64,
-    /// The same without the shift: what a frame changes on the screen.
+    /// Mean over neighbouring frames of [`shifted_level_difference`], grey levels: flicker of areas.
+    pub level_difference: f64,
+    /// The same without the shift, pixel by pixel: what a frame changes on the screen.
     pub unwarped_difference: f64,
-    /// `difference` over that of the target: 1 is as steady as the target, more flickers, less is smoother.
+    /// `difference` over that of the target: 1 is as steady as the target, more flickers; less is steadier or has less
+    /// texture.
     pub over_target: f64,
+    /// `level_difference` over that of the target.
+    pub level_over_target: f64,
 }
 
 impl Steadiness {
@@ -60,17 +96,24 @@ impl Steadiness {
         size: [usize; 2],
         shift: [isize; 2],
     ) -> Result<Self, QualityError> {
-        let difference = mean(frames, mask, size, shift)?;
+        let pixels = |a: &[u8], b: &[u8]| shifted_difference(a, b, mask, size, shift);
+        let levels = |a: &[u8], b: &[u8]| shifted_level_difference(a, b, mask, size, shift);
+        let (difference, level_difference) = (mean(frames, pixels)?, mean(frames, levels)?);
         Ok(Self {
             difference,
-            unwarped_difference: mean(frames, mask, size, [0, 0])?,
-            over_target: difference / mean(target, mask, size, shift)?,
+            level_difference,
+            unwarped_difference: mean(frames, |a, b| shifted_difference(a, b, mask, size, [0, 0]))?,
+            over_target: difference / mean(target, pixels)?,
+            level_over_target: level_difference / mean(target, levels)?,
         })
     }
 }
 
-fn mean(frames: &[Vec<u8>], mask: &[u8], size: [usize; 2], shift: [isize; 2]) -> Result<f64, QualityError> {
-    let steps = frames.array_windows().map(|[a, b]| shifted_difference(a, b, mask, size, shift));
+fn mean(
+    frames: &[Vec<u8>],
+    difference: impl Fn(&[u8], &[u8]) -> Result<f64, QualityError>,
+) -> Result<f64, QualityError> {
+    let steps = frames.array_windows().map(|[a, b]| difference(a, b));
     let steps = steps.collect::<Result<Vec<f64>, QualityError>>()?;
     if steps.is_empty() {
         return Err(QualityError::FewFrames { found: frames.len() });
@@ -106,6 +149,7 @@ mod tests {
             let shift = moved.map(|v| -v);
             let found = Steadiness::of(&frames, &seen_with_noise(moved), &mask, SIZE, shift).unwrap();
             assert_eq!((found.difference, found.over_target), (0.0, 0.0), "{moved:?}");
+            assert_eq!((found.level_difference, found.level_over_target), (0.0, 0.0), "{moved:?}");
             assert_eq!(found.unwarped_difference > 20.0, moved != [0, 0]);
         }
     }
@@ -121,6 +165,13 @@ mod tests {
         let found = Steadiness::of(&noisy, &noisy, &mask, SIZE, [-3, 0]).unwrap();
         // Mean distance of two numbers out of 0..16.
         assert!((found.difference - 85.0 / 16.0).abs() < 0.2 && found.over_target == 1.0, "{found:?}");
+        // Grain averages out over a patch; a level that rises by 6 does not.
+        assert!(found.level_difference < 0.6, "{found:?}");
+        let rising: Vec<Vec<u8>> =
+            (0..4).map(|i| seen([3 * i, 0], 0).iter().map(|&v| v + 6 * i as u8).collect()).collect();
+        let found = Steadiness::of(&rising, &noisy, &mask, SIZE, [-3, 0]).unwrap();
+        assert_eq!((found.difference, found.level_difference), (6.0, 6.0));
+        assert!(found.level_over_target > 10.0, "{found:?}");
     }
 
     #[test]

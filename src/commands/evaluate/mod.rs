@@ -75,7 +75,7 @@ pub(crate) struct Args {
     frames: u32,
 
     /// Pixels that the probe slides from frame to frame, 1..=100; the paper's are 0.157 mm
-    #[arg(long, value_name = "PIXELS", default_value_t = 3, requires = "steadiness", value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "PIXELS", default_value_t = 1, requires = "steadiness", value_parser = clap::value_parser!(u32).range(1..=100))]
     step: u32,
 
     /// Folder for tables (table.md) and, of a data set, pictures of the best, the median and the worst tuple

@@ -156,17 +156,17 @@ fn of_steadiness(report: &steadiness::Report) -> String {
     let steadiness::Report { station, frames, step_pixels, step_mm, rows } = report;
     let mut text = format!(
         "Steadiness: {frames} frames of {} while the probe slides by {step_pixels} pixels ({step_mm:.3} mm) a frame in \
-         its image plane; mean magnitude of the difference of neighbouring frames after the exact shift, grey levels:\n\n",
+         its image plane; mean magnitude of the difference of neighbouring frames after the exact shift, grey levels, pixel by \
+         pixel (speckle changes with the probe, and a smooth picture has less of it) and of the means of 32 x 32:\n\n",
         station.display()
     );
-    text += "| | difference | over the target's | without the shift |\n|---|---:|---:|---:|\n";
+    text += "| | pixels | over the target's | 32 x 32 | over the target's | pixels without the shift |\n";
+    text += "|---|---:|---:|---:|---:|---:|\n";
     for row in rows {
         let s = &row.steadiness;
-        let _ = writeln!(
-            text,
-            "| {} | {:.2} | {:.2} | {:.2} |",
-            row.name, s.difference, s.over_target, s.unwarped_difference
-        );
+        let [pixels, levels] = [[s.difference, s.over_target], [s.level_difference, s.level_over_target]]
+            .map(|[own, ratio]| format!("{own:.2} | {ratio:.2}"));
+        let _ = writeln!(text, "| {} | {pixels} | {levels} | {:.2} |", row.name, s.unwarped_difference);
     }
     text + "\n"
 }
