@@ -52,9 +52,9 @@ const AFTER_HELP: &str = "\
 Needs ONNX Runtime's library: scripts/setup fetches it, or ORT_DYLIB_PATH names it.
 
 Examples:
-  insonify generator assets/generators/demo_smooth/demo_smooth.onnx
+  insonify generator assets/generators/fast_msa/fast_msa.onnx
   insonify render configs/obstetric.toml --out out/frame
-  insonify generator assets/generators/demo_smooth/demo_smooth.onnx --frame out/frame --out out/enhanced.png";
+  insonify generator assets/generators/fast_msa/fast_msa.onnx --frame out/frame --out out/enhanced.png";
 
 /// Width and height.
 #[derive(Debug, Clone, Copy)]

@@ -22,27 +22,24 @@ use super::stills::Stills;
 use crate::commands::effects::EffectArgs;
 use crate::commands::{Classify, Failure, live};
 
+/// The files of a shipped generator.
+macro_rules! generator {
+    ($name:literal) => {
+        generator!($name, ".onnx", ".toml", ".parity_input.npy", ".parity_output.npy")
+    };
+    ($name:literal, $($end:literal),+) => {
+        [$((
+            concat!("assets/generators/", $name, "/", $name, $end),
+            include_bytes!(concat!("../../../assets/generators/", $name, "/", $name, $end)) as &[u8],
+        )),+]
+    };
+}
+
 /// What the live station needs, as it lies in the repository: part of the program, so that the demo runs from anywhere.
-const FILES: [(&str, &[u8]); 6] = [
-    (STATION, include_bytes!("../../../configs/live.toml")),
-    (RECORDING, super::EXAM),
-    (
-        "assets/generators/demo_smooth/demo_smooth.onnx",
-        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.onnx"),
-    ),
-    (
-        "assets/generators/demo_smooth/demo_smooth.toml",
-        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.toml"),
-    ),
-    (
-        "assets/generators/demo_smooth/demo_smooth.parity_input.npy",
-        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.parity_input.npy"),
-    ),
-    (
-        "assets/generators/demo_smooth/demo_smooth.parity_output.npy",
-        include_bytes!("../../../assets/generators/demo_smooth/demo_smooth.parity_output.npy"),
-    ),
-];
+const FILES: [(&str, &[u8]); 2] =
+    [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
+/// The generators that the station names.
+const GENERATORS: [[(&str, &[u8]); 4]; 2] = [generator!("fast_msa"), generator!("fast_m")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 
