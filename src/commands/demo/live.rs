@@ -36,8 +36,7 @@ macro_rules! generator {
 }
 
 /// What the live station needs, as it lies in the repository: part of the program, so that the demo runs from anywhere.
-const FILES: [(&str, &[u8]); 2] =
-    [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
+const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
 /// The generators that the station names.
 const GENERATORS: [[(&str, &[u8]); 4]; 2] = [generator!("fast_msa"), generator!("fast_m")];
 const STATION: &str = "configs/live.toml";
@@ -153,7 +152,7 @@ impl Live<'_> {
     /// The station, written with all that it names: `insonify run` takes it from there, too.
     fn station(&self) -> Result<Station, Failure> {
         let root = self.out.join("station");
-        for (name, bytes) in FILES {
+        for (name, bytes) in FILES.into_iter().chain(GENERATORS.into_iter().flatten()) {
             let path = root.join(name);
             if let Some(directory) = path.parent() {
                 create_dir(directory)?;
