@@ -108,6 +108,19 @@ pub(super) fn exp(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
+/// e^(i2π·turns), to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
+#[inline(always)]
+pub(super) fn phasor(turns: f32) -> [f32; 2] {
+    let within = turns - round(turns);
+    let halves = round(2.0 * within);
+    let r = within - 0.5 * halves;
+    let u = r * r;
+    let c = 0.999_999_94 + u * (-19.739_172 + u * (64.934_59 + u * (-85.240_326 + u * 56.242_363)));
+    let s = r * (6.283_185 + u * (-41.341_656 + u * (81.601_006 + u * (-76.549_78 + u * 39.536_697))));
+    let sign = 1.0 - 2.0 * halves.abs();
+    [c * sign, s * sign]
+}
+
 const LOG2: [f32; 8] = [
     1.442_694_8,
     -0.721_357_1,
@@ -133,6 +146,16 @@ mod tests {
             let y = -87.0 + 175.0 * i as f32 / 2_000_000.0;
             let exact = f64::from(y).exp();
             assert!((f64::from(exp(y)) / exact - 1.0).abs() < 3.0e-7, "exp {y}");
+        }
+    }
+
+    #[test]
+    fn phasors_are_on_the_circle() {
+        for i in -200_000..200_000 {
+            let turns = i as f32 * 0.007_31;
+            let [c, s] = phasor(turns);
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(turns).fract()).sin_cos();
+            assert!((f64::from(c) - cos).abs() < 3.0e-7 && (f64::from(s) - sin).abs() < 3.0e-7, "{turns}");
         }
     }
 
