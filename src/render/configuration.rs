@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::buffers::{BatchPlan, Buffers, SceneBuffers};
 use super::gpu::Gpu;
+use super::native::{StagingRing, StagingSize};
 use super::params::Params;
 use super::passes::{Constants, Pass, Pipelines};
 use super::plan::{Effect, EffectPlan, SceneFacts};
@@ -62,6 +63,8 @@ pub(super) struct Configuration {
     pub(super) tables: Tables,
     pub(super) plan: BatchPlan,
     pub(super) buffers: Buffers,
+    /// Where the host writes paths, if it follows them.
+    pub(super) staging: Option<StagingRing>,
     pub(super) path_passes: Vec<Pass>,
     pub(super) image_passes: Vec<Pass>,
     /// The last of `image_passes` where no maps are wanted.
@@ -110,8 +113,14 @@ impl Configuration {
             ("ROUGHNESS", flag(on.has(Effect::Roughness))),
             ("REFLECTIONS", flag(on.has(Effect::Reflections))),
         ];
-        let mut path_passes =
-            vec![pass("locate", [paths.div_ceil(64), 1, 1], &[])?, pass("trace", [paths.div_ceil(64), 1, 1], &trace)?];
+        let mut path_passes = Vec::new();
+        let staging = if gpu.host_trace {
+            Some(StagingRing::new(gpu, StagingSize { paths, hint_words: params.hint_words })?)
+        } else {
+            path_passes.push(pass("locate", [paths.div_ceil(64), 1, 1], &[])?);
+            path_passes.push(pass("trace", [paths.div_ceil(64), 1, 1], &trace)?);
+            None
+        };
         if on.has(Effect::Scatterers) {
             path_passes.push(pass("march", samples_by(16), &single)?);
         }
@@ -149,6 +158,7 @@ impl Configuration {
             tables,
             plan,
             buffers,
+            staging,
             path_passes,
             image_passes,
             image_alone,
@@ -205,14 +215,19 @@ impl Configuration {
         }
     }
 
-    /// Passes of a frame in their order, each with its batch.
-    pub(super) fn passes(&self, maps: bool) -> impl Iterator<Item = (&Pass, u32)> {
-        let paths = (0..self.plan.batches).flat_map(|batch| self.path_passes.iter().map(move |pass| (pass, batch)));
+    /// Passes after those of the paths, in their order.
+    pub(super) fn image_passes(&self, maps: bool) -> impl Iterator<Item = &Pass> {
         let left_out = |pass: &&Pass| !MAP_PASSES.contains(&pass.name);
-        let image = self.image_passes.iter().filter(move |pass| maps || left_out(pass)).map(move |pass| {
+        self.image_passes.iter().filter(move |pass| maps || left_out(pass)).map(move |pass| {
             let alone = !maps && pass.name == self.image_alone.name;
-            (if alone { &self.image_alone } else { pass }, 0)
-        });
-        paths.chain(image)
+            if alone { &self.image_alone } else { pass }
+        })
+    }
+
+    /// Says what reads the paths that the host wrote last.
+    pub(super) fn submitted(&mut self, submission: &wgpu::SubmissionIndex) {
+        if let Some(ring) = &mut self.staging {
+            ring.submitted(submission);
+        }
     }
 }

@@ -7,6 +7,7 @@ mod gpu;
 mod kernels;
 mod ladder;
 mod motion;
+mod native;
 mod params;
 mod passes;
 pub mod plan;
@@ -20,8 +21,9 @@ mod tables;
 pub mod twin;
 
 pub use frame::{Frame, FrameTimes, PassTime};
-pub use gpu::{Gpu, GpuError, GpuOptions};
+pub use gpu::{Gpu, GpuError, GpuOptions, TraceOn};
 pub use kernels::{ClippedKernel, Kernel};
+pub use native::TraceConstants;
 pub use ladder::{Climbed, LADDER, RUNGS, climb};
 pub use plan::{Choice, Decision, Effect, EffectChoices, EffectPlan};
 pub use preset::{Preset, QualityPoint, UnknownPreset};

@@ -9,13 +9,14 @@ use thiserror::Error;
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::{Configuration, Media};
 use super::gpu::{Gpu, GpuError};
-use super::passes::Pipelines;
+use super::native::{HostTrace, HostWork};
+use super::passes::{Pass, Pipelines};
 use super::plan::{Choice, Effect, EffectPlan};
 use super::readback::Slot;
 use super::settings::SettingsError;
 use super::shaders::ShaderSet;
 use super::tables::TISSUES_MAX;
-use super::{ClippedKernel, Frame, RenderSettings};
+use super::{ClippedKernel, Frame, PassTime, RenderSettings};
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, BvhError, Scene};
 use crate::pose::Pose;
@@ -66,6 +67,8 @@ struct InFlight {
     mask: Arc<[u8]>,
     maps: bool,
     submission: wgpu::SubmissionIndex,
+    /// Time that the host followed paths for, ms.
+    traced_ms: Option<f64>,
     started: Instant,
 }
 
@@ -76,6 +79,8 @@ pub struct Renderer {
     pub(super) bvh: Arc<Bvh>,
     pub(super) media: Media,
     pub(super) scene: SceneBuffers,
+    /// Follows paths in the device's place.
+    pub(super) host: Option<HostTrace>,
     pipelines: Pipelines,
     pub(super) now: Configuration,
     in_flight: VecDeque<InFlight>,
@@ -114,6 +119,7 @@ impl Renderer {
         check_scene(scene, &bvh)?;
         let media = Media::new(scene, &bvh);
         let scene = SceneBuffers::new(gpu, &media.surface_words, &bvh)?;
+        let host = gpu.host_trace.then(|| HostTrace::new(&bvh, shaders.host));
         let mut pipelines = Pipelines::new(shaders);
         let now = Configuration::new(gpu, (&scene, &media), &mut pipelines, probe, settings, None)?;
         now.fill(gpu, None);
@@ -124,6 +130,7 @@ impl Renderer {
             bvh,
             media,
             scene,
+            host,
             pipelines,
             now,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
@@ -241,9 +248,7 @@ impl Renderer {
         now.params.set_pose(pose, &self.bvh, &now.probe);
         self.uniforms.clear();
         for batch in 0..now.plan.batches {
-            let mut params = now.params;
-            params.layer_first = batch * now.plan.layers_per_batch;
-            params.layer_count = now.plan.layers_per_batch.min(now.params.layer_count - params.layer_first);
+            let params = now.plan.params(batch, &now.params);
             self.uniforms.resize((u64::from(batch) * PARAMS_STRIDE) as usize, 0);
             self.uniforms.extend_from_slice(bytemuck::bytes_of(&params));
         }
@@ -252,33 +257,54 @@ impl Renderer {
 
     /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received.
     ///
+    /// Where the host follows the paths, it does so in this call.
+    ///
     /// # Errors
-    /// A full ring.
+    /// A full ring, or a device that fails.
     pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
         if self.in_flight.len() == FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();
         self.place(pose);
-        let now = &self.now;
-        let maps = now.settings.maps || now.settings.effects.of(Effect::Maps) == Choice::On;
-        let slot = &now.slots[self.next_slot];
-        let mut encoder =
-            self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        encoder.clear_buffer(&now.buffers.overflows, 0, None);
-        now.clear_unwritten(&mut encoder);
-        for (index, (pass, batch)) in now.passes(maps).enumerate() {
+        let maps = self.now.settings.maps || self.now.settings.effects.of(Effect::Maps) == Choice::On;
+        let slot = self.now.slots[self.next_slot].clone();
+        let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
+        let mut encoder = self.gpu.device.create_command_encoder(&label);
+        encoder.clear_buffer(&self.now.buffers.overflows, 0, None);
+        self.now.clear_unwritten(&mut encoder);
+        let mut index = 0;
+        let mut record = |encoder: &mut wgpu::CommandEncoder, pass: &Pass, batch: u32| {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(pass.name),
                 timestamp_writes: slot.timestamps(index),
             });
             pass.record(&mut compute, batch);
+            index += 1;
+        };
+        let mut work = HostWork::default();
+        let batches = self.now.plan.batches;
+        for batch in 0..batches {
+            self.trace_on_host(batch, &mut encoder, &mut work)?;
+            for pass in &self.now.path_passes {
+                record(&mut encoder, pass, batch);
+            }
+            // The device may begin with these paths while the host follows the next.
+            if self.host.is_some() && batch + 1 < batches {
+                let whole = std::mem::replace(&mut encoder, self.gpu.device.create_command_encoder(&label));
+                self.now.submitted(&self.gpu.queue.submit([whole.finish()]));
+            }
         }
-        slot.record(&mut encoder, &now.buffers, maps);
+        for pass in self.now.image_passes(maps) {
+            record(&mut encoder, pass, 0);
+        }
+        slot.record(&mut encoder, &self.now.buffers, maps);
         let submission = self.gpu.queue.submit([encoder.finish()]);
+        self.now.submitted(&submission);
         slot.map(&self.map_done);
-        let (slot, mask) = (slot.clone(), now.tables.mask.clone());
-        self.in_flight.push_back(InFlight { slot, mask, maps, submission, started });
+        let mask = self.now.tables.mask.clone();
+        let traced_ms = self.host.is_some().then_some(work.ms);
+        self.in_flight.push_back(InFlight { slot, mask, maps, submission, traced_ms, started });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }
@@ -288,7 +314,7 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { slot, mask, maps, submission, started } =
+        let InFlight { slot, mask, maps, submission, traced_ms, started } =
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
         let result = loop {
@@ -304,6 +330,9 @@ impl Renderer {
         result.map_err(|e| lost(e.to_string()))?;
         self.gpu.check()?;
         slot.read(frame, maps)?;
+        if let Some(ms) = traced_ms {
+            frame.times.passes.insert(0, PassTime { name: "trace", ms });
+        }
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;

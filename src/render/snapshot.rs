@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::gpu::{Gpu, GpuError};
+use super::native::HostWork;
 use super::renderer::{RenderError, Renderer};
 use super::tables::{ENTRIES, SEGMENTS, STARTS};
 use super::twin::{Inputs, Membership, Path, RasterPoint, Run, Sections, Segment};
@@ -63,10 +64,11 @@ impl Renderer {
             return Err(RenderError::Batches { batches: self.now.plan.batches });
         }
         self.place(pose);
-        let (now, buffers) = (&self.now, &self.now.buffers);
         let label = wgpu::CommandEncoderDescriptor { label: Some("snapshot") };
         let mut encoder = self.gpu.device.create_command_encoder(&label);
-        encoder.clear_buffer(&buffers.overflows, 0, None);
+        encoder.clear_buffer(&self.now.buffers.overflows, 0, None);
+        self.trace_on_host(0, &mut encoder, &mut HostWork::default())?;
+        let (now, buffers) = (&self.now, &self.now.buffers);
         now.clear_unwritten(&mut encoder);
         // The echoes are added in place: the scatterers alone are kept on the way.
         let mut scattered = None;
@@ -104,6 +106,8 @@ impl Renderer {
         ];
         let staged = wanted.map(|buffer| Staged::new(&self.gpu, &mut encoder, buffer));
         let submission = self.gpu.queue.submit([encoder.finish()]);
+        self.now.submitted(&submission);
+        let now = &self.now;
         for one in staged.iter().chain(&scattered) {
             // A failed map shows when the range is asked for.
             one.0.slice(..).map_async(wgpu::MapMode::Read, |_| {});
