@@ -82,6 +82,8 @@ pub struct GpuOptions {
     pub adapter: String,
     /// Where paths are followed.
     pub trace: TraceOn,
+    /// Where the image is made of them.
+    pub image: ImageOn,
 }
 
 /// Where paths are followed through the scene: the passes `locate` and `trace`.
@@ -95,6 +97,16 @@ pub enum TraceOn {
     Device,
     /// By the host's cores.
     Host,
+}
+
+/// Where the image is made of the paths: the passes from `march` on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ImageOn {
+    /// On the host where it follows the paths and the device is software; else on the device.
+    #[default]
+    Auto,
+    /// By the device's shaders.
+    Device,
 }
 
 /// Says where paths are followed, over what the kind of device calls for.
@@ -129,6 +141,8 @@ pub struct Gpu {
     pub(crate) timestamps: bool,
     /// Whether the host follows the paths.
     pub(crate) host_trace: bool,
+    /// Whether the host makes the image too, and nothing is left to the device.
+    pub(crate) host_image: bool,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -163,6 +177,7 @@ impl Gpu {
         };
         let info = adapter.get_info();
         let host_trace = options.trace.host(info.device_type)?;
+        let host_image = host_trace && info.device_type == wgpu::DeviceType::Cpu && options.image == ImageOn::Auto;
         let features = wgpu::Features::TIMESTAMP_QUERY & adapter.features();
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("insonify"),
@@ -178,7 +193,7 @@ impl Gpu {
             reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
-        Ok(Self { device, queue, info, timestamps, host_trace, fault })
+        Ok(Self { device, queue, info, timestamps, host_trace, host_image, fault })
     }
 
     /// Fails if the device reported an error since it was opened: what it computes can't be trusted.

@@ -21,9 +21,9 @@ mod tables;
 pub mod twin;
 
 pub use frame::{Frame, FrameTimes, PassTime};
-pub use gpu::{Gpu, GpuError, GpuOptions, TraceOn};
+pub use gpu::{Gpu, GpuError, GpuOptions, ImageOn, TraceOn};
 pub use kernels::{ClippedKernel, Kernel};
-pub use native::TraceConstants;
+pub use native::{ImageConstants, TraceConstants};
 pub use ladder::{Climbed, LADDER, RUNGS, climb};
 pub use plan::{Choice, Decision, Effect, EffectChoices, EffectPlan};
 pub use preset::{Preset, QualityPoint, UnknownPreset};

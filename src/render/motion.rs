@@ -26,6 +26,9 @@ impl Renderer {
             if let Some(host) = &mut self.host {
                 host.take(bvh, changed);
             }
+            if self.now.host_frame.is_some() {
+                continue;
+            }
             let nodes = &bvh.nodes[changed.nodes.clone()];
             let triangles = &bvh.triangles[changed.triangles.clone()];
             // Writes are in order with submissions: a frame in flight keeps what it was submitted with.

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::{Configuration, Media};
 use super::gpu::{Gpu, GpuError};
-use super::native::{HostTrace, HostWork};
+use super::native::{HostScene, HostTrace, HostWork};
 use super::passes::{Pass, Pipelines};
 use super::plan::{Choice, Effect, EffectPlan};
 use super::readback::Slot;
@@ -63,13 +63,23 @@ pub enum RenderError {
 /// A frame that was submitted and not received, with what reading it needs: later settings may differ.
 #[derive(Debug)]
 struct InFlight {
-    slot: Arc<Slot>,
     mask: Arc<[u8]>,
-    maps: bool,
-    submission: wgpu::SubmissionIndex,
-    /// Time that the host followed paths for, ms.
-    traced_ms: Option<f64>,
+    work: Work,
     started: Instant,
+}
+
+/// What a frame in flight waits for.
+#[derive(Debug)]
+enum Work {
+    Device {
+        slot: Arc<Slot>,
+        maps: bool,
+        submission: wgpu::SubmissionIndex,
+        /// Time that the host followed paths for, ms.
+        traced_ms: Option<f64>,
+    },
+    /// Nothing: the host made it.
+    Host(Frame),
 }
 
 /// Renders frames of one scene.
@@ -84,6 +94,8 @@ pub struct Renderer {
     pipelines: Pipelines,
     pub(super) now: Configuration,
     in_flight: VecDeque<InFlight>,
+    /// Memory of frames that the host makes.
+    spare_frames: Vec<Frame>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
@@ -119,7 +131,7 @@ impl Renderer {
         check_scene(scene, &bvh)?;
         let media = Media::new(scene, &bvh);
         let scene = SceneBuffers::new(gpu, &media.surface_words, &bvh)?;
-        let host = gpu.host_trace.then(|| HostTrace::new(&bvh, shaders.host));
+        let host = gpu.host_trace.then(|| HostTrace::new(&bvh, shaders.host, shaders.image));
         let mut pipelines = Pipelines::new(shaders);
         let now = Configuration::new(gpu, (&scene, &media), &mut pipelines, probe, settings, None)?;
         now.fill(gpu, None);
@@ -134,6 +146,7 @@ impl Renderer {
             pipelines,
             now,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            spare_frames: Vec::with_capacity(FRAMES_IN_FLIGHT),
             next_slot: 0,
             mapped,
             map_done,
@@ -246,6 +259,9 @@ impl Renderer {
     pub(super) fn place(&mut self, pose: &Pose) {
         let now = &mut self.now;
         now.params.set_pose(pose, &self.bvh, &now.probe);
+        if now.host_frame.is_some() {
+            return;
+        }
         self.uniforms.clear();
         for batch in 0..now.plan.batches {
             let params = now.plan.params(batch, &now.params);
@@ -257,7 +273,7 @@ impl Renderer {
 
     /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received.
     ///
-    /// Where the host follows the paths, it does so in this call.
+    /// What the host does of it, it does in this call: the paths, or all of it.
     ///
     /// # Errors
     /// A full ring, or a device that fails.
@@ -268,6 +284,10 @@ impl Renderer {
         let started = Instant::now();
         self.place(pose);
         let maps = self.now.settings.maps || self.now.settings.effects.of(Effect::Maps) == Choice::On;
+        if self.now.host_frame.is_some() {
+            self.submit_on_host(maps, started);
+            return Ok(());
+        }
         let slot = self.now.slots[self.next_slot].clone();
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.gpu.device.create_command_encoder(&label);
@@ -304,9 +324,27 @@ impl Renderer {
         slot.map(&self.map_done);
         let mask = self.now.tables.mask.clone();
         let traced_ms = self.host.is_some().then_some(work.ms);
-        self.in_flight.push_back(InFlight { slot, mask, maps, submission, traced_ms, started });
+        let work = Work::Device { slot, maps, submission, traced_ms };
+        self.in_flight.push_back(InFlight { mask, work, started });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
+    }
+
+    /// Makes a frame of the pose that the probe is placed at.
+    fn submit_on_host(&mut self, maps: bool, started: Instant) {
+        let mut frame = self.spare_frames.pop().unwrap_or_default();
+        self.make_on_host(maps, &mut frame, None);
+        let mask = self.now.tables.mask.clone();
+        self.in_flight.push_back(InFlight { mask, work: Work::Host(frame), started });
+    }
+
+    /// Makes a frame where the host makes frames; `scattered` takes its baseband before the interfaces echo.
+    pub(super) fn make_on_host(&mut self, maps: bool, frame: &mut Frame, scattered: Option<&mut Vec<[f32; 2]>>) {
+        let Configuration { host_frame, params, plan, tables, effects, .. } = &mut self.now;
+        let (Some(host), Some(made)) = (&self.host, host_frame) else { return };
+        let effects = effects.effects();
+        let scene = HostScene { host, media: &self.media, bvh: &self.bvh, tables, plan, effects, params };
+        made.render(scene, maps, frame, scattered);
     }
 
     /// Waits for the oldest frame in flight and copies it into `frame`.
@@ -314,8 +352,32 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { slot, mask, maps, submission, traced_ms, started } =
-            self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let InFlight { mask, work, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        match work {
+            Work::Host(mut made) => {
+                self.gpu.check()?;
+                // The memory changes hands.
+                std::mem::swap(frame, &mut made);
+                std::mem::swap(&mut frame.mask, &mut made.mask);
+                self.spare_frames.push(made);
+            }
+            Work::Device { slot, maps, submission, traced_ms } => self.read_back(&slot, maps, &submission, traced_ms, frame)?,
+        }
+        frame.mask.clear();
+        frame.mask.extend_from_slice(&mask);
+        frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// Waits for a submission and copies its frame out of `slot`.
+    fn read_back(
+        &mut self,
+        slot: &Slot,
+        maps: bool,
+        submission: &wgpu::SubmissionIndex,
+        traced_ms: Option<f64>,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
         let result = loop {
             match self.mapped.try_recv() {
@@ -333,9 +395,6 @@ impl Renderer {
         if let Some(ms) = traced_ms {
             frame.times.passes.insert(0, PassTime { name: "trace", ms });
         }
-        frame.mask.clear();
-        frame.mask.extend_from_slice(&mask);
-        frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
 }

@@ -42,6 +42,7 @@ fn slider_db(params: &Params, depth_mm: f32) -> f32 {
 /// unless it is empty, the pulse-shaped baseband.
 pub(crate) fn detect(
     params: &Params,
+    db_a_doubling: f32,
     pulse: &[f32],
     gain: &mut DepthGain,
     focused: &[[f32; 2]],
@@ -54,10 +55,10 @@ pub(crate) fn detect(
     let stride = params.row_samples as usize;
     let rows = focused.par_chunks_exact(stride).zip(polar.par_chunks_exact_mut(stride));
     if lines.is_empty() {
-        rows.for_each(|(row, polar)| detect_row(params, pulse, gain, row.as_flattened(), polar, &mut []));
+        rows.for_each(|(row, polar)| detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, &mut []));
     } else {
         rows.zip(lines.par_chunks_exact_mut(stride)).for_each(|((row, polar), lines)| {
-            detect_row(params, pulse, gain, row.as_flattened(), polar, lines.as_flattened_mut());
+            detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, lines.as_flattened_mut());
         });
     }
 }
@@ -65,13 +66,16 @@ pub(crate) fn detect(
 widened! {
     /// One scanline.
     fn detect_row(
-        params: &Params, pulse: &[f32], gain: &[f32], row: &[f32], polar: &mut [u32], lines: &mut [f32],
+        params: &Params, db_a_doubling: f32, pulse: &[f32], gain: &[f32], row: &[f32], polar: &mut [u32],
+        lines: &mut [f32],
     ) = detect_row_body
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "a row of each buffer")]
 fn detect_row_body(
     params: &Params,
+    db_a_doubling: f32,
     pulse: &[f32],
     gain: &[f32],
     row: &[f32],
@@ -105,8 +109,8 @@ fn detect_row_body(
         }
         for ((out, sample), &gain) in polar.iter_mut().zip(shaped.as_chunks::<2>().0).zip(gain) {
             let power = sample[0] * sample[0] + sample[1] * sample[1];
-            // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
-            let level_db = 3.010_299_956_64 * log2(at_least(power, 1.0e-37)) + gain;
+            // The floor is far below any display.
+            let level_db = db_a_doubling * log2(at_least(power, 1.0e-37)) + gain;
             let level = at_most(at_least(1.0 + level_db * per_db, 0.0), 1.0);
             *out = nearest_bits(level * GREY_MAX) & 0xffff;
         }

@@ -7,8 +7,14 @@ use crate::render::params::Params;
 use crate::render::tables::SEGMENTS;
 
 /// Adds to `baseband`, complex [scanlines × row_samples]; `echoes` are amplitude and range in mm [paths × SEGMENTS],
-/// `segment_counts` those of the paths.
-pub(crate) fn echo(params: &Params, echoes: &[[f32; 2]], segment_counts: &[u32], baseband: &mut [[f32; 2]]) {
+/// `segment_counts` those of the paths. A path's first segment begins at the face, not at an interface.
+pub(crate) fn echo(
+    params: &Params,
+    first_interface: usize,
+    echoes: &[[f32; 2]],
+    segment_counts: &[u32],
+    baseband: &mut [[f32; 2]],
+) {
     let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
     let [rays, scanlines] = [params.rays as usize, params.scanlines as usize];
     rows.for_each(|(line, row)| {
@@ -17,8 +23,7 @@ pub(crate) fn echo(params: &Params, echoes: &[[f32; 2]], segment_counts: &[u32],
             let first = (layer * scanlines + line) * rays;
             let counts = segment_counts[first..first + rays].iter();
             for (echoes, &count) in echoes[first * SEGMENTS as usize..].chunks_exact(SEGMENTS as usize).zip(counts) {
-                // The first segment begins at the face, not at an interface.
-                for &[amplitude, range_mm] in echoes.iter().take(count as usize).skip(1) {
+                for &[amplitude, range_mm] in echoes.iter().take(count as usize).skip(first_interface) {
                     let sample = range_mm / params.sample_spacing_mm;
                     if amplitude != 0.0 && sample >= 0.0 && sample < params.samples as f32 {
                         let [re, im] = phasor(-params.phase_turns_per_mm * range_mm);

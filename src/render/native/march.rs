@@ -4,13 +4,12 @@ use rayon::prelude::*;
 
 use super::wide::{at_least, exp, floor, phasor, real, widened};
 use crate::render::params::Params;
-use crate::render::tables::{CELL_MM, DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
+use crate::render::tables::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 
 /// Samples that are made at once: they share a gain.
 const BLOCK: usize = DEPTH_BLOCK as usize;
 /// Numbers of a segment.
 const SEGMENT: usize = 12;
-const CELL: f32 = CELL_MM as f32;
 const LN_SILENT: f32 = -80.0;
 /// Density in the lowest bits of its word.
 const TAG_DENSITY: u32 = 0x3_ffff;
@@ -27,16 +26,24 @@ pub(crate) struct Paths<'a> {
 }
 
 /// Fills, or for later layers adds to, `baseband`, complex [scanlines × row_samples]; `gain` is that of each block of
-/// samples.
-pub(crate) fn march(params: &Params, paths: Paths<'_>, layers: &[[f32; 4]], gain: &[f32], baseband: &mut [[f32; 2]]) {
+/// samples, `cell_mm` the side of a cell of the lattice.
+pub(crate) fn march(
+    params: &Params,
+    paths: Paths<'_>,
+    cell_mm: f32,
+    layers: &[[f32; 4]],
+    gain: &[f32],
+    baseband: &mut [[f32; 2]],
+) {
     let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
-    rows.for_each(|(line, row)| march_row(params, &paths, layers, gain, line as u32, row));
+    rows.for_each(|(line, row)| march_row(params, &paths, cell_mm, layers, gain, line as u32, row));
 }
 
 widened! {
     /// One scanline.
     fn march_row(
-        params: &Params, paths: &Paths<'_>, layers: &[[f32; 4]], gain: &[f32], line: u32, row: &mut [[f32; 2]],
+        params: &Params, paths: &Paths<'_>, cell_mm: f32, layers: &[[f32; 4]], gain: &[f32], line: u32,
+        row: &mut [[f32; 2]],
     ) = march_row_body
 }
 
@@ -44,6 +51,7 @@ widened! {
 fn march_row_body(
     params: &Params,
     paths: &Paths<'_>,
+    cell_mm: f32,
     layers: &[[f32; 4]],
     gain: &[f32],
     line: u32,
@@ -66,7 +74,7 @@ fn march_row_body(
                     for (lane, &value) in lanes.iter_mut().zip(segment) {
                         *lane = [value; BLOCK];
                     }
-                    scatter(params, &lanes, first, weight, &mut sums);
+                    scatter(params, cell_mm, &lanes, first, weight, &mut sums);
                 }
                 continue;
             }
@@ -87,7 +95,7 @@ fn march_row_body(
                         lane[2 * pair + 1] = value;
                     }
                 }
-                scatter(params, &lanes, first, weight, &mut sums);
+                scatter(params, cell_mm, &lanes, first, weight, &mut sums);
             }
         }
         let [re, im] = &sums;
@@ -135,19 +143,27 @@ fn range_mm(params: &Params, sample: u32) -> f32 {
 /// Adds the echoes of the scatterers that the segments meet at a block's samples. A sample meets the scatterer of the
 /// lattice cell that the path is in at its range.
 #[inline(always)]
-fn scatter(params: &Params, lanes: &[[f32; BLOCK]; SEGMENT], first: u32, weight: f32, sums: &mut [[f32; BLOCK]; 2]) {
+fn scatter(
+    params: &Params,
+    cell_mm: f32,
+    lanes: &[[f32; BLOCK]; SEGMENT],
+    first: u32,
+    weight: f32,
+    sums: &mut [[f32; BLOCK]; 2],
+) {
     let [x0, y0, z0, level, dx, dy, dz, fall, mean, deviation, density, _] = lanes;
+    let per_mm = 1.0 / cell_mm;
     for i in 0..BLOCK {
         let range_mm = range_mm(params, first.wrapping_add(i as u32));
         let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
-        let cell = here.map(|x| floor(x * (1.0 / CELL)));
+        let cell = here.map(|x| floor(x * per_mm));
         let [presence, place, amplitude] = pcg3d(cell.map(|c| c as u32));
         // Where in its cell the scatterer lies: three times ten bits.
         let offset = |shift: u32| (real(place >> shift & 1023) + 0.5) * (1.0 / 1024.0);
         let ahead = [
-            (cell[0] as f32 + offset(0)) * CELL - here[0],
-            (cell[1] as f32 + offset(10)) * CELL - here[1],
-            (cell[2] as f32 + offset(20)) * CELL - here[2],
+            (cell[0] as f32 + offset(0)) * cell_mm - here[0],
+            (cell[1] as f32 + offset(10)) * cell_mm - here[1],
+            (cell[2] as f32 + offset(20)) * cell_mm - here[2],
         ];
         // Its range sets the phase, whichever sample meets its cell.
         let along = ahead[0] * dx[i] + ahead[1] * dy[i] + ahead[2] * dz[i];

@@ -1,21 +1,32 @@
-//! The passes `locate` and `trace` on the host's cores, for devices that are software on those same cores.
+//! The passes on the host's cores, for devices that are software on those same cores: those of the paths, and those of the
+//! image. Each is its shader's function, over slices in the device's layouts.
 //!
 //! What `shaders/locate.wgsl` and `shaders/trace.wgsl` compute, in the same single precision and into the same buffers:
 //! software Vulkan runs every branch of a shader for eight paths at once, where a core follows a path's own branches only.
 //! The tree's boxes are tested eight at a time, nearest first. Fused multiplications are not used, so that a frame does not
 //! depend on what the processor offers.
 
+mod detect;
+mod echo;
+mod frame;
 mod interface;
+mod lateral;
+mod march;
 mod path;
+mod percentile;
+mod scan_convert;
+mod section;
 mod staging;
 mod traverse;
 mod tree;
+mod wide;
 
 use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
 
+pub(super) use frame::{HostFrame, HostScene};
 use path::{PathRecord, Scene};
 pub(super) use staging::{StagingRing, StagingSize};
 use staging::PathOutputs;
@@ -26,7 +37,7 @@ use super::configuration::{Configuration, Media};
 use super::params::Params;
 use super::plan::{Effect, EffectSet};
 use super::renderer::{RenderError, Renderer};
-use super::tables::{REFLECTION_FOLLOWED, Tables};
+use super::tables::{CELL_MM, REFLECTION_FOLLOWED, Tables};
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
 
@@ -53,6 +64,40 @@ impl Default for TraceConstants {
             reflection_followed: REFLECTION_FOLLOWED as f32,
             off_the_grid_mm: 0.0077,
             diffuse: 0.02,
+        }
+    }
+}
+
+/// Numbers of the host's other passes. A test may change one, to see the comparison with the twin fail.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImageConstants {
+    /// `march`: side of a cell of the scatterer lattice, mm.
+    pub cell_mm: f32,
+    /// `echo`: the first segment that begins at an interface.
+    pub first_interface: usize,
+    /// `lateral`: weights of the beam below this are zeros.
+    pub least_weight: f32,
+    /// `detect`: decibels a doubling of power.
+    pub db_a_doubling: f32,
+    /// `section`: part of the two-way attenuation that is one way's.
+    pub one_way: f32,
+    /// `percentile`: part of the sector's area that is brighter.
+    pub brightest_part: f32,
+    /// `scan_convert`: number of the first tissue.
+    pub first_number: u32,
+}
+
+impl Default for ImageConstants {
+    fn default() -> Self {
+        Self {
+            cell_mm: CELL_MM as f32,
+            first_interface: 1,
+            least_weight: f32::MIN_POSITIVE,
+            // 10·log10(2).
+            db_a_doubling: 3.010_299_956_64,
+            one_way: 0.5,
+            brightest_part: 0.02,
+            first_number: 1,
         }
     }
 }
@@ -84,6 +129,7 @@ impl Effects {
 pub(super) struct HostTrace {
     nodes: Vec<WideNode>,
     constants: TraceConstants,
+    image: ImageConstants,
     follow: Follow,
 }
 
@@ -91,8 +137,9 @@ pub(super) struct HostTrace {
 type Follow = fn(&Scene<'_>, usize, &mut PathOutputs<'_>) -> u32;
 
 impl HostTrace {
-    pub(super) fn new(bvh: &Bvh, constants: TraceConstants) -> Self {
-        Self { nodes: bvh.nodes.par_iter().map(WideNode::decode).collect(), constants, follow: fastest() }
+    pub(super) fn new(bvh: &Bvh, constants: TraceConstants, image: ImageConstants) -> Self {
+        let nodes = bvh.nodes.par_iter().map(WideNode::decode).collect();
+        Self { nodes, constants, image, follow: fastest() }
     }
 
     /// Takes what of `bvh` has moved.

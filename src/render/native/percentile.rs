@@ -3,17 +3,15 @@
 use crate::render::params::Params;
 use crate::render::tables::ENTRIES;
 
-/// Part of the sector's area that is brighter than the percentile.
-const BRIGHTEST_PART: f32 = 0.02;
 const STEPS: u32 = 30;
 /// Sums side by side.
 const LANES: usize = 8;
 
-/// The Σμ (nepers) that 2 % of the sector's area lie below, from the runs of the map rays [map_rays × ENTRIES] and their
+/// The Σμ (nepers) that a part of the sector's area (2 %) lies below, from the runs of the map rays [map_rays × ENTRIES] and their
 /// counts. Σμ never falls along a ray: bisect on it, measuring the area in front of it.
-pub(crate) fn percentile(params: &Params, entries: &[[f32; 4]], entry_counts: &[u32]) -> f32 {
+pub(crate) fn percentile(params: &Params, brightest_part: f32, entries: &[[f32; 4]], entry_counts: &[u32]) -> f32 {
     let (mut low, mut high) = (0.0f32, 1.0e4f32);
-    let wanted = BRIGHTEST_PART * area(params, params.depth_mm) * params.map_rays as f32;
+    let wanted = brightest_part * area(params, params.depth_mm) * params.map_rays as f32;
     let rays = || entries.chunks_exact(ENTRIES as usize).zip(entry_counts).take(params.map_rays as usize);
     for step in 0..STEPS {
         let middle = if step < 14 { (low.max(1.0e-6) * high).sqrt() } else { 0.5 * (low + high) };

@@ -58,6 +58,8 @@ pub(crate) struct Maps<'a> {
     pub(crate) percentile_np: f32,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(crate) rates_np_mm: &'a [f32; 256],
+    /// Number of the first tissue.
+    pub(crate) first_number: u32,
 }
 
 /// The image, [height × width] each; the maps are empty where none are wanted.
@@ -270,7 +272,7 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
         let ln_level = maps.percentile_np - at_least(sums[i], 0.0);
         let level = exp(at_least(at_most(ln_level, 0.0), LN_SILENT));
         levels[i] = if inside && ln_level > LN_SILENT { level } else { 0.0 };
-        numbers[i] = if inside { tissues[i].wrapping_add(1) as u8 } else { 0 };
+        numbers[i] = if inside { tissues[i].wrapping_add(maps.first_number) as u8 } else { 0 };
     }
     (numbers, levels)
 }

@@ -191,6 +191,12 @@ fn write<T: bytemuck::NoUninit>(into: &mut WriteOnly<'_, [u8]>, stride: usize, i
 }
 
 impl<'a> PathOutputs<'a> {
+    /// Memory of the host, of `paths` paths: segments, starts, echoes, surfaces, hints and counts.
+    pub(super) fn over(paths: usize, parts: [&'a mut [u8]; 6]) -> Self {
+        let [segments, starts, echoes, inside, hints, counts] = parts.map(WriteOnly::from_mut);
+        Self { paths, segments, starts, echoes, inside, hints, counts }
+    }
+
     /// Paths that it holds.
     pub(super) fn paths(&self) -> usize {
         self.paths
