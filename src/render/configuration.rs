@@ -116,11 +116,8 @@ impl Configuration {
             ("REFLECTIONS", flag(on.has(Effect::Reflections))),
         ];
         let mut path_passes = Vec::new();
-        let host_frame = if gpu.host_image {
-            Some(HostFrame::new(gpu, &tables, &params, &plan, settings.lines)?)
-        } else {
-            None
-        };
+        let host_frame =
+            if gpu.host_image { Some(HostFrame::new(gpu, &tables, &params, &plan, settings.lines)?) } else { None };
         let staging = if gpu.host_image {
             None
         } else if gpu.host_trace {
@@ -136,15 +133,18 @@ impl Configuration {
         if on.has(Effect::InterfaceEchoes) && !gpu.host_image {
             path_passes.push(pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?);
         }
-        let image_passes = if gpu.host_image { Vec::new() } else { vec![
-            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
-            pass("detect", samples_by(8), &keep)?,
-            pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
-            pass("percentile", [1, 1, 1], &[])?,
-            pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
-        ] };
-        let image_alone =
-            if gpu.host_image { None } else { Some(pass("scan_convert", pixels, &[("MAPS", 0.0)])?) };
+        let image_passes = if gpu.host_image {
+            Vec::new()
+        } else {
+            vec![
+                pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
+                pass("detect", samples_by(8), &keep)?,
+                pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
+                pass("percentile", [1, 1, 1], &[])?,
+                pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
+            ]
+        };
+        let image_alone = if gpu.host_image { None } else { Some(pass("scan_convert", pixels, &[("MAPS", 0.0)])?) };
 
         let of_paths = (0..plan.batches).flat_map(|_| &path_passes);
         let shape = Shape {
@@ -229,11 +229,9 @@ impl Configuration {
     /// Passes after those of the paths, in their order.
     pub(super) fn image_passes(&self, maps: bool) -> impl Iterator<Item = &Pass> {
         let left_out = |pass: &&Pass| !MAP_PASSES.contains(&pass.name);
-        self.image_passes.iter().filter(move |pass| maps || left_out(pass)).map(move |pass| {
-            match &self.image_alone {
-                Some(alone) if !maps && pass.name == alone.name => alone,
-                _ => pass,
-            }
+        self.image_passes.iter().filter(move |pass| maps || left_out(pass)).map(move |pass| match &self.image_alone {
+            Some(alone) if !maps && pass.name == alone.name => alone,
+            _ => pass,
         })
     }
 

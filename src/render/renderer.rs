@@ -361,7 +361,9 @@ impl Renderer {
                 std::mem::swap(&mut frame.mask, &mut made.mask);
                 self.spare_frames.push(made);
             }
-            Work::Device { slot, maps, submission, traced_ms } => self.read_back(&slot, maps, &submission, traced_ms, frame)?,
+            Work::Device { slot, maps, submission, traced_ms } => {
+                self.read_back(&slot, maps, &submission, traced_ms, frame)?
+            }
         }
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);

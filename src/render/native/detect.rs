@@ -55,7 +55,9 @@ pub(crate) fn detect(
     let stride = params.row_samples as usize;
     let rows = focused.par_chunks_exact(stride).zip(polar.par_chunks_exact_mut(stride));
     if lines.is_empty() {
-        rows.for_each(|(row, polar)| detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, &mut []));
+        rows.for_each(|(row, polar)| {
+            detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, &mut [])
+        });
     } else {
         rows.zip(lines.par_chunks_exact_mut(stride)).for_each(|((row, polar), lines)| {
             detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, lines.as_flattened_mut());
@@ -98,7 +100,8 @@ fn detect_row_body(
             None => {
                 edge.fill(0.0);
                 let before = half.saturating_sub(first);
-                let inside = &row[(2 * (first + before - half)).min(row.len())..(2 * (first + half + BLOCK)).min(row.len())];
+                let inside =
+                    &row[(2 * (first + before - half)).min(row.len())..(2 * (first + half + BLOCK)).min(row.len())];
                 edge[2 * before..][..inside.len()].copy_from_slice(inside);
                 &edge[..2 * reach]
             }

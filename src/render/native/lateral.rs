@@ -13,7 +13,13 @@ const LINES_TOGETHER: usize = 8;
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. The kernel belongs to a block of samples;
 /// at the sector's edges the weights that remain are renormalised. Weights below `least_weight` are zeros.
-pub(crate) fn lateral(params: &Params, least_weight: f32, kernels: &[f32], baseband: &[[f32; 2]], focused: &mut [[f32; 2]]) {
+pub(crate) fn lateral(
+    params: &Params,
+    least_weight: f32,
+    kernels: &[f32],
+    baseband: &[[f32; 2]],
+    focused: &mut [[f32; 2]],
+) {
     let row_samples = params.row_samples as usize;
     let rows = focused.par_chunks_exact_mut(row_samples).enumerate().with_min_len(LINES_TOGETHER);
     rows.for_each(|(line, row)| {
@@ -29,14 +35,7 @@ widened! {
 }
 
 #[inline(always)]
-fn focus_row_body(
-    params: &Params,
-    least_weight: f32,
-    line: usize,
-    kernels: &[f32],
-    baseband: &[f32],
-    row: &mut [f32],
-) {
+fn focus_row_body(params: &Params, least_weight: f32, line: usize, kernels: &[f32], baseband: &[f32], row: &mut [f32]) {
     let half = params.lateral_half as usize;
     let stride = row.len();
     // Taps that meet a scanline.

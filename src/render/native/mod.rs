@@ -28,8 +28,8 @@ use rayon::prelude::*;
 
 pub(super) use frame::{HostFrame, HostScene};
 use path::{PathRecord, Scene};
-pub(super) use staging::{StagingRing, StagingSize};
 use staging::PathOutputs;
+pub(super) use staging::{StagingRing, StagingSize};
 use traverse::Tree;
 use tree::WideNode;
 
@@ -59,12 +59,7 @@ pub struct TraceConstants {
 
 impl Default for TraceConstants {
     fn default() -> Self {
-        Self {
-            reach: 1.0,
-            reflection_followed: REFLECTION_FOLLOWED as f32,
-            off_the_grid_mm: 0.0077,
-            diffuse: 0.02,
-        }
+        Self { reach: 1.0, reflection_followed: REFLECTION_FOLLOWED as f32, off_the_grid_mm: 0.0077, diffuse: 0.02 }
     }
 }
 

@@ -97,9 +97,7 @@ impl Scene<'_> {
     /// Tissue of the medium, and [`MOVES`] where its surface moves.
     fn medium_word(&self, inside: &Inside) -> u32 {
         let highest = (0..8).rev().find(|&word| inside[word] != 0);
-        highest.map_or(self.params.background, |word| {
-            self.surface_words[word * 32 + inside[word].ilog2() as usize]
-        })
+        highest.map_or(self.params.background, |word| self.surface_words[word * 32 + inside[word].ilog2() as usize])
     }
 
     /// Applies all of a place. A surface that is entered and left at one place is a crease or a silhouette: it stays as it
@@ -159,8 +157,7 @@ impl Scene<'_> {
         // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
         let in_phase = self.layers[layer][2] / p.rays as f32;
         let in_power = in_phase.sqrt();
-        let random =
-            |bounce: u32, dim: u32| sample_unit(p.seed, line_ray as u32, layer as u32, bounce, dim) as f32;
+        let random = |bounce: u32, dim: u32| sample_unit(p.seed, line_ray as u32, layer as u32, bounce, dim) as f32;
         // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
         let axis = 2 * (line_rays + line_ray / p.rays as usize);
         let to_axis = |i: usize| {

@@ -70,9 +70,8 @@ widened! {
 #[inline(always)]
 fn follow_body(params: &Params, scene: &Scene<'_>, ray: usize, runs: &mut Runs<'_>) {
     let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
-    let from_probe = |v: [f32; 4]| {
-        axis(params.lateral) * v[0] + axis(params.elevational) * v[1] + axis(params.axial) * v[2]
-    };
+    let from_probe =
+        |v: [f32; 4]| axis(params.lateral) * v[0] + axis(params.elevational) * v[1] + axis(params.axial) * v[2];
     let face = Vec3::new(params.lateral[3], params.elevational[3], params.axial[3]);
     let origin = face + from_probe(scene.map_rays[2 * ray]);
     let direction = from_probe(scene.map_rays[2 * ray + 1]).normalize();

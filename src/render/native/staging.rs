@@ -39,7 +39,15 @@ impl StagingSize {
         let paths = self.paths as usize;
         let of = |bytes: usize| paths * bytes;
         let hints = 4 * self.hint_words as usize;
-        [of(SEGMENT_BYTES), of(START_BYTES), of(ECHO_BYTES), of(INSIDE_BYTES), of(hints), of(COUNT_BYTES), OVERFLOW_BYTES]
+        [
+            of(SEGMENT_BYTES),
+            of(START_BYTES),
+            of(ECHO_BYTES),
+            of(INSIDE_BYTES),
+            of(hints),
+            of(COUNT_BYTES),
+            OVERFLOW_BYTES,
+        ]
     }
 }
 
