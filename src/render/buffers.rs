@@ -293,4 +293,10 @@ impl BatchPlan {
         let fits = (SEGMENT_BYTES_MAX / layer_bytes).clamp(1, u64::from(layers)) as u32;
         Self { layers_per_batch: fits, batches: layers.div_ceil(fits) }
     }
+
+    /// Uniforms of one batch of a frame's.
+    pub(crate) fn params(&self, batch: u32, whole: &Params) -> Params {
+        let layer_first = batch * self.layers_per_batch;
+        Params { layer_first, layer_count: self.layers_per_batch.min(whole.layer_count - layer_first), ..*whole }
+    }
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::buffers::{BatchPlan, Buffers, SceneBuffers};
 use super::gpu::Gpu;
+use super::native::{HostFrame, StagingRing, StagingSize};
 use super::params::Params;
 use super::passes::{Constants, Pass, Pipelines};
 use super::plan::{Effect, EffectPlan, SceneFacts};
@@ -62,10 +63,14 @@ pub(super) struct Configuration {
     pub(super) tables: Tables,
     pub(super) plan: BatchPlan,
     pub(super) buffers: Buffers,
+    /// Where the host writes paths, if it follows them.
+    pub(super) staging: Option<StagingRing>,
+    /// Where the host makes frames, if it makes all of them; then there are no passes.
+    pub(super) host_frame: Option<HostFrame>,
     pub(super) path_passes: Vec<Pass>,
     pub(super) image_passes: Vec<Pass>,
     /// The last of `image_passes` where no maps are wanted.
-    image_alone: Pass,
+    image_alone: Option<Pass>,
     pub(super) slots: [Arc<Slot>; FRAMES_IN_FLIGHT],
 }
 
@@ -110,22 +115,36 @@ impl Configuration {
             ("ROUGHNESS", flag(on.has(Effect::Roughness))),
             ("REFLECTIONS", flag(on.has(Effect::Reflections))),
         ];
-        let mut path_passes =
-            vec![pass("locate", [paths.div_ceil(64), 1, 1], &[])?, pass("trace", [paths.div_ceil(64), 1, 1], &trace)?];
-        if on.has(Effect::Scatterers) {
+        let mut path_passes = Vec::new();
+        let host_frame =
+            if gpu.host_image { Some(HostFrame::new(gpu, &tables, &params, &plan, settings.lines)?) } else { None };
+        let staging = if gpu.host_image {
+            None
+        } else if gpu.host_trace {
+            Some(StagingRing::new(gpu, StagingSize { paths, hint_words: params.hint_words })?)
+        } else {
+            path_passes.push(pass("locate", [paths.div_ceil(64), 1, 1], &[])?);
+            path_passes.push(pass("trace", [paths.div_ceil(64), 1, 1], &trace)?);
+            None
+        };
+        if on.has(Effect::Scatterers) && !gpu.host_image {
             path_passes.push(pass("march", samples_by(16), &single)?);
         }
-        if on.has(Effect::InterfaceEchoes) {
+        if on.has(Effect::InterfaceEchoes) && !gpu.host_image {
             path_passes.push(pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?);
         }
-        let image_passes = vec![
-            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
-            pass("detect", samples_by(8), &keep)?,
-            pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
-            pass("percentile", [1, 1, 1], &[])?,
-            pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
-        ];
-        let image_alone = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
+        let image_passes = if gpu.host_image {
+            Vec::new()
+        } else {
+            vec![
+                pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
+                pass("detect", samples_by(8), &keep)?,
+                pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
+                pass("percentile", [1, 1, 1], &[])?,
+                pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
+            ]
+        };
+        let image_alone = if gpu.host_image { None } else { Some(pass("scan_convert", pixels, &[("MAPS", 0.0)])?) };
 
         let of_paths = (0..plan.batches).flat_map(|_| &path_passes);
         let shape = Shape {
@@ -149,6 +168,8 @@ impl Configuration {
             tables,
             plan,
             buffers,
+            staging,
+            host_frame,
             path_passes,
             image_passes,
             image_alone,
@@ -205,13 +226,19 @@ impl Configuration {
         }
     }
 
-    /// Passes of a frame in their order, each with its batch.
-    pub(super) fn passes(&self, contents: Contents) -> impl Iterator<Item = (&Pass, u32)> {
-        let paths = (0..self.plan.batches).flat_map(|batch| self.path_passes.iter().map(move |pass| (pass, batch)));
-        let image = self.image_passes.iter().map(move |pass| {
-            let alone = !contents.maps && pass.name == self.image_alone.name;
-            (if alone { &self.image_alone } else { pass }, 0)
-        });
-        paths.chain(image).filter(move |(pass, _)| contents.takes(pass.name))
+    /// Passes after those of the paths, in their order.
+    pub(super) fn image_passes(&self, contents: Contents) -> impl Iterator<Item = &Pass> {
+        let taken = self.image_passes.iter().filter(move |pass| contents.takes(pass.name));
+        taken.map(move |pass| match &self.image_alone {
+            Some(alone) if !contents.maps && pass.name == alone.name => alone,
+            _ => pass,
+        })
+    }
+
+    /// Says what reads the paths that the host wrote last.
+    pub(super) fn submitted(&mut self, submission: &wgpu::SubmissionIndex) {
+        if let Some(ring) = &mut self.staging {
+            ring.submitted(submission);
+        }
     }
 }

@@ -1,11 +1,11 @@
 //! One rendered frame on the CPU.
 
-/// GPU time of one pass.
+/// Time of one pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassTime {
     /// Name of the pass, that of its shader.
     pub name: &'static str,
-    /// Time on the device, ms.
+    /// Time on the device, ms; of `trace` on the host where the host follows the paths, `locate` with it.
     pub ms: f64,
 }
 
@@ -14,7 +14,7 @@ pub struct PassTime {
 pub struct FrameTimes {
     /// From the call until the frame lay in memory, ms.
     pub total_ms: f64,
-    /// GPU time of each pass, in order; empty where the device has no timestamps.
+    /// Time of each pass, in order; none of the device's where it has no timestamps.
     pub passes: Vec<PassTime>,
 }
 

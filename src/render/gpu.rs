@@ -61,6 +61,12 @@ pub enum GpuError {
         /// What wgpu said.
         reason: String,
     },
+    /// An environment that names no place.
+    #[error("INSONIFY_TRACE is `{found}`; it says where paths are followed: `device` or `host`")]
+    TraceOn {
+        /// Value found.
+        found: String,
+    },
     /// The device was lost or a map failed.
     #[error("the GPU stopped answering: {reason}")]
     Lost {
@@ -74,6 +80,56 @@ pub enum GpuError {
 pub struct GpuOptions {
     /// Part of the adapter's name to choose it by, in any case; empty: the fastest kind.
     pub adapter: String,
+    /// Where paths are followed.
+    pub trace: TraceOn,
+    /// Where the image is made of them.
+    pub image: ImageOn,
+}
+
+/// Where paths are followed through the scene: the passes `locate` and `trace`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum TraceOn {
+    /// As the environment's `INSONIFY_TRACE` says (`device` or `host`); else on the host where the device is software, on the
+    /// device where it is not.
+    #[default]
+    Auto,
+    /// By the device's shaders.
+    Device,
+    /// By the host's cores.
+    Host,
+}
+
+/// Where the image is made of the paths: the passes from `march` on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ImageOn {
+    /// On the host where it follows the paths and the device is software; else on the device.
+    #[default]
+    Auto,
+    /// By the device's shaders.
+    Device,
+}
+
+/// Says where paths are followed, over what the kind of device calls for.
+const TRACE_VARIABLE: &str = "INSONIFY_TRACE";
+
+impl TraceOn {
+    /// Whether the host follows the paths of a device of this kind.
+    fn host(self, kind: wgpu::DeviceType) -> Result<bool, GpuError> {
+        let software = kind == wgpu::DeviceType::Cpu;
+        match self {
+            Self::Device => Ok(false),
+            Self::Host => Ok(true),
+            Self::Auto => match std::env::var(TRACE_VARIABLE).as_deref() {
+                Ok("device") => Ok(false),
+                Ok("host") => Ok(true),
+                Ok("") | Err(std::env::VarError::NotPresent) => Ok(software),
+                Ok(found) => Err(GpuError::TraceOn { found: found.to_owned() }),
+                Err(std::env::VarError::NotUnicode(found)) => {
+                    Err(GpuError::TraceOn { found: found.to_string_lossy().into_owned() })
+                }
+            },
+        }
+    }
 }
 
 /// A device and its queue.
@@ -83,6 +139,10 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     pub(crate) timestamps: bool,
+    /// Whether the host follows the paths.
+    pub(crate) host_trace: bool,
+    /// Whether the host makes the image too, and nothing is left to the device.
+    pub(crate) host_image: bool,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -116,6 +176,8 @@ impl Gpu {
             return Err(GpuError::NoAdapter { reason });
         };
         let info = adapter.get_info();
+        let host_trace = options.trace.host(info.device_type)?;
+        let host_image = host_trace && info.device_type == wgpu::DeviceType::Cpu && options.image == ImageOn::Auto;
         let features = wgpu::Features::TIMESTAMP_QUERY & adapter.features();
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("insonify"),
@@ -131,7 +193,7 @@ impl Gpu {
             reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
-        Ok(Self { device, queue, info, timestamps, fault })
+        Ok(Self { device, queue, info, timestamps, host_trace, host_image, fault })
     }
 
     /// Fails if the device reported an error since it was opened: what it computes can't be trusted.

@@ -23,6 +23,12 @@ impl Renderer {
         let bvh = Arc::make_mut(&mut self.bvh);
         bvh.set_time_s(time_s);
         for changed in bvh.changed() {
+            if let Some(host) = &mut self.host {
+                host.take(bvh, changed);
+            }
+            if self.now.host_frame.is_some() {
+                continue;
+            }
             let nodes = &bvh.nodes[changed.nodes.clone()];
             let triangles = &bvh.triangles[changed.triangles.clone()];
             // Writes are in order with submissions: a frame in flight keeps what it was submitted with.

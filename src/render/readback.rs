@@ -92,7 +92,7 @@ impl Layout {
 impl Slot {
     pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, GpuError> {
         let count = 2 * shape.passes.len() as u32;
-        let queries = if gpu.timestamps {
+        let queries = if gpu.timestamps && count > 0 {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
             Some(Queries {
                 set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -215,7 +215,7 @@ impl Slot {
 }
 
 /// Copies rows of `width` out of rows of `stride`.
-fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
+pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
     into.clear();
     for row in from.chunks_exact(stride) {
         into.extend_from_slice(&row[..width]);

@@ -9,13 +9,14 @@ use thiserror::Error;
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::{Configuration, Media};
 use super::gpu::{Gpu, GpuError};
-use super::passes::Pipelines;
+use super::native::{HostScene, HostTrace, HostWork};
+use super::passes::{Pass, Pipelines};
 use super::plan::{Choice, Effect, EffectPlan};
 use super::readback::{Contents, Slot};
 use super::settings::SettingsError;
 use super::shaders::ShaderSet;
 use super::tables::TISSUES_MAX;
-use super::{ClippedKernel, Frame, RenderSettings};
+use super::{ClippedKernel, Frame, PassTime, RenderSettings};
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, BvhError, Scene};
 use crate::pose::Pose;
@@ -62,11 +63,23 @@ pub enum RenderError {
 /// A frame that was submitted and not received, with what reading it needs: later settings may differ.
 #[derive(Debug)]
 struct InFlight {
-    slot: Arc<Slot>,
     mask: Arc<[u8]>,
-    contents: Contents,
-    submission: wgpu::SubmissionIndex,
+    work: Work,
     started: Instant,
+}
+
+/// What a frame in flight waits for.
+#[derive(Debug)]
+enum Work {
+    Device {
+        slot: Arc<Slot>,
+        contents: Contents,
+        submission: wgpu::SubmissionIndex,
+        /// Time that the host followed paths for, ms.
+        traced_ms: Option<f64>,
+    },
+    /// Nothing: the host made it.
+    Host(Frame),
 }
 
 /// Renders frames of one scene.
@@ -76,11 +89,15 @@ pub struct Renderer {
     pub(super) bvh: Arc<Bvh>,
     pub(super) media: Media,
     pub(super) scene: SceneBuffers,
+    /// Follows paths in the device's place.
+    pub(super) host: Option<HostTrace>,
     pipelines: Pipelines,
     pub(super) now: Configuration,
     /// Whether the next frames carry their image.
     image: bool,
     in_flight: VecDeque<InFlight>,
+    /// Memory of frames that the host makes.
+    spare_frames: Vec<Frame>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
@@ -116,6 +133,7 @@ impl Renderer {
         check_scene(scene, &bvh)?;
         let media = Media::new(scene, &bvh);
         let scene = SceneBuffers::new(gpu, &media.surface_words, &bvh)?;
+        let host = gpu.host_trace.then(|| HostTrace::new(&bvh, shaders.host, shaders.image));
         let mut pipelines = Pipelines::new(shaders);
         let now = Configuration::new(gpu, (&scene, &media), &mut pipelines, probe, settings, None)?;
         now.fill(gpu, None);
@@ -126,10 +144,12 @@ impl Renderer {
             bvh,
             media,
             scene,
+            host,
             pipelines,
             now,
             image: true,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            spare_frames: Vec::with_capacity(FRAMES_IN_FLIGHT),
             next_slot: 0,
             mapped,
             map_done,
@@ -253,11 +273,12 @@ impl Renderer {
     pub(super) fn place(&mut self, pose: &Pose) {
         let now = &mut self.now;
         now.params.set_pose(pose, &self.bvh, &now.probe);
+        if now.host_frame.is_some() {
+            return;
+        }
         self.uniforms.clear();
         for batch in 0..now.plan.batches {
-            let mut params = now.params;
-            params.layer_first = batch * now.plan.layers_per_batch;
-            params.layer_count = now.plan.layers_per_batch.min(now.params.layer_count - params.layer_first);
+            let params = now.plan.params(batch, &now.params);
             self.uniforms.resize((u64::from(batch) * PARAMS_STRIDE) as usize, 0);
             self.uniforms.extend_from_slice(bytemuck::bytes_of(&params));
         }
@@ -266,36 +287,84 @@ impl Renderer {
 
     /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received.
     ///
+    /// What the host does of it, it does in this call: the paths, or all of it.
+    ///
     /// # Errors
-    /// A full ring.
+    /// A full ring, or a device that fails.
     pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
         if self.in_flight.len() == FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();
         self.place(pose);
-        let now = &self.now;
-        let maps = now.settings.maps || now.settings.effects.of(Effect::Maps) == Choice::On;
-        let contents = Contents { image: self.image || !maps || now.settings.lines, maps };
-        let slot = &now.slots[self.next_slot];
-        let mut encoder =
-            self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        encoder.clear_buffer(&now.buffers.overflows, 0, None);
-        now.clear_unwritten(&mut encoder);
-        for (index, (pass, batch)) in now.passes(contents).enumerate() {
+        let maps = self.now.settings.maps || self.now.settings.effects.of(Effect::Maps) == Choice::On;
+        let contents = Contents { image: self.image || !maps || self.now.settings.lines, maps };
+        if self.now.host_frame.is_some() {
+            self.submit_on_host(contents, started);
+            return Ok(());
+        }
+        let slot = self.now.slots[self.next_slot].clone();
+        let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
+        let mut encoder = self.gpu.device.create_command_encoder(&label);
+        encoder.clear_buffer(&self.now.buffers.overflows, 0, None);
+        self.now.clear_unwritten(&mut encoder);
+        let mut index = 0;
+        let mut record = |encoder: &mut wgpu::CommandEncoder, pass: &Pass, batch: u32| {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(pass.name),
                 timestamp_writes: slot.timestamps(index),
             });
             pass.record(&mut compute, batch);
+            index += 1;
+        };
+        let mut work = HostWork::default();
+        let batches = self.now.plan.batches;
+        for batch in 0..if contents.image { batches } else { 0 } {
+            self.trace_on_host(batch, &mut encoder, &mut work)?;
+            for pass in &self.now.path_passes {
+                record(&mut encoder, pass, batch);
+            }
+            // The device may begin with these paths while the host follows the next.
+            if self.host.is_some() && batch + 1 < batches {
+                let whole = std::mem::replace(&mut encoder, self.gpu.device.create_command_encoder(&label));
+                self.now.submitted(&self.gpu.queue.submit([whole.finish()]));
+            }
         }
-        slot.record(&mut encoder, &now.buffers, contents);
+        for pass in self.now.image_passes(contents) {
+            record(&mut encoder, pass, 0);
+        }
+        slot.record(&mut encoder, &self.now.buffers, contents);
         let submission = self.gpu.queue.submit([encoder.finish()]);
+        self.now.submitted(&submission);
         slot.map(&self.map_done);
-        let (slot, mask) = (slot.clone(), now.tables.mask.clone());
-        self.in_flight.push_back(InFlight { slot, mask, contents, submission, started });
+        let mask = self.now.tables.mask.clone();
+        let traced_ms = self.host.is_some().then_some(work.ms);
+        let work = Work::Device { slot, contents, submission, traced_ms };
+        self.in_flight.push_back(InFlight { mask, work, started });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
+    }
+
+    /// Makes a frame of the pose that the probe is placed at.
+    fn submit_on_host(&mut self, contents: Contents, started: Instant) {
+        let mut frame = self.spare_frames.pop().unwrap_or_default();
+        self.make_on_host(contents, &mut frame, None);
+        let mask = self.now.tables.mask.clone();
+        self.in_flight.push_back(InFlight { mask, work: Work::Host(frame), started });
+    }
+
+    /// Makes a frame where the host makes frames; `scattered` takes its baseband before the interfaces echo.
+    pub(super) fn make_on_host(
+        &mut self,
+        contents: Contents,
+        frame: &mut Frame,
+        scattered: Option<&mut Vec<[f32; 2]>>,
+    ) {
+        let Configuration { host_frame, params, plan, tables, effects, .. } = &mut self.now;
+        let (Some(host), Some(made)) = (&self.host, host_frame) else { return };
+        let effects = effects.effects();
+        let scene = HostScene { host, media: &self.media, bvh: &self.bvh, tables, plan, effects, params };
+        made.render(scene, contents, frame, scattered);
     }
 
     /// Waits for the oldest frame in flight and copies it into `frame`.
@@ -303,8 +372,34 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { slot, mask, contents, submission, started } =
-            self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let InFlight { mask, work, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        match work {
+            Work::Host(mut made) => {
+                self.gpu.check()?;
+                // The memory changes hands.
+                std::mem::swap(frame, &mut made);
+                std::mem::swap(&mut frame.mask, &mut made.mask);
+                self.spare_frames.push(made);
+            }
+            Work::Device { slot, contents, submission, traced_ms } => {
+                self.read_back(&slot, contents, &submission, traced_ms, frame)?
+            }
+        }
+        frame.mask.clear();
+        frame.mask.extend_from_slice(&mask);
+        frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// Waits for a submission and copies its frame out of `slot`.
+    fn read_back(
+        &mut self,
+        slot: &Slot,
+        contents: Contents,
+        submission: &wgpu::SubmissionIndex,
+        traced_ms: Option<f64>,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
         let result = loop {
             match self.mapped.try_recv() {
@@ -319,9 +414,9 @@ impl Renderer {
         result.map_err(|e| lost(e.to_string()))?;
         self.gpu.check()?;
         slot.read(frame, contents)?;
-        frame.mask.clear();
-        frame.mask.extend_from_slice(&mask);
-        frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
+        if let Some(ms) = traced_ms {
+            frame.times.passes.insert(0, PassTime { name: "trace", ms });
+        }
         Ok(())
     }
 }

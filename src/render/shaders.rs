@@ -1,5 +1,6 @@
 //! WGSL sources: one file a pass, with the shared files it imports put before it.
 
+use super::native::{ImageConstants, TraceConstants};
 use super::tables::{
     ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYERS_MAX, PULSE_PAD, PULSE_QUADS, SEGMENTS,
     STARTS, TISSUES_MAX,
@@ -11,6 +12,10 @@ pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
+    /// Numbers of `trace` where the host follows the paths; other than the default ones for tests.
+    pub host: TraceConstants,
+    /// Numbers of the other passes where the host makes the image; other than the default ones for tests.
+    pub image: ImageConstants,
 }
 
 macro_rules! pass {
@@ -42,7 +47,12 @@ impl Default for ShaderSet {
             HINT_BLOCK.trailing_zeros(),
             DEPTH_BLOCK.trailing_zeros()
         );
-        Self { sources: PASSES.map(|(name, body)| (name, format!("{constants}{body}"))).to_vec(), bounds_checks: false }
+        Self {
+            sources: PASSES.map(|(name, body)| (name, format!("{constants}{body}"))).to_vec(),
+            bounds_checks: false,
+            host: TraceConstants::default(),
+            image: ImageConstants::default(),
+        }
     }
 }
 

@@ -2,7 +2,10 @@
 
 use glam::{DVec2, DVec3};
 
+use super::Frame;
 use super::gpu::{Gpu, GpuError};
+use super::native::HostWork;
+use super::readback::Contents;
 use super::renderer::{RenderError, Renderer};
 use super::tables::{ENTRIES, SEGMENTS, STARTS};
 use super::twin::{Inputs, Membership, Path, RasterPoint, Run, Sections, Segment};
@@ -63,57 +66,11 @@ impl Renderer {
             return Err(RenderError::Batches { batches: self.now.plan.batches });
         }
         self.place(pose);
-        let (now, buffers) = (&self.now, &self.now.buffers);
-        let label = wgpu::CommandEncoderDescriptor { label: Some("snapshot") };
-        let mut encoder = self.gpu.device.create_command_encoder(&label);
-        encoder.clear_buffer(&buffers.overflows, 0, None);
-        now.clear_unwritten(&mut encoder);
-        // The echoes are added in place: the scatterers alone are kept on the way.
-        let mut scattered = None;
-        for pass in now.path_passes.iter().chain(&now.image_passes) {
-            if scattered.is_none() && ["echo", "lateral"].contains(&pass.name) {
-                scattered = Some(Staged::new(&self.gpu, &mut encoder, &buffers.baseband));
-            }
-            {
-                let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    label: Some(pass.name),
-                    timestamp_writes: None,
-                });
-                pass.record(&mut compute, 0);
-            }
-        }
-        let wanted = [
-            &buffers.starts_inside,
-            &buffers.starts,
-            &buffers.segments,
-            &buffers.echoes,
-            &buffers.segment_counts,
-            &buffers.hints,
-            &buffers.baseband,
-            &buffers.focused,
-            &buffers.lines,
-            &buffers.polar,
-            &buffers.entries,
-            &buffers.entry_counts,
-            &buffers.raster,
-            &buffers.percentile,
-            &buffers.bmode,
-            &buffers.segmentation,
-            &buffers.attenuation,
-            &buffers.overflows,
-        ];
-        let staged = wanted.map(|buffer| Staged::new(&self.gpu, &mut encoder, buffer));
-        let submission = self.gpu.queue.submit([encoder.finish()]);
-        for one in staged.iter().chain(&scattered) {
-            // A failed map shows when the range is asked for.
-            one.0.slice(..).map_async(wgpu::MapMode::Read, |_| {});
-        }
+        let words = if self.now.host_frame.is_some() { self.host_words() } else { self.device_words()? };
+        let now = &self.now;
         let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
-        self.gpu.device.poll(wait).map_err(|e| lost(e.to_string()))?;
-        let scattered = scattered.map_or(Ok(Vec::new()), |s| s.words())?;
-        let words = staged.iter().map(Staged::words).collect::<Result<Vec<_>, _>>()?;
         let [
+            scattered,
             starts_inside,
             starts,
             segments,
@@ -167,7 +124,7 @@ impl Renderer {
             paths,
             hints: hints.iter().flat_map(|word| word.to_le_bytes()).collect(),
             hint_block: super::tables::HINT_BLOCK as usize,
-            scattered: complex(&scattered),
+            scattered: complex(scattered),
             baseband: complex(baseband),
             focused: complex(focused),
             lines: if lines.len() >= focused.len() { complex(lines) } else { Vec::new() },
@@ -187,6 +144,107 @@ impl Renderer {
             inputs,
         })
     }
+
+    /// What every pass wrote on the device.
+    fn device_words(&mut self) -> Result<Vec<Vec<u32>>, RenderError> {
+        let label = wgpu::CommandEncoderDescriptor { label: Some("snapshot") };
+        let mut encoder = self.gpu.device.create_command_encoder(&label);
+        encoder.clear_buffer(&self.now.buffers.overflows, 0, None);
+        self.trace_on_host(0, &mut encoder, &mut HostWork::default())?;
+        let (now, buffers) = (&self.now, &self.now.buffers);
+        now.clear_unwritten(&mut encoder);
+        // The echoes are added in place: the scatterers alone are kept on the way.
+        let mut scattered = None;
+        for pass in now.path_passes.iter().chain(&now.image_passes) {
+            if scattered.is_none() && ["echo", "lateral"].contains(&pass.name) {
+                scattered = Some(Staged::new(&self.gpu, &mut encoder, &buffers.baseband));
+            }
+            {
+                let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some(pass.name),
+                    timestamp_writes: None,
+                });
+                pass.record(&mut compute, 0);
+            }
+        }
+        let wanted = [
+            &buffers.starts_inside,
+            &buffers.starts,
+            &buffers.segments,
+            &buffers.echoes,
+            &buffers.segment_counts,
+            &buffers.hints,
+            &buffers.baseband,
+            &buffers.focused,
+            &buffers.lines,
+            &buffers.polar,
+            &buffers.entries,
+            &buffers.entry_counts,
+            &buffers.raster,
+            &buffers.percentile,
+            &buffers.bmode,
+            &buffers.segmentation,
+            &buffers.attenuation,
+            &buffers.overflows,
+        ];
+        let staged = wanted.map(|buffer| Staged::new(&self.gpu, &mut encoder, buffer));
+        let submission = self.gpu.queue.submit([encoder.finish()]);
+        self.now.submitted(&submission);
+        for one in staged.iter().chain(&scattered) {
+            // A failed map shows when the range is asked for.
+            one.0.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+        }
+        let lost = |reason: String| RenderError::Gpu(GpuError::Lost { reason });
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        self.gpu.device.poll(wait).map_err(|e| lost(e.to_string()))?;
+        let scattered = scattered.map_or(Ok(Vec::new()), |s| s.words())?;
+        let mut words = vec![scattered];
+        for one in &staged {
+            words.push(one.words()?);
+        }
+        Ok(words)
+    }
+
+    /// What every pass wrote on the host.
+    fn host_words(&mut self) -> Vec<Vec<u32>> {
+        let (mut frame, mut scattered) = (Frame::default(), Vec::new());
+        self.make_on_host(Contents { image: true, maps: true }, &mut frame, Some(&mut scattered));
+        let Some(made) = &self.now.host_frame else { return Vec::new() };
+        let (width, stride) = (frame.width as usize, 4 * self.now.params.row_words as usize);
+        let padded = |bytes: &[u8]| words_of(&padded(bytes, width, stride));
+        vec![
+            words_of(&scattered),
+            words_of(&made.starts_inside),
+            words_of(&made.starts),
+            words_of(&made.segments),
+            words_of(&made.echoes),
+            made.segment_counts.clone(),
+            made.hints.clone(),
+            words_of(&made.baseband),
+            words_of(&made.focused),
+            words_of(&made.lines),
+            made.polar.clone(),
+            words_of(&made.entries),
+            made.entry_counts.clone(),
+            made.raster.clone(),
+            vec![made.percentile_np.to_bits()],
+            padded(&frame.bmode),
+            padded(&frame.segmentation),
+            words_of(&self::padded(&frame.attenuation, width, stride)),
+            vec![frame.overflows],
+        ]
+    }
+}
+
+/// Rows of `width` in rows of `stride`.
+fn padded<T: Copy + Default>(from: &[T], width: usize, stride: usize) -> Vec<T> {
+    let zeros = || std::iter::repeat_n(T::default(), stride - width);
+    from.chunks_exact(width).flat_map(|row| row.iter().copied().chain(zeros())).collect()
+}
+
+fn words_of<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u32> {
+    let bytes: &[u8] = bytemuck::cast_slice(values);
+    bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
 /// A copy of a buffer that the CPU may read once the device has run.

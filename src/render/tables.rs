@@ -38,7 +38,7 @@ pub(crate) const REFLECTION_FOLLOWED: f64 = 0.05;
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
 /// Tiles that the image is converted by.
-const TILE_ROWS: u32 = 16;
+pub(crate) const TILE_ROWS: u32 = 16;
 const TILE_WORDS: u32 = 4;
 /// A pixel's place in one word: its fraction of the sector's width in the lower bits, of its depth in the upper.
 pub(crate) const ACROSS_BITS: u32 = 15;

@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod compare;
+mod host;
+mod image_on_host;
 mod moving;
 mod reconfigure;
 mod scenes;
 
 use compare::{PASSES, compare};
-use insonify::render::{Frame, ShaderSet, twin};
+use insonify::render::{Choice, Effect, Frame, ShaderSet, twin};
 use scenes::{RENDERED, cases, nested};
 
 #[test]
@@ -22,17 +24,18 @@ fn every_pass_is_its_twin() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
+/// Effects that are left out together.
+const WITHOUT: [&[Effect]; 4] = [
+    &[Effect::Refraction, Effect::Attenuation],
+    &[Effect::InterfaceEchoes, Effect::SpeedDisplacement],
+    &[Effect::Roughness, Effect::Thickness, Effect::FrequencyExponent, Effect::Scatterers],
+    &[Effect::Reflections, Effect::Rays, Effect::Layers],
+];
+
 #[test]
 fn without_some_effects_every_pass_is_its_twin() {
-    use insonify::render::{Choice, Effect};
-    let groups: [&[Effect]; 4] = [
-        &[Effect::Refraction, Effect::Attenuation],
-        &[Effect::InterfaceEchoes, Effect::SpeedDisplacement],
-        &[Effect::Roughness, Effect::Thickness, Effect::FrequencyExponent, Effect::Scatterers],
-        &[Effect::Reflections, Effect::Rays, Effect::Layers],
-    ];
     let mut wrong = Vec::new();
-    for group in groups {
+    for group in WITHOUT {
         let mut case = nested();
         for &effect in group {
             case.settings.effects = case.settings.effects.with(effect, Choice::Off);

@@ -11,10 +11,10 @@ use crate::compare::{PASSES, compare};
 use crate::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
 
 /// A time of full systole, and of a movement of the limb.
-const TIME_S: f64 = 0.6;
+pub(crate) const TIME_S: f64 = 0.6;
 
 /// The nested case with a liver and what is in it that beat, and a bone that swings.
-fn beating() -> Case {
+pub(crate) fn beating() -> Case {
     let mut case = nested();
     let field = |name: &str, surfaces: &[&str], shape, rhythm| Field {
         name: name.into(),

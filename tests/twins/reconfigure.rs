@@ -9,11 +9,11 @@ use insonify::transducer::{Probe, ProbeKind};
 
 use crate::scenes::{Case, cases, nested};
 
-type Change = fn(&mut Probe, &mut RenderSettings);
+pub(crate) type Change = fn(&mut Probe, &mut RenderSettings);
 type Expected = fn(&RenderError) -> bool;
 
 /// What a station changes, alone and together.
-const CHANGES: [(&str, Change); 16] = [
+pub(crate) const CHANGES: [(&str, Change); 16] = [
     ("nothing", |_, _| ()),
     ("gain", |_, s| s.image.gain_db = 31.0),
     ("dynamic range", |_, s| s.image.dynamic_range_db = 45.0),
@@ -44,7 +44,7 @@ fn render(renderer: &mut Renderer, case: &Case) -> Frame {
     untimed(frame)
 }
 
-fn untimed(frame: Frame) -> Frame {
+pub(crate) fn untimed(frame: Frame) -> Frame {
     Frame { times: FrameTimes::default(), ..frame }
 }
 

@@ -9,10 +9,21 @@ use glam::{DVec3, Quat, Vec3};
 use insonify::anatomy::analytic::{self, Part, cuboid, oblique_slab, plate, sphere};
 use insonify::anatomy::{Bvh, Mesh, Scene, TissueTable};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, ImageSettings, Quality, RenderSettings, Renderer, ShaderSet, Snapshot};
+use insonify::render::{
+    Frame, Gpu, GpuOptions, ImageOn, ImageSettings, Quality, RenderSettings, Renderer, ShaderSet, Snapshot, TraceOn,
+};
 use insonify::transducer::{Probe, ProbeKind};
 
-pub(crate) static GPU: LazyLock<Gpu> = LazyLock::new(|| Gpu::new(&GpuOptions::default()).unwrap());
+fn gpu(trace: TraceOn, image: ImageOn) -> Gpu {
+    Gpu::new(&GpuOptions { trace, image, ..GpuOptions::default() }).unwrap()
+}
+
+/// A device whose shaders follow the paths, whatever kind it is.
+pub(crate) static GPU: LazyLock<Gpu> = LazyLock::new(|| gpu(TraceOn::Device, ImageOn::Device));
+/// One for which the host follows them, and no more.
+pub(crate) static TRACED_BY_HOST: LazyLock<Gpu> = LazyLock::new(|| gpu(TraceOn::Host, ImageOn::Device));
+/// One for which the host does all, if it is software.
+pub(crate) static ALL_ON_HOST: LazyLock<Gpu> = LazyLock::new(|| gpu(TraceOn::Host, ImageOn::Auto));
 
 /// A scene, a probe in it and settings.
 pub(crate) struct Case {
@@ -25,8 +36,12 @@ pub(crate) struct Case {
 
 impl Case {
     pub(crate) fn renderer(&self, shaders: &ShaderSet) -> Renderer {
+        self.renderer_on(&GPU, shaders)
+    }
+
+    pub(crate) fn renderer_on(&self, gpu: &Gpu, shaders: &ShaderSet) -> Renderer {
         let bvh = Bvh::build(&self.scene).unwrap();
-        Renderer::with_shaders(&GPU, &self.scene, bvh, &self.probe, &self.settings, shaders).unwrap()
+        Renderer::with_shaders(gpu, &self.scene, bvh, &self.probe, &self.settings, shaders).unwrap()
     }
 }
 

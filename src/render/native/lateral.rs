@@ -1,0 +1,68 @@
+//! The lateral point-spread function: each sample becomes the beam's weighted mean over neighbouring scanlines.
+
+use rayon::prelude::*;
+
+use super::wide::widened;
+use crate::render::params::Params;
+use crate::render::tables::DEPTH_BLOCK;
+
+/// Numbers of a block of complex samples, which share a kernel.
+const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
+/// Scanlines that follow each other on one thread: they read the same rows.
+const LINES_TOGETHER: usize = 8;
+
+/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. The kernel belongs to a block of samples;
+/// at the sector's edges the weights that remain are renormalised. Weights below `least_weight` are zeros.
+pub(crate) fn lateral(
+    params: &Params,
+    least_weight: f32,
+    kernels: &[f32],
+    baseband: &[[f32; 2]],
+    focused: &mut [[f32; 2]],
+) {
+    let row_samples = params.row_samples as usize;
+    let rows = focused.par_chunks_exact_mut(row_samples).enumerate().with_min_len(LINES_TOGETHER);
+    rows.for_each(|(line, row)| {
+        focus_row(params, least_weight, line, kernels, baseband.as_flattened(), row.as_flattened_mut());
+    });
+}
+
+widened! {
+    /// One scanline.
+    fn focus_row(
+        params: &Params, least_weight: f32, line: usize, kernels: &[f32], baseband: &[f32], row: &mut [f32],
+    ) = focus_row_body
+}
+
+#[inline(always)]
+fn focus_row_body(params: &Params, least_weight: f32, line: usize, kernels: &[f32], baseband: &[f32], row: &mut [f32]) {
+    let half = params.lateral_half as usize;
+    let stride = row.len();
+    // Taps that meet a scanline.
+    let from = half.saturating_sub(line);
+    let to = (2 * half + 1).min(params.scanlines as usize + half - line);
+    let first_line = line + from - half;
+    let blocks = row.as_chunks_mut::<BLOCK>().0;
+    for ((block, out), kernel) in blocks.iter_mut().enumerate().zip(kernels.chunks_exact(2 * half + 1)) {
+        let weights = &kernel[from..to];
+        let mut sum = [0.0f32; BLOCK];
+        let mut total = 0.0;
+        // Denormal weights are zeros on a GPU, and slow.
+        let some = |weight: &&f32| **weight >= least_weight;
+        let skipped = weights.iter().take_while(|w| !some(w)).count();
+        let mut at = (first_line + skipped) * stride + block * BLOCK;
+        for &weight in weights[skipped..].iter().take_while(some) {
+            if let Some(source) = baseband.get(at..).and_then(|rest| rest.first_chunk::<BLOCK>()) {
+                for (sum, &value) in sum.iter_mut().zip(source) {
+                    *sum += weight * value;
+                }
+            }
+            total += weight;
+            at += stride;
+        }
+        let scale = 1.0 / total.max(1.0e-30);
+        for (out, &sum) in out.iter_mut().zip(&sum) {
+            *out = sum * scale;
+        }
+    }
+}

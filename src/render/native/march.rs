@@ -1,0 +1,204 @@
+//! Scatterers along the paths: complex baseband before the point-spread function.
+
+use rayon::prelude::*;
+
+use super::wide::{at_least, exp, floor, phasor, real, widened};
+use crate::render::params::Params;
+use crate::render::tables::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
+
+/// Samples that are made at once: they share a gain.
+const BLOCK: usize = DEPTH_BLOCK as usize;
+/// Numbers of a segment.
+const SEGMENT: usize = 12;
+const LN_SILENT: f32 = -80.0;
+/// Density in the lowest bits of its word.
+const TAG_DENSITY: u32 = 0x3_ffff;
+
+/// What the paths of a batch left: `trace`'s outputs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Paths<'a> {
+    /// Where segments begin, mm of range [paths × STARTS].
+    pub(crate) starts: &'a [f32],
+    /// Origin and level; step and its fall; mean, deviation, density, 0 [paths × SEGMENTS].
+    pub(crate) segments: &'a [[f32; SEGMENT]],
+    /// Segments of the blocks' first samples, four a word [paths × hint_words].
+    pub(crate) hints: &'a [u32],
+}
+
+/// Fills, or for later layers adds to, `baseband`, complex [scanlines × row_samples]; `gain` is that of each block of
+/// samples, `cell_mm` the side of a cell of the lattice.
+pub(crate) fn march(
+    params: &Params,
+    paths: Paths<'_>,
+    cell_mm: f32,
+    layers: &[[f32; 4]],
+    gain: &[f32],
+    baseband: &mut [[f32; 2]],
+) {
+    let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
+    rows.for_each(|(line, row)| march_row(params, &paths, cell_mm, layers, gain, line as u32, row));
+}
+
+widened! {
+    /// One scanline.
+    fn march_row(
+        params: &Params, paths: &Paths<'_>, cell_mm: f32, layers: &[[f32; 4]], gain: &[f32], line: u32,
+        row: &mut [[f32; 2]],
+    ) = march_row_body
+}
+
+#[inline(always)]
+fn march_row_body(
+    params: &Params,
+    paths: &Paths<'_>,
+    cell_mm: f32,
+    layers: &[[f32; 4]],
+    gain: &[f32],
+    line: u32,
+    row: &mut [[f32; 2]],
+) {
+    let single = params.rays == 1 && params.layer_count == 1;
+    let mut lanes = [[0.0f32; BLOCK]; SEGMENT];
+    for (block, (out, &gain)) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain).enumerate() {
+        let first = (block * BLOCK) as u32;
+        let gain = gain / (params.paths_per_sample as f32).sqrt();
+        let mut sums = [[0.0f32; BLOCK]; 2];
+        for e in 0..params.layer_count {
+            let layer = params.layer_first.wrapping_add(e);
+            let Some(&[_, _, weight, _]) = layers.get(layer as usize) else { break };
+            let weight = gain * weight.sqrt();
+            let base = e.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
+            if single && let Some(segment) = whole_block(params, paths, base, first) {
+                // Nothing scatters in a fluid.
+                if segment[10].to_bits() & TAG_DENSITY != 0 {
+                    for (lane, &value) in lanes.iter_mut().zip(segment) {
+                        *lane = [value; BLOCK];
+                    }
+                    scatter(params, cell_mm, &lanes, first, weight, &mut sums);
+                }
+                continue;
+            }
+            let rotation = (line.wrapping_mul(0x9e37_79b9))
+                .wrapping_add(layer.wrapping_mul(0x85eb_ca6b))
+                .wrapping_add(params.seed);
+            for k in 0..params.paths_per_sample {
+                for pair in 0..BLOCK / 2 {
+                    let sample = first.wrapping_add(2 * pair as u32);
+                    // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long, share
+                    // a segment.
+                    let turn = (sample >> 1).wrapping_mul(params.paths_per_sample).wrapping_add(k);
+                    let turn = turn.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16;
+                    let path = base.wrapping_add(turn.wrapping_mul(params.rays) >> 16);
+                    let segment = seek(params, paths, path, sample).1;
+                    for (lane, &value) in lanes.iter_mut().zip(segment) {
+                        lane[2 * pair] = value;
+                        lane[2 * pair + 1] = value;
+                    }
+                }
+                scatter(params, cell_mm, &lanes, first, weight, &mut sums);
+            }
+        }
+        let [re, im] = &sums;
+        if params.layer_first == 0 {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = [re[i], im[i]];
+            }
+        } else {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = [out[0] + re[i], out[1] + im[i]];
+            }
+        }
+    }
+}
+
+/// The segment of a block's first sample, if all of the block lies in it.
+#[inline(always)]
+fn whole_block<'a>(params: &Params, paths: &Paths<'a>, path: u32, first: u32) -> Option<&'a [f32; SEGMENT]> {
+    let (end_mm, segment) = seek(params, paths, path, first);
+    (range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm).then_some(segment)
+}
+
+/// Where the segment of a path that holds `sample` ends, and the segment.
+#[inline(always)]
+fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a [f32; SEGMENT]) {
+    const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
+    let path = path as usize;
+    let range_mm = range_mm(params, sample);
+    let hints: &[u8] = bytemuck::cast_slice(paths.hints);
+    let hint = path * 4 * params.hint_words as usize + (sample / HINT_BLOCK) as usize;
+    let mut at = hints.get(hint).copied().unwrap_or(0) as usize;
+    let ends = paths.starts.get(path * STARTS as usize + 1..(path + 1) * STARTS as usize).unwrap_or(&[]);
+    while ends.get(at).is_some_and(|&end_mm| end_mm <= range_mm) {
+        at += 1;
+    }
+    let segment = paths.segments.get(path * SEGMENTS as usize + at).unwrap_or(NONE);
+    (ends.get(at).copied().unwrap_or(f32::MAX), segment)
+}
+
+#[inline(always)]
+fn range_mm(params: &Params, sample: u32) -> f32 {
+    (real(sample) + 0.5) * params.sample_spacing_mm
+}
+
+/// Adds the echoes of the scatterers that the segments meet at a block's samples. A sample meets the scatterer of the
+/// lattice cell that the path is in at its range.
+#[inline(always)]
+fn scatter(
+    params: &Params,
+    cell_mm: f32,
+    lanes: &[[f32; BLOCK]; SEGMENT],
+    first: u32,
+    weight: f32,
+    sums: &mut [[f32; BLOCK]; 2],
+) {
+    let [x0, y0, z0, level, dx, dy, dz, fall, mean, deviation, density, _] = lanes;
+    let per_mm = 1.0 / cell_mm;
+    for i in 0..BLOCK {
+        let range_mm = range_mm(params, first.wrapping_add(i as u32));
+        let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
+        let cell = here.map(|x| floor(x * per_mm));
+        let [presence, place, amplitude] = pcg3d(cell.map(|c| c as u32));
+        // Where in its cell the scatterer lies: three times ten bits.
+        let offset = |shift: u32| (real(place >> shift & 1023) + 0.5) * (1.0 / 1024.0);
+        let ahead = [
+            (cell[0] as f32 + offset(0)) * cell_mm - here[0],
+            (cell[1] as f32 + offset(10)) * cell_mm - here[1],
+            (cell[2] as f32 + offset(20)) * cell_mm - here[2],
+        ];
+        // Its range sets the phase, whichever sample meets its cell.
+        let along = ahead[0] * dx[i] + ahead[1] * dy[i] + ahead[2] * dz[i];
+        let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
+        let turn = phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm));
+        let ln_amplitude = level[i] - fall[i] * range_mm;
+        let scale = weight * exp(at_least(ln_amplitude, LN_SILENT));
+        let deviate = deviate(amplitude);
+        let strength = [scale * (mean[i] + deviation[i] * deviate[0]), scale * (deviation[i] * deviate[1])];
+        let some = ((presence >> 15) as i32) < (density[i].to_bits() & TAG_DENSITY) as i32;
+        let there = some & (ln_amplitude > LN_SILENT);
+        let echo = [strength[0] * turn[0] - strength[1] * turn[1], strength[0] * turn[1] + strength[1] * turn[0]];
+        sums[0][i] += if there { echo[0] } else { 0.0 };
+        sums[1][i] += if there { echo[1] } else { 0.0 };
+    }
+}
+
+/// pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
+#[inline(always)]
+fn pcg3d(key: [u32; 3]) -> [u32; 3] {
+    let [mut x, mut y, mut z] = key.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    x = x.wrapping_add(y.wrapping_mul(z));
+    y = y.wrapping_add(z.wrapping_mul(x));
+    z = z.wrapping_add(x.wrapping_mul(y));
+    (x, y, z) = (x ^ x >> 16, y ^ y >> 16, z ^ z >> 16);
+    x = x.wrapping_add(y.wrapping_mul(z));
+    y = y.wrapping_add(z.wrapping_mul(x));
+    z = z.wrapping_add(x.wrapping_mul(y));
+    [x, y, z]
+}
+
+/// A complex number of mean 0 and mean square 1: in each part the sum of four nibbles.
+#[inline(always)]
+fn deviate(bits: u32) -> [f32; 2] {
+    let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
+    let sums = [pairs.wrapping_add(pairs >> 8), (pairs >> 16).wrapping_add(pairs >> 24)];
+    sums.map(|sum| (real(sum & 255) - 30.0) * 0.076_696_498_88)
+}

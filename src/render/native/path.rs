@@ -1,0 +1,353 @@
+//! One path through the scene in f32: `shaders/locate.wgsl` and `shaders/trace.wgsl`, step by step.
+
+use glam::{Vec3, Vec4, Vec4Swizzles};
+
+use super::interface::{acceptance, interface_between, microfacet, returning};
+use super::traverse::{Crossing, Ray, Stack, TOUCH_MM, Tree, collect, nearest};
+use super::{Effects, TraceConstants};
+use crate::render::configuration::MOVES;
+use crate::render::params::Params;
+use crate::render::tables::{CELL_MM, GpuTissue, HINT_BLOCK, SAMPLES_MAX, SEGMENTS, STARTS};
+use crate::render::twin::hash::{pcg3d, sample_unit, unit};
+
+/// ln of the two-way amplitude at which a path ends: 10⁻¹³.
+const LN_GIVEN_UP: f32 = -30.0;
+/// ln of an amplitude that no display shows: 10⁻³⁴.
+const LN_SILENT: f32 = -80.0;
+/// Crossings at one place, and on the way back from the face.
+const CROSSINGS: usize = 16;
+const CROSSINGS_BEHIND: usize = 64;
+/// Surfaces that one path may cross, most of them without a change of medium.
+const PLACES_MAX: u32 = 192;
+/// Set beside a density: small integers travel as the low bits of a normal float.
+const TAG: u32 = 0x4000_0000;
+/// A range that none reaches.
+const BEYOND_MM: f32 = 3.0e38;
+/// Words of hints of the most samples.
+const HINT_WORDS: usize = (SAMPLES_MAX / (4 * HINT_BLOCK) + 1) as usize;
+
+/// What paths read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scene<'a> {
+    pub(super) tree: Tree<'a>,
+    /// How far each triangle is from its rest; empty where nothing moves.
+    pub(super) displacements: &'a [[f32; 4]],
+    /// Tissue of each surface, with [`MOVES`] where it moves.
+    pub(super) surface_words: &'a [u32],
+    /// With the batch's layers.
+    pub(super) params: &'a Params,
+    pub(super) rays: &'a [[f32; 4]],
+    pub(super) layers: &'a [[f32; 4]],
+    pub(super) tissues: &'a [GpuTissue],
+    pub(super) effects: Effects,
+    pub(super) constants: &'a TraceConstants,
+}
+
+/// What is written of a path, as the device has it, and the memory that following it needs.
+#[derive(Debug)]
+pub(super) struct PathRecord {
+    /// Surfaces that it starts inside.
+    pub(super) starts_inside: [u32; 8],
+    pub(super) starts: [f32; STARTS as usize],
+    pub(super) segments: [[f32; 12]; SEGMENTS as usize],
+    pub(super) echoes: [[f32; 2]; SEGMENTS as usize],
+    pub(super) count: u32,
+    pub(super) hints: [u32; HINT_WORDS],
+    stack: Stack,
+    place: [Crossing; CROSSINGS],
+    behind: [Crossing; CROSSINGS_BEHIND],
+}
+
+impl PathRecord {
+    pub(super) fn new() -> Self {
+        Self {
+            starts_inside: [0; 8],
+            starts: [0.0; STARTS as usize],
+            segments: [[0.0; 12]; SEGMENTS as usize],
+            echoes: [[0.0; 2]; SEGMENTS as usize],
+            count: 0,
+            hints: [0; HINT_WORDS],
+            stack: Stack::new(),
+            place: [Crossing::default(); CROSSINGS],
+            behind: [Crossing::default(); CROSSINGS_BEHIND],
+        }
+    }
+}
+
+/// The surfaces that a point is inside, a bit each; the highest one is the medium.
+type Inside = [u32; 8];
+
+impl Scene<'_> {
+    fn from_probe(&self, v: Vec3) -> Vec3 {
+        let p = self.params;
+        let axis = |column: [f32; 4]| Vec4::from(column).xyz();
+        axis(p.lateral) * v.x + axis(p.elevational) * v.y + axis(p.axial) * v.z
+    }
+
+    /// Origin and direction of a path's first ray: its scanline's, moved to its elevational layer.
+    fn launch(&self, line_ray: usize, layer: usize) -> (Vec3, Vec3) {
+        let p = self.params;
+        let [offset, slope, ..] = self.layers[layer];
+        let origin = Vec4::from(self.rays[2 * line_ray]).xyz() + Vec3::new(0.0, offset, 0.0);
+        let direction = Vec4::from(self.rays[2 * line_ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
+        let face = Vec3::new(p.lateral[3], p.elevational[3], p.axial[3]);
+        (face + self.from_probe(origin), self.from_probe(direction).normalize())
+    }
+
+    /// Tissue of the medium, and [`MOVES`] where its surface moves.
+    fn medium_word(&self, inside: &Inside) -> u32 {
+        let highest = (0..8).rev().find(|&word| inside[word] != 0);
+        highest.map_or(self.params.background, |word| self.surface_words[word * 32 + inside[word].ilog2() as usize])
+    }
+
+    /// Applies all of a place. A surface that is entered and left at one place is a crease or a silhouette: it stays as it
+    /// was.
+    fn cross(&self, place: &[Crossing], inside: &mut Inside) {
+        let surface = |crossing: &Crossing| self.tree.triangles[crossing.triangle as usize].surface;
+        for crossing in place {
+            let same = surface(crossing);
+            let any = |enters: bool| place.iter().any(|c| c.enters == enters && surface(c) == same);
+            let entered = any(true);
+            if entered != any(false) {
+                let (word, bit) = ((same >> 5) as usize, 1 << (same & 31));
+                inside[word] = if entered { inside[word] | bit } else { inside[word] & !bit };
+            }
+        }
+    }
+
+    /// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
+    fn interface(&self, place: &[Crossing]) -> usize {
+        let order = |c: &&Crossing| {
+            let triangle = &self.tree.triangles[c.triangle as usize];
+            (triangle.surface, std::cmp::Reverse(triangle.triangle))
+        };
+        place.iter().max_by_key(order).map_or(0, |c| c.triangle as usize)
+    }
+
+    /// Which surfaces the path starts inside; crossings that found no room are added to `lost`.
+    #[inline(always)]
+    fn locate(&self, origin: Vec3, direction: Vec3, record: &mut PathRecord, lost: &mut u32) -> Inside {
+        let mut inside = [0; 8];
+        let ray = Ray::new(origin, direction);
+        let back_mm = self.params.reach_mm * self.constants.reach;
+        let (count, missed) = collect(&self.tree, &ray, -back_mm, 0.0, &mut record.stack, &mut record.behind);
+        *lost += missed;
+        let mut ahead = &mut record.behind[..count];
+        ahead.sort_unstable_by(by_distance);
+        while let Some(first) = ahead.first() {
+            let limit = first.t + TOUCH_MM;
+            let (place, rest) = ahead.split_at_mut(ahead.partition_point(|c| c.t <= limit));
+            self.cross(place, &mut inside);
+            ahead = rest;
+        }
+        inside
+    }
+
+    /// Follows a path into `record`; how many crossings and segments found no room.
+    #[inline(always)]
+    pub(super) fn follow(&self, path: usize, record: &mut PathRecord) -> u32 {
+        let (p, effects, constants) = (self.params, &self.effects, self.constants);
+        let line_rays = (p.scanlines * p.rays) as usize;
+        let (line_ray, layer) = (path % line_rays, p.layer_first as usize + path / line_rays);
+        let (mut origin, mut direction) = self.launch(line_ray, layer);
+        let mut lost = 0;
+        let mut inside = self.locate(origin, direction, record, &mut lost);
+        record.starts_inside = inside;
+
+        // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+        let in_phase = self.layers[layer][2] / p.rays as f32;
+        let in_power = in_phase.sqrt();
+        let random = |bounce: u32, dim: u32| sample_unit(p.seed, line_ray as u32, layer as u32, bounce, dim) as f32;
+        // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
+        let axis = 2 * (line_rays + line_ray / p.rays as usize);
+        let to_axis = |i: usize| {
+            self.from_probe(Vec4::from(self.rays[axis + i]).xyz() - Vec4::from(self.rays[2 * line_ray + i]).xyz())
+        };
+        let (shift, shift_step) = (to_axis(0), to_axis(1));
+
+        let mut here = self.medium_word(&inside) & (MOVES - 1);
+        let (mut range_mm, mut ln_amplitude) = (0.0f32, 0.0f32);
+        // Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+        let mut ln_scatter = 0.0f32;
+        let (mut bounce, mut reflections, mut crossed) = (0, 0, 0);
+        let (mut echo, mut echo_range_mm) = (0.0, 0.0);
+        let mut t_min = 0.0;
+        let mut open = true;
+        let mut count = 0;
+        // From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
+        let mut carried_mm = Vec3::ZERO;
+        'path: loop {
+            // A segment begins here.
+            let tissue = &self.tissues[here as usize];
+            let step = direction * tissue.speed_ratio + shift_step;
+            let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
+            let from = origin - carried_mm + shift + (shift_step - step) * range_mm;
+            record.starts[count] = range_mm;
+            record.segments[count] = [
+                from.x,
+                from.y,
+                from.z,
+                ln_amplitude + ln_scatter + fall * range_mm,
+                step.x,
+                step.y,
+                step.z,
+                fall,
+                tissue.scatterer_mean,
+                tissue.scatterer_deviation,
+                f32::from_bits(TAG | tissue.scatterer_density),
+                0.0,
+            ];
+            record.echoes[count] = [echo, echo_range_mm];
+            count += 1;
+            if !open || count == SEGMENTS as usize {
+                lost += u32::from(open);
+                break;
+            }
+
+            // On to the next place where the medium changes.
+            let (before, chosen, there) = loop {
+                let left_mm = (p.depth_mm - range_mm) * tissue.speed_ratio;
+                if left_mm <= 0.0 {
+                    break 'path;
+                }
+                let ray = Ray::new(origin, direction);
+                let Some(found) = nearest(&self.tree, &ray, t_min, left_mm, &mut record.stack) else { break 'path };
+                crossed += 1;
+                if crossed > PLACES_MAX {
+                    lost += 1;
+                    break 'path;
+                }
+                // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
+                let t = found.crossing.t;
+                record.place[0] = found.crossing;
+                let mut crossings = 1;
+                if found.crowded {
+                    let (least, most) = (t_min.max(t - TOUCH_MM), (t + TOUCH_MM).min(left_mm));
+                    let (all, missed) = collect(&self.tree, &ray, least, most, &mut record.stack, &mut record.place);
+                    record.place[..all].sort_unstable_by(by_distance);
+                    crossings = all.max(1);
+                    lost += missed;
+                }
+                let place = &record.place[..crossings];
+                let before = inside;
+                let limit = place[0].t + TOUCH_MM;
+                self.cross(&place[..place.partition_point(|c| c.t <= limit)], &mut inside);
+                let there = self.medium_word(&inside);
+                origin += direction * t;
+                range_mm += t / tissue.speed_ratio;
+                ln_amplitude -= tissue.attenuation_np_mm * t;
+                t_min = TOUCH_MM;
+                if there & (MOVES - 1) != here {
+                    break (before, self.interface(place), there);
+                }
+            };
+
+            let triangle = &self.tree.triangles[chosen];
+            let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
+            let outward = outward / outward.length().max(1.0e-30);
+            let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
+            let beyond = &self.tissues[(there & (MOVES - 1)) as usize];
+            // An interface is as rough and as thick as the rougher and the thicker of its two sides.
+            let roughness = tissue.roughness.max(beyond.roughness);
+            let thickness_mm = tissue.thickness_mm.max(beyond.thickness_mm);
+            let coherence = tissue.coherence.min(beyond.coherence);
+            // Half of the roughness tilts the facet, half widens the lobe about it.
+            let variance = 0.5 * roughness * roughness;
+            let mut facet = normal;
+            if effects.roughness && variance > 0.0 {
+                facet = microfacet(normal, variance, random(bounce, 1), random(bounce, 2));
+                if facet.dot(direction) > -0.02 {
+                    facet = normal;
+                }
+            }
+            // What returns depends on the facet; what goes on follows the mean surface.
+            let cos_facet = (-facet.dot(direction)).clamp(0.0, 1.0);
+            let cos_incident = (-normal.dot(direction)).clamp(0.0, 1.0);
+            // A division may round x/x to other than 1.
+            let speed_ratio = if beyond.bending == tissue.bending { 1.0 } else { beyond.bending / tissue.bending };
+            let (z1, z2) = (tissue.impedance_mrayl, beyond.impedance_mrayl);
+            let split = interface_between(z1, z2, speed_ratio, cos_incident);
+
+            // The echo, spread over the interface's thickness at an offset that belongs to the place.
+            echo_range_mm = range_mm;
+            if effects.interface_echoes {
+                let at_facet =
+                    if effects.roughness { interface_between(z1, z2, speed_ratio, cos_facet) } else { split };
+                let salt = (triangle.surface as i32 + 1).wrapping_mul(7919);
+                let cell = ((origin + constants.off_the_grid_mm) * (1.0 / CELL_MM as f32)).floor().as_ivec3();
+                let offset = unit(pcg3d(cell.to_array().map(|c| (c ^ salt) as u32))[0]) as f32 - 0.5;
+                echo_range_mm += offset * thickness_mm / tissue.speed_ratio;
+                let weight = in_power * (1.0 - coherence) + in_phase * coherence;
+                let arriving = if ln_amplitude > LN_SILENT { ln_amplitude.exp() } else { 0.0 };
+                let returned = returning(cos_facet, roughness, range_mm, p.aperture_mm, constants.diffuse);
+                echo = at_facet.pressure_reflection * returned * weight * arriving;
+            }
+
+            // Reflect with probability R or go on; reflections that hardly return are left to their weight.
+            let accepted = acceptance(roughness * roughness, range_mm, p.aperture_mm);
+            let energy = split.energy_reflection;
+            let follow = effects.reflections && energy * accepted >= constants.reflection_followed;
+            if effects.reflections && (energy >= 1.0 || (follow && random(bounce, 0) < energy)) {
+                inside = before;
+                reflections += 1;
+                open = reflections <= p.reflections_max;
+                // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+                ln_amplitude += accepted.ln();
+                ln_scatter += 0.5 * energy.max(1.0e-30).ln();
+                let mut turned = direction + 2.0 * cos_facet * facet;
+                if turned.dot(normal) <= 0.0 {
+                    turned = direction - 2.0 * direction.dot(normal) * normal;
+                }
+                direction = turned.normalize();
+            } else {
+                let ln_passed = (1.0 - energy).max(1.0e-30).ln();
+                if follow {
+                    ln_scatter += 0.5 * ln_passed;
+                } else {
+                    ln_amplitude += ln_passed;
+                }
+                here = there & (MOVES - 1);
+                if effects.moving {
+                    let moves = there & MOVES != 0;
+                    carried_mm = if moves { Vec4::from(self.displacements[chosen]).xyz() } else { Vec3::ZERO };
+                }
+                if effects.refraction {
+                    let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
+                    if split.cos_transmitted > 0.0 && bent.dot(normal) < 0.0 {
+                        direction = bent.normalize();
+                    }
+                }
+            }
+            // Nothing that far down is ever shown: −260 dB.
+            open = open && ln_amplitude > LN_GIVEN_UP;
+            if !open {
+                ln_amplitude = 2.0 * LN_SILENT;
+            }
+            bounce += 1;
+        }
+        record.starts[count] = BEYOND_MM;
+        record.count = count as u32;
+        self.hint(record);
+        lost
+    }
+
+    /// Notes the segment that holds the first sample of each block, four blocks a word.
+    fn hint(&self, record: &mut PathRecord) {
+        let p = self.params;
+        let mut holds = 0;
+        for (i, word) in (0..p.hint_words).zip(record.hints.iter_mut()) {
+            *word = u32::from_le_bytes([0, 1, 2, 3].map(|block| {
+                let at_mm = (((4 * i + block) * HINT_BLOCK) as f32 + 0.5) * p.sample_spacing_mm;
+                while record.starts[holds + 1] <= at_mm {
+                    holds += 1;
+                }
+                holds as u8
+            }));
+        }
+    }
+}
+
+/// By distance, then by triangle.
+fn by_distance(a: &Crossing, b: &Crossing) -> std::cmp::Ordering {
+    a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)).then(a.enters.cmp(&b.enters))
+}

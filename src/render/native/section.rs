@@ -1,0 +1,172 @@
+//! The media along straight map rays: the cross-section of the surfaces, and the attenuation from the face on.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::traverse::{Crossing, Ray, Stack, TOUCH_MM, Tree, collect};
+use super::wide::{at_least, real, widened};
+use crate::render::configuration::MOVES;
+use crate::render::params::Params;
+use crate::render::tables::ENTRIES;
+
+/// Crossings of one ray.
+const CROSSINGS: usize = 160;
+/// Set beside a tissue: small integers travel as the low bits of a normal float.
+const TAG: u32 = 0x4000_0000;
+/// Set in a raster word whose run reaches the next depth.
+const WHOLE: u32 = 256;
+
+/// What map rays read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Scene<'a> {
+    pub(crate) tree: Tree<'a>,
+    /// Tissue of each surface, with [`MOVES`] where it moves.
+    pub(crate) surface_words: &'a [u32],
+    /// Origin and direction of each map ray, probe frame.
+    pub(crate) map_rays: &'a [[f32; 4]],
+    /// One-way attenuation of each tissue, nepers/mm.
+    pub(crate) rates_np_mm: &'a [f32; 256],
+}
+
+/// What the map rays cross.
+#[derive(Debug)]
+pub(crate) struct Section<'a> {
+    /// Runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue] [map_rays × ENTRIES].
+    pub(crate) entries: &'a mut [[f32; 4]],
+    /// How many of them a ray has.
+    pub(crate) entry_counts: &'a mut [u32],
+    /// At every map_step_mm of depth Σμ without its sign and lowest 8 bits, whether the run reaches the next depth, and
+    /// the tissue [map_rays × map_depths].
+    pub(crate) raster: &'a mut [u32],
+}
+
+/// Fills `section`; how many crossings and runs found no room.
+pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -> u32 {
+    let entries = section.entries.par_chunks_exact_mut(ENTRIES as usize).zip(section.entry_counts);
+    let rays = entries.zip(section.raster.par_chunks_exact_mut(params.map_depths as usize)).enumerate();
+    let lost = rays.take(params.map_rays as usize).map(|(ray, ((entries, count), raster))| {
+        let mut runs = Runs { entries, count: 0, lost: 0 };
+        follow(params, &scene, ray, &mut runs);
+        *count = runs.count as u32;
+        let (entries, lost) = (&runs.entries[..runs.count], runs.lost);
+        rasterise(params, entries, raster);
+        lost
+    });
+    lost.sum()
+}
+
+/// The runs of one ray.
+struct Runs<'a> {
+    entries: &'a mut [[f32; 4]],
+    count: usize,
+    lost: u32,
+}
+
+widened! {
+    /// Follows a ray from outside of the scene through the face to the full depth.
+    fn follow(params: &Params, scene: &Scene<'_>, ray: usize, runs: &mut Runs<'_>) = follow_body
+}
+
+#[inline(always)]
+fn follow_body(params: &Params, scene: &Scene<'_>, ray: usize, runs: &mut Runs<'_>) {
+    let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
+    let from_probe =
+        |v: [f32; 4]| axis(params.lateral) * v[0] + axis(params.elevational) * v[1] + axis(params.axial) * v[2];
+    let face = Vec3::new(params.lateral[3], params.elevational[3], params.axial[3]);
+    let origin = face + from_probe(scene.map_rays[2 * ray]);
+    let direction = from_probe(scene.map_rays[2 * ray + 1]).normalize();
+
+    let mut found = [Crossing::default(); CROSSINGS];
+    let ray = Ray::new(origin, direction);
+    let (count, lost) = collect(&scene.tree, &ray, -params.reach_mm, params.depth_mm, &mut Stack::new(), &mut found);
+    runs.lost += lost;
+    let mut ahead = &mut found[..count];
+    ahead.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+
+    let mut inside = [0u32; 8];
+    let mut begun = false;
+    loop {
+        let t = ahead.first().map(|crossing| crossing.t);
+        // What the face lies in counts from it on.
+        if !begun && t.is_none_or(|t| t > 0.0) {
+            begun = true;
+            runs.begin(scene, 0.0, medium(params, scene, &inside));
+        }
+        let Some(t) = t else { break };
+        let (place, rest) = ahead.split_at_mut(ahead.partition_point(|crossing| crossing.t <= t + TOUCH_MM));
+        cross(scene, place, &mut inside);
+        if begun {
+            runs.begin(scene, t, medium(params, scene, &inside));
+        }
+        ahead = rest;
+    }
+}
+
+impl Runs<'_> {
+    /// A medium from `start_mm` on.
+    fn begin(&mut self, scene: &Scene<'_>, start_mm: f32, tissue: u32) {
+        let mut sum_np = 0.0;
+        if let Some(&[start, sum, rate, tag]) = self.count.checked_sub(1).and_then(|last| self.entries.get(last)) {
+            if tag.to_bits() == TAG | tissue {
+                return;
+            }
+            sum_np = sum + rate * (start_mm - start);
+        }
+        let rate = scene.rates_np_mm[(tissue & 255) as usize];
+        match self.entries.get_mut(self.count) {
+            Some(entry) => {
+                *entry = [start_mm, sum_np, rate, f32::from_bits(TAG | tissue)];
+                self.count += 1;
+            }
+            None => self.lost += 1,
+        }
+    }
+}
+
+/// Tissue of the highest surface the point is inside, else the background.
+fn medium(params: &Params, scene: &Scene<'_>, inside: &[u32; 8]) -> u32 {
+    let highest = (0..8).rev().find(|&word| inside[word] != 0);
+    let word = highest.map(|word| scene.surface_words[32 * word + inside[word].ilog2() as usize]);
+    word.unwrap_or(params.background) & (MOVES - 1)
+}
+
+/// Applies all of a place. A surface that is entered and left at one place is a crease or a silhouette: it stays as it was.
+fn cross(scene: &Scene<'_>, place: &[Crossing], inside: &mut [u32; 8]) {
+    let surface = |crossing: &Crossing| scene.tree.triangles[crossing.triangle as usize].surface;
+    for crossing in place {
+        let same = surface(crossing);
+        let any = |enters: bool| place.iter().any(|c| c.enters == enters && surface(c) == same);
+        let entered = any(true);
+        if entered != any(false) {
+            let (word, bit) = ((same >> 5) as usize, 1 << (same & 31));
+            inside[word] = if entered { inside[word] | bit } else { inside[word] & !bit };
+        }
+    }
+}
+
+widened! {
+    /// Writes the runs' words at every depth.
+    fn rasterise(params: &Params, runs: &[[f32; 4]], raster: &mut [u32]) = rasterise_body
+}
+
+#[inline(always)]
+fn rasterise_body(params: &Params, runs: &[[f32; 4]], raster: &mut [u32]) {
+    let step_mm = params.map_step_mm;
+    let mut from = 0;
+    for (i, &[start_mm, sum_np, rate_np_mm, tag]) in runs.iter().enumerate() {
+        let end_mm = runs.get(i + 1).map_or(2.0 * params.depth_mm + 1.0, |next| next[0]);
+        let tissue = tag.to_bits() & 255;
+        // Near the end, then exactly there.
+        let mut to = (((end_mm / step_mm) as usize).saturating_sub(1)).clamp(from, raster.len());
+        while to < raster.len() && (to as f32) * step_mm < end_mm {
+            to += 1;
+        }
+        for (depth, word) in raster[from..to].iter_mut().enumerate() {
+            let at_mm = real((from as u32).wrapping_add(depth as u32)) * step_mm;
+            let sum = at_least(sum_np + rate_np_mm * (at_mm - start_mm), 0.0);
+            let whole = if at_mm + step_mm < end_mm { WHOLE } else { 0 };
+            *word = sum.to_bits() << 1 & 0xffff_fe00 | whole | tissue;
+        }
+        from = to;
+    }
+}

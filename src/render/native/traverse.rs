@@ -1,0 +1,247 @@
+//! Where a straight ray meets triangles: `shaders/shared/{bvh,nearest,collect}.wgsl`, eight boxes at once, nearest first.
+
+use glam::Vec3;
+
+use super::tree::{LEAF, WIDTH, WideNode};
+use crate::anatomy::bvh::{PackedTriangle, STACK_DEPTH_MAX};
+
+/// Hits this close along a ray, mm, are one place: surfaces that touch, or one edge hit twice.
+pub(crate) const TOUCH_MM: f32 = 1.0e-3;
+/// A node leaves at most seven of its children on the stack.
+const STACK: usize = (WIDTH - 1) * STACK_DEPTH_MAX + WIDTH;
+
+/// A tree and its triangles, in the order of `anatomy::Bvh`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tree<'a> {
+    pub(crate) nodes: &'a [WideNode],
+    pub(crate) triangles: &'a [PackedTriangle],
+}
+
+/// What a traversal has still to visit: where the ray enters, and a child.
+#[derive(Debug)]
+pub(crate) struct Stack([(f32, u32); STACK]);
+
+impl Stack {
+    pub(crate) fn new() -> Self {
+        Self([(0.0, 0); STACK])
+    }
+}
+
+/// A ray as boxes are tested with it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ray {
+    origin: Vec3,
+    direction: Vec3,
+    reciprocal: Vec3,
+    /// Index in [`WideNode::bounds`] of the near side of each axis; the far side is the other of `i` and `i + 3`.
+    near: [usize; 3],
+}
+
+impl Ray {
+    #[inline(always)]
+    pub(crate) fn new(origin: Vec3, direction: Vec3) -> Self {
+        // A component too small to divide by becomes a tiny one.
+        const TINY: f32 = 1.0e-12;
+        let safe = |x: f32| if x.abs() < TINY { if x >= 0.0 { TINY } else { -TINY } } else { x };
+        let reciprocal = 1.0 / Vec3::new(safe(direction.x), safe(direction.y), safe(direction.z));
+        let near = |axis: usize| if reciprocal[axis] < 0.0 { axis + 3 } else { axis };
+        Self { origin, direction, reciprocal, near: [near(0), near(1), near(2)] }
+    }
+}
+
+/// A crossing of a ray.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Crossing {
+    /// Distance, mm.
+    pub(crate) t: f32,
+    /// Triangle in leaf order.
+    pub(crate) triangle: u32,
+    /// Whether the ray enters the surface there.
+    pub(crate) enters: bool,
+}
+
+/// The nearest crossing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Nearest {
+    pub(crate) crossing: Crossing,
+    /// Whether other crossings may lie within [`TOUCH_MM`] of it.
+    pub(crate) crowded: bool,
+}
+
+/// The greater; one instruction, where neither is NaN.
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The lesser; one instruction, where neither is NaN.
+#[inline(always)]
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Möller–Trumbore about the point of the ray nearest to the first corner, so that f32 keeps its digits far from the
+/// ray's origin; edges reach a tolerance outward, so that a shared edge is never missed. Distance, and whether it enters.
+#[inline(always)]
+fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
+    let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));
+    let to_corner = Vec3::from(triangle.corner) - ray.origin;
+    let t0 = to_corner.dot(ray.direction);
+    let s = ray.direction * t0 - to_corner;
+    let p = ray.direction.cross(edge2);
+    let determinant = edge1.dot(p);
+    let magnitude = determinant.abs();
+    let side = if determinant >= 0.0 { 1.0 } else { -1.0 };
+    let q = s.cross(edge1);
+    let u = s.dot(p) * side;
+    let v = ray.direction.dot(q) * side;
+    let tolerance = triangle.tolerance * (t0.abs() + 100.0);
+    // edge1 × edge2 points outward, and the determinant is −direction · (edge1 × edge2).
+    let hit = (magnitude > 2.0 * tolerance) & (u >= -tolerance) & (v >= -tolerance) & (u + v <= magnitude + tolerance);
+    hit.then(|| (t0 + edge2.dot(q) * side / max(magnitude, 1.0e-30), determinant > 0.0))
+}
+
+/// Children that the ray meets from `first` to `last`, a bit each, and where it enters their boxes.
+#[inline(always)]
+fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WIDTH]) -> u32 {
+    let bounds = &node.bounds;
+    let [x, y, z] = ray.near;
+    let side = |i: usize| &bounds[i];
+    let (near_x, near_y, near_z) = (side(x), side(y), side(z));
+    let (far_x, far_y, far_z) = (side(3 - x), side(5 - y), side(7 - z));
+    let mut mask = 0;
+    for i in 0..WIDTH {
+        let from = max(
+            max((near_x[i] - ray.origin.x) * ray.reciprocal.x, (near_y[i] - ray.origin.y) * ray.reciprocal.y),
+            max((near_z[i] - ray.origin.z) * ray.reciprocal.z, first),
+        );
+        let to = min(
+            min((far_x[i] - ray.origin.x) * ray.reciprocal.x, (far_y[i] - ray.origin.y) * ray.reciprocal.y),
+            min((far_z[i] - ray.origin.z) * ray.reciprocal.z, last),
+        );
+        near[i] = from;
+        mask |= u32::from(from <= to + 1.0e-4) << i;
+    }
+    mask
+}
+
+/// The products of box tests are not exact: a part in 10⁶ and a micrometre.
+#[inline(always)]
+fn slack(t_min: f32, t_max: f32) -> f32 {
+    1.0e-3 + 1.0e-6 * max(t_min.abs(), t_max.abs())
+}
+
+/// Triangles of a leaf.
+#[inline(always)]
+fn leaf(child: u32) -> std::ops::Range<usize> {
+    let first = ((child & !LEAF) >> 2) as usize;
+    first..first + (child & 3) as usize
+}
+
+/// The nearest crossing in (t_min, t_max].
+#[inline(always)]
+pub(crate) fn nearest(tree: &Tree<'_>, ray: &Ray, t_min: f32, t_max: f32, stack: &mut Stack) -> Option<Nearest> {
+    let stack = &mut stack.0;
+    let mut depth = 0;
+    let mut near = [0.0; WIDTH];
+    let mut found: Option<Nearest> = None;
+    let mut best = t_max;
+    let reach = slack(t_min, t_max);
+    let first = t_min - reach;
+    let mut last = t_max + reach;
+    let mut child = 0;
+    loop {
+        if child & LEAF == 0 {
+            let node = &tree.nodes[child as usize];
+            let mut mask = boxes(node, ray, first, last, &mut near);
+            let bottom = depth;
+            while mask != 0 {
+                let slot = (mask.trailing_zeros() & 7) as usize;
+                mask &= mask - 1;
+                let entry = (near[slot], node.children[slot]);
+                // Nearest on top.
+                let mut at = depth;
+                while at > bottom && stack[at - 1].0 < entry.0 {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = entry;
+                depth += 1;
+            }
+        } else {
+            for index in leaf(child) {
+                let Some((t, enters)) = intersect(&tree.triangles[index], ray) else { continue };
+                if t > t_min && t <= if found.is_none() { t_max } else { best + TOUCH_MM } {
+                    let crossing = Crossing { t, triangle: index as u32, enters };
+                    found = Some(match found {
+                        None => Nearest { crossing, crowded: false },
+                        Some(before) => Nearest {
+                            crossing: if t < best { crossing } else { before.crossing },
+                            crowded: t >= best - TOUCH_MM,
+                        },
+                    });
+                    best = min(best, t);
+                    last = best + reach;
+                }
+            }
+        }
+        // What lies beyond the best crossing by now is passed over.
+        loop {
+            if depth == 0 {
+                return found;
+            }
+            depth -= 1;
+            let (from, next) = stack[depth];
+            if from <= last + 1.0e-4 {
+                child = next;
+                break;
+            }
+        }
+    }
+}
+
+/// Every crossing in (t_min, t_max] in the order of the tree, those beyond `into` lost; how many are found and lost.
+#[inline(always)]
+pub(crate) fn collect(
+    tree: &Tree<'_>,
+    ray: &Ray,
+    t_min: f32,
+    t_max: f32,
+    stack: &mut Stack,
+    into: &mut [Crossing],
+) -> (usize, u32) {
+    let stack = &mut stack.0;
+    stack[0].1 = 0;
+    let mut depth = 1;
+    let mut near = [0.0; WIDTH];
+    let reach = slack(t_min, t_max);
+    let (mut count, mut lost) = (0, 0);
+    while depth > 0 {
+        depth -= 1;
+        let child = stack[depth].1;
+        if child & LEAF == 0 {
+            let node = &tree.nodes[child as usize];
+            let mut mask = boxes(node, ray, t_min - reach, t_max + reach, &mut near);
+            while mask != 0 {
+                let slot = (mask.trailing_zeros() & 7) as usize;
+                mask &= mask - 1;
+                stack[depth].1 = node.children[slot];
+                depth += 1;
+            }
+            continue;
+        }
+        for index in leaf(child) {
+            let Some((t, enters)) = intersect(&tree.triangles[index], ray) else { continue };
+            if t > t_min && t <= t_max {
+                match into.get_mut(count) {
+                    Some(slot) => {
+                        *slot = Crossing { t, triangle: index as u32, enters };
+                        count += 1;
+                    }
+                    None => lost += 1,
+                }
+            }
+        }
+    }
+    (count, lost)
+}

@@ -1,0 +1,161 @@
+//! Loops that the compiler makes vectors of, and the functions they need.
+
+/// Makes a function of a body that is compiled twice: with AVX2, taken where the CPU has it, and for any CPU.
+///
+/// Neither fuses a multiplication with an addition: both, and so every machine, give the same bits.
+macro_rules! widened {
+    ($(#[$doc:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
+        $(#[$doc])*
+        #[allow(clippy::too_many_arguments, reason = "those of the body")]
+        fn $name($($argument: $kind),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                #[allow(clippy::too_many_arguments, reason = "those of the body")]
+                fn with_avx2($($argument: $kind),*) {
+                    $body($($argument),*);
+                }
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: the CPU has AVX2.
+                    return unsafe { with_avx2($($argument),*) };
+                }
+            }
+            $body($($argument),*);
+        }
+    };
+}
+pub(super) use widened;
+
+/// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
+const TO_INTEGER: f32 = 12_582_912.0;
+
+/// The nearest integer, half to even, of a number below 2²² in magnitude.
+#[inline(always)]
+pub(super) fn round(x: f32) -> f32 {
+    (x + TO_INTEGER) - TO_INTEGER
+}
+
+/// The nearest integer, half to even, of a number in 0..2²²; in the lowest bits, others stand above them.
+#[inline(always)]
+pub(super) fn nearest_bits(x: f32) -> u32 {
+    (x + TO_INTEGER).to_bits()
+}
+
+/// The greatest integer not above a number below 2²² in magnitude.
+#[inline(always)]
+pub(super) fn floor(x: f32) -> i32 {
+    let shifted = x + TO_INTEGER;
+    let nearest = (shifted.to_bits() as i32).wrapping_sub(TO_INTEGER.to_bits() as i32);
+    nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
+}
+
+/// The greater of two numbers, in one instruction: no care is taken of NaN.
+#[inline(always)]
+pub(super) fn at_least(x: f32, least: f32) -> f32 {
+    if x > least { x } else { least }
+}
+
+/// The smaller of two numbers.
+#[inline(always)]
+pub(super) fn at_most(x: f32, most: f32) -> f32 {
+    if x < most { x } else { most }
+}
+
+/// A small integer as a number.
+#[inline(always)]
+pub(super) fn real(x: u32) -> f32 {
+    x as i32 as f32
+}
+
+/// log₂ of a normal positive number, to 5·10⁻⁷ beside the rounding of the result.
+///
+/// The polynomial over √½..√2 is fitted for the least greatest error.
+#[inline(always)]
+pub(super) fn log2(x: f32) -> f32 {
+    const ROOT_HALF: u32 = 0x3f35_04f3;
+    let bits = x.to_bits().wrapping_sub(ROOT_HALF);
+    let exponent = (bits as i32) >> 23;
+    let t = f32::from_bits((bits & 0x007f_ffff).wrapping_add(ROOT_HALF)) - 1.0;
+    let p = LOG2[7];
+    let p = p * t + LOG2[6];
+    let p = p * t + LOG2[5];
+    let p = p * t + LOG2[4];
+    let p = p * t + LOG2[3];
+    let p = p * t + LOG2[2];
+    let p = p * t + LOG2[1];
+    let p = p * t + LOG2[0];
+    exponent as f32 + p * t
+}
+
+/// eˣ for −87 < x < 88, to 3·10⁻⁷ of itself.
+///
+/// x is an integer times ln 2 and a rest within half of it; the polynomial is fitted for the least greatest error.
+#[inline(always)]
+pub(super) fn exp(x: f32) -> f32 {
+    // ln 2 in two parts: the first has so few bits that its multiples are exact.
+    const LN_2_HIGH: f32 = 0.693_359_375;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let shifted = x * std::f32::consts::LOG2_E + TO_INTEGER;
+    let whole = shifted - TO_INTEGER;
+    let t = x - whole * LN_2_HIGH - whole * LN_2_LOW;
+    let p = EXP[5];
+    let p = p * t + EXP[4];
+    let p = p * t + EXP[3];
+    let p = p * t + EXP[2];
+    let p = p * t + EXP[1];
+    let p = p * t + EXP[0];
+    // The integer's bits stand lowest in `shifted`; they go to the exponent.
+    f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
+}
+
+/// e^(i2π·turns), to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
+#[inline(always)]
+pub(super) fn phasor(turns: f32) -> [f32; 2] {
+    let within = turns - round(turns);
+    let halves = round(2.0 * within);
+    let r = within - 0.5 * halves;
+    let u = r * r;
+    let c = 0.999_999_94 + u * (-19.739_172 + u * (64.934_59 + u * (-85.240_326 + u * 56.242_363)));
+    let s = r * (6.283_185 + u * (-41.341_656 + u * (81.601_006 + u * (-76.549_78 + u * 39.536_697))));
+    let sign = 1.0 - 2.0 * halves.abs();
+    [c * sign, s * sign]
+}
+
+const LOG2: [f32; 8] =
+    [1.442_694_8, -0.721_357_1, 0.480_939_39, -0.360_088_1, 0.286_708_6, -0.250_061_48, 0.236_882_16, -0.145_756_24];
+const EXP: [f32; 6] = [1.000_000_1, 0.999_999_7, 0.499_988_94, 0.166_675_75, 0.041_915_43, 0.008_297_645];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn log2_and_exp_are_as_close_as_they_say() {
+        for i in 0..2_000_000u32 {
+            let x = f32::from_bits(0x0080_0000 + 1061 * i);
+            let exact = f64::from(x).log2();
+            assert!((f64::from(log2(x)) - exact).abs() < 5.0e-7 + exact.abs() / 16_777_216.0, "log2 {x:e}");
+            let y = -87.0 + 175.0 * i as f32 / 2_000_000.0;
+            let exact = f64::from(y).exp();
+            assert!((f64::from(exp(y)) / exact - 1.0).abs() < 3.0e-7, "exp {y}");
+        }
+    }
+
+    #[test]
+    fn phasors_are_on_the_circle() {
+        for i in -200_000..200_000 {
+            let turns = i as f32 * 0.007_31;
+            let [c, s] = phasor(turns);
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(turns).fract()).sin_cos();
+            assert!((f64::from(c) - cos).abs() < 3.0e-7 && (f64::from(s) - sin).abs() < 3.0e-7, "{turns}");
+        }
+    }
+
+    #[test]
+    fn integers_are_those_of_the_standard_library() {
+        for i in -400_000..400_000 {
+            let x = i as f32 * 0.0371;
+            assert_eq!((floor(x), round(x)), (x.floor() as i32, x.round_ties_even()), "{x}");
+        }
+    }
+}
