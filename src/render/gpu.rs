@@ -196,6 +196,12 @@ impl Gpu {
         Ok(Self { device, queue, info, timestamps, host_trace, host_image, fault })
     }
 
+    /// The same device, whose shaders do all the work.
+    pub(crate) fn without_host(mut self) -> Self {
+        (self.host_trace, self.host_image) = (false, false);
+        self
+    }
+
     /// Fails if the device reported an error since it was opened: what it computes can't be trusted.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {

@@ -114,7 +114,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::new`] with a BVH built before, which renderers may share, and shaders that may differ from the
-    /// shipped ones.
+    /// shipped ones: then the device runs them, of whatever kind it is.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -127,6 +127,8 @@ impl Renderer {
         shaders: &ShaderSet,
     ) -> Result<Self, RenderError> {
         let bvh = bvh.into();
+        // Shaders that are not the shipped ones are there to be run.
+        let gpu = &if shaders.host_may() { gpu.clone() } else { gpu.clone().without_host() };
         // Before anything is made for them.
         probe.validate()?;
         settings.validate()?;

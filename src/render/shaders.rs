@@ -10,6 +10,8 @@ use super::tables::{
 #[derive(Debug, Clone)]
 pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
+    /// Whether a source is not the shipped one.
+    replaced: bool,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
     /// Numbers of `trace` where the host follows the paths; other than the default ones for tests.
@@ -49,6 +51,7 @@ impl Default for ShaderSet {
         );
         Self {
             sources: PASSES.map(|(name, body)| (name, format!("{constants}{body}"))).to_vec(),
+            replaced: false,
             bounds_checks: false,
             host: TraceConstants::default(),
             image: ImageConstants::default(),
@@ -62,11 +65,17 @@ impl ShaderSet {
         self.sources.iter().find(|(n, _)| *n == name).map_or("", |(_, source)| source)
     }
 
+    /// Whether the host's passes can stand for them: they are the shipped ones, as they are shipped.
+    pub(crate) fn host_may(&self) -> bool {
+        !self.replaced && !self.bounds_checks
+    }
+
     /// Replaces `from` by `to` in the pass `name`; false where it doesn't occur.
     pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
         match self.sources.iter_mut().find(|(n, source)| *n == name && source.contains(from)) {
             Some((_, source)) => {
                 *source = source.replace(from, to);
+                self.replaced = true;
                 true
             }
             None => false,

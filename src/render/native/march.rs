@@ -200,5 +200,5 @@ fn pcg3d(key: [u32; 3]) -> [u32; 3] {
 fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
     let sums = [pairs.wrapping_add(pairs >> 8), (pairs >> 16).wrapping_add(pairs >> 24)];
-    sums.map(|sum| (real(sum & 255) - 30.0) * 0.076_696_498_88)
+    sums.map(|sum| (real(sum & 255) - 30.0) * 0.076_696_5)
 }

@@ -89,7 +89,7 @@ impl Default for ImageConstants {
             first_interface: 1,
             least_weight: f32::MIN_POSITIVE,
             // 10·log10(2).
-            db_a_doubling: 3.010_299_956_64,
+            db_a_doubling: 3.010_3,
             one_way: 0.5,
             brightest_part: 0.02,
             first_number: 1,

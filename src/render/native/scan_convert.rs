@@ -41,7 +41,7 @@ impl Layout {
                 let places = pixels.as_chunks::<4>().0[word as usize];
                 layout.places.push(places);
                 let (row, column) = (word / row_words % TILE_ROWS, word % row_words * 4);
-                layout.pixels.push(row * width + column | (width - column).min(4) << COUNT_SHIFT);
+                layout.pixels.push((row * width + column) | ((width - column).min(4) << COUNT_SHIFT));
             }
             layout.bands.push(first..layout.places.len());
         }
@@ -289,7 +289,7 @@ fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_
     let step_mm = params.map_step_mm;
     let (sum0, sum1) = (sum_np(before), sum_np(after));
     if (before ^ after) & 255 == 0 {
-        return (sum0 + (sum1 - sum0) * (beyond_mm / step_mm).max(0.0).min(1.0), before & 255);
+        return (sum0 + (sum1 - sum0) * (beyond_mm / step_mm).clamp(0.0, 1.0), before & 255);
     }
     let rate = |word: u32| maps.rates_np_mm[(word & 255) as usize];
     let contrast = rate(before) - rate(after);

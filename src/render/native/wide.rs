@@ -93,7 +93,7 @@ pub(super) fn log2(x: f32) -> f32 {
 #[inline(always)]
 pub(super) fn exp(x: f32) -> f32 {
     // ln 2 in two parts: the first has so few bits that its multiples are exact.
-    const LN_2_HIGH: f32 = 0.693_359_375;
+    const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
     let shifted = x * std::f32::consts::LOG2_E + TO_INTEGER;
     let whole = shifted - TO_INTEGER;
@@ -110,6 +110,7 @@ pub(super) fn exp(x: f32) -> f32 {
 
 /// e^(i2π·turns), to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
 #[inline(always)]
+#[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]
 pub(super) fn phasor(turns: f32) -> [f32; 2] {
     let within = turns - round(turns);
     let halves = round(2.0 * within);
@@ -122,7 +123,7 @@ pub(super) fn phasor(turns: f32) -> [f32; 2] {
 }
 
 const LOG2: [f32; 8] =
-    [1.442_694_8, -0.721_357_1, 0.480_939_39, -0.360_088_1, 0.286_708_6, -0.250_061_48, 0.236_882_16, -0.145_756_24];
+    [1.442_694_8, -0.721_357_1, 0.480_939_4, -0.360_088_1, 0.286_708_6, -0.250_061_48, 0.236_882_16, -0.145_756_24];
 const EXP: [f32; 6] = [1.000_000_1, 0.999_999_7, 0.499_988_94, 0.166_675_75, 0.041_915_43, 0.008_297_645];
 
 #[cfg(test)]
