@@ -270,7 +270,7 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
     for i in 0..LANES {
         let inside = places[i] != OUTSIDE;
         let ln_level = maps.percentile_np - at_least(sums[i], 0.0);
-        let level = exp(at_least(at_most(ln_level, 0.0), LN_SILENT));
+        let level = at_most(exp(at_least(at_most(ln_level, 0.0), LN_SILENT)), 1.0);
         levels[i] = if inside && ln_level > LN_SILENT { level } else { 0.0 };
         numbers[i] = if inside { tissues[i].wrapping_add(maps.first_number) as u8 } else { 0 };
     }

@@ -89,7 +89,7 @@ pub(super) fn log2(x: f32) -> f32 {
 
 /// eˣ for −87 < x < 88, to 3·10⁻⁷ of itself.
 ///
-/// x is an integer times ln 2 and a rest within half of it; the polynomial is fitted for the least greatest error.
+/// x is an integer times ln 2 and a rest within half of it; the polynomial is fitted for the least greatest error; e⁰ is 1.
 #[inline(always)]
 pub(super) fn exp(x: f32) -> f32 {
     // ln 2 in two parts: the first has so few bits that its multiples are exact.
@@ -98,7 +98,8 @@ pub(super) fn exp(x: f32) -> f32 {
     let shifted = x * std::f32::consts::LOG2_E + TO_INTEGER;
     let whole = shifted - TO_INTEGER;
     let t = x - whole * LN_2_HIGH - whole * LN_2_LOW;
-    let p = EXP[5];
+    let p = EXP[6];
+    let p = p * t + EXP[5];
     let p = p * t + EXP[4];
     let p = p * t + EXP[3];
     let p = p * t + EXP[2];
@@ -124,7 +125,7 @@ pub(super) fn phasor(turns: f32) -> [f32; 2] {
 
 const LOG2: [f32; 8] =
     [1.442_694_8, -0.721_357_1, 0.480_939_4, -0.360_088_1, 0.286_708_6, -0.250_061_48, 0.236_882_16, -0.145_756_24];
-const EXP: [f32; 6] = [1.000_000_1, 0.999_999_7, 0.499_988_94, 0.166_675_75, 0.041_915_43, 0.008_297_645];
+const EXP: [f32; 7] = [1.0, 1.0, 0.499_999_9, 0.166_664_2, 0.041_668_225, 0.008_374_825, 0.001_383_683_2];
 
 #[cfg(test)]
 mod tests {
@@ -132,6 +133,7 @@ mod tests {
 
     #[test]
     fn log2_and_exp_are_as_close_as_they_say() {
+        assert_eq!(exp(0.0), 1.0);
         for i in 0..2_000_000u32 {
             let x = f32::from_bits(0x0080_0000 + 1061 * i);
             let exact = f64::from(x).log2();
