@@ -78,7 +78,7 @@ impl PathRecord {
 type Inside = [u32; 8];
 
 impl Scene<'_> {
-    fn from_probe(&self, v: Vec3) -> Vec3 {
+    fn scene_vector(&self, v: Vec3) -> Vec3 {
         let p = self.params;
         let axis = |column: [f32; 4]| Vec4::from(column).xyz();
         axis(p.lateral) * v.x + axis(p.elevational) * v.y + axis(p.axial) * v.z
@@ -91,7 +91,7 @@ impl Scene<'_> {
         let origin = Vec4::from(self.rays[2 * line_ray]).xyz() + Vec3::new(0.0, offset, 0.0);
         let direction = Vec4::from(self.rays[2 * line_ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
         let face = Vec3::new(p.lateral[3], p.elevational[3], p.axial[3]);
-        (face + self.from_probe(origin), self.from_probe(direction).normalize())
+        (face + self.scene_vector(origin), self.scene_vector(direction).normalize())
     }
 
     /// Tissue of the medium, and [`MOVES`] where its surface moves.
@@ -161,7 +161,7 @@ impl Scene<'_> {
         // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
         let axis = 2 * (line_rays + line_ray / p.rays as usize);
         let to_axis = |i: usize| {
-            self.from_probe(Vec4::from(self.rays[axis + i]).xyz() - Vec4::from(self.rays[2 * line_ray + i]).xyz())
+            self.scene_vector(Vec4::from(self.rays[axis + i]).xyz() - Vec4::from(self.rays[2 * line_ray + i]).xyz())
         };
         let (shift, shift_step) = (to_axis(0), to_axis(1));
 

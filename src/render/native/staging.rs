@@ -111,10 +111,7 @@ impl Staging {
             let mut view = self.buffer.slice(..).get_mapped_range_mut().map_err(|e| failed(e.to_string()))?;
             let mut rest = view.slice(..);
             let mut parts = self.size.parts().into_iter();
-            let mut next = || match rest.split_off(..parts.next().unwrap_or(0)) {
-                Some(part) => part,
-                None => WriteOnly::default(),
-            };
+            let mut next = || rest.split_off(..parts.next().unwrap_or(0)).unwrap_or_default();
             let outputs = PathOutputs {
                 paths: self.size.paths as usize,
                 segments: next(),
