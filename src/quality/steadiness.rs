@@ -130,8 +130,10 @@ mod tests {
     /// A texture that is fixed in the scene, seen by a window that has moved so far.
     fn seen(moved: [isize; 2], noise: u32) -> Vec<u8> {
         let hash = |x: isize, y: isize, salt: u32| {
-            let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ salt;
-            n.wrapping_mul(0x27d4_eb2f) >> 24
+            let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77);
+            let n = n ^ salt.wrapping_mul(0x68e3_1da4);
+            let n = (n ^ (n >> 16)).wrapping_mul(0x7feb_352d);
+            (n ^ (n >> 15)).wrapping_mul(0x846c_a68b) >> 24
         };
         let at = |i: isize| {
             let (x, y) = (i % 90 + moved[0], i / 90 + moved[1]);
