@@ -3,7 +3,7 @@
 //!
 //! A data set is a directory: `dataset.json` ([`Header`]), one row a tuple in `manifest*.jsonl` ([`Row`]), the tuples
 //! themselves as `uint8` arrays [4 × height × width] in `tuples/`, the masks of the sectors in `masks/`, and the station
-//! files in `stations/`. What is in it is planned from a seed before anything is rendered ([`plan`]); rendering itself is
+//! files in `stations/`. What is in it is planned from a seed before anything is rendered ([`Plan`]); rendering itself is
 //! `insonify dataset`'s.
 
 mod error;
