@@ -192,10 +192,9 @@ impl Exam {
         let count = self.tuples.len();
         let mut moments: Vec<Moment> = Vec::with_capacity(count);
         let session = match source {
-            Source::Planes(planes, _) => {
+            Source::Planes(planes, skin) => {
                 let mut chosen: Vec<_> = planes.planes.iter().collect();
                 session::shuffle(&mut chosen, self.seed);
-                let Source::Planes(_, skin) = source else { return Ok(moments) };
                 let duration_s = PLANE_S * chosen.len() as f64;
                 session::make(&chosen, skin, &session::Settings { seed: self.seed, duration_s, skill: self.skill })?
                     .poses

@@ -320,8 +320,9 @@ impl Renderer {
             index += 1;
         };
         let mut work = HostWork::default();
-        let batches = self.now.plan.batches;
-        for batch in 0..if contents.image { batches } else { 0 } {
+        // Maps alone need no paths.
+        let batches = if contents.image { self.now.plan.batches } else { 0 };
+        for batch in 0..batches {
             self.trace_on_host(batch, &mut encoder, &mut work)?;
             for pass in &self.now.path_passes {
                 record(&mut encoder, pass, batch);

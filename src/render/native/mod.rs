@@ -12,6 +12,7 @@ mod frame;
 mod interface;
 mod lateral;
 mod march;
+mod membership;
 mod path;
 mod percentile;
 mod scan_convert;

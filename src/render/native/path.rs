@@ -3,6 +3,7 @@
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
 use super::interface::{acceptance, interface_between, microfacet, returning};
+use super::membership::{Inside, cross, medium_word};
 use super::traverse::{Crossing, Ray, Stack, TOUCH_MM, Tree, collect, nearest};
 use super::{Effects, TraceConstants};
 use crate::render::configuration::MOVES;
@@ -74,9 +75,6 @@ impl PathRecord {
     }
 }
 
-/// The surfaces that a point is inside, a bit each; the highest one is the medium.
-type Inside = [u32; 8];
-
 impl Scene<'_> {
     fn scene_vector(&self, v: Vec3) -> Vec3 {
         let p = self.params;
@@ -94,25 +92,8 @@ impl Scene<'_> {
         (face + self.scene_vector(origin), self.scene_vector(direction).normalize())
     }
 
-    /// Tissue of the medium, and [`MOVES`] where its surface moves.
     fn medium_word(&self, inside: &Inside) -> u32 {
-        let highest = (0..8).rev().find(|&word| inside[word] != 0);
-        highest.map_or(self.params.background, |word| self.surface_words[word * 32 + inside[word].ilog2() as usize])
-    }
-
-    /// Applies all of a place. A surface that is entered and left at one place is a crease or a silhouette: it stays as it
-    /// was.
-    fn cross(&self, place: &[Crossing], inside: &mut Inside) {
-        let surface = |crossing: &Crossing| self.tree.triangles[crossing.triangle as usize].surface;
-        for crossing in place {
-            let same = surface(crossing);
-            let any = |enters: bool| place.iter().any(|c| c.enters == enters && surface(c) == same);
-            let entered = any(true);
-            if entered != any(false) {
-                let (word, bit) = ((same >> 5) as usize, 1 << (same & 31));
-                inside[word] = if entered { inside[word] | bit } else { inside[word] & !bit };
-            }
-        }
+        medium_word(self.surface_words, self.params.background, inside)
     }
 
     /// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
@@ -137,7 +118,7 @@ impl Scene<'_> {
         while let Some(first) = ahead.first() {
             let limit = first.t + TOUCH_MM;
             let (place, rest) = ahead.split_at_mut(ahead.partition_point(|c| c.t <= limit));
-            self.cross(place, &mut inside);
+            cross(self.tree.triangles, place, &mut inside);
             ahead = rest;
         }
         inside
@@ -231,7 +212,7 @@ impl Scene<'_> {
                 let place = &record.place[..crossings];
                 let before = inside;
                 let limit = place[0].t + TOUCH_MM;
-                self.cross(&place[..place.partition_point(|c| c.t <= limit)], &mut inside);
+                cross(self.tree.triangles, &place[..place.partition_point(|c| c.t <= limit)], &mut inside);
                 let there = self.medium_word(&inside);
                 origin += direction * t;
                 range_mm += t / tissue.speed_ratio;

@@ -3,6 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::membership::{Inside, cross, medium_word};
 use super::traverse::{Crossing, Ray, Stack, TOUCH_MM, Tree, collect};
 use super::wide::{at_least, real, widened};
 use crate::render::configuration::MOVES;
@@ -94,7 +95,7 @@ fn follow_body(params: &Params, scene: &Scene<'_>, ray: usize, runs: &mut Runs<'
         }
         let Some(t) = t else { break };
         let (place, rest) = ahead.split_at_mut(ahead.partition_point(|crossing| crossing.t <= t + TOUCH_MM));
-        cross(scene, place, &mut inside);
+        cross(scene.tree.triangles, place, &mut inside);
         if begun {
             runs.begin(scene, t, medium(params, scene, &inside));
         }
@@ -124,24 +125,8 @@ impl Runs<'_> {
 }
 
 /// Tissue of the highest surface the point is inside, else the background.
-fn medium(params: &Params, scene: &Scene<'_>, inside: &[u32; 8]) -> u32 {
-    let highest = (0..8).rev().find(|&word| inside[word] != 0);
-    let word = highest.map(|word| scene.surface_words[32 * word + inside[word].ilog2() as usize]);
-    word.unwrap_or(params.background) & (MOVES - 1)
-}
-
-/// Applies all of a place. A surface that is entered and left at one place is a crease or a silhouette: it stays as it was.
-fn cross(scene: &Scene<'_>, place: &[Crossing], inside: &mut [u32; 8]) {
-    let surface = |crossing: &Crossing| scene.tree.triangles[crossing.triangle as usize].surface;
-    for crossing in place {
-        let same = surface(crossing);
-        let any = |enters: bool| place.iter().any(|c| c.enters == enters && surface(c) == same);
-        let entered = any(true);
-        if entered != any(false) {
-            let (word, bit) = ((same >> 5) as usize, 1 << (same & 31));
-            inside[word] = if entered { inside[word] | bit } else { inside[word] & !bit };
-        }
-    }
+fn medium(params: &Params, scene: &Scene<'_>, inside: &Inside) -> u32 {
+    medium_word(scene.surface_words, params.background, inside) & (MOVES - 1)
 }
 
 widened! {
