@@ -102,37 +102,37 @@ def fold(network):
 
 
 class StemNet(nn.Module):
-    """A strided convolution as the stem, a small U-Net at the coarse scale, a pixel shuffle as the head.
+    """A strided convolution as the stem, a small U-Net at the coarse scales, a pixel shuffle as the head.
 
-    `widths` are the channels of its scales, each half as fine as the one before. The finest scale takes most of the
-    time, so that its skip comes straight from the stem.
+    `widths` are the channels of its scales, each half as fine as the one before. At the finest scale convolutions take
+    most of the time: there is one behind the stem's skip, and the head only mixes its channels.
 
-    With an `image` among the channels the output is b + g * image, where the head gives b and g for each pixel: the LQ
-    speckle is partly that of HQ (correlation 0.58 near the probe, 0.25 deep), and g says how much of it to keep.
+    With an `image` among the channels the output is b + g * image: the LQ speckle is partly that of HQ (correlation 0.58
+    near the probe, 0.25 deep), and the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels, says how much of it to keep.
     """
+
+    GAIN_PX = 2
 
     def __init__(self, channels, stride, widths, norm="instance", image=None):
         super().__init__()
         self.padding_multiple = stride << (len(widths) - 1)
         self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
-        self.encode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[1:-1])
         self.down = nn.ModuleList(Conv(a, b, stride=2, norm=norm) for a, b in zip(widths, widths[1:]))
         self.bottom = nn.ModuleList(Conv(widths[-1], widths[-1], norm=norm) for _ in range(2))
         self.up = nn.ModuleList(Conv(b, a, 1, padding=0, norm="none") for a, b in zip(widths, widths[1:]))
         self.decode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[:-1])
         self.image, self.stride = image, stride
-        self.head = Conv(widths[0], (1 if image is None else 2) * stride * stride, norm="none")
+        self.shapes = [stride * stride] if image is None else [stride * stride, (stride // self.GAIN_PX) ** 2]
+        self.head = Conv(widths[0], sum(self.shapes), 1, padding=0, norm="none")
         if image is not None:
             # At first half of the image: near where the training leads, and nothing vanishes.
             with torch.no_grad():
-                self.head[0].bias[stride * stride :] = 0.5
+                self.head[0].bias[self.shapes[0] :] = 0.5
 
     def forward(self, inputs):
         x = F.relu(self.stem(inputs))
-        skips = [x]
-        x = F.relu(self.down[0](x))
-        for encode, down in zip(self.encode, self.down[1:]):
-            x = F.relu(encode(x))
+        skips = []
+        for down in self.down:
             skips.append(x)
             x = F.relu(down(x))
         for bottom in self.bottom:
@@ -140,10 +140,13 @@ class StemNet(nn.Module):
         for up, decode, skip in zip(reversed(self.up), reversed(self.decode), reversed(skips)):
             x = F.interpolate(up(x), scale_factor=2.0, mode="nearest") + skip
             x = F.relu(decode(x))
-        y = F.pixel_shuffle(self.head(x), self.stride)
+        y = self.head(x)
         if self.image is None:
-            return y
-        return y[:, :1] + y[:, 1:] * inputs[:, self.image : self.image + 1]
+            return F.pixel_shuffle(y, self.stride)
+        base, gain = y.split(self.shapes, 1)
+        gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
+        gain = F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest")
+        return F.pixel_shuffle(base, self.stride) + gain * inputs[:, self.image : self.image + 1]
 
 
 class UNet(nn.Module):
@@ -183,9 +186,9 @@ def make(network, channels, norm="instance", image=None):
 
     `image` is the channel of the LQ image, if it is one of them."""
     if network == "stride8":
-        made = StemNet(channels, 8, (64, 128), norm, image)
+        made = StemNet(channels, 8, (48, 96, 128), norm, image)
     elif network == "stride4":
-        made = StemNet(channels, 4, (32, 64, 128, 192), norm, image)
+        made = StemNet(channels, 4, (32, 64, 96, 128), norm, image)
     elif network.startswith("unet") and network[4:].isdigit():
         made = UNet(channels, int(network[4:]), norm)
     else:

@@ -13,19 +13,21 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 5000
+    steps: int = 9000
     batch: int = 4
     crop: int = 256
-    rate: float = 1e-3
+    rate: float = 7e-4
     # Part of the steps after which the rate falls towards 0, and after which the norms' statistics stay as they are.
     decay_from: float = 0.4
     freeze_from: float = 0.7
     gan_weight: float = 1.0
     # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
     l1_weight: float = 200.0
+    # Of the patches' histograms, beside an L1 weight of 1.
+    histogram_weight: float = 1.0
     # Steps without the GAN term, and steps in which it grows to its weight.
-    warmup: int = 4000
-    ramp: int = 500
+    warmup: int = 6000
+    ramp: int = 600
     ndf: int = 8
     # Decay of the running mean of the weights, which is what is exported.
     ema: float = 0.999
