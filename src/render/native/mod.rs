@@ -6,6 +6,7 @@
 //! The tree's boxes are tested eight at a time, nearest first. Fused multiplications are not used, so that a frame does not
 //! depend on what the processor offers.
 
+mod bundle;
 mod detect;
 mod echo;
 mod frame;
@@ -13,6 +14,7 @@ mod interface;
 mod lateral;
 mod march;
 mod membership;
+mod packet;
 mod path;
 mod percentile;
 mod scan_convert;
@@ -27,8 +29,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use bundle::Bundle;
 pub(super) use frame::{HostFrame, HostScene};
-use path::{PathRecord, Scene};
+use path::Scene;
 use staging::PathOutputs;
 pub(super) use staging::{StagingRing, StagingSize};
 use traverse::Tree;
@@ -225,11 +228,14 @@ fn follow_all(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: P
 
 #[inline(always)]
 fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
-    let mut record = PathRecord::new();
+    let mut bundle = Bundle::new();
     let mut lost = 0;
-    for i in 0..out.paths() {
-        lost += scene.follow(first + i, &mut record);
-        out.write(i, &record);
+    for i in (0..out.paths()).step_by(Bundle::PATHS) {
+        let count = Bundle::PATHS.min(out.paths() - i);
+        lost += bundle.follow(scene, first + i, count);
+        for (path, record) in bundle.records[..count].iter().enumerate() {
+            out.write(i + path, record);
+        }
     }
     lost
 }

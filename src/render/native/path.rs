@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 
 use super::interface::{acceptance, interface_between, microfacet, returning};
 use super::membership::{Inside, cross, medium_word};
-use super::traverse::{Crossing, Ray, Stack, TOUCH_MM, Tree, collect, nearest};
+use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, collect};
 use super::{Effects, TraceConstants};
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
@@ -17,7 +17,7 @@ const LN_GIVEN_UP: f32 = -30.0;
 const LN_SILENT: f32 = -80.0;
 /// Crossings at one place, and on the way back from the face.
 const CROSSINGS: usize = 16;
-const CROSSINGS_BEHIND: usize = 64;
+pub(super) const CROSSINGS_BEHIND: usize = 64;
 /// Surfaces that one path may cross, most of them without a change of medium.
 const PLACES_MAX: u32 = 192;
 /// Set beside a density: small integers travel as the low bits of a normal float.
@@ -44,7 +44,7 @@ pub(super) struct Scene<'a> {
     pub(super) constants: &'a TraceConstants,
 }
 
-/// What is written of a path, as the device has it, and the memory that following it needs.
+/// What is written of a path, as the device has it.
 #[derive(Debug)]
 pub(super) struct PathRecord {
     /// Surfaces that it starts inside.
@@ -54,9 +54,6 @@ pub(super) struct PathRecord {
     pub(super) echoes: [[f32; 2]; SEGMENTS as usize],
     pub(super) count: u32,
     pub(super) hints: [u32; HINT_WORDS],
-    stack: Stack,
-    place: [Crossing; CROSSINGS],
-    behind: [Crossing; CROSSINGS_BEHIND],
 }
 
 impl PathRecord {
@@ -68,9 +65,88 @@ impl PathRecord {
             echoes: [[0.0; 2]; SEGMENTS as usize],
             count: 0,
             hints: [0; HINT_WORDS],
-            stack: Stack::new(),
-            place: [Crossing::default(); CROSSINGS],
-            behind: [Crossing::default(); CROSSINGS_BEHIND],
+        }
+    }
+}
+
+/// Memory for the crossings of one place.
+#[derive(Debug)]
+pub(super) struct Place {
+    stack: Stack,
+    crossings: [Crossing; CROSSINGS],
+}
+
+impl Place {
+    pub(super) fn new() -> Self {
+        Self { stack: Stack::new(), crossings: [Crossing::default(); CROSSINGS] }
+    }
+}
+
+/// Where a path is, and what it carries.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Walk {
+    line_ray: u32,
+    layer: u32,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    inside: Inside,
+    // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+    in_phase: f32,
+    in_power: f32,
+    // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
+    shift: Vec3,
+    shift_step: Vec3,
+    here: u32,
+    range_mm: f32,
+    ln_amplitude: f32,
+    /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    ln_scatter: f32,
+    bounce: u32,
+    reflections: u32,
+    crossed: u32,
+    echo: f32,
+    echo_range_mm: f32,
+    /// From where on along the ray crossings count, mm.
+    pub(super) t_min: f32,
+    open: bool,
+    /// From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
+    carried_mm: Vec3,
+    /// Crossings and segments that found no room.
+    pub(super) lost: u32,
+}
+
+impl Walk {
+    /// Nothing lies ahead.
+    pub(super) fn end(&mut self) {
+        self.open = false;
+    }
+}
+
+impl Default for Walk {
+    fn default() -> Self {
+        Self {
+            line_ray: 0,
+            layer: 0,
+            origin: Vec3::ZERO,
+            direction: Vec3::Z,
+            inside: [0; 8],
+            in_phase: 0.0,
+            in_power: 0.0,
+            shift: Vec3::ZERO,
+            shift_step: Vec3::ZERO,
+            here: 0,
+            range_mm: 0.0,
+            ln_amplitude: 0.0,
+            ln_scatter: 0.0,
+            bounce: 0,
+            reflections: 0,
+            crossed: 0,
+            echo: 0.0,
+            echo_range_mm: 0.0,
+            t_min: 0.0,
+            open: true,
+            carried_mm: Vec3::ZERO,
+            lost: 0,
         }
     }
 }
@@ -97,7 +173,7 @@ impl Scene<'_> {
     }
 
     /// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
-    fn interface(&self, place: &[Crossing]) -> usize {
+    fn interface_of(&self, place: &[Crossing]) -> usize {
         let order = |c: &&Crossing| {
             let triangle = &self.tree.triangles[c.triangle as usize];
             (triangle.surface, std::cmp::Reverse(triangle.triangle))
@@ -105,211 +181,229 @@ impl Scene<'_> {
         place.iter().max_by_key(order).map_or(0, |c| c.triangle as usize)
     }
 
-    /// Which surfaces the path starts inside; crossings that found no room are added to `lost`.
-    #[inline(always)]
-    fn locate(&self, origin: Vec3, direction: Vec3, record: &mut PathRecord, lost: &mut u32) -> Inside {
-        let mut inside = [0; 8];
-        let ray = Ray::new(origin, direction);
-        let back_mm = self.params.reach_mm * self.constants.reach;
-        let (count, missed) = collect(&self.tree, &ray, -back_mm, 0.0, &mut record.stack, &mut record.behind);
-        *lost += missed;
-        let mut ahead = &mut record.behind[..count];
-        ahead.sort_unstable_by(by_distance);
-        while let Some(first) = ahead.first() {
-            let limit = first.t + TOUCH_MM;
-            let (place, rest) = ahead.split_at_mut(ahead.partition_point(|c| c.t <= limit));
-            cross(self.tree.triangles, place, &mut inside);
-            ahead = rest;
-        }
-        inside
-    }
-
-    /// Follows a path into `record`; how many crossings and segments found no room.
-    #[inline(always)]
-    pub(super) fn follow(&self, path: usize, record: &mut PathRecord) -> u32 {
-        let (p, effects, constants) = (self.params, &self.effects, self.constants);
+    /// Where path `path` begins.
+    pub(super) fn begin(&self, path: usize) -> Walk {
+        let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
         let (line_ray, layer) = (path % line_rays, p.layer_first as usize + path / line_rays);
-        let (mut origin, mut direction) = self.launch(line_ray, layer);
-        let mut lost = 0;
-        let mut inside = self.locate(origin, direction, record, &mut lost);
-        record.starts_inside = inside;
-
-        // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+        let (origin, direction) = self.launch(line_ray, layer);
         let in_phase = self.layers[layer][2] / p.rays as f32;
-        let in_power = in_phase.sqrt();
-        let random = |bounce: u32, dim: u32| sample_unit(p.seed, line_ray as u32, layer as u32, bounce, dim) as f32;
-        // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
         let axis = 2 * (line_rays + line_ray / p.rays as usize);
         let to_axis = |i: usize| {
             self.scene_vector(Vec4::from(self.rays[axis + i]).xyz() - Vec4::from(self.rays[2 * line_ray + i]).xyz())
         };
-        let (shift, shift_step) = (to_axis(0), to_axis(1));
-
-        let mut here = self.medium_word(&inside) & (MOVES - 1);
-        let (mut range_mm, mut ln_amplitude) = (0.0f32, 0.0f32);
-        // Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
-        let mut ln_scatter = 0.0f32;
-        let (mut bounce, mut reflections, mut crossed) = (0, 0, 0);
-        let (mut echo, mut echo_range_mm) = (0.0, 0.0);
-        let mut t_min = 0.0;
-        let mut open = true;
-        let mut count = 0;
-        // From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
-        let mut carried_mm = Vec3::ZERO;
-        'path: loop {
-            // A segment begins here.
-            let tissue = &self.tissues[here as usize];
-            let step = direction * tissue.speed_ratio + shift_step;
-            let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
-            let from = origin - carried_mm + shift + (shift_step - step) * range_mm;
-            record.starts[count] = range_mm;
-            record.segments[count] = [
-                from.x,
-                from.y,
-                from.z,
-                ln_amplitude + ln_scatter + fall * range_mm,
-                step.x,
-                step.y,
-                step.z,
-                fall,
-                tissue.scatterer_mean,
-                tissue.scatterer_deviation,
-                f32::from_bits(TAG | tissue.scatterer_density),
-                0.0,
-            ];
-            record.echoes[count] = [echo, echo_range_mm];
-            count += 1;
-            if !open || count == SEGMENTS as usize {
-                lost += u32::from(open);
-                break;
-            }
-
-            // On to the next place where the medium changes.
-            let (before, chosen, there) = loop {
-                let left_mm = (p.depth_mm - range_mm) * tissue.speed_ratio;
-                if left_mm <= 0.0 {
-                    break 'path;
-                }
-                let ray = Ray::new(origin, direction);
-                let Some(found) = nearest(&self.tree, &ray, t_min, left_mm, &mut record.stack) else { break 'path };
-                crossed += 1;
-                if crossed > PLACES_MAX {
-                    lost += 1;
-                    break 'path;
-                }
-                // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
-                let t = found.crossing.t;
-                record.place[0] = found.crossing;
-                let mut crossings = 1;
-                if found.crowded {
-                    let (least, most) = (t_min.max(t - TOUCH_MM), (t + TOUCH_MM).min(left_mm));
-                    let (all, missed) = collect(&self.tree, &ray, least, most, &mut record.stack, &mut record.place);
-                    record.place[..all].sort_unstable_by(by_distance);
-                    crossings = all.max(1);
-                    lost += missed;
-                }
-                let place = &record.place[..crossings];
-                let before = inside;
-                let limit = place[0].t + TOUCH_MM;
-                cross(self.tree.triangles, &place[..place.partition_point(|c| c.t <= limit)], &mut inside);
-                let there = self.medium_word(&inside);
-                origin += direction * t;
-                range_mm += t / tissue.speed_ratio;
-                ln_amplitude -= tissue.attenuation_np_mm * t;
-                t_min = TOUCH_MM;
-                if there & (MOVES - 1) != here {
-                    break (before, self.interface(place), there);
-                }
-            };
-
-            let triangle = &self.tree.triangles[chosen];
-            let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
-            let outward = outward / outward.length().max(1.0e-30);
-            let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
-            let beyond = &self.tissues[(there & (MOVES - 1)) as usize];
-            // An interface is as rough and as thick as the rougher and the thicker of its two sides.
-            let roughness = tissue.roughness.max(beyond.roughness);
-            let thickness_mm = tissue.thickness_mm.max(beyond.thickness_mm);
-            let coherence = tissue.coherence.min(beyond.coherence);
-            // Half of the roughness tilts the facet, half widens the lobe about it.
-            let variance = 0.5 * roughness * roughness;
-            let mut facet = normal;
-            if effects.roughness && variance > 0.0 {
-                facet = microfacet(normal, variance, random(bounce, 1), random(bounce, 2));
-                if facet.dot(direction) > -0.02 {
-                    facet = normal;
-                }
-            }
-            // What returns depends on the facet; what goes on follows the mean surface.
-            let cos_facet = (-facet.dot(direction)).clamp(0.0, 1.0);
-            let cos_incident = (-normal.dot(direction)).clamp(0.0, 1.0);
-            // A division may round x/x to other than 1.
-            let speed_ratio = if beyond.bending == tissue.bending { 1.0 } else { beyond.bending / tissue.bending };
-            let (z1, z2) = (tissue.impedance_mrayl, beyond.impedance_mrayl);
-            let split = interface_between(z1, z2, speed_ratio, cos_incident);
-
-            // The echo, spread over the interface's thickness at an offset that belongs to the place.
-            echo_range_mm = range_mm;
-            if effects.interface_echoes {
-                let at_facet =
-                    if effects.roughness { interface_between(z1, z2, speed_ratio, cos_facet) } else { split };
-                let salt = (triangle.surface as i32 + 1).wrapping_mul(7919);
-                let cell = ((origin + constants.off_the_grid_mm) * (1.0 / CELL_MM as f32)).floor().as_ivec3();
-                let offset = unit(pcg3d(cell.to_array().map(|c| (c ^ salt) as u32))[0]) as f32 - 0.5;
-                echo_range_mm += offset * thickness_mm / tissue.speed_ratio;
-                let weight = in_power * (1.0 - coherence) + in_phase * coherence;
-                let arriving = if ln_amplitude > LN_SILENT { ln_amplitude.exp() } else { 0.0 };
-                let returned = returning(cos_facet, roughness, range_mm, p.aperture_mm, constants.diffuse);
-                echo = at_facet.pressure_reflection * returned * weight * arriving;
-            }
-
-            // Reflect with probability R or go on; reflections that hardly return are left to their weight.
-            let accepted = acceptance(roughness * roughness, range_mm, p.aperture_mm);
-            let energy = split.energy_reflection;
-            let follow = effects.reflections && energy * accepted >= constants.reflection_followed;
-            if effects.reflections && (energy >= 1.0 || (follow && random(bounce, 0) < energy)) {
-                inside = before;
-                reflections += 1;
-                open = reflections <= p.reflections_max;
-                // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
-                ln_amplitude += accepted.ln();
-                ln_scatter += 0.5 * energy.max(1.0e-30).ln();
-                let mut turned = direction + 2.0 * cos_facet * facet;
-                if turned.dot(normal) <= 0.0 {
-                    turned = direction - 2.0 * direction.dot(normal) * normal;
-                }
-                direction = turned.normalize();
-            } else {
-                let ln_passed = (1.0 - energy).max(1.0e-30).ln();
-                if follow {
-                    ln_scatter += 0.5 * ln_passed;
-                } else {
-                    ln_amplitude += ln_passed;
-                }
-                here = there & (MOVES - 1);
-                if effects.moving {
-                    let moves = there & MOVES != 0;
-                    carried_mm = if moves { Vec4::from(self.displacements[chosen]).xyz() } else { Vec3::ZERO };
-                }
-                if effects.refraction {
-                    let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
-                    if split.cos_transmitted > 0.0 && bent.dot(normal) < 0.0 {
-                        direction = bent.normalize();
-                    }
-                }
-            }
-            // Nothing that far down is ever shown: −260 dB.
-            open = open && ln_amplitude > LN_GIVEN_UP;
-            if !open {
-                ln_amplitude = 2.0 * LN_SILENT;
-            }
-            bounce += 1;
+        Walk {
+            line_ray: line_ray as u32,
+            layer: layer as u32,
+            origin,
+            direction,
+            in_phase,
+            in_power: in_phase.sqrt(),
+            shift: to_axis(0),
+            shift_step: to_axis(1),
+            ..Walk::default()
         }
-        record.starts[count] = BEYOND_MM;
-        record.count = count as u32;
+    }
+
+    /// How far behind its first ray a path may have entered surfaces, mm.
+    #[inline(always)]
+    pub(super) fn back_mm(&self) -> f32 {
+        self.params.reach_mm * self.constants.reach
+    }
+
+    /// Which surfaces the path starts inside, by what lies `behind` its first ray; writes its first segment.
+    #[inline(always)]
+    pub(super) fn locate(&self, walk: &mut Walk, behind: &mut [Crossing], record: &mut PathRecord) {
+        behind.sort_unstable_by(by_distance);
+        let mut ahead = behind;
+        while let Some(first) = ahead.first() {
+            let limit = first.t + TOUCH_MM;
+            let (place, rest) = ahead.split_at_mut(ahead.partition_point(|c| c.t <= limit));
+            cross(self.tree.triangles, place, &mut walk.inside);
+            ahead = rest;
+        }
+        record.starts_inside = walk.inside;
+        record.count = 0;
+        walk.here = self.medium_word(&walk.inside) & (MOVES - 1);
+        self.segment(walk, record);
+    }
+
+    /// How far the path goes on in its medium at most, mm; not above 0 where it has ended.
+    #[inline(always)]
+    pub(super) fn left_mm(&self, walk: &Walk) -> f32 {
+        if walk.open {
+            (self.params.depth_mm - walk.range_mm) * self.tissues[walk.here as usize].speed_ratio
+        } else {
+            0.0
+        }
+    }
+
+    /// Writes the segment that begins here.
+    #[inline(always)]
+    fn segment(&self, walk: &mut Walk, record: &mut PathRecord) {
+        let tissue = &self.tissues[walk.here as usize];
+        let step = walk.direction * tissue.speed_ratio + walk.shift_step;
+        let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
+        let from = walk.origin - walk.carried_mm + walk.shift + (walk.shift_step - step) * walk.range_mm;
+        let count = record.count as usize;
+        record.starts[count] = walk.range_mm;
+        record.segments[count] = [
+            from.x,
+            from.y,
+            from.z,
+            walk.ln_amplitude + walk.ln_scatter + fall * walk.range_mm,
+            step.x,
+            step.y,
+            step.z,
+            fall,
+            tissue.scatterer_mean,
+            tissue.scatterer_deviation,
+            f32::from_bits(TAG | tissue.scatterer_density),
+            0.0,
+        ];
+        record.echoes[count] = [walk.echo, walk.echo_range_mm];
+        record.count += 1;
+        if record.count == SEGMENTS {
+            walk.lost += u32::from(walk.open);
+            walk.open = false;
+        }
+    }
+
+    /// Takes the path to its nearest crossing, within [`Self::left_mm`], and writes the segment behind it if the medium
+    /// changes there.
+    #[inline(always)]
+    pub(super) fn advance(&self, walk: &mut Walk, found: Nearest, place: &mut Place, record: &mut PathRecord) {
+        let tissue = &self.tissues[walk.here as usize];
+        walk.crossed += 1;
+        if walk.crossed > PLACES_MAX {
+            walk.lost += 1;
+            walk.open = false;
+            return;
+        }
+        // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
+        let t = found.crossing.t;
+        place.crossings[0] = found.crossing;
+        let mut crossings = 1;
+        if found.crowded {
+            let (least, most) = (walk.t_min.max(t - TOUCH_MM), (t + TOUCH_MM).min(self.left_mm(walk)));
+            let ray = Ray::new(walk.origin, walk.direction);
+            let (all, missed) = collect(&self.tree, &ray, least, most, &mut place.stack, &mut place.crossings);
+            place.crossings[..all].sort_unstable_by(by_distance);
+            crossings = all.max(1);
+            walk.lost += missed;
+        }
+        let here = &place.crossings[..crossings];
+        let before = walk.inside;
+        let limit = here[0].t + TOUCH_MM;
+        cross(self.tree.triangles, &here[..here.partition_point(|c| c.t <= limit)], &mut walk.inside);
+        let there = self.medium_word(&walk.inside);
+        walk.origin += walk.direction * t;
+        walk.range_mm += t / tissue.speed_ratio;
+        walk.ln_amplitude -= tissue.attenuation_np_mm * t;
+        walk.t_min = TOUCH_MM;
+        if there & (MOVES - 1) != walk.here {
+            self.interface(walk, &before, self.interface_of(here), there);
+            self.segment(walk, record);
+        }
+    }
+
+    /// What happens where the medium changes to `there` at triangle `chosen`.
+    #[inline(always)]
+    fn interface(&self, walk: &mut Walk, before: &Inside, chosen: usize, there: u32) {
+        let (p, effects, constants) = (self.params, &self.effects, self.constants);
+        let random = |bounce: u32, dim: u32| sample_unit(p.seed, walk.line_ray, walk.layer, bounce, dim) as f32;
+        let tissue = &self.tissues[walk.here as usize];
+        let Walk { origin, range_mm, bounce, .. } = *walk;
+        let mut direction = walk.direction;
+        let triangle = &self.tree.triangles[chosen];
+        let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
+        let outward = outward / outward.length().max(1.0e-30);
+        let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
+        let beyond = &self.tissues[(there & (MOVES - 1)) as usize];
+        // An interface is as rough and as thick as the rougher and the thicker of its two sides.
+        let roughness = tissue.roughness.max(beyond.roughness);
+        let thickness_mm = tissue.thickness_mm.max(beyond.thickness_mm);
+        let coherence = tissue.coherence.min(beyond.coherence);
+        // Half of the roughness tilts the facet, half widens the lobe about it.
+        let variance = 0.5 * roughness * roughness;
+        let mut facet = normal;
+        if effects.roughness && variance > 0.0 {
+            facet = microfacet(normal, variance, random(bounce, 1), random(bounce, 2));
+            if facet.dot(direction) > -0.02 {
+                facet = normal;
+            }
+        }
+        // What returns depends on the facet; what goes on follows the mean surface.
+        let cos_facet = (-facet.dot(direction)).clamp(0.0, 1.0);
+        let cos_incident = (-normal.dot(direction)).clamp(0.0, 1.0);
+        // A division may round x/x to other than 1.
+        let speed_ratio = if beyond.bending == tissue.bending { 1.0 } else { beyond.bending / tissue.bending };
+        let (z1, z2) = (tissue.impedance_mrayl, beyond.impedance_mrayl);
+        let split = interface_between(z1, z2, speed_ratio, cos_incident);
+
+        // The echo, spread over the interface's thickness at an offset that belongs to the place.
+        walk.echo_range_mm = range_mm;
+        if effects.interface_echoes {
+            let at_facet = if effects.roughness { interface_between(z1, z2, speed_ratio, cos_facet) } else { split };
+            let salt = (triangle.surface as i32 + 1).wrapping_mul(7919);
+            let cell = ((origin + constants.off_the_grid_mm) * (1.0 / CELL_MM as f32)).floor().as_ivec3();
+            let offset = unit(pcg3d(cell.to_array().map(|c| (c ^ salt) as u32))[0]) as f32 - 0.5;
+            walk.echo_range_mm += offset * thickness_mm / tissue.speed_ratio;
+            let weight = walk.in_power * (1.0 - coherence) + walk.in_phase * coherence;
+            let arriving = if walk.ln_amplitude > LN_SILENT { walk.ln_amplitude.exp() } else { 0.0 };
+            let returned = returning(cos_facet, roughness, range_mm, p.aperture_mm, constants.diffuse);
+            walk.echo = at_facet.pressure_reflection * returned * weight * arriving;
+        }
+
+        // Reflect with probability R or go on; reflections that hardly return are left to their weight.
+        let accepted = acceptance(roughness * roughness, range_mm, p.aperture_mm);
+        let energy = split.energy_reflection;
+        let follow = effects.reflections && energy * accepted >= constants.reflection_followed;
+        if effects.reflections && (energy >= 1.0 || (follow && random(bounce, 0) < energy)) {
+            walk.inside = *before;
+            walk.reflections += 1;
+            walk.open = walk.reflections <= p.reflections_max;
+            // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+            walk.ln_amplitude += accepted.ln();
+            walk.ln_scatter += 0.5 * energy.max(1.0e-30).ln();
+            let mut turned = direction + 2.0 * cos_facet * facet;
+            if turned.dot(normal) <= 0.0 {
+                turned = direction - 2.0 * direction.dot(normal) * normal;
+            }
+            direction = turned.normalize();
+        } else {
+            let ln_passed = (1.0 - energy).max(1.0e-30).ln();
+            if follow {
+                walk.ln_scatter += 0.5 * ln_passed;
+            } else {
+                walk.ln_amplitude += ln_passed;
+            }
+            walk.here = there & (MOVES - 1);
+            if effects.moving {
+                let moves = there & MOVES != 0;
+                walk.carried_mm = if moves { Vec4::from(self.displacements[chosen]).xyz() } else { Vec3::ZERO };
+            }
+            if effects.refraction {
+                let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
+                if split.cos_transmitted > 0.0 && bent.dot(normal) < 0.0 {
+                    direction = bent.normalize();
+                }
+            }
+        }
+        walk.direction = direction;
+        // Nothing that far down is ever shown: −260 dB.
+        walk.open = walk.open && walk.ln_amplitude > LN_GIVEN_UP;
+        if !walk.open {
+            walk.ln_amplitude = 2.0 * LN_SILENT;
+        }
+        walk.bounce += 1;
+    }
+
+    /// Ends the record of a path.
+    #[inline(always)]
+    pub(super) fn end(&self, record: &mut PathRecord) {
+        record.starts[record.count as usize] = BEYOND_MM;
         self.hint(record);
-        lost
     }
 
     /// Notes the segment that holds the first sample of each block, four blocks a word.

@@ -8,8 +8,11 @@ use super::wide::{at_least, at_most, exp, floor, nearest_bits, real, widened};
 use crate::render::params::Params;
 use crate::render::tables::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 
-/// Pixels that are made at once.
-const LANES: usize = 16;
+/// Pixels that are made at once: so many that what is gathered one by one has left the store buffer when it is read again
+/// eight at a time.
+const LANES: usize = 64;
+/// Pixels that are looked at together for a border between tissues.
+const NEAR: usize = 8;
 const WORDS: usize = LANES / 4;
 const ACROSS_SCALE: f32 = 1.0 / ((1u32 << ACROSS_BITS) - 2) as f32;
 const DEPTH_SCALE: f32 = 1.0 / ((1u32 << (32 - ACROSS_BITS)) - 2) as f32;
@@ -246,19 +249,22 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
     }
     let mut tissues = [0u32; LANES];
     let mut sums = [0.0f32; LANES];
-    let mut differ = 0u32;
+    let mut differ = [0u32; LANES];
     for i in 0..LANES {
         let along = at_most(at_least(beyond_mm[i] * steps_per_mm, 0.0), 1.0);
         let one = mix(sum_np(words[0][i]), sum_np(words[1][i]), along);
         let next = mix(sum_np(words[2][i]), sum_np(words[3][i]), along);
         sums[i] = mix(one, next, part[i]);
         tissues[i] = if part[i] >= 0.5 { words[2][i] } else { words[0][i] } & 255;
-        differ |= (words[0][i] ^ words[1][i]) | (words[2][i] ^ words[3][i]);
+        differ[i] = ((words[0][i] ^ words[1][i]) | (words[2][i] ^ words[3][i])) & 255;
     }
-    if differ & 255 != 0 {
-        for i in 0..LANES {
+    for (near, differ) in differ.as_chunks::<NEAR>().0.iter().enumerate() {
+        if differ.iter().fold(0, |any, d| any | d) == 0 {
+            continue;
+        }
+        for (i, &differ) in (near * NEAR..).zip(differ) {
             let [a, b, c, d] = [words[0][i], words[1][i], words[2][i], words[3][i]];
-            if ((a ^ b) | (c ^ d)) & 255 != 0 {
+            if differ != 0 {
                 let one = section_at(params, maps, a, b, beyond_mm[i]);
                 let next = section_at(params, maps, c, d, beyond_mm[i]);
                 sums[i] = mix(one.0, next.0, part[i]);

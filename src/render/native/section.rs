@@ -4,7 +4,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::membership::{Inside, cross, medium_word};
-use super::traverse::{Crossing, Ray, Stack, TOUCH_MM, Tree, collect};
+use super::packet::{Packet, RAYS, Visits, collect};
+use super::traverse::{Crossing, Ray, TOUCH_MM, Tree};
 use super::wide::{at_least, real, widened};
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
@@ -43,17 +44,40 @@ pub(crate) struct Section<'a> {
 
 /// Fills `section`; how many crossings and runs found no room.
 pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -> u32 {
-    let entries = section.entries.par_chunks_exact_mut(ENTRIES as usize).zip(section.entry_counts);
-    let rays = entries.zip(section.raster.par_chunks_exact_mut(params.map_depths as usize)).enumerate();
-    let lost = rays.take(params.map_rays as usize).map(|(ray, ((entries, count), raster))| {
-        let mut runs = Runs { entries, count: 0, lost: 0 };
-        follow(params, &scene, ray, &mut runs);
-        *count = runs.count as u32;
-        let (entries, lost) = (&runs.entries[..runs.count], runs.lost);
-        rasterise(params, entries, raster);
+    let depths = params.map_depths as usize;
+    let entries =
+        section.entries.par_chunks_mut(RAYS * ENTRIES as usize).zip(section.entry_counts.par_chunks_mut(RAYS));
+    let bundles = entries.zip(section.raster.par_chunks_mut(RAYS * depths)).enumerate();
+    let lost = bundles.take((params.map_rays as usize).div_ceil(RAYS)).map(|(bundle, ((entries, counts), raster))| {
+        let first = RAYS * bundle;
+        let mut follower = Follower::new((params.map_rays as usize - first).min(RAYS));
+        follow(params, &scene, first, &mut follower);
+        let mut lost = follower.lost;
+        let parts = entries.chunks_exact_mut(ENTRIES as usize).zip(counts).zip(raster.chunks_exact_mut(depths));
+        for (lane, ((entries, count), raster)) in parts.take(follower.rays).enumerate() {
+            let mut runs = Runs { entries, count: 0, lost: 0 };
+            divide(params, &scene, &mut follower.found[lane][..follower.counts[lane]], &mut runs);
+            *count = runs.count as u32;
+            lost += runs.lost;
+            rasterise(params, &runs.entries[..runs.count], raster);
+        }
         lost
     });
     lost.sum()
+}
+
+/// What some neighbouring rays cross.
+struct Follower {
+    rays: usize,
+    found: [[Crossing; CROSSINGS]; RAYS],
+    counts: [usize; RAYS],
+    lost: u32,
+}
+
+impl Follower {
+    fn new(rays: usize) -> Self {
+        Self { rays, found: [[Crossing::default(); CROSSINGS]; RAYS], counts: [0; RAYS], lost: 0 }
+    }
 }
 
 /// The runs of one ray.
@@ -64,26 +88,30 @@ struct Runs<'a> {
 }
 
 widened! {
-    /// Follows a ray from outside of the scene through the face to the full depth.
-    fn follow(params: &Params, scene: &Scene<'_>, ray: usize, runs: &mut Runs<'_>) = follow_body
+    /// Follows rays from outside of the scene through the face to the full depth.
+    fn follow(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut Follower) = follow_body
 }
 
 #[inline(always)]
-fn follow_body(params: &Params, scene: &Scene<'_>, ray: usize, runs: &mut Runs<'_>) {
+fn follow_body(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut Follower) {
     let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
     let from_probe =
         |v: [f32; 4]| axis(params.lateral) * v[0] + axis(params.elevational) * v[1] + axis(params.axial) * v[2];
     let face = Vec3::new(params.lateral[3], params.elevational[3], params.axial[3]);
-    let origin = face + from_probe(scene.map_rays[2 * ray]);
-    let direction = from_probe(scene.map_rays[2 * ray + 1]).normalize();
+    let mut packet = Packet::new();
+    for lane in 0..follower.rays {
+        let origin = face + from_probe(scene.map_rays[2 * (first + lane)]);
+        let direction = from_probe(scene.map_rays[2 * (first + lane) + 1]).normalize();
+        packet.set(lane, Ray::new(origin, direction), -params.reach_mm, params.depth_mm);
+    }
+    let into = follower.found.each_mut().map(|lane| &mut lane[..]);
+    (follower.counts, follower.lost) = collect(&scene.tree, &packet, &mut Visits::new(), into);
+}
 
-    let mut found = [Crossing::default(); CROSSINGS];
-    let ray = Ray::new(origin, direction);
-    let (count, lost) = collect(&scene.tree, &ray, -params.reach_mm, params.depth_mm, &mut Stack::new(), &mut found);
-    runs.lost += lost;
-    let mut ahead = &mut found[..count];
-    ahead.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
-
+/// The runs between the crossings of a ray.
+fn divide(params: &Params, scene: &Scene<'_>, found: &mut [Crossing], runs: &mut Runs<'_>) {
+    found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+    let mut ahead = found;
     let mut inside = [0u32; 8];
     let mut begun = false;
     loop {

@@ -1,4 +1,4 @@
-//! Where a straight ray meets triangles: `shaders/shared/{bvh,nearest,collect}.wgsl`, eight boxes at once, nearest first.
+//! Where a straight ray meets triangles: `shaders/shared/{bvh,collect}.wgsl`, eight boxes at once.
 
 use glam::Vec3;
 
@@ -22,6 +22,9 @@ pub(crate) struct Tree<'a> {
 pub(crate) struct Stack([(f32, u32); STACK]);
 
 impl Stack {
+    /// Visits that a traversal may have before it.
+    pub(super) const DEPTH: usize = STACK;
+
     pub(crate) fn new() -> Self {
         Self([(0.0, 0); STACK])
     }
@@ -30,9 +33,9 @@ impl Stack {
 /// A ray as boxes are tested with it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ray {
-    origin: Vec3,
-    direction: Vec3,
-    reciprocal: Vec3,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    pub(super) reciprocal: Vec3,
     /// Index in [`WideNode::bounds`] of the near side of each axis; the far side is the other of `i` and `i + 3`.
     near: [usize; 3],
 }
@@ -70,20 +73,20 @@ pub(crate) struct Nearest {
 
 /// The greater; one instruction, where neither is NaN.
 #[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
+pub(super) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 /// The lesser; one instruction, where neither is NaN.
 #[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
+pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 /// Möller–Trumbore about the point of the ray nearest to the first corner, so that f32 keeps its digits far from the
 /// ray's origin; edges reach a tolerance outward, so that a shared edge is never missed. Distance, and whether it enters.
 #[inline(always)]
-fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
+pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
     let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));
     let to_corner = Vec3::from(triangle.corner) - ray.origin;
     let t0 = to_corner.dot(ray.direction);
@@ -103,7 +106,7 @@ fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
 
 /// Children that the ray meets from `first` to `last`, a bit each, and where it enters their boxes.
 #[inline(always)]
-fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WIDTH]) -> u32 {
+pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WIDTH]) -> u32 {
     let bounds = &node.bounds;
     let [x, y, z] = ray.near;
     let side = |i: usize| &bounds[i];
@@ -127,77 +130,15 @@ fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WID
 
 /// The products of box tests are not exact: a part in 10⁶ and a micrometre.
 #[inline(always)]
-fn slack(t_min: f32, t_max: f32) -> f32 {
+pub(super) fn slack(t_min: f32, t_max: f32) -> f32 {
     1.0e-3 + 1.0e-6 * max(t_min.abs(), t_max.abs())
 }
 
 /// Triangles of a leaf.
 #[inline(always)]
-fn leaf(child: u32) -> std::ops::Range<usize> {
+pub(super) fn leaf(child: u32) -> std::ops::Range<usize> {
     let first = ((child & !LEAF) >> 2) as usize;
     first..first + (child & 3) as usize
-}
-
-/// The nearest crossing in (t_min, t_max].
-#[inline(always)]
-pub(crate) fn nearest(tree: &Tree<'_>, ray: &Ray, t_min: f32, t_max: f32, stack: &mut Stack) -> Option<Nearest> {
-    let stack = &mut stack.0;
-    let mut depth = 0;
-    let mut near = [0.0; WIDTH];
-    let mut found: Option<Nearest> = None;
-    let mut best = t_max;
-    let reach = slack(t_min, t_max);
-    let first = t_min - reach;
-    let mut last = t_max + reach;
-    let mut child = 0;
-    loop {
-        if child & LEAF == 0 {
-            let node = &tree.nodes[child as usize];
-            let mut mask = boxes(node, ray, first, last, &mut near);
-            let bottom = depth;
-            while mask != 0 {
-                let slot = (mask.trailing_zeros() & 7) as usize;
-                mask &= mask - 1;
-                let entry = (near[slot], node.children[slot]);
-                // Nearest on top.
-                let mut at = depth;
-                while at > bottom && stack[at - 1].0 < entry.0 {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = entry;
-                depth += 1;
-            }
-        } else {
-            for index in leaf(child) {
-                let Some((t, enters)) = intersect(&tree.triangles[index], ray) else { continue };
-                if t > t_min && t <= if found.is_none() { t_max } else { best + TOUCH_MM } {
-                    let crossing = Crossing { t, triangle: index as u32, enters };
-                    found = Some(match found {
-                        None => Nearest { crossing, crowded: false },
-                        Some(before) => Nearest {
-                            crossing: if t < best { crossing } else { before.crossing },
-                            crowded: t >= best - TOUCH_MM,
-                        },
-                    });
-                    best = min(best, t);
-                    last = best + reach;
-                }
-            }
-        }
-        // What lies beyond the best crossing by now is passed over.
-        loop {
-            if depth == 0 {
-                return found;
-            }
-            depth -= 1;
-            let (from, next) = stack[depth];
-            if from <= last + 1.0e-4 {
-                child = next;
-                break;
-            }
-        }
-    }
 }
 
 /// Every crossing in (t_min, t_max] in the order of the tree, those beyond `into` lost; how many are found and lost.
