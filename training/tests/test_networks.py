@@ -29,14 +29,14 @@ def test_a_folded_network_is_the_frozen_one(name, norm):
 def test_frozen_statistics_give_a_crop_what_the_whole_gets():
     torch.manual_seed(2)
     network = make("stride8", 4, "instance").eval()
-    x = torch.rand(1, 4, 512, 512)
-    crop = x[..., 128:384, 128:384]
+    x = torch.rand(1, 4, 768, 768)
+    crop = x[..., 128:640, 128:640]
     for frozen, same in ((True, True), (False, False)):
         freeze(network, frozen)
         with torch.no_grad():
-            whole, part = network(x)[..., 128:384, 128:384], network(crop)
+            whole, part = network(x)[..., 128:640, 128:640], network(crop)
         # The middle is farther from the crop's border than the network sees.
-        inner = (whole - part)[..., 112:144, 112:144].abs().max()
+        inner = (whole - part)[..., 240:272, 240:272].abs().max()
         assert (inner < 1e-5) == same
 
 
@@ -67,6 +67,21 @@ def test_soft_clip_leads_back():
     y = torch.tensor([-1.0, 0.5, 2.0], requires_grad=True)
     losses.soft_clip(y).sum().backward()
     assert y.grad.tolist() == pytest.approx([0.05, 1.0, 0.05])
+
+
+def test_patch_histograms_know_levels_and_not_places():
+    torch.manual_seed(2)
+    target = torch.rand(2, 1, 64, 96)
+    shuffled = target.clone()
+    patch = target[0, 0, 32:, 64:].reshape(-1)
+    shuffled[0, 0, 32:, 64:] = patch[torch.randperm(patch.numel())].reshape(32, 32)
+    assert losses.l1(shuffled, target) > 0.02
+    assert losses.patch_histogram(shuffled, target, 0) < 1e-7
+    # Seen by patches that lie across it.
+    assert losses.patch_histogram(shuffled, target, 16) > 1e-4
+    # A shift of levels is what it is; what is smooth has other levels than speckle of its mean.
+    assert abs(losses.patch_histogram(target + 0.25, target, 3).item() - 0.25) < 1e-6
+    assert losses.patch_histogram(torch.full_like(target, 0.5), target, 0) > 0.2
 
 
 def test_quality_of_known_pictures():

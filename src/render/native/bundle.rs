@@ -1,8 +1,9 @@
 //! Follows eight neighbouring paths at once: they look for their next crossings together, and go on each by itself.
 
 use super::packet::{Packet, RAYS, Visits, collect, nearest};
-use super::path::{CROSSINGS_BEHIND, PathRecord, Place, Scene, Walk};
+use super::path::{CROSSINGS_BEHIND, PathRecord, Place, Scene};
 use super::traverse::{Crossing, Ray};
+use super::walk::Walk;
 
 /// The records of a bundle's paths, and the memory that following them needs.
 #[derive(Debug)]

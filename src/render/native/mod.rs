@@ -22,6 +22,7 @@ mod section;
 mod staging;
 mod traverse;
 mod tree;
+mod walk;
 mod wide;
 
 use std::ops::Range;

@@ -5,6 +5,7 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 use super::interface::{acceptance, interface_between, microfacet, returning};
 use super::membership::{Inside, cross, medium_word};
 use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, collect};
+use super::walk::Walk;
 use super::{Effects, TraceConstants};
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
@@ -79,75 +80,6 @@ pub(super) struct Place {
 impl Place {
     pub(super) fn new() -> Self {
         Self { stack: Stack::new(), crossings: [Crossing::default(); CROSSINGS] }
-    }
-}
-
-/// Where a path is, and what it carries.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Walk {
-    line_ray: u32,
-    layer: u32,
-    pub(super) origin: Vec3,
-    pub(super) direction: Vec3,
-    inside: Inside,
-    // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
-    in_phase: f32,
-    in_power: f32,
-    // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
-    shift: Vec3,
-    shift_step: Vec3,
-    here: u32,
-    range_mm: f32,
-    ln_amplitude: f32,
-    /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
-    ln_scatter: f32,
-    bounce: u32,
-    reflections: u32,
-    crossed: u32,
-    echo: f32,
-    echo_range_mm: f32,
-    /// From where on along the ray crossings count, mm.
-    pub(super) t_min: f32,
-    open: bool,
-    /// From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
-    carried_mm: Vec3,
-    /// Crossings and segments that found no room.
-    pub(super) lost: u32,
-}
-
-impl Walk {
-    /// Nothing lies ahead.
-    pub(super) fn end(&mut self) {
-        self.open = false;
-    }
-}
-
-impl Default for Walk {
-    fn default() -> Self {
-        Self {
-            line_ray: 0,
-            layer: 0,
-            origin: Vec3::ZERO,
-            direction: Vec3::Z,
-            inside: [0; 8],
-            in_phase: 0.0,
-            in_power: 0.0,
-            shift: Vec3::ZERO,
-            shift_step: Vec3::ZERO,
-            here: 0,
-            range_mm: 0.0,
-            ln_amplitude: 0.0,
-            ln_scatter: 0.0,
-            bounce: 0,
-            reflections: 0,
-            crossed: 0,
-            echo: 0.0,
-            echo_range_mm: 0.0,
-            t_min: 0.0,
-            open: true,
-            carried_mm: Vec3::ZERO,
-            lost: 0,
-        }
     }
 }
 

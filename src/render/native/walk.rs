@@ -1,0 +1,74 @@
+//! The state of one path on its way.
+
+use glam::Vec3;
+
+use super::membership::Inside;
+
+/// Where a path is, and what it carries.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Walk {
+    pub(super) line_ray: u32,
+    pub(super) layer: u32,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    pub(super) inside: Inside,
+    // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+    pub(super) in_phase: f32,
+    pub(super) in_power: f32,
+    // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
+    pub(super) shift: Vec3,
+    pub(super) shift_step: Vec3,
+    pub(super) here: u32,
+    pub(super) range_mm: f32,
+    pub(super) ln_amplitude: f32,
+    /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    pub(super) ln_scatter: f32,
+    pub(super) bounce: u32,
+    pub(super) reflections: u32,
+    pub(super) crossed: u32,
+    pub(super) echo: f32,
+    pub(super) echo_range_mm: f32,
+    /// From where on along the ray crossings count, mm.
+    pub(super) t_min: f32,
+    pub(super) open: bool,
+    /// From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
+    pub(super) carried_mm: Vec3,
+    /// Crossings and segments that found no room.
+    pub(super) lost: u32,
+}
+
+impl Walk {
+    /// Nothing lies ahead.
+    pub(super) fn end(&mut self) {
+        self.open = false;
+    }
+}
+
+impl Default for Walk {
+    fn default() -> Self {
+        Self {
+            line_ray: 0,
+            layer: 0,
+            origin: Vec3::ZERO,
+            direction: Vec3::Z,
+            inside: [0; 8],
+            in_phase: 0.0,
+            in_power: 0.0,
+            shift: Vec3::ZERO,
+            shift_step: Vec3::ZERO,
+            here: 0,
+            range_mm: 0.0,
+            ln_amplitude: 0.0,
+            ln_scatter: 0.0,
+            bounce: 0,
+            reflections: 0,
+            crossed: 0,
+            echo: 0.0,
+            echo_range_mm: 0.0,
+            t_min: 0.0,
+            open: true,
+            carried_mm: Vec3::ZERO,
+            lost: 0,
+        }
+    }
+}
