@@ -3,11 +3,14 @@
 //!
 //! `cargo bench --bench cost` (about three minutes on two cores); `cargo bench --bench cost -- rays layers` measures those
 //! alone. Triangles are those of 32 spheres that fill the view, the same places at each count; everything else is over the
-//! obstetric phantom. A figure is the median over poses of the device's time stamps.
+//! obstetric phantom. A number is the median over poses of the passes' times. `out/cost/cost.md` and `cost.svg` hold what is
+//! printed.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
 
+#[path = "support/cost_figure.rs"]
+mod figure;
 mod support;
 
 use std::path::Path;
@@ -31,6 +34,12 @@ struct Point {
     passes: Vec<(&'static str, f64)>,
 }
 
+/// What was varied, and the points.
+struct Curve {
+    name: &'static str,
+    points: Vec<Point>,
+}
+
 fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w == name);
@@ -39,11 +48,12 @@ fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let station = Station::load(&root.join("configs/obstetric.toml")).expect("the obstetric station");
 
+    let mut measured = Vec::new();
     if is_wanted("triangles") {
-        triangles(&gpu, &station.settings);
+        measured.push(triangles(&gpu, &station.settings));
     }
     type Change = fn(&mut Probe, &mut RenderSettings, u32);
-    let curves: [(&str, &[u32], Change); 5] = [
+    let curves: [(&'static str, &[u32], Change); 5] = [
         ("rays", &[1, 2, 4, 8, 16, 32, 64], |_, s, n| s.quality = Quality { rays: n, ..s.quality }),
         ("layers", &[1, 2, 3, 5, 9, 17], |_, s, n| s.quality = Quality { layers: n, ..s.quality }),
         ("samples", &[384, 768, 1536, 3072, 6144], |p, _, n| p.samples = n),
@@ -51,7 +61,7 @@ fn main() {
         ("image", &[250, 500, 1000, 2000], |_, s, n| (s.image.width, s.image.height) = (n * 1386 / 1000, n)),
     ];
     if curves.iter().all(|(name, ..)| !is_wanted(name)) {
-        return;
+        return write(&gpu, &measured);
     }
     let scene = support::scene(&station);
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
@@ -69,11 +79,24 @@ fn main() {
                 }
             }
         });
-        print(name, &points.collect::<Vec<_>>());
+        measured.push(Curve { name, points: points.collect() });
+        measured.last().into_iter().for_each(|curve| print!("{}", table(curve)));
     }
+    write(&gpu, &measured);
 }
 
-fn triangles(gpu: &Gpu, settings: &RenderSettings) {
+/// Writes the tables and the figure.
+fn write(gpu: &Gpu, curves: &[Curve]) {
+    let title = format!("Time of a frame with its maps on {} ({})", gpu.adapter_name(), gpu.driver());
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/cost");
+    std::fs::create_dir_all(&folder).expect("a folder for the results");
+    let tables: String = curves.iter().map(table).collect();
+    std::fs::write(folder.join("cost.md"), format!("{title}, `cargo bench --bench cost`:\n{tables}")).expect("cost.md");
+    std::fs::write(folder.join("cost.svg"), figure::svg(curves, &title).expect("a figure")).expect("cost.svg");
+    println!("\n{}", folder.display());
+}
+
+fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
     let tissues = TissueTable::builtin().expect("the tissue table");
     let pose = |i: usize| Pose { position_mm: DVec3::new(0.7 * i as f64, 0.3 * i as f64, 0.0), ..Pose::IDENTITY };
     let poses: Vec<Pose> = (0..FRAMES).map(pose).collect();
@@ -92,7 +115,9 @@ fn triangles(gpu: &Gpu, settings: &RenderSettings) {
             Err(error) => println!("{count} triangles: {error}"),
         }
     }
-    print("triangles", &points);
+    let curve = Curve { name: "triangles", points };
+    print!("{}", table(&curve));
+    curve
 }
 
 fn measure(x: f64, renderer: &mut Renderer, poses: &[Pose]) -> Point {
@@ -117,17 +142,17 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// A table of one curve: Markdown.
-fn print(name: &str, points: &[Point]) {
-    let Some(last) = points.last() else { return };
+fn table(Curve { name, points }: &Curve) -> String {
+    let Some(last) = points.last() else { return String::new() };
     let names: Vec<_> = last.passes.iter().map(|p| p.0).collect();
-    println!("\n| {name} | frame, ms | {} |", names.join(" | "));
-    println!("|---|---|{}", "---|".repeat(names.len()));
+    let mut text = format!("\n| {name} | frame, ms | {} |\n", names.join(" | "));
+    text += &format!("|---|---|{}\n", "---|".repeat(names.len()));
     for point in points {
         let passes: Vec<_> = point.passes.iter().map(|p| format!("{:.1}", p.1)).collect();
-        println!("| {} | {:.1} | {} |", point.x, point.total_ms, passes.join(" | "));
+        text += &format!("| {} | {:.1} | {} |\n", point.x, point.total_ms, passes.join(" | "));
     }
     let exponents: Vec<_> = (0..names.len()).map(|i| format!("{:+.2}", exponent(points, |p| p.passes[i].1))).collect();
-    println!("| exponent | {:+.2} | {} |", exponent(points, |p| p.total_ms), exponents.join(" | "));
+    text + &format!("| exponent | {:+.2} | {} |\n", exponent(points, |p| p.total_ms), exponents.join(" | "))
 }
 
 /// Slope of the least-squares line through (ln x, ln ms).
