@@ -30,17 +30,23 @@ impl Geometry {
     }
 }
 
+/// Name of the class of what is outside the sector.
+const OUTSIDE: &str = "outside";
+
 /// Which class each tissue number is.
 #[derive(Debug, Clone)]
 pub(super) struct ClassMap {
     class: [u8; 256],
     greatest: usize,
+    /// The class of what is outside the sector.
+    outside: u8,
 }
 
 impl ClassMap {
     /// Numbers are classes already, as in a parity pair.
-    pub(super) fn identity(classes: usize) -> Self {
-        Self { class: std::array::from_fn(|i| i as u8), greatest: classes.saturating_sub(1) }
+    pub(super) fn identity(manifest: &SegmentationManifest) -> Self {
+        let outside = manifest.class_of(OUTSIDE).unwrap_or_default() as u8;
+        Self { class: std::array::from_fn(|i| i as u8), greatest: manifest.classes.len().saturating_sub(1), outside }
     }
 
     /// Of a station's tissues: number 0 is outside, number i + 1 is `tissues[i]`.
@@ -50,18 +56,20 @@ impl ClassMap {
         model: &Path,
     ) -> Result<Self, GeneratorError> {
         let mut class = [0; 256];
-        let names = std::iter::once("outside").chain(tissues.iter().map(String::as_str));
+        let names = std::iter::once(OUTSIDE).chain(tissues.iter().map(String::as_str));
         for (slot, name) in class.iter_mut().zip(names) {
             let found = manifest
                 .class_of(name)
                 .ok_or_else(|| GeneratorError::UnknownTissue { path: model.to_owned(), tissue: name.to_owned() })?;
             *slot = found as u8;
         }
-        Ok(Self { class, greatest: tissues.len() })
+        Ok(Self { class, greatest: tissues.len(), outside: class[0] })
     }
 }
 
-/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame.
+/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame. It is padded by what lies
+/// outside the sector, as networks saw it beside the sector in training: levels, mask and attenuation of 0, the class
+/// `outside`.
 pub(super) fn fill(
     manifest: &Manifest,
     classes: Option<&ClassMap>,
@@ -83,65 +91,61 @@ pub(super) fn fill(
                 match segmentation.encoding {
                     Encoding::Map => {
                         let values = classes.class.map(|class| f32::from(class) * scale + offset);
-                        plane(planes.next(), geometry, input.segmentation, |n| values[usize::from(n)]);
+                        let outside = f32::from(classes.outside) * scale + offset;
+                        plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
                     }
                     Encoding::Classes => {
                         for wanted in 0..count {
                             let value = |on: bool| f32::from(u8::from(on)) * scale + offset;
                             let values = classes.class.map(|class| value(usize::from(class) == wanted));
-                            plane(planes.next(), geometry, input.segmentation, |n| values[usize::from(n)]);
+                            let outside = value(usize::from(classes.outside) == wanted);
+                            plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
                         }
                     }
                 }
             }
             (Channel::Attenuation, ..) => {
-                let values = input.attenuation;
+                let (plane_of, values) = (planes.next(), input.attenuation);
+                let root = |a: f32| a.max(0.0).sqrt();
                 match power {
-                    0.25 => plane(planes.next(), geometry, values, |a: f32| a.max(0.0).sqrt().sqrt() * scale + offset),
-                    0.5 => plane(planes.next(), geometry, values, |a: f32| a.max(0.0).sqrt() * scale + offset),
-                    _ => plane(planes.next(), geometry, values, |a| a * scale + offset),
+                    0.25 => plane(plane_of, geometry, values, offset, |a| root(root(a)) * scale + offset),
+                    0.5 => plane(plane_of, geometry, values, offset, |a| root(a) * scale + offset),
+                    _ => plane(plane_of, geometry, values, offset, |a| a * scale + offset),
                 }
             }
             (Channel::Mask, ..) => {
                 let [outside, inside] = [offset, scale + offset];
-                plane(planes.next(), geometry, input.mask, |m| if m > 0 { inside } else { outside });
+                plane(planes.next(), geometry, input.mask, outside, |m| if m > 0 { inside } else { outside });
             }
             // `Generator` makes a class map of every segmentation that the manifest names.
             (Channel::Image | Channel::Segmentation, ..) => {
                 let scale = scale / 255.0;
-                plane(planes.next(), geometry, input.image, |x| f32::from(x) * scale + offset);
+                plane(planes.next(), geometry, input.image, offset, |x| f32::from(x) * scale + offset);
             }
         }
     }
     Ok(())
 }
 
-/// Fills one channel, and pads it by reflection at right and bottom.
-fn plane<T: Copy>(plane: Option<&mut [f32]>, geometry: &Geometry, source: &[T], value: impl Fn(T) -> f32) {
+/// Fills one channel, with `outside` at right and bottom of the field of view.
+fn plane<T: Copy>(
+    plane: Option<&mut [f32]>,
+    geometry: &Geometry,
+    source: &[T],
+    outside: f32,
+    value: impl Fn(T) -> f32,
+) {
     let Some(plane) = plane else { return };
     let Geometry { width, height, padded_width, .. } = *geometry;
-    for (row, source) in plane.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
+    let (within, below) = plane.split_at_mut(height * padded_width);
+    for (row, source) in within.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
+        let (row, right) = row.split_at_mut(width);
         for (target, &x) in row.iter_mut().zip(source) {
             *target = value(x);
         }
-        for x in width..padded_width {
-            row[x] = row[reflect(x, width)];
-        }
+        right.fill(outside);
     }
-    for y in height..geometry.padded_height {
-        let from = reflect(y, height) * padded_width;
-        plane.copy_within(from..from + padded_width, y * padded_width);
-    }
-}
-
-/// Index within 0..n that `i` falls on where the picture is mirrored at its last and first pixel again and again.
-fn reflect(i: usize, n: usize) -> usize {
-    if n < 2 {
-        return 0;
-    }
-    let period = 2 * (n - 1);
-    let i = i % period;
-    i.min(period - i)
+    below.fill(outside);
 }
 
 /// Rows of the output within the field of view.
@@ -188,19 +192,44 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn reflection_mirrors_without_repeating_the_edge() {
-        assert_eq!((0..9).map(|i| reflect(i, 4)).collect::<Vec<_>>(), [0, 1, 2, 3, 2, 1, 0, 1, 2]);
-        assert_eq!((0..4).map(|i| reflect(i, 1)).collect::<Vec<_>>(), [0; 4]);
-        assert_eq!((0..4).map(|i| reflect(i, 2)).collect::<Vec<_>>(), [0, 1, 0, 1]);
+    fn every_channel_is_padded_at_right_and_bottom_by_what_is_outside() {
+        let affine = |scale: &str, offset: &str| format!("{{ scale = {scale}, offset = {offset} }}");
+        let text = include_str!("../../tests/data/generators/weighted_maps.toml")
+            .replace("classes = [\"outside\", \"amniotic_fluid\",", "classes = [\"amniotic_fluid\", \"outside\",")
+            .replace(&affine("1.0", "0.0"), &affine("2.0", "-1.0"));
+        for encoding in ["map", "classes"] {
+            let manifest = Manifest::parse(&text.replace("\"map\"", &format!("\"{encoding}\""))).unwrap();
+            let tissues = ["placenta", "skull"].map(str::to_owned);
+            let segmentation = manifest.segmentation.as_ref().unwrap();
+            let of_station = ClassMap::of_tissues(segmentation, &tissues, Path::new("")).unwrap();
+            for (classes, number) in [(of_station, 0), (ClassMap::identity(segmentation), 1)] {
+                // A frame that is all outside looks like the padding beside it.
+                let input = Input {
+                    width: 3,
+                    height: 2,
+                    image: &[0; 6],
+                    segmentation: &[number; 6],
+                    attenuation: &[0.0; 6],
+                    mask: &[0; 6],
+                };
+                let mut tensor = vec![f32::NAN; manifest.tensor_channels() * 16];
+                fill(&manifest, Some(&classes), &input, &Geometry::new(3, 2, 4), &mut tensor).unwrap();
+                for plane in tensor.chunks_exact(16) {
+                    assert!(plane.iter().all(|v| *v == plane[0]), "{encoding}: {plane:?}");
+                }
+                let ones = tensor.iter().filter(|v| **v == 1.0).count();
+                assert_eq!(ones, 16, "{encoding}: the class `outside` alone is not -1: {tensor:?}");
+            }
+        }
     }
 
     #[test]
     fn a_plane_is_padded_at_right_and_bottom() {
         let geometry = Geometry::new(3, 2, 4);
         let mut tensor = vec![f32::NAN; 16];
-        plane(Some(&mut tensor), &geometry, &[1u8, 2, 3, 4, 5, 6], f32::from);
+        plane(Some(&mut tensor), &geometry, &[1u8, 2, 3, 4, 5, 6], 9.0, f32::from);
         #[rustfmt::skip]
-        assert_eq!(tensor, [1., 2., 3., 2.,  4., 5., 6., 5.,  1., 2., 3., 2.,  4., 5., 6., 5.]);
+        assert_eq!(tensor, [1., 2., 3., 9.,  4., 5., 6., 9.,  9., 9., 9., 9.,  9., 9., 9., 9.]);
     }
 
     #[test]
@@ -220,7 +249,7 @@ mod tests {
                 attenuation: &values,
                 mask: &[255; 4],
             };
-            let classes = ClassMap::identity(4);
+            let classes = ClassMap::identity(manifest.segmentation.as_ref().unwrap());
             let mut tensor = [0.0; 16];
             fill(&manifest, Some(&classes), &input, &Geometry::new(4, 1, 1), &mut tensor).unwrap();
             for (got, expected) in tensor[4 * at..4 * at + 4].iter().zip(expected) {
