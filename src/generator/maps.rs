@@ -2,8 +2,13 @@
 
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
 use super::{Channel, GeneratorError, Input};
+
+/// Rows that one core takes at a time: the runtime's threads wait meanwhile.
+const BAND: usize = 64;
 
 /// A field of view and what it is padded to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -128,23 +133,25 @@ pub(super) fn fill(
 }
 
 /// Fills one channel, with `outside` at right and bottom of the field of view.
-fn plane<T: Copy>(
+fn plane<T: Copy + Sync>(
     plane: Option<&mut [f32]>,
     geometry: &Geometry,
     source: &[T],
     outside: f32,
-    value: impl Fn(T) -> f32,
+    value: impl Fn(T) -> f32 + Sync,
 ) {
     let Some(plane) = plane else { return };
     let Geometry { width, height, padded_width, .. } = *geometry;
     let (within, below) = plane.split_at_mut(height * padded_width);
-    for (row, source) in within.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
-        let (row, right) = row.split_at_mut(width);
-        for (target, &x) in row.iter_mut().zip(source) {
-            *target = value(x);
+    within.par_chunks_mut(BAND * padded_width).zip(source.par_chunks(BAND * width)).for_each(|(rows, source)| {
+        for (row, source) in rows.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
+            let (row, right) = row.split_at_mut(width);
+            for (target, &x) in row.iter_mut().zip(source) {
+                *target = value(x);
+            }
+            right.fill(outside);
         }
-        right.fill(outside);
-    }
+    });
     below.fill(outside);
 }
 
@@ -159,7 +166,9 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
     // By its exponent, without a branch: rows are sound but for broken models.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
-    let (row, values) = rows(output, geometry).enumerate().find(|(_, values)| broken(values))?;
+    let all = output.par_chunks_exact(geometry.padded_width).take(geometry.height).with_min_len(BAND);
+    let row = all.position_first(|row| broken(&row[..geometry.width]))?;
+    let values = rows(output, geometry).nth(row)?;
     let column = values.iter().position(|v| !v.is_finite())?;
     let count = rows(output, geometry).flatten().filter(|v| !v.is_finite()).count();
     Some((row, column, count))
@@ -169,14 +178,19 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
 pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
     out.resize(geometry.pixels(), 0);
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
-    let targets = out.chunks_exact_mut(geometry.width).zip(mask.chunks_exact(geometry.width));
-    for (values, (target, mask)) in rows(output, geometry).zip(targets) {
-        for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
-            // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
-            let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
-            *level = if inside > 0 { rounded } else { 0 };
+    let Geometry { width, padded_width, .. } = *geometry;
+    let masks = mask.par_chunks(BAND * width);
+    let bands = out.par_chunks_mut(BAND * width).zip(masks).zip(output.par_chunks(BAND * padded_width));
+    bands.for_each(|((targets, masks), values)| {
+        let targets = targets.chunks_exact_mut(width).zip(masks.chunks_exact(width));
+        for (values, (target, mask)) in values.chunks_exact(padded_width).zip(targets) {
+            for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
+                // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
+                let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
+                *level = if inside > 0 { rounded } else { 0 };
+            }
         }
-    }
+    });
 }
 
 /// Grey levels before rounding, clipped to 0..=255, 0 outside the mask.
