@@ -14,7 +14,7 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use insonify::pipeline::{
     ChoiceSettings, Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts,
-    Pipeline, PoseSample, PoseSource, QualityBudget, QualitySummary, RenderFault, RendererFactory, Settings,
+    Pipeline, PoseSample, PoseSource, QualityBudget, QualitySummary, Readiness, RenderFault, RendererFactory, Settings,
     SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{Pose, TrackingState};
@@ -75,6 +75,23 @@ fn pose(x: f64) -> Pose {
 
 type Extra = dyn Fn(Duration, QualityPoint) -> Duration + Send + Sync;
 
+/// What frames and generated pictures are made on where there is no other device.
+#[derive(Default)]
+struct Processors {
+    at_work: AtomicU64,
+    /// Times that both were at work at once.
+    shared: AtomicU64,
+}
+
+impl Processors {
+    fn work(&self, clock: &Arc<dyn Clock>, time: Duration) {
+        let others = self.at_work.fetch_add(1, Ordering::Relaxed);
+        self.shared.fetch_add(others, Ordering::Relaxed);
+        clock.sleep_until(clock.now() + time);
+        self.at_work.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
 /// A device that takes `service` for a frame, one after another, and fails where `faults` says so.
 struct Device {
     clock: Arc<dyn Clock>,
@@ -90,6 +107,8 @@ struct Device {
     received: Arc<AtomicU64>,
     faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     gain_db: f64,
+    /// Where the processors make its frames, in `submit`.
+    processors: Option<Arc<Processors>>,
 }
 
 impl FrameRenderer for Device {
@@ -97,10 +116,17 @@ impl FrameRenderer for Device {
         SHAPE
     }
 
+    fn on_processors(&self) -> bool {
+        self.processors.is_some()
+    }
+
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
         let extra = (self.extra)(self.clock.now(), self.quality.into());
         self.free = self.free.max(self.clock.now()) + self.service + extra;
+        if let Some(processors) = &self.processors {
+            processors.work(&self.clock, self.service + extra);
+        }
         self.in_flight.push_back((self.free, *pose, self.maps, self.time_s));
         Ok(())
     }
@@ -201,11 +227,16 @@ fn resting(now: Duration) -> PoseSample {
 struct Translate<F> {
     work: F,
     terminator: Option<Terminator>,
+    on_processors: bool,
 }
 
 impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer for Translate<F> {
     fn tier(&self) -> &str {
         "fake"
+    }
+
+    fn on_processors(&self) -> bool {
+        self.on_processors
     }
 
     fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
@@ -225,7 +256,7 @@ fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn Enhancer> {
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    Box::new(Translate { work, terminator: None })
+    Box::new(Translate { work, terminator: None, on_processors: false })
 }
 
 struct Sink<F> {
@@ -323,6 +354,7 @@ struct Session {
     quality: Option<QualityBudget>,
     faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     build_failures: u32,
+    processors: Option<Arc<Processors>>,
     enhancer: Option<Box<dyn Enhancer>>,
     sinks: Vec<Box<dyn LiveSink>>,
     controls: tokio::sync::mpsc::Receiver<Control>,
@@ -345,6 +377,7 @@ impl Session {
             quality: None,
             faults: Arc::new(|_| false),
             build_failures: 0,
+            processors: None,
             enhancer: None,
             sinks: Vec::new(),
             controls: tokio::sync::mpsc::channel(1).1,
@@ -361,7 +394,7 @@ impl Session {
     fn run_watched(self, watch: impl FnMut(&insonify::pipeline::Status)) -> Summary {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
-        let extra = self.extra;
+        let (extra, processors) = (self.extra, self.processors);
         let mut render = RenderSettings::default();
         if let Some(budget) = &self.quality {
             render.quality = budget.point().with_seed(0);
@@ -377,6 +410,7 @@ impl Session {
             received: received.clone(),
             faults: faults.clone(),
             gain_db: 0.0,
+            processors: processors.clone(),
             time_s: 0.0,
         };
         let parts = Parts {
@@ -494,7 +528,7 @@ fn maps_are_rendered_while_the_generator_is_at_work() {
         out.resize(PIXELS, 200);
         Ok(())
     };
-    let enhancer = Some(Box::new(Translate { work, terminator: None }) as Box<dyn Enhancer>);
+    let enhancer = Some(Box::new(Translate { work, terminator: None, on_processors: false }) as Box<dyn Enhancer>);
     let with_maps = frames_with_maps(&clock, enhancer, |number, _, sender| match number {
         50 => sender.try_send(Control::Enhance(false)).unwrap(),
         120 => sender.try_send(Control::Enhance(true)).unwrap(),
@@ -517,7 +551,15 @@ impl Enhancer for Resting {
         "resting"
     }
 
-    fn ready(&mut self) -> bool {
+    fn ready(&mut self, maps: bool) -> Readiness {
+        match self.rests.contains(&self.clock.now()) {
+            true => Readiness::Rests,
+            false if maps => Readiness::Runs,
+            false => Readiness::NeedsMaps,
+        }
+    }
+
+    fn reads_maps(&self) -> bool {
         !self.rests.contains(&self.clock.now())
     }
 
@@ -543,6 +585,111 @@ fn maps_are_not_rendered_while_the_generator_rests() {
     assert!(with_maps.contains(&0) && with_maps.contains(&199), "{with_maps:?}");
     assert!((40..=44).contains(&without[0]) && (118..=125).contains(without.last().unwrap()), "{without:?}");
     assert!(without.len() >= 75, "{without:?}");
+}
+
+#[test]
+fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
+    struct OfTheImage(Arc<AtomicU64>);
+    impl Enhancer for OfTheImage {
+        fn tier(&self) -> &str {
+            "of the image"
+        }
+
+        fn ready(&mut self, _: bool) -> Readiness {
+            Readiness::Runs
+        }
+
+        fn reads_maps(&self) -> bool {
+            false
+        }
+
+        fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            out.resize(frame.bmode.len(), 200);
+            Ok(())
+        }
+
+        fn terminator(&self) -> Option<Terminator> {
+            None
+        }
+    }
+    let _guard = beside_others();
+    let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
+    let runs = Arc::<AtomicU64>::default();
+    let enhancer = Box::new(OfTheImage(runs.clone()));
+    let with_maps = frames_with_maps(&clock, Some(enhancer), |number, wanted, _| {
+        wanted.store((50..70).contains(&number), Ordering::Relaxed);
+    });
+    assert!(with_maps[0] > 50 && with_maps.len() <= 22, "an overlay's alone: {with_maps:?}");
+    assert_eq!(runs.load(Ordering::Relaxed), 200);
+}
+
+/// Frames of a session at 20 frames/s in which rendering for `service` and runs of `run` share the processors.
+fn on_shared_processors(
+    service: Duration,
+    run: impl Fn(u64) -> Duration + Send + 'static,
+) -> (Summary, Vec<Seen>, u64) {
+    let (clock, log, processors) = (clock(), Log::default(), Arc::<Processors>::default());
+    let (clock_of_run, shared, mut number) = (clock.clone(), processors.clone(), 0);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        shared.work(&clock_of_run, run(number));
+        number += 1;
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let enhancer: Box<dyn Enhancer> = Box::new(Translate { work, terminator: None, on_processors: true });
+    let session = Session::new(&clock, moving);
+    let session = Session {
+        enhancer: Some(enhancer),
+        processors: Some(processors.clone()),
+        sinks: vec![logger(&log)],
+        service,
+        ..session
+    };
+    let summary = session.run();
+    (summary, seen(&log), processors.shared.load(Ordering::Relaxed))
+}
+
+#[test]
+fn frames_and_generated_pictures_take_turns_on_the_same_processors() {
+    let _guard = beside_others();
+    // One run in ten is late, but not by half a period.
+    let (summary, frames, shared) = on_shared_processors(25 * MS, |n| if n % 10 == 4 { 35 * MS } else { 20 * MS });
+    assert_eq!((shared, summary.missed_ticks, summary.presented), (0, 0, 200));
+    assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Enhanced));
+    assert!(frames.iter().all(|frame| frame.age <= 60 * MS), "rendered and translated without an interruption");
+}
+
+#[test]
+fn where_both_do_not_fit_into_a_period_frames_come_a_little_later() {
+    let _guard = beside_others();
+    let (summary, frames, shared) = on_shared_processors(30 * MS, |_| 30 * MS);
+    assert_eq!(shared, 0);
+    assert!((summary.frames_per_s - 1.0 / 0.06).abs() < 0.2, "{}", summary.frames_per_s);
+    assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Enhanced && frame.age == 60 * MS));
+}
+
+#[test]
+fn a_generator_that_takes_long_does_not_slow_frames_down() {
+    let _guard = beside_others();
+    let (summary, _, shared) = on_shared_processors(25 * MS, |_| 300 * MS);
+    // It gets its turns in the first run alone: nobody knew how long it takes.
+    assert!(summary.presented >= 196 && summary.missed_ticks <= 4, "{summary:?}");
+    assert!(shared > 100);
+    let (summary, frames, _) = on_shared_processors(25 * MS, |n| if n == 30 { 1000 * SECOND } else { 10 * MS });
+    assert!(frames.last().unwrap().number >= 150, "{summary:?}");
+    assert!(frames[60..].iter().all(|frame| frame.source == FrameSource::LowQuality), "the generator hangs");
+}
+
+#[test]
+fn a_frame_that_is_made_where_it_is_submitted_is_not_held_back() {
+    let _guard = beside_others();
+    let (clock, log, processors) = (clock(), Log::default(), Arc::<Processors>::default());
+    let session = Session::new(&clock, moving);
+    let processors = Some(processors);
+    let summary = Session { service: 70 * MS, processors, sinks: vec![logger(&log)], ..session }.run();
+    assert!((summary.frames_per_s - 1.0 / 0.07).abs() < 0.1, "{}", summary.frames_per_s);
+    assert!(seen(&log).iter().all(|frame| frame.age == 70 * MS));
 }
 
 #[test]
@@ -623,7 +770,8 @@ fn a_generator_at_its_limit_does_not_flicker() {
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: None }));
+    let enhancer: Option<Box<dyn Enhancer>> =
+        Some(Box::new(Translate { work, terminator: None, on_processors: false }));
     let summary = Session {
         enhancer,
         sinks: vec![logger(&log)],
@@ -726,7 +874,8 @@ fn a_generator_that_hangs_for_ever_leaves_the_station_at_rendered_frames() {
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: None }));
+    let enhancer: Option<Box<dyn Enhancer>> =
+        Some(Box::new(Translate { work, terminator: None, on_processors: false }));
     let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
     // The frame that waited for its deadline comes together with the next one, which replaces it at the sink.
@@ -761,7 +910,8 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
     let terminator: Terminator = Arc::new(move || {
         told_of.fetch_add(1, Ordering::Relaxed);
     });
-    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: Some(terminator) }));
+    let enhancer: Option<Box<dyn Enhancer>> =
+        Some(Box::new(Translate { work, terminator: Some(terminator), on_processors: false }));
     let limits = Limits { duration: Some(20 * SECOND), frames: None };
     let summary = Session { enhancer, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
@@ -798,7 +948,7 @@ fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
         Ok(())
     };
     let terminator: Option<Terminator> = Some(Arc::new(move || clock_too.notify(&stops)));
-    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator }));
+    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator, on_processors: false }));
     let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
     assert_eq!(changes(&frames), (3, false), "and it comes back");
@@ -821,7 +971,8 @@ fn a_generator_that_gives_nonsense_rests_and_is_tried_again() {
         }
         Ok(())
     };
-    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator: None }));
+    let enhancer: Option<Box<dyn Enhancer>> =
+        Some(Box::new(Translate { work, terminator: None, on_processors: false }));
     let limits = Limits { duration: Some(200 * SECOND), frames: None };
     let summary = Session { enhancer, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
@@ -982,7 +1133,7 @@ fn every_state_ends_in_order_and_in_time() {
             clock.sleep_until(NEVER);
             Ok(())
         };
-        Session { enhancer: Some(Box::new(Translate { work, terminator: None })), ..session }
+        Session { enhancer: Some(Box::new(Translate { work, terminator: None, on_processors: false })), ..session }
     };
     let states: [(&str, Prepare, &[&str]); 7] = [
         ("plain", |s| s, &[]),
@@ -1205,7 +1356,7 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
         Ok(())
     });
     let session = Session {
-        enhancer: Some(Box::new(Translate { work, terminator: None })),
+        enhancer: Some(Box::new(Translate { work, terminator: None, on_processors: false })),
         sinks: vec![stalls, probe],
         faults: Arc::new(|n| n > 0 && n.is_multiple_of(800)),
         limits: Limits { duration: Some(600 * SECOND), frames: None },

@@ -287,8 +287,11 @@ def parity_planes(height=40, width=36, brightest=255):
 
 
 def tensor(generator, planes):
-    """The model's input: normalised, padded by reflection at right and bottom."""
-    image, classes, attenuation, mask = planes.astype(np.float64)
+    """The model's input: normalised, padded at right and bottom by what is outside the sector: zeros before that."""
+    height, width = planes.shape[1:]
+    padding = ((0, 0), (0, -height % generator.multiple), (0, -width % generator.multiple))
+    # The class `outside` is the first.
+    image, classes, attenuation, mask = np.pad(planes.astype(np.float64), padding)
     raw = {"image": image / 255, "mask": mask / 255, "attenuation": attenuation, "segmentation": classes}
     channels = []
     for name, affine in generator.channels.items():
@@ -296,10 +299,7 @@ def tensor(generator, planes):
         if name == "segmentation" and generator.encoding == "classes":
             maps = [(classes == c).astype(np.float64) for c in range(len(generator.classes))]
         channels += [m * affine["scale"] + affine["offset"] for m in maps]
-    height, width = image.shape
-    multiple = generator.multiple
-    padding = ((0, 0), (0, -height % multiple), (0, -width % multiple))
-    return np.pad(np.stack(channels), padding, mode="reflect")[None].astype(np.float32)
+    return np.stack(channels)[None].astype(np.float32)
 
 
 def levels(generator, planes):

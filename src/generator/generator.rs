@@ -104,7 +104,7 @@ impl Generator {
         check_hash(path, &model, &manifest.sha256)?;
         let segmentation = manifest.segmentation.as_ref();
         let classes = segmentation.map(|s| ClassMap::of_tissues(s, options.tissues, path)).transpose()?;
-        let parity_classes = segmentation.map(|s| ClassMap::identity(s.classes.len()));
+        let parity_classes = segmentation.map(ClassMap::identity);
         let pair = parity::read(&manifest_path, &manifest.parity)?;
         let threads = match options.threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),

@@ -2,8 +2,13 @@
 
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
 use super::{Channel, GeneratorError, Input};
+
+/// Rows that one core takes at a time: the runtime's threads wait meanwhile.
+const BAND: usize = 64;
 
 /// A field of view and what it is padded to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,17 +35,23 @@ impl Geometry {
     }
 }
 
+/// Name of the class of what is outside the sector.
+const OUTSIDE: &str = "outside";
+
 /// Which class each tissue number is.
 #[derive(Debug, Clone)]
 pub(super) struct ClassMap {
     class: [u8; 256],
     greatest: usize,
+    /// The class of what is outside the sector.
+    outside: u8,
 }
 
 impl ClassMap {
     /// Numbers are classes already, as in a parity pair.
-    pub(super) fn identity(classes: usize) -> Self {
-        Self { class: std::array::from_fn(|i| i as u8), greatest: classes.saturating_sub(1) }
+    pub(super) fn identity(manifest: &SegmentationManifest) -> Self {
+        let outside = manifest.class_of(OUTSIDE).unwrap_or_default() as u8;
+        Self { class: std::array::from_fn(|i| i as u8), greatest: manifest.classes.len().saturating_sub(1), outside }
     }
 
     /// Of a station's tissues: number 0 is outside, number i + 1 is `tissues[i]`.
@@ -50,18 +61,20 @@ impl ClassMap {
         model: &Path,
     ) -> Result<Self, GeneratorError> {
         let mut class = [0; 256];
-        let names = std::iter::once("outside").chain(tissues.iter().map(String::as_str));
+        let names = std::iter::once(OUTSIDE).chain(tissues.iter().map(String::as_str));
         for (slot, name) in class.iter_mut().zip(names) {
             let found = manifest
                 .class_of(name)
                 .ok_or_else(|| GeneratorError::UnknownTissue { path: model.to_owned(), tissue: name.to_owned() })?;
             *slot = found as u8;
         }
-        Ok(Self { class, greatest: tissues.len() })
+        Ok(Self { class, greatest: tissues.len(), outside: class[0] })
     }
 }
 
-/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame.
+/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame. It is padded by what lies
+/// outside the sector, as networks saw it beside the sector in training: levels, mask and attenuation of 0, the class
+/// `outside`.
 pub(super) fn fill(
     manifest: &Manifest,
     classes: Option<&ClassMap>,
@@ -83,65 +96,63 @@ pub(super) fn fill(
                 match segmentation.encoding {
                     Encoding::Map => {
                         let values = classes.class.map(|class| f32::from(class) * scale + offset);
-                        plane(planes.next(), geometry, input.segmentation, |n| values[usize::from(n)]);
+                        let outside = f32::from(classes.outside) * scale + offset;
+                        plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
                     }
                     Encoding::Classes => {
                         for wanted in 0..count {
                             let value = |on: bool| f32::from(u8::from(on)) * scale + offset;
                             let values = classes.class.map(|class| value(usize::from(class) == wanted));
-                            plane(planes.next(), geometry, input.segmentation, |n| values[usize::from(n)]);
+                            let outside = value(usize::from(classes.outside) == wanted);
+                            plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
                         }
                     }
                 }
             }
             (Channel::Attenuation, ..) => {
-                let values = input.attenuation;
+                let (plane_of, values) = (planes.next(), input.attenuation);
+                let root = |a: f32| a.max(0.0).sqrt();
                 match power {
-                    0.25 => plane(planes.next(), geometry, values, |a: f32| a.max(0.0).sqrt().sqrt() * scale + offset),
-                    0.5 => plane(planes.next(), geometry, values, |a: f32| a.max(0.0).sqrt() * scale + offset),
-                    _ => plane(planes.next(), geometry, values, |a| a * scale + offset),
+                    0.25 => plane(plane_of, geometry, values, offset, |a| root(root(a)) * scale + offset),
+                    0.5 => plane(plane_of, geometry, values, offset, |a| root(a) * scale + offset),
+                    _ => plane(plane_of, geometry, values, offset, |a| a * scale + offset),
                 }
             }
             (Channel::Mask, ..) => {
                 let [outside, inside] = [offset, scale + offset];
-                plane(planes.next(), geometry, input.mask, |m| if m > 0 { inside } else { outside });
+                plane(planes.next(), geometry, input.mask, outside, |m| if m > 0 { inside } else { outside });
             }
             // `Generator` makes a class map of every segmentation that the manifest names.
             (Channel::Image | Channel::Segmentation, ..) => {
                 let scale = scale / 255.0;
-                plane(planes.next(), geometry, input.image, |x| f32::from(x) * scale + offset);
+                plane(planes.next(), geometry, input.image, offset, |x| f32::from(x) * scale + offset);
             }
         }
     }
     Ok(())
 }
 
-/// Fills one channel, and pads it by reflection at right and bottom.
-fn plane<T: Copy>(plane: Option<&mut [f32]>, geometry: &Geometry, source: &[T], value: impl Fn(T) -> f32) {
+/// Fills one channel, with `outside` at right and bottom of the field of view.
+fn plane<T: Copy + Sync>(
+    plane: Option<&mut [f32]>,
+    geometry: &Geometry,
+    source: &[T],
+    outside: f32,
+    value: impl Fn(T) -> f32 + Sync,
+) {
     let Some(plane) = plane else { return };
     let Geometry { width, height, padded_width, .. } = *geometry;
-    for (row, source) in plane.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
-        for (target, &x) in row.iter_mut().zip(source) {
-            *target = value(x);
+    let (within, below) = plane.split_at_mut(height * padded_width);
+    within.par_chunks_mut(BAND * padded_width).zip(source.par_chunks(BAND * width)).for_each(|(rows, source)| {
+        for (row, source) in rows.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
+            let (row, right) = row.split_at_mut(width);
+            for (target, &x) in row.iter_mut().zip(source) {
+                *target = value(x);
+            }
+            right.fill(outside);
         }
-        for x in width..padded_width {
-            row[x] = row[reflect(x, width)];
-        }
-    }
-    for y in height..geometry.padded_height {
-        let from = reflect(y, height) * padded_width;
-        plane.copy_within(from..from + padded_width, y * padded_width);
-    }
-}
-
-/// Index within 0..n that `i` falls on where the picture is mirrored at its last and first pixel again and again.
-fn reflect(i: usize, n: usize) -> usize {
-    if n < 2 {
-        return 0;
-    }
-    let period = 2 * (n - 1);
-    let i = i % period;
-    i.min(period - i)
+    });
+    below.fill(outside);
 }
 
 /// Rows of the output within the field of view.
@@ -155,7 +166,9 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
     // By its exponent, without a branch: rows are sound but for broken models.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
-    let (row, values) = rows(output, geometry).enumerate().find(|(_, values)| broken(values))?;
+    let all = output.par_chunks_exact(geometry.padded_width).take(geometry.height).with_min_len(BAND);
+    let row = all.position_first(|row| broken(&row[..geometry.width]))?;
+    let values = rows(output, geometry).nth(row)?;
     let column = values.iter().position(|v| !v.is_finite())?;
     let count = rows(output, geometry).flatten().filter(|v| !v.is_finite()).count();
     Some((row, column, count))
@@ -165,14 +178,19 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
 pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
     out.resize(geometry.pixels(), 0);
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
-    let targets = out.chunks_exact_mut(geometry.width).zip(mask.chunks_exact(geometry.width));
-    for (values, (target, mask)) in rows(output, geometry).zip(targets) {
-        for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
-            // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
-            let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
-            *level = if inside > 0 { rounded } else { 0 };
+    let Geometry { width, padded_width, .. } = *geometry;
+    let masks = mask.par_chunks(BAND * width);
+    let bands = out.par_chunks_mut(BAND * width).zip(masks).zip(output.par_chunks(BAND * padded_width));
+    bands.for_each(|((targets, masks), values)| {
+        let targets = targets.chunks_exact_mut(width).zip(masks.chunks_exact(width));
+        for (values, (target, mask)) in values.chunks_exact(padded_width).zip(targets) {
+            for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
+                // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
+                let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
+                *level = if inside > 0 { rounded } else { 0 };
+            }
         }
-    }
+    });
 }
 
 /// Grey levels before rounding, clipped to 0..=255, 0 outside the mask.
@@ -188,19 +206,44 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn reflection_mirrors_without_repeating_the_edge() {
-        assert_eq!((0..9).map(|i| reflect(i, 4)).collect::<Vec<_>>(), [0, 1, 2, 3, 2, 1, 0, 1, 2]);
-        assert_eq!((0..4).map(|i| reflect(i, 1)).collect::<Vec<_>>(), [0; 4]);
-        assert_eq!((0..4).map(|i| reflect(i, 2)).collect::<Vec<_>>(), [0, 1, 0, 1]);
+    fn every_channel_is_padded_at_right_and_bottom_by_what_is_outside() {
+        let affine = |scale: &str, offset: &str| format!("{{ scale = {scale}, offset = {offset} }}");
+        let text = include_str!("../../tests/data/generators/weighted_maps.toml")
+            .replace("classes = [\"outside\", \"amniotic_fluid\",", "classes = [\"amniotic_fluid\", \"outside\",")
+            .replace(&affine("1.0", "0.0"), &affine("2.0", "-1.0"));
+        for encoding in ["map", "classes"] {
+            let manifest = Manifest::parse(&text.replace("\"map\"", &format!("\"{encoding}\""))).unwrap();
+            let tissues = ["placenta", "skull"].map(str::to_owned);
+            let segmentation = manifest.segmentation.as_ref().unwrap();
+            let of_station = ClassMap::of_tissues(segmentation, &tissues, Path::new("")).unwrap();
+            for (classes, number) in [(of_station, 0), (ClassMap::identity(segmentation), 1)] {
+                // A frame that is all outside looks like the padding beside it.
+                let input = Input {
+                    width: 3,
+                    height: 2,
+                    image: &[0; 6],
+                    segmentation: &[number; 6],
+                    attenuation: &[0.0; 6],
+                    mask: &[0; 6],
+                };
+                let mut tensor = vec![f32::NAN; manifest.tensor_channels() * 16];
+                fill(&manifest, Some(&classes), &input, &Geometry::new(3, 2, 4), &mut tensor).unwrap();
+                for plane in tensor.chunks_exact(16) {
+                    assert!(plane.iter().all(|v| *v == plane[0]), "{encoding}: {plane:?}");
+                }
+                let ones = tensor.iter().filter(|v| **v == 1.0).count();
+                assert_eq!(ones, 16, "{encoding}: the class `outside` alone is not -1: {tensor:?}");
+            }
+        }
     }
 
     #[test]
     fn a_plane_is_padded_at_right_and_bottom() {
         let geometry = Geometry::new(3, 2, 4);
         let mut tensor = vec![f32::NAN; 16];
-        plane(Some(&mut tensor), &geometry, &[1u8, 2, 3, 4, 5, 6], f32::from);
+        plane(Some(&mut tensor), &geometry, &[1u8, 2, 3, 4, 5, 6], 9.0, f32::from);
         #[rustfmt::skip]
-        assert_eq!(tensor, [1., 2., 3., 2.,  4., 5., 6., 5.,  1., 2., 3., 2.,  4., 5., 6., 5.]);
+        assert_eq!(tensor, [1., 2., 3., 9.,  4., 5., 6., 9.,  9., 9., 9., 9.,  9., 9., 9., 9.]);
     }
 
     #[test]
@@ -220,7 +263,7 @@ mod tests {
                 attenuation: &values,
                 mask: &[255; 4],
             };
-            let classes = ClassMap::identity(4);
+            let classes = ClassMap::identity(manifest.segmentation.as_ref().unwrap());
             let mut tensor = [0.0; 16];
             fill(&manifest, Some(&classes), &input, &Geometry::new(4, 1, 1), &mut tensor).unwrap();
             for (got, expected) in tensor[4 * at..4 * at + 4].iter().zip(expected) {

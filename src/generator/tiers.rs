@@ -159,8 +159,8 @@ impl Tiers {
         self.current.and_then(|i| self.tiers.get(i)).map(|tier| tier.name.as_str())
     }
 
-    /// A step up, if it is time for one. To be called before [`Tiers::start`].
-    pub fn step_up(&mut self, now: Duration) -> Option<Change> {
+    /// The tier that it is time to step up to. To be called before [`Tiers::start`].
+    pub fn next_up(&mut self, now: Duration) -> Option<usize> {
         if self.running.is_some() || now.saturating_sub(self.since) < self.budget.hold {
             return None;
         }
@@ -176,7 +176,12 @@ impl Tiers {
         }
         let due = |tier: &Tier| matches!(tier.state, TierState::OverBudget { retry_at } if now >= retry_at);
         // The nearest better one.
-        let to = self.tiers.iter().take(self.current.unwrap_or(self.tiers.len())).rposition(due)?;
+        self.tiers.iter().take(self.current.unwrap_or(self.tiers.len())).rposition(due)
+    }
+
+    /// Steps up to [`Tiers::next_up`], if there is one.
+    pub fn step_up(&mut self, now: Duration) -> Option<Change> {
+        let to = self.next_up(now)?;
         self.tiers[to].state = TierState::Ready;
         Some(self.change(now, Some(to), "there is time to spare".to_owned()))
     }

@@ -1,16 +1,15 @@
 //! Runs the generator beside the renderer.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use super::clock::{Clock, NEVER, lock};
 use super::events::Events;
 use super::frames::Pool;
-use super::parts::{Enhancer, Terminator};
+use super::generator_link::GeneratorLink;
+use super::parts::{Enhancer, Readiness};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
-use super::summary::GeneratorSummary;
 use crate::pose::Pose;
 use crate::sink::live::LiveSettings;
 
@@ -20,12 +19,6 @@ const FRAMES: usize = 4;
 /// Failures in a row after which the generator rests, and for how long at first and at most.
 const FAILURES: u32 = 3;
 const REST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(60));
-
-/// A run that goes on for so long after it was told to end won't.
-const GIVE_UP: Duration = Duration::from_secs(1);
-
-/// Weight of the latest run in the estimate of their time.
-const WEIGHT: f64 = 0.2;
 
 /// A generated picture.
 #[derive(Debug)]
@@ -46,121 +39,6 @@ pub(super) struct Generated {
     pub(super) deadline: Duration,
     /// Tier that made it.
     pub(super) tier: String,
-}
-
-/// How far the watch over one run has gone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Hang {
-    /// It is not too long yet.
-    #[default]
-    No,
-    /// It was told to end, or should have been, at this time.
-    Told(Duration),
-    /// It does not end. Nobody waits for it any more; should it come back, the generator goes on.
-    GivenUp,
-}
-
-/// What the presenter knows of the generator while it runs.
-#[derive(Debug, Default)]
-pub(super) struct GeneratorState {
-    /// The frame at work, and since when.
-    pub(super) busy: Option<(u64, Duration)>,
-    /// Time that a run takes, by the last ones; zero before the first.
-    pub(super) estimate: Duration,
-    /// What came of the run at work being too long.
-    hang: Hang,
-    pub(super) counts: GeneratorSummary,
-}
-
-/// Shared by the stage and the presenter.
-pub(super) struct GeneratorLink {
-    pub(super) state: Mutex<GeneratorState>,
-    terminator: Option<Terminator>,
-    hang: Duration,
-    /// Whether it takes no frames: after failures, or while no tier keeps the budget.
-    rests: AtomicBool,
-}
-
-impl GeneratorLink {
-    pub(super) fn new(enhancer: &dyn Enhancer, hang: Duration) -> Self {
-        Self { state: Mutex::default(), terminator: enhancer.terminator(), hang, rests: AtomicBool::new(false) }
-    }
-
-    /// Whether frames need maps for it.
-    pub(super) fn reads_maps(&self) -> bool {
-        !self.rests.load(Ordering::Relaxed)
-    }
-
-    /// When the picture of frame `number`, which the generator was given, may be expected.
-    pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
-        // What rests makes nothing.
-        if self.rests.load(Ordering::Relaxed) {
-            return None;
-        }
-        let state = lock(&self.state);
-        // A run that hangs says nothing about when the next one is done.
-        if state.estimate.is_zero() || state.hang != Hang::No {
-            return None;
-        }
-        match state.busy {
-            Some((busy, started)) if busy == number => Some(now.max(started + state.estimate)),
-            Some((busy, started)) if busy < number => Some(now.max(started + state.estimate) + state.estimate),
-            Some(_) => None,
-            None => Some(now + state.estimate),
-        }
-    }
-
-    /// When the run at work is to be looked at again, if one is at work that was not given up.
-    pub(super) fn hangs_at(&self) -> Option<Duration> {
-        let state = lock(&self.state);
-        let (_, started) = state.busy?;
-        match state.hang {
-            Hang::No => Some(started.saturating_add(self.hang)),
-            Hang::Told(at) => Some(at.saturating_add(GIVE_UP)),
-            Hang::GivenUp => None,
-        }
-    }
-
-    /// Ends a run that takes too long, and gives up one that doesn't end. Returns what to say about it.
-    pub(super) fn watch(&self, now: Duration) -> Option<String> {
-        let mut state = lock(&self.state);
-        let (number, started) = state.busy?;
-        let after_s = now.saturating_sub(started).as_secs_f64();
-        match state.hang {
-            Hang::No if now >= started.saturating_add(self.hang) => {
-                state.hang = Hang::Told(now);
-                state.counts.hung += 1;
-                drop(state);
-                let did = match &self.terminator {
-                    Some(terminate) => {
-                        terminate();
-                        "and is told to end"
-                    }
-                    None => "and its provider cannot end it",
-                };
-                Some(format!(
-                    "the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"
-                ))
-            }
-            Hang::Told(at) if now >= at.saturating_add(GIVE_UP) => {
-                state.hang = Hang::GivenUp;
-                state.counts.given_up += 1;
-                Some(format!(
-                    "the generator does not come back from frame {number} after {after_s:.1} s and is given up; rendered frames are shown"
-                ))
-            }
-            _ => None,
-        }
-    }
-
-    /// Ends the run at work, for the session's end.
-    pub(super) fn terminate(&self) {
-        if lock(&self.state).busy.is_some()
-            && let Some(terminate) = &self.terminator
-        {
-            terminate();
-        }
-    }
 }
 
 /// What the stage is put together from.
@@ -186,27 +64,34 @@ impl GenerateStage {
         let mut pool: Option<Pool<Generated>> = None;
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
-            let rests = self.clock.now() < health.resting_until || !self.enhancer.ready();
-            self.link.rests.store(rests, Ordering::Relaxed);
-            // The first frames after a rest were rendered without the maps that it reads.
-            if rests || !rendered.maps {
+            let (number, settings) = (rendered.number, rendered.settings);
+            if self.takes(&rendered, &health) {
+                let pool = pool.get_or_insert_with(|| Pool::new(FRAMES, move || Generated::empty(settings)));
+                self.translate(rendered, pool, &mut health);
+            } else {
                 lock(&self.link.state).counts.dropped += 1;
-                continue;
             }
-            let settings = rendered.settings;
-            let pool = pool.get_or_insert_with(|| Pool::new(FRAMES, move || Generated::empty(settings)));
-            self.translate(&rendered, pool, &mut health);
+            self.link.done_with(number, &*self.clock);
         }
         self.to_presenter.close();
     }
 
-    fn translate(&mut self, rendered: &Arc<Rendered>, pool: &mut Pool<Generated>, health: &mut Health) {
+    /// Whether the frame can be translated; the renderer hears what the next ones need.
+    fn takes(&mut self, rendered: &Rendered, health: &Health) -> bool {
+        let readiness = match self.clock.now() < health.resting_until {
+            true => Readiness::Rests,
+            false => self.enhancer.ready(rendered.maps),
+        };
+        // After failures nothing reads anything.
+        let reads_maps = self.clock.now() >= health.resting_until && self.enhancer.reads_maps();
+        self.link.say(readiness == Readiness::Rests, reads_maps);
+        readiness == Readiness::Runs
+    }
+
+    fn translate(&mut self, rendered: Arc<Rendered>, pool: &mut Pool<Generated>, health: &mut Health) {
         let _span = tracing::debug_span!("generate", number = rendered.number).entered();
         let started = self.clock.now();
-        {
-            let mut state = lock(&self.link.state);
-            (state.busy, state.hang) = (Some((rendered.number, started)), Hang::No);
-        }
+        self.link.begin(rendered.number, started);
         let filled = pool.fill(|generated| {
             let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
             generated.image.clear();
@@ -225,20 +110,18 @@ impl GenerateStage {
             generated.tier.push_str(self.enhancer.tier());
             result
         });
+        // The presenter, who may have the whole frame then, need not copy it.
+        drop(rendered);
         let ended = self.clock.now();
-        let mut state = lock(&self.link.state);
-        state.busy = None;
-        if std::mem::take(&mut state.hang) == Hang::GivenUp {
-            let after_s = ended.saturating_sub(started).as_secs_f64();
+        let took = ended.saturating_sub(started);
+        if self.link.end() {
+            let after_s = took.as_secs_f64();
             self.events.info(&format!("the generator that was given up is back after {after_s:.1} s"));
         }
+        let mut state = lock(&self.link.state);
         match filled {
             Some((generated, Ok(()))) => {
-                let took = ended.saturating_sub(started);
-                state.estimate = match state.estimate {
-                    Duration::ZERO => took,
-                    estimate => estimate.mul_f64(1.0 - WEIGHT) + took.mul_f64(WEIGHT),
-                };
+                state.took(took);
                 state.counts.done += 1;
                 state.counts.late += u64::from(ended > generated.deadline);
                 drop(state);

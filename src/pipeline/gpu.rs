@@ -82,6 +82,10 @@ impl FrameRenderer for GpuRenderer {
         self.renderer.reconfigure(probe, &settings).map_err(fault)
     }
 
+    fn on_processors(&self) -> bool {
+        self.renderer.on_host()
+    }
+
     fn set_time_s(&mut self, time_s: f64) {
         self.renderer.set_time_s(time_s);
     }

@@ -16,6 +16,7 @@ mod deadline;
 mod events;
 mod frames;
 mod generate_stage;
+mod generator_link;
 mod gpu;
 mod histogram;
 mod metrics;
@@ -46,7 +47,8 @@ pub use gpu::{GpuFactory, GpuRenderer};
 pub use histogram::{Histogram, Percentiles};
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
-    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory, Terminator,
+    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, Readiness, RenderFault, RendererFactory,
+    Terminator,
 };
 pub use quality_budget::{QualityBudget, QualityChange, QualitySummary};
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};

@@ -76,6 +76,12 @@ pub trait FrameRenderer: Send {
     /// A device that fails; settings that it refuses, after which it goes on with the ones before.
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault>;
 
+    /// Whether the machine's own processors make its frames, each within `submit`: a submitted frame is then done, and a
+    /// generator that runs on them takes turns with it.
+    fn on_processors(&self) -> bool {
+        false
+    }
+
     /// Whether somebody reads segmentation and attenuation of the frames that are submitted from now on. Those that
     /// nobody reads may be empty; one that always makes them need not listen.
     fn set_maps(&mut self, _wanted: bool) {}
@@ -98,13 +104,35 @@ pub struct EnhanceError(pub String);
 /// Ends a run of an [`Enhancer`] from another thread, where its provider can.
 pub type Terminator = Arc<dyn Fn() + Send + Sync>;
 
+/// What becomes of a frame that an [`Enhancer`] is offered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Readiness {
+    /// It can be translated.
+    Runs,
+    /// It can't be translated without its maps.
+    NeedsMaps,
+    /// Nothing may run now.
+    Rests,
+}
+
 /// Translates rendered frames to generated ones.
 pub trait Enhancer: Send {
     /// Name of the tier at work.
     fn tier(&self) -> &str;
 
-    /// Whether anything may run now. Where not, the frame is left out, which is no failure.
-    fn ready(&mut self) -> bool {
+    /// Whether a run takes the machine's own processors, in place of a device of its own.
+    fn on_processors(&self) -> bool {
+        false
+    }
+
+    /// Whether the frame that is there can be translated: one with segmentation and attenuation, or without its `maps`.
+    /// Where not, it is left out, which is no failure.
+    fn ready(&mut self, maps: bool) -> Readiness {
+        if maps { Readiness::Runs } else { Readiness::NeedsMaps }
+    }
+
+    /// Whether the next frames need their segmentation and attenuation, as of the last [`Enhancer::ready`].
+    fn reads_maps(&self) -> bool {
         true
     }
 

@@ -8,7 +8,7 @@ use super::clock::Clock;
 use super::controls::Controls;
 use super::events::Events;
 use super::frames::Pool;
-use super::generate_stage::GeneratorLink;
+use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, count};
 use super::pace::Pace;
 use super::parts::{FrameRenderer, ImageShape, PoseSample, PoseSource, RenderFault, RendererFactory};
@@ -27,6 +27,9 @@ const FRAMES: usize = 8;
 /// Shortest and longest wait before a device that failed again is opened.
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(5));
 
+/// A frame gives way to a generated picture for half a period, and no longer than this.
+const TURN: Duration = Duration::from_millis(250);
+
 /// A frame in flight.
 #[derive(Debug)]
 struct InFlight {
@@ -37,6 +40,8 @@ struct InFlight {
     maps: bool,
     /// When it is expected to be done.
     expected: Duration,
+    /// Whether it is done.
+    done: bool,
 }
 
 /// Where the renderer is.
@@ -84,6 +89,8 @@ pub(super) struct RenderStage {
     backoff: Duration,
     shape: ImageShape,
     pace: Pace,
+    /// When the last frame was begun.
+    begun: Duration,
     in_flight: VecDeque<InFlight>,
     pool: Pool<Rendered>,
     /// Takes a frame for which no memory is left.
@@ -106,6 +113,7 @@ impl RenderStage {
             device: Device::Ready(renderer),
             backoff: Duration::ZERO,
             pace: Pace::new(parts.period, parts.clock.now()),
+            begun: Duration::ZERO,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             pool: Pool::new(FRAMES, move || Rendered::empty(live)),
             scratch: Frame::default(),
@@ -126,16 +134,31 @@ impl RenderStage {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {
                 // The oldest is done by then, or there is no room for another.
-                Some(oldest) if oldest.expected <= submit_at || self.in_flight.len() == FRAMES_IN_FLIGHT => {
+                Some(oldest)
+                    if oldest.done || oldest.expected <= submit_at || self.in_flight.len() == FRAMES_IN_FLIGHT =>
+                {
                     self.receive();
                 }
                 _ if self.parts.clock.now() < submit_at => {
                     self.parts.stop.wait(submit_at);
                 }
+                _ if self.gives_way(submit_at) => {}
                 _ => self.tick(),
             }
         }
         self.end();
+    }
+
+    /// Waits where frames and generated pictures are made on the same processors and one of the latter is still at work:
+    /// at once both would take twice as long, and the picture would miss its frame. Returns whether it waited. A generator
+    /// that isn't about to be done gets no turn: frames come at two thirds of their rate at the least.
+    fn gives_way(&self, submit_at: Duration) -> bool {
+        let RenderParts { clock, period, generator, .. } = &self.parts;
+        // From when it could be there at the cadence: where both take longer than a period, frames come later and later.
+        let due = submit_at.max(self.begun.saturating_add(*period));
+        let until = due.saturating_add((*period / 2).min(TURN));
+        let on_processors = matches!(&self.device, Device::Ready(renderer) if renderer.on_processors());
+        on_processors && generator.as_ref().is_some_and(|link| link.wait_for_turn(&**clock, until))
     }
 
     /// Begins a frame.
@@ -157,12 +180,15 @@ impl RenderStage {
         match (&mut self.device, sample.scene_from_probe) {
             (Device::Ready(renderer), Some(pose)) => {
                 let _span = tracing::debug_span!("submit", number).entered();
+                self.begun = now;
                 renderer.set_maps(maps);
                 renderer.set_time_s(scene_time.as_secs_f64());
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);
-                        self.in_flight.push_back(InFlight { number, sample, timeline, settings, maps, expected });
+                        let done = renderer.on_processors();
+                        let begun = InFlight { number, sample, timeline, settings, maps, expected, done };
+                        self.in_flight.push_back(begun);
                     }
                     Err(fault) => {
                         self.pace.ticked(now);
@@ -341,7 +367,8 @@ impl RenderStage {
     fn without_picture(&mut self, number: u64, sample: &PoseSample, timeline: FrameTimeline) {
         let sample = PoseSample { scene_from_probe: None, ..*sample };
         let settings = self.parts.controls.live();
-        let begun = InFlight { number, sample, timeline, settings, maps: true, expected: Duration::ZERO };
+        let expected = Duration::ZERO;
+        let begun = InFlight { number, sample, timeline, settings, maps: true, expected, done: true };
         let filled = self.pool.fill(|rendered| {
             blacken(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner), self.shape);
             describe(rendered, &begun, &self.parts, self.shape);
@@ -353,10 +380,11 @@ impl RenderStage {
     }
 
     fn hand_on(&self, rendered: Arc<Rendered>) {
-        if let Some(generator) = &self.parts.to_generator
+        if let (Some(generator), Some(link)) = (&self.parts.to_generator, &self.parts.generator)
             && rendered.pose.is_some()
             && rendered.settings.enhance
         {
+            link.give(rendered.number);
             generator.put(rendered.clone());
         }
         self.parts.to_presenter.put(rendered);

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::clock::Clock;
-use super::parts::{EnhanceError, Enhancer, Terminator};
-use crate::generator::{Change, Generator, GeneratorError, Input, LoadedTiers, Outcome, Tiers};
+use super::parts::{EnhanceError, Enhancer, Readiness, Terminator};
+use crate::generator::{Change, Channel, Generator, GeneratorError, Input, LoadedTiers, Outcome, Provider, Tiers};
 use crate::render::Frame;
 
 /// The generators of a station, the best that keeps the budget at work.
@@ -13,16 +13,19 @@ pub struct TieredEnhancer {
     tiers: Tiers,
     clock: Arc<dyn Clock>,
     name: String,
-    can_stop: bool,
+    provider: Provider,
+    /// Whether the next frames need their maps.
+    reads_maps: bool,
 }
 
 impl TieredEnhancer {
     /// From loaded models; none where no model is left to run.
     pub fn new(loaded: LoadedTiers, clock: Arc<dyn Clock>) -> Option<Self> {
         let LoadedTiers { generators, tiers, .. } = loaded;
-        let can_stop = generators.first()?.provider().can_stop();
+        let provider = generators.first()?.provider();
         let name = tiers.name().unwrap_or("none").to_owned();
-        Some(Self { generators, tiers, clock, name, can_stop })
+        let reads_maps = tiers.current().is_some_and(|tier| reads_maps(&generators, tier));
+        Some(Self { generators, tiers, clock, name, provider, reads_maps })
     }
 
     fn changed(&mut self, change: Option<Change>) {
@@ -34,15 +37,40 @@ impl TieredEnhancer {
     }
 }
 
+/// Whether that tier reads more than image and mask.
+fn reads_maps(generators: &[Generator], tier: usize) -> bool {
+    let manifest = generators.get(tier).map(Generator::manifest);
+    manifest.is_some_and(|m| m.takes(Channel::Segmentation) || m.takes(Channel::Attenuation))
+}
+
 impl Enhancer for TieredEnhancer {
     fn tier(&self) -> &str {
         &self.name
     }
 
-    fn ready(&mut self) -> bool {
-        let step = self.tiers.step_up(self.clock.now());
-        self.changed(step);
-        self.tiers.current().is_some()
+    fn on_processors(&self) -> bool {
+        self.provider == Provider::Cpu
+    }
+
+    fn ready(&mut self, maps: bool) -> Readiness {
+        let now = self.clock.now();
+        let reads = |tier| reads_maps(&self.generators, tier);
+        // A better tier begins with the first frame that has what it reads; until then the one at work goes on.
+        let next = self.tiers.next_up(now);
+        self.reads_maps = next.or(self.tiers.current()).is_some_and(reads);
+        if next.is_some_and(|tier| maps || !reads(tier)) {
+            let step = self.tiers.step_up(now);
+            self.changed(step);
+        }
+        match self.tiers.current() {
+            Some(tier) if maps || !reads_maps(&self.generators, tier) => Readiness::Runs,
+            Some(_) => Readiness::NeedsMaps,
+            None => Readiness::Rests,
+        }
+    }
+
+    fn reads_maps(&self) -> bool {
+        self.reads_maps
     }
 
     fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
@@ -63,7 +91,7 @@ impl Enhancer for TieredEnhancer {
 
     fn terminator(&self) -> Option<Terminator> {
         let runs: Vec<_> = self.generators.iter().map(Generator::terminator).collect();
-        self.can_stop.then(|| -> Terminator {
+        self.provider.can_stop().then(|| -> Terminator {
             Arc::new(move || {
                 for run in &runs {
                     // Only the one at work has a run to end.

@@ -249,6 +249,11 @@ impl Renderer {
         &self.now.tables.kernels.clipped
     }
 
+    /// Whether the host's processors make its frames, within [`Renderer::submit`], and nothing of them is left to the device.
+    pub fn on_host(&self) -> bool {
+        self.now.host_frame.is_some()
+    }
+
     /// Frames that were submitted and not received.
     pub fn frames_in_flight(&self) -> usize {
         self.in_flight.len()

@@ -35,6 +35,12 @@ class Encoder:
         """Which channel the LQ image is, if it is one."""
         return self.names.index("image") if self.names[0] == "image" else None
 
+    @property
+    def outside(self):
+        """Input [1, channels, 1, 1] of what is outside the sector: zeros in every map."""
+        planes, mask = (torch.zeros(1, count, 1, 1, dtype=torch.uint8, device=self.device) for count in (4, 1))
+        return self.input(planes, mask)
+
     def input(self, planes, mask):
         """Input float32 [n, channels, h, w] of planes uint8 [n, 4, h, w] and mask uint8 [n, 1, h, w]."""
         planes, mask = self._bytes(planes), self._bytes(mask)

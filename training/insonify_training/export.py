@@ -58,23 +58,21 @@ def write_onnx(network, channels, path):
     )
 
 
-def padded(tensor, multiple):
-    """`tensor` [..., h, w] mirrored at right and bottom up to a multiple, as the station does."""
-
-    def index(n):
-        period = max(2 * (n - 1), 1)
-        i = torch.arange(-(-n // multiple) * multiple) % period
-        return torch.minimum(i, period - i)
-
-    return tensor[..., index(tensor.shape[-2])[:, None], index(tensor.shape[-1])]
+def padded(inputs, multiple, outside):
+    """`inputs` [n, c, h, w], with `outside` [1, c, 1, 1] at right and bottom up to a multiple, as the station does."""
+    n, channels, height, width = inputs.shape
+    shape = (n, channels, -(-height // multiple) * multiple, -(-width // multiple) * multiple)
+    out = outside.expand(shape).clone()
+    out[..., :height, :width] = inputs
+    return out
 
 
-def run_onnx(session, inputs, multiple):
+def run_onnx(session, inputs, multiple, outside):
     """Output [n, 1, h, w] of the model for inputs of any size."""
     height, width = inputs.shape[-2:]
     return torch.from_numpy(
         np.concatenate(
-            [session.run(None, {"input": padded(one[None], multiple).contiguous().numpy()})[0] for one in inputs]
+            [session.run(None, {"input": padded(one[None], multiple, outside).numpy()})[0] for one in inputs]
         )
     )[..., :height, :width]
 
@@ -140,7 +138,7 @@ def measure(trainer, ort, multiple, data, frames):
     for row in rows:
         planes, mask = np.array(data.planes(row))[None], np.array(data.mask(row))[None, None]
         inputs, target, inside = trainer.encode(planes, mask)
-        output = run_onnx(ort, inputs, multiple).clamp(0, 1) * inside
+        output = run_onnx(ort, inputs, multiple, trainer.encode.outside).clamp(0, 1) * inside
         lq = torch.from_numpy(planes[:, LQ : LQ + 1]).float() / 255 * inside
         values.append([f(p, target).item() for p in (output, lq) for f in (psnr_db, ssim)])
     return np.mean(values, axis=0)
@@ -161,10 +159,12 @@ def export(run, data, out, description=None, frames=32, name=None):
 
     parity, planes, mask = parity_planes(data, encode)
     inputs, _, inside = encode(planes[None], mask[None, None])
+    whole = padded(inputs, multiple, encode.outside)
     with torch.no_grad():
-        live = trainer.average(padded(inputs, multiple))[..., : mask.shape[0], : mask.shape[1]].clamp(0, 1) * inside
-        expected = network(padded(inputs, multiple))[..., : mask.shape[0], : mask.shape[1]].clamp(0, 1) * inside
-    found = run_onnx(ort, inputs, multiple).clamp(0, 1) * inside
+        live, expected = (
+            of(whole)[..., : mask.shape[0], : mask.shape[1]].clamp(0, 1) * inside for of in (trainer.average, network)
+        )
+    found = run_onnx(ort, inputs, multiple, encode.outside).clamp(0, 1) * inside
     differences = {
         "folded_levels": (expected - live).abs().max().item() * 255,
         "onnxruntime_levels": (expected - found).abs().max().item() * 255,

@@ -6,6 +6,8 @@ import pytest
 import torch
 
 from insonify_training import export, train
+from insonify_training.channels import Encoder
+from insonify_training.classes import Segmentation
 from insonify_training.sheets import read_log
 from insonify_training.trainer import read_checkpoint
 
@@ -70,11 +72,25 @@ def test_an_export_is_what_the_manifest_says(data, data_dir, tmp_path, flags):
             maps = [{"image": image / 255, "mask": mask / 255, "segmentation": classes, "attenuation": attenuation}[name]]
         affine = table[name]
         channels += [m ** affine.get("power", 1.0) * affine["scale"] + affine["offset"] for m in maps]
-    tensor = torch.from_numpy(np.stack(channels)[None].astype(np.float32))
+    tensor = np.stack(channels)[None].astype(np.float32)
+    # No padding is needed.
+    assert all(side % manifest["padding_multiple"] == 0 for side in mask.shape)
     session = export.session(tmp_path / "tiny_msa/tiny_msa.onnx", 1)
-    output = export.run_onnx(session, tensor, manifest["padding_multiple"])[0, 0].numpy()
+    output = session.run(None, {"input": tensor})[0][0, 0]
     levels = np.clip(output * 255, 0, 255) * (mask > 0)
     assert np.abs(levels - expected).max() < manifest["parity"]["tolerance"]
+
+
+def test_what_is_outside_is_padded_at_right_and_bottom(data):
+    for encoding in ("map", "classes"):
+        encode = Encoder("MSA", Segmentation.make(encoding), data)
+        # A frame that is all outside goes on as it is.
+        inputs = encode.input(np.zeros((2, 4, 3, 5), np.uint8), np.zeros((2, 1, 3, 5), np.uint8))
+        whole = export.padded(inputs, 4, encode.outside)
+        assert whole.shape == (2, encode.channels, 4, 8)
+        assert (whole == whole[..., :1, :1]).all()
+        inputs += 1
+        assert (export.padded(inputs, 4, encode.outside)[..., :3, :5] == inputs).all()
 
 
 def test_the_log_keeps_the_last_of_a_step(tmp_path):

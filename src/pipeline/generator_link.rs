@@ -1,0 +1,223 @@
+//! What the other stages know of the generator: whether it is at work, for how long, and what it needs.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use super::clock::{Clock, Signal, lock};
+use super::parts::{Enhancer, Terminator};
+use super::summary::GeneratorSummary;
+
+/// A run that goes on for so long after it was told to end won't.
+const GIVE_UP: Duration = Duration::from_secs(1);
+
+/// Weight of the latest run in the estimate of their time.
+const WEIGHT: f64 = 0.2;
+
+/// Growth of what counts as an undisturbed run's time with each run: a slower tier is known after a dozen.
+const FORGET: f64 = 1.0625;
+
+/// How far the watch over one run has gone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Hang {
+    /// It is not too long yet.
+    #[default]
+    No,
+    /// It was told to end, or should have been, at this time.
+    Told(Duration),
+    /// It does not end. Nobody waits for it any more; should it come back, the generator goes on.
+    GivenUp,
+}
+
+/// What the other stages know of the generator while it runs.
+#[derive(Debug, Default)]
+pub(super) struct GeneratorState {
+    /// The last frame that it was given, until it is done with it.
+    given: Option<u64>,
+    /// The frame at work, and since when.
+    busy: Option<(u64, Duration)>,
+    /// Time that a run takes, by the last ones; zero before the first.
+    estimate: Duration,
+    /// Time that a run takes while nothing disturbs it, by the fastest of the last ones; zero before the first.
+    undisturbed: Duration,
+    /// What came of the run at work being too long.
+    hang: Hang,
+    pub(super) counts: GeneratorSummary,
+}
+
+impl GeneratorState {
+    /// A run took so long.
+    pub(super) fn took(&mut self, time: Duration) {
+        self.estimate = match self.estimate {
+            Duration::ZERO => time,
+            estimate => estimate.mul_f64(1.0 - WEIGHT) + time.mul_f64(WEIGHT),
+        };
+        // Runs that were disturbed must not look like slow ones: nobody would give way to them any more.
+        self.undisturbed = match self.undisturbed {
+            Duration::ZERO => time,
+            least => time.min(least.mul_f64(FORGET)),
+        };
+    }
+}
+
+/// Shared by the stages.
+pub(super) struct GeneratorLink {
+    pub(super) state: Mutex<GeneratorState>,
+    terminator: Option<Terminator>,
+    hang: Duration,
+    /// Whether a run takes the processors that frames may be made on.
+    on_processors: bool,
+    /// Notified each time that it is done with a frame.
+    done: Signal,
+    /// Whether it takes no frames: after failures, or while no tier keeps the budget.
+    rests: AtomicBool,
+    /// Whether the tier that takes them reads their maps.
+    reads_maps: AtomicBool,
+}
+
+impl GeneratorLink {
+    pub(super) fn new(enhancer: &dyn Enhancer, hang: Duration) -> Self {
+        Self {
+            state: Mutex::default(),
+            terminator: enhancer.terminator(),
+            hang,
+            on_processors: enhancer.on_processors(),
+            done: Signal::default(),
+            rests: AtomicBool::new(false),
+            reads_maps: AtomicBool::new(enhancer.reads_maps()),
+        }
+    }
+
+    /// Whether frames need maps for it.
+    pub(super) fn reads_maps(&self) -> bool {
+        self.reads_maps.load(Ordering::Relaxed)
+    }
+
+    /// It is about to be given frame `number`.
+    pub(super) fn give(&self, number: u64) {
+        lock(&self.state).given = Some(number);
+    }
+
+    /// Waits until it is done with all that it was given, `until` at the latest, where it takes processors that others need
+    /// and would be done by then if it were left alone. Returns whether it waited.
+    pub(super) fn wait_for_turn(&self, clock: &dyn Clock, until: Duration) -> bool {
+        let (seen, now) = (self.done.generation(), clock.now());
+        let waits = self.on_processors && now < until && self.busy_until(now).is_some_and(|end| end <= until);
+        if waits {
+            clock.wait(&self.done, seen, until);
+        }
+        waits
+    }
+
+    /// Until when it would be at work on all that it was given if it were left alone; none where that is nothing, or where a
+    /// run hangs.
+    fn busy_until(&self, now: Duration) -> Option<Duration> {
+        let state = lock(&self.state);
+        let given = state.given.filter(|_| state.hang == Hang::No)?;
+        Some(match state.busy {
+            Some((busy, started)) if busy == given => now.max(started + state.undisturbed),
+            Some((_, started)) => now.max(started + state.undisturbed) + state.undisturbed,
+            None => now + state.undisturbed,
+        })
+    }
+
+    /// What it says of itself to the other stages: whether it takes no frames, and whether the tier that takes them reads
+    /// their maps.
+    pub(super) fn say(&self, rests: bool, reads_maps: bool) {
+        self.rests.store(rests, Ordering::Relaxed);
+        self.reads_maps.store(reads_maps, Ordering::Relaxed);
+    }
+
+    /// A run on frame `number` begins.
+    pub(super) fn begin(&self, number: u64, now: Duration) {
+        let mut state = lock(&self.state);
+        (state.busy, state.hang) = (Some((number, now)), Hang::No);
+    }
+
+    /// The run has ended. Returns whether it had been given up.
+    pub(super) fn end(&self) -> bool {
+        let mut state = lock(&self.state);
+        state.busy = None;
+        std::mem::take(&mut state.hang) == Hang::GivenUp
+    }
+
+    /// Frame `number` is translated or left out.
+    pub(super) fn done_with(&self, number: u64, clock: &dyn Clock) {
+        {
+            let mut state = lock(&self.state);
+            state.given = state.given.filter(|given| *given != number);
+        }
+        clock.notify(&self.done);
+    }
+
+    /// When the picture of frame `number`, which the generator was given, may be expected.
+    pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
+        // What rests makes nothing.
+        if self.rests.load(Ordering::Relaxed) {
+            return None;
+        }
+        let state = lock(&self.state);
+        // A run that hangs says nothing about when the next one is done.
+        if state.estimate.is_zero() || state.hang != Hang::No {
+            return None;
+        }
+        match state.busy {
+            Some((busy, started)) if busy == number => Some(now.max(started + state.estimate)),
+            Some((busy, started)) if busy < number => Some(now.max(started + state.estimate) + state.estimate),
+            Some(_) => None,
+            None => Some(now + state.estimate),
+        }
+    }
+
+    /// When the run at work is to be looked at again, if one is at work that was not given up.
+    pub(super) fn hangs_at(&self) -> Option<Duration> {
+        let state = lock(&self.state);
+        let (_, started) = state.busy?;
+        match state.hang {
+            Hang::No => Some(started.saturating_add(self.hang)),
+            Hang::Told(at) => Some(at.saturating_add(GIVE_UP)),
+            Hang::GivenUp => None,
+        }
+    }
+
+    /// Ends a run that takes too long, and gives up one that doesn't end. Returns what to say about it.
+    pub(super) fn watch(&self, now: Duration) -> Option<String> {
+        let mut state = lock(&self.state);
+        let (number, started) = state.busy?;
+        let after_s = now.saturating_sub(started).as_secs_f64();
+        match state.hang {
+            Hang::No if now >= started.saturating_add(self.hang) => {
+                state.hang = Hang::Told(now);
+                state.counts.hung += 1;
+                drop(state);
+                let did = match &self.terminator {
+                    Some(terminate) => {
+                        terminate();
+                        "and is told to end"
+                    }
+                    None => "and its provider cannot end it",
+                };
+                Some(format!(
+                    "the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"
+                ))
+            }
+            Hang::Told(at) if now >= at.saturating_add(GIVE_UP) => {
+                state.hang = Hang::GivenUp;
+                state.counts.given_up += 1;
+                Some(format!(
+                    "the generator does not come back from frame {number} after {after_s:.1} s and is given up; rendered frames are shown"
+                ))
+            }
+            _ => None,
+        }
+    }
+
+    /// Ends the run at work, for the session's end.
+    pub(super) fn terminate(&self) {
+        if lock(&self.state).busy.is_some()
+            && let Some(terminate) = &self.terminator
+        {
+            terminate();
+        }
+    }
+}
