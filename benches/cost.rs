@@ -42,6 +42,11 @@ struct Curve {
 
 fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    const NAMES: [&str; 6] = ["triangles", "rays", "layers", "samples", "scanlines", "image"];
+    if let Some(unknown) = wanted.iter().find(|w| !NAMES.contains(&w.as_str())) {
+        eprintln!("`{unknown}` is no curve; they are {}", NAMES.join(", "));
+        std::process::exit(2);
+    }
     let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w == name);
     let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
     println!("{} ({})", gpu.adapter_name(), gpu.driver());

@@ -29,7 +29,7 @@ where
     let (_, panels) = area.split_vertically(34);
     for (curve, panel) in curves.iter().zip(panels.split_evenly(PANELS)) {
         let frames = || curve.points.iter().map(|p| (p.x, p.total_ms));
-        let (first, last) = (frames().next().unwrap_or((1.0, 1.0)).0, frames().last().unwrap_or((2.0, 1.0)).0);
+        let (first, last) = (frames().next().unwrap_or((1.0, 1.0)).0, frames().next_back().unwrap_or((2.0, 1.0)).0);
         let most_ms = frames().map(|(_, ms)| ms).fold(1.0, f64::max);
         let exponent = exponent(&curve.points, |p| p.total_ms);
         let mut chart = ChartBuilder::on(&panel)

@@ -18,11 +18,16 @@ def l1(output, target):
     return F.l1_loss(output, target)
 
 
-def patch_histogram(output, target, offset, side=32):
+# Side of the patches whose histograms are compared: pKL's.
+PATCH = 32
+
+
+def patch_histogram(output, target, offset, side=PATCH):
     """Mean distance between the grey levels that patches of `side` pixels hold, wherever in the patch they are: the
     1-Wasserstein distance of their histograms, by sorting. What L1 smooths away, this asks for.
 
-    Patches begin `offset` pixels from the upper left corner; what is left over at the edges isn't looked at.
+    Patches begin `offset` pixels from the upper left corner; what is left over at the edges isn't looked at. Pictures are
+    `side` + `offset` pixels high and wide at least.
     """
 
     def levels(picture):

@@ -49,7 +49,8 @@ class Config:
 
 FAST = Config(network="stride8")
 MIDDLE = Config(network="stride4")
-CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, ndf=16)
+# pix2pix as the paper has it, but small.
+CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, ndf=16, histogram_weight=0.0)
 # For a GPU: the paper's network and schedule.
 PAPER = Config(
     network="unet64",
@@ -58,6 +59,7 @@ PAPER = Config(
     batch=16,
     crop=512,
     rate=2e-4,
+    histogram_weight=0.0,
     decay_from=1.0,
     ndf=64,
     warmup=2000,

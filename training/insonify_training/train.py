@@ -15,6 +15,7 @@ from pathlib import Path
 import torch
 
 from .dataset import LQ, Crops, Dataset, DatasetError
+from .losses import PATCH
 from .quality import psnr_db, ssim
 from .sheets import loss_plot, sample_sheet
 from .tiers import TIERS, Config
@@ -49,7 +50,10 @@ def parser():
 def configure(args):
     """The tier's config with the flags' values in it."""
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
-    return replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
+    config = replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
+    if config.histogram_weight > 0 and config.crop < 2 * PATCH:
+        raise SystemExit(f"--crop {config.crop}: histograms are of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
+    return config
 
 
 class Run:

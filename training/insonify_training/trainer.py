@@ -57,7 +57,7 @@ class Trainer:
         seen["l1"] = loss.detach()
         if config.histogram_weight > 0:
             # From step to step the patches lie elsewhere, so that their edges leave no trace.
-            histogram = losses.patch_histogram(output, target, self.step * 7 % 32)
+            histogram = losses.patch_histogram(output, target, self.step * 7 % losses.PATCH)
             seen["histogram"] = histogram.detach()
             loss = loss + config.histogram_weight * histogram
         loss = config.l1_weight * loss
@@ -128,7 +128,10 @@ class Trainer:
     def load(self, state):
         """Goes on from `state`."""
         for part in ("generator", "discriminator", "average", "generator_adam", "discriminator_adam"):
-            getattr(self, part).load_state_dict(state[part])
+            try:
+                getattr(self, part).load_state_dict(state[part])
+            except (RuntimeError, ValueError) as error:
+                raise SystemExit(f"the checkpoint's {part} is of another network of that name: train anew ({error})") from None
         self.step, self.seconds = state["step"], state["seconds"]
 
 

@@ -212,12 +212,13 @@ impl Renderer {
     }
 }
 
-/// Splits the paths over the cores. A path's outputs depend on nothing but the path.
+/// Splits the paths over the cores, in whole bundles. A path's outputs depend on nothing but the path, unless more lies behind
+/// its first ray than has room: what is lost then, and counted, depends on its neighbours.
 fn follow_all(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: PathOutputs<'_>) -> u32 {
     if paths.len() <= PATHS_A_TASK {
         return follow(scene, paths.start, &mut out);
     }
-    let half = paths.len() / 2;
+    let half = (paths.len() / 2).next_multiple_of(Bundle::PATHS);
     let middle = paths.start + half;
     let (low, high) = out.split_at(half);
     let (a, b) = rayon::join(

@@ -1,4 +1,5 @@
-//! Eight rays that go much the same way, through the tree at once: each finds what `traverse` finds for it alone.
+//! Eight rays that go much the same way, through the tree at once: `shaders/shared/{nearest,collect}.wgsl`. Each finds what it
+//! finds alone.
 
 use glam::Vec3;
 
@@ -105,6 +106,7 @@ struct Met {
 
 /// Tests a node's boxes with the rays of `rays`.
 #[inline(always)]
+#[allow(clippy::needless_range_loop, reason = "several arrays go together")]
 fn meet(tree: &Tree<'_>, node: u32, packet: &Packet, rays: u32, first: &Lanes, last: &Lanes) -> Met {
     let node = &tree.nodes[node as usize];
     let mut met = Met { near: [f32::INFINITY; WIDTH], rays: [0; WIDTH] };
@@ -199,10 +201,11 @@ fn walk(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, mut found: impl F
             let met = meet(tree, visit.child, packet, visit.rays, &first, &last);
             let bottom = depth;
             for slot in 0..WIDTH {
-                if met.rays[slot] == 0 {
+                let child = tree.nodes[visit.child as usize].children[slot];
+                // The root is nobody's child: a ray that is not a number meets what is missing, too.
+                if met.rays[slot] == 0 || child == 0 {
                     continue;
                 }
-                let child = tree.nodes[visit.child as usize].children[slot];
                 let entry = Visit { near: met.near[slot], child, rays: met.rays[slot] };
                 // Nearest on top.
                 let mut at = depth;
@@ -283,8 +286,8 @@ pub(super) fn nearest(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits) -> 
     nearest
 }
 
-/// Every crossing of each ray in (t_min, t_max], in the order of the tree, those beyond `into` lost: how many each ray
-/// has, and how many are lost.
+/// Every crossing of each ray in (t_min, t_max], in no order, those that `into` has no room for lost: how many each ray has, and
+/// how many are lost. Where some are lost, which ones depends on the other rays.
 #[inline(always)]
 pub(super) fn collect(
     tree: &Tree<'_>,
@@ -306,4 +309,95 @@ pub(super) fn collect(
         packet.t_max[lane]
     });
     (counts, lost)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anatomy::analytic::{self, Part};
+    use crate::anatomy::{Bvh, TissueTable};
+    use crate::render::native::{traverse, tree::WideNode};
+    use crate::render::twin::hash::sample_unit;
+
+    /// Spheres that overlap, one inside another, and cuboids that share a face.
+    fn bvh() -> Bvh {
+        let sphere = |x: f32, z: f32, radius| analytic::sphere(Vec3::new(x, 0.0, z), radius, 3);
+        let cuboid = |x: f32| analytic::cuboid(Vec3::new(x, -4.0, 30.0), Vec3::new(x + 8.0, 4.0, 50.0));
+        let meshes =
+            [sphere(0.0, 20.0, 12.0), sphere(0.0, 20.0, 5.0), sphere(9.0, 26.0, 9.0), cuboid(-8.0), cuboid(0.0)];
+        let part = |(i, mesh)| Part { name: "part", tissue: "muscle", priority: i as i32, mesh };
+        let parts = meshes.into_iter().enumerate().map(part).collect();
+        Bvh::build(&analytic::scene(parts, &TissueTable::builtin().unwrap(), "liver").unwrap()).unwrap()
+    }
+
+    /// A ray of packet `trial`: neighbours by a spread of mm and of slope; now and then along an axis.
+    fn ray(trial: u32, lane: u32, spread: f32) -> Ray {
+        let number = |dim| sample_unit(11, trial, 0, 0, dim) as f32 - 0.5;
+        let own = |dim| spread * (sample_unit(12, trial, lane, 0, dim) as f32 - 0.5);
+        let origin = Vec3::new(20.0 * number(0) + 10.0 * own(0), 6.0 * number(1) + 3.0 * own(1), 10.0 * number(2));
+        let slopes = Vec3::new(number(3) + own(3), number(4) + own(4), 1.0);
+        let direction = if trial.is_multiple_of(5) { Vec3::Z } else { slopes.normalize() };
+        Ray::new(origin, if trial.is_multiple_of(7) { -direction } else { direction })
+    }
+
+    #[test]
+    fn each_ray_of_a_packet_finds_what_it_finds_alone() {
+        let bvh = bvh();
+        let nodes: Vec<_> = bvh.nodes.iter().map(WideNode::decode).collect();
+        let tree = Tree { nodes: &nodes, triangles: &bvh.triangles };
+        let mut packet = Packet::new();
+        let (mut crossings, mut crowds, mut nothing) = (0, 0, 0);
+        for trial in 0..2000u32 {
+            // From rays that are one to rays that go anywhere.
+            let spread = [0.0, 0.01, 0.2, 2.0][trial as usize % 4];
+            let (t_min, t_max) = if trial.is_multiple_of(3) { (-40.0, 0.0) } else { (1.0e-3, 70.0) };
+            packet.clear();
+            let on = |lane: usize| sample_unit(13, trial, lane as u32, 0, 0) < [0.2, 0.6, 1.0][trial as usize % 3];
+            for lane in (0..RAYS).filter(|&lane| on(lane)) {
+                packet.set(lane, ray(trial, lane as u32, spread), t_min, t_max);
+            }
+            let mut together = [[Crossing::default(); 64]; RAYS];
+            let into = together.each_mut().map(|lane| &mut lane[..]);
+            let (counts, lost) = collect(&tree, &packet, &mut Visits::new(), into);
+            let first = nearest(&tree, &packet, &mut Visits::new());
+            assert_eq!(lost, 0);
+            for lane in 0..RAYS {
+                let mut alone = [Crossing::default(); 64];
+                let single = ray(trial, lane as u32, spread);
+                let count = match on(lane) {
+                    true => traverse::collect(&tree, &single, t_min, t_max, &mut Stack::new(), &mut alone).0,
+                    false => 0,
+                };
+                let by_place = |a: &Crossing, b: &Crossing| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle));
+                alone[..count].sort_by(by_place);
+                together[lane][..counts[lane]].sort_by(by_place);
+                assert_eq!(together[lane][..counts[lane]], alone[..count], "ray {lane} of packet {trial}");
+                assert_eq!(first[lane].map(|n| n.crossing.t), alone[..count].first().map(|c| c.t));
+                crossings += count;
+                match first[lane] {
+                    None => nothing += 1,
+                    Some(first) => {
+                        let near = alone[..count].iter().filter(|c| c.t <= alone[0].t + TOUCH_MM).count();
+                        assert!(first.crowded || near == 1, "ray {lane} of packet {trial}");
+                        crowds += u32::from(near > 1);
+                    }
+                }
+            }
+        }
+        // There was something to find, and something to get wrong.
+        assert!(crossings > 10_000 && crowds > 100 && nothing > 100, "{crossings}, {crowds}, {nothing}");
+    }
+
+    #[test]
+    fn a_ray_that_is_not_a_number_ends() {
+        let bvh = bvh();
+        let nodes: Vec<_> = bvh.nodes.iter().map(WideNode::decode).collect();
+        let tree = Tree { nodes: &nodes, triangles: &bvh.triangles };
+        let mut packet = Packet::new();
+        packet.set(3, Ray::new(Vec3::NAN, Vec3::NAN), 0.0, 70.0);
+        assert_eq!(nearest(&tree, &packet, &mut Visits::new()), [None; RAYS]);
+        let mut found = [Crossing::default(); 8];
+        let single = Ray::new(Vec3::NAN, Vec3::NAN);
+        assert_eq!(traverse::collect(&tree, &single, 0.0, 70.0, &mut Stack::new(), &mut found), (0, 0));
+    }
 }

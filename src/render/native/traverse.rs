@@ -166,8 +166,11 @@ pub(crate) fn collect(
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;
                 mask &= mask - 1;
-                stack[depth].1 = node.children[slot];
-                depth += 1;
+                // The root is nobody's child: a ray that is not a number meets what is missing, too.
+                if node.children[slot] != 0 {
+                    stack[depth].1 = node.children[slot];
+                    depth += 1;
+                }
             }
             continue;
         }
