@@ -11,13 +11,17 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::Arc;
+use std::time::Duration;
 
 use insonify::anatomy::TissueTable;
 use insonify::generator::{
-    FeatureScale, Generator, GeneratorError, Input, LoadOptions, OnnxFeatures, Provider, Runtime, Settings, TierState,
-    load_tiers,
+    Budget, FeatureScale, Generator, GeneratorError, Input, LoadOptions, LoadedTiers, OnnxFeatures, Provider, Runtime,
+    Settings, TierState, Tiers, load_tiers,
 };
+use insonify::pipeline::{Clock, Enhancer, Readiness, SimulatedClock, TieredEnhancer};
 use insonify::quality::{FeatureExtractor, frechet_distance_of};
+use insonify::render::Frame;
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{npy, write_json};
 use sha2::{Digest, Sha256};
@@ -624,4 +628,42 @@ fn a_feature_extractor_gives_its_features() {
     // A generator is none: two channels in.
     let error = OnnxFeatures::load(&model("identity"), runtime(), FeatureScale::Unit).unwrap_err();
     assert_says(&error, &["identity.onnx", "1 or 3"]);
+}
+
+#[test]
+fn a_tier_that_reads_maps_begins_with_a_frame_that_has_them() {
+    let (better, fast) = (load("weighted_maps"), load("blur"));
+    let budget = Budget::new(Duration::from_millis(20));
+    let mut tiers = Tiers::new(budget);
+    tiers.add("weighted_maps", &[10, 30].map(Duration::from_millis));
+    tiers.add("blur", &[]);
+    let loaded = LoadedTiers { generators: vec![better, fast], tiers, refused: Vec::new() };
+    let clock: Arc<dyn Clock> = Arc::new(SimulatedClock::new());
+    let mut enhancer = TieredEnhancer::new(loaded, clock.clone()).unwrap();
+    assert!(enhancer.on_processors());
+    let maps = Maps::new((20, 10));
+    let with = Frame {
+        width: 20,
+        height: 10,
+        bmode: maps.image.clone(),
+        segmentation: maps.segmentation.clone(),
+        attenuation: maps.attenuation.clone(),
+        mask: maps.mask.clone(),
+        ..Frame::default()
+    };
+    let without = Frame { segmentation: Vec::new(), attenuation: Vec::new(), ..with.clone() };
+    let mut out = Vec::new();
+    for _ in 0..budget.settle {
+        assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::Runs, false));
+        enhancer.enhance(&without, &mut out).unwrap();
+    }
+    clock.sleep_until(budget.hold);
+    // Its time has come: frames with maps are asked for, and those without go on as before.
+    assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::Runs, true));
+    enhancer.enhance(&without, &mut out).unwrap();
+    assert_eq!(enhancer.tier(), "blur");
+    assert_eq!((enhancer.ready(true), enhancer.reads_maps()), (Readiness::Runs, true));
+    enhancer.enhance(&with, &mut out).unwrap();
+    assert_eq!(enhancer.tier(), "weighted_maps");
+    assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::NeedsMaps, true));
 }
