@@ -17,6 +17,10 @@ const WEIGHT: f64 = 0.2;
 /// Growth of what counts as an undisturbed run's time with each run: a slower tier is known after a dozen.
 const FORGET: f64 = 1.0625;
 
+/// After so many frames that did not wait for it, one does: runs that are always disturbed say nothing about those that
+/// aren't.
+const TRY_AGAIN: u32 = 16;
+
 /// How far the watch over one run has gone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Hang {
@@ -40,6 +44,8 @@ pub(super) struct GeneratorState {
     estimate: Duration,
     /// Time that a run takes while nothing disturbs it, by the fastest of the last ones; zero before the first.
     undisturbed: Duration,
+    /// Frames in a row that did not wait for it.
+    passed_over: u32,
     /// What came of the run at work being too long.
     hang: Hang,
     pub(super) counts: GeneratorSummary,
@@ -57,6 +63,27 @@ impl GeneratorState {
             Duration::ZERO => time,
             least => time.min(least.mul_f64(FORGET)),
         };
+    }
+}
+
+impl GeneratorState {
+    /// Whether a frame waits for it, `until` at the latest.
+    fn takes_a_turn(&mut self, now: Duration, until: Duration) -> bool {
+        let Some(end) = self.busy_until(now) else { return false };
+        let waits = end <= until || self.passed_over >= TRY_AGAIN;
+        self.passed_over = if waits { 0 } else { self.passed_over + 1 };
+        waits
+    }
+
+    /// Until when it would be at work on all that it was given if it were left alone: for ever where a run is overdue; none
+    /// where that is nothing, or where a run hangs.
+    fn busy_until(&self, now: Duration) -> Option<Duration> {
+        let given = self.given.filter(|_| self.hang == Hang::No)?;
+        let run = self.undisturbed;
+        let Some((busy, started)) = self.busy else { return Some(now + run) };
+        let overdue = !run.is_zero() && now > started + 2 * run;
+        let end = if overdue { Duration::MAX } else { now.max(started + run) };
+        Some(if busy == given { end } else { end.saturating_add(run) })
     }
 }
 
@@ -102,23 +129,11 @@ impl GeneratorLink {
     /// and would be done by then if it were left alone. Returns whether it waited.
     pub(super) fn wait_for_turn(&self, clock: &dyn Clock, until: Duration) -> bool {
         let (seen, now) = (self.done.generation(), clock.now());
-        let waits = self.on_processors && now < until && self.busy_until(now).is_some_and(|end| end <= until);
+        let waits = self.on_processors && now < until && lock(&self.state).takes_a_turn(now, until);
         if waits {
             clock.wait(&self.done, seen, until);
         }
         waits
-    }
-
-    /// Until when it would be at work on all that it was given if it were left alone; none where that is nothing, or where a
-    /// run hangs.
-    fn busy_until(&self, now: Duration) -> Option<Duration> {
-        let state = lock(&self.state);
-        let given = state.given.filter(|_| state.hang == Hang::No)?;
-        Some(match state.busy {
-            Some((busy, started)) if busy == given => now.max(started + state.undisturbed),
-            Some((_, started)) => now.max(started + state.undisturbed) + state.undisturbed,
-            None => now + state.undisturbed,
-        })
     }
 
     /// What it says of itself to the other stages: whether it takes no frames, and whether the tier that takes them reads
@@ -165,7 +180,7 @@ impl GeneratorLink {
             Some((busy, started)) if busy == number => Some(now.max(started + state.estimate)),
             Some((busy, started)) if busy < number => Some(now.max(started + state.estimate) + state.estimate),
             Some(_) => None,
-            None => Some(now + state.estimate),
+            None => (state.given == Some(number)).then_some(now + state.estimate),
         }
     }
 
@@ -219,5 +234,48 @@ impl GeneratorLink {
         {
             terminate();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ms(n: u64) -> Duration {
+        Duration::from_millis(n)
+    }
+
+    /// A run on frame 1 since `started`, of a generator that has run for these times before.
+    fn at_work(started: u64, runs: &[u64]) -> GeneratorState {
+        let mut state = GeneratorState { given: Some(1), busy: Some((1, ms(started))), ..GeneratorState::default() };
+        runs.iter().for_each(|run| state.took(ms(*run)));
+        state
+    }
+
+    #[test]
+    fn a_frame_waits_for_a_run_that_is_about_to_end() {
+        assert!(at_work(0, &[40]).takes_a_turn(ms(10), ms(50)));
+        assert!(!at_work(0, &[40]).takes_a_turn(ms(10), ms(30)));
+        // One is at work and another was given.
+        let two = |until| GeneratorState { given: Some(2), ..at_work(0, &[40]) }.takes_a_turn(ms(10), ms(until));
+        assert!(two(80) && !two(79));
+        assert!(!GeneratorState { given: None, busy: None, ..at_work(0, &[40]) }.takes_a_turn(ms(10), ms(50)));
+    }
+
+    #[test]
+    fn no_frame_waits_for_a_run_that_is_overdue() {
+        assert!(at_work(0, &[40]).takes_a_turn(ms(79), ms(100)));
+        assert!(!at_work(0, &[40]).takes_a_turn(ms(81), ms(100)));
+    }
+
+    #[test]
+    fn runs_that_were_always_disturbed_get_a_turn_now_and_then() {
+        let mut state = at_work(0, &[300; 10]);
+        let waited: Vec<bool> = (0..34).map(|_| state.takes_a_turn(ms(10), ms(75))).collect();
+        assert_eq!(waited.iter().filter(|w| **w).count(), 2);
+        assert!(waited[16] && waited[33]);
+        // The one that was left alone tells.
+        state.took(ms(40));
+        assert!(state.takes_a_turn(ms(10), ms(75)));
     }
 }

@@ -128,7 +128,7 @@ pub trait Enhancer: Send {
     /// Whether the frame that is there can be translated: one with segmentation and attenuation, or without its `maps`.
     /// Where not, it is left out, which is no failure.
     fn ready(&mut self, maps: bool) -> Readiness {
-        if maps { Readiness::Runs } else { Readiness::NeedsMaps }
+        if maps || !self.reads_maps() { Readiness::Runs } else { Readiness::NeedsMaps }
     }
 
     /// Whether the next frames need their segmentation and attenuation, as of the last [`Enhancer::ready`].

@@ -151,7 +151,7 @@ impl RenderStage {
 
     /// Waits where frames and generated pictures are made on the same processors and one of the latter is still at work:
     /// at once both would take twice as long, and the picture would miss its frame. Returns whether it waited. A generator
-    /// that isn't about to be done gets no turn: frames come at two thirds of their rate at the least.
+    /// that isn't about to be done gets a turn now and then only: frames come at two thirds of their rate at the least.
     fn gives_way(&self, submit_at: Duration) -> bool {
         let RenderParts { clock, period, generator, .. } = &self.parts;
         // From when it could be there at the cadence: where both take longer than a period, frames come later and later.

@@ -47,8 +47,8 @@ const PANEL_WIDTH: u32 = 520;
 ///
 /// It opens with the whole chain in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator, and
 /// a page for the browser, whose address is printed; then says how long each pose took to be seen, what was dropped and
-/// how much was enhanced. The generator shows the stage: it is a fixed filter, no trained one. On a terminal the exam goes
-/// on while the page is watched, until Enter; else the demo ends by itself.
+/// how much was enhanced. On a terminal the exam goes on while the page is watched, until Enter; else the demo ends by
+/// itself.
 ///
 /// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.
 #[derive(Debug, Parser)]
