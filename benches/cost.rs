@@ -34,9 +34,10 @@ struct Point {
     passes: Vec<(&'static str, f64)>,
 }
 
-/// What was varied, and the points.
+/// What was varied, whether the host made the frames, and the points.
 struct Curve {
     name: &'static str,
+    on_host: bool,
     points: Vec<Point>,
 }
 
@@ -84,7 +85,8 @@ fn main() {
                 }
             }
         });
-        measured.push(Curve { name, points: points.collect() });
+        let points = points.collect();
+        measured.push(Curve { name, on_host: renderer.on_host(), points });
         measured.last().into_iter().for_each(|curve| print!("{}", table(curve)));
     }
     write(&gpu, &measured);
@@ -92,7 +94,8 @@ fn main() {
 
 /// Writes the tables and the figure.
 fn write(gpu: &Gpu, curves: &[Curve]) {
-    let title = format!("Time of a frame with its maps on {} ({})", gpu.adapter_name(), gpu.driver());
+    let place = if curves.iter().any(|c| c.on_host) { "made on the host's cores; " } else { "" };
+    let title = format!("Time of a frame with its maps: {place}{} ({})", gpu.adapter_name(), gpu.driver());
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/cost");
     std::fs::create_dir_all(&folder).expect("a folder for the results");
     let tables: String = curves.iter().map(table).collect();
@@ -105,7 +108,7 @@ fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
     let tissues = TissueTable::builtin().expect("the tissue table");
     let pose = |i: usize| Pose { position_mm: DVec3::new(0.7 * i as f64, 0.3 * i as f64, 0.0), ..Pose::IDENTITY };
     let poses: Vec<Pose> = (0..FRAMES).map(pose).collect();
-    let mut points = Vec::new();
+    let (mut points, mut on_host) = (Vec::new(), false);
     for subdivisions in 1..=7 {
         let spheres = (0..32u8).map(|i| {
             let (column, row) = (f32::from(i % 8), f32::from(i / 8));
@@ -116,11 +119,14 @@ fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
         let part = Part { name: "spheres", tissue: "muscle", priority: 1, mesh };
         let made = scene(vec![part], &tissues, "liver").expect("tissues of the table");
         match Renderer::new(gpu, &made, &Probe::default(), settings) {
-            Ok(mut renderer) => points.push(measure(count as f64, &mut renderer, &poses)),
+            Ok(mut renderer) => {
+                points.push(measure(count as f64, &mut renderer, &poses));
+                on_host = renderer.on_host();
+            }
             Err(error) => println!("{count} triangles: {error}"),
         }
     }
-    let curve = Curve { name: "triangles", points };
+    let curve = Curve { name: "triangles", on_host, points };
     print!("{}", table(&curve));
     curve
 }
@@ -147,7 +153,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// A table of one curve: Markdown.
-fn table(Curve { name, points }: &Curve) -> String {
+fn table(Curve { name, points, .. }: &Curve) -> String {
     let Some(last) = points.last() else { return String::new() };
     let names: Vec<_> = last.passes.iter().map(|p| p.0).collect();
     let mut text = format!("\n| {name} | frame, ms | {} |\n", names.join(" | "));

@@ -32,12 +32,13 @@ where
         let (first, last) = (frames().next().unwrap_or((1.0, 1.0)).0, frames().next_back().unwrap_or((2.0, 1.0)).0);
         let most_ms = frames().map(|(_, ms)| ms).fold(1.0, f64::max);
         let exponent = exponent(&curve.points, |p| p.total_ms);
+        // The labels lie above the curves.
         let mut chart = ChartBuilder::on(&panel)
             .caption(format!("{}: ms ~ n^{exponent:.2}", curve.name), ("sans-serif", 15))
             .margin(8)
             .set_label_area_size(LabelAreaPosition::Left, 52)
             .set_label_area_size(LabelAreaPosition::Bottom, 26)
-            .build_cartesian_2d((first / 1.2..last * 1.2).log_scale(), (0.5..most_ms * 2.0).log_scale())?;
+            .build_cartesian_2d((first / 1.2..last * 1.2).log_scale(), (0.5..most_ms * 15.0).log_scale())?;
         let number = |n: &f64| if *n >= 1e4 { format!("{n:.0e}") } else { format!("{n}") };
         chart
             .configure_mesh()
