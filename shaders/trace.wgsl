@@ -115,7 +115,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
     let axis = 2u * (params.scanlines * params.rays + line_ray / params.rays);
-    let shift_start = scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz);
+    // Layers have speckle of their own, also where they meet, at the focus.
+    let shift_start = scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz) + vec3<f32>(0.0, 0.0, 16.0 * layers[layer].x);
     let shift_step = scene_from_probe_vector(rays[axis + 1u].xyz - rays[2u * line_ray + 1u].xyz);
 
     for (var word = 0u; word < 8u; word++) {

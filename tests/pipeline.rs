@@ -733,6 +733,27 @@ fn a_fast_generator_is_shown_steadily_and_within_the_budget() {
 }
 
 #[test]
+fn a_frame_whose_run_fails_is_shown_as_soon_as_it_has() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (clock_of_run, mut run) = (clock.clone(), 0);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        let fails = run > 20 && run % 4 == 0;
+        clock_of_run.sleep_until(clock_of_run.now() + if fails { 10 * MS } else { 30 * MS });
+        out.resize(frame.bmode.len(), 200);
+        if fails { Err(EnhanceError("pixel 7 is NaN".to_owned())) } else { Ok(()) }
+    };
+    let enhancer: Option<Box<dyn Enhancer>> =
+        Some(Box::new(Translate { work, terminator: None, on_processors: false }));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    assert!(summary.generator.unwrap().failed > 40);
+    let ages: Vec<_> = seen(&log)[24..].iter().map(|frame| frame.age).collect();
+    assert!(ages.iter().all(|age| *age == 30 * MS || *age == 50 * MS), "20 + 10 or 20 + 30 ms: {ages:?}");
+    assert!(ages.contains(&(30 * MS)));
+}
+
+#[test]
 fn a_slow_generator_costs_no_frame_and_no_time_and_is_held_while_the_probe_rests() {
     let _guard = beside_others();
     let (clock, log) = (clock(), Log::default());

@@ -72,6 +72,8 @@ impl GenerateStage {
                 lock(&self.link.state).counts.dropped += 1;
             }
             self.link.done_with(number, &*self.clock);
+            // A frame whose picture doesn't come is not held back to its deadline.
+            self.to_presenter.wake();
         }
         self.to_presenter.close();
     }

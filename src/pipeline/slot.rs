@@ -99,6 +99,11 @@ impl<T> Slot<T> {
         self.clock.notify(&self.signal);
     }
 
+    /// Wakes whoever waits, without an item: what they wait for may not come.
+    pub(super) fn wake(&self) {
+        self.clock.notify(&self.signal);
+    }
+
     /// Drops the item that is there, and counts it.
     pub fn clear(&self) {
         let item = lock(&self.inner).item.take();

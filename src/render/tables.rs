@@ -106,7 +106,7 @@ pub(crate) struct Tables {
     pub(crate) map_depths: u32,
     /// Distance of those depths, and at the most of neighbouring map rays, mm.
     pub(crate) map_step_mm: f64,
-    /// Elevational offset at the face (mm), its slope, weight, 0.
+    /// Elevational offset at the face (mm), its slope, weight, and the depth that its paths begin at (mm).
     pub(crate) layers: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<GpuTissue>,
     /// The point-spread function.
@@ -179,12 +179,15 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
 
 /// Gauss–Hermite nodes and weights over the elevational beam, so that layers integrate its Gaussian profile.
 ///
-/// A layer is a plane of straight rays: the least-squares line, over the depth, of its node times the beam's width.
+/// A layer is a plane of straight rays that run from the lens through its focus: the least-squares line, over the depth,
+/// of its node times the beam's width, of the other sign beyond the focus. The lens delays the middle so that all layers
+/// meet in phase at the focus: the oblique ones begin ahead by as much as they are longer up to there.
 fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     const STEPS: u32 = 64;
     let at = |i: u32| {
         let depth = probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS);
-        (depth, probe.elevational_sigma_mm(depth))
+        let side = if depth < probe.elevational_focus_mm { 1.0 } else { -1.0 };
+        (depth, side * probe.elevational_sigma_mm(depth))
     };
     let n = f64::from(STEPS);
     let mean = (0..STEPS).map(at).fold((0.0, 0.0), |m, (x, y)| (m.0 + x / n, m.1 + y / n));
@@ -197,7 +200,10 @@ fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     let start = mean.1 - slope * mean.0;
     gauss_hermite(count)
         .into_iter()
-        .map(|(node, weight)| [(node * start) as f32, (node * slope) as f32, weight as f32, 0.0])
+        .map(|(node, weight)| {
+            let begin = probe.elevational_focus_mm * (1.0 - (node * slope).hypot(1.0).recip());
+            [node * start, node * slope, weight, begin].map(|v| v as f32)
+        })
         .collect()
 }
 
@@ -302,6 +308,44 @@ mod tests {
                 let variance: f64 = nodes.iter().map(|n| n.1 * n.0 * n.0).sum();
                 assert!((variance - 1.0).abs() < 1e-6, "{count}: {variance}");
             }
+        }
+    }
+
+    #[test]
+    fn layers_follow_the_lens_through_its_focus() {
+        let probe = Probe::default();
+        let [below, middle, above] = layers(&probe, 3)[..] else { panic!("three layers") };
+        assert_eq!(middle, [0.0, 0.0, middle[2], 0.0]);
+        for depth in (0..=150).map(f64::from) {
+            let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
+            for [offset, slope, ..] in [below, above].map(|l| l.map(f64::from)) {
+                // Straight rays have no waist: at the focus they are off by it.
+                let got = (offset + slope * depth).abs();
+                assert!((got - want).abs() < 0.9, "{got} mm, not {want}, at {depth} mm");
+            }
+        }
+        let crossing = f64::from(-above[0] / above[1]);
+        assert!((crossing - probe.elevational_focus_mm).abs() < 1.0, "{crossing}");
+    }
+
+    #[test]
+    fn layers_meet_in_phase_at_the_focus() {
+        let probe = Probe::default();
+        for [_, slope, _, begin] in layers(&probe, 5).into_iter().map(|l| l.map(f64::from)) {
+            let range = (probe.elevational_focus_mm - begin) * slope.hypot(1.0);
+            let turns = (range - probe.elevational_focus_mm) * probe.phase_turns_per_mm();
+            assert!(turns.abs() < 1e-4, "{turns} turns");
+        }
+    }
+
+    #[test]
+    fn layers_of_a_lens_focused_beyond_the_image_never_cross() {
+        let probe = Probe { depth_mm: 50.0, ..Probe::default() };
+        let [_, _, [offset, slope, ..]] = layers(&probe, 3)[..] else { panic!("three layers") };
+        let ends = [f64::from(offset), f64::from(offset + 50.0 * slope)];
+        for (got, depth) in ends.into_iter().zip([0.0, 50.0]) {
+            let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
+            assert!((got - want).abs() < 0.1, "{got} mm, not {want}, at {depth} mm");
         }
     }
 }

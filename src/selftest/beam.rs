@@ -68,27 +68,29 @@ impl Family for Beam {
             let got = half_width(&across) * probe.line_spacing_mm(depth);
             checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
         }
-        // Moved across the edge, the three layers come into view one by one: the outer two are √3 σ off the middle.
-        let probe = linear(1, 1.0, 256, 50.0);
-        let mut amplitude = |y: f64| {
-            let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
-            Ok::<_, RenderError>(line(&probe, frame, 0).iter().map(|&s| magnitude(s)).fold(0.0, f64::max))
-        };
-        let (none, all) = (amplitude(-10.0)?, amplitude(10.0)?);
-        // Where the amplitude rises above `level`.
-        let mut rise = |level: f64| {
+        // Moved across the edge, the outermost of three layers comes into view √3 σ before the middle.
+        let near = linear(1, 1.0, 256, 50.0);
+        let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near.clone() };
+        for (probe, where_) in [(near, "before"), (far, "beyond")] {
+            let mut amplitude = |y: f64| {
+                let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
+                // Behind the edge layers that part come in by its side.
+                let [from, to] = [EDGE_MM - 0.1, EDGE_MM + 0.2].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
+                let edge = line(&probe, frame, 0).get(from..to).unwrap_or_default();
+                Ok::<_, RenderError>(edge.iter().map(|&s| magnitude(s)).fold(0.0, f64::max))
+            };
+            let (none, all) = (amplitude(-10.0)?, amplitude(10.0)?);
+            let level = none + 0.05 * (all - none);
             let (mut low, mut high) = (-10.0, 10.0);
             for _ in 0..12 {
                 let middle = 0.5 * (low + high);
                 if amplitude(middle)? > level { high = middle } else { low = middle }
             }
-            Ok::<_, RenderError>(0.5 * (low + high))
-        };
-        let (first, last) = (rise(none + 0.05 * (all - none))?, rise(none + 0.95 * (all - none))?);
-        let got = FWHM_PER_SIGMA * (last - first) / (2.0 * OUTER_NODE);
-        let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
-        let name = format!("elevational width at {EDGE_MM:.0} mm");
-        checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+            let got = -FWHM_PER_SIGMA * 0.5 * (low + high) / OUTER_NODE;
+            let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
+            let name = format!("elevational width at {EDGE_MM:.0} mm, {where_} the focus");
+            checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+        }
         Ok(checks)
     }
 }

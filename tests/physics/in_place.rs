@@ -53,7 +53,8 @@ fn speckle_stays_in_the_tissue_and_returns_with_the_probe() {
             let moved = rig.frame(&at(0.0, 0.0, spacing * f64::from(samples)));
             let stays = overlap(&probe, &first, &moved, 0, samples);
             println!("{rays}×{layers}, {samples} samples deeper: {stays:.4}");
-            assert!(stays > 0.95, "{samples} samples: {stays}");
+            let least = if layers == 1 { 0.95 } else { 0.9 };
+            assert!(stays > least, "{samples} samples: {stays}");
         }
         // Out of the plane the pattern changes for good.
         let beside = rig.frame(&at(0.0, 9.0, 0.0));

@@ -44,6 +44,7 @@ def main(argv=None):
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--device", default="cpu")
     p.add_argument("--bf16", action="store_true")
+    p.add_argument("--steps", type=int, help="of each tier [default: the tier's]")
     args = p.parse_args(argv)
     torch.set_num_threads(args.threads)
     total, seen = 0.0, {}
@@ -51,11 +52,14 @@ def main(argv=None):
         if name not in TIERS:
             raise SystemExit(f"no tier is called {name}; there are {', '.join(TIERS)}")
         config = TIERS[name]
+        if args.steps is not None:
+            config = replace(config, steps=args.steps)
         alike = replace(config, variant="MSA")
         if alike not in seen:
             seen[alike] = [step_seconds(config, args.device, args.bf16, gan) for gan in (False, True)]
         plain, gan = seen[alike]
-        seconds = plain * config.warmup + gan * (config.steps - config.warmup)
+        before = min(config.warmup, config.steps)
+        seconds = plain * before + gan * (config.steps - before)
         total += seconds
         print(
             f"{name:14} {config.steps} steps of {config.batch} x {config.crop}²: {1000 * plain:.0f} ms each, "

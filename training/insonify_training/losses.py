@@ -3,6 +3,8 @@
 import torch
 import torch.nn.functional as F
 
+from .quality import similarity
+
 # Slope of the output beyond black and white: the station clips there, but a gradient must lead back.
 LEAK = 0.05
 
@@ -37,6 +39,11 @@ def patch_histogram(output, target, offset, side=PATCH):
         return patches.transpose(2, 3).reshape(-1, side * side).sort(1).values
 
     return (levels(output) - levels(target)).abs().mean()
+
+
+def dissimilarity(output, target):
+    """1 less the mean structural similarity of pictures within 0..=1."""
+    return 1 - similarity(255 * output, 255 * target).mean()
 
 
 def discriminator_loss(real, fake):

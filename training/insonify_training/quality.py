@@ -1,7 +1,6 @@
 """PSNR and SSIM of grey levels, for the training's log and the manifest. The table is `insonify evaluate`'s."""
 
 import torch
-import torch.nn.functional as F
 
 
 def psnr_db(output, target):
@@ -13,18 +12,25 @@ def psnr_db(output, target):
 
 def ssim(output, target):
     """Structural similarity of each picture, 0..=1: MATLAB's defaults (Gaussian of 1.5 px, 11 x 11, edges repeated)."""
-    x, y = (torch.round(p.float().clamp(0, 1) * 255) for p in (output, target))
-    offsets = torch.arange(-5.0, 6.0, device=x.device)
-    weights = torch.exp(-offsets.square() / (2 * 1.5**2))
+    return similarity(*(torch.round(p.float().clamp(0, 1) * 255) for p in (output, target)))
+
+
+def blur_matrix(n, sigma, reach, device="cpu"):
+    """What blurs `n` pixels by a Gaussian cut at `reach`, edges repeated, as a matrix: with one channel, PyTorch multiplies 20
+    times faster than it convolves."""
+    offsets = torch.arange(-reach, reach + 1, device=device)
+    weights = torch.exp(-offsets.square() / (2 * sigma**2))
     weights = weights / weights.sum()
+    places = (torch.arange(n, device=device).view(-1, 1) + offsets).clamp(0, n - 1)
+    return torch.zeros(n, n, device=device).scatter_add_(1, places, weights.expand(n, -1).contiguous())
 
-    def blur(p):
-        p = F.conv2d(F.pad(p, (5, 5, 0, 0), mode="replicate"), weights.view(1, 1, 1, -1))
-        return F.conv2d(F.pad(p, (0, 0, 5, 5), mode="replicate"), weights.view(1, 1, -1, 1))
 
-    mean_x, mean_y = blur(x), blur(y)
-    variance_x, variance_y = blur(x * x) - mean_x.square(), blur(y * y) - mean_y.square()
-    covariance = blur(x * y) - mean_x * mean_y
+def similarity(x, y):
+    """Structural similarity of each picture of levels 0..=255, with a gradient."""
+    down, across = (blur_matrix(n, 1.5, 5, x.device) for n in x.shape[-2:])
+    mean_x, mean_y, xx, yy, xy = (down @ torch.cat((x, y, x * x, y * y, x * y)) @ across.T).chunk(5)
+    variance_x, variance_y = xx - mean_x.square(), yy - mean_y.square()
+    covariance = xy - mean_x * mean_y
     c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
     ratio = ((2 * mean_x * mean_y + c1) * (2 * covariance + c2)) / (
         (mean_x.square() + mean_y.square() + c1) * (variance_x + variance_y + c2)

@@ -13,18 +13,22 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 9000
+    steps: int = 8500
     batch: int = 4
     crop: int = 256
     rate: float = 7e-4
+    # Longest gradient of the generator; 0: as it comes. One crop in a thousand would throw a network without norm back.
+    clip: float = 100.0
     # Part of the steps after which the rate falls towards 0, and after which the norms' statistics stay as they are.
     decay_from: float = 0.4
     freeze_from: float = 0.7
-    gan_weight: float = 1.0
+    gan_weight: float = 0.5
     # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
     l1_weight: float = 200.0
     # Of the patches' histograms, beside an L1 weight of 1.
     histogram_weight: float = 1.0
+    # Of 1 less the structural similarity, likewise.
+    ssim_weight: float = 0.3
     # Steps without the GAN term, and steps in which it grows to its weight.
     warmup: int = 6000
     ramp: int = 600
@@ -50,7 +54,7 @@ class Config:
 FAST = Config(network="stride8")
 MIDDLE = Config(network="stride4")
 # pix2pix as the paper has it, but small.
-CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, ndf=16, histogram_weight=0.0)
+CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, gan_weight=1.0, ndf=16, clip=0.0, histogram_weight=0.0, ssim_weight=0.0)
 # For a GPU: the paper's network and schedule.
 PAPER = Config(
     network="unet64",
@@ -59,7 +63,10 @@ PAPER = Config(
     batch=16,
     crop=512,
     rate=2e-4,
+    clip=0.0,
+    gan_weight=1.0,
     histogram_weight=0.0,
+    ssim_weight=0.0,
     decay_from=1.0,
     ndf=64,
     warmup=2000,

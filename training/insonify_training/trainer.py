@@ -60,6 +60,11 @@ class Trainer:
             histogram = losses.patch_histogram(output, target, self.step * 7 % losses.PATCH)
             seen["histogram"] = histogram.detach()
             loss = loss + config.histogram_weight * histogram
+        if config.ssim_weight > 0:
+            # Of every other picture: all would cost as much as the network.
+            dissimilarity = losses.dissimilarity(output[::2], target[::2])
+            seen["dissimilarity"] = dissimilarity.detach()
+            loss = loss + config.ssim_weight * dissimilarity
         loss = config.l1_weight * loss
         if weight > 0:
             seen["discriminator"] = self._train_discriminator(inputs, output.detach(), target)
@@ -71,6 +76,8 @@ class Trainer:
             loss = loss + weight * gan
         self.generator_adam.zero_grad(set_to_none=True)
         loss.backward()
+        if config.clip > 0:
+            torch.nn.utils.clip_grad_norm_(self.generator.parameters(), config.clip, foreach=True)
         self.generator_adam.step()
         self._follow()
         self.step += 1

@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from insonify_training import losses
+from insonify_training.ceiling import oracle
 from insonify_training.discriminator import PatchDiscriminator
 from insonify_training.networks import Norm, fold, freeze, make
 from insonify_training.quality import psnr_db, ssim
@@ -82,6 +83,30 @@ def test_patch_histograms_know_levels_and_not_places():
     # A shift of levels is what it is; what is smooth has other levels than speckle of its mean.
     assert abs(losses.patch_histogram(target + 0.25, target, 3).item() - 0.25) < 1e-6
     assert losses.patch_histogram(torch.full_like(target, 0.5), target, 0) > 0.2
+
+
+def test_dissimilarity_leads_to_the_target():
+    torch.manual_seed(3)
+    target = torch.rand(2, 1, 48, 40)
+    assert abs(losses.dissimilarity(target, target)) < 1e-6
+    # As `ssim`, but for the rounding.
+    other = 0.6 * target + 0.3
+    assert losses.dissimilarity(other, target).item() == pytest.approx(1 - ssim(other, target).mean().item(), abs=1e-3)
+    guess = torch.full_like(target, 0.5, requires_grad=True)
+    before = losses.dissimilarity(guess, target)
+    before.backward()
+    assert losses.dissimilarity(guess - 2e3 * guess.grad, target) < before - 0.05
+
+
+def test_an_oracle_knows_what_it_is_told():
+    torch.manual_seed(4)
+    hq = torch.rand(1, 1, 120, 90)
+    mask = torch.ones_like(hq)
+    # Where LQ is HQ, nothing is missing; where it is noise, only the blurred picture is left, and a finer one says more.
+    assert (oracle(hq, hq, mask, 4) - hq).abs().max() < 1e-4
+    noise = torch.rand_like(hq)
+    errors = [(oracle(noise, hq, mask, sigma) - hq).abs().mean() for sigma in (2, 8)]
+    assert 0.05 < errors[0] < errors[1]
 
 
 def test_quality_of_known_pictures():

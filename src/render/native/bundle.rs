@@ -1,4 +1,4 @@
-//! Follows eight neighbouring paths at once: they look for their next crossings together, and go on each by itself.
+//! Follows sixteen neighbouring paths at once: they look for their next crossings together, and go on each by itself.
 
 use super::packet::{Packet, RAYS, Visits, collect, nearest};
 use super::path::{CROSSINGS_BEHIND, PathRecord, Place, Scene};

@@ -1,14 +1,16 @@
-//! Eight rays that go much the same way, through the tree at once: `shaders/shared/{nearest,collect}.wgsl`. Each finds what it
+//! Sixteen rays that go much the same way, through the tree at once: `shaders/shared/{nearest,collect}.wgsl`. Each finds what it
 //! finds alone.
 
 use glam::Vec3;
 
-use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, boxes, intersect, leaf, max, min, slack};
+use super::traverse::{
+    Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, boxes, intersect, intersection, leaf, max, min, slack,
+};
 use super::tree::{LEAF, WIDTH};
 use crate::anatomy::bvh::PackedTriangle;
 
 /// Rays of a packet.
-pub(super) const RAYS: usize = 8;
+pub(super) const RAYS: usize = 16;
 /// One number of each ray.
 type Lanes = [f32; RAYS];
 
@@ -86,16 +88,27 @@ impl Visits {
     }
 }
 
+/// The lanes whose bits are set.
 #[inline(always)]
-fn least(of: &Lanes) -> f32 {
-    let half = |i: usize| min(of[i], of[i + 4]);
-    min(min(half(0), half(2)), min(half(1), half(3)))
+fn lanes(mut of: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = (of != 0).then(|| (of.trailing_zeros() % RAYS as u32) as usize)?;
+        of &= of - 1;
+        Some(lane)
+    })
 }
 
+/// One number of all lanes: by halves, as registers do it.
 #[inline(always)]
-fn greatest(of: &Lanes) -> f32 {
-    let half = |i: usize| max(of[i], of[i + 4]);
-    max(max(half(0), half(2)), max(half(1), half(3)))
+fn fold(mut of: Lanes, pick: fn(f32, f32) -> f32) -> f32 {
+    let mut half = RAYS / 2;
+    while half > 0 {
+        for i in 0..half {
+            of[i] = pick(of[i], of[i + half]);
+        }
+        half /= 2;
+    }
+    of[0]
 }
 
 /// Which rays meet each child of a node, and where the first of them enters it.
@@ -111,10 +124,7 @@ fn meet(tree: &Tree<'_>, node: u32, packet: &Packet, rays: u32, first: &Lanes, l
     let node = &tree.nodes[node as usize];
     let mut met = Met { near: [f32::INFINITY; WIDTH], rays: [0; WIDTH] };
     if rays.count_ones() <= FEW_AT_A_NODE {
-        let mut left = rays;
-        while left != 0 {
-            let lane = (left.trailing_zeros() & 7) as usize;
-            left &= left - 1;
+        for lane in lanes(rays) {
             let mut near = [0.0; WIDTH];
             let hit = boxes(node, &packet.single[lane], first[lane], last[lane], &mut near);
             for slot in 0..WIDTH {
@@ -147,36 +157,21 @@ fn meet(tree: &Tree<'_>, node: u32, packet: &Packet, rays: u32, first: &Lanes, l
             hits |= u32::from(hit) << lane;
         }
         met.rays[slot] = hits & rays;
-        met.near[slot] = least(&enters);
+        met.near[slot] = fold(enters, min);
     }
     met
 }
 
-/// `traverse::intersect` of eight rays: where each meets the triangle, whether it enters there, and which do, a bit each.
+/// Where each ray of a packet meets the triangle, which do, and which enter there, a bit each.
 #[inline(always)]
 fn intersections(triangle: &PackedTriangle, packet: &Packet, t: &mut Lanes) -> (u32, u32) {
-    let (edge1, edge2) = (triangle.edge1, triangle.edge2);
     let (mut hits, mut entering) = (0, 0);
     for lane in 0..RAYS {
         let vector = |of: &[Lanes; 3]| Vec3::new(of[0][lane], of[1][lane], of[2][lane]);
-        let (origin, direction) = (vector(&packet.origin), vector(&packet.direction));
-        let (edge1, edge2) = (Vec3::from(edge1), Vec3::from(edge2));
-        let to_corner = Vec3::from(triangle.corner) - origin;
-        let t0 = to_corner.dot(direction);
-        let s = direction * t0 - to_corner;
-        let p = direction.cross(edge2);
-        let determinant = edge1.dot(p);
-        let magnitude = determinant.abs();
-        let side = if determinant >= 0.0 { 1.0 } else { -1.0 };
-        let q = s.cross(edge1);
-        let u = s.dot(p) * side;
-        let v = direction.dot(q) * side;
-        let tolerance = triangle.tolerance * (t0.abs() + 100.0);
-        let hit =
-            (magnitude > 2.0 * tolerance) & (u >= -tolerance) & (v >= -tolerance) & (u + v <= magnitude + tolerance);
-        t[lane] = t0 + edge2.dot(q) * side / max(magnitude, 1.0e-30);
+        let (at, hit, enters) = intersection(triangle, vector(&packet.origin), vector(&packet.direction));
+        t[lane] = at;
         hits |= u32::from(hit) << lane;
-        entering |= u32::from(determinant > 0.0) << lane;
+        entering |= u32::from(enters) << lane;
     }
     (hits, entering)
 }
@@ -193,7 +188,7 @@ fn walk(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, mut found: impl F
         first[lane] = packet.t_min[lane] - reach[lane];
         last[lane] = if on { packet.t_max[lane] + reach[lane] } else { f32::NEG_INFINITY };
     }
-    let mut farthest = greatest(&last);
+    let mut farthest = fold(last, max);
     let mut depth = 0;
     let mut visit = Visit { near: 0.0, child: 0, rays: packet.on };
     loop {
@@ -227,10 +222,7 @@ fn walk(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, mut found: impl F
                     }
                 };
                 if visit.rays.count_ones() <= FEW_AT_A_LEAF {
-                    let mut left = visit.rays;
-                    while left != 0 {
-                        let lane = (left.trailing_zeros() & 7) as usize;
-                        left &= left - 1;
+                    for lane in lanes(visit.rays) {
                         if let Some((t, enters)) = intersect(triangle, &packet.single[lane]) {
                             note(lane, t, enters);
                         }
@@ -239,15 +231,12 @@ fn walk(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, mut found: impl F
                 }
                 let mut t = [0.0; RAYS];
                 let (hits, entering) = intersections(triangle, packet, &mut t);
-                let mut left = hits & visit.rays;
-                while left != 0 {
-                    let lane = (left.trailing_zeros() & 7) as usize;
-                    left &= left - 1;
+                for lane in lanes(hits & visit.rays) {
                     note(lane, t[lane], entering >> lane & 1 != 0);
                 }
             }
             if shorter {
-                farthest = greatest(&last);
+                farthest = fold(last, max);
             }
         }
         // What lies beyond what every ray has found is passed over.

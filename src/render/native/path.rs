@@ -93,11 +93,11 @@ impl Scene<'_> {
     /// Origin and direction of a path's first ray: its scanline's, moved to its elevational layer.
     fn launch(&self, line_ray: usize, layer: usize) -> (Vec3, Vec3) {
         let p = self.params;
-        let [offset, slope, ..] = self.layers[layer];
+        let [offset, slope, _, begin_mm] = self.layers[layer];
         let origin = Vec4::from(self.rays[2 * line_ray]).xyz() + Vec3::new(0.0, offset, 0.0);
         let direction = Vec4::from(self.rays[2 * line_ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
         let face = Vec3::new(p.lateral[3], p.elevational[3], p.axial[3]);
-        (face + self.scene_vector(origin), self.scene_vector(direction).normalize())
+        (face + self.scene_vector(origin + begin_mm * direction), self.scene_vector(direction).normalize())
     }
 
     fn medium_word(&self, inside: &Inside) -> u32 {
@@ -131,7 +131,8 @@ impl Scene<'_> {
             direction,
             in_phase,
             in_power: in_phase.sqrt(),
-            shift: to_axis(0),
+            // Layers have speckle of their own, also where they meet, at the focus.
+            shift: to_axis(0) + Vec3::new(0.0, 0.0, 16.0 * self.layers[layer][0]),
             shift_step: to_axis(1),
             ..Walk::default()
         }

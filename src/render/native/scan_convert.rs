@@ -234,18 +234,22 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
         beyond_mm[i] = depth_mm - step as f32 * params.map_step_mm;
         at[i] = (first as u32).wrapping_mul(params.map_depths).wrapping_add(step as u32).min(last);
     }
-    let mut words = [[0u32; LANES]; 4];
+    // Of each pixel's two map rays, the two depths about it.
+    let mut pairs = [[[0u32; 2]; LANES]; 2];
     if (last as usize) + (stride as usize) + 1 < maps.raster.len() {
         for i in 0..LANES {
             // SAFETY: at[i] ≤ last, and last + stride + 1 lies in `raster`.
             unsafe {
-                let (one, next) = (at[i] as usize, at[i].wrapping_add(stride) as usize);
-                words[0][i] = *maps.raster.get_unchecked(one);
-                words[1][i] = *maps.raster.get_unchecked(one.wrapping_add(1));
-                words[2][i] = *maps.raster.get_unchecked(next);
-                words[3][i] = *maps.raster.get_unchecked(next.wrapping_add(1));
+                let raster = maps.raster.as_ptr();
+                pairs[0][i] = raster.add(at[i] as usize).cast::<[u32; 2]>().read();
+                pairs[1][i] = raster.add(at[i].wrapping_add(stride) as usize).cast::<[u32; 2]>().read();
             }
         }
+    }
+    let mut words = [[0u32; LANES]; 4];
+    for i in 0..LANES {
+        [words[0][i], words[1][i]] = pairs[0][i];
+        [words[2][i], words[3][i]] = pairs[1][i];
     }
     let mut tissues = [0u32; LANES];
     let mut sums = [0.0f32; LANES];

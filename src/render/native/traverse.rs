@@ -84,24 +84,32 @@ pub(super) fn min(a: f32, b: f32) -> f32 {
 }
 
 /// Möller–Trumbore about the point of the ray nearest to the first corner, so that f32 keeps its digits far from the
-/// ray's origin; edges reach a tolerance outward, so that a shared edge is never missed. Distance, and whether it enters.
+/// ray's origin; edges reach a tolerance outward, so that a shared edge is never missed. Distance, whether the ray meets
+/// the triangle there, and whether it enters.
 #[inline(always)]
-pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
+pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, bool, bool) {
     let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));
-    let to_corner = Vec3::from(triangle.corner) - ray.origin;
-    let t0 = to_corner.dot(ray.direction);
-    let s = ray.direction * t0 - to_corner;
-    let p = ray.direction.cross(edge2);
+    let to_corner = Vec3::from(triangle.corner) - origin;
+    let t0 = to_corner.dot(direction);
+    let s = direction * t0 - to_corner;
+    let p = direction.cross(edge2);
     let determinant = edge1.dot(p);
     let magnitude = determinant.abs();
     let side = if determinant >= 0.0 { 1.0 } else { -1.0 };
     let q = s.cross(edge1);
     let u = s.dot(p) * side;
-    let v = ray.direction.dot(q) * side;
+    let v = direction.dot(q) * side;
     let tolerance = triangle.tolerance * (t0.abs() + 100.0);
     // edge1 × edge2 points outward, and the determinant is −direction · (edge1 × edge2).
     let hit = (magnitude > 2.0 * tolerance) & (u >= -tolerance) & (v >= -tolerance) & (u + v <= magnitude + tolerance);
-    hit.then(|| (t0 + edge2.dot(q) * side / max(magnitude, 1.0e-30), determinant > 0.0))
+    (t0 + edge2.dot(q) * side / max(magnitude, 1.0e-30), hit, determinant > 0.0)
+}
+
+/// [`intersection`] of one ray: distance, and whether it enters.
+#[inline(always)]
+pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
+    let (t, hit, enters) = intersection(triangle, ray.origin, ray.direction);
+    hit.then_some((t, enters))
 }
 
 /// Children that the ray meets from `first` to `last`, a bit each, and where it enters their boxes.

@@ -1,8 +1,8 @@
 //! Loops that the compiler makes vectors of, and the functions they need.
 
-/// Makes a function of a body that is compiled twice: with AVX2, taken where the CPU has it, and for any CPU.
+/// Makes a function of a body that is compiled three times: with AVX-512 or AVX2, taken where the CPU has it, and for any CPU.
 ///
-/// Neither fuses a multiplication with an addition: both, and so every machine, give the same bits.
+/// None fuses a multiplication with an addition: all, and so every machine, give the same bits.
 macro_rules! widened {
     ($(#[$doc:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
         $(#[$doc])*
@@ -15,6 +15,15 @@ macro_rules! widened {
                 fn with_avx2($($argument: $kind),*) {
                     $body($($argument),*);
                 }
+                #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+                #[allow(clippy::too_many_arguments, reason = "those of the body")]
+                fn with_avx512($($argument: $kind),*) {
+                    $body($($argument),*);
+                }
+                if super::wide::has_avx512() {
+                    // SAFETY: the CPU has these parts of AVX-512.
+                    return unsafe { with_avx512($($argument),*) };
+                }
                 if std::arch::is_x86_feature_detected!("avx2") {
                     // SAFETY: the CPU has AVX2.
                     return unsafe { with_avx2($($argument),*) };
@@ -25,6 +34,15 @@ macro_rules! widened {
     };
 }
 pub(super) use widened;
+
+/// Whether the CPU has the parts of AVX-512 that [`widened`] uses.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_avx512() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+}
 
 /// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
 const TO_INTEGER: f32 = 12_582_912.0;

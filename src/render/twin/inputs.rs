@@ -26,6 +26,16 @@ pub struct Layer {
     pub slope: f64,
     /// Part of the beam's energy; all layers' sum is 1.
     pub weight: f64,
+    /// Depth that its paths begin at, mm.
+    pub begin_mm: f64,
+}
+
+impl Layer {
+    /// From where a layer's scatterers lie in the scene to where the lattice is read, mm: layers have speckle of their own,
+    /// also where they meet, at the focus.
+    pub fn lattice_shift_mm(&self) -> DVec3 {
+        DVec3::Z * 16.0 * self.offset_mm
+    }
 }
 
 /// A tissue as the passes need it.
@@ -182,7 +192,12 @@ impl Inputs {
         let kernels = &tables.kernels;
         let mut line_rays = rays(&tables.rays);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
-        let layer = |l: &[f32; 4]| Layer { offset_mm: l[0].into(), slope: l[1].into(), weight: l[2].into() };
+        let layer = |l: &[f32; 4]| Layer {
+            offset_mm: l[0].into(),
+            slope: l[1].into(),
+            weight: l[2].into(),
+            begin_mm: l[3].into(),
+        };
         let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
         let triangles = bvh.triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
             corner_mm: Vec3::from(t.corner).as_dvec3(),
@@ -267,9 +282,8 @@ impl Inputs {
     pub fn launch(&self, path: usize) -> Ray {
         let ray = self.rays[path % self.rays.len()];
         let layer = self.layers[path / self.rays.len()];
-        self.in_scene(&Ray {
-            origin_mm: ray.origin_mm + DVec3::Y * layer.offset_mm,
-            direction: ray.direction + DVec3::Y * layer.slope,
-        })
+        let direction = ray.direction + DVec3::Y * layer.slope;
+        let origin_mm = ray.origin_mm + DVec3::Y * layer.offset_mm + direction * layer.begin_mm;
+        self.in_scene(&Ray { origin_mm, direction })
     }
 }

@@ -109,11 +109,12 @@ impl<'a> Tracer<'a> {
         // Scatterers are read on the scanline's axis, whatever ray carries the echo.
         let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
         let to_axis = |a: DVec3, b: DVec3| inputs.scene_from_probe * (a - b);
+        let lattice_shift_mm = inputs.layers[path / inputs.rays.len()].lattice_shift_mm();
         Self {
             inputs,
             line_ray,
             layer: path / inputs.rays.len(),
-            shift: (to_axis(axis.origin_mm, ray.origin_mm), to_axis(axis.direction, ray.direction)),
+            shift: (to_axis(axis.origin_mm, ray.origin_mm) + lattice_shift_mm, to_axis(axis.direction, ray.direction)),
             inside,
             ray: inputs.launch(path),
             range_mm: 0.0,
