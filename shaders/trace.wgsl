@@ -115,8 +115,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
     let axis = 2u * (params.scanlines * params.rays + line_ray / params.rays);
-    // Layers have speckle of their own, also where they meet, at the focus.
-    let shift_start = scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz) + vec3<f32>(0.0, 0.0, 16.0 * layers[layer].x);
+    // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
+    let apart = select(LAYER_SHIFT_MM * f32(layer + 1u), 0.0, layers[layer].x == 0.0);
+    let shift_start = scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz) + vec3<f32>(0.0, 0.0, apart);
+    // Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no later.
+    let stretch = layers[layer].w;
     let shift_step = scene_from_probe_vector(rays[axis + 1u].xyz - rays[2u * line_ray + 1u].xyz);
 
     for (var word = 0u; word < 8u; word++) {
@@ -145,8 +148,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // A segment begins here.
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
-        let step = direction * tissue.speed_ratio + shift_step;
-        let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
+        let path_per_range = tissue.speed_ratio * stretch;
+        let step = direction * path_per_range + shift_step;
+        let fall = tissue.attenuation_np_mm * path_per_range;
         starts[path * STARTS + count] = range_mm;
         segments[3u * at] = vec4<f32>(origin - carried_mm + shift_start + (shift_step - step) * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
         segments[3u * at + 1u] = vec4<f32>(step, fall);
@@ -168,7 +172,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         var moves = false;
         var done = false;
         loop {
-            let left_mm = (params.depth_mm - range_mm) * tissue.speed_ratio;
+            let left_mm = (params.depth_mm - range_mm) * path_per_range;
             let t = nearest(origin, direction, t_min, left_mm);
             if t < 0.0 || left_mm <= 0.0 {
                 done = true;
@@ -196,7 +200,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             there = word & TISSUE_MASK;
             moves = (word & MOVES) != 0u;
             origin += direction * t;
-            range_mm += t / tissue.speed_ratio;
+            range_mm += t / path_per_range;
             ln_amplitude -= tissue.attenuation_np_mm * t;
             t_min = TOUCH_MM;
             if there != here {
@@ -245,7 +249,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 at_facet = interface_between(z1, z2, speed_ratio, cos_facet);
             }
             let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
-            echo_range_mm += offset * thickness_mm / tissue.speed_ratio;
+            echo_range_mm += offset * thickness_mm / path_per_range;
             let weight = mix(weight_power, weight_in_phase, coherence);
             echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
                 * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);

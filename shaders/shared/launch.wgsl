@@ -10,5 +10,5 @@ fn launch(path: u32) -> Launch {
     let layer = layers[params.layer_first + path / line_rays];
     let origin = rays[2u * line_ray].xyz + vec3<f32>(0.0, layer.x, 0.0);
     let direction = rays[2u * line_ray + 1u].xyz + vec3<f32>(0.0, layer.y, 0.0);
-    return Launch(scene_from_probe_point(origin + layer.w * direction), normalize(scene_from_probe_vector(direction)));
+    return Launch(scene_from_probe_point(origin), normalize(scene_from_probe_vector(direction)));
 }

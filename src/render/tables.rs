@@ -106,7 +106,7 @@ pub(crate) struct Tables {
     pub(crate) map_depths: u32,
     /// Distance of those depths, and at the most of neighbouring map rays, mm.
     pub(crate) map_step_mm: f64,
-    /// Elevational offset at the face (mm), its slope, weight, and the depth that its paths begin at (mm).
+    /// Elevational offset at the face (mm), its slope, weight, and its rays' length a mm of depth.
     pub(crate) layers: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<GpuTissue>,
     /// The point-spread function.
@@ -177,34 +177,43 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
     ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
 }
 
+/// How far apart in the lattice, mm along the scene's z, layers off the middle read their scatterers: further than an image is
+/// deep, so that each has speckle of its own, also where they meet.
+pub(crate) const LAYER_SHIFT_MM: f32 = 256.0;
+
 /// Gauss–Hermite nodes and weights over the elevational beam, so that layers integrate its Gaussian profile.
 ///
-/// A layer is a plane of straight rays that run from the lens through its focus: the least-squares line, over the depth,
-/// of its node times the beam's width, of the other sign beyond the focus. The lens delays the middle so that all layers
-/// meet in phase at the focus: the oblique ones begin ahead by as much as they are longer up to there.
+/// A layer is a plane of straight rays. They run from the lens through its focus and part behind it: the least-squares line,
+/// over the depth, of the layer's node times the beam's width, of the other sign beyond the focus. Where the beam has hardly
+/// a waist, they go on without crossing, by the same line without that sign, whichever is nearer to the width.
 fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     const STEPS: u32 = 64;
-    let at = |i: u32| {
-        let depth = probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS);
-        let side = if depth < probe.elevational_focus_mm { 1.0 } else { -1.0 };
-        (depth, side * probe.elevational_sigma_mm(depth))
+    let depths = || (0..STEPS).map(|i| probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS));
+    let width = |crosses: bool, depth: f64| {
+        let side = if crosses && depth > probe.elevational_focus_mm { -1.0 } else { 1.0 };
+        side * probe.elevational_sigma_mm(depth)
     };
-    let n = f64::from(STEPS);
-    let mean = (0..STEPS).map(at).fold((0.0, 0.0), |m, (x, y)| (m.0 + x / n, m.1 + y / n));
-    let (mut xy, mut xx) = (0.0, 0.0);
-    for (x, y) in (0..STEPS).map(at) {
-        xy += (x - mean.0) * (y - mean.1);
-        xx += (x - mean.0).powi(2);
-    }
-    let slope = xy / xx;
-    let start = mean.1 - slope * mean.0;
+    let fit = |crosses: bool| {
+        let (start, slope) = line_through(depths().map(|depth| (depth, width(crosses, depth))));
+        let off = |depth: f64| ((start + slope * depth).abs() - probe.elevational_sigma_mm(depth)).powi(2);
+        (depths().map(off).sum::<f64>(), start, slope)
+    };
+    let (crossing, parallel) = (fit(true), fit(false));
+    let (_, start, slope) = if crossing.0 < parallel.0 { crossing } else { parallel };
     gauss_hermite(count)
         .into_iter()
-        .map(|(node, weight)| {
-            let begin = probe.elevational_focus_mm * (1.0 - (node * slope).hypot(1.0).recip());
-            [node * start, node * slope, weight, begin].map(|v| v as f32)
-        })
+        .map(|(node, weight)| [node * start, node * slope, weight, (node * slope).hypot(1.0)].map(|v| v as f32))
         .collect()
+}
+
+/// Start and slope of the least-squares line through points.
+fn line_through(points: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
+    let n = points.clone().count() as f64;
+    let mean = points.clone().fold((0.0, 0.0), |m, (x, y)| (m.0 + x / n, m.1 + y / n));
+    let (xy, xx) =
+        points.fold((0.0, 0.0), |sum, (x, y)| (sum.0 + (x - mean.0) * (y - mean.1), sum.1 + (x - mean.0).powi(2)));
+    let slope = xy / xx;
+    (mean.1 - slope * mean.0, slope)
 }
 
 /// Nodes (in standard deviations, ascending) and weights (sum 1) that integrate a standard normal exactly up to
@@ -315,7 +324,7 @@ mod tests {
     fn layers_follow_the_lens_through_its_focus() {
         let probe = Probe::default();
         let [below, middle, above] = layers(&probe, 3)[..] else { panic!("three layers") };
-        assert_eq!(middle, [0.0, 0.0, middle[2], 0.0]);
+        assert_eq!(middle, [0.0, 0.0, middle[2], 1.0]);
         for depth in (0..=150).map(f64::from) {
             let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
             for [offset, slope, ..] in [below, above].map(|l| l.map(f64::from)) {
@@ -329,12 +338,19 @@ mod tests {
     }
 
     #[test]
-    fn layers_meet_in_phase_at_the_focus() {
-        let probe = Probe::default();
-        for [_, slope, _, begin] in layers(&probe, 5).into_iter().map(|l| l.map(f64::from)) {
-            let range = (probe.elevational_focus_mm - begin) * slope.hypot(1.0);
-            let turns = (range - probe.elevational_focus_mm) * probe.phase_turns_per_mm();
-            assert!(turns.abs() < 1e-4, "{turns} turns");
+    fn layers_of_a_lens_without_a_waist_do_not_cross() {
+        // So low a frequency that the beam is as wide at the focus as at the face, nearly; and a focus just within the image.
+        let lenses = [
+            Probe { frequency_mhz: 2.5, elevational_focus_mm: 80.0, depth_mm: 160.0, ..Probe::default() },
+            Probe { depth_mm: 75.0, ..Probe::default() },
+        ];
+        for probe in lenses {
+            let [_, _, [offset, slope, ..]] = layers(&probe, 3)[..] else { panic!("three layers") };
+            for depth in [0.0, 0.5 * probe.depth_mm, probe.depth_mm] {
+                let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
+                let got = f64::from(offset) + f64::from(slope) * depth;
+                assert!((got - want).abs() < 0.35, "{got} mm, not {want}, at {depth} mm");
+            }
         }
     }
 

@@ -86,7 +86,8 @@ def resume(trainer, run, config, data_sha256):
                 f"{run.checkpoint}: {name} is {getattr(kept, name)}, not {getattr(config, name)}: name another --out"
             )
     trainer.load(state)
-    changed = {k: v for k, v in config.to_dict().items() if kept.to_dict()[k] != v}
+    # What an older checkpoint doesn't name was not there.
+    changed = {k: v for k, v in config.to_dict().items() if state["config"].get(k) != v}
     if changed:
         print(f"goes on with other settings than before: {changed}", file=sys.stderr)
     if state.get("data_sha256") != data_sha256:

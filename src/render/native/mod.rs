@@ -47,7 +47,7 @@ use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
 
 /// Paths that one core follows before others may take over.
-const PATHS_A_TASK: usize = 16;
+const PATHS_A_TASK: usize = Bundle::PATHS;
 
 /// Numbers of the host's `trace`. A test may change one, to see the comparison with the twin fail.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -247,7 +247,7 @@ fn follow_portable(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -
     follow_run(scene, first, out)
 }
 
-/// With eight lanes a register; the same numbers bit for bit. Sixteen are slower: a path's own steps are a third of the work.
+/// With eight lanes a register; the same numbers bit for bit. AVX-512 is slower here: a path's own steps are a third of the work.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {

@@ -9,7 +9,7 @@ use super::walk::Walk;
 use super::{Effects, TraceConstants};
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
-use crate::render::tables::{CELL_MM, GpuTissue, HINT_BLOCK, SAMPLES_MAX, SEGMENTS, STARTS};
+use crate::render::tables::{CELL_MM, GpuTissue, HINT_BLOCK, LAYER_SHIFT_MM, SAMPLES_MAX, SEGMENTS, STARTS};
 use crate::render::twin::hash::{pcg3d, sample_unit, unit};
 
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³.
@@ -93,11 +93,11 @@ impl Scene<'_> {
     /// Origin and direction of a path's first ray: its scanline's, moved to its elevational layer.
     fn launch(&self, line_ray: usize, layer: usize) -> (Vec3, Vec3) {
         let p = self.params;
-        let [offset, slope, _, begin_mm] = self.layers[layer];
+        let [offset, slope, ..] = self.layers[layer];
         let origin = Vec4::from(self.rays[2 * line_ray]).xyz() + Vec3::new(0.0, offset, 0.0);
         let direction = Vec4::from(self.rays[2 * line_ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
         let face = Vec3::new(p.lateral[3], p.elevational[3], p.axial[3]);
-        (face + self.scene_vector(origin + begin_mm * direction), self.scene_vector(direction).normalize())
+        (face + self.scene_vector(origin), self.scene_vector(direction).normalize())
     }
 
     fn medium_word(&self, inside: &Inside) -> u32 {
@@ -121,6 +121,8 @@ impl Scene<'_> {
         let (origin, direction) = self.launch(line_ray, layer);
         let in_phase = self.layers[layer][2] / p.rays as f32;
         let axis = 2 * (line_rays + line_ray / p.rays as usize);
+        // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
+        let apart_mm = if self.layers[layer][0] == 0.0 { 0.0 } else { LAYER_SHIFT_MM * (layer + 1) as f32 };
         let to_axis = |i: usize| {
             self.scene_vector(Vec4::from(self.rays[axis + i]).xyz() - Vec4::from(self.rays[2 * line_ray + i]).xyz())
         };
@@ -131,8 +133,7 @@ impl Scene<'_> {
             direction,
             in_phase,
             in_power: in_phase.sqrt(),
-            // Layers have speckle of their own, also where they meet, at the focus.
-            shift: to_axis(0) + Vec3::new(0.0, 0.0, 16.0 * self.layers[layer][0]),
+            shift: to_axis(0) + Vec3::new(0.0, 0.0, apart_mm),
             shift_step: to_axis(1),
             ..Walk::default()
         }
@@ -161,22 +162,25 @@ impl Scene<'_> {
         self.segment(walk, record);
     }
 
+    /// Length of path a mm of range in the medium at hand. Ranges are depths: the lens delays its middle, so that an oblique
+    /// layer's echoes come no later.
+    #[inline(always)]
+    fn path_per_range(&self, walk: &Walk) -> f32 {
+        self.tissues[walk.here as usize].speed_ratio * self.layers[walk.layer as usize][3]
+    }
+
     /// How far the path goes on in its medium at most, mm; not above 0 where it has ended.
     #[inline(always)]
     pub(super) fn left_mm(&self, walk: &Walk) -> f32 {
-        if walk.open {
-            (self.params.depth_mm - walk.range_mm) * self.tissues[walk.here as usize].speed_ratio
-        } else {
-            0.0
-        }
+        if walk.open { (self.params.depth_mm - walk.range_mm) * self.path_per_range(walk) } else { 0.0 }
     }
 
     /// Writes the segment that begins here.
     #[inline(always)]
     fn segment(&self, walk: &mut Walk, record: &mut PathRecord) {
         let tissue = &self.tissues[walk.here as usize];
-        let step = walk.direction * tissue.speed_ratio + walk.shift_step;
-        let fall = tissue.attenuation_np_mm * tissue.speed_ratio;
+        let step = walk.direction * self.path_per_range(walk) + walk.shift_step;
+        let fall = tissue.attenuation_np_mm * self.path_per_range(walk);
         let from = walk.origin - walk.carried_mm + walk.shift + (walk.shift_step - step) * walk.range_mm;
         let count = record.count as usize;
         record.starts[count] = walk.range_mm;
@@ -231,7 +235,7 @@ impl Scene<'_> {
         cross(self.tree.triangles, &here[..here.partition_point(|c| c.t <= limit)], &mut walk.inside);
         let there = self.medium_word(&walk.inside);
         walk.origin += walk.direction * t;
-        walk.range_mm += t / tissue.speed_ratio;
+        walk.range_mm += t / self.path_per_range(walk);
         walk.ln_amplitude -= tissue.attenuation_np_mm * t;
         walk.t_min = TOUCH_MM;
         if there & (MOVES - 1) != walk.here {
@@ -281,7 +285,7 @@ impl Scene<'_> {
             let salt = (triangle.surface as i32 + 1).wrapping_mul(7919);
             let cell = ((origin + constants.off_the_grid_mm) * (1.0 / CELL_MM as f32)).floor().as_ivec3();
             let offset = unit(pcg3d(cell.to_array().map(|c| (c ^ salt) as u32))[0]) as f32 - 0.5;
-            walk.echo_range_mm += offset * thickness_mm / tissue.speed_ratio;
+            walk.echo_range_mm += offset * thickness_mm / self.path_per_range(walk);
             let weight = walk.in_power * (1.0 - coherence) + walk.in_phase * coherence;
             let arriving = if walk.ln_amplitude > LN_SILENT { walk.ln_amplitude.exp() } else { 0.0 };
             let returned = returning(cos_facet, roughness, range_mm, p.aperture_mm, constants.diffuse);

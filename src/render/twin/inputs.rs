@@ -26,16 +26,8 @@ pub struct Layer {
     pub slope: f64,
     /// Part of the beam's energy; all layers' sum is 1.
     pub weight: f64,
-    /// Depth that its paths begin at, mm.
-    pub begin_mm: f64,
-}
-
-impl Layer {
-    /// From where a layer's scatterers lie in the scene to where the lattice is read, mm: layers have speckle of their own,
-    /// also where they meet, at the focus.
-    pub fn lattice_shift_mm(&self) -> DVec3 {
-        DVec3::Z * 16.0 * self.offset_mm
-    }
+    /// Length of its rays a mm of depth.
+    pub stretch: f64,
 }
 
 /// A tissue as the passes need it.
@@ -196,7 +188,7 @@ impl Inputs {
             offset_mm: l[0].into(),
             slope: l[1].into(),
             weight: l[2].into(),
-            begin_mm: l[3].into(),
+            stretch: l[3].into(),
         };
         let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
         let triangles = bvh.triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
@@ -282,8 +274,9 @@ impl Inputs {
     pub fn launch(&self, path: usize) -> Ray {
         let ray = self.rays[path % self.rays.len()];
         let layer = self.layers[path / self.rays.len()];
-        let direction = ray.direction + DVec3::Y * layer.slope;
-        let origin_mm = ray.origin_mm + DVec3::Y * layer.offset_mm + direction * layer.begin_mm;
-        self.in_scene(&Ray { origin_mm, direction })
+        self.in_scene(&Ray {
+            origin_mm: ray.origin_mm + DVec3::Y * layer.offset_mm,
+            direction: ray.direction + DVec3::Y * layer.slope,
+        })
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::surfaces::{Crossing, Membership, TOUCH_MM, crossings, places};
 use super::{Inputs, Medium, Ray, hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
-use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
+use crate::render::tables::{LAYER_SHIFT_MM, REFLECTION_FOLLOWED, SEGMENTS};
 
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³.
 const LN_GIVEN_UP: f64 = -30.0;
@@ -109,11 +109,14 @@ impl<'a> Tracer<'a> {
         // Scatterers are read on the scanline's axis, whatever ray carries the echo.
         let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
         let to_axis = |a: DVec3, b: DVec3| inputs.scene_from_probe * (a - b);
-        let lattice_shift_mm = inputs.layers[path / inputs.rays.len()].lattice_shift_mm();
+        // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
+        let layer = path / inputs.rays.len();
+        let apart = if inputs.layers[layer].offset_mm == 0.0 { 0.0 } else { LAYER_SHIFT_MM * (layer + 1) as f32 };
+        let lattice_shift_mm = DVec3::Z * f64::from(apart);
         Self {
             inputs,
             line_ray,
-            layer: path / inputs.rays.len(),
+            layer,
             shift: (to_axis(axis.origin_mm, ray.origin_mm) + lattice_shift_mm, to_axis(axis.direction, ray.direction)),
             inside,
             ray: inputs.launch(path),
@@ -186,10 +189,16 @@ impl<'a> Tracer<'a> {
         }
     }
 
+    /// Length of path a mm of range. Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no
+    /// later.
+    fn path_per_range(&self, tissue: &Medium) -> f64 {
+        tissue.speed_ratio * self.inputs.layers[self.layer].stretch
+    }
+
     /// The segment that begins here.
     fn segment(&self, tissue: &Medium, echo: f64, echo_range_mm: f64) -> Segment {
-        let step = self.ray.direction * tissue.speed_ratio;
-        let fall_np_mm = tissue.attenuation_np_mm * tissue.speed_ratio;
+        let step = self.ray.direction * self.path_per_range(tissue);
+        let fall_np_mm = tissue.attenuation_np_mm * self.path_per_range(tissue);
         Segment {
             start_mm: self.range_mm,
             origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm + self.shift.0,
@@ -210,7 +219,7 @@ impl<'a> Tracer<'a> {
         let tissue = self.inputs.media[here];
         // An interface just left is not met again.
         let t_min_mm = if self.bounce == 0 { 0.0 } else { TOUCH_MM };
-        let left_mm = (self.inputs.depth_mm - self.range_mm) * tissue.speed_ratio;
+        let left_mm = (self.inputs.depth_mm - self.range_mm) * self.path_per_range(&tissue);
         let ahead = crossings(self.inputs, &self.ray, t_min_mm, left_mm + TOUCH_MM);
         let mut gone_mm = 0.0;
         let mut met = None;
@@ -232,7 +241,7 @@ impl<'a> Tracer<'a> {
             }
         }
         self.ray.origin_mm += self.ray.direction * gone_mm;
-        self.range_mm += gone_mm / tissue.speed_ratio;
+        self.range_mm += gone_mm / self.path_per_range(&tissue);
         self.ln_amplitude -= tissue.attenuation_np_mm * gone_mm;
         met
     }
@@ -271,7 +280,7 @@ impl<'a> Tracer<'a> {
         let salt = (surface as i32 + 1).wrapping_mul(7919);
         let offset =
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
-        let range_mm = self.range_mm + offset * boundary.thickness_mm / tissue.speed_ratio;
+        let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
         let in_phase = self.inputs.layers[self.layer].weight / self.inputs.rays_per_line as f64;
         let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
