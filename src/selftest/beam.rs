@@ -70,8 +70,8 @@ impl Family for Beam {
         }
         // Moved across the edge, the outermost of three layers comes into view √3 σ before the middle.
         let near = linear(1, 1.0, 256, 50.0);
-        let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near.clone() };
-        for (probe, where_) in [(near, "before"), (far, "beyond")] {
+        let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near };
+        for (probe, side) in [(near, "before"), (far, "beyond")] {
             let mut amplitude = |y: f64| {
                 let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
                 // Behind the edge layers that part come in by its side.
@@ -88,7 +88,7 @@ impl Family for Beam {
             }
             let got = -FWHM_PER_SIGMA * 0.5 * (low + high) / OUTER_NODE;
             let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
-            let name = format!("elevational width at {EDGE_MM:.0} mm, {where_} the focus");
+            let name = format!("elevational width at {EDGE_MM:.0} mm, {side} the focus");
             checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
         }
         Ok(checks)
