@@ -349,7 +349,7 @@ mod tests {
             for depth in [0.0, 0.5 * probe.depth_mm, probe.depth_mm] {
                 let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
                 let got = f64::from(offset) + f64::from(slope) * depth;
-                assert!((got - want).abs() < 0.35, "{got} mm, not {want}, at {depth} mm");
+                assert!((got - want).abs() < 0.45, "{got} mm, not {want}, at {depth} mm");
             }
         }
     }
