@@ -739,7 +739,7 @@ fn a_frame_whose_run_fails_is_shown_as_soon_as_it_has() {
     let (clock_of_run, mut run) = (clock.clone(), 0);
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
         run += 1;
-        let fails = run > 20 && run % 4 == 0;
+        let fails = run % 20 == 0;
         clock_of_run.sleep_until(clock_of_run.now() + if fails { 10 * MS } else { 30 * MS });
         out.resize(frame.bmode.len(), 200);
         if fails { Err(EnhanceError("pixel 7 is NaN".to_owned())) } else { Ok(()) }
@@ -747,10 +747,11 @@ fn a_frame_whose_run_fails_is_shown_as_soon_as_it_has() {
     let enhancer: Option<Box<dyn Enhancer>> =
         Some(Box::new(Translate { work, terminator: None, on_processors: false }));
     let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
-    assert!(summary.generator.unwrap().failed > 40);
-    let ages: Vec<_> = seen(&log)[24..].iter().map(|frame| frame.age).collect();
-    assert!(ages.iter().all(|age| *age == 30 * MS || *age == 50 * MS), "20 + 10 or 20 + 30 ms: {ages:?}");
-    assert!(ages.contains(&(30 * MS)));
+    assert!(summary.generator.unwrap().failed >= 9);
+    let ages: Vec<_> = seen(&log).iter().map(|frame| frame.age).collect();
+    // 20 ms alone, with a run of 10 ms that fails, and with one of 30 ms that doesn't; 100 ms are the deadline.
+    assert!(ages.iter().all(|age| [20 * MS, 30 * MS, 50 * MS].contains(age)), "{ages:?}");
+    assert!(ages.iter().filter(|age| **age == 30 * MS).count() >= 5, "{ages:?}");
 }
 
 #[test]

@@ -64,7 +64,7 @@ const DAMAGES: [Damage; 19] = [
         "let sin2_transmitted = sin2_incident / (speed_ratio * speed_ratio);",
         "Snell",
     ),
-    ("sound speed ignored", "trace", "range_mm += t / tissue.speed_ratio", "range_mm += t", "Time of flight"),
+    ("sound speed ignored", "trace", "range_mm += t / path_per_range", "range_mm += t", "Time of flight"),
     (
         "pulse of half the step",
         "detect",

@@ -136,7 +136,7 @@ const DAMAGES: [Damages; 3] = [
     ],
     &[
         ("crossings beyond the face count", "locate", "-params.reach_mm, 0.0", "-params.reach_mm, params.depth_mm"),
-        ("sound speed ignored in travel time", "trace", "range_mm += t / tissue.speed_ratio", "range_mm += t"),
+        ("sound speed ignored in travel time", "trace", "range_mm += t / path_per_range", "range_mm += t"),
         ("layers add in amplitude", "march", "sqrt(layers[layer].z)", "layers[layer].z"),
         ("carrier f/c in place of 2f/c", "echo", "params.phase_turns_per_mm", "0.5 * params.phase_turns_per_mm"),
         ("one side of the beam", "lateral", "var tap = -half;", "var tap = 0;"),
