@@ -1,7 +1,8 @@
 """About how much a generator can gain: `python -m insonify_training.ceiling DATA`.
 
 A generator can't know the part of the HQ speckle that LQ doesn't show. So an oracle is asked that knows the structure, HQ blurred by
-sigma pixels, and adds the fine detail of LQ times the gain that fits HQ best, for each hundred rows. An estimate, no bound: another oracle may use the same knowledge better. Full field of view.
+sigma pixels, and adds the fine detail of LQ times the gain that fits HQ best, for each hundred rows. Full field of view.
+An estimate, no bound: another oracle may use the same knowledge better.
 """
 
 import argparse
