@@ -26,7 +26,7 @@ class NoData:
 def step_seconds(config, device, bf16, gan):
     """Least seconds of a step with or without the GAN term."""
     warmup = 0 if gan else config.steps
-    trainer = Trainer(replace(config, warmup=warmup, ramp=1), NoData, device, bf16)
+    trainer = Trainer(replace(config, warmup=warmup, divergence_from=warmup, ramp=1), NoData, device, bf16)
     shape = (config.batch, 4, config.crop, config.crop)
     batch = Batch(np.random.default_rng(1).integers(0, 2, shape, dtype=np.uint8), np.full((shape[0], 1, *shape[2:]), 255, np.uint8))
     times = []

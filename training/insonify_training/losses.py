@@ -3,6 +3,7 @@
 import torch
 import torch.nn.functional as F
 
+from .patches import BINS, PATCH, PSEUDO_COUNT, patches
 from .quality import similarity
 
 # Slope of the output beyond black and white: the station clips there, but a gradient must lead back.
@@ -20,10 +21,6 @@ def l1(output, target):
     return F.l1_loss(output, target)
 
 
-# Side of the patches whose histograms are compared: pKL's.
-PATCH = 32
-
-
 def patch_histogram(output, target, offset, side=PATCH):
     """Mean distance between the grey levels that patches of `side` pixels hold, wherever in the patch they are: the
     1-Wasserstein distance of their histograms, by sorting. What L1 smooths away, this asks for.
@@ -32,13 +29,29 @@ def patch_histogram(output, target, offset, side=PATCH):
     `side` + `offset` pixels high and wide at least.
     """
 
-    def levels(picture):
-        picture = picture[:, 0, offset:, offset:]
-        rows, columns = (picture.shape[1] // side, picture.shape[2] // side)
-        patches = picture[:, : rows * side, : columns * side].reshape(-1, rows, side, columns, side)
-        return patches.transpose(2, 3).reshape(-1, side * side).sort(1).values
+    output, target = (patches(picture, offset, side).sort(1).values for picture in (output, target))
+    return (output - target).abs().mean()
 
-    return (levels(output) - levels(target)).abs().mean()
+
+def soft_histogram(levels, bins=BINS):
+    """Parts of the levels [patches, n] within 0..=1 in each bin [patches, bins]. A level belongs to the two bins whose centres it
+    lies between, by nearness, so that there is a gradient."""
+    place = (levels * bins - 0.5).clamp(0.0, bins - 1.0)
+    lower = place.detach().floor().clamp(max=bins - 2)
+    above = place - lower
+    lower = lower.long()
+    counts = levels.new_zeros(len(levels), bins).scatter_add(1, lower, 1 - above).scatter_add(1, lower + 1, above)
+    counts = counts + PSEUDO_COUNT
+    return counts / counts.sum(1, keepdim=True)
+
+
+def patch_divergence(output, target, offset, side=PATCH):
+    """Mean Kullback-Leibler divergence of the grey levels' histograms of patches, D(target || output): pKL with soft bins. Patches as
+    in `patch_histogram`; those whose target is black are not looked at."""
+    output, target = (patches(picture, offset, side) for picture in (output, target))
+    seen = target.amax(1) > 0
+    p, q = (soft_histogram(levels[seen]) for levels in (target, output))
+    return (p * (p / q).log()).sum(1).mean()
 
 
 def dissimilarity(output, target):

@@ -2,12 +2,31 @@
 
 import torch
 
+from .patches import BINS, PSEUDO_COUNT, patches
+
 
 def psnr_db(output, target):
     """Peak signal-to-noise ratio of each picture [n, 1, h, w] within 0..=1, after rounding to grey levels: dB."""
     output, target = (torch.round(x.float().clamp(0, 1) * 255) for x in (output, target))
     error = (output - target).square().mean((1, 2, 3)).clamp_min(1e-10)
     return 10 * torch.log10(255.0**2 / error)
+
+
+def pkl(output, target, mask):
+    """pKL of each picture in nats, as `src/quality/pkl.rs` has it, but for patches at the sector's edge: of those that are half
+    inside, what is outside counts, too."""
+
+    def histograms(picture):
+        levels = patches(torch.round(picture.float().clamp(0, 1) * 255), 0)
+        places = torch.div(levels * BINS, 255, rounding_mode="floor").clamp(max=BINS - 1).long()
+        counts = torch.zeros(len(levels), BINS, device=levels.device)
+        counts = counts.scatter_add_(1, places, torch.ones_like(levels)) + PSEUDO_COUNT
+        return counts / counts.sum(1, keepdim=True)
+
+    q, p = histograms(output), histograms(target)
+    inside = (patches(mask, 0).mean(1) >= 0.5).view(len(output), -1)
+    divergence = (p * (p / q).log()).sum(1).view(len(output), -1)
+    return (divergence * inside).sum(1) / inside.sum(1).clamp_min(1)
 
 
 def ssim(output, target):

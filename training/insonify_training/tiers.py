@@ -13,7 +13,7 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 8500
+    steps: int = 11000
     batch: int = 4
     crop: int = 256
     rate: float = 7e-4
@@ -27,6 +27,9 @@ class Config:
     l1_weight: float = 200.0
     # Of the patches' histograms, beside an L1 weight of 1.
     histogram_weight: float = 1.0
+    # Of the patches' divergence, likewise: pKL; and the step from which on it counts.
+    divergence_weight: float = 0.4
+    divergence_from: int = 8500
     # Of 1 less the structural similarity, likewise.
     ssim_weight: float = 0.3
     # Steps without the GAN term, and steps in which it grows to its weight.
@@ -54,7 +57,17 @@ class Config:
 FAST = Config(network="stride8")
 MIDDLE = Config(network="stride4")
 # pix2pix as the paper has it, but small.
-CLASSIC = Config(network="unet16", norm="instance", rate=2e-4, gan_weight=1.0, ndf=16, clip=0.0, histogram_weight=0.0, ssim_weight=0.0)
+CLASSIC = Config(
+    network="unet16",
+    norm="instance",
+    rate=2e-4,
+    clip=0.0,
+    gan_weight=1.0,
+    histogram_weight=0.0,
+    divergence_weight=0.0,
+    ssim_weight=0.0,
+    ndf=16,
+)
 # For a GPU: the paper's network and schedule.
 PAPER = Config(
     network="unet64",
@@ -66,6 +79,7 @@ PAPER = Config(
     clip=0.0,
     gan_weight=1.0,
     histogram_weight=0.0,
+    divergence_weight=0.0,
     ssim_weight=0.0,
     decay_from=1.0,
     ndf=64,

@@ -15,8 +15,8 @@ from pathlib import Path
 import torch
 
 from .dataset import LQ, Crops, Dataset, DatasetError
-from .losses import PATCH
-from .quality import psnr_db, ssim
+from .patches import PATCH
+from .quality import pkl, psnr_db, ssim
 from .sheets import loss_plot, sample_sheet
 from .tiers import TIERS, Config
 from .trainer import Trainer, read_checkpoint, save_checkpoint
@@ -51,7 +51,7 @@ def configure(args):
     """The tier's config with the flags' values in it."""
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     config = replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
-    if config.histogram_weight > 0 and config.crop < 2 * PATCH:
+    if max(config.histogram_weight, config.divergence_weight) > 0 and config.crop < 2 * PATCH:
         raise SystemExit(f"--crop {config.crop}: histograms are of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
     return config
 
@@ -104,6 +104,8 @@ def examine(trainer, batch, run):
         "ssim": round(ssim(output, target).mean().item(), 4),
         "psnr_lq_db": round(psnr_db(lq, target).mean().item(), 3),
         "ssim_lq": round(ssim(lq, target).mean().item(), 4),
+        "pkl": round(pkl(output, target, mask).mean().item(), 4),
+        "pkl_lq": round(pkl(lq, target, mask).mean().item(), 4),
     }
     run.log(step=trainer.step, **row)
     shown = slice(0, 4)

@@ -60,6 +60,10 @@ class Trainer:
             histogram = losses.patch_histogram(output, target, self.step * 7 % losses.PATCH)
             seen["histogram"] = histogram.detach()
             loss = loss + config.histogram_weight * histogram
+        if config.divergence_weight > 0 and self.step >= config.divergence_from:
+            divergence = losses.patch_divergence(output, target, self.step * 7 % losses.PATCH)
+            seen["divergence"] = divergence.detach()
+            loss = loss + config.divergence_weight * divergence
         if config.ssim_weight > 0:
             # Of every other picture: all would cost as much as the network.
             dissimilarity = losses.dissimilarity(output[::2], target[::2])

@@ -1,7 +1,9 @@
-//! Follows sixteen neighbouring paths at once: they look for their next crossings together, and go on each by itself.
+//! Follows neighbouring paths at once: they look for their next crossings together, and meet their interfaces together.
 
-use super::packet::{Packet, RAYS, Visits, collect, nearest};
-use super::path::{CROSSINGS_BEHIND, PathRecord, Place, Scene};
+use super::arrivals::Arrivals;
+use super::packet::{Packet, RAYS, Visits};
+use super::path::{Boundary, CROSSINGS_BEHIND, PathRecord, Place, Scene};
+use super::search::{Covered, collect, nearest};
 use super::traverse::{Crossing, Ray};
 use super::walk::Walk;
 
@@ -12,8 +14,12 @@ pub(super) struct Bundle {
     walks: [Walk; RAYS],
     packet: Packet,
     visits: Visits,
+    covered: [Covered; RAYS],
     behind: [[Crossing; CROSSINGS_BEHIND]; RAYS],
     place: Place,
+    arrivals: Arrivals,
+    /// Path and boundary of each arrival.
+    boundaries: [(usize, Boundary); RAYS],
 }
 
 impl Bundle {
@@ -26,15 +32,18 @@ impl Bundle {
             walks: [Walk::default(); RAYS],
             packet: Packet::new(),
             visits: Visits::new(),
+            covered: [Covered::new(); RAYS],
             behind: [[Crossing::default(); CROSSINGS_BEHIND]; RAYS],
             place: Place::new(),
+            arrivals: Arrivals::new(),
+            boundaries: [(0, Boundary::default()); RAYS],
         }
     }
 
     /// Follows `count` paths from `first` on into the first records; how many crossings and segments found no room.
     #[inline(always)]
     pub(super) fn follow(&mut self, scene: &Scene<'_>, first: usize, count: usize) -> u32 {
-        let Self { records, walks, packet, visits, behind, place } = self;
+        let Self { records, walks, packet, visits, covered, behind, place, arrivals, boundaries } = self;
         let count = count.min(RAYS);
         packet.clear();
         for (lane, walk) in walks[..count].iter_mut().enumerate() {
@@ -47,7 +56,9 @@ impl Bundle {
         }
         loop {
             packet.clear();
+            let mut highest = [0; RAYS];
             for (lane, walk) in walks[..count].iter().enumerate() {
+                highest[lane] = Scene::highest(walk);
                 let left_mm = scene.left_mm(walk);
                 if left_mm > 0.0 {
                     packet.set(lane, Ray::new(walk.origin, walk.direction), walk.t_min, left_mm);
@@ -56,12 +67,23 @@ impl Bundle {
             if packet.is_empty() {
                 break;
             }
-            let found = nearest(&scene.tree, packet, visits);
-            for (lane, (walk, record)) in walks[..count].iter_mut().zip(records.iter_mut()).enumerate() {
-                match found[lane] {
-                    Some(found) => scene.advance(walk, found, place, record),
-                    None => walk.end(),
+            let ahead = nearest(&scene.tree, packet, visits, &highest, covered);
+            arrivals.clear();
+            for (lane, walk) in walks[..count].iter_mut().enumerate() {
+                let Some(found) = ahead[lane] else {
+                    walk.end();
+                    continue;
+                };
+                if let Some(boundary) = scene.advance(walk, found, &mut covered[lane], place) {
+                    boundaries[arrivals.len()] = (lane, boundary);
+                    arrivals.push(&scene.arrival(walk, &boundary));
                 }
+            }
+            if arrivals.len() > 0 {
+                arrivals.depart(scene);
+            }
+            for (i, (lane, boundary)) in boundaries[..arrivals.len()].iter().enumerate() {
+                scene.depart(&mut walks[*lane], boundary, &arrivals.departure(i), &mut records[*lane]);
             }
         }
         for (walk, record) in walks[..count].iter().zip(records.iter_mut()) {

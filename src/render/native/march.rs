@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::wide::{at_least, exp, floor, phasor, real, widened};
+use super::wide::{at_least, exp, floor, pcg3d, phasor, real, widened};
 use crate::render::params::Params;
 use crate::render::tables::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 
@@ -179,20 +179,6 @@ fn scatter(
         sums[0][i] += if there { echo[0] } else { 0.0 };
         sums[1][i] += if there { echo[1] } else { 0.0 };
     }
-}
-
-/// pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
-#[inline(always)]
-fn pcg3d(key: [u32; 3]) -> [u32; 3] {
-    let [mut x, mut y, mut z] = key.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
-    x = x.wrapping_add(y.wrapping_mul(z));
-    y = y.wrapping_add(z.wrapping_mul(x));
-    z = z.wrapping_add(x.wrapping_mul(y));
-    (x, y, z) = (x ^ x >> 16, y ^ y >> 16, z ^ z >> 16);
-    x = x.wrapping_add(y.wrapping_mul(z));
-    y = y.wrapping_add(z.wrapping_mul(x));
-    z = z.wrapping_add(x.wrapping_mul(y));
-    [x, y, z]
 }
 
 /// A complex number of mean 0 and mean square 1: in each part the sum of four nibbles.

@@ -6,10 +6,12 @@
 //! The tree's boxes are tested eight at a time, nearest first. Fused multiplications are not used, so that a frame does not
 //! depend on what the processor offers.
 
+mod arrivals;
 mod bundle;
 mod detect;
 mod echo;
 mod frame;
+mod hull;
 mod interface;
 mod lateral;
 mod march;
@@ -18,6 +20,7 @@ mod packet;
 mod path;
 mod percentile;
 mod scan_convert;
+mod search;
 mod section;
 mod staging;
 mod traverse;

@@ -2,20 +2,20 @@
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
-use super::interface::{acceptance, interface_between, microfacet, returning};
-use super::membership::{Inside, cross, medium_word};
-use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, collect};
+use super::arrivals::{Arrival, Departure};
+use super::membership::{Inside, cross, cross_all, highest, medium_word};
+use super::search::Covered;
+use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, by_distance, collect};
 use super::walk::Walk;
 use super::{Effects, TraceConstants};
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
-use crate::render::tables::{CELL_MM, GpuTissue, HINT_BLOCK, LAYER_SHIFT_MM, SAMPLES_MAX, SEGMENTS, STARTS};
-use crate::render::twin::hash::{pcg3d, sample_unit, unit};
+use crate::render::tables::{GpuTissue, HINT_BLOCK, LAYER_SHIFT_MM, SAMPLES_MAX, SEGMENTS, STARTS};
 
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³.
 const LN_GIVEN_UP: f32 = -30.0;
 /// ln of an amplitude that no display shows: 10⁻³⁴.
-const LN_SILENT: f32 = -80.0;
+pub(super) const LN_SILENT: f32 = -80.0;
 /// Crossings at one place, and on the way back from the face.
 const CROSSINGS: usize = 16;
 pub(super) const CROSSINGS_BEHIND: usize = 64;
@@ -43,6 +43,18 @@ pub(super) struct Scene<'a> {
     pub(super) tissues: &'a [GpuTissue],
     pub(super) effects: Effects,
     pub(super) constants: &'a TraceConstants,
+}
+
+/// Where the medium changes on a path's way.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Boundary {
+    /// Surfaces that the path was inside.
+    before: Inside,
+    /// Tissue beyond, and whether its surface moves.
+    there: u32,
+    moves: bool,
+    /// In leaf order.
+    triangle: u32,
 }
 
 /// What is written of a path, as the device has it.
@@ -105,12 +117,12 @@ impl Scene<'_> {
     }
 
     /// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
-    fn interface_of(&self, place: &[Crossing]) -> usize {
+    fn interface_of(&self, place: &[Crossing]) -> u32 {
         let order = |c: &&Crossing| {
             let triangle = &self.tree.triangles[c.triangle as usize];
             (triangle.surface, std::cmp::Reverse(triangle.triangle))
         };
-        place.iter().max_by_key(order).map_or(0, |c| c.triangle as usize)
+        place.iter().max_by_key(order).map_or(0, |c| c.triangle)
     }
 
     /// Where path `path` begins.
@@ -149,13 +161,7 @@ impl Scene<'_> {
     #[inline(always)]
     pub(super) fn locate(&self, walk: &mut Walk, behind: &mut [Crossing], record: &mut PathRecord) {
         behind.sort_unstable_by(by_distance);
-        let mut ahead = behind;
-        while let Some(first) = ahead.first() {
-            let limit = first.t + TOUCH_MM;
-            let (place, rest) = ahead.split_at_mut(ahead.partition_point(|c| c.t <= limit));
-            cross(self.tree.triangles, place, &mut walk.inside);
-            ahead = rest;
-        }
+        cross_all(self.tree.triangles, behind, &mut walk.inside);
         record.starts_inside = walk.inside;
         record.count = 0;
         walk.here = self.medium_word(&walk.inside) & (MOVES - 1);
@@ -206,22 +212,37 @@ impl Scene<'_> {
         }
     }
 
-    /// Takes the path to its nearest crossing, within [`Self::left_mm`], and writes the segment behind it if the medium
-    /// changes there.
+    /// The highest surface that the path is inside; 0 where it is inside none: nothing lies below the first.
     #[inline(always)]
-    pub(super) fn advance(&self, walk: &mut Walk, found: Nearest, place: &mut Place, record: &mut PathRecord) {
+    pub(super) fn highest(walk: &Walk) -> u32 {
+        highest(&walk.inside).unwrap_or(0)
+    }
+
+    /// Takes the path to its nearest crossing, within [`Self::left_mm`], through those that are `covered`: the interface
+    /// there, if the medium changes.
+    #[inline(always)]
+    pub(super) fn advance(
+        &self,
+        walk: &mut Walk,
+        found: Nearest,
+        covered: &mut Covered,
+        place: &mut Place,
+    ) -> Option<Boundary> {
         let tissue = &self.tissues[walk.here as usize];
-        walk.crossed += 1;
+        let t = found.crossing.t;
+        let covered = covered.up_to(t + TOUCH_MM);
+        let (passed, touching) = covered.split_at(covered.partition_point(|c| c.t < t - TOUCH_MM));
+        walk.crossed += 1 + passed.len() as u32;
         if walk.crossed > PLACES_MAX {
             walk.lost += 1;
             walk.open = false;
-            return;
+            return None;
         }
+        cross_all(self.tree.triangles, passed, &mut walk.inside);
         // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
-        let t = found.crossing.t;
         place.crossings[0] = found.crossing;
         let mut crossings = 1;
-        if found.crowded {
+        if found.crowded || !touching.is_empty() {
             let (least, most) = (walk.t_min.max(t - TOUCH_MM), (t + TOUCH_MM).min(self.left_mm(walk)));
             let ray = Ray::new(walk.origin, walk.direction);
             let (all, missed) = collect(&self.tree, &ray, least, most, &mut place.stack, &mut place.crossings);
@@ -231,109 +252,78 @@ impl Scene<'_> {
         }
         let here = &place.crossings[..crossings];
         let before = walk.inside;
-        let limit = here[0].t + TOUCH_MM;
-        cross(self.tree.triangles, &here[..here.partition_point(|c| c.t <= limit)], &mut walk.inside);
+        cross(self.tree.triangles, here, &mut walk.inside);
         let there = self.medium_word(&walk.inside);
         walk.origin += walk.direction * t;
         walk.range_mm += t / self.path_per_range(walk);
         walk.ln_amplitude -= tissue.attenuation_np_mm * t;
         walk.t_min = TOUCH_MM;
-        if there & (MOVES - 1) != walk.here {
-            self.interface(walk, &before, self.interface_of(here), there);
-            self.segment(walk, record);
+        let changes = there & (MOVES - 1) != walk.here;
+        changes.then(|| Boundary {
+            before,
+            there: there & (MOVES - 1),
+            moves: there & MOVES != 0,
+            triangle: self.interface_of(here),
+        })
+    }
+
+    /// What a path that has come to the interface `at` must know of it.
+    #[inline(always)]
+    pub(super) fn arrival(&self, walk: &Walk, at: &Boundary) -> Arrival {
+        let (tissue, beyond) = (&self.tissues[walk.here as usize], &self.tissues[at.there as usize]);
+        let triangle = &self.tree.triangles[at.triangle as usize];
+        let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
+        Arrival {
+            origin: walk.origin.to_array(),
+            direction: walk.direction.to_array(),
+            outward: outward.to_array(),
+            range_mm: walk.range_mm,
+            path_per_range: self.path_per_range(walk),
+            ln_amplitude: walk.ln_amplitude,
+            in_phase: walk.in_phase,
+            in_power: walk.in_power,
+            // An interface is as rough and as thick as the rougher and the thicker of its two sides.
+            roughness: tissue.roughness.max(beyond.roughness),
+            thickness_mm: tissue.thickness_mm.max(beyond.thickness_mm),
+            coherence: tissue.coherence.min(beyond.coherence),
+            impedances_mrayl: [tissue.impedance_mrayl, beyond.impedance_mrayl],
+            bending: [tissue.bending, beyond.bending],
+            surface: triangle.surface,
+            line_ray: walk.line_ray,
+            layer: walk.layer,
+            bounce: walk.bounce,
         }
     }
 
-    /// What happens where the medium changes to `there` at triangle `chosen`.
+    /// Sends a path on from the interface `at`, and writes the segment behind it.
     #[inline(always)]
-    fn interface(&self, walk: &mut Walk, before: &Inside, chosen: usize, there: u32) {
-        let (p, effects, constants) = (self.params, &self.effects, self.constants);
-        let random = |bounce: u32, dim: u32| sample_unit(p.seed, walk.line_ray, walk.layer, bounce, dim) as f32;
-        let tissue = &self.tissues[walk.here as usize];
-        let Walk { origin, range_mm, bounce, .. } = *walk;
-        let mut direction = walk.direction;
-        let triangle = &self.tree.triangles[chosen];
-        let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
-        let outward = outward / outward.length().max(1.0e-30);
-        let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
-        let beyond = &self.tissues[(there & (MOVES - 1)) as usize];
-        // An interface is as rough and as thick as the rougher and the thicker of its two sides.
-        let roughness = tissue.roughness.max(beyond.roughness);
-        let thickness_mm = tissue.thickness_mm.max(beyond.thickness_mm);
-        let coherence = tissue.coherence.min(beyond.coherence);
-        // Half of the roughness tilts the facet, half widens the lobe about it.
-        let variance = 0.5 * roughness * roughness;
-        let mut facet = normal;
-        if effects.roughness && variance > 0.0 {
-            facet = microfacet(normal, variance, random(bounce, 1), random(bounce, 2));
-            if facet.dot(direction) > -0.02 {
-                facet = normal;
-            }
+    pub(super) fn depart(&self, walk: &mut Walk, at: &Boundary, departure: &Departure, record: &mut PathRecord) {
+        walk.echo_range_mm = walk.range_mm;
+        if self.effects.interface_echoes {
+            walk.echo_range_mm += departure.echo_offset_mm;
+            walk.echo = departure.echo;
         }
-        // What returns depends on the facet; what goes on follows the mean surface.
-        let cos_facet = (-facet.dot(direction)).clamp(0.0, 1.0);
-        let cos_incident = (-normal.dot(direction)).clamp(0.0, 1.0);
-        // A division may round x/x to other than 1.
-        let speed_ratio = if beyond.bending == tissue.bending { 1.0 } else { beyond.bending / tissue.bending };
-        let (z1, z2) = (tissue.impedance_mrayl, beyond.impedance_mrayl);
-        let split = interface_between(z1, z2, speed_ratio, cos_incident);
-
-        // The echo, spread over the interface's thickness at an offset that belongs to the place.
-        walk.echo_range_mm = range_mm;
-        if effects.interface_echoes {
-            let at_facet = if effects.roughness { interface_between(z1, z2, speed_ratio, cos_facet) } else { split };
-            let salt = (triangle.surface as i32 + 1).wrapping_mul(7919);
-            let cell = ((origin + constants.off_the_grid_mm) * (1.0 / CELL_MM as f32)).floor().as_ivec3();
-            let offset = unit(pcg3d(cell.to_array().map(|c| (c ^ salt) as u32))[0]) as f32 - 0.5;
-            walk.echo_range_mm += offset * thickness_mm / self.path_per_range(walk);
-            let weight = walk.in_power * (1.0 - coherence) + walk.in_phase * coherence;
-            let arriving = if walk.ln_amplitude > LN_SILENT { walk.ln_amplitude.exp() } else { 0.0 };
-            let returned = returning(cos_facet, roughness, range_mm, p.aperture_mm, constants.diffuse);
-            walk.echo = at_facet.pressure_reflection * returned * weight * arriving;
-        }
-
-        // Reflect with probability R or go on; reflections that hardly return are left to their weight.
-        let accepted = acceptance(roughness * roughness, range_mm, p.aperture_mm);
-        let energy = split.energy_reflection;
-        let follow = effects.reflections && energy * accepted >= constants.reflection_followed;
-        if effects.reflections && (energy >= 1.0 || (follow && random(bounce, 0) < energy)) {
-            walk.inside = *before;
+        walk.ln_amplitude += departure.ln_amplitude;
+        walk.ln_scatter += departure.ln_scatter;
+        walk.direction = Vec3::from(departure.direction);
+        if departure.reflected {
+            walk.inside = at.before;
             walk.reflections += 1;
-            walk.open = walk.reflections <= p.reflections_max;
-            // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
-            walk.ln_amplitude += accepted.ln();
-            walk.ln_scatter += 0.5 * energy.max(1.0e-30).ln();
-            let mut turned = direction + 2.0 * cos_facet * facet;
-            if turned.dot(normal) <= 0.0 {
-                turned = direction - 2.0 * direction.dot(normal) * normal;
-            }
-            direction = turned.normalize();
+            walk.open = walk.reflections <= self.params.reflections_max;
         } else {
-            let ln_passed = (1.0 - energy).max(1.0e-30).ln();
-            if follow {
-                walk.ln_scatter += 0.5 * ln_passed;
-            } else {
-                walk.ln_amplitude += ln_passed;
-            }
-            walk.here = there & (MOVES - 1);
-            if effects.moving {
-                let moves = there & MOVES != 0;
-                walk.carried_mm = if moves { Vec4::from(self.displacements[chosen]).xyz() } else { Vec3::ZERO };
-            }
-            if effects.refraction {
-                let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
-                if split.cos_transmitted > 0.0 && bent.dot(normal) < 0.0 {
-                    direction = bent.normalize();
-                }
+            walk.here = at.there;
+            if self.effects.moving {
+                let displaced = || Vec4::from(self.displacements[at.triangle as usize]).xyz();
+                walk.carried_mm = if at.moves { displaced() } else { Vec3::ZERO };
             }
         }
-        walk.direction = direction;
         // Nothing that far down is ever shown: −260 dB.
         walk.open = walk.open && walk.ln_amplitude > LN_GIVEN_UP;
         if !walk.open {
             walk.ln_amplitude = 2.0 * LN_SILENT;
         }
         walk.bounce += 1;
+        self.segment(walk, record);
     }
 
     /// Ends the record of a path.
@@ -357,9 +347,4 @@ impl Scene<'_> {
             }));
         }
     }
-}
-
-/// By distance, then by triangle.
-fn by_distance(a: &Crossing, b: &Crossing) -> std::cmp::Ordering {
-    a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)).then(a.enters.cmp(&b.enters))
 }

@@ -4,7 +4,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::membership::{Inside, cross, medium_word};
-use super::packet::{Packet, RAYS, Visits, collect};
+use super::packet::{Packet, RAYS, Visits};
+use super::search::collect;
 use super::traverse::{Crossing, Ray, TOUCH_MM, Tree};
 use super::wide::{at_least, real, widened};
 use crate::render::configuration::MOVES;

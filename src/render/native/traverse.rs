@@ -63,6 +63,11 @@ pub(crate) struct Crossing {
     pub(crate) enters: bool,
 }
 
+/// By distance, then by triangle.
+pub(super) fn by_distance(a: &Crossing, b: &Crossing) -> std::cmp::Ordering {
+    a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)).then(a.enters.cmp(&b.enters))
+}
+
 /// The nearest crossing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Nearest {

@@ -85,6 +85,20 @@ pub(super) fn real(x: u32) -> f32 {
     x as i32 as f32
 }
 
+/// pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
+#[inline(always)]
+pub(super) fn pcg3d(key: [u32; 3]) -> [u32; 3] {
+    let [mut x, mut y, mut z] = key.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    x = x.wrapping_add(y.wrapping_mul(z));
+    y = y.wrapping_add(z.wrapping_mul(x));
+    z = z.wrapping_add(x.wrapping_mul(y));
+    (x, y, z) = (x ^ x >> 16, y ^ y >> 16, z ^ z >> 16);
+    x = x.wrapping_add(y.wrapping_mul(z));
+    y = y.wrapping_add(z.wrapping_mul(x));
+    z = z.wrapping_add(x.wrapping_mul(y));
+    [x, y, z]
+}
+
 /// log₂ of a normal positive number, to 5·10⁻⁷ beside the rounding of the result.
 ///
 /// The polynomial over √½..√2 is fitted for the least greatest error.

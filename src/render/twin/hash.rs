@@ -23,6 +23,11 @@ const KRONECKER: [u32; 16] = [
     2438529371, 2394180231, 3197872217, 1203062813, 2644725351, 1830299339, 2336478295,
 ];
 
+/// The generators of the four dimensions of the `bounce`-th interface; from the fifth on there are none.
+pub fn generators(bounce: u32) -> Option<[u32; 4]> {
+    KRONECKER.as_chunks().0.get(bounce as usize).copied()
+}
+
 /// A number in 0..1 for dimension `dim` (0..4) of the `bounce`-th interface of the path of `line_ray` (scanline × rays +
 /// ray) in `layer`: low-discrepancy over the scanlines and rays at the first four interfaces, a plain hash after them.
 pub fn sample_unit(seed: u32, line_ray: u32, layer: u32, bounce: u32, dim: u32) -> f64 {

@@ -1,0 +1,116 @@
+//! What all rays of a packet have in common: where a box lies beside this, none of them meets it.
+
+use super::packet::{Lanes, RAYS, fold};
+use super::traverse::{max, min, slack};
+use super::tree::{WIDTH, WideNode};
+
+/// Where the rays of a packet come from and go, along one axis.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    origin: [f32; 2],
+    direction: [f32; 2],
+    reciprocal: [f32; 2],
+    /// How far rounding takes a box's side from where a ray finds it, mm.
+    margin_mm: f32,
+}
+
+/// Bounds of a packet's rays.
+#[derive(Debug)]
+pub(super) struct Hull {
+    axes: [Span; 3],
+    /// Rays that are not numbers have none: every box may be met.
+    bounded: bool,
+}
+
+/// Least and greatest of the lanes that are on.
+#[inline(always)]
+fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
+    let (mut least, mut most) = ([0.0; RAYS], [0.0; RAYS]);
+    for lane in 0..RAYS {
+        least[lane] = if on[lane] { of[lane] } else { f32::INFINITY };
+        most[lane] = if on[lane] { of[lane] } else { f32::NEG_INFINITY };
+    }
+    [fold(least, min), fold(most, max)]
+}
+
+impl Hull {
+    /// Of the rays whose bits are set in `rays`, of which none looks beyond `last_mm` or `first_mm` behind its origin.
+    #[inline(always)]
+    pub(super) fn new(
+        [origin, direction, reciprocal]: [&[Lanes; 3]; 3],
+        rays: u32,
+        [first_mm, last_mm]: [f32; 2],
+    ) -> Self {
+        let mut on = [false; RAYS];
+        for (lane, on) in on.iter_mut().enumerate() {
+            *on = rays >> lane & 1 != 0;
+        }
+        let mut strays = [0.0; RAYS];
+        for lane in 0..RAYS {
+            // 0 for finite numbers only.
+            let stray = |of: &[Lanes; 3]| (0..3).map(|axis| of[axis][lane] * 0.0).sum::<f32>();
+            strays[lane] = if on[lane] { stray(origin) + stray(direction) + stray(reciprocal) } else { 0.0 };
+        }
+        let axes = std::array::from_fn(|axis| {
+            let origin = range(&origin[axis], &on);
+            let farthest = max(max(origin[0].abs(), origin[1].abs()), max(first_mm.abs(), last_mm.abs()));
+            Span {
+                origin,
+                direction: range(&direction[axis], &on),
+                reciprocal: range(&reciprocal[axis], &on),
+                margin_mm: 4.0 * slack(0.0, farthest),
+            }
+        });
+        Self { axes, bounded: strays.iter().sum::<f32>() == 0.0 }
+    }
+
+    /// Children of a node that a ray may meet from `first` to `last`, a bit each, and where it enters them at the `nearest`.
+    ///
+    /// Rounding keeps order: what a ray computes of a side lies between what the ends of the ranges give.
+    #[inline(always)]
+    pub(super) fn meets(&self, node: &WideNode, [first, last]: [f32; 2], nearest: &mut [f32; WIDTH]) -> u32 {
+        *nearest = [first; WIDTH];
+        if !self.bounded {
+            return (1 << WIDTH) - 1;
+        }
+        let bounds = &node.bounds;
+        let (mut from, mut to) = ([first; WIDTH], [last; WIDTH]);
+        for (axis, span) in self.axes.iter().enumerate() {
+            let [least, most] = span.reciprocal;
+            let (near, far, last_origin, first_origin) = if least > 0.0 {
+                (axis, 3 + axis, span.origin[1], span.origin[0])
+            } else if most < 0.0 {
+                (3 + axis, axis, span.origin[0], span.origin[1])
+            } else {
+                continue;
+            };
+            for i in 0..WIDTH {
+                let (near, far) = (bounds[near][i] - last_origin, bounds[far][i] - first_origin);
+                from[i] = max(from[i], min(near * least, near * most));
+                to[i] = min(to[i], max(far * least, far * most));
+            }
+        }
+        let mut mask = 0;
+        for i in 0..WIDTH {
+            mask |= u32::from(from[i] <= to[i] + 1.0e-4) << i;
+        }
+        *nearest = from;
+        // Along an axis on which some rays go one way and some the other: where they are between the other axes' sides.
+        for (axis, span) in self.axes.iter().enumerate() {
+            let [least, most] = span.reciprocal;
+            if least > 0.0 || most < 0.0 {
+                continue;
+            }
+            let ([o0, o1], [d0, d1], margin) = (span.origin, span.direction, span.margin_mm);
+            let mut beside = 0;
+            for i in 0..WIDTH {
+                // Behind the origin, what goes one way comes from the other.
+                let lowest = o0 + min(min(d0 * from[i], d0 * to[i]), min(d1 * from[i], d1 * to[i])) - margin;
+                let highest = o1 + max(max(d0 * from[i], d0 * to[i]), max(d1 * from[i], d1 * to[i])) + margin;
+                beside |= u32::from((bounds[3 + axis][i] < lowest) | (bounds[axis][i] > highest)) << i;
+            }
+            mask &= !beside;
+        }
+        mask
+    }
+}

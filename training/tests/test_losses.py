@@ -1,0 +1,75 @@
+"""Losses and measures of patches, against NumPy."""
+
+import numpy as np
+import pytest
+import torch
+
+from insonify_training.losses import patch_divergence, patch_histogram, soft_histogram
+from insonify_training.patches import BINS, PATCH, PSEUDO_COUNT, patches
+from insonify_training.quality import pkl
+
+
+def picture(seed, side=2 * PATCH, spread=1.0):
+    generator = torch.Generator().manual_seed(seed)
+    return 0.5 + spread * (torch.rand(2, 1, side, side, generator=generator) - 0.5)
+
+
+def test_patches_hold_what_numpy_cuts_out():
+    of = picture(1, 3 * PATCH)
+    cut = patches(of, 5)
+    assert cut.shape == (2 * 2 * 2, PATCH * PATCH)
+    expected = of[1, 0, 5 + PATCH : 5 + 2 * PATCH, 5 : 5 + PATCH]
+    assert torch.equal(cut[4 + 2].view(PATCH, PATCH), expected)
+
+
+def test_levels_elsewhere_in_a_patch_cost_nothing():
+    a = picture(1)
+    b = a.clone()
+    b[..., :PATCH, :PATCH] = b[..., :PATCH, :PATCH].flip(-1)
+    assert patch_histogram(a, b, 0) == 0
+    assert patch_divergence(a, b, 0) == pytest.approx(0, abs=1e-7)
+    assert patch_histogram(a, a + 0.25, 0) == pytest.approx(0.25, abs=1e-6)
+
+
+def test_a_level_belongs_to_the_two_bins_about_it():
+    levels = torch.tensor([[0.0, 0.5 / BINS, 0.75 / BINS, 1.0]])
+    counts = soft_histogram(levels)[0] * (4 + BINS * PSEUDO_COUNT) - PSEUDO_COUNT
+    expected = torch.zeros(BINS)
+    expected[0], expected[1], expected[-1] = 2.75, 0.25, 1.0
+    assert torch.allclose(counts, expected, atol=1e-5)
+
+
+def test_divergence_falls_along_its_gradient_and_knows_what_was_smoothed_away():
+    target, output = picture(1), picture(2, spread=0.3).requires_grad_()
+    before = patch_divergence(output, target, 3)
+    assert before > 4 * patch_divergence(picture(2), target, 3)
+    before.backward()
+    after = patch_divergence(output.detach() - 20 * output.grad, target, 3)
+    assert after < 0.98 * before
+
+
+def test_patches_that_are_black_are_not_looked_at():
+    target = picture(1)
+    target[..., :PATCH] = 0
+    assert patch_divergence(target, target, 0) == pytest.approx(0, abs=1e-7)
+    half = patch_divergence(picture(2, spread=0.5), target, 0)
+    assert half == pytest.approx(float(patch_divergence(picture(2, spread=0.5)[..., PATCH:], target[..., PATCH:], 0)))
+
+
+def test_pkl_is_what_numpy_makes_of_it():
+    output, target = picture(3, spread=0.6), picture(4)
+    mask = torch.ones_like(target)
+    mask[..., :PATCH, :PATCH] = 0
+    expected = []
+    for o, t, m in zip(output.numpy()[:, 0], target.numpy()[:, 0], mask.numpy()[:, 0]):
+        each = []
+        for y in (0, PATCH):
+            for x in (0, PATCH):
+                cut = np.s_[y : y + PATCH, x : x + PATCH]
+                if m[cut].mean() < 0.5:
+                    continue
+                count = lambda p: np.bincount(np.minimum(np.round(p[cut] * 255).astype(int).ravel() * BINS // 255, BINS - 1), minlength=BINS)
+                q, p = (c / c.sum() for c in (count(o) + PSEUDO_COUNT, count(t) + PSEUDO_COUNT))
+                each.append((p * np.log(p / q)).sum())
+        expected.append(np.mean(each))
+    assert pkl(output, target, mask).numpy() == pytest.approx(expected, rel=1e-5)
