@@ -1,4 +1,4 @@
-"""Says how long the training of tiers will take here: times a few steps of each, without and with the GAN term."""
+"""Says how long the training of tiers will take here: times a few steps of each, without the GAN term and with all terms."""
 
 import argparse
 import sys
@@ -24,7 +24,7 @@ class NoData:
 
 
 def step_seconds(config, device, bf16, gan):
-    """Least seconds of a step with or without the GAN term."""
+    """Least seconds of a step without the GAN term, or with all terms."""
     warmup = 0 if gan else config.steps
     trainer = Trainer(replace(config, warmup=warmup, divergence_from=warmup, ramp=1), NoData, device, bf16)
     shape = (config.batch, 4, config.crop, config.crop)
@@ -63,7 +63,7 @@ def main(argv=None):
         total += seconds
         print(
             f"{name:14} {config.steps} steps of {config.batch} x {config.crop}²: {1000 * plain:.0f} ms each, "
-            f"{1000 * gan:.0f} ms with the GAN term; {hours(seconds)} h"
+            f"{1000 * gan:.0f} ms with all terms; {hours(seconds)} h"
         )
     print(f"in all         {hours(total)} h of training on this machine as it is now")
     return 0

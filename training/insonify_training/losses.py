@@ -51,7 +51,7 @@ def patch_divergence(output, target, offset, side=PATCH):
     output, target = (patches(picture, offset, side) for picture in (output, target))
     seen = target.amax(1) > 0
     p, q = (soft_histogram(levels[seen]) for levels in (target, output))
-    return (p * (p / q).log()).sum(1).mean()
+    return (p * (p / q).log()).sum() / seen.sum().clamp_min(1)
 
 
 def dissimilarity(output, target):

@@ -1,4 +1,4 @@
-"""PSNR and SSIM of grey levels, for the training's log and the manifest. The table is `insonify evaluate`'s."""
+"""PSNR, SSIM and pKL of grey levels, for the training's log and the manifest. The table is `insonify evaluate`'s."""
 
 import torch
 

@@ -13,14 +13,14 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 11000
+    steps: int = 10000
     batch: int = 4
     crop: int = 256
     rate: float = 7e-4
     # Longest gradient of the generator; 0: as it comes. One crop in a thousand would throw a network without norm back.
     clip: float = 100.0
     # Part of the steps after which the rate falls towards 0, and after which the norms' statistics stay as they are.
-    decay_from: float = 0.4
+    decay_from: float = 0.6
     freeze_from: float = 0.7
     gan_weight: float = 0.5
     # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
@@ -28,7 +28,7 @@ class Config:
     # Of the patches' histograms, beside an L1 weight of 1.
     histogram_weight: float = 1.0
     # Of the patches' divergence, likewise: pKL; and the step from which on it counts.
-    divergence_weight: float = 0.4
+    divergence_weight: float = 0.6
     divergence_from: int = 8500
     # Of 1 less the structural similarity, likewise.
     ssim_weight: float = 0.3

@@ -51,6 +51,8 @@ def configure(args):
     """The tier's config with the flags' values in it."""
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     config = replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
+    if config.crop < PATCH:
+        raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
     if max(config.histogram_weight, config.divergence_weight) > 0 and config.crop < 2 * PATCH:
         raise SystemExit(f"--crop {config.crop}: histograms are of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
     return config
@@ -96,7 +98,7 @@ def resume(trainer, run, config, data_sha256):
 
 
 def examine(trainer, batch, run):
-    """PSNR and SSIM on the test crops, and the sheet."""
+    """PSNR, SSIM and pKL on the test crops, and the sheet."""
     output, target, mask = trainer.generate(batch)
     lq = torch.from_numpy(batch.planes[:, LQ : LQ + 1]).to(target).mul(1 / 255) * mask
     row = {

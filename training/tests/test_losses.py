@@ -52,6 +52,7 @@ def test_patches_that_are_black_are_not_looked_at():
     target = picture(1)
     target[..., :PATCH] = 0
     assert patch_divergence(target, target, 0) == pytest.approx(0, abs=1e-7)
+    assert patch_divergence(target, torch.zeros_like(target), 0) == 0
     half = patch_divergence(picture(2, spread=0.5), target, 0)
     assert half == pytest.approx(float(patch_divergence(picture(2, spread=0.5)[..., PATCH:], target[..., PATCH:], 0)))
 

@@ -11,7 +11,7 @@ from insonify_training.classes import Segmentation
 from insonify_training.sheets import read_log
 from insonify_training.trainer import read_checkpoint
 
-TINY = ["--crop", "64", "--batch", "4", "--threads", "1", "--warmup", "20", "--ramp", "10", "--ndf", "4"]
+TINY = ["--crop", "64", "--batch", "4", "--threads", "1", "--warmup", "20", "--ramp", "10", "--divergence-from", "20", "--ndf", "4"]
 
 
 def run(data_dir, out, *flags):

@@ -1,4 +1,4 @@
-//! Paths that have come to interfaces, a packet at once: the function `interface` of `shaders/trace.wgsl`.
+//! Paths that have come to interfaces, a packet at once: what `shaders/trace.wgsl` does where the medium changes.
 
 use super::interface::{
     Interface, Vector, acceptance, dot, interface_between, ln, microfacet, normalised, pick, plus, returning, scaled,
@@ -11,7 +11,7 @@ use crate::render::tables::CELL_MM;
 use crate::render::twin::hash::generators;
 
 /// A whole number of each path.
-pub(super) type Words = [u32; RAYS];
+type Words = [u32; RAYS];
 
 /// What a path's interface needs to know.
 #[derive(Debug, Clone, Copy)]
@@ -165,6 +165,7 @@ impl Arrivals {
     /// Takes one more, of at most [`RAYS`].
     #[inline(always)]
     pub(super) fn push(&mut self, arrival: &Arrival) {
+        debug_assert!(self.count < RAYS, "a path arrives once");
         let i = self.count % RAYS;
         self.count = i + 1;
         let come = &mut self.come;
@@ -342,4 +343,63 @@ fn return_echoes(come: &Come, facets: &[Lanes; 3], gone: &mut Gone, rules: Rules
 #[inline(always)]
 fn unit(bits: u32) -> f32 {
     real(bits >> 8) * (1.0 / 16_777_216.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::twin::hash::sample_unit;
+
+    /// An interface by chance: now and then of one speed, smooth, faint or met along the surface.
+    fn arrival(trial: u32, lane: u32) -> Arrival {
+        let number = |dim| sample_unit(17, trial, lane, 9, dim) as f32;
+        let vector = |first: u32| [0, 1, 2].map(|i| number(first + i) - 0.5);
+        let often = |dim, value: f32| if number(dim) < 0.7 { value } else { 0.0 };
+        let speed = 1.0 + often(20, number(0));
+        Arrival {
+            origin: vector(1).map(|x| 300.0 * x),
+            direction: normalised(vector(4)),
+            outward: vector(7),
+            range_mm: 150.0 * number(10),
+            path_per_range: 0.8 + 0.4 * number(11),
+            ln_amplitude: -40.0 * often(21, number(12)),
+            in_phase: number(13),
+            in_power: number(14),
+            roughness: often(22, number(15)),
+            thickness_mm: 2.0 * number(16),
+            coherence: number(17),
+            impedances_mrayl: [0.1 + 2.0 * number(18), 0.1 + 6.0 * number(19)],
+            bending: [1.0, speed],
+            surface: (100.0 * number(23)) as u32,
+            line_ray: (8000.0 * number(24)) as u32,
+            layer: (3.0 * number(25)) as u32,
+            bounce: (9.0 * number(26)) as u32,
+        }
+    }
+
+    #[test]
+    fn every_processor_sends_paths_on_alike() {
+        let on = Effects { moving: true, refraction: true, interface_echoes: true, roughness: true, reflections: true };
+        let rules = Rules { effects: on, constants: TraceConstants::default(), seed: 5, aperture_mm: 20.0 };
+        let (mut arrivals, mut plain) = (Arrivals::new(), Arrivals::new());
+        let (mut reflected, mut bent) = (0, 0);
+        for trial in 0..500 {
+            for of in [&mut arrivals, &mut plain] {
+                of.clear();
+                (0..RAYS as u32).for_each(|lane| of.push(&arrival(trial, lane)));
+            }
+            depart(&arrivals.come, &mut arrivals.gone, rules);
+            depart_body(&plain.come, &mut plain.gone, rules);
+            for i in 0..RAYS {
+                let (one, other) = (arrivals.departure(i), plain.departure(i));
+                assert_eq!(format!("{one:?}"), format!("{other:?}"), "path {i} of packet {trial}");
+                let length = dot(one.direction, one.direction);
+                assert!((length - 1.0).abs() < 1.0e-5 && one.echo.is_finite(), "{one:?}");
+                assert!(one.ln_amplitude <= 0.0 && one.ln_scatter <= 0.0, "{one:?}");
+                reflected += u32::from(one.reflected);
+                bent += u32::from(!one.reflected && one.direction != arrival(trial, i as u32).direction);
+            }
+        }
+        assert!(reflected > 500 && bent > 500, "{reflected}, {bent}");
+    }
 }

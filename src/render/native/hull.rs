@@ -34,7 +34,7 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
 }
 
 impl Hull {
-    /// Of the rays whose bits are set in `rays`, of which none looks beyond `last_mm` or `first_mm` behind its origin.
+    /// Of the rays whose bits are set in `rays`, of which none looks beyond `last_mm` or before `first_mm`.
     #[inline(always)]
     pub(super) fn new(
         [origin, direction, reciprocal]: [&[Lanes; 3]; 3],
@@ -64,7 +64,7 @@ impl Hull {
         Self { axes, bounded: strays.iter().sum::<f32>() == 0.0 }
     }
 
-    /// Children of a node that a ray may meet from `first` to `last`, a bit each, and where it enters them at the `nearest`.
+    /// Children of a node that a ray may meet from `first` to `last`, a bit each, and where it enters them at the `nearest`, or before.
     ///
     /// Rounding keeps order: what a ray computes of a side lies between what the ends of the ranges give.
     #[inline(always)]

@@ -34,13 +34,65 @@ pub(super) fn cross(triangles: &[PackedTriangle], place: &[Crossing], inside: &m
     }
 }
 
-/// Applies crossings in the order of their distances, place by place.
+/// Applies crossings in the order of their distances, place by place, up to the first place that reaches `t`: how many places,
+/// where the last one ends, and what is left.
 #[inline(always)]
-pub(super) fn cross_all(triangles: &[PackedTriangle], mut ahead: &[Crossing], inside: &mut Inside) {
+pub(super) fn cross_until<'a>(
+    triangles: &[PackedTriangle],
+    mut ahead: &'a [Crossing],
+    t: f32,
+    inside: &mut Inside,
+) -> (u32, f32, &'a [Crossing]) {
+    let (mut places, mut end) = (0, f32::NEG_INFINITY);
     while let Some(first) = ahead.first() {
         let limit = first.t + TOUCH_MM;
+        if limit >= t {
+            break;
+        }
         let (place, rest) = ahead.split_at(ahead.partition_point(|c| c.t <= limit));
         cross(triangles, place, inside);
-        ahead = rest;
+        (places, end, ahead) = (places + 1, limit, rest);
+    }
+    (places, end, ahead)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle of each of three surfaces.
+    fn triangles() -> Vec<PackedTriangle> {
+        (0..3).map(|surface| PackedTriangle { surface, ..bytemuck::Zeroable::zeroed() }).collect()
+    }
+
+    fn at(t: f32, triangle: u32, enters: bool) -> Crossing {
+        Crossing { t, triangle, enters }
+    }
+
+    #[test]
+    fn places_that_end_before_the_crossing_are_passed_and_the_one_that_reaches_it_is_left() {
+        let triangles = triangles();
+        let touch = TOUCH_MM;
+        // Enters two, a crease of the first, and an exit as far before the crossing as a place is long.
+        let crossings = [
+            at(10.0, 0, true),
+            at(10.0 + 0.5 * touch, 1, true),
+            at(20.0, 2, true),
+            at(20.0 + 0.9 * touch, 2, false),
+            at(30.0 - touch, 0, false),
+        ];
+        let mut inside = [0; 8];
+        let (places, end, rest) = cross_until(&triangles, &crossings, 30.0, &mut inside);
+        assert_eq!((places, end, rest, inside[0]), (2, 20.0 + touch, &crossings[4..], 0b11));
+        // A hair farther on, that exit is a place of its own.
+        let (places, _, rest) = cross_until(&triangles, rest, 30.0 + touch, &mut inside);
+        assert_eq!((places, rest, inside[0]), (1, &crossings[5..], 0b10));
+    }
+
+    #[test]
+    fn the_highest_is_the_highest_bit() {
+        assert_eq!(highest(&[0; 8]), None);
+        assert_eq!(highest(&[1, 0, 0, 0, 0, 0, 0, 0]), Some(0));
+        assert_eq!(highest(&[u32::MAX, 0, 0b101, 0, 0, 0, 0, 0]), Some(66));
     }
 }

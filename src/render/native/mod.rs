@@ -2,7 +2,7 @@
 //! image. Each is its shader's function, over slices in the device's layouts.
 //!
 //! What `shaders/locate.wgsl` and `shaders/trace.wgsl` compute, in the same single precision and into the same buffers:
-//! software Vulkan runs every branch of a shader for eight paths at once, where a core follows a path's own branches only.
+//! software Vulkan runs every branch of a shader for eight paths at once, where a core takes a branch if a path does.
 //! The tree's boxes are tested eight at a time, nearest first. Fused multiplications are not used, so that a frame does not
 //! depend on what the processor offers.
 
@@ -250,7 +250,7 @@ fn follow_portable(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -
     follow_run(scene, first, out)
 }
 
-/// With eight lanes a register; the same numbers bit for bit. AVX-512 is slower here: a path's own steps are a third of the work.
+/// With eight lanes a register; the same numbers bit for bit. AVX-512 is slower here; interfaces take it.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {

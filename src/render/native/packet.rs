@@ -68,7 +68,7 @@ impl Packet {
     }
 }
 
-/// What a packet has still to visit: where its first ray enters, a child, and which rays meet it.
+/// What a packet has still to visit: where no ray has entered yet, a child, and which rays meet it.
 #[derive(Debug, Clone, Copy)]
 struct Visit {
     near: f32,
@@ -109,7 +109,7 @@ pub(super) fn fold(mut of: Lanes, pick: fn(f32, f32) -> f32) -> f32 {
     of[0]
 }
 
-/// Which rays meet each child of a node, and where the first of them enters it.
+/// Which rays meet each child of a node, and up to where none of them has entered it.
 struct Met {
     near: [f32; WIDTH],
     rays: [u32; WIDTH],

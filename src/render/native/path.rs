@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
 use super::arrivals::{Arrival, Departure};
-use super::membership::{Inside, cross, cross_all, highest, medium_word};
+use super::membership::{Inside, cross, cross_until, highest, medium_word};
 use super::search::Covered;
 use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, by_distance, collect};
 use super::walk::Walk;
@@ -161,7 +161,7 @@ impl Scene<'_> {
     #[inline(always)]
     pub(super) fn locate(&self, walk: &mut Walk, behind: &mut [Crossing], record: &mut PathRecord) {
         behind.sort_unstable_by(by_distance);
-        cross_all(self.tree.triangles, behind, &mut walk.inside);
+        cross_until(self.tree.triangles, behind, f32::INFINITY, &mut walk.inside);
         record.starts_inside = walk.inside;
         record.count = 0;
         walk.here = self.medium_word(&walk.inside) & (MOVES - 1);
@@ -229,21 +229,21 @@ impl Scene<'_> {
         place: &mut Place,
     ) -> Option<Boundary> {
         let tissue = &self.tissues[walk.here as usize];
-        let t = found.crossing.t;
-        let covered = covered.up_to(t + TOUCH_MM);
-        let (passed, touching) = covered.split_at(covered.partition_point(|c| c.t < t - TOUCH_MM));
-        walk.crossed += 1 + passed.len() as u32;
+        let covered = covered.up_to(found.crossing.t + TOUCH_MM);
+        let (passed, end, touching) = cross_until(self.tree.triangles, covered, found.crossing.t, &mut walk.inside);
+        walk.crossed += 1 + passed;
         if walk.crossed > PLACES_MAX {
             walk.lost += 1;
             walk.open = false;
             return None;
         }
-        cross_all(self.tree.triangles, passed, &mut walk.inside);
-        // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
+        // The place: that crossing, or a covered one that it touches, and where others lie within TOUCH_MM of it, all of them.
+        let t = touching.first().map_or(found.crossing.t, |c| c.t.min(found.crossing.t));
         place.crossings[0] = found.crossing;
         let mut crossings = 1;
         if found.crowded || !touching.is_empty() {
-            let (least, most) = (walk.t_min.max(t - TOUCH_MM), (t + TOUCH_MM).min(self.left_mm(walk)));
+            let least = walk.t_min.max(t - TOUCH_MM).max(end);
+            let most = (t + TOUCH_MM).min(self.left_mm(walk));
             let ray = Ray::new(walk.origin, walk.direction);
             let (all, missed) = collect(&self.tree, &ray, least, most, &mut place.stack, &mut place.crossings);
             place.crossings[..all].sort_unstable_by(by_distance);
@@ -251,6 +251,7 @@ impl Scene<'_> {
             walk.lost += missed;
         }
         let here = &place.crossings[..crossings];
+        let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
         let before = walk.inside;
         cross(self.tree.triangles, here, &mut walk.inside);
         let there = self.medium_word(&walk.inside);

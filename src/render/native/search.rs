@@ -1,4 +1,5 @@
-//! What the rays of a packet cross: `shaders/shared/{nearest,collect}.wgsl`. Each finds what it finds alone.
+//! What the rays of a packet cross: `shaders/shared/collect.wgsl`, and `nearest.wgsl` but for what lies below the medium. Each finds
+//! what it finds alone.
 
 use super::packet::{Packet, RAYS, Visits, walk};
 use super::traverse::{Crossing, Nearest, TOUCH_MM, Tree, by_distance};
@@ -16,15 +17,20 @@ pub(super) fn nearest(
     let mut nearest: [Option<Nearest>; RAYS] = [None; RAYS];
     covered.iter_mut().for_each(Covered::clear);
     walk(tree, packet, visits, |lane, t, triangle, enters| {
-        let crossing = Crossing { t, triangle, enters };
+        let mut crossing = Crossing { t, triangle, enters };
         let so_far = &mut nearest[lane];
         let beyond = so_far.map_or(packet.t_max[lane], |n| n.crossing.t);
-        // Without room, it counts as any other.
-        if tree.triangles[triangle as usize].surface < highest[lane]
-            && (t > beyond + TOUCH_MM || covered[lane].push(crossing))
-        {
-            return beyond;
+        if tree.triangles[triangle as usize].surface < highest[lane] {
+            if t > beyond + TOUCH_MM {
+                return beyond;
+            }
+            // Without room, it counts as any other.
+            match covered[lane].push(crossing) {
+                None => return beyond,
+                Some(other) => crossing = other,
+            }
         }
+        let t = crossing.t;
         match *so_far {
             None if t <= packet.t_max[lane] => *so_far = Some(Nearest { crossing, crowded: false }),
             Some(before) if t <= before.crossing.t + TOUCH_MM => {
@@ -40,7 +46,7 @@ pub(super) fn nearest(
     nearest
 }
 
-/// Crossings of a ray that change nothing: of surfaces below the one that it is inside.
+/// Crossings of a ray that do not change the medium: of surfaces below the one that it is inside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Covered {
     crossings: [Crossing; Self::MOST],
@@ -59,12 +65,17 @@ impl Covered {
         self.count = 0;
     }
 
-    /// Whether there was room.
+    /// The one that finds no room: the farthest, so that it doesn't depend on the order in which they come.
     #[inline(always)]
-    fn push(&mut self, crossing: Crossing) -> bool {
-        let room = self.crossings.get_mut(self.count);
-        self.count += usize::from(room.is_some());
-        room.map(|slot| *slot = crossing).is_some()
+    fn push(&mut self, crossing: Crossing) -> Option<Crossing> {
+        if let Some(slot) = self.crossings.get_mut(self.count) {
+            *slot = crossing;
+            self.count += 1;
+            return None;
+        }
+        let farthest = self.crossings.iter_mut().max_by(|a, b| by_distance(a, b))?;
+        let nearer = by_distance(&crossing, farthest).is_lt();
+        Some(if nearer { std::mem::replace(farthest, crossing) } else { crossing })
     }
 
     /// Those up to `t`, by distance.
@@ -130,7 +141,13 @@ mod tests {
         let origin = Vec3::new(20.0 * number(0) + 10.0 * own(0), 6.0 * number(1) + 3.0 * own(1), 10.0 * number(2));
         let slopes = Vec3::new(number(3) + own(3), number(4) + own(4), 1.0);
         let direction = if trial.is_multiple_of(5) { Vec3::Z } else { slopes.normalize() };
-        Ray::new(origin, if trial.is_multiple_of(7) { -direction } else { direction })
+        // Now and then the rays of a packet go both ways along an axis, or along every axis.
+        let back = if trial.is_multiple_of(11) { lane % 2 == 1 } else { trial.is_multiple_of(7) };
+        let direction = if back { -direction } else { direction };
+        Ray::new(
+            origin,
+            if trial.is_multiple_of(13) { Vec3::new(direction.z, direction.x, direction.y) } else { direction },
+        )
     }
 
     #[test]
@@ -164,9 +181,8 @@ mod tests {
                     true => traverse::collect(&tree, &single, t_min, t_max, &mut Stack::new(), &mut alone).0,
                     false => 0,
                 };
-                let by_place = |a: &Crossing, b: &Crossing| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle));
-                alone[..count].sort_by(by_place);
-                together[lane][..counts[lane]].sort_by(by_place);
+                alone[..count].sort_by(by_distance);
+                together[lane][..counts[lane]].sort_by(by_distance);
                 assert_eq!(together[lane][..counts[lane]], alone[..count], "ray {lane} of packet {trial}");
                 crossings += count;
                 let surface = |c: &Crossing| tree.triangles[c.triangle as usize].surface;
@@ -203,14 +219,14 @@ mod tests {
         let nodes: Vec<_> = bvh.nodes.iter().map(WideNode::decode).collect();
         let tree = Tree { nodes: &nodes, triangles: &bvh.triangles };
         let (mut packet, mut covered) = (Packet::new(), [Covered::new(); RAYS]);
-        let single = Ray::new(Vec3::new(0.4, 0.3, -5.0), Vec3::Z);
+        // The scene's middle is the origin.
+        let single = Ray::new(Vec3::new(0.4, 0.3, -35.0), Vec3::Z);
         packet.set(0, single, 0.0, 70.0);
         let mut all = [Crossing::default(); 24];
         assert_eq!(traverse::collect(&tree, &single, 0.0, 70.0, &mut Stack::new(), &mut all), (24, 0));
         all.sort_by(by_distance);
         let found = nearest(&tree, &packet, &mut Visits::new(), &[12; RAYS], &mut covered)[0].unwrap();
-        let before = covered[0].up_to(found.crossing.t);
-        assert_eq!([before, &[found.crossing]].concat(), all[..=before.len()]);
+        assert_eq!((found.crossing, covered[0].up_to(found.crossing.t)), (all[Covered::MOST], &all[..Covered::MOST]));
         // Within the eighth sphere the outer seven change nothing, and find room.
         let found = nearest(&tree, &packet, &mut Visits::new(), &[7; RAYS], &mut covered)[0].unwrap();
         assert_eq!((found.crossing, covered[0].up_to(found.crossing.t)), (all[7], &all[..7]));
@@ -226,9 +242,17 @@ mod tests {
         let mut covered = [Covered::new(); RAYS];
         assert_eq!(nearest(&tree, &packet, &mut Visits::new(), &[0; RAYS], &mut covered), [None; RAYS]);
         // Beside it, others find what they find alone.
-        packet.set(5, Ray::new(Vec3::new(2.0, 1.0, -5.0), Vec3::Z), 0.0, 70.0);
+        let others = 8..20;
+        let other = |lane: usize| Ray::new(Vec3::new(0.3 * lane as f32 - 4.0, 1.0, -40.0), Vec3::Z);
+        others.clone().for_each(|lane| packet.set(lane, other(lane), 0.0, 70.0));
         let found = nearest(&tree, &packet, &mut Visits::new(), &[0; RAYS], &mut covered);
-        assert_eq!((found[3], found[5].is_some()), (None, true));
+        assert_eq!(found[3], None);
+        for lane in others {
+            let mut alone = [Crossing::default(); 16];
+            let count = traverse::collect(&tree, &other(lane), 0.0, 70.0, &mut Stack::new(), &mut alone).0;
+            let first = alone[..count].iter().map(|c| c.t).reduce(f32::min);
+            assert!(first.is_some() && found[lane].map(|n| n.crossing.t) == first, "{lane}");
+        }
         let mut found = [Crossing::default(); 8];
         let single = Ray::new(Vec3::NAN, Vec3::NAN);
         assert_eq!(traverse::collect(&tree, &single, 0.0, 70.0, &mut Stack::new(), &mut found), (0, 0));

@@ -65,7 +65,7 @@ pub(crate) struct Crossing {
 
 /// By distance, then by triangle.
 pub(super) fn by_distance(a: &Crossing, b: &Crossing) -> std::cmp::Ordering {
-    a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)).then(a.enters.cmp(&b.enters))
+    a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle))
 }
 
 /// The nearest crossing.
