@@ -54,6 +54,18 @@ def patch_divergence(output, target, offset, side=PATCH):
     return (p * (p / q).log()).sum() / seen.sum().clamp_min(1)
 
 
+def grid(output, target, period=8, tile=64):
+    """Root mean square of what differs at the same place of each `period` x `period` pixels of a tile: a pattern that stands still on
+    the screen, as networks of that stride would make grain of. Pictures are whole tiles high and wide; what is left over isn't looked at.
+    """
+    error = (output - target)[:, 0]
+    rows, columns = (error.shape[1] // tile, error.shape[2] // tile)
+    error = error[:, : rows * tile, : columns * tile]
+    blocks = tile // period
+    pattern = error.reshape(-1, rows, blocks, period, columns, blocks, period).mean((2, 5))
+    return (pattern - pattern.mean((2, 4), keepdim=True)).square().mean().add(1e-10).sqrt()
+
+
 def dissimilarity(output, target):
     """1 less the mean structural similarity of pictures within 0..=1."""
     return 1 - similarity(255 * output, 255 * target).mean()

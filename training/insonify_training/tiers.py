@@ -13,7 +13,7 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 10000
+    steps: int = 10500
     batch: int = 4
     crop: int = 256
     rate: float = 7e-4
@@ -30,6 +30,8 @@ class Config:
     # Of the patches' divergence, likewise: pKL; and the step from which on it counts.
     divergence_weight: float = 0.6
     divergence_from: int = 8500
+    # Of a pattern of the network's stride, likewise, from the same step on.
+    grid_weight: float = 4.0
     # Of 1 less the structural similarity, likewise.
     ssim_weight: float = 0.3
     # Steps without the GAN term, and steps in which it grows to its weight.
@@ -65,6 +67,7 @@ CLASSIC = Config(
     gan_weight=1.0,
     histogram_weight=0.0,
     divergence_weight=0.0,
+    grid_weight=0.0,
     ssim_weight=0.0,
     ndf=16,
 )
@@ -80,6 +83,7 @@ PAPER = Config(
     gan_weight=1.0,
     histogram_weight=0.0,
     divergence_weight=0.0,
+    grid_weight=0.0,
     ssim_weight=0.0,
     decay_from=1.0,
     ndf=64,

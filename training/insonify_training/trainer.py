@@ -64,6 +64,10 @@ class Trainer:
             divergence = losses.patch_divergence(output, target, self.step * 7 % losses.PATCH)
             seen["divergence"] = divergence.detach()
             loss = loss + config.divergence_weight * divergence
+        if config.grid_weight > 0 and self.step >= config.divergence_from:
+            grid = losses.grid(output, target)
+            seen["grid"] = grid.detach()
+            loss = loss + config.grid_weight * grid
         if config.ssim_weight > 0:
             # Of every other picture: all would cost as much as the network.
             dissimilarity = losses.dissimilarity(output[::2], target[::2])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from insonify_training.losses import patch_divergence, patch_histogram, soft_histogram
+from insonify_training.losses import grid, patch_divergence, patch_histogram, soft_histogram
 from insonify_training.patches import BINS, PATCH, PSEUDO_COUNT, patches
 from insonify_training.quality import pkl
 
@@ -74,3 +74,16 @@ def test_pkl_is_what_numpy_makes_of_it():
                 each.append((p * np.log(p / q)).sum())
         expected.append(np.mean(each))
     assert pkl(output, target, mask).numpy() == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_pattern_that_stands_still_is_found_and_grain_is_not():
+    target = picture(1, 128)
+    pattern = torch.zeros(1, 1, 8, 8)
+    pattern[..., 2, 3] = 1.0
+    still = target + 0.1 * pattern.repeat(1, 1, 16, 16)
+    # One pixel of 64 stands out by 0.1.
+    assert grid(still, target) == pytest.approx(0.1 * (1 / 64 * 63 / 64) ** 0.5, rel=1e-3)
+    assert grid(target + 0.1, target) == pytest.approx(0, abs=2e-5)
+    # As much noise, a 64th of which stands still by chance.
+    noise = 0.1 * (picture(2, 128) - 0.5)
+    assert grid(target + noise, target) < 0.15 * noise.std()
