@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from .patches import BINS, PATCH, PSEUDO_COUNT, patches
+from .patches import BINS, PATCH, divergence, parts, patches
 from .quality import similarity
 
 # Slope of the output beyond black and white: the station clips there, but a gradient must lead back.
@@ -41,8 +41,7 @@ def soft_histogram(levels, bins=BINS):
     above = place - lower
     lower = lower.long()
     counts = levels.new_zeros(len(levels), bins).scatter_add(1, lower, 1 - above).scatter_add(1, lower + 1, above)
-    counts = counts + PSEUDO_COUNT
-    return counts / counts.sum(1, keepdim=True)
+    return parts(counts)
 
 
 def patch_divergence(output, target, offset, side=PATCH):
@@ -51,7 +50,7 @@ def patch_divergence(output, target, offset, side=PATCH):
     output, target = (patches(picture, offset, side) for picture in (output, target))
     seen = target.amax(1) > 0
     p, q = (soft_histogram(levels[seen]) for levels in (target, output))
-    return (p * (p / q).log()).sum() / seen.sum().clamp_min(1)
+    return divergence(p, q).sum() / seen.sum().clamp_min(1)
 
 
 def grid(output, target, period=8, tile=64):

@@ -6,6 +6,17 @@ PATCH = 32
 BINS, PSEUDO_COUNT = 50, 0.5
 
 
+def parts(counts):
+    """Parts of the levels in each bin [patches, bins] from their counts."""
+    counts = counts + PSEUDO_COUNT
+    return counts / counts.sum(1, keepdim=True)
+
+
+def divergence(p, q):
+    """Kullback-Leibler divergence D(p || q) of each patch, nats."""
+    return (p * (p / q).log()).sum(1)
+
+
 def patches(picture, offset, side=PATCH):
     """Levels [patches, side * side] of the whole patches of pictures from `offset` pixels right of and below their corner."""
     picture = picture[:, 0, offset:, offset:]

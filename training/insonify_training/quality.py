@@ -2,7 +2,7 @@
 
 import torch
 
-from .patches import BINS, PSEUDO_COUNT, patches
+from .patches import BINS, divergence, parts, patches
 
 
 def psnr_db(output, target):
@@ -20,13 +20,12 @@ def pkl(output, target, mask):
         levels = patches(torch.round(picture.float().clamp(0, 1) * 255), 0)
         places = torch.div(levels * BINS, 255, rounding_mode="floor").clamp(max=BINS - 1).long()
         counts = torch.zeros(len(levels), BINS, device=levels.device)
-        counts = counts.scatter_add_(1, places, torch.ones_like(levels)) + PSEUDO_COUNT
-        return counts / counts.sum(1, keepdim=True)
+        return parts(counts.scatter_add_(1, places, torch.ones_like(levels)))
 
     q, p = histograms(output), histograms(target)
     inside = (patches(mask, 0).mean(1) >= 0.5).view(len(output), -1)
-    divergence = (p * (p / q).log()).sum(1).view(len(output), -1)
-    return (divergence * inside).sum(1) / inside.sum(1).clamp_min(1)
+    each = divergence(p, q).view(len(output), -1)
+    return (each * inside).sum(1) / inside.sum(1).clamp_min(1)
 
 
 def ssim(output, target):

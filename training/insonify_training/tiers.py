@@ -58,9 +58,8 @@ class Config:
 
 FAST = Config(network="stride8")
 MIDDLE = Config(network="stride4")
-# pix2pix as the paper has it, but small.
-CLASSIC = Config(
-    network="unet16",
+# pix2pix's own loss and rate.
+PIX2PIX = Config(
     norm="instance",
     rate=2e-4,
     clip=0.0,
@@ -69,26 +68,12 @@ CLASSIC = Config(
     divergence_weight=0.0,
     grid_weight=0.0,
     ssim_weight=0.0,
-    ndf=16,
 )
+# As the paper has it, but small.
+CLASSIC = replace(PIX2PIX, network="unet16", ndf=16)
 # For a GPU: the paper's network and schedule.
-PAPER = Config(
-    network="unet64",
-    norm="instance",
-    steps=50000,
-    batch=16,
-    crop=512,
-    rate=2e-4,
-    clip=0.0,
-    gan_weight=1.0,
-    histogram_weight=0.0,
-    divergence_weight=0.0,
-    grid_weight=0.0,
-    ssim_weight=0.0,
-    decay_from=1.0,
-    ndf=64,
-    warmup=2000,
-    ramp=3000,
+PAPER = replace(
+    PIX2PIX, network="unet64", steps=50000, batch=16, crop=512, decay_from=1.0, ndf=64, warmup=2000, ramp=3000
 )
 
 
