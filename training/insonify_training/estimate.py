@@ -1,4 +1,5 @@
-"""Says how long the training of tiers will take here: times a few steps of each, without the GAN term and with all terms."""
+"""Says how long the training of tiers will take here: times a few steps of each phase: without the GAN term, with it, and with the
+terms that come last."""
 
 import argparse
 import sys
@@ -23,10 +24,20 @@ class NoData:
     attenuation_power = 1.0
 
 
-def step_seconds(config, device, bf16, gan):
-    """Least seconds of a step without the GAN term, or with all terms."""
-    warmup = 0 if gan else config.steps
-    trainer = Trainer(replace(config, warmup=warmup, divergence_from=warmup, ramp=1), NoData, device, bf16)
+def phases(config):
+    """Steps of each phase, and what makes the first step one of it: settings."""
+    never = config.steps
+    last = config.divergence_from if max(config.divergence_weight, config.grid_weight) > 0 else never
+    gan = config.warmup if config.gan_weight > 0 else never
+    edges = sorted({0, min(gan, never), min(last, never), never})
+    for begin, end in zip(edges, edges[1:]):
+        warmup, divergence_from = (0 if begin >= at else never for at in (gan, last))
+        yield end - begin, replace(config, warmup=warmup, divergence_from=divergence_from, ramp=1)
+
+
+def step_seconds(config, device, bf16):
+    """Least seconds of a step."""
+    trainer = Trainer(config, NoData, device, bf16)
     shape = (config.batch, 4, config.crop, config.crop)
     batch = Batch(np.random.default_rng(1).integers(0, 2, shape, dtype=np.uint8), np.full((shape[0], 1, *shape[2:]), 255, np.uint8))
     times = []
@@ -56,14 +67,12 @@ def main(argv=None):
             config = replace(config, steps=args.steps)
         alike = replace(config, variant="MSA")
         if alike not in seen:
-            seen[alike] = [step_seconds(config, args.device, args.bf16, gan) for gan in (False, True)]
-        plain, gan = seen[alike]
-        before = min(config.warmup, config.steps)
-        seconds = plain * before + gan * (config.steps - before)
+            seen[alike] = [(steps, step_seconds(phase, args.device, args.bf16)) for steps, phase in phases(alike)]
+        seconds = sum(steps * each for steps, each in seen[alike])
+        parts = " + ".join(f"{steps} of {1000 * each:.0f} ms" for steps, each in seen[alike])
         total += seconds
         print(
-            f"{name:14} {config.steps} steps of {config.batch} x {config.crop}²: {1000 * plain:.0f} ms each, "
-            f"{1000 * gan:.0f} ms with all terms; {hours(seconds)} h"
+            f"{name:14} {config.steps} steps of {config.batch} x {config.crop}²: {parts}; {hours(seconds)} h"
         )
     print(f"in all         {hours(total)} h of training on this machine as it is now")
     return 0

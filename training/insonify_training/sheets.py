@@ -41,6 +41,10 @@ def read_log(path):
     return [rows[step] for step in sorted(rows)]
 
 
+# Terms of the loss beside L1 and GAN, before their weights.
+TERMS = {"histogram": "histograms", "dissimilarity": "1 − SSIM", "divergence": "divergence", "grid": "pattern"}
+
+
 def loss_plot(log, path, title=""):
     """Draws the losses of a log, and the test crops' PSNR."""
     import matplotlib
@@ -59,10 +63,12 @@ def loss_plot(log, path, title=""):
             axis.plot(*zip(*points), label=label, linewidth=1, **style)
 
     line(left, "l1", "L1 (train)")
-    left.set(xlabel="step", ylabel="L1, 0..1", yscale="log")
+    for key, label in TERMS.items():
+        line(left, key, label)
+    left.set(xlabel="step", ylabel="L1 and what is added to it", yscale="log")
     gan = left.twinx()
-    line(gan, "gan", "GAN, generator", color="tab:orange")
-    line(gan, "discriminator", "GAN, discriminator", color="tab:green")
+    line(gan, "gan", "GAN, generator", color="black")
+    line(gan, "discriminator", "GAN, discriminator", color="grey")
     gan.set_ylabel("cross-entropy")
     lines = left.get_lines() + gan.get_lines()
     left.legend(lines, [one.get_label() for one in lines], fontsize=8)

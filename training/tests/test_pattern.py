@@ -1,0 +1,67 @@
+"""The part of fine detail that stands still, and the phases of an estimate."""
+
+from dataclasses import replace
+
+import torch
+
+from insonify_training.estimate import phases
+from insonify_training.pattern import PERIOD, TILE, main, variances
+from insonify_training.tiers import TIERS
+
+
+def part(picture, inside=None):
+    """Of a picture, what `variances` finds."""
+    pattern, detail = variances(picture, torch.ones_like(picture, dtype=torch.bool) if inside is None else inside)
+    return pattern / detail if detail else None
+
+
+def test_independent_detail_leaves_one_over_the_number_of_blocks():
+    torch.manual_seed(3)
+    noise = 128 + 20 * torch.randn(512, 512)
+    # The blur takes a little of each pixel along, and of what is left 64 blocks a tile are averaged.
+    assert abs(part(noise) - (PERIOD / TILE) ** 2) < 0.003
+
+
+def test_a_pattern_counts_by_its_variance():
+    torch.manual_seed(4)
+    noise = 128 + 20 * torch.randn(512, 512)
+    block = torch.randn(PERIOD, PERIOD)
+    block = 10 * (block - block.mean()) / block.std(correction=0)
+    pattern = block.repeat(512 // PERIOD, 512 // PERIOD)
+    found = part(noise + pattern)
+    assert abs(found - (100 + 400 / 64) / 500) < 0.03, found
+    # A pattern of another period is none.
+    other = torch.randn(11, 11).repeat(47, 47)[:512, :512] * 10
+    assert part(noise + other) < 0.03
+
+
+def test_only_tiles_inside_with_detail_count():
+    torch.manual_seed(5)
+    picture = 128 + 20 * torch.randn(192, 192)
+    inside = torch.zeros(192, 192, dtype=torch.bool)
+    assert part(picture, inside) is None
+    inside[:TILE, :TILE] = True
+    block = torch.randn(PERIOD, PERIOD)
+    picture[TILE:] += 100 * block.repeat(16, 24)
+    assert part(picture, inside) < 0.05
+    assert part(torch.full((192, 192), 90.0)) is None
+
+
+def test_a_folder_without_a_run_is_named(data_dir, tmp_path):
+    try:
+        main([str(data_dir), str(tmp_path)])
+    except SystemExit as error:
+        assert "checkpoint.pt" in str(error)
+    else:
+        raise AssertionError("no error")
+
+
+def test_phases_cover_all_steps():
+    fast = TIERS["fast_msa"]
+    steps, configs = zip(*phases(fast))
+    assert steps == (6000, 2500, 2000)
+    # In the first step of each: GAN, divergence.
+    on = [(c.warmup == 0, c.divergence_from == 0) for c in configs]
+    assert on == [(False, False), (True, False), (True, True)]
+    assert [n for n, _ in phases(TIERS["classic_msa"])] == [6000, 4500]
+    assert [n for n, _ in phases(replace(fast, steps=12))] == [12]
