@@ -8,10 +8,12 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3};
 use insonify::anatomy::Mesh;
 use insonify::anatomy::export::write_glb;
+use insonify::anatomy::phantom::sdf::{Bounds, Solid};
 use insonify::anatomy::phantom::{
-    Biometry, Body, FETUS_TRIANGLES, MOTHER_TRIANGLES, Organ, Parameters, PhantomError, PhantomOptions, PhantomSurface,
-    build, cached, landmarks, organs,
+    Biometry, Body, FETUS_TRIANGLES, Lie, MOTHER_TRIANGLES, Organ, Parameters, PhantomError, PhantomOptions,
+    PhantomSurface, build, cached, landmarks, organs,
 };
+use rayon::prelude::*;
 
 /// Small enough to be quick; fine parts are then at their coarsest.
 const SMALL: f64 = 0.3;
@@ -49,9 +51,67 @@ fn faulty_edges(mesh: &Mesh) -> usize {
     edges.iter().filter(|&(&[a, b], &count)| count != 1 || edges.get(&[b, a]) != Some(&1)).count()
 }
 
+/// Phantoms at the ends of what parameters allow.
+fn extremes() -> Vec<Parameters> {
+    let plain = Parameters::default();
+    let lies = [Lie::Cephalic, Lie::Breech, Lie::TransverseHeadLeft, Lie::TransverseHeadRight];
+    let mut all = vec![plain];
+    for (n, fat) in [5.0, 20.0, 30.0, 45.0, 60.0, 60.0].into_iter().enumerate() {
+        let weeks = [16.0, 19.5, 26.4, 34.0, 16.0, 34.0][n];
+        let fluid = [50.0, 140.0, 250.0][n % 3];
+        all.push(Parameters {
+            gestational_weeks: weeks,
+            maternal_fat_mm: fat,
+            fluid_index_mm: fluid,
+            lie: lies[n % 4],
+            seed: 0x9e37_79b9 * n as u64,
+            ..plain
+        });
+    }
+    all
+}
+
+/// The least distance to `solid` on the sides of `room`, mm, on a grid of about `step_mm`, and where.
+fn least_distance_mm(solid: &Solid, room: Bounds, step_mm: f32) -> (f32, Vec3) {
+    let size = room.size();
+    let side = |axis: usize, end: usize| {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let [across, along] = [u, v].map(|i| (size[i] / step_mm).ceil() as u32);
+        (0..=across).into_par_iter().flat_map_iter(move |i| {
+            (0..=along).map(move |j| {
+                let mut p = [room.min, room.max][end];
+                p[u] = room.min[u] + size[u] * i as f32 / across as f32;
+                p[v] = room.min[v] + size[v] * j as f32 / along as f32;
+                (solid.distance_mm(p), p)
+            })
+        })
+    };
+    let nearer = |a: (f32, Vec3), b: (f32, Vec3)| if b.0 < a.0 { b } else { a };
+    let far = || (f32::INFINITY, Vec3::ZERO);
+    (0..6).map(|n| side(n / 2, n % 2).reduce(far, nearer)).fold(far(), nearer)
+}
+
+#[test]
+fn no_solid_reaches_out_of_its_box() {
+    let mut out = Vec::new();
+    for parameters in extremes() {
+        for organ in organs(&parameters) {
+            // The grid goes on for two cells and a half: where it ends, a surface would be cut open.
+            let (least_mm, at) = least_distance_mm(&organ.solid, organ.solid.bounds().grown(1.5), 2.0);
+            if least_mm <= 0.0 {
+                out.push(format!("{} is {least_mm} mm at {at}: {parameters:?}", organ.name));
+            }
+        }
+    }
+    assert!(out.is_empty(), "{}", out.join("\n"));
+}
+
 #[test]
 fn every_surface_is_closed_and_faces_outward() {
-    for surface in full().iter().chain(small()) {
+    // Thick fat has the longest lobules.
+    let thick = Parameters { maternal_fat_mm: 30.0, gestational_weeks: 26.4, ..Parameters::default() };
+    let thick = build(&PhantomOptions { scale: SMALL, parameters: thick }, &|_| {}).unwrap();
+    for surface in full().iter().chain(small()).chain(&thick) {
         assert!(!surface.mesh.triangles.is_empty(), "{} is empty", surface.name);
         assert_eq!(faulty_edges(&surface.mesh), 0, "{} is open", surface.name);
         assert!(surface.mesh.signed_volume_mm3() > 0.0, "{} is inside out", surface.name);

@@ -58,6 +58,7 @@ fn draw<B: DrawingBackend>(
         points.iter().filter(|p| p.time.median_ms > 0.0 && p.error.level_rmse.is_finite()).collect();
     let times = drawn.iter().map(|p| p.time.median_ms).chain(PAPER.map(|(ms, _)| ms));
     let (least, most) = times.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
+    let (from_ms, to_ms) = (least / 1.5, most * 2.0);
     let worst = drawn.iter().map(|p| p.error.level_rmse).fold(1.0, f64::max);
     area.fill(&WHITE)?;
     let text = |anchor: Pos, colour: &RGBColor| ("sans-serif", TEXT).into_font().color(colour).pos(anchor);
@@ -73,15 +74,21 @@ fn draw<B: DrawingBackend>(
         .margin_left(10)
         .set_label_area_size(LabelAreaPosition::Left, 60)
         .set_label_area_size(LabelAreaPosition::Bottom, 30)
-        .build_cartesian_2d((least / 1.5..most * 2.0).log_scale(), 0.0..worst * 1.15)?;
+        .build_cartesian_2d((from_ms..to_ms).log_scale(), 0.0..worst * 1.15)?;
     chart
         .configure_mesh()
         .light_line_style(RGBColor(244, 244, 244))
         .bold_line_style(RGBColor(220, 220, 220))
-        .x_label_formatter(&|ms| format!("{ms:.0}"))
+        .disable_x_mesh()
+        .x_labels(0)
         .y_label_formatter(&|levels| format!("{levels:.0}"))
         .label_style(text(Pos::new(HPos::Center, VPos::Center), &BLACK))
         .draw()?;
+    for ms in ticks(from_ms, to_ms) {
+        chart.draw_series([PathElement::new(vec![(ms, 0.0), (ms, worst * 1.15)], RGBColor(228, 228, 228))])?;
+        let (x, y) = chart.as_coord_spec().translate(&(ms, 0.0));
+        area.draw(&Text::new(format!("{ms}"), (x, y + 12), text(Pos::new(HPos::Center, VPos::Center), &BLACK)))?;
+    }
     let grey = RGBColor(130, 130, 130);
     for (row, (ms, name)) in PAPER.into_iter().enumerate() {
         chart.draw_series([PathElement::new(vec![(ms, 0.0), (ms, worst * 1.15)], grey)])?;
@@ -148,6 +155,14 @@ fn draw<B: DrawingBackend>(
     let under =
         "time of a frame, ms (median). Black line: Pareto front. Hollow: error within the noise of its neighbour.";
     area.draw(&Text::new(under, (70, height as i32 - 15), text(from_left, &BLACK)))
+}
+
+/// 1, 2 and 5 of each power of ten within `from`..`to`, ms; the axis is logarithmic.
+fn ticks(from: f64, to: f64) -> impl Iterator<Item = f64> {
+    let exponents = from.log10().floor() as i32..=to.log10().ceil() as i32;
+    let all =
+        exponents.flat_map(|e| [1.0, 2.0, 5.0].map(|n| if e < 0 { n / 10f64.powi(-e) } else { n * 10f64.powi(e) }));
+    all.filter(move |ms| (from..to).contains(ms))
 }
 
 /// The marker of a generator.
@@ -267,6 +282,16 @@ mod tests {
         }
         mark_front(&mut points);
         points
+    }
+
+    #[test]
+    fn ticks_are_ones_twos_and_fives() {
+        assert_eq!(ticks(15.0, 120.0).collect::<Vec<_>>(), [20.0, 50.0, 100.0]);
+        assert_eq!(ticks(0.3, 10.0).collect::<Vec<_>>(), [0.5, 1.0, 2.0, 5.0]);
+        let text = svg(&points(), "", true).unwrap();
+        for ms in ["50", "100", "200", "500", "1000", "2000"] {
+            assert!(text.contains(&format!(">\n{ms}\n<")), "{ms} ms has no tick: {text}");
+        }
     }
 
     #[test]

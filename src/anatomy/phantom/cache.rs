@@ -8,7 +8,7 @@ use super::{PhantomError, PhantomOptions, Progress, build, movement};
 use crate::anatomy::export::{ExportError, write_moving_glb};
 
 /// Raised whenever the generator's output changes, so that an old file is not taken for a new one.
-const GENERATOR: &str = "obstetric-7";
+const GENERATOR: &str = "obstetric-8";
 
 /// Why the phantom's file could not be had.
 #[derive(Debug, Error)]

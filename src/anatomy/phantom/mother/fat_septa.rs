@@ -22,8 +22,11 @@ const LOBULE_DEPTH_MM: f32 = 6.5;
 const LAYERS_MAX: i32 = 3;
 /// The axis about which places across the belly are angles, above the origin, mm.
 const AXIS_Z_MM: f32 = -40.0;
-/// Lobules reach this far beyond their straight lattice at the most, mm.
+/// Lobules of fat up to [`MODERATE_FAT_MM`] reach this far beyond their straight lattice at the most, mm.
 const BENT_MM: f32 = 24.0;
+/// A mm of fat above this makes oblique septa reach a mm farther along and beside, and as the belly's ends fall off, deeper.
+const MODERATE_FAT_MM: f32 = 14.0;
+const DEEPER: f32 = 2.5;
 /// The slab begins this far under the skin, the lobules a little above it: no septum lies along its outer side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
@@ -57,11 +60,13 @@ impl Lattice {
 
     fn bounds(&self) -> Bounds {
         let [across, along] = self.half_mm;
-        let side = self.radius_mm * (across / self.radius_mm).sin() + BENT_MM;
-        let low = AXIS_Z_MM + self.radius_mm * (across / self.radius_mm).cos() * 0.6 - self.fat_mm;
+        let more = (self.fat_mm - MODERATE_FAT_MM).max(0.0);
+        let bent = BENT_MM + more;
+        let side = self.radius_mm * (across / self.radius_mm).sin() + bent;
+        let low = AXIS_Z_MM + self.radius_mm * (across / self.radius_mm).cos() * 0.6 - self.fat_mm - DEEPER * more;
         Bounds {
-            min: Vec3::new(-side, -along - BENT_MM, low),
-            max: Vec3::new(side, along + BENT_MM, self.radius_mm + AXIS_Z_MM),
+            min: Vec3::new(-side, -along - bent, low),
+            max: Vec3::new(side, along + bent, self.radius_mm + AXIS_Z_MM),
         }
     }
 
