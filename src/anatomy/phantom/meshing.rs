@@ -9,6 +9,7 @@ use fast_surface_nets::{SurfaceNetsBuffer, surface_nets};
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
+use super::crumbs::without_crumbs;
 use super::sdf::Solid;
 use crate::anatomy::Mesh;
 
@@ -30,7 +31,7 @@ struct Samples {
     cell_mm: f32,
 }
 
-/// A closed mesh of `solid` with cells of `cell_mm`; empty where the solid holds no grid point.
+/// A closed mesh of `solid` with cells of `cell_mm`, without crumbs; empty where the solid holds no grid point.
 pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     let mut samples = Samples::of(solid, cell_mm);
     samples.make_manifold();
@@ -40,10 +41,10 @@ pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     let vertices_mm =
         net.positions.par_iter().map(|&p| project(solid, samples.origin + Vec3::from(p) * cell_mm, cell_mm)).collect();
     let triangles = net.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-    Mesh { vertices_mm, triangles }
+    without_crumbs(Mesh { vertices_mm, triangles }, cell_mm)
 }
 
-/// Triangles that [`mesh`] would give, without finding the vertices.
+/// Triangles that [`mesh`] would give, crumbs included, without finding the vertices.
 pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
     let mut samples = Samples::of(solid, cell_mm);
     samples.make_manifold();

@@ -14,6 +14,7 @@ pub mod attitude;
 pub mod biometry;
 mod budget;
 mod cache;
+mod crumbs;
 mod fetus;
 mod landmarks;
 mod meshing;

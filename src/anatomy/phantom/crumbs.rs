@@ -1,0 +1,134 @@
+//! Takes crumbs off a mesh: parts that its grid is too coarse to hold, and parts that a fold has turned inside out.
+
+use glam::Vec3;
+use rayon::slice::ParallelSliceMut;
+
+use crate::anatomy::Mesh;
+
+/// A part of less than this much of a cell's volume is a crumb.
+const CRUMB_CELLS: f64 = 0.25;
+
+/// What hangs together.
+#[derive(Debug, Clone)]
+struct Part {
+    signed_volume_mm3: f64,
+    min: Vec3,
+    max: Vec3,
+}
+
+impl Part {
+    fn holds(&self, other: &Self) -> bool {
+        self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
+    }
+}
+
+/// `mesh`, made of cells of `cell_mm`, without its crumbs: parts smaller than a quarter of a cell, and parts that face inward
+/// though no part is about them. Cavities stay.
+pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
+    let part_of = parts_of_triangles(&mesh);
+    let mut parts: Vec<Option<Part>> = vec![None; mesh.triangles.len()];
+    for (corners, &part) in mesh.corners_mm().zip(&part_of) {
+        let [a, b, c] = corners.map(|v| v.as_dvec3());
+        let (min, max) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
+        let part = parts[part as usize].get_or_insert(Part { signed_volume_mm3: 0.0, min, max });
+        part.signed_volume_mm3 += a.dot(b.cross(c)) / 6.0;
+        (part.min, part.max) = (part.min.min(min), part.max.max(max));
+    }
+    let least_mm3 = CRUMB_CELLS * f64::from(cell_mm).powi(3);
+    let large: Vec<&Part> = parts.iter().flatten().filter(|p| p.signed_volume_mm3 >= least_mm3).collect();
+    let stays = |part: &Part| {
+        part.signed_volume_mm3 >= least_mm3
+            || part.signed_volume_mm3 <= -least_mm3 && large.iter().any(|outer| outer.holds(part))
+    };
+    let kept: Vec<bool> = parts.iter().map(|part| part.as_ref().is_none_or(stays)).collect();
+    // A surface of crumbs only stays: without it, an organ would be gone.
+    if large.is_empty() || kept.iter().all(|&kept| kept) {
+        return mesh;
+    }
+    let mut triangles = mesh.triangles;
+    let mut part = part_of.iter();
+    triangles.retain(|_| part.next().is_some_and(|&part| kept[part as usize]));
+    let mut renumbered = vec![None; mesh.vertices_mm.len()];
+    for i in triangles.iter().flatten() {
+        renumbered[*i as usize] = Some(0);
+    }
+    let mut vertices_mm = Vec::with_capacity(mesh.vertices_mm.len());
+    for (number, &vertex) in renumbered.iter_mut().zip(&mesh.vertices_mm) {
+        if let Some(number) = number {
+            *number = vertices_mm.len() as u32;
+            vertices_mm.push(vertex);
+        }
+    }
+    for i in triangles.iter_mut().flatten() {
+        *i = renumbered[*i as usize].unwrap_or(0);
+    }
+    Mesh { vertices_mm, triangles }
+}
+
+/// The least triangle of each triangle's part: triangles that share an edge hang together, not those that touch in a vertex.
+fn parts_of_triangles(mesh: &Mesh) -> Vec<u32> {
+    fn root(above: &mut [u32], mut i: u32) -> u32 {
+        while above[i as usize] != i {
+            above[i as usize] = above[above[i as usize] as usize];
+            i = above[i as usize];
+        }
+        i
+    }
+    let mut edges: Vec<([u32; 2], u32)> = (0u32..)
+        .zip(&mesh.triangles)
+        .flat_map(|(n, &[a, b, c])| [[a, b], [b, c], [c, a]].map(|[i, j]| ([i.min(j), i.max(j)], n)))
+        .collect();
+    edges.par_sort_unstable();
+    let mut above: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    for pair in edges.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        let (i, j) = (root(&mut above, pair[0].1), root(&mut above, pair[1].1));
+        above[i.max(j) as usize] = i.min(j);
+    }
+    (0..above.len() as u32).map(|i| root(&mut above, i)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anatomy::analytic::sphere;
+
+    fn joined(meshes: &[Mesh]) -> Mesh {
+        let mut all = Mesh::default();
+        for mesh in meshes {
+            let offset = all.vertices_mm.len() as u32;
+            all.vertices_mm.extend(&mesh.vertices_mm);
+            all.triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| i + offset)));
+        }
+        all
+    }
+
+    fn inward(mut mesh: Mesh) -> Mesh {
+        mesh.flip();
+        mesh
+    }
+
+    #[test]
+    fn crumbs_and_folds_go_and_cavities_and_small_parts_stay() {
+        let ball = sphere(Vec3::ZERO, 10.0, 3);
+        let cavity = inward(sphere(Vec3::new(2.0, 0.0, 0.0), 4.0, 2));
+        let small = sphere(Vec3::new(30.0, 0.0, 0.0), 0.6, 2);
+        let crumb = sphere(Vec3::new(0.0, 20.0, 0.0), 0.3, 2);
+        let hollow_crumb = inward(sphere(Vec3::new(-5.0, 0.0, 0.0), 0.3, 2));
+        let fold = inward(sphere(Vec3::new(0.0, 0.0, 40.0), 5.0, 2));
+        let sound = [ball.clone(), cavity, small];
+        let all = joined(&[&[crumb.clone()], &sound[..], &[hollow_crumb, fold]].concat());
+        assert_eq!(without_crumbs(all, 1.0), joined(&sound));
+        assert_eq!(without_crumbs(joined(&sound), 1.0), joined(&sound));
+        // A crumb that hangs on in one vertex.
+        let mut hung = joined(&[ball.clone(), crumb.clone()]);
+        let first = ball.vertices_mm.len() as u32;
+        let meets = |i: u32| if i == first { 7 } else { i };
+        hung.triangles.iter_mut().for_each(|t| *t = t.map(meets));
+        assert_eq!(without_crumbs(hung, 1.0), ball);
+        // Of finer cells, it is none.
+        assert_eq!(without_crumbs(joined(&[ball.clone(), crumb.clone()]), 0.5), joined(&[ball, crumb.clone()]));
+        // Nothing but crumbs.
+        assert_eq!(without_crumbs(crumb.clone(), 1.0), crumb);
+        assert_eq!(without_crumbs(Mesh::default(), 1.0), Mesh::default());
+    }
+}
