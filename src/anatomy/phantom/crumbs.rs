@@ -116,7 +116,7 @@ mod tests {
         let hollow_crumb = inward(sphere(Vec3::new(-5.0, 0.0, 0.0), 0.3, 2));
         let fold = inward(sphere(Vec3::new(0.0, 0.0, 40.0), 5.0, 2));
         let sound = [ball.clone(), cavity, small];
-        let all = joined(&[&[crumb.clone()], &sound[..], &[hollow_crumb, fold]].concat());
+        let all = joined(&[std::slice::from_ref(&crumb), &sound[..], &[hollow_crumb, fold]].concat());
         assert_eq!(without_crumbs(all, 1.0), joined(&sound));
         assert_eq!(without_crumbs(joined(&sound), 1.0), joined(&sound));
         // A crumb that hangs on in one vertex.
