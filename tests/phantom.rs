@@ -110,7 +110,7 @@ fn no_solid_reaches_out_of_its_box() {
 fn every_surface_is_closed_and_faces_outward() {
     // Thick fat has the longest lobules.
     let thick = Parameters { maternal_fat_mm: 30.0, gestational_weeks: 26.4, ..Parameters::default() };
-    let thick = build(&PhantomOptions { scale: SMALL, parameters: thick }, &|_| {}).unwrap();
+    let thick = build(&PhantomOptions { scale: 0.5, parameters: thick }, &|_| {}).unwrap();
     for surface in full().iter().chain(small()).chain(&thick) {
         assert!(!surface.mesh.triangles.is_empty(), "{} is empty", surface.name);
         assert_eq!(faulty_edges(&surface.mesh), 0, "{} is open", surface.name);
