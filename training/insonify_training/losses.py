@@ -89,7 +89,7 @@ def gan_weight(step, weight, warmup, ramp):
     return weight * min(1.0, (step - warmup + 1) / max(ramp, 1))
 
 
-def learning_rate(step, steps, rate, decay_from):
+def falling(step, steps, rate, decay_from):
     """`rate` up to the part `decay_from` of the steps, then linear towards 0 (at least a hundredth)."""
     start = decay_from * steps
     if step <= start:

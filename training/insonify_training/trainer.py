@@ -43,11 +43,11 @@ class Trainer:
         """One step on a batch; losses as tensors."""
         config = self.config
         inputs, target, mask = self.encode(batch.planes, batch.mask)
-        rate = losses.learning_rate(self.step, config.steps, config.rate, config.decay_from)
+        rate = config.rate_at(self.step)
         for adam in (self.generator_adam, self.discriminator_adam):
             for group in adam.param_groups:
                 group["lr"] = rate
-        weight = losses.gan_weight(self.step, config.gan_weight, config.warmup, config.ramp)
+        weight, divergence_weight = config.weights_at(self.step)
         freeze(self.generator, self.frozen)
         self.generator.train()
         with self._autocast():
@@ -60,10 +60,10 @@ class Trainer:
             histogram = losses.patch_histogram(output, target, self.step * 7 % losses.PATCH)
             seen["histogram"] = histogram.detach()
             loss = loss + config.histogram_weight * histogram
-        if config.divergence_weight > 0 and self.step >= config.divergence_from:
+        if divergence_weight > 0:
             divergence = losses.patch_divergence(output, target, self.step * 7 % losses.PATCH)
             seen["divergence"] = divergence.detach()
-            loss = loss + config.divergence_weight * divergence
+            loss = loss + divergence_weight * divergence
         if config.grid_weight > 0 and self.step >= config.divergence_from:
             grid = losses.grid(output, target)
             seen["grid"] = grid.detach()

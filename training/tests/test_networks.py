@@ -60,7 +60,7 @@ def test_the_discriminator_has_four_convolutions_and_judges_patches():
 def test_schedules():
     weights = [losses.gan_weight(step, 1.0, 10, 5) for step in range(20)]
     assert weights[:10] == [0.0] * 10 and weights[10:15] == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0]) and weights[19] == 1.0
-    rates = [losses.learning_rate(step, 100, 1.0, 0.5) for step in (0, 50, 75, 99)]
+    rates = [losses.falling(step, 100, 1.0, 0.5) for step in (0, 50, 75, 99)]
     assert rates == pytest.approx([1.0, 1.0, 0.5, 0.02])
 
 

@@ -59,9 +59,22 @@ def test_a_folder_without_a_run_is_named(data_dir, tmp_path):
 def test_phases_cover_all_steps():
     fast = TIERS["fast_msa"]
     steps, configs = zip(*phases(fast))
-    assert steps == (6000, 2500, 2000)
+    assert steps == (6000, 2500, 2700)
     # In the first step of each: GAN, divergence.
     on = [(c.warmup == 0, c.divergence_from == 0) for c in configs]
     assert on == [(False, False), (True, False), (True, True)]
     assert [n for n, _ in phases(TIERS["classic_msa"])] == [6000, 4500]
     assert [n for n, _ in phases(replace(fast, steps=12))] == [12]
+
+
+def test_the_polish_has_a_rate_and_weights_of_its_own():
+    fast = TIERS["fast_msa"]
+    assert [fast.rate_at(step) for step in (0, 6300)] == [7e-4, 7e-4]
+    assert fast.rate_at(10499) < 1e-5
+    assert fast.rate_at(10500) == 2.5e-4 and fast.rate_at(11199) < 3e-6
+    assert [fast.weights_at(step) for step in (0, 7000, 8499, 8500, 10499, 10500)] == [
+        (0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.5, 0.6), (0.5, 0.6), (0.2, 0.1),
+    ]
+    assert TIERS["paper_msa"].weights_at(49_999) == (1.0, 0.0)
+    # A trial has one, too.
+    assert [replace(fast, steps=12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
