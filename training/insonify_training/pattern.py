@@ -58,7 +58,7 @@ def main(argv=None):
         for run in args.runs:
             if not (run / "checkpoint.pt").is_file():
                 raise SystemExit(f"{run}: no run: checkpoint.pt must be there")
-            trainers[run.name] = load_run(run, data)[0]
+            trainers[str(run)] = load_run(run, data)[0]
     except DatasetError as error:
         raise SystemExit(str(error)) from None
     rows = [rows[i] for i in np.linspace(0, len(rows) - 1, min(args.limit, len(rows))).astype(int)]

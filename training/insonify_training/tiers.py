@@ -26,7 +26,7 @@ class Config:
     polish_rate: float = 2.5e-4
     polish_gan_weight: float = 0.2
     polish_divergence_weight: float = 0.1
-    # Part of the steps before those after which the rate falls towards 0, and after which the norms' statistics stay as they are.
+    # Part of the steps before those after which the rate falls towards 0; part of all steps after which the norms' statistics stay.
     decay_from: float = 0.6
     freeze_from: float = 0.7
     gan_weight: float = 0.5
@@ -75,10 +75,11 @@ class Config:
 
     def weights_at(self, step):
         """Weights of the GAN term and of the divergence at a step."""
-        polished = step >= self.main_steps
-        gan, divergence = (
-            (self.polish_gan_weight, self.polish_divergence_weight) if polished else (self.gan_weight, self.divergence_weight)
-        )
+        gan, divergence = self.gan_weight, self.divergence_weight
+        if step >= self.main_steps:
+            # What is off stays off.
+            gan = self.polish_gan_weight if gan > 0 else 0.0
+            divergence = self.polish_divergence_weight if divergence > 0 else 0.0
         return gan_weight(step, gan, self.warmup, self.ramp), divergence if step >= self.divergence_from else 0.0
 
 

@@ -53,7 +53,7 @@ def configure(args):
     config = replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
-    if max(config.histogram_weight, config.divergence_weight) > 0 and config.crop < 2 * PATCH:
+    if max(config.histogram_weight, config.divergence_weight, config.grid_weight) > 0 and config.crop < 2 * PATCH:
         raise SystemExit(f"--crop {config.crop}: histograms are of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
     return config
 

@@ -76,5 +76,7 @@ def test_the_polish_has_a_rate_and_weights_of_its_own():
         (0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.5, 0.6), (0.5, 0.6), (0.2, 0.1),
     ]
     assert TIERS["paper_msa"].weights_at(49_999) == (1.0, 0.0)
+    off = replace(fast, gan_weight=0.0, divergence_weight=0.0)
+    assert [off.weights_at(step) for step in (8500, 11000)] == [(0.0, 0.0)] * 2
     # A trial has one, too.
     assert [replace(fast, steps=12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
