@@ -14,6 +14,7 @@ mod figure;
 mod support;
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::TissueTable;
@@ -24,7 +25,9 @@ use insonify::station::Station;
 use insonify::tracker::recording;
 use insonify::transducer::Probe;
 
-/// Frames for each point, after one that warms up.
+/// Each point is warmed up for so long.
+const WARM_UP: Duration = Duration::from_secs(1);
+/// Frames for each point, after that.
 const FRAMES: usize = 7;
 
 /// One point of a curve: what was varied, and the device's time of a frame and of its most expensive passes, ms.
@@ -133,7 +136,11 @@ fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
 
 fn measure(x: f64, renderer: &mut Renderer, poses: &[Pose]) -> Point {
     let mut frame = Frame::default();
-    renderer.render(&poses[0], &mut frame).expect("a frame");
+    // Software drivers go on compiling on the same cores after a change.
+    let warm = Instant::now();
+    while warm.elapsed() < WARM_UP {
+        renderer.render(&poses[0], &mut frame).expect("a frame");
+    }
     let mut totals = Vec::new();
     let mut passes: Vec<(&'static str, Vec<f64>)> = frame.times.passes.iter().map(|p| (p.name, Vec::new())).collect();
     for pose in poses {
