@@ -7,6 +7,7 @@ pub mod decimate;
 pub mod doctor;
 pub mod export;
 pub mod fiducials;
+mod groups;
 pub mod import;
 pub mod mesh;
 pub mod motion;

@@ -7,6 +7,7 @@ use rayon::slice::ParallelSliceMut;
 
 use super::finding::{Defect, Finding, Place};
 use crate::anatomy::Mesh;
+use crate::anatomy::groups::Groups;
 
 /// Rims this close, mm, are meant to be one; or a quarter of an edge where edges are shorter.
 const SEAM_MM: f32 = 0.01;
@@ -150,45 +151,4 @@ fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
     let key = |p: &Place| (p.size_mm, p.at_mm);
     places.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
     places
-}
-
-/// Sets that are joined.
-struct Groups(Vec<u32>);
-
-impl Groups {
-    fn new(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
-    fn root(&mut self, mut item: u32) -> u32 {
-        while self.0[item as usize] != item {
-            // Halve the way for the next.
-            self.0[item as usize] = self.0[self.0[item as usize] as usize];
-            item = self.0[item as usize];
-        }
-        item
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-
-    /// The set of each item, numbered from 0 in the order of their first items.
-    fn numbered(mut self) -> Vec<u32> {
-        let count = self.0.len();
-        let mut numbers = vec![0; count];
-        let mut next = 0;
-        for item in 0..count as u32 {
-            // A root is the least of its set, so it has its number first.
-            let root = self.root(item);
-            if root == item {
-                numbers[item as usize] = next;
-                next += 1;
-            } else {
-                numbers[item as usize] = numbers[root as usize];
-            }
-        }
-        numbers
-    }
 }

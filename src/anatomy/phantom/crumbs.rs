@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
 use crate::anatomy::Mesh;
+use crate::anatomy::groups::Groups;
 
 /// A part of less than this much of a cell's volume is a crumb.
 const CRUMB_CELLS: f64 = 0.25;
@@ -26,21 +27,22 @@ impl Part {
 /// though no part is about them. Cavities stay.
 pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     let part_of = parts_of_triangles(&mesh);
-    let mut parts: Vec<Option<Part>> = vec![None; mesh.triangles.len()];
+    let far = Vec3::splat(f32::INFINITY);
+    let count = part_of.iter().max().map_or(0, |&last| last as usize + 1);
+    let mut parts = vec![Part { signed_volume_mm3: 0.0, min: far, max: -far }; count];
     for (corners, &part) in mesh.corners_mm().zip(&part_of) {
+        let part = &mut parts[part as usize];
+        corners.iter().for_each(|&c| (part.min, part.max) = (part.min.min(c), part.max.max(c)));
         let [a, b, c] = corners.map(|v| v.as_dvec3());
-        let (min, max) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
-        let part = parts[part as usize].get_or_insert(Part { signed_volume_mm3: 0.0, min, max });
         part.signed_volume_mm3 += a.dot(b.cross(c)) / 6.0;
-        (part.min, part.max) = (part.min.min(min), part.max.max(max));
     }
     let least_mm3 = CRUMB_CELLS * f64::from(cell_mm).powi(3);
-    let large: Vec<&Part> = parts.iter().flatten().filter(|p| p.signed_volume_mm3 >= least_mm3).collect();
+    let large: Vec<&Part> = parts.iter().filter(|p| p.signed_volume_mm3 >= least_mm3).collect();
     let stays = |part: &Part| {
         part.signed_volume_mm3 >= least_mm3
             || part.signed_volume_mm3 <= -least_mm3 && large.iter().any(|outer| outer.holds(part))
     };
-    let kept: Vec<bool> = parts.iter().map(|part| part.as_ref().is_none_or(stays)).collect();
+    let kept: Vec<bool> = parts.iter().map(stays).collect();
     // A surface of crumbs only stays: without it, an organ would be gone.
     if large.is_empty() || kept.iter().all(|&kept| kept) {
         return mesh;
@@ -65,42 +67,24 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
-/// The least triangle of each triangle's part: triangles that share an edge hang together, not those that touch in a vertex.
+/// Number of each triangle's part: triangles that share an edge hang together, not those that touch in a vertex.
 fn parts_of_triangles(mesh: &Mesh) -> Vec<u32> {
-    fn root(above: &mut [u32], mut i: u32) -> u32 {
-        while above[i as usize] != i {
-            above[i as usize] = above[above[i as usize] as usize];
-            i = above[i as usize];
-        }
-        i
-    }
     let mut edges: Vec<([u32; 2], u32)> = (0u32..)
         .zip(&mesh.triangles)
         .flat_map(|(n, &[a, b, c])| [[a, b], [b, c], [c, a]].map(|[i, j]| ([i.min(j), i.max(j)], n)))
         .collect();
     edges.par_sort_unstable();
-    let mut above: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    let mut groups = Groups::new(mesh.triangles.len());
     for pair in edges.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        let (i, j) = (root(&mut above, pair[0].1), root(&mut above, pair[1].1));
-        above[i.max(j) as usize] = i.min(j);
+        groups.join(pair[0].1, pair[1].1);
     }
-    (0..above.len() as u32).map(|i| root(&mut above, i)).collect()
+    groups.numbered()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anatomy::analytic::sphere;
-
-    fn joined(meshes: &[Mesh]) -> Mesh {
-        let mut all = Mesh::default();
-        for mesh in meshes {
-            let offset = all.vertices_mm.len() as u32;
-            all.vertices_mm.extend(&mesh.vertices_mm);
-            all.triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| i + offset)));
-        }
-        all
-    }
+    use crate::anatomy::analytic::{joined, sphere};
 
     fn inward(mut mesh: Mesh) -> Mesh {
         mesh.flip();
@@ -116,17 +100,17 @@ mod tests {
         let hollow_crumb = inward(sphere(Vec3::new(-5.0, 0.0, 0.0), 0.3, 2));
         let fold = inward(sphere(Vec3::new(0.0, 0.0, 40.0), 5.0, 2));
         let sound = [ball.clone(), cavity, small];
-        let all = joined(&[std::slice::from_ref(&crumb), &sound[..], &[hollow_crumb, fold]].concat());
-        assert_eq!(without_crumbs(all, 1.0), joined(&sound));
-        assert_eq!(without_crumbs(joined(&sound), 1.0), joined(&sound));
+        let all = joined([std::slice::from_ref(&crumb), &sound[..], &[hollow_crumb, fold]].concat());
+        assert_eq!(without_crumbs(all, 1.0), joined(sound.clone()));
+        assert_eq!(without_crumbs(joined(sound.clone()), 1.0), joined(sound.clone()));
         // A crumb that hangs on in one vertex.
-        let mut hung = joined(&[ball.clone(), crumb.clone()]);
+        let mut hung = joined([ball.clone(), crumb.clone()]);
         let first = ball.vertices_mm.len() as u32;
         let meets = |i: u32| if i == first { 7 } else { i };
         hung.triangles.iter_mut().for_each(|t| *t = t.map(meets));
         assert_eq!(without_crumbs(hung, 1.0), ball);
         // Of finer cells, it is none.
-        assert_eq!(without_crumbs(joined(&[ball.clone(), crumb.clone()]), 0.5), joined(&[ball, crumb.clone()]));
+        assert_eq!(without_crumbs(joined([ball.clone(), crumb.clone()]), 0.5), joined([ball, crumb.clone()]));
         // Nothing but crumbs.
         assert_eq!(without_crumbs(crumb.clone(), 1.0), crumb);
         assert_eq!(without_crumbs(Mesh::default(), 1.0), Mesh::default());
