@@ -1,10 +1,9 @@
-"""Says how long the training of tiers will take here: times a few steps of each phase: without the GAN term, with it, and with the
-terms that come last."""
+"""Says how long the training of tiers will take here: times a few steps of each phase, in which other terms of the loss are on."""
 
 import argparse
 import sys
 import time
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import torch
@@ -25,23 +24,24 @@ class NoData:
 
 
 def phases(config):
-    """Steps of each phase, and what makes the first step one of it: settings."""
-    never = config.steps
-    last = config.divergence_from if max(config.divergence_weight, config.grid_weight) > 0 else never
-    gan = config.warmup if config.gan_weight > 0 else never
-    edges = sorted({0, min(gan, never), min(last, never), never})
-    for begin, end in zip(edges, edges[1:]):
-        warmup, divergence_from = (0 if begin >= at else never for at in (gan, last))
-        yield end - begin, replace(config, warmup=warmup, divergence_from=divergence_from, ramp=1)
+    """Steps of each phase, and its first step: where a term of the loss comes or goes."""
+
+    def terms(step):
+        return tuple(weight > 0 for weight in astuple(config.weights_at(step)))
+
+    edges = {min(at, config.steps) for at in (config.warmup, config.divergence_from, config.main_steps)}
+    begins = [0, *(step for step in sorted(edges) if 0 < step < config.steps and terms(step) != terms(step - 1))]
+    return [(end - begin, begin) for begin, end in zip(begins, [*begins[1:], config.steps])]
 
 
-def step_seconds(config, device, bf16):
-    """Least seconds of a step."""
+def step_seconds(config, first, device, bf16):
+    """Least seconds of a step of the phase that begins with step `first`."""
     trainer = Trainer(config, NoData, device, bf16)
     shape = (config.batch, 4, config.crop, config.crop)
     batch = Batch(np.random.default_rng(1).integers(0, 2, shape, dtype=np.uint8), np.full((shape[0], 1, *shape[2:]), 255, np.uint8))
     times = []
     for _ in range(STEPS + 1):
+        trainer.step = first
         begun = time.perf_counter()
         trainer.train(batch)["l1"].item()
         times.append(time.perf_counter() - begun)
@@ -55,7 +55,7 @@ def main(argv=None):
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--device", default="cpu")
     p.add_argument("--bf16", action="store_true")
-    p.add_argument("--steps", type=int, help="of each tier [default: the tier's]")
+    p.add_argument("--trial", type=int, metavar="STEPS", help="of a trial of so many steps a tier")
     args = p.parse_args(argv)
     torch.set_num_threads(args.threads)
     total, seen = 0.0, {}
@@ -63,11 +63,11 @@ def main(argv=None):
         if name not in TIERS:
             raise SystemExit(f"no tier is called {name}; there are {', '.join(TIERS)}")
         config = TIERS[name]
-        if args.steps is not None:
-            config = replace(config, steps=args.steps)
+        if args.trial is not None:
+            config = config.trial(args.trial)
         alike = replace(config, variant="MSA")
         if alike not in seen:
-            seen[alike] = [(steps, step_seconds(phase, args.device, args.bf16)) for steps, phase in phases(alike)]
+            seen[alike] = [(steps, step_seconds(alike, first, args.device, args.bf16)) for steps, first in phases(alike)]
         seconds = sum(steps * each for steps, each in seen[alike])
         parts = " + ".join(f"{steps} of {1000 * each:.0f} ms" for steps, each in seen[alike])
         total += seconds

@@ -38,6 +38,7 @@ def parser():
             p.add_argument(flag, action=argparse.BooleanOptionalAction, default=None)
         else:
             p.add_argument(flag, type=field.type, help="[default: the tier's]")
+    p.add_argument("--trial", type=int, metavar="STEPS", help="only to see that it runs: so many steps, all terms in them")
     p.add_argument("--threads", type=int, default=2, help="threads of the arithmetic [default: 2]")
     p.add_argument("--loaders", type=int, default=1, help="threads that read crops [default: 1]")
     p.add_argument("--device", default="cpu", help="cpu or cuda [default: cpu]")
@@ -50,7 +51,8 @@ def parser():
 def configure(args):
     """The tier's config with the flags' values in it."""
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
-    config = replace(TIERS[args.tier], **{k: v for k, v in given.items() if v is not None})
+    tier = TIERS[args.tier] if args.trial is None else TIERS[args.tier].trial(args.trial)
+    config = replace(tier, **{k: v for k, v in given.items() if v is not None})
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
     if max(config.histogram_weight, config.divergence_weight, config.grid_weight) > 0 and config.crop < 2 * PATCH:

@@ -47,7 +47,7 @@ class Trainer:
         for adam in (self.generator_adam, self.discriminator_adam):
             for group in adam.param_groups:
                 group["lr"] = rate
-        weight, divergence_weight = config.weights_at(self.step)
+        weights = config.weights_at(self.step)
         freeze(self.generator, self.frozen)
         self.generator.train()
         with self._autocast():
@@ -60,28 +60,28 @@ class Trainer:
             histogram = losses.patch_histogram(output, target, self.step * 7 % losses.PATCH)
             seen["histogram"] = histogram.detach()
             loss = loss + config.histogram_weight * histogram
-        if divergence_weight > 0:
+        if weights.divergence > 0:
             divergence = losses.patch_divergence(output, target, self.step * 7 % losses.PATCH)
             seen["divergence"] = divergence.detach()
-            loss = loss + divergence_weight * divergence
-        if config.grid_weight > 0 and self.step >= config.divergence_from:
+            loss = loss + weights.divergence * divergence
+        if weights.grid > 0:
             grid = losses.grid(output, target)
             seen["grid"] = grid.detach()
-            loss = loss + config.grid_weight * grid
-        if config.ssim_weight > 0:
+            loss = loss + weights.grid * grid
+        if weights.ssim > 0:
             # Of every other picture: all would cost as much as the network.
             dissimilarity = losses.dissimilarity(output[::2], target[::2])
             seen["dissimilarity"] = dissimilarity.detach()
-            loss = loss + config.ssim_weight * dissimilarity
+            loss = loss + weights.ssim * dissimilarity
         loss = config.l1_weight * loss
-        if weight > 0:
+        if weights.gan > 0:
             seen["discriminator"] = self._train_discriminator(inputs, output.detach(), target)
             self.discriminator.requires_grad_(False)
             with self._autocast():
                 gan = losses.generator_gan_loss(self.discriminator(inputs, output))
             self.discriminator.requires_grad_(True)
             seen["gan"] = gan.detach()
-            loss = loss + weight * gan
+            loss = loss + weights.gan * gan
         self.generator_adam.zero_grad(set_to_none=True)
         loss.backward()
         if config.clip > 0:
@@ -89,7 +89,7 @@ class Trainer:
         self.generator_adam.step()
         self._follow()
         self.step += 1
-        return {**seen, "rate": rate, "gan_weight": weight}
+        return {**seen, "rate": rate, "gan_weight": weights.gan}
 
     def _train_discriminator(self, inputs, fake, real):
         with self._autocast():

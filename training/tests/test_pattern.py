@@ -1,6 +1,6 @@
 """The part of fine detail that stands still, and the phases of an estimate."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import torch
 
@@ -58,25 +58,25 @@ def test_a_folder_without_a_run_is_named(data_dir, tmp_path):
 
 def test_phases_cover_all_steps():
     fast = TIERS["fast_msa"]
-    steps, configs = zip(*phases(fast))
-    assert steps == (6000, 2500, 2700)
-    # In the first step of each: GAN, divergence.
-    on = [(c.warmup == 0, c.divergence_from == 0) for c in configs]
-    assert on == [(False, False), (True, False), (True, True)]
-    assert [n for n, _ in phases(TIERS["classic_msa"])] == [6000, 4500]
-    assert [n for n, _ in phases(replace(fast, steps=12))] == [12]
+    assert phases(fast) == [(6000, 0), (2500, 6000), (2000, 8500), (1400, 10500)]
+    assert phases(TIERS["classic_msa"]) == [(6000, 0), (4500, 6000)]
+    assert phases(fast.trial(12)) == [(6, 0), (3, 6), (3, 9)]
+    # Where the polish changes weights alone, nothing comes or goes.
+    assert phases(replace(fast, polish_gan_weight=0.2)) == [(6000, 0), (2500, 6000), (3400, 8500)]
 
 
 def test_the_polish_has_a_rate_and_weights_of_its_own():
     fast = TIERS["fast_msa"]
     assert [fast.rate_at(step) for step in (0, 6300)] == [7e-4, 7e-4]
     assert fast.rate_at(10499) < 1e-5
-    assert fast.rate_at(10500) == 2.5e-4 and fast.rate_at(11199) < 3e-6
-    assert [fast.weights_at(step) for step in (0, 7000, 8499, 8500, 10499, 10500)] == [
-        (0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.5, 0.6), (0.5, 0.6), (0.2, 0.1),
+    assert fast.rate_at(10500) == 4e-4 and fast.rate_at(11899) < 5e-6
+    assert [astuple(fast.weights_at(step)) for step in (0, 7000, 8499, 8500, 10499, 10500)] == [
+        (0.0, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3),
+        (0.5, 0.6, 4.0, 0.3), (0.5, 0.6, 4.0, 0.3), (0.0, 1.2, 4.0, 2.5),
     ]
-    assert TIERS["paper_msa"].weights_at(49_999) == (1.0, 0.0)
-    off = replace(fast, gan_weight=0.0, divergence_weight=0.0)
-    assert [off.weights_at(step) for step in (8500, 11000)] == [(0.0, 0.0)] * 2
+    assert astuple(TIERS["paper_msa"].weights_at(49_999)) == (1.0, 0.0, 0.0, 0.0)
+    off = replace(fast, gan_weight=0.0, divergence_weight=0.0, grid_weight=0.0, ssim_weight=0.0, polish_gan_weight=0.2)
+    assert [astuple(off.weights_at(step)) for step in (8500, 11000)] == [(0.0,) * 4] * 2
     # A trial has one, too.
-    assert [replace(fast, steps=12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
+    assert [fast.trial(12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
+    assert astuple(fast.trial(12).weights_at(11)) == (0.0, 1.2, 4.0, 2.5)
