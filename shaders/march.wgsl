@@ -46,13 +46,13 @@ fn seek(chosen: u32, sample: u32, range_mm: f32) {
     }
 }
 
-// Echo of the scatterer that the segment in hand meets at `range_mm`.
-fn scatter(range_mm: f32) -> vec2<f32> {
-    let here = s0.xyz + s1.xyz * range_mm;
+// Echo at `range_mm` of the scatterer that a path from `place_mm` by `step` a mm meets, as strong as the segment in hand says.
+fn scatter(place_mm: vec3<f32>, step: vec3<f32>, range_mm: f32) -> vec2<f32> {
+    let here = place_mm + step * range_mm;
     let cell = lattice_cell(here);
     let bits = lattice_hash(cell);
     // Where the scatterer lies on the path: its phase is exact, whichever sample meets its cell.
-    let ahead_mm = dot(scatterer_position(cell, bits.y) - here, s1.xyz) / max(dot(s1.xyz, s1.xyz), 1.0e-12);
+    let ahead_mm = dot(scatterer_position(cell, bits.y) - here, step) / max(dot(step, step), 1.0e-12);
     let ln_amplitude = s0.w - s1.w * range_mm;
     let strength = (vec2<f32>(s2.x, 0.0) + s2.y * scatterer_deviate(bits.z)) * exp(max(ln_amplitude, LN_SILENT));
     let there = (bits.x >> 15u) < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SILENT;
@@ -71,7 +71,7 @@ fn march_single(line: u32, first: u32, gain: f32) {
         seek(line, sample, range_mm);
         loop {
             baseband[(line * params.row_samples + sample) >> 1u] =
-                gain * vec4<f32>(scatter(range_mm), scatter(range_mm + params.sample_spacing_mm));
+                gain * vec4<f32>(scatter(s0.xyz, s1.xyz, range_mm), scatter(s0.xyz, s1.xyz, range_mm + params.sample_spacing_mm));
             sample += 2u;
             range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
             if sample >= last || range_mm >= ends_mm {
@@ -104,12 +104,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let base = (e * params.scanlines + line) * params.rays;
             let rotation = line * 0x9e3779b9u + layer * 0x85ebca6bu + params.seed;
             let weight = sqrt(layers[layer].z);
+            // Where scatterers lie the middle ray says for all, how strong they are the ray whose turn it is.
+            seek(base + params.rays / 2u, sample, range_mm);
+            let place_mm = s0.xyz;
+            let step = s1.xyz;
             for (var k = 0u; k < params.paths_per_sample; k++) {
                 // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long, share a segment.
                 let turn = ((sample >> 1u) * params.paths_per_sample + k) * 2654435769u + rotation;
                 let chosen = base + ((turn >> 16u) * params.rays >> 16u);
                 seek(chosen, sample, range_mm);
-                sum += weight * vec4<f32>(scatter(range_mm), scatter(range_mm + params.sample_spacing_mm));
+                sum += weight * vec4<f32>(scatter(place_mm, step, range_mm), scatter(place_mm, step, range_mm + params.sample_spacing_mm));
             }
         }
         let out = (line * params.row_samples + sample) >> 1u;

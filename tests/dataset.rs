@@ -189,3 +189,38 @@ fn damaged_files_are_named() {
     let error = Dataset::open(&out).unwrap_err().to_string();
     assert!(error.contains("line 2") && error.contains("index"), "{error}");
 }
+
+#[test]
+fn what_chance_leaves_of_the_target_is_judged() {
+    let (dir, station, out) = studio();
+    made(&make(&station, &out, &[]));
+    let file = dir.path().join("report.json");
+    let judge = || {
+        let output =
+            insonify(&["evaluate", "--dataset", text(&out), "--crops", "0", "--again", "6", "--json", text(&file)]);
+        made(&output);
+        let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+        let rows = report["dataset"]["rows"].as_array().unwrap().clone();
+        assert_eq!(
+            rows.iter().map(|row| row["name"].as_str().unwrap()).collect::<Vec<_>>(),
+            ["LQ", "HQ again", "mean of 6 of HQ"]
+        );
+        let of = |row: usize, measure: &str| rows[row]["full"][measure]["mean"].as_f64().unwrap();
+        ([0, 1, 2].map(|row| of(row, "psnr_db")), [0, 1, 2].map(|row| of(row, "ssim")), output)
+    };
+    let (psnr, ssim, output) = judge();
+    assert!(!String::from_utf8_lossy(&output.stdout).contains("its own seed"));
+    // Chance leaves a little; of squares the mean leaves less.
+    assert!(psnr[1] > 25.0 && psnr[1] + 1.0 < psnr[2] && psnr[2] < 80.0, "{psnr:?}");
+    assert!(ssim[1] > 0.8 && ssim[1] < ssim[2] && ssim[2] < 1.0, "{ssim:?}");
+
+    // A target that this program doesn't make is told of.
+    let row = Dataset::open(&out).unwrap().of(Split::Test).next().unwrap().file.clone();
+    let mut bytes = std::fs::read(out.join(&row)).unwrap();
+    let high = bytes.len() - 2 * 80 * 60 - 1;
+    bytes[high - 80 * 30] ^= 1;
+    std::fs::write(out.join(&row), bytes).unwrap();
+    assert!(String::from_utf8_lossy(&judge().2.stdout).contains("its own seed"));
+    failed(&insonify(&["evaluate", "--dataset", text(&out), "--again", "0"]), 2, &["--again"]);
+    failed(&insonify(&["evaluate", "--again", "2", "--steadiness", text(&station)]), 2, &["--dataset"]);
+}

@@ -188,3 +188,32 @@ fn speckle_never_repeats() {
     println!("highest side peaks: {along:.3} along, {across:.3} across");
     assert!(along < 0.06 && across < 0.06, "{along} {across}");
 }
+
+#[test]
+fn speckle_behind_what_bends_is_the_scanlines_own() {
+    // Balls that sound crosses faster or slower, of the same impedance.
+    let mut bench = Bench::new(grainy(0.0, 0.01));
+    for (x, speed_m_s) in [(-12.0, 1450.0), (12.0, 1640.0)] {
+        let ball = bench.tissue(Tissue { scatterer_density: 1.0, scatterer_deviation: 0.01, ..silent(speed_m_s, 1.6) });
+        bench.add(ball, 1, analytic::sphere(Vec3::new(x, 0.0, 20.0), 10.0, 5));
+    }
+    let scene = bench.scene().unwrap();
+    let probe = linear(160, 0.3, 2048, 100.0);
+    let frames = [(1, 0), (16, 0), (16, 1)].map(|(rays, seed)| {
+        let mut settings = small(rays, 1);
+        settings.quality.seed = seed;
+        let mut rig = Rig::new(&scene, &probe, &settings);
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        (rig, frame)
+    });
+    // The middle one of sixteen is not bent as one ray alone. Behind the balls; with one ray a scanline, with sixteen, and with sixteen that take turns otherwise.
+    let deep = probe.samples as usize * 2 / 5..probe.samples as usize;
+    let signals = frames.each_ref().map(|(rig, frame)| {
+        let lines = (4..probe.scanlines - 4).flat_map(|line| rig.line(frame, line)[deep.clone()].to_vec());
+        lines.map(|[re, im]| glam::DVec2::new(re.into(), im.into())).collect::<Vec<_>>()
+    });
+    let product = |a: usize, b: usize| signals[a].iter().zip(&signals[b]).map(|(a, b)| a.dot(*b)).sum::<f64>();
+    let alike = |a: usize, b: usize| product(a, b) / (product(a, a) * product(b, b)).sqrt();
+    println!("1 and 16 rays {:.3}, seeds {:.3}", alike(0, 1), alike(1, 2));
+    assert!(alike(0, 1) > 0.88 && alike(1, 2) > 0.98, "{} {}", alike(0, 1), alike(1, 2));
+}

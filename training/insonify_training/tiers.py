@@ -25,7 +25,7 @@ class Config:
     # The attenuation's power that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 11900
+    steps: int = 8400
     batch: int = 4
     crop: int = 256
     rate: float = 7e-4
@@ -47,14 +47,14 @@ class Config:
     histogram_weight: float = 1.0
     # Of the patches' divergence, likewise: pKL; and the step from which on it counts.
     divergence_weight: float = 0.6
-    divergence_from: int = 8500
+    divergence_from: int = 5500
     # Of a pattern of the network's stride, likewise, from the same step on.
     grid_weight: float = 4.0
     # Of 1 less the structural similarity, likewise.
     ssim_weight: float = 0.3
     # Steps without the GAN term, and steps in which it grows to its weight.
-    warmup: int = 6000
-    ramp: int = 600
+    warmup: int = 4000
+    ramp: int = 400
     ndf: int = 8
     # Decay of the running mean of the weights, which is what is exported.
     ema: float = 0.999
@@ -119,6 +119,8 @@ PIX2PIX = Config(
     divergence_weight=0.0,
     grid_weight=0.0,
     ssim_weight=0.0,
+    warmup=6000,
+    ramp=600,
 )
 # As the paper has it, but small.
 CLASSIC = replace(PIX2PIX, network="unet16", ndf=16)

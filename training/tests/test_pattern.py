@@ -58,25 +58,25 @@ def test_a_folder_without_a_run_is_named(data_dir, tmp_path):
 
 def test_phases_cover_all_steps():
     fast = TIERS["fast_msa"]
-    assert phases(fast) == [(6000, 0), (2500, 6000), (2000, 8500), (1400, 10500)]
+    assert phases(fast) == [(4000, 0), (1500, 4000), (1500, 5500), (1400, 7000)]
     assert phases(TIERS["classic_msa"]) == [(6000, 0), (4500, 6000)]
     assert phases(fast.trial(12)) == [(6, 0), (3, 6), (3, 9)]
     # Where the polish changes weights alone, nothing comes or goes.
-    assert phases(replace(fast, polish_gan_weight=0.2)) == [(6000, 0), (2500, 6000), (3400, 8500)]
+    assert phases(replace(fast, polish_gan_weight=0.2)) == [(4000, 0), (1500, 4000), (2900, 5500)]
 
 
 def test_the_polish_has_a_rate_and_weights_of_its_own():
     fast = TIERS["fast_msa"]
-    assert [fast.rate_at(step) for step in (0, 6300)] == [7e-4, 7e-4]
-    assert fast.rate_at(10499) < 1e-5
-    assert fast.rate_at(10500) == 4e-4 and fast.rate_at(11899) < 5e-6
-    assert [astuple(fast.weights_at(step)) for step in (0, 7000, 8499, 8500, 10499, 10500)] == [
+    assert [fast.rate_at(step) for step in (0, 4200)] == [7e-4, 7e-4]
+    assert fast.rate_at(6999) < 1e-5
+    assert fast.rate_at(7000) == 4e-4 and fast.rate_at(8399) < 5e-6
+    assert [astuple(fast.weights_at(step)) for step in (0, 5000, 5499, 5500, 6999, 7000)] == [
         (0.0, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3),
         (0.5, 0.6, 4.0, 0.3), (0.5, 0.6, 4.0, 0.3), (0.0, 1.2, 4.0, 2.5),
     ]
     assert astuple(TIERS["paper_msa"].weights_at(49_999)) == (1.0, 0.0, 0.0, 0.0)
     off = replace(fast, gan_weight=0.0, divergence_weight=0.0, grid_weight=0.0, ssim_weight=0.0, polish_gan_weight=0.2)
-    assert [astuple(off.weights_at(step)) for step in (8500, 11000)] == [(0.0,) * 4] * 2
+    assert [astuple(off.weights_at(step)) for step in (6000, 8000)] == [(0.0,) * 4] * 2
     # A trial has one, too.
     assert [fast.trial(12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
     assert astuple(fast.trial(12).weights_at(11)) == (0.0, 1.2, 4.0, 2.5)

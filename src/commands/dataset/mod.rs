@@ -22,7 +22,7 @@ use super::progress::Progress;
 use super::quality::RaysLayers;
 use super::{Failure, output, session};
 use store::{Store, kept_station};
-use studio::Studio;
+pub(super) use studio::{Studio, station_of};
 
 /// Render paired frames of low and high quality with their maps, to train and judge generators.
 ///

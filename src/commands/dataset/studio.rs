@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::anyhow;
 use insonify::anatomy::Scene;
 use insonify::anatomy::bvh::Bvh;
-use insonify::dataset::{ATTENUATION_POWER, Dataset, Row};
+use insonify::dataset::{ATTENUATION_POWER, Dataset, Header, Row};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer, ShaderSet};
 use insonify::sink::npy::bytes_of_u8;
@@ -38,7 +38,7 @@ struct Set {
 }
 
 /// Renders tuples; keeps the last scene, as rows of the same follow each other.
-pub(super) struct Studio<'a> {
+pub(in crate::commands) struct Studio<'a> {
     gpu: &'a Gpu,
     classes: Vec<String>,
     set: Option<Set>,
@@ -47,7 +47,7 @@ pub(super) struct Studio<'a> {
 }
 
 impl<'a> Studio<'a> {
-    pub(super) fn new(gpu: &'a Gpu, classes: Vec<String>) -> Self {
+    pub(in crate::commands) fn new(gpu: &'a Gpu, classes: Vec<String>) -> Self {
         Self { gpu, classes, set: None, frames: Default::default(), planes: Default::default() }
     }
 
@@ -67,8 +67,8 @@ impl<'a> Studio<'a> {
         self.set.as_mut().ok_or_else(|| Failure::Other(anyhow!("no scene")))
     }
 
-    /// Renders the tuple of `row`, of whose files it needs none.
-    pub(super) fn take(&mut self, station: &Station, row: &Row) -> Result<Take, Failure> {
+    /// Sets the renderers of low and high quality to what `row` asks for, but for its pose.
+    fn prepare(&mut self, station: &Station, row: &Row) -> Result<&mut [Renderer; 2], Failure> {
         let gpu = self.gpu;
         let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
         let of =
@@ -82,13 +82,36 @@ impl<'a> Studio<'a> {
             let make = |settings| Renderer::with_shaders(gpu, &set.scene, bvh.clone(), &probe, settings, &shaders);
             set.renderers = Some([make(&both[0])?, make(&both[1])?]);
         }
-        let Some(set) = &mut self.set else { return Err(Failure::Other(anyhow!("no scene"))) };
-        let pose = Pose::from(&row.pose);
-        for ((renderer, settings), frame) in set.renderers.iter_mut().flatten().zip(&both).zip(&mut self.frames) {
+        let renderers = set.renderers.as_mut().ok_or_else(|| Failure::Other(anyhow!("no renderer")))?;
+        for (renderer, settings) in renderers.iter_mut().zip(&both) {
             renderer.reconfigure(&probe, settings)?;
             renderer.set_time_s(row.time_s);
-            renderer.render(&pose, frame)?;
         }
+        Ok(renderers)
+    }
+
+    /// Renders the high quality of `row` with the random choices of `seed`: grey levels.
+    pub(in crate::commands) fn high_quality(
+        &mut self,
+        station: &Station,
+        row: &Row,
+        seed: u32,
+    ) -> Result<&[u8], Failure> {
+        let mut frame = std::mem::take(&mut self.frames[1]);
+        let [_, renderer] = self.prepare(station, &Row { seed, ..row.clone() })?;
+        renderer.render(&Pose::from(&row.pose), &mut frame)?;
+        self.frames[1] = frame;
+        Ok(&self.frames[1].bmode)
+    }
+
+    /// Renders the tuple of `row`, of whose files it needs none.
+    pub(super) fn take(&mut self, station: &Station, row: &Row) -> Result<Take, Failure> {
+        let mut frames = std::mem::take(&mut self.frames);
+        for (renderer, frame) in self.prepare(station, row)?.iter_mut().zip(&mut frames) {
+            renderer.render(&Pose::from(&row.pose), frame)?;
+        }
+        self.frames = frames;
+        let Some(set) = &self.set else { return Err(Failure::Other(anyhow!("no scene"))) };
         let [lq, hq] = &self.frames;
         let [segmentation, attenuation] = &mut self.planes;
         let class = |&number: &u8| set.class_of.get(usize::from(number)).copied();
@@ -124,6 +147,16 @@ struct Verified {
     differ: Vec<usize>,
 }
 
+/// The station of a tuple of the data set in `directory`, with the tuple's phantom.
+pub(in crate::commands) fn station_of(directory: &Path, header: &Header, row: &Row) -> Result<Station, Failure> {
+    let mut station = open_station(directory, header, &row.station)?;
+    if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
+        let wrong = |reason| Failure::Input(anyhow!("tuple {}: {reason}", row.index));
+        *options = phantom.options().map_err(wrong)?;
+    }
+    Ok(station)
+}
+
 /// Renders `count` tuples of the data set in `directory` again, spread over it, and compares them; 0 is all.
 pub(super) fn verify(directory: &Path, count: usize, json: bool) -> Result<(), Failure> {
     let data = Dataset::open(directory)?;
@@ -138,11 +171,7 @@ pub(super) fn verify(directory: &Path, count: usize, json: bool) -> Result<(), F
     for nth in 0..total {
         progress.set(nth, total);
         let row = &data.rows[(2 * nth + 1) * data.rows.len() / (2 * total)];
-        let mut station = open_station(directory, &data.header, &row.station)?;
-        if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
-            let wrong = |reason| Failure::Input(anyhow!("tuple {}: {reason}", row.index));
-            *options = phantom.options().map_err(wrong)?;
-        }
+        let station = station_of(directory, &data.header, row)?;
         if sha256(&studio.take(&station, row)?.tuple) != row.sha256 {
             differ.push(row.index);
         }

@@ -12,7 +12,8 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::super::progress::Progress;
-use super::super::{Classify, Failure};
+use super::super::{Classify, Failure, session};
+use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::{Args, models, sheets};
 
@@ -28,7 +29,7 @@ pub(super) struct Report {
     /// Least share of a crop inside the sector.
     pub(super) crop_inside: f64,
     pub(super) seed: u64,
-    /// Low quality first, then the generators.
+    /// Low quality first, then the generators, then the high quality rendered again.
     pub(super) rows: Vec<RowReport>,
     /// What to know about the figures.
     pub(super) notes: Vec<String>,
@@ -82,6 +83,12 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         let manifest = generator.manifest();
         rows.push(Row::new(name.clone(), Some(generator.path().to_owned()), Some(manifest.variant), count));
     }
+    let gpu = args.again.map(|_| session::open_gpu()).transpose()?;
+    let mut again = gpu.as_ref().zip(args.again).map(|(gpu, renders)| Again::new(gpu, &dataset, renders));
+    if let Some(renders) = args.again {
+        let mean = format!("mean of {renders} of HQ");
+        rows.extend(["HQ again".to_owned(), mean].map(|name| Row::new(name, None, None, count)));
+    }
     let mut target = vec![Vectors::default(); count];
     let mut geometry = Geometry { dataset: &dataset, known: HashMap::new(), notes: Vec::new() };
     let (side, seed) = (args.crop as usize, args.seed);
@@ -107,6 +114,11 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
             generate(generator, &tuple, &attenuation, &mut image)?;
             row.add(&judged, &image, &mut extractors)?;
         }
+        if let Some(again) = &mut again {
+            for (image, row) in again.render(row, &tuple.hq)?.iter().zip(&mut rows[1 + generators.len()..]) {
+                row.add(&judged, image, &mut extractors)?;
+            }
+        }
     }
     drop(progress);
     let mut notes = geometry.notes;
@@ -114,6 +126,13 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         notes.push(format!(
             "{without_crops} tuples are smaller than a crop of {side} x {side} and are in the full field of view only"
         ));
+    }
+    if again.is_some_and(|again| again.same == Some(false)) {
+        notes.push(
+            "with its own seed, too, the first tuple comes out otherwise than the data set has it: another device, driver \
+             or version rendered it, and a part of what the high quality rendered again is off by comes from that"
+                .to_owned(),
+        );
     }
     for (extractor, target) in extractors.iter().zip(&target) {
         let dimensions = target.full.first().map_or(0, Vec::len);
@@ -129,7 +148,9 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
     let reports =
         rows.into_iter().map(|row| row.report(classes, &target, &extractors)).collect::<Result<Vec<_>, _>>()?;
     let sheets = match &args.out {
-        Some(out) => sheets::write(out, &dataset, &chosen, &reports, &mut generators, (side, seed))?,
+        Some(out) => {
+            sheets::write(out, &dataset, &chosen, &reports[..=generators.len()], &mut generators, (side, seed))?
+        }
         None => Vec::new(),
     };
     Ok(Report {

@@ -1,5 +1,6 @@
 //! `insonify evaluate`: how near images come to their references, and generators to their targets.
 
+mod again;
 mod dataset;
 mod images;
 mod judge;
@@ -66,6 +67,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
+    /// Judge the high quality itself as well, rendered again N times with other random choices, 1..=64: one of these images,
+    /// and their mean
+    ///
+    /// What they are off by no generator can know, whatever it is given. The mean is the best guess by PSNR; it has less
+    /// speckle than any render. Takes N renders of high quality a tuple.
+    #[arg(long, value_name = "N", requires = "dataset", value_parser = clap::value_parser!(u32).range(1..=64))]
+    again: Option<u32>,
+
     /// Measure how steady frames are while the probe of this station (TOML) slides in its image plane
     #[arg(long, value_name = "STATION")]
     steadiness: Option<PathBuf>,
@@ -127,6 +136,7 @@ Examples:
   insonify evaluate out/lq/bmode.png out/hq/bmode.png --mask out/hq/mask.png
   insonify evaluate enhanced/ hq/ --mask masks/ --csv scores.csv --json scores.json
   insonify evaluate --dataset data/ --model m.onnx --model ms.onnx --model msa.onnx --out out/evaluation
+  insonify evaluate --dataset data/ --model msa.onnx --again 8 --limit 20
   insonify evaluate --model msa.onnx --steadiness configs/obstetric.toml";
 
 /// Runs the command.

@@ -10,6 +10,8 @@ use crate::render::tables::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 const BLOCK: usize = DEPTH_BLOCK as usize;
 /// Numbers of a segment.
 const SEGMENT: usize = 12;
+/// Those that say where its scatterers lie.
+const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 const LN_SILENT: f32 = -80.0;
 /// Density in the lowest bits of its word.
 const TAG_DENSITY: u32 = 0x3_ffff;
@@ -78,9 +80,23 @@ fn march_row_body(
                 }
                 continue;
             }
+            let middle = base.wrapping_add(params.rays / 2);
             let rotation = (line.wrapping_mul(0x9e37_79b9))
                 .wrapping_add(layer.wrapping_mul(0x85eb_ca6b))
                 .wrapping_add(params.seed);
+            // Where scatterers lie the middle ray says for all, how strong they are the ray whose turn it is.
+            let mut places = [[0.0f32; BLOCK]; SEGMENT];
+            if let Some(segment) = whole_block(params, paths, middle, first) {
+                places = segment.map(|value| [value; BLOCK]);
+            } else {
+                for pair in 0..BLOCK / 2 {
+                    let segment = seek(params, paths, middle, first.wrapping_add(2 * pair as u32)).1;
+                    for (place, &value) in places.iter_mut().zip(segment) {
+                        place[2 * pair] = value;
+                        place[2 * pair + 1] = value;
+                    }
+                }
+            }
             for k in 0..params.paths_per_sample {
                 for pair in 0..BLOCK / 2 {
                     let sample = first.wrapping_add(2 * pair as u32);
@@ -94,6 +110,9 @@ fn march_row_body(
                         lane[2 * pair] = value;
                         lane[2 * pair + 1] = value;
                     }
+                }
+                for at in PLACE {
+                    lanes[at] = places[at];
                 }
                 scatter(params, cell_mm, &lanes, first, weight, &mut sums);
             }

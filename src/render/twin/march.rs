@@ -9,7 +9,8 @@ use super::{Inputs, Path, lattice};
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
 /// A sample meets the scatterer of the lattice cell that the path is in at its range. Layers add in power (weight √w):
-/// they are independent parts of the beam.
+/// they are independent parts of the beam. A layer's middle ray says for all where the scatterers lie: rays of a scanline sound
+/// the same tissue, and no number of them would make speckle converge that each read elsewhere.
 pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
@@ -21,11 +22,12 @@ fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVe
     let mut sum = DVec2::ZERO;
     for (number, layer) in inputs.layers.iter().enumerate() {
         let first = (number * inputs.scanlines + line) * inputs.rays_per_line;
+        // Two samples share a segment: that of the first.
+        let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
+        let place = segment_of(first + inputs.rays_per_line / 2);
         for k in 0..count {
             let path = first + turn(inputs, line, number, sample, k);
-            // Two samples share a segment: that of the first.
-            let segment = segment_at(&paths[path], inputs.range_mm(sample & !1));
-            sum += layer.weight.sqrt() * scatter(inputs, &paths[path].segments[segment], inputs.range_mm(sample));
+            sum += layer.weight.sqrt() * scatter(inputs, segment_of(path), place, inputs.range_mm(sample));
         }
     }
     gain * sum
@@ -43,17 +45,17 @@ fn turn(inputs: &Inputs, line: usize, layer: usize, sample: usize, k: usize) -> 
     (turn >> 16) as usize * inputs.rays_per_line / 65536
 }
 
-/// Echo of the scatterer that a segment meets at `range_mm`.
-fn scatter(inputs: &Inputs, segment: &Segment, range_mm: f64) -> DVec2 {
-    let here = segment.scatterer_mm(range_mm);
+/// Echo at `range_mm` of the scatterer that the segment `place` meets, as strong as `segment` says.
+fn scatter(inputs: &Inputs, segment: &Segment, place: &Segment, range_mm: f64) -> DVec2 {
+    let here = place.scatterer_mm(range_mm);
     let cell = lattice::cell(here);
-    let [presence, place, amplitude] = lattice::hash(cell);
+    let [presence, offset, amplitude] = lattice::hash(cell);
     let ln_amplitude = segment.ln_amplitude(range_mm);
     if presence >> 15 >= segment.scatterer_density || ln_amplitude <= LN_SILENT {
         return DVec2::ZERO;
     }
     // The scatterer's own range sets the phase, whichever sample meets its cell.
-    let ahead_mm = (lattice::scatterer_mm(cell, place) - here).dot(segment.step) / segment.step.length_squared();
+    let ahead_mm = (lattice::scatterer_mm(cell, offset) - here).dot(place.step) / place.step.length_squared();
     let strength =
         DVec2::new(segment.scatterer_mean, 0.0) + segment.scatterer_deviation * lattice::scatterer_deviate(amplitude);
     // Complex numbers multiply as vectors rotate.
