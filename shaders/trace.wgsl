@@ -113,7 +113,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let weight_in_phase = layer_weight / f32(params.rays);
     let weight_power = sqrt(weight_in_phase);
 
-    // From this ray to its scanline's axis: scatterers are read on the axis, whatever ray carries the echo.
+    // From this ray to its scanline's axis: until it is bent, a path reads the axis's scatterers.
     let axis = 2u * (params.scanlines * params.rays + line_ray / params.rays);
     // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
     let apart = select(LAYER_SHIFT_MM * f32(layer + 1u), 0.0, layers[layer].x == 0.0);

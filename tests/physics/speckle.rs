@@ -199,14 +199,14 @@ fn speckle_behind_what_bends_is_the_scanlines_own() {
     }
     let scene = bench.scene().unwrap();
     let probe = linear(160, 0.3, 2048, 100.0);
-    let frames = [(1, 0), (16, 0), (16, 1)].map(|(rays, seed)| {
+    let frames = [(1, 0), (16, 0), (16, 0x5bd1_e995)].map(|(rays, seed)| {
         let mut settings = small(rays, 1);
         settings.quality.seed = seed;
         let mut rig = Rig::new(&scene, &probe, &settings);
         let frame = rig.frame(&at(0.0, 0.0, 0.0));
         (rig, frame)
     });
-    // The middle one of sixteen is not bent as one ray alone. Behind the balls; with one ray a scanline, with sixteen, and with sixteen that take turns otherwise.
+    // Behind the balls.
     let deep = probe.samples as usize * 2 / 5..probe.samples as usize;
     let signals = frames.each_ref().map(|(rig, frame)| {
         let lines = (4..probe.scanlines - 4).flat_map(|line| rig.line(frame, line)[deep.clone()].to_vec());
@@ -214,6 +214,7 @@ fn speckle_behind_what_bends_is_the_scanlines_own() {
     });
     let product = |a: usize, b: usize| signals[a].iter().zip(&signals[b]).map(|(a, b)| a.dot(*b)).sum::<f64>();
     let alike = |a: usize, b: usize| product(a, b) / (product(a, a) * product(b, b)).sqrt();
+    // The upper of the two middle rays is bent a little otherwise than one ray alone.
     println!("1 and 16 rays {:.3}, seeds {:.3}", alike(0, 1), alike(1, 2));
     assert!(alike(0, 1) > 0.88 && alike(1, 2) > 0.98, "{} {}", alike(0, 1), alike(1, 2));
 }

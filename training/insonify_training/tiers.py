@@ -86,22 +86,24 @@ class Config:
 
     def weights_at(self, step):
         """Weights of what comes and goes at a step."""
-        weights = Weights(self.gan_weight, self.divergence_weight, self.grid_weight, self.ssim_weight)
-        if step >= self.main_steps:
+
+        def now(weight, polish):
             # What is off stays off.
-            gan, divergence, ssim = self.polish_gan_weight, self.polish_divergence_weight, self.polish_ssim_weight
-            weights = Weights(
-                gan=gan if weights.gan > 0 else 0.0,
-                divergence=divergence if weights.divergence > 0 else 0.0,
-                grid=weights.grid,
-                ssim=ssim if weights.ssim > 0 else 0.0,
-            )
-        if step < self.divergence_from:
-            weights = replace(weights, divergence=0.0, grid=0.0)
-        return replace(weights, gan=gan_weight(step, weights.gan, self.warmup, self.ramp))
+            return polish if weight > 0 and step >= self.main_steps else weight
+
+        late = step >= self.divergence_from
+        gan = now(self.gan_weight, self.polish_gan_weight)
+        return Weights(
+            gan=gan_weight(step, gan, self.warmup, self.ramp),
+            divergence=now(self.divergence_weight, self.polish_divergence_weight) if late else 0.0,
+            grid=self.grid_weight if late else 0.0,
+            ssim=now(self.ssim_weight, self.polish_ssim_weight),
+        )
 
     def trial(self, steps):
-        """The same in so few steps that it only shows that it runs: the second half has the late terms."""
+        """The same in so few steps that it only shows that it runs: the second half has the late terms, the last quarter the polish."""
+        if steps < 4:
+            raise SystemExit(f"a trial of {steps} steps: all phases take 4 at least")
         return replace(self, steps=steps, warmup=steps // 2, divergence_from=steps // 2, ramp=1)
 
 

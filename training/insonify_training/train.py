@@ -83,6 +83,8 @@ def resume(trainer, run, config, data_sha256):
         return
     state = read_checkpoint(run.checkpoint)
     kept = Config.from_dict(state["config"])
+    if state["step"] > config.steps:
+        raise SystemExit(f"{run.checkpoint}: at step {state['step']}, beyond the {config.steps} of this training: name another --out")
     # More steps are no other training; what a network is made of is.
     for name in ("network", "variant", "segmentation", "attenuation_power", "norm", "ndf"):
         if getattr(kept, name) != getattr(config, name):

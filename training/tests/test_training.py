@@ -45,6 +45,11 @@ def test_a_resumed_run_is_the_run(data_dir, tmp_path):
             assert torch.equal(tensor, parts[part][name]), (part, name)
 
 
+def test_a_longer_training_is_not_taken_for_this_one(data_dir, trained):
+    with pytest.raises(SystemExit, match="at step 150, beyond the 149"):
+        run(data_dir, trained, "--steps", "149")
+
+
 def test_another_network_is_not_resumed(data_dir, trained):
     with pytest.raises(SystemExit, match="network is stride8, not stride4"):
         run(data_dir, trained, "--network", "stride4")

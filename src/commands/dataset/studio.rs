@@ -27,12 +27,14 @@ pub(super) struct Take {
     pub(super) size: [u32; 2],
 }
 
-/// A scene with a renderer of each quality.
+/// A scene, with the renderers that were asked for.
 struct Set {
     /// What it was made for.
     station: Station,
     scene: Scene,
-    renderers: Option<[Renderer; 2]>,
+    bvh: Option<Arc<Bvh>>,
+    /// Of low and of high quality.
+    renderers: [Option<Renderer>; 2],
     /// Class of each number of the frames.
     class_of: Vec<u8>,
 }
@@ -62,32 +64,35 @@ impl<'a> Studio<'a> {
             self.set = None;
             let scene = session::load_scene(station)?;
             let class_of = class_of(&self.classes, scene.tissues.names())?;
-            self.set = Some(Set { station: station.clone(), scene, renderers: None, class_of });
+            self.set = Some(Set { station: station.clone(), scene, bvh: None, renderers: [None, None], class_of });
         }
         self.set.as_mut().ok_or_else(|| Failure::Other(anyhow!("no scene")))
     }
 
-    /// Sets the renderers of low and high quality to what `row` asks for, but for its pose.
-    fn prepare(&mut self, station: &Station, row: &Row) -> Result<&mut [Renderer; 2], Failure> {
+    /// The renderer of low (0) or high (1) quality, set to what `row` asks for but for its pose.
+    fn renderer(&mut self, quality: usize, station: &Station, row: &Row) -> Result<&mut Renderer, Failure> {
         let gpu = self.gpu;
         let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
-        let of =
-            |[rays, layers]: [u32; 2]| RenderSettings { quality: Quality { rays, layers, seed: row.seed }, ..settings };
+        let [rays, layers] = [row.lq, row.hq][quality];
         // The maps are the same; the second frame needs none.
-        let both = [of(row.lq), RenderSettings { maps: false, ..of(row.hq) }];
+        let maps = settings.maps && quality == 0;
+        let settings = RenderSettings { quality: Quality { rays, layers, seed: row.seed }, maps, ..settings };
         let set = self.set(station)?;
-        if set.renderers.is_none() {
-            let bvh = Arc::new(Bvh::build(&set.scene).map_err(insonify::render::RenderError::from)?);
-            let shaders = ShaderSet::default();
-            let make = |settings| Renderer::with_shaders(gpu, &set.scene, bvh.clone(), &probe, settings, &shaders);
-            set.renderers = Some([make(&both[0])?, make(&both[1])?]);
-        }
-        let renderers = set.renderers.as_mut().ok_or_else(|| Failure::Other(anyhow!("no renderer")))?;
-        for (renderer, settings) in renderers.iter_mut().zip(&both) {
-            renderer.reconfigure(&probe, settings)?;
-            renderer.set_time_s(row.time_s);
-        }
-        Ok(renderers)
+        let renderer = match &mut set.renderers[quality] {
+            Some(renderer) => renderer,
+            empty => {
+                let bvh = match &set.bvh {
+                    Some(bvh) => bvh.clone(),
+                    None => Arc::new(Bvh::build(&set.scene).map_err(insonify::render::RenderError::from)?),
+                };
+                set.bvh = Some(bvh.clone());
+                let shaders = ShaderSet::default();
+                empty.insert(Renderer::with_shaders(gpu, &set.scene, bvh, &probe, &settings, &shaders)?)
+            }
+        };
+        renderer.reconfigure(&probe, &settings)?;
+        renderer.set_time_s(row.time_s);
+        Ok(renderer)
     }
 
     /// Renders the high quality of `row` with the random choices of `seed`: grey levels.
@@ -97,20 +102,22 @@ impl<'a> Studio<'a> {
         row: &Row,
         seed: u32,
     ) -> Result<&[u8], Failure> {
-        let mut frame = std::mem::take(&mut self.frames[1]);
-        let [_, renderer] = self.prepare(station, &Row { seed, ..row.clone() })?;
-        renderer.render(&Pose::from(&row.pose), &mut frame)?;
-        self.frames[1] = frame;
+        self.shoot(1, station, &Row { seed, ..row.clone() })?;
         Ok(&self.frames[1].bmode)
+    }
+
+    /// Renders the frame of low (0) or high (1) quality of `row`.
+    fn shoot(&mut self, quality: usize, station: &Station, row: &Row) -> Result<(), Failure> {
+        let mut frame = std::mem::take(&mut self.frames[quality]);
+        self.renderer(quality, station, row)?.render(&Pose::from(&row.pose), &mut frame)?;
+        self.frames[quality] = frame;
+        Ok(())
     }
 
     /// Renders the tuple of `row`, of whose files it needs none.
     pub(super) fn take(&mut self, station: &Station, row: &Row) -> Result<Take, Failure> {
-        let mut frames = std::mem::take(&mut self.frames);
-        for (renderer, frame) in self.prepare(station, row)?.iter_mut().zip(&mut frames) {
-            renderer.render(&Pose::from(&row.pose), frame)?;
-        }
-        self.frames = frames;
+        self.shoot(0, station, row)?;
+        self.shoot(1, station, row)?;
         let Some(set) = &self.set else { return Err(Failure::Other(anyhow!("no scene"))) };
         let [lq, hq] = &self.frames;
         let [segmentation, attenuation] = &mut self.planes;

@@ -1,13 +1,11 @@
 //! The high quality itself, rendered again with other random choices: what of the target no generator can know.
 
+use anyhow::anyhow;
 use insonify::dataset::{Dataset, Row};
 use insonify::render::Gpu;
 
 use super::super::Failure;
 use super::super::dataset::{Studio, station_of};
-
-/// What tells the seeds of a tuple's renders apart: odd, so that 2³² of them differ.
-const SEED_STEP: u32 = 0x9e37_79b9;
 
 /// Renders tuples' high quality anew.
 pub(super) struct Again<'a> {
@@ -15,28 +13,50 @@ pub(super) struct Again<'a> {
     studio: Studio<'a>,
     renders: u32,
     sums: Vec<u32>,
-    /// Whether the first tuple came out as the data set has it, its own seed given.
-    pub(super) same: Option<bool>,
+    /// Stations of whose tuples one was rendered with its own seed.
+    seen: Vec<String>,
+    /// Those of them whose tuple came out otherwise than the data set has it.
+    pub(super) foreign: Vec<String>,
+}
+
+/// The `number`-th other seed: murmur3's finaliser (Appleby), so that the order in which rays take turns is another one, too.
+fn other_seed(seed: u32, number: u32) -> u32 {
+    let mut bits = seed ^ number.wrapping_mul(0xcc9e_2d51);
+    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
+    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
+    bits ^ bits >> 16
 }
 
 impl<'a> Again<'a> {
     pub(super) fn new(gpu: &'a Gpu, dataset: &'a Dataset, renders: u32) -> Self {
         let studio = Studio::new(gpu, dataset.header.classes.clone());
-        Self { dataset, studio, renders, sums: Vec::new(), same: None }
+        Self { dataset, studio, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
     }
 
     /// Renders the tuple of `row`, whose high quality is `hq`, as often as asked for: one of the images, and the mean of all.
     pub(super) fn render(&mut self, row: &Row, hq: &[u8]) -> Result<[Vec<u8>; 2], Failure> {
         let station = station_of(&self.dataset.directory, &self.dataset.header, row)?;
-        if self.same.is_none() {
-            self.same = Some(self.studio.high_quality(&station, row, row.seed)? == hq);
+        if !self.seen.contains(&row.station) {
+            self.seen.push(row.station.clone());
+            let image = self.studio.high_quality(&station, row, row.seed)?;
+            if image.len() != hq.len() {
+                return Err(Failure::Input(anyhow!(
+                    "tuple {} has {} pixels, and {} renders {}",
+                    row.index,
+                    hq.len(),
+                    row.station,
+                    image.len()
+                )));
+            }
+            if image != hq {
+                self.foreign.push(row.station.clone());
+            }
         }
         let mut one = Vec::new();
         self.sums.clear();
         self.sums.resize(hq.len(), 0);
         for number in 1..=self.renders {
-            let seed = row.seed.wrapping_add(number.wrapping_mul(SEED_STEP));
-            let image = self.studio.high_quality(&station, row, seed)?;
+            let image = self.studio.high_quality(&station, row, other_seed(row.seed, number))?;
             self.sums.iter_mut().zip(image).for_each(|(sum, &level)| *sum += u32::from(level));
             if number == 1 {
                 one.extend_from_slice(image);

@@ -115,8 +115,8 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
             row.add(&judged, &image, &mut extractors)?;
         }
         if let Some(again) = &mut again {
-            for (image, row) in again.render(row, &tuple.hq)?.iter().zip(&mut rows[1 + generators.len()..]) {
-                row.add(&judged, image, &mut extractors)?;
+            for (image, of_table) in again.render(row, &tuple.hq)?.iter().zip(&mut rows[1 + generators.len()..]) {
+                of_table.add(&judged, image, &mut extractors)?;
             }
         }
     }
@@ -127,12 +127,11 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
             "{without_crops} tuples are smaller than a crop of {side} x {side} and are in the full field of view only"
         ));
     }
-    if again.is_some_and(|again| again.same == Some(false)) {
-        notes.push(
-            "with its own seed, too, the first tuple comes out otherwise than the data set has it: another device, driver \
+    for station in again.into_iter().flat_map(|again| again.foreign) {
+        notes.push(format!(
+            "with its own seed, too, a tuple of {station} comes out otherwise than the data set has it: another device, driver \
              or version rendered it, and a part of what the high quality rendered again is off by comes from that"
-                .to_owned(),
-        );
+        ));
     }
     for (extractor, target) in extractors.iter().zip(&target) {
         let dimensions = target.full.first().map_or(0, Vec::len);

@@ -1,4 +1,4 @@
-//! What is measured of one row of the table: the low quality, or a generator.
+//! What is measured of one row of the table: the low quality, a generator, or the high quality rendered again.
 
 use std::path::PathBuf;
 
@@ -58,7 +58,7 @@ pub(super) struct Row {
 /// A row of the report.
 #[derive(Serialize)]
 pub(super) struct RowReport {
-    /// `LQ`, or the generator's name.
+    /// `LQ`, the generator's name, or what was rendered again.
     pub(super) name: String,
     pub(super) model: Option<PathBuf>,
     pub(super) variant: Option<Variant>,

@@ -67,12 +67,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Judge the high quality itself as well, rendered again N times with other random choices, 1..=64: one of these images,
+    /// Judge the high quality itself as well, rendered again N times with other random choices, 2..=64: one of these images,
     /// and their mean
     ///
     /// What they are off by no generator can know, whatever it is given. The mean is the best guess by PSNR; it has less
-    /// speckle than any render. Takes N renders of high quality a tuple.
-    #[arg(long, value_name = "N", requires = "dataset", value_parser = clap::value_parser!(u32).range(1..=64))]
+    /// speckle than any render. Takes N renders of high quality a tuple, and loads each phantom.
+    #[arg(long, value_name = "N", requires = "dataset", value_parser = clap::value_parser!(u32).range(2..=64))]
     again: Option<u32>,
 
     /// Measure how steady frames are while the probe of this station (TOML) slides in its image plane

@@ -12,6 +12,8 @@ const BLOCK: usize = DEPTH_BLOCK as usize;
 const SEGMENT: usize = 12;
 /// Those that say where its scatterers lie.
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
+/// Those that say how strong they are.
+const STRENGTH: [usize; 5] = [3, 7, 8, 9, 10];
 const LN_SILENT: f32 = -80.0;
 /// Density in the lowest bits of its word.
 const TAG_DENSITY: u32 = 0x3_ffff;
@@ -59,7 +61,7 @@ fn march_row_body(
     line: u32,
     row: &mut [[f32; 2]],
 ) {
-    let single = params.rays == 1 && params.layer_count == 1;
+    let single = params.rays == 1 && (params.layer_count == 1 || params.paths_per_sample == 1);
     let mut lanes = [[0.0f32; BLOCK]; SEGMENT];
     for (block, (out, &gain)) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain).enumerate() {
         let first = (block * BLOCK) as u32;
@@ -85,15 +87,16 @@ fn march_row_body(
                 .wrapping_add(layer.wrapping_mul(0x85eb_ca6b))
                 .wrapping_add(params.seed);
             // Where scatterers lie the middle ray says for all, how strong they are the ray whose turn it is.
-            let mut places = [[0.0f32; BLOCK]; SEGMENT];
             if let Some(segment) = whole_block(params, paths, middle, first) {
-                places = segment.map(|value| [value; BLOCK]);
+                for at in PLACE {
+                    lanes[at] = [segment[at]; BLOCK];
+                }
             } else {
                 for pair in 0..BLOCK / 2 {
                     let segment = seek(params, paths, middle, first.wrapping_add(2 * pair as u32)).1;
-                    for (place, &value) in places.iter_mut().zip(segment) {
-                        place[2 * pair] = value;
-                        place[2 * pair + 1] = value;
+                    for at in PLACE {
+                        lanes[at][2 * pair] = segment[at];
+                        lanes[at][2 * pair + 1] = segment[at];
                     }
                 }
             }
@@ -106,13 +109,10 @@ fn march_row_body(
                     let turn = turn.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16;
                     let path = base.wrapping_add(turn.wrapping_mul(params.rays) >> 16);
                     let segment = seek(params, paths, path, sample).1;
-                    for (lane, &value) in lanes.iter_mut().zip(segment) {
-                        lane[2 * pair] = value;
-                        lane[2 * pair + 1] = value;
+                    for at in STRENGTH {
+                        lanes[at][2 * pair] = segment[at];
+                        lanes[at][2 * pair + 1] = segment[at];
                     }
-                }
-                for at in PLACE {
-                    lanes[at] = places[at];
                 }
                 scatter(params, cell_mm, &lanes, first, weight, &mut sums);
             }

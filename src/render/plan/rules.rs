@@ -261,7 +261,7 @@ impl Rules<'_> {
             );
         }
         // No chance is left: rays differ in where they cross edges, half a share to either side. Scatterers are read on the
-        // scanline's axis by range, so that a speed other than 1540 m/s leaves a part of that distance.
+        // scanline's axis by range (the middle ray's), so that a speed other than 1540 m/s leaves a part of that distance.
         // Media of another speed reach farther than the depth, where shares are wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
         let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm * ratio);

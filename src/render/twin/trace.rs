@@ -106,7 +106,7 @@ struct Meeting<'a> {
 impl<'a> Tracer<'a> {
     fn new(inputs: &'a Inputs, path: usize, inside: Membership) -> Self {
         let line_ray = path % inputs.rays.len();
-        // Scatterers are read on the scanline's axis, whatever ray carries the echo.
+        // Until it is bent, a path reads the scatterers of its scanline's axis.
         let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
         let to_axis = |a: DVec3, b: DVec3| inputs.scene_from_probe * (a - b);
         // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
