@@ -29,8 +29,8 @@ def phases(config):
     def terms(step):
         return tuple(weight > 0 for weight in astuple(config.weights_at(step)))
 
-    edges = {min(at, config.steps) for at in (config.warmup, config.divergence_from, config.main_steps)}
-    begins = [0, *(step for step in sorted(edges) if 0 < step < config.steps and terms(step) != terms(step - 1))]
+    edges = sorted({config.warmup, config.divergence_from, config.main_steps})
+    begins = [0, *(step for step in edges if 0 < step < config.steps and terms(step) != terms(step - 1))]
     return [(end - begin, begin) for begin, end in zip(begins, [*begins[1:], config.steps])]
 
 

@@ -3,6 +3,7 @@
 use anyhow::anyhow;
 use insonify::dataset::{Dataset, Row};
 use insonify::render::Gpu;
+use insonify::render::twin::hash::pcg3d;
 
 use super::super::Failure;
 use super::super::dataset::{Studio, station_of};
@@ -17,14 +18,6 @@ pub(super) struct Again<'a> {
     seen: Vec<String>,
     /// Those of them whose tuple came out otherwise than the data set has it.
     pub(super) foreign: Vec<String>,
-}
-
-/// The `number`-th other seed: murmur3's finaliser (Appleby), so that the order in which rays take turns is another one, too.
-fn other_seed(seed: u32, number: u32) -> u32 {
-    let mut bits = seed ^ number.wrapping_mul(0xcc9e_2d51);
-    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
-    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
-    bits ^ bits >> 16
 }
 
 impl<'a> Again<'a> {
@@ -56,7 +49,9 @@ impl<'a> Again<'a> {
         self.sums.clear();
         self.sums.resize(hq.len(), 0);
         for number in 1..=self.renders {
-            let image = self.studio.high_quality(&station, row, other_seed(row.seed, number))?;
+            // Hashed, so that the order in which rays take turns is another one, too.
+            let seed = pcg3d([row.seed, number, 0])[0];
+            let image = self.studio.high_quality(&station, row, seed)?;
             self.sums.iter_mut().zip(image).for_each(|(sum, &level)| *sum += u32::from(level));
             if number == 1 {
                 one.extend_from_slice(image);
