@@ -81,6 +81,22 @@ fn march_single(line: u32, first: u32, gain: f32) {
     }
 }
 
+// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a sample:
+// they take turns in a low-discrepancy order, two samples each, less than the pulse is long, a layer as often as its weight says.
+fn turn_of(line: u32, sample: u32, k: u32) -> vec2<u32> {
+    let number = (sample >> 1u) * params.paths_per_sample + k;
+    var turn = (number * 2654435769u + line * 0x9e3779b9u + params.seed) >> 16u;
+    var layer = 0u;
+    var share = u32(layers[0].z * 65536.0);
+    while turn >= share && layer + 1u < params.layers {
+        turn -= share;
+        layer++;
+        share = u32(layers[layer].z * 65536.0);
+    }
+    // The last one's share is what rounding left.
+    return vec2<u32>(layer - params.layer_first, min(turn * params.rays / max(share, 1u), params.rays - 1u));
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let line = id.y;
@@ -92,28 +108,23 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let block = first >> BLOCK_SHIFT;
     let gain = scatterer_gain[block >> 2u][block & 3u] / sqrt(f32(params.paths_per_sample));
     if SINGLE_PATH {
-        march_single(line, first, gain * sqrt(layers[params.layer_first].z));
+        march_single(line, first, gain);
         return;
     }
     for (var pair = 0u; pair < PAIRS; pair++) {
         let sample = first + 2u * pair;
         let range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
         var sum = vec4<f32>(0.0);
-        for (var e = 0u; e < params.layer_count; e++) {
-            let layer = params.layer_first + e;
-            let base = (e * params.scanlines + line) * params.rays;
-            let rotation = line * 0x9e3779b9u + layer * 0x85ebca6bu + params.seed;
-            let weight = sqrt(layers[layer].z);
-            // Where scatterers lie the middle ray says for all, how strong they are the ray whose turn it is.
-            seek(base + params.rays / 2u, sample, range_mm);
-            let place_mm = s0.xyz;
-            let step = s1.xyz;
-            for (var k = 0u; k < params.paths_per_sample; k++) {
-                // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long, share a segment.
-                let turn = ((sample >> 1u) * params.paths_per_sample + k) * 2654435769u + rotation;
-                let chosen = base + ((turn >> 16u) * params.rays >> 16u);
-                seek(chosen, sample, range_mm);
-                sum += weight * vec4<f32>(scatter(place_mm, step, range_mm), scatter(place_mm, step, range_mm + params.sample_spacing_mm));
+        for (var k = 0u; k < params.paths_per_sample; k++) {
+            let chosen = turn_of(line, sample, k);
+            let base = (chosen.x * params.scanlines + line) * params.rays;
+            if chosen.x < params.layer_count {
+                // Where scatterers lie a layer's middle ray says for all, how strong they are the ray whose turn it is.
+                seek(base + params.rays / 2u, sample, range_mm);
+                let place_mm = s0.xyz;
+                let step = s1.xyz;
+                seek(base + chosen.y, sample, range_mm);
+                sum += vec4<f32>(scatter(place_mm, step, range_mm), scatter(place_mm, step, range_mm + params.sample_spacing_mm));
             }
         }
         let out = (line * params.row_samples + sample) >> 1u;

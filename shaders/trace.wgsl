@@ -113,14 +113,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let weight_in_phase = layer_weight / f32(params.rays);
     let weight_power = sqrt(weight_in_phase);
 
-    // From this ray to its scanline's axis: until it is bent, a path reads the axis's scatterers.
+    // From this ray to its scanline's axis in the image plane: until it is bent, a path reads the axis's scatterers.
     let axis = 2u * (params.scanlines * params.rays + line_ray / params.rays);
-    // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
-    let apart = select(LAYER_SHIFT_MM * f32(layer + 1u), 0.0, layers[layer].x == 0.0);
-    let shift_start = scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz) + vec3<f32>(0.0, 0.0, apart);
+    let shift_start =
+        scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz - vec3<f32>(0.0, layers[layer].x, 0.0));
     // Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no later.
     let stretch = layers[layer].w;
-    let shift_step = scene_from_probe_vector(rays[axis + 1u].xyz - rays[2u * line_ray + 1u].xyz);
+    let shift_step =
+        scene_from_probe_vector(rays[axis + 1u].xyz - rays[2u * line_ray + 1u].xyz - vec3<f32>(0.0, layers[layer].y, 0.0));
 
     for (var word = 0u; word < 8u; word++) {
         inside[word] = starts_inside[path * 8u + word];

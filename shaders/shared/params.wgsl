@@ -40,6 +40,8 @@ struct Params {
     sector_words: u32,
     // Reflections that a path is followed through.
     reflections_max: u32,
+    // Elevational layers of the frame, of which this dispatch has layer_count.
+    layers: u32,
     // Gain at eight depths from the face to depth_mm, dB: the sliders.
     sliders_db: array<vec4<f32>, 2>,
 }

@@ -45,8 +45,9 @@ pub(crate) struct Params {
     pub(crate) map_step_mm: f32,
     pub(crate) sector_words: u32,
     pub(crate) reflections_max: u32,
+    pub(crate) layers: u32,
     /// The sliders begin at a multiple of 16 bytes.
-    pub(crate) padding: [u32; 3],
+    pub(crate) padding: [u32; 2],
     pub(crate) sliders_db: [f32; 8],
 }
 
@@ -87,7 +88,8 @@ impl Params {
             map_step_mm: tables.map_step_mm as f32,
             sector_words: tables.sector_words.len() as u32,
             reflections_max: settings.reflections_max,
-            padding: [0; 3],
+            layers: settings.quality.layers,
+            padding: [0; 2],
             sliders_db: image.tgc_sliders_db.map(|db| db as f32),
         }
     }

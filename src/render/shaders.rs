@@ -2,8 +2,8 @@
 
 use super::native::{ImageConstants, TraceConstants};
 use super::tables::{
-    ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYER_SHIFT_MM, LAYERS_MAX, PULSE_PAD,
-    PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX,
+    ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYERS_MAX, PULSE_PAD, PULSE_QUADS, SEGMENTS,
+    STARTS, TISSUES_MAX,
 };
 
 /// Sources of every pass. A test may damage one, to see the comparison with its twin fail.
@@ -45,7 +45,7 @@ const PASSES: [(&str, &str); 9] = [
 impl Default for ShaderSet {
     fn default() -> Self {
         let constants = format!(
-            "const SEGMENTS: u32 = {SEGMENTS}u;\nconst ENTRIES: u32 = {ENTRIES}u;\nconst DEPTH_BLOCK: u32 = {DEPTH_BLOCK}u;\nconst CELL_MM: f32 = {CELL_MM:?};\nconst STARTS: u32 = {STARTS}u;\nconst HINT_BLOCK: u32 = {HINT_BLOCK}u;\nconst PULSE_PAD: i32 = {PULSE_PAD};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst TISSUES_MAX: u32 = {TISSUES_MAX}u;\nconst LAYERS_MAX: u32 = {LAYERS_MAX}u;\nconst BLOCK_QUADS: u32 = {BLOCK_QUADS}u;\nconst PULSE_QUADS: u32 = {PULSE_QUADS}u;\nconst ACROSS_BITS: u32 = {ACROSS_BITS}u;\nconst LAYER_SHIFT_MM: f32 = {LAYER_SHIFT_MM:?};\n",
+            "const SEGMENTS: u32 = {SEGMENTS}u;\nconst ENTRIES: u32 = {ENTRIES}u;\nconst DEPTH_BLOCK: u32 = {DEPTH_BLOCK}u;\nconst CELL_MM: f32 = {CELL_MM:?};\nconst STARTS: u32 = {STARTS}u;\nconst HINT_BLOCK: u32 = {HINT_BLOCK}u;\nconst PULSE_PAD: i32 = {PULSE_PAD};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst TISSUES_MAX: u32 = {TISSUES_MAX}u;\nconst LAYERS_MAX: u32 = {LAYERS_MAX}u;\nconst BLOCK_QUADS: u32 = {BLOCK_QUADS}u;\nconst PULSE_QUADS: u32 = {PULSE_QUADS}u;\nconst ACROSS_BITS: u32 = {ACROSS_BITS}u;\n",
             HINT_BLOCK.trailing_zeros(),
             DEPTH_BLOCK.trailing_zeros()
         );

@@ -177,10 +177,6 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
     ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
 }
 
-/// How far apart in the lattice, mm along the scene's z, layers off the middle read their scatterers: further than an image is
-/// deep, so that each has speckle of its own, also where they meet.
-pub(crate) const LAYER_SHIFT_MM: f32 = 256.0;
-
 /// Gauss–Hermite nodes and weights over the elevational beam, so that layers integrate its Gaussian profile.
 ///
 /// A layer is a plane of straight rays. They run from the lens through its focus and part behind it: the least-squares line,

@@ -14,6 +14,8 @@ const SEGMENT: usize = 12;
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 /// Those that say how strong they are.
 const STRENGTH: [usize; 5] = [3, 7, 8, 9, 10];
+/// Nothing scatters.
+const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
 const LN_SILENT: f32 = -80.0;
 /// Density in the lowest bits of its word.
 const TAG_DENSITY: u32 = 0x3_ffff;
@@ -61,60 +63,42 @@ fn march_row_body(
     line: u32,
     row: &mut [[f32; 2]],
 ) {
-    let single = params.rays == 1 && (params.layer_count == 1 || params.paths_per_sample == 1);
+    let single = params.rays == 1 && params.layers == 1;
     let mut lanes = [[0.0f32; BLOCK]; SEGMENT];
     for (block, (out, &gain)) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain).enumerate() {
         let first = (block * BLOCK) as u32;
         let gain = gain / (params.paths_per_sample as f32).sqrt();
         let mut sums = [[0.0f32; BLOCK]; 2];
-        for e in 0..params.layer_count {
-            let layer = params.layer_first.wrapping_add(e);
-            let Some(&[_, _, weight, _]) = layers.get(layer as usize) else { break };
-            let weight = gain * weight.sqrt();
-            let base = e.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
-            if single && let Some(segment) = whole_block(params, paths, base, first) {
-                // Nothing scatters in a fluid.
-                if segment[10].to_bits() & TAG_DENSITY != 0 {
-                    for (lane, &value) in lanes.iter_mut().zip(segment) {
-                        *lane = [value; BLOCK];
-                    }
-                    scatter(params, cell_mm, &lanes, first, weight, &mut sums);
+        if single && let Some(segment) = whole_block(params, paths, line, first) {
+            // Nothing scatters in a fluid.
+            if segment[10].to_bits() & TAG_DENSITY != 0 {
+                for (lane, &value) in lanes.iter_mut().zip(segment) {
+                    *lane = [value; BLOCK];
                 }
-                continue;
+                scatter(params, cell_mm, &lanes, first, gain, &mut sums);
             }
-            let middle = base.wrapping_add(params.rays / 2);
-            let rotation = (line.wrapping_mul(0x9e37_79b9))
-                .wrapping_add(layer.wrapping_mul(0x85eb_ca6b))
-                .wrapping_add(params.seed);
-            // Where scatterers lie the middle ray says for all, how strong they are the ray whose turn it is.
-            if let Some(segment) = whole_block(params, paths, middle, first) {
-                for at in PLACE {
-                    lanes[at] = [segment[at]; BLOCK];
-                }
-            } else {
-                for pair in 0..BLOCK / 2 {
-                    let segment = seek(params, paths, middle, first.wrapping_add(2 * pair as u32)).1;
-                    for at in PLACE {
-                        lanes[at][2 * pair] = segment[at];
-                        lanes[at][2 * pair + 1] = segment[at];
-                    }
-                }
-            }
+        } else {
             for k in 0..params.paths_per_sample {
                 for pair in 0..BLOCK / 2 {
                     let sample = first.wrapping_add(2 * pair as u32);
-                    // Rays take turns in a low-discrepancy order: two samples each, less than the pulse is long, share
-                    // a segment.
-                    let turn = (sample >> 1).wrapping_mul(params.paths_per_sample).wrapping_add(k);
-                    let turn = turn.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16;
-                    let path = base.wrapping_add(turn.wrapping_mul(params.rays) >> 16);
-                    let segment = seek(params, paths, path, sample).1;
+                    let [layer, ray] = turn_of(params, layers, line, sample, k);
+                    let base = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
+                    // Where scatterers lie a layer's middle ray says for all, how strong they are the ray whose turn it is.
+                    // Another dispatch's layer is silent here.
+                    let of = |ray: u32| {
+                        if layer < params.layer_count { seek(params, paths, base + ray, sample).1 } else { NONE }
+                    };
+                    let (place, strength) = (of(params.rays / 2), of(ray));
+                    for at in PLACE {
+                        lanes[at][2 * pair] = place[at];
+                        lanes[at][2 * pair + 1] = place[at];
+                    }
                     for at in STRENGTH {
-                        lanes[at][2 * pair] = segment[at];
-                        lanes[at][2 * pair + 1] = segment[at];
+                        lanes[at][2 * pair] = strength[at];
+                        lanes[at][2 * pair + 1] = strength[at];
                     }
                 }
-                scatter(params, cell_mm, &lanes, first, weight, &mut sums);
+                scatter(params, cell_mm, &lanes, first, gain, &mut sums);
             }
         }
         let [re, im] = &sums;
@@ -130,6 +114,23 @@ fn march_row_body(
     }
 }
 
+/// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a sample:
+/// they take turns in a low-discrepancy order, two samples each, less than the pulse is long, a layer as often as its weight says.
+#[inline(always)]
+fn turn_of(params: &Params, layers: &[[f32; 4]], line: u32, sample: u32, k: u32) -> [u32; 2] {
+    let number = (sample >> 1).wrapping_mul(params.paths_per_sample).wrapping_add(k);
+    let rotation = line.wrapping_mul(0x9e37_79b9).wrapping_add(params.seed);
+    let mut turn = number.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16;
+    let share = |layer: u32| layers.get(layer as usize).map_or(0, |layer| (layer[2] * 65536.0) as u32);
+    let mut layer = 0;
+    while turn >= share(layer) && layer + 1 < params.layers {
+        turn -= share(layer);
+        layer += 1;
+    }
+    // The last one's share is what rounding left.
+    [layer.wrapping_sub(params.layer_first), (turn * params.rays / share(layer).max(1)).min(params.rays - 1)]
+}
+
 /// The segment of a block's first sample, if all of the block lies in it.
 #[inline(always)]
 fn whole_block<'a>(params: &Params, paths: &Paths<'a>, path: u32, first: u32) -> Option<&'a [f32; SEGMENT]> {
@@ -140,7 +141,6 @@ fn whole_block<'a>(params: &Params, paths: &Paths<'a>, path: u32, first: u32) ->
 /// Where the segment of a path that holds `sample` ends, and the segment.
 #[inline(always)]
 fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a [f32; SEGMENT]) {
-    const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
     let path = path as usize;
     let range_mm = range_mm(params, sample);
     let hints: &[u8] = bytemuck::cast_slice(paths.hints);

@@ -10,7 +10,7 @@ use super::walk::Walk;
 use super::{Effects, TraceConstants};
 use crate::render::configuration::MOVES;
 use crate::render::params::Params;
-use crate::render::tables::{GpuTissue, HINT_BLOCK, LAYER_SHIFT_MM, SAMPLES_MAX, SEGMENTS, STARTS};
+use crate::render::tables::{GpuTissue, HINT_BLOCK, SAMPLES_MAX, SEGMENTS, STARTS};
 
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³.
 const LN_GIVEN_UP: f32 = -30.0;
@@ -133,10 +133,9 @@ impl Scene<'_> {
         let (origin, direction) = self.launch(line_ray, layer);
         let in_phase = self.layers[layer][2] / p.rays as f32;
         let axis = 2 * (line_rays + line_ray / p.rays as usize);
-        // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
-        let apart_mm = if self.layers[layer][0] == 0.0 { 0.0 } else { LAYER_SHIFT_MM * (layer + 1) as f32 };
         let to_axis = |i: usize| {
-            self.scene_vector(Vec4::from(self.rays[axis + i]).xyz() - Vec4::from(self.rays[2 * line_ray + i]).xyz())
+            let [axis, ray] = [self.rays[axis + i], self.rays[2 * line_ray + i]].map(|v| Vec4::from(v).xyz());
+            self.scene_vector(axis - ray - Vec3::new(0.0, self.layers[layer][i], 0.0))
         };
         Walk {
             line_ray: line_ray as u32,
@@ -145,7 +144,7 @@ impl Scene<'_> {
             direction,
             in_phase,
             in_power: in_phase.sqrt(),
-            shift: to_axis(0) + Vec3::new(0.0, 0.0, apart_mm),
+            shift: to_axis(0),
             shift_step: to_axis(1),
             ..Walk::default()
         }

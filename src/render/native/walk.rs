@@ -15,7 +15,7 @@ pub(super) struct Walk {
     // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
     pub(super) in_phase: f32,
     pub(super) in_power: f32,
-    // From this ray to its scanline's axis: until it is bent, a path reads the axis's scatterers.
+    // From this ray to its scanline's axis in the image plane: until it is bent, a path reads the axis's scatterers.
     pub(super) shift: Vec3,
     pub(super) shift_step: Vec3,
     pub(super) here: u32,

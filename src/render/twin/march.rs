@@ -8,8 +8,9 @@ use super::{Inputs, Path, lattice};
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
-/// A sample meets the scatterer of the lattice cell that the path is in at its range. Layers add in power (weight √w):
-/// they are independent parts of the beam. A layer's middle ray says for all where the scatterers lie: rays of a scanline sound
+/// A sample meets the scatterer of the lattice cell that the path is in at its range. Rays and layers take turns, a layer as often
+/// as its weight says, so that their power adds up: where speckle is fully developed, that of many sheets of scatterers and
+/// that of one are the same noise. A layer's middle ray says for all where its scatterers lie: rays of a scanline sound
 /// the same tissue, and no number of them would make speckle converge that each read elsewhere.
 pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
@@ -19,30 +20,30 @@ pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
 fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVec2 {
     let count = inputs.paths_per_sample;
     let gain = inputs.scatterer_gain[sample / inputs.depth_block] / (count as f64).sqrt();
-    let mut sum = DVec2::ZERO;
-    for (number, layer) in inputs.layers.iter().enumerate() {
-        let first = (number * inputs.scanlines + line) * inputs.rays_per_line;
-        // Two samples share a segment: that of the first.
-        let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
-        let place = segment_of(first + inputs.rays_per_line / 2);
-        for k in 0..count {
-            let path = first + turn(inputs, line, number, sample, k);
-            sum += layer.weight.sqrt() * scatter(inputs, segment_of(path), place, inputs.range_mm(sample));
-        }
-    }
-    gain * sum
+    // Two samples share a segment: that of the first.
+    let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
+    let echo = |k: usize| {
+        let (layer, ray) = turn(inputs, line, sample, k);
+        let first = (layer * inputs.scanlines + line) * inputs.rays_per_line;
+        scatter(inputs, segment_of(first + ray), segment_of(first + inputs.rays_per_line / 2), inputs.range_mm(sample))
+    };
+    gain * (0..count).map(echo).sum::<DVec2>()
 }
 
-/// Which of a scanline's rays carries the `k`-th echo of `sample`: they take turns in a low-discrepancy order, two
+/// Which layer and which of its rays carry the `k`-th echo of `sample`: they take turns in a low-discrepancy order, two
 /// samples each.
-fn turn(inputs: &Inputs, line: usize, layer: usize, sample: usize, k: usize) -> usize {
-    let rotation = (line as u32)
-        .wrapping_mul(0x9e37_79b9)
-        .wrapping_add((layer as u32).wrapping_mul(0x85eb_ca6b))
-        .wrapping_add(inputs.seed);
-    let index = ((sample / 2) * inputs.paths_per_sample + k) as u32;
-    let turn = index.wrapping_mul(2_654_435_769).wrapping_add(rotation);
-    (turn >> 16) as usize * inputs.rays_per_line / 65536
+fn turn(inputs: &Inputs, line: usize, sample: usize, k: usize) -> (usize, usize) {
+    let rotation = (line as u32).wrapping_mul(0x9e37_79b9).wrapping_add(inputs.seed);
+    let number = ((sample / 2) * inputs.paths_per_sample + k) as u32;
+    let mut turn = (number.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16) as usize;
+    let share = |layer: usize| (inputs.layers[layer].weight * 65536.0) as usize;
+    let mut layer = 0;
+    while turn >= share(layer) && layer + 1 < inputs.layers.len() {
+        turn -= share(layer);
+        layer += 1;
+    }
+    // The last one's share is what rounding left.
+    (layer, (turn * inputs.rays_per_line / share(layer).max(1)).min(inputs.rays_per_line - 1))
 }
 
 /// Echo at `range_mm` of the scatterer that the segment `place` meets, as strong as `segment` says.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::surfaces::{Crossing, Membership, TOUCH_MM, crossings, places};
 use super::{Inputs, Medium, Ray, hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
-use crate::render::tables::{LAYER_SHIFT_MM, REFLECTION_FOLLOWED, SEGMENTS};
+use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
 
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³.
 const LN_GIVEN_UP: f64 = -30.0;
@@ -106,18 +106,16 @@ struct Meeting<'a> {
 impl<'a> Tracer<'a> {
     fn new(inputs: &'a Inputs, path: usize, inside: Membership) -> Self {
         let line_ray = path % inputs.rays.len();
-        // Until it is bent, a path reads the scatterers of its scanline's axis.
+        // Until it is bent, a path reads the scatterers of its scanline's axis in the image plane.
         let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
-        let to_axis = |a: DVec3, b: DVec3| inputs.scene_from_probe * (a - b);
-        // Layers have speckle of their own, also where they meet; the middle one's is that of a frame of one layer.
         let layer = path / inputs.rays.len();
-        let apart = if inputs.layers[layer].offset_mm == 0.0 { 0.0 } else { LAYER_SHIFT_MM * (layer + 1) as f32 };
-        let lattice_shift_mm = DVec3::Z * f64::from(apart);
+        let super::inputs::Layer { offset_mm, slope, .. } = inputs.layers[layer];
+        let to_axis = |axis: DVec3, ray: DVec3, off: f64| inputs.scene_from_probe * (axis - ray - DVec3::Y * off);
         Self {
             inputs,
             line_ray,
             layer,
-            shift: (to_axis(axis.origin_mm, ray.origin_mm) + lattice_shift_mm, to_axis(axis.direction, ray.direction)),
+            shift: (to_axis(axis.origin_mm, ray.origin_mm, offset_mm), to_axis(axis.direction, ray.direction, slope)),
             inside,
             ray: inputs.launch(path),
             range_mm: 0.0,
