@@ -1,6 +1,6 @@
 // Which surfaces each path starts inside.
 // In: ray table, BVH. Out: eight words of surface bits a path.
-// One thread a path: rays fastest, then scanlines, then layers.
+// One thread a path: rays fastest, then scanlines, then layers; then the guides.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -15,9 +15,8 @@ const CROSSINGS: u32 = 64u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let line_rays = params.scanlines * params.rays;
     let path = id.x;
-    if path >= line_rays * params.layer_count {
+    if path >= params.scanlines * params.rays * params.layer_count + params.guides {
         return;
     }
     let ray = launch(path);

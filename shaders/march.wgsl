@@ -22,6 +22,11 @@ var<private> ends_mm: f32;
 var<private> s0: vec4<f32>;
 var<private> s1: vec4<f32>;
 var<private> s2: vec4<f32>;
+// Segment of the scanline's guide, and the lattice's place along it.
+var<private> guide_at: u32;
+var<private> guide_ends_mm: f32;
+var<private> place_mm: vec3<f32>;
+var<private> step: vec3<f32>;
 
 // Loads the segment of path `chosen` that holds a sample.
 fn seek(chosen: u32, sample: u32, range_mm: f32) {
@@ -46,8 +51,28 @@ fn seek(chosen: u32, sample: u32, range_mm: f32) {
     }
 }
 
-// Echo at `range_mm` of the scatterer that a path from `place_mm` by `step` a mm meets, as strong as the segment in hand says.
-fn scatter(place_mm: vec3<f32>, step: vec3<f32>, range_mm: f32) -> vec2<f32> {
+// Loads where the scanline's guide, path `guide`, finds scatterers at a sample: samples come in ascending order.
+fn seek_place(guide: u32, sample: u32, range_mm: f32) {
+    loop {
+        if range_mm < guide_ends_mm {
+            break;
+        }
+        let block = sample >> HINT_SHIFT;
+        let hint = (hints[guide * params.hint_words + (block >> 2u)] >> (8u * (block & 3u))) & 255u;
+        guide_at = max(guide_at, hint);
+        guide_ends_mm = starts[guide * STARTS + guide_at + 1u];
+        while guide_ends_mm <= range_mm {
+            guide_at++;
+            guide_ends_mm = starts[guide * STARTS + guide_at + 1u];
+        }
+        let slot = 3u * (guide * SEGMENTS + guide_at);
+        place_mm = segments[slot].xyz;
+        step = segments[slot + 1u].xyz;
+    }
+}
+
+// Echo at `range_mm` of the scatterer that lies at the place, as strong as the segment in hand says.
+fn scatter(range_mm: f32) -> vec2<f32> {
     let here = place_mm + step * range_mm;
     let cell = lattice_cell(here);
     let bits = lattice_hash(cell);
@@ -69,9 +94,11 @@ fn march_single(line: u32, first: u32, gain: f32) {
     while sample < last {
         var range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
         seek(line, sample, range_mm);
+        place_mm = s0.xyz;
+        step = s1.xyz;
         loop {
             baseband[(line * params.row_samples + sample) >> 1u] =
-                gain * vec4<f32>(scatter(s0.xyz, s1.xyz, range_mm), scatter(s0.xyz, s1.xyz, range_mm + params.sample_spacing_mm));
+                gain * vec4<f32>(scatter(range_mm), scatter(range_mm + params.sample_spacing_mm));
             sample += 2u;
             range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
             if sample >= last || range_mm >= ends_mm {
@@ -81,11 +108,12 @@ fn march_single(line: u32, first: u32, gain: f32) {
     }
 }
 
-// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a sample:
-// they take turns in a low-discrepancy order, two samples each, less than the pulse is long, a layer as often as its weight says.
-fn turn_of(line: u32, sample: u32, k: u32) -> vec2<u32> {
+// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a
+// sample, a layer as often as its weight says. They take turns in an order of low discrepancy over depth and scanlines (R2:
+// Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), two samples each, less than the pulse is long.
+fn turn_of(line: u32, sample: u32, k: u32, rotation: u32) -> vec2<u32> {
     let number = (sample >> 1u) * params.paths_per_sample + k;
-    var turn = (number * 2654435769u + line * 0x9e3779b9u + params.seed) >> 16u;
+    var turn = (number * 3242174889u + line * 2447445414u + rotation) >> 16u;
     var layer = 0u;
     var share = u32(layers[0].z * 65536.0);
     while turn >= share && layer + 1u < params.layers {
@@ -111,20 +139,21 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         march_single(line, first, gain);
         return;
     }
+    let guide = params.layer_count * params.scanlines * params.rays + line;
+    let rotation = pcg3d(vec3<u32>(params.seed, 0u, 0u)).x;
+    guide_at = 0u;
+    guide_ends_mm = 0.0;
     for (var pair = 0u; pair < PAIRS; pair++) {
         let sample = first + 2u * pair;
         let range_mm = (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
+        // Where scatterers lie the guide says for all, how strong they are the ray whose turn it is.
+        seek_place(guide, sample, range_mm);
         var sum = vec4<f32>(0.0);
         for (var k = 0u; k < params.paths_per_sample; k++) {
-            let chosen = turn_of(line, sample, k);
-            let base = (chosen.x * params.scanlines + line) * params.rays;
-            if chosen.x < params.layer_count {
-                // Where scatterers lie a layer's middle ray says for all, how strong they are the ray whose turn it is.
-                seek(base + params.rays / 2u, sample, range_mm);
-                let place_mm = s0.xyz;
-                let step = s1.xyz;
-                seek(base + chosen.y, sample, range_mm);
-                sum += vec4<f32>(scatter(place_mm, step, range_mm), scatter(place_mm, step, range_mm + params.sample_spacing_mm));
+            let turn = turn_of(line, sample, k, rotation);
+            if turn.x < params.layer_count {
+                seek((turn.x * params.scanlines + line) * params.rays + turn.y, sample, range_mm);
+                sum += vec4<f32>(scatter(range_mm), scatter(range_mm + params.sample_spacing_mm));
             }
         }
         let out = (line * params.row_samples + sample) >> 1u;

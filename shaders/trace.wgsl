@@ -1,6 +1,6 @@
 // Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
 // In: ray table, BVH, start membership. Out: for each path up to SEGMENTS straight segments, each with the echo of the
-// interface that it begins at. One thread a path: rays fastest, then scanlines, then layers.
+// interface that it begins at. One thread a path: rays fastest, then scanlines, then layers; then the guides.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -103,24 +103,18 @@ fn place_interface() -> u32 {
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let line_rays = params.scanlines * params.rays;
     let path = id.x;
-    if path >= line_rays * params.layer_count {
+    if path >= line_rays * params.layer_count + params.guides {
         return;
     }
+    let guide = is_guide(path);
     let line_ray = path % line_rays;
     let layer = params.layer_first + path / line_rays;
+    let of_layer = layer_of(path);
     // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
-    let layer_weight = layers[layer].z;
-    let weight_in_phase = layer_weight / f32(params.rays);
+    let weight_in_phase = of_layer.z / f32(params.rays);
     let weight_power = sqrt(weight_in_phase);
-
-    // From this ray to its scanline's axis in the image plane: until it is bent, a path reads the axis's scatterers.
-    let axis = 2u * (params.scanlines * params.rays + line_ray / params.rays);
-    let shift_start =
-        scene_from_probe_vector(rays[axis].xyz - rays[2u * line_ray].xyz - vec3<f32>(0.0, layers[layer].x, 0.0));
     // Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no later.
-    let stretch = layers[layer].w;
-    let shift_step =
-        scene_from_probe_vector(rays[axis + 1u].xyz - rays[2u * line_ray + 1u].xyz - vec3<f32>(0.0, layers[layer].y, 0.0));
+    let stretch = of_layer.w;
 
     for (var word = 0u; word < 8u; word++) {
         inside[word] = starts_inside[path * 8u + word];
@@ -149,10 +143,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
         let path_per_range = tissue.speed_ratio * stretch;
-        let step = direction * path_per_range + shift_step;
+        let step = direction * path_per_range;
         let fall = tissue.attenuation_np_mm * path_per_range;
         starts[path * STARTS + count] = range_mm;
-        segments[3u * at] = vec4<f32>(origin - carried_mm + shift_start + (shift_step - step) * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
+        segments[3u * at] = vec4<f32>(origin - carried_mm - step * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
         segments[3u * at + 1u] = vec4<f32>(step, fall);
         segments[3u * at + 2u] = vec4<f32>(
             tissue.scatterer_mean, tissue.scatterer_deviation, bitcast<f32>(TAG | tissue.scatterer_density), 0.0);
@@ -226,7 +220,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // Half of the roughness tilts the facet, half widens the lobe about it.
         let variance = 0.5 * roughness * roughness;
         var facet = normal;
-        if ROUGHNESS && variance > 0.0 {
+        if ROUGHNESS && variance > 0.0 && !guide {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
             if dot(facet, direction) > -0.02 {
                 facet = normal;
@@ -255,11 +249,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
         }
 
-        // Reflect with probability R or go on; reflections that hardly return are left to their weight.
+        // Reflect with probability R or go on; reflections that hardly return are left to their weight. A guide takes the likelier
+        // way, so that where scatterers lie is no matter of chance.
         let accepted = acceptance(roughness * roughness, range_mm);
         let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
         let reflects = REFLECTIONS && (split.energy_reflection >= 1.0
-            || (follow && sample_unit(line_ray, layer, bounce, 0u) < split.energy_reflection));
+            || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, guide) < split.energy_reflection));
         if reflects {
             inside = before;
             reflections++;

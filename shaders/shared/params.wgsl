@@ -42,6 +42,8 @@ struct Params {
     reflections_max: u32,
     // Elevational layers of the frame, of which this dispatch has layer_count.
     layers: u32,
+    // Paths that say where the others' scatterers lie: one a scanline, none where a scanline has one path alone.
+    guides: u32,
     // Gain at eight depths from the face to depth_mm, dB: the sliders.
     sliders_db: array<vec4<f32>, 2>,
 }

@@ -7,7 +7,7 @@ use crate::anatomy::Bvh;
 
 /// Stride of one batch's uniforms; every device aligns to 256 at the most.
 pub(crate) const PARAMS_STRIDE: u64 = 256;
-/// Largest buffer of segments: within the 128 MiB that every device binds.
+/// Largest buffer of segments but for the guides': within the 128 MiB that every device binds.
 const SEGMENT_BYTES_MAX: u64 = 96 << 20;
 
 const STORAGE: wgpu::BufferUsages =
@@ -99,7 +99,7 @@ impl Buffers {
         keep_lines: bool,
         previous: Option<&Self>,
     ) -> Result<Self, GpuError> {
-        let paths = u64::from(params.scanlines * params.rays * plan.layers_per_batch);
+        let paths = u64::from(params.paths(plan.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let pixels = u64::from(params.row_words * 4) * u64::from(params.height);
         let sector_pixels = tables.sector_words.len() as u64 * 16;

@@ -95,14 +95,14 @@ impl Configuration {
         let on = effects.effects();
         let planned = effects.settings(settings);
         let tables = Tables::new(&media.tissues, probe, &planned, on);
-        let params = Params::new(media.background, probe, &planned, &tables);
+        let params = Params::new(media.background, probe, &planned, &tables, on);
         let plan = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
         let buffers = Buffers::new(gpu, &tables, &params, &plan, settings.lines, previous.map(|p| &p.buffers))?;
 
         let mut pass = |name, groups, constants: Constants<'_>| {
             Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
         };
-        let paths = params.scanlines * params.rays * plan.layers_per_batch;
+        let paths = params.paths(plan.layers_per_batch);
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
         let flag = |on: bool| f64::from(u8::from(on));
@@ -216,7 +216,7 @@ impl Configuration {
         self.settings = *settings;
         self.effects = media.plan(&self.probe, settings);
         let planned = self.effects.settings(settings);
-        self.params = Params::new(media.background, &self.probe, &planned, &self.tables);
+        self.params = Params::new(media.background, &self.probe, &planned, &self.tables, self.effects.effects());
     }
 
     /// Clears what passes read and none writes: the samples, where nothing scatters.

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::RenderSettings;
+use super::plan::{Effect, EffectSet};
 use super::tables::{HINT_BLOCK, ROW_ALIGN, Tables};
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
@@ -46,15 +47,23 @@ pub(crate) struct Params {
     pub(crate) sector_words: u32,
     pub(crate) reflections_max: u32,
     pub(crate) layers: u32,
+    pub(crate) guides: u32,
     /// The sliders begin at a multiple of 16 bytes.
-    pub(crate) padding: [u32; 2],
+    pub(crate) padding: u32,
     pub(crate) sliders_db: [f32; 8],
 }
 
 impl Params {
-    /// Uniforms of a frame, but for its pose and its batch of layers.
-    pub(crate) fn new(background: u32, probe: &Probe, settings: &RenderSettings, tables: &Tables) -> Self {
+    /// Uniforms of a frame with the effects `on`, but for its pose and its batch of layers.
+    pub(crate) fn new(
+        background: u32,
+        probe: &Probe,
+        settings: &RenderSettings,
+        tables: &Tables,
+        on: EffectSet,
+    ) -> Self {
         let image = &settings.image;
+        let scatters = on.has(Effect::Scatterers);
         Self {
             lateral: [0.0; 4],
             elevational: [0.0; 4],
@@ -89,9 +98,15 @@ impl Params {
             sector_words: tables.sector_words.len() as u32,
             reflections_max: settings.reflections_max,
             layers: settings.quality.layers,
-            padding: [0; 2],
+            guides: if scatters && settings.quality.rays * settings.quality.layers > 1 { probe.scanlines } else { 0 },
+            padding: 0,
             sliders_db: image.tgc_sliders_db.map(|db| db as f32),
         }
+    }
+
+    /// Paths of a batch of `layers`: those of its rays, and the guides behind them.
+    pub(crate) fn paths(&self, layers: u32) -> u32 {
+        self.scanlines * self.rays * layers + self.guides
     }
 
     /// Places the probe.

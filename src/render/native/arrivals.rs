@@ -35,6 +35,7 @@ pub(super) struct Arrival {
     pub(super) surface: u32,
     pub(super) line_ray: u32,
     pub(super) layer: u32,
+    pub(super) guide: bool,
     pub(super) bounce: u32,
 }
 
@@ -78,6 +79,8 @@ struct Come {
     surface: Words,
     line_ray: Words,
     layer: Words,
+    /// Not 0 for a guide.
+    guide: Words,
     bounce: Words,
     /// Generators of the first interfaces' low-discrepancy numbers; later ones have none, and here 0.
     generators: [Words; DIMENSIONS],
@@ -106,6 +109,8 @@ struct Rules {
 
 /// Random numbers of an interface: whether it reflects, and the facet's slope and azimuth.
 const DIMENSIONS: usize = 3;
+/// Those of a guide: the likelier way, off a facet that is not tilted, so that where scatterers lie is no matter of chance.
+const OF_GUIDE: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
 
 #[inline(always)]
 fn vector(of: &[Lanes; 3], i: usize) -> Vector {
@@ -140,6 +145,7 @@ impl Arrivals {
             surface: words,
             line_ray: words,
             layer: words,
+            guide: words,
             bounce: words,
             generators: [words; DIMENSIONS],
         };
@@ -185,6 +191,7 @@ impl Arrivals {
         }
         come.surface[i] = arrival.surface;
         (come.line_ray[i], come.layer[i], come.bounce[i]) = (arrival.line_ray, arrival.layer, arrival.bounce);
+        come.guide[i] = u32::from(arrival.guide);
         let generators = generators(arrival.bounce).unwrap_or_default();
         for (dim, words) in come.generators.iter_mut().enumerate() {
             words[i] = generators[dim];
@@ -240,7 +247,8 @@ fn draw(come: &Come, random: &mut [Lanes; DIMENSIONS], seed: u32) {
             let rotation = pcg3d([seed, come.layer[i], come.bounce[i].wrapping_mul(4).wrapping_add(dim as u32)]);
             let low = line_ray.wrapping_mul(generators[i]).wrapping_add(rotation[0]);
             let plain = pcg3d([line_ray, rotation[0], rotation[1]])[0];
-            random[i] = unit(if generators[i] == 0 { plain } else { low });
+            let random_unit = unit(if generators[i] == 0 { plain } else { low });
+            random[i] = if come.guide[i] == 0 { random_unit } else { OF_GUIDE[dim] };
         }
     }
 }
@@ -373,6 +381,7 @@ mod tests {
             surface: (100.0 * number(23)) as u32,
             line_ray: (8000.0 * number(24)) as u32,
             layer: (3.0 * number(25)) as u32,
+            guide: number(27) < 0.1,
             bounce: (9.0 * number(26)) as u32,
         }
     }

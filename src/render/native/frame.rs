@@ -110,7 +110,7 @@ impl HostFrame {
         plan: &BatchPlan,
         keep_lines: bool,
     ) -> Result<Self, GpuError> {
-        let paths = u64::from(params.scanlines) * u64::from(params.rays) * u64::from(plan.layers_per_batch);
+        let paths = u64::from(params.paths(plan.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let map_rays = u64::from(params.map_rays);
         let of_paths = |count: u32| paths * u64::from(count);

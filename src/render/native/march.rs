@@ -14,6 +14,8 @@ const SEGMENT: usize = 12;
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 /// Those that say how strong they are.
 const STRENGTH: [usize; 5] = [3, 7, 8, 9, 10];
+/// Place of the density among those numbers.
+const DENSITY: usize = 10;
 /// Nothing scatters.
 const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
 const LN_SILENT: f32 = -80.0;
@@ -64,38 +66,34 @@ fn march_row_body(
     row: &mut [[f32; 2]],
 ) {
     let single = params.rays == 1 && params.layers == 1;
+    let guide = params.layer_count.wrapping_mul(params.scanlines).wrapping_mul(params.rays).wrapping_add(line);
+    let [rotation, ..] = pcg3d([params.seed, 0, 0]);
     let mut lanes = [[0.0f32; BLOCK]; SEGMENT];
     for (block, (out, &gain)) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain).enumerate() {
         let first = (block * BLOCK) as u32;
         let gain = gain / (params.paths_per_sample as f32).sqrt();
         let mut sums = [[0.0f32; BLOCK]; 2];
-        if single && let Some(segment) = whole_block(params, paths, line, first) {
+        if single {
+            of_path(params, paths, line, first, PLACE, &mut lanes);
+            of_path(params, paths, line, first, STRENGTH, &mut lanes);
             // Nothing scatters in a fluid.
-            if segment[10].to_bits() & TAG_DENSITY != 0 {
-                for (lane, &value) in lanes.iter_mut().zip(segment) {
-                    *lane = [value; BLOCK];
-                }
+            if lanes[DENSITY].iter().any(|density| density.to_bits() & TAG_DENSITY != 0) {
                 scatter(params, cell_mm, &lanes, first, gain, &mut sums);
             }
         } else {
+            // Where scatterers lie the guide says for all, how strong they are the ray whose turn it is.
+            of_path(params, paths, guide, first, PLACE, &mut lanes);
             for k in 0..params.paths_per_sample {
                 for pair in 0..BLOCK / 2 {
                     let sample = first.wrapping_add(2 * pair as u32);
-                    let [layer, ray] = turn_of(params, layers, line, sample, k);
-                    let base = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
-                    // Where scatterers lie a layer's middle ray says for all, how strong they are the ray whose turn it is.
+                    let [layer, ray] = turn_of(params, layers, line, sample, k, rotation);
+                    let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
                     // Another dispatch's layer is silent here.
-                    let of = |ray: u32| {
-                        if layer < params.layer_count { seek(params, paths, base + ray, sample).1 } else { NONE }
-                    };
-                    let (place, strength) = (of(params.rays / 2), of(ray));
-                    for at in PLACE {
-                        lanes[at][2 * pair] = place[at];
-                        lanes[at][2 * pair + 1] = place[at];
-                    }
+                    let here = layer < params.layer_count;
+                    let segment = if here { seek(params, paths, path.wrapping_add(ray), sample).1 } else { NONE };
                     for at in STRENGTH {
-                        lanes[at][2 * pair] = strength[at];
-                        lanes[at][2 * pair + 1] = strength[at];
+                        lanes[at][2 * pair] = segment[at];
+                        lanes[at][2 * pair + 1] = segment[at];
                     }
                 }
                 scatter(params, cell_mm, &lanes, first, gain, &mut sums);
@@ -114,13 +112,14 @@ fn march_row_body(
     }
 }
 
-/// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a sample:
-/// they take turns in a low-discrepancy order, two samples each, less than the pulse is long, a layer as often as its weight says.
+/// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a
+/// sample, a layer as often as its weight says. They take turns in an order of low discrepancy over depth and scanlines (R2:
+/// Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), two samples each, less than the pulse is long.
 #[inline(always)]
-fn turn_of(params: &Params, layers: &[[f32; 4]], line: u32, sample: u32, k: u32) -> [u32; 2] {
+fn turn_of(params: &Params, layers: &[[f32; 4]], line: u32, sample: u32, k: u32, rotation: u32) -> [u32; 2] {
     let number = (sample >> 1).wrapping_mul(params.paths_per_sample).wrapping_add(k);
-    let rotation = line.wrapping_mul(0x9e37_79b9).wrapping_add(params.seed);
-    let mut turn = number.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16;
+    let place = number.wrapping_mul(3_242_174_889).wrapping_add(line.wrapping_mul(2_447_445_414));
+    let mut turn = place.wrapping_add(rotation) >> 16;
     let share = |layer: u32| layers.get(layer as usize).map_or(0, |layer| (layer[2] * 65536.0) as u32);
     let mut layer = 0;
     while turn >= share(layer) && layer + 1 < params.layers {
@@ -131,11 +130,30 @@ fn turn_of(params: &Params, layers: &[[f32; 4]], line: u32, sample: u32, k: u32)
     [layer.wrapping_sub(params.layer_first), (turn * params.rays / share(layer).max(1)).min(params.rays - 1)]
 }
 
-/// The segment of a block's first sample, if all of the block lies in it.
+/// What `lanes` hold of a block's samples, of the numbers `of` of a path's segments. Two samples share a segment.
 #[inline(always)]
-fn whole_block<'a>(params: &Params, paths: &Paths<'a>, path: u32, first: u32) -> Option<&'a [f32; SEGMENT]> {
+fn of_path<const N: usize>(
+    params: &Params,
+    paths: &Paths<'_>,
+    path: u32,
+    first: u32,
+    of: [usize; N],
+    lanes: &mut [[f32; BLOCK]; SEGMENT],
+) {
     let (end_mm, segment) = seek(params, paths, path, first);
-    (range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm).then_some(segment)
+    if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
+        for at in of {
+            lanes[at] = [segment[at]; BLOCK];
+        }
+        return;
+    }
+    for pair in 0..BLOCK / 2 {
+        let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
+        for at in of {
+            lanes[at][2 * pair] = segment[at];
+            lanes[at][2 * pair + 1] = segment[at];
+        }
+    }
 }
 
 /// Where the segment of a path that holds `sample` ends, and the segment.

@@ -172,7 +172,7 @@ impl HostTrace {
             effects: Effects::new(effects, !bvh.displacements().is_empty()),
             constants: &self.constants,
         };
-        let paths = (params.scanlines * params.rays * params.layer_count) as usize;
+        let paths = params.paths(params.layer_count) as usize;
         // The last batch may have fewer layers.
         follow_all(&scene, self.follow, 0..paths, out.split_at(paths).0)
     }

@@ -102,12 +102,11 @@ impl Scene<'_> {
         axis(p.lateral) * v.x + axis(p.elevational) * v.y + axis(p.axial) * v.z
     }
 
-    /// Origin and direction of a path's first ray: its scanline's, moved to its elevational layer.
-    fn launch(&self, line_ray: usize, layer: usize) -> (Vec3, Vec3) {
+    /// Origin and direction of a path's first ray: the table's, moved to its elevational layer.
+    fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
         let p = self.params;
-        let [offset, slope, ..] = self.layers[layer];
-        let origin = Vec4::from(self.rays[2 * line_ray]).xyz() + Vec3::new(0.0, offset, 0.0);
-        let direction = Vec4::from(self.rays[2 * line_ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
+        let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
+        let direction = Vec4::from(self.rays[2 * ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
         let face = Vec3::new(p.lateral[3], p.elevational[3], p.axial[3]);
         (face + self.scene_vector(origin), self.scene_vector(direction).normalize())
     }
@@ -129,23 +128,23 @@ impl Scene<'_> {
     pub(super) fn begin(&self, path: usize) -> Walk {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
-        let (line_ray, layer) = (path % line_rays, p.layer_first as usize + path / line_rays);
-        let (origin, direction) = self.launch(line_ray, layer);
-        let in_phase = self.layers[layer][2] / p.rays as f32;
-        let axis = 2 * (line_rays + line_ray / p.rays as usize);
-        let to_axis = |i: usize| {
-            let [axis, ray] = [self.rays[axis + i], self.rays[2 * line_ray + i]].map(|v| Vec4::from(v).xyz());
-            self.scene_vector(axis - ray - Vec3::new(0.0, self.layers[layer][i], 0.0))
-        };
+        let (line_ray, number) = (path % line_rays, path / line_rays);
+        // Behind the paths of all layers come the guides, along the axes, which follow the rays in their table.
+        let guide = number >= p.layer_count as usize;
+        let layer = p.layer_first as usize + number;
+        let [offset, slope, weight, stretch] = if guide { [0.0, 0.0, 0.0, 1.0] } else { self.layers[layer] };
+        let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
+        let (origin, direction) = self.launch(ray, [offset, slope]);
+        let in_phase = weight / p.rays as f32;
         Walk {
             line_ray: line_ray as u32,
             layer: layer as u32,
+            guide,
+            stretch,
             origin,
             direction,
             in_phase,
             in_power: in_phase.sqrt(),
-            shift: to_axis(0),
-            shift_step: to_axis(1),
             ..Walk::default()
         }
     }
@@ -171,7 +170,7 @@ impl Scene<'_> {
     /// layer's echoes come no later.
     #[inline(always)]
     fn path_per_range(&self, walk: &Walk) -> f32 {
-        self.tissues[walk.here as usize].speed_ratio * self.layers[walk.layer as usize][3]
+        self.tissues[walk.here as usize].speed_ratio * walk.stretch
     }
 
     /// How far the path goes on in its medium at most, mm; not above 0 where it has ended.
@@ -184,9 +183,9 @@ impl Scene<'_> {
     #[inline(always)]
     fn segment(&self, walk: &mut Walk, record: &mut PathRecord) {
         let tissue = &self.tissues[walk.here as usize];
-        let step = walk.direction * self.path_per_range(walk) + walk.shift_step;
+        let step = walk.direction * self.path_per_range(walk);
         let fall = tissue.attenuation_np_mm * self.path_per_range(walk);
-        let from = walk.origin - walk.carried_mm + walk.shift + (walk.shift_step - step) * walk.range_mm;
+        let from = walk.origin - walk.carried_mm - step * walk.range_mm;
         let count = record.count as usize;
         record.starts[count] = walk.range_mm;
         record.segments[count] = [
@@ -291,6 +290,7 @@ impl Scene<'_> {
             surface: triangle.surface,
             line_ray: walk.line_ray,
             layer: walk.layer,
+            guide: walk.guide,
             bounce: walk.bounce,
         }
     }

@@ -9,15 +9,16 @@ use super::membership::Inside;
 pub(super) struct Walk {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
+    /// It carries no echo, and says where the others' scatterers lie.
+    pub(super) guide: bool,
+    /// Length a mm of depth in its layer.
+    pub(super) stretch: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) inside: Inside,
     // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
     pub(super) in_phase: f32,
     pub(super) in_power: f32,
-    // From this ray to its scanline's axis in the image plane: until it is bent, a path reads the axis's scatterers.
-    pub(super) shift: Vec3,
-    pub(super) shift_step: Vec3,
     pub(super) here: u32,
     pub(super) range_mm: f32,
     pub(super) ln_amplitude: f32,
@@ -49,13 +50,13 @@ impl Default for Walk {
         Self {
             line_ray: 0,
             layer: 0,
+            guide: false,
+            stretch: 1.0,
             origin: Vec3::ZERO,
             direction: Vec3::Z,
             inside: [0; 8],
             in_phase: 0.0,
             in_power: 0.0,
-            shift: Vec3::ZERO,
-            shift_step: Vec3::ZERO,
             here: 0,
             range_mm: 0.0,
             ln_amplitude: 0.0,

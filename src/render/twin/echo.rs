@@ -6,7 +6,7 @@ use super::{Inputs, Path};
 
 /// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].
 pub fn echo(inputs: &Inputs, paths: &[Path], baseband: &mut [DVec2]) {
-    for (index, path) in paths.iter().enumerate() {
+    for (index, path) in paths.iter().enumerate().take(inputs.sounding()) {
         let line = index / inputs.rays_per_line % inputs.scanlines;
         // The first segment begins at the face, not at an interface.
         for segment in path.segments.iter().skip(1) {

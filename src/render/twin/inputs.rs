@@ -132,6 +132,9 @@ pub struct Inputs {
     pub axes: Vec<Ray>,
     /// Layers.
     pub layers: Vec<Layer>,
+    /// Paths behind those of all layers, one a scanline, that say where the others' scatterers lie; none where a scanline has
+    /// one path alone.
+    pub guides: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
     /// Index of each surface's tissue.
@@ -229,6 +232,7 @@ impl Inputs {
             rays: line_rays,
             axes,
             layers: tables.layers.iter().map(layer).collect(),
+            guides: params.guides as usize,
             triangles: triangles.collect(),
             surface_tissue: surface_words.iter().map(|&w| (w & (MOVES - 1)) as usize).collect(),
             surface_moves: surface_words.iter().map(|&w| w & MOVES != 0).collect(),
@@ -252,9 +256,20 @@ impl Inputs {
         }
     }
 
-    /// Paths of a frame.
-    pub fn paths(&self) -> usize {
+    /// Paths of a frame that carry echoes: rays fastest, then scanlines, then layers.
+    pub fn sounding(&self) -> usize {
         self.rays.len() * self.layers.len()
+    }
+
+    /// Paths of a frame: the guides behind those that carry echoes.
+    pub fn paths(&self) -> usize {
+        self.sounding() + self.guides
+    }
+
+    /// The layer of a path. A guide is in the image plane, and weighs nothing.
+    pub fn layer_of(&self, path: usize) -> Layer {
+        let image_plane = Layer { offset_mm: 0.0, slope: 0.0, weight: 0.0, stretch: 1.0 };
+        self.layers.get(path / self.rays.len()).copied().unwrap_or(image_plane)
     }
 
     /// Range of a sample, mm.
@@ -270,10 +285,13 @@ impl Inputs {
         }
     }
 
-    /// The first ray of a path in the scene: its scanline's, moved to its elevational layer.
+    /// The first ray of a path in the scene: its scanline's, moved to its elevational layer; a guide's is the axis.
     pub fn launch(&self, path: usize) -> Ray {
-        let ray = self.rays[path % self.rays.len()];
-        let layer = self.layers[path / self.rays.len()];
+        let ray = match path.checked_sub(self.sounding()) {
+            Some(line) => self.axes[line],
+            None => self.rays[path % self.rays.len()],
+        };
+        let layer = self.layer_of(path);
         self.in_scene(&Ray {
             origin_mm: ray.origin_mm + DVec3::Y * layer.offset_mm,
             direction: ray.direction + DVec3::Y * layer.slope,

@@ -4,14 +4,14 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::trace::{LN_SILENT, Segment, segment_at};
-use super::{Inputs, Path, lattice};
+use super::{Inputs, Path, hash, lattice};
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
-/// A sample meets the scatterer of the lattice cell that the path is in at its range. Rays and layers take turns, a layer as often
-/// as its weight says, so that their power adds up: where speckle is fully developed, that of many sheets of scatterers and
-/// that of one are the same noise. A layer's middle ray says for all where its scatterers lie: rays of a scanline sound
-/// the same tissue, and no number of them would make speckle converge that each read elsewhere.
+/// A sample meets the scatterer of the lattice cell that lies on the scanline's guide at its range, as strong as a ray of the
+/// scanline says. Rays and layers take turns, a layer as often as its weight says, so that their power adds up: where speckle is
+/// fully developed, that of many sheets of scatterers and that of one are the same noise. All rays of a scanline sound the same
+/// tissue: no number of them would make speckle converge that each read elsewhere.
 pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
@@ -22,20 +22,20 @@ fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVe
     let gain = inputs.scatterer_gain[sample / inputs.depth_block] / (count as f64).sqrt();
     // Two samples share a segment: that of the first.
     let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
-    let echo = |k: usize| {
-        let (layer, ray) = turn(inputs, line, sample, k);
-        let first = (layer * inputs.scanlines + line) * inputs.rays_per_line;
-        scatter(inputs, segment_of(first + ray), segment_of(first + inputs.rays_per_line / 2), inputs.range_mm(sample))
-    };
+    // The only path of a scanline is its own guide.
+    let place = segment_of(if inputs.guides > 0 { inputs.sounding() + line } else { line });
+    let echo = |k: usize| scatter(inputs, segment_of(turn(inputs, line, sample, k)), place, inputs.range_mm(sample));
     gain * (0..count).map(echo).sum::<DVec2>()
 }
 
-/// Which layer and which of its rays carry the `k`-th echo of `sample`: they take turns in a low-discrepancy order, two
-/// samples each.
-fn turn(inputs: &Inputs, line: usize, sample: usize, k: usize) -> (usize, usize) {
-    let rotation = (line as u32).wrapping_mul(0x9e37_79b9).wrapping_add(inputs.seed);
+/// The path whose turn it is to carry the `k`-th echo of `sample`: an order of low discrepancy over depth and scanlines, two samples
+/// each. The generators are 2³² times the powers 1 and 2 of the inverse plastic number (Roberts, "The unreasonable effectiveness of
+/// quasirandom sequences", 2018).
+fn turn(inputs: &Inputs, line: usize, sample: usize, k: usize) -> usize {
+    let rotation = hash::pcg3d([inputs.seed, 0, 0])[0];
     let number = ((sample / 2) * inputs.paths_per_sample + k) as u32;
-    let mut turn = (number.wrapping_mul(2_654_435_769).wrapping_add(rotation) >> 16) as usize;
+    let place = number.wrapping_mul(3_242_174_889).wrapping_add((line as u32).wrapping_mul(2_447_445_414));
+    let mut turn = (place.wrapping_add(rotation) >> 16) as usize;
     let share = |layer: usize| (inputs.layers[layer].weight * 65536.0) as usize;
     let mut layer = 0;
     while turn >= share(layer) && layer + 1 < inputs.layers.len() {
@@ -43,7 +43,8 @@ fn turn(inputs: &Inputs, line: usize, sample: usize, k: usize) -> (usize, usize)
         layer += 1;
     }
     // The last one's share is what rounding left.
-    (layer, (turn * inputs.rays_per_line / share(layer).max(1)).min(inputs.rays_per_line - 1))
+    let ray = (turn * inputs.rays_per_line / share(layer).max(1)).min(inputs.rays_per_line - 1);
+    (layer * inputs.scanlines + line) * inputs.rays_per_line + ray
 }
 
 /// Echo at `range_mm` of the scatterer that the segment `place` meets, as strong as `segment` says.

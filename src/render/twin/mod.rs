@@ -2,7 +2,7 @@
 //!
 //! A twin reads the values that the device gets, f32 widened to f64, so that the two differ by rounding only. It hits
 //! triangles by brute force: it shares no tree with the device. Paths are in the device's order: rays fastest, then
-//! scanlines, then layers. Samples are `[scanlines × samples]`, without the device's padding.
+//! scanlines, then layers; then the guides. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
 //! locate → trace → march → echo → lateral → detect ┐

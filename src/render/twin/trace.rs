@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::surfaces::{Crossing, Membership, TOUCH_MM, crossings, places};
-use super::{Inputs, Medium, Ray, hash, lattice};
+use super::{Inputs, Layer, Medium, Ray, hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
 use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
 
@@ -81,8 +81,9 @@ struct Tracer<'a> {
     inputs: &'a Inputs,
     line_ray: usize,
     layer: usize,
-    /// From the path to its scanline's axis at the face, mm, and how that changes a mm of range.
-    shift: (DVec3, DVec3),
+    of_layer: Layer,
+    /// It carries no echo, and says where the others' scatterers lie.
+    guide: bool,
     inside: Membership,
     ray: Ray,
     range_mm: f64,
@@ -105,17 +106,12 @@ struct Meeting<'a> {
 
 impl<'a> Tracer<'a> {
     fn new(inputs: &'a Inputs, path: usize, inside: Membership) -> Self {
-        let line_ray = path % inputs.rays.len();
-        // Until it is bent, a path reads the scatterers of its scanline's axis in the image plane.
-        let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
-        let layer = path / inputs.rays.len();
-        let super::inputs::Layer { offset_mm, slope, .. } = inputs.layers[layer];
-        let to_axis = |axis: DVec3, ray: DVec3, off: f64| inputs.scene_from_probe * (axis - ray - DVec3::Y * off);
         Self {
             inputs,
-            line_ray,
-            layer,
-            shift: (to_axis(axis.origin_mm, ray.origin_mm, offset_mm), to_axis(axis.direction, ray.direction, slope)),
+            line_ray: path % inputs.rays.len(),
+            layer: path / inputs.rays.len(),
+            of_layer: inputs.layer_of(path),
+            guide: path >= inputs.sounding(),
             inside,
             ray: inputs.launch(path),
             range_mm: 0.0,
@@ -158,7 +154,8 @@ impl<'a> Tracer<'a> {
             // scatters and never forms a mirror image.
             let may_reflect = self.inputs.reflections;
             let follow = may_reflect && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-            let chance = hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, 0);
+            // A guide takes the likelier way, so that where scatterers lie is no matter of chance.
+            let chance = if self.guide { 0.5 } else { self.random(0) };
             let total = may_reflect && split.energy_reflection >= 1.0;
             if total || (follow && chance < split.energy_reflection) {
                 self.inside = meeting.before;
@@ -187,10 +184,15 @@ impl<'a> Tracer<'a> {
         }
     }
 
+    /// A number in 0..1 for dimension `dim` of the interface at hand.
+    fn random(&self, dim: u32) -> f64 {
+        hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, dim)
+    }
+
     /// Length of path a mm of range. Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no
     /// later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
-        tissue.speed_ratio * self.inputs.layers[self.layer].stretch
+        tissue.speed_ratio * self.of_layer.stretch
     }
 
     /// The segment that begins here.
@@ -199,8 +201,8 @@ impl<'a> Tracer<'a> {
         let fall_np_mm = tissue.attenuation_np_mm * self.path_per_range(tissue);
         Segment {
             start_mm: self.range_mm,
-            origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm + self.shift.0,
-            step: step + self.shift.1,
+            origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm,
+            step,
             ln_amplitude_at_zero: self.ln_amplitude + self.ln_scatter + fall_np_mm * self.range_mm,
             fall_np_mm,
             scatterer_mean: tissue.scatterer_mean,
@@ -248,15 +250,13 @@ impl<'a> Tracer<'a> {
     /// half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
-        if variance <= 0.0 {
+        if variance <= 0.0 || self.guide {
             return n;
         }
-        let random =
-            |dim| hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, dim);
-        let slope = (-variance * (1.0 - random(1)).max(1.0e-7).ln()).max(0.0).sqrt();
+        let slope = (-variance * (1.0 - self.random(1)).max(1.0e-7).ln()).max(0.0).sqrt();
         let helper = if n.x.abs() > 0.7 { DVec3::Y } else { DVec3::X };
         let tangent = helper.cross(n).normalize();
-        let (sin, cos) = (std::f64::consts::TAU * random(2)).sin_cos();
+        let (sin, cos) = (std::f64::consts::TAU * self.random(2)).sin_cos();
         let facet = (n + slope * (cos * tangent + sin * n.cross(tangent))).normalize();
         // A facet that the path would meet from behind.
         if facet.dot(self.ray.direction) > -0.02 { n } else { facet }
@@ -280,7 +280,7 @@ impl<'a> Tracer<'a> {
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
-        let in_phase = self.inputs.layers[self.layer].weight / self.inputs.rays_per_line as f64;
+        let in_phase = self.of_layer.weight / self.inputs.rays_per_line as f64;
         let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
         let arriving = if self.ln_amplitude > LN_SILENT { self.ln_amplitude.exp() } else { 0.0 };
         (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)
