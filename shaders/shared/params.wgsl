@@ -10,7 +10,6 @@ struct Params {
     layer_first: u32,
     layer_count: u32,
     seed: u32,
-    paths_per_sample: u32,
     lateral_half: u32,
     axial_half: u32,
     map_rays: u32,

@@ -238,6 +238,8 @@ impl Buffers {
                 (&self.layers, uniform),
                 (&self.scatterer_gain, uniform),
                 (&self.baseband, write),
+                // Not read before `lateral` writes it.
+                (&self.focused, write),
             ],
             "echo" => vec![(&self.echoes, read), (&self.segment_counts, read), (&self.baseband, write)],
             "lateral" => vec![(&self.lateral_kernels, read), (&self.baseband, read), (&self.focused, write)],

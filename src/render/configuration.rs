@@ -106,7 +106,6 @@ impl Configuration {
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
         let flag = |on: bool| f64::from(u8::from(on));
-        let single = [("SINGLE_PATH", flag(planned.quality.rays == 1 && planned.quality.layers == 1))];
         let keep = [("KEEP_LINES", flag(settings.lines))];
         let trace = [
             ("MOVING", flag(media.moving && on.has(Effect::Motion))),
@@ -128,7 +127,7 @@ impl Configuration {
             None
         };
         if on.has(Effect::Scatterers) && !gpu.host_image {
-            path_passes.push(pass("march", samples_by(16), &single)?);
+            path_passes.push(pass("march", samples_by(8), &[])?);
         }
         if on.has(Effect::InterfaceEchoes) && !gpu.host_image {
             path_passes.push(pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?);
@@ -201,7 +200,6 @@ impl Configuration {
         image.tgc_db_per_cm = mine.tgc_db_per_cm;
         image.tgc_sliders_db = mine.tgc_sliders_db;
         like_these.quality.seed = self.settings.quality.seed;
-        like_these.paths_per_sample = self.settings.paths_per_sample;
         like_these.reflections_max = self.settings.reflections_max;
         like_these.maps = self.settings.maps;
         if *probe != self.probe || like_these != self.settings {

@@ -23,7 +23,6 @@ pub(crate) struct Params {
     pub(crate) layer_first: u32,
     pub(crate) layer_count: u32,
     pub(crate) seed: u32,
-    pub(crate) paths_per_sample: u32,
     pub(crate) lateral_half: u32,
     pub(crate) axial_half: u32,
     pub(crate) map_rays: u32,
@@ -49,7 +48,7 @@ pub(crate) struct Params {
     pub(crate) layers: u32,
     pub(crate) guides: u32,
     /// The sliders begin at a multiple of 16 bytes.
-    pub(crate) padding: u32,
+    pub(crate) padding: [u32; 2],
     pub(crate) sliders_db: [f32; 8],
 }
 
@@ -74,7 +73,6 @@ impl Params {
             layer_first: 0,
             layer_count: settings.quality.layers,
             seed: settings.quality.seed,
-            paths_per_sample: settings.paths_per_sample.clamp(1, settings.quality.rays),
             lateral_half: tables.kernels.lateral_half,
             axial_half: tables.kernels.axial_half,
             map_rays: tables.map_ray_count,
@@ -99,7 +97,7 @@ impl Params {
             reflections_max: settings.reflections_max,
             layers: settings.quality.layers,
             guides: if scatters && settings.quality.rays * settings.quality.layers > 1 { probe.scanlines } else { 0 },
-            padding: 0,
+            padding: [0; 2],
             sliders_db: image.tgc_sliders_db.map(|db| db as f32),
         }
     }

@@ -87,9 +87,6 @@ pub struct RenderSettings {
     pub image: ImageSettings,
     /// Paths.
     pub quality: Quality,
-    /// Paths that each sample of a layer is read from, at most `quality.rays`: a low-discrepancy subset. Paths that nothing
-    /// bends read the same scatterers and add in amplitude: above 1 their level is up to √n too high. No station has it.
-    pub paths_per_sample: u32,
     /// Reflections that a path is followed through, 0..=6: with 0 none ever forms a mirror image or reverberates.
     pub reflections_max: u32,
     /// Most taps of the lateral beam, 3..=65; a wider beam is cut, and its speckle is narrower. An even number has one less.
@@ -109,7 +106,6 @@ impl Default for RenderSettings {
         Self {
             image: ImageSettings::default(),
             quality: Quality::default(),
-            paths_per_sample: 1,
             reflections_max: REFLECTIONS_MAX,
             beam_taps_max: BEAM_TAPS_MAX,
             pulse_taps_max: PULSE_TAPS_MAX,
@@ -134,7 +130,6 @@ impl RenderSettings {
             ("image.tgc_db_per_cm", self.image.tgc_db_per_cm, 0.0, 100.0),
             ("quality.rays", f64::from(self.quality.rays), 1.0, 256.0),
             ("quality.layers", f64::from(self.quality.layers), 1.0, 33.0),
-            ("quality.paths_per_sample", f64::from(self.paths_per_sample), 1.0, 256.0),
             ("quality.reflections_max", f64::from(self.reflections_max), 0.0, f64::from(REFLECTIONS_MAX)),
             ("quality.beam_taps_max", f64::from(self.beam_taps_max), 3.0, f64::from(BEAM_TAPS_MAX)),
             ("quality.pulse_taps_max", f64::from(self.pulse_taps_max), 3.0, f64::from(PULSE_TAPS_MAX)),

@@ -182,7 +182,7 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
 /// A layer is a plane of straight rays. They run from the lens through its focus and part behind it: the least-squares line,
 /// over the depth, of the layer's node times the beam's width, of the other sign beyond the focus. Where the beam has hardly
 /// a waist, they go on without crossing, by the same line without that sign, whichever is nearer to the width.
-fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
+pub(crate) fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     const STEPS: u32 = 64;
     let depths = || (0..STEPS).map(|i| probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS));
     let width = |crosses: bool, depth: f64| {

@@ -34,7 +34,6 @@ impl Device {
 
 fn settings() -> RenderSettings {
     let mut settings = small(4, 3);
-    settings.paths_per_sample = 2;
     // Nothing that is added to the level is nothing here, and no two sliders are alike.
     settings.image.gain_db = 7.0;
     settings.image.tgc_sliders_db = [3.0, -4.0, 6.0, 0.5, -5.0, 4.0, -2.0, 5.0];
@@ -52,7 +51,7 @@ impl Family for Device {
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let probe = linear(64, 0.5, 512, 50.0);
         let pose = self.pose();
-        // Several paths a sample, and the single path of low quality.
+        // Several paths a scanline, and the single path of low quality.
         let (mut differ, mut of) = (0, 0);
         for settings in [settings(), small(1, 1)] {
             let first = words(rig.frame(&probe, &settings, &pose)?);

@@ -50,8 +50,6 @@ pub struct QualityRecord {
     pub layers: u32,
     /// Seed.
     pub seed: u32,
-    /// Paths that each sample of a layer is read from.
-    pub paths_per_sample: u32,
     /// Reflections that a path is followed through.
     pub reflections_max: u32,
     /// Most taps of the lateral beam.
@@ -199,8 +197,8 @@ impl From<&Pose> for PoseRecord {
 impl From<&RenderSettings> for QualityRecord {
     fn from(settings: &RenderSettings) -> Self {
         let Quality { rays, layers, seed } = settings.quality;
-        let &RenderSettings { paths_per_sample, reflections_max, beam_taps_max, pulse_taps_max, .. } = settings;
-        Self { rays, layers, seed, paths_per_sample, reflections_max, beam_taps_max, pulse_taps_max }
+        let &RenderSettings { reflections_max, beam_taps_max, pulse_taps_max, .. } = settings;
+        Self { rays, layers, seed, reflections_max, beam_taps_max, pulse_taps_max }
     }
 }
 

@@ -108,7 +108,7 @@ fn on_any_scene_frames_hold_energy_falls_and_so_does_attenuation() {
     for seed in 0..9 {
         let mut random = Random(1000 + seed);
         let scene = scene(&mut random, tissue);
-        let settings = RenderSettings { paths_per_sample: 2, ..small(3, 3) };
+        let settings = small(3, 3);
         let mut renderer = renderer(&scene, &probe(seed), &settings, &ShaderSet::default());
         for i in 0..4 {
             let what = format!("seed {seed}, pose {i}");

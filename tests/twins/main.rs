@@ -137,7 +137,7 @@ const DAMAGES: [Damages; 3] = [
     &[
         ("crossings beyond the face count", "locate", "-params.reach_mm, 0.0", "-params.reach_mm, params.depth_mm"),
         ("sound speed ignored in travel time", "trace", "range_mm += t / path_per_range", "range_mm += t"),
-        ("layers add in amplitude", "march", "sqrt(layers[layer].z)", "layers[layer].z"),
+        ("rays add in amplitude", "march", "weight * s * s", "weight * s"),
         ("carrier f/c in place of 2f/c", "echo", "params.phase_turns_per_mm", "0.5 * params.phase_turns_per_mm"),
         ("one side of the beam", "lateral", "var tap = -half;", "var tap = 0;"),
         ("decibels of power as of amplitude", "detect", "3.01029995664", "6.02059991328"),

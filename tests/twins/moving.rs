@@ -139,7 +139,7 @@ fn speckle_goes_with_its_tissue() {
     let shape = Shape::Swing { joint_mm, end_mm, axis: Vec3::Y, radius_mm: 40.0, angle_deg: 0.14 };
     let rhythm = Rhythm::Breath { breaths_per_min: 30.0, bout_s: 1.0, pause_s: 0.0, seed: 0 };
     scene.motion.fields = vec![Field { name: "turn".into(), surfaces: vec!["ball".into()], shape, rhythm }];
-    let mut settings = settings((1, 1), 1, 400);
+    let mut settings = settings((1, 1), 400);
     settings.image.height = 400;
     // A scanline for each cell of the lattice at least: others would show other scatterers after the shift.
     let probe = probe(ProbeKind::Linear { width_mm: 40.0 }, 50.0, 512, 1024);

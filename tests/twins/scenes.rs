@@ -55,7 +55,7 @@ pub(crate) fn probe(kind: ProbeKind, depth_mm: f64, scanlines: u32, samples: u32
     Probe { kind, depth_mm, scanlines, samples, ..beam }
 }
 
-pub(crate) fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -> RenderSettings {
+pub(crate) fn settings(quality: (u32, u32), width: u32) -> RenderSettings {
     let image = ImageSettings {
         width,
         height: 150,
@@ -64,7 +64,7 @@ pub(crate) fn settings(quality: (u32, u32), paths_per_sample: u32, width: u32) -
         ..ImageSettings::default()
     };
     let quality = Quality { rays: quality.0, layers: quality.1, seed: 7 };
-    RenderSettings { image, quality, paths_per_sample, lines: true, maps: true, ..RenderSettings::default() }
+    RenderSettings { image, quality, lines: true, maps: true, ..RenderSettings::default() }
 }
 
 /// Looks at `target` from `from`, turned a little so that nothing lies in a plane of coordinates.
@@ -114,7 +114,7 @@ pub(crate) fn nested() -> Case {
             frequency_mhz: 5.0,
             ..probe(ProbeKind::Convex { radius_mm: 40.0, fov_deg: 45.0 }, 90.0, 33, 511)
         },
-        settings: settings((4, 3), 2, 201),
+        settings: settings((4, 3), 201),
         pose: pose([1.3, 0.7, 1.1], [3.0, -2.0, 60.0]),
     }
 }
@@ -126,21 +126,21 @@ pub(crate) fn cases() -> Vec<Case> {
             name: "slabs, convex, 1 × 1",
             scene: scene(slabs(), "gel"),
             probe: probe(ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 }, 150.0, 32, 512),
-            settings: settings((1, 1), 1, 200),
+            settings: settings((1, 1), 200),
             pose: pose([0.4, 0.3, 0.2], [2.0, -3.0, 90.0]),
         },
         Case {
             name: "cyst, linear, 4 × 3",
             scene: scene(analytic::cyst(), "liver"),
             probe: probe(ProbeKind::Linear { width_mm: 40.0 }, 110.0, 32, 512),
-            settings: settings((4, 3), 1, 200),
+            settings: settings((4, 3), 200),
             pose: pose([0.9, -0.8, 0.0], [1.0, 2.0, 70.0]),
         },
         Case {
             name: "bone plate, phased, 1 × 1",
             scene: scene(analytic::bone_plate(), "soft_tissue"),
             probe: probe(ProbeKind::Phased { fov_deg: 80.0 }, 90.0, 32, 512),
-            settings: RenderSettings { reflections_max: 1, beam_taps_max: 5, ..settings((1, 1), 1, 200) },
+            settings: RenderSettings { reflections_max: 1, beam_taps_max: 5, ..settings((1, 1), 200) },
             pose: pose([0.2, 0.1, 0.3], [-9.0, 4.0, 50.0]),
         },
         nested(),

@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use super::detect::{DepthGain, detect};
 use super::echo::echo;
 use super::lateral::lateral;
-use super::march::{Paths, march};
+use super::march::{Paths, Scatterers, march};
 use super::percentile::percentile;
 use super::scan_convert::{Image, Layout, Maps, scan_convert};
 use super::section::{Scene, Section, section};
@@ -233,7 +233,9 @@ impl HostFrame {
             if effects.has(Effect::Scatterers) {
                 let paths = Paths { starts: &self.starts, segments: &self.segments, hints: &self.hints };
                 let (layers, gain) = (&tables.layers, &tables.kernels.scatterer_gain);
-                march(&params, paths, host.image.cell_mm, layers, gain, &mut self.baseband);
+                let scatterers = Scatterers { cell_mm: host.image.cell_mm, layers, gain };
+                // `lateral` writes what is focused later.
+                march(&params, paths, scatterers, &mut self.baseband, &mut self.focused);
                 laps.note("march");
             }
             if let Some(scattered) = &mut scattered {

@@ -2,23 +2,26 @@
 
 use rayon::prelude::*;
 
-use super::wide::{at_least, exp, floor, pcg3d, phasor, real, widened};
+use super::wide::{at_least, at_most, exp, floor, pcg3d, phasor, real, widened};
 use crate::render::params::Params;
 use crate::render::tables::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 
 /// Samples that are made at once: they share a gain.
 const BLOCK: usize = DEPTH_BLOCK as usize;
+/// Blocks that paths are read for in turn: what they add to stays in the nearest cache.
+const CHUNK: usize = 32;
+/// A number of each of a block's samples.
+type Lanes = [f32; BLOCK];
 /// Numbers of a segment.
 const SEGMENT: usize = 12;
 /// Those that say where its scatterers lie.
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
-/// Those that say how strong they are.
-const STRENGTH: [usize; 5] = [3, 7, 8, 9, 10];
-/// Place of the density among those numbers.
-const DENSITY: usize = 10;
-/// Nothing scatters.
-const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
-const LN_SILENT: f32 = -80.0;
+/// ln of an amplitude that no display shows, −347 dB; its square is a normal number.
+const LN_SILENT: f32 = -40.0;
+/// Its square: e⁻⁸⁰.
+const SILENT_POWER: f32 = 1.804_851_4e-35;
+/// ln of the most power of a path: attenuation before its segment began may be undone where lanes lie before it.
+const LN_MOST: f32 = 80.0;
 /// Density in the lowest bits of its word.
 const TAG_DENSITY: u32 = 0x3_ffff;
 
@@ -33,25 +36,36 @@ pub(crate) struct Paths<'a> {
     pub(crate) hints: &'a [u32],
 }
 
-/// Fills, or for later layers adds to, `baseband`, complex [scanlines × row_samples]; `gain` is that of each block of
-/// samples, `cell_mm` the side of a cell of the lattice.
+/// What samples are made with, beside the paths.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Scatterers<'a> {
+    /// Side of a cell of the lattice, mm.
+    pub(crate) cell_mm: f32,
+    /// Offset, slope, weight and stretch of each elevational layer.
+    pub(crate) layers: &'a [[f32; 4]],
+    /// Of each block of samples.
+    pub(crate) gain: &'a [f32],
+}
+
+/// Fills, or for later layers adds to, `baseband`, complex [scanlines × row_samples]. `powers` keeps the scatterers' from batch to
+/// batch of a frame: that of mean and deviation, as many.
 pub(crate) fn march(
     params: &Params,
     paths: Paths<'_>,
-    cell_mm: f32,
-    layers: &[[f32; 4]],
-    gain: &[f32],
+    scatterers: Scatterers<'_>,
     baseband: &mut [[f32; 2]],
+    powers: &mut [[f32; 2]],
 ) {
-    let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
-    rows.for_each(|(line, row)| march_row(params, &paths, cell_mm, layers, gain, line as u32, row));
+    let samples = params.row_samples as usize;
+    let rows = baseband.par_chunks_exact_mut(samples).zip(powers.par_chunks_exact_mut(samples)).enumerate();
+    rows.for_each(|(line, (row, powers))| march_row(params, &paths, &scatterers, line as u32, row, powers));
 }
 
 widened! {
     /// One scanline.
     fn march_row(
-        params: &Params, paths: &Paths<'_>, cell_mm: f32, layers: &[[f32; 4]], gain: &[f32], line: u32,
-        row: &mut [[f32; 2]],
+        params: &Params, paths: &Paths<'_>, scatterers: &Scatterers<'_>, line: u32, row: &mut [[f32; 2]],
+        powers: &mut [[f32; 2]],
     ) = march_row_body
 }
 
@@ -59,86 +73,133 @@ widened! {
 fn march_row_body(
     params: &Params,
     paths: &Paths<'_>,
-    cell_mm: f32,
-    layers: &[[f32; 4]],
-    gain: &[f32],
+    scatterers: &Scatterers<'_>,
     line: u32,
     row: &mut [[f32; 2]],
+    powers: &mut [[f32; 2]],
 ) {
-    let single = params.rays == 1 && params.layers == 1;
-    let guide = params.layer_count.wrapping_mul(params.scanlines).wrapping_mul(params.rays).wrapping_add(line);
-    let [rotation, ..] = pcg3d([params.seed, 0, 0]);
-    let mut lanes = [[0.0f32; BLOCK]; SEGMENT];
-    for (block, (out, &gain)) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain).enumerate() {
-        let first = (block * BLOCK) as u32;
-        let gain = gain / (params.paths_per_sample as f32).sqrt();
-        let mut sums = [[0.0f32; BLOCK]; 2];
-        if single {
-            of_path(params, paths, line, first, PLACE, &mut lanes);
-            of_path(params, paths, line, first, STRENGTH, &mut lanes);
-            // Nothing scatters in a fluid.
-            if lanes[DENSITY].iter().any(|density| density.to_bits() & TAG_DENSITY != 0) {
-                scatter(params, cell_mm, &lanes, first, gain, &mut sums);
+    let begins = params.layer_first == 0;
+    let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
+    // Where scatterers lie the guide says for all; the only path of a scanline is its own.
+    let sounding = if params.guides == 0 { 0 } else { params.layer_count * params.scanlines * params.rays };
+    let guide = sounding.wrapping_add(line);
+    let mut place = [[0.0; BLOCK]; SEGMENT];
+    let mut met: [Met; CHUNK] = std::array::from_fn(|_| Met::default());
+    let mut power = [[[0.0; BLOCK]; 2]; CHUNK];
+    let chunks = row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK).zip(powers.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK));
+    for ((chunk, (row, powers)), gain) in chunks.enumerate().zip(scatterers.gain.chunks(CHUNK)) {
+        let first = (chunk * CHUNK * BLOCK) as u32;
+        let block_at = |block: usize| first.wrapping_add((block * BLOCK) as u32);
+        for (block, met) in met.iter_mut().enumerate().take(row.len()) {
+            load(params, paths, guide, block_at(block), PLACE, &mut place);
+            met.find(params, scatterers.cell_mm, &place, block_at(block));
+        }
+        for (power, before) in power.iter_mut().zip(powers.iter()) {
+            for (i, before) in before.iter().enumerate() {
+                [power[0][i], power[1][i]] = if begins { [0.0; 2] } else { *before };
             }
-        } else {
-            // Where scatterers lie the guide says for all, how strong they are the ray whose turn it is.
-            of_path(params, paths, guide, first, PLACE, &mut lanes);
-            for k in 0..params.paths_per_sample {
-                for pair in 0..BLOCK / 2 {
-                    let sample = first.wrapping_add(2 * pair as u32);
-                    let [layer, ray] = turn_of(params, layers, line, sample, k, rotation);
-                    let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
-                    // Another dispatch's layer is silent here.
-                    let here = layer < params.layer_count;
-                    let segment = if here { seek(params, paths, path.wrapping_add(ray), sample).1 } else { NONE };
-                    for at in STRENGTH {
-                        lanes[at][2 * pair] = segment[at];
-                        lanes[at][2 * pair + 1] = segment[at];
-                    }
+        }
+        // How strong they are, the mean power of all rays says.
+        for layer in 0..params.layer_count {
+            let of_layer = scatterers.layers.get(params.layer_first.wrapping_add(layer) as usize);
+            let weight = of_layer.map_or(0.0, |layer| layer[2]) / params.rays as f32;
+            let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
+            for ray in 0..params.rays {
+                let blocks = row.len();
+                sound(params, paths, path.wrapping_add(ray), weight, first, &met[..blocks], &mut power[..blocks]);
+            }
+        }
+        for (i, ((row, powers), &gain)) in row.iter_mut().zip(powers).zip(gain).enumerate() {
+            let mut sums = [[0.0; BLOCK]; 2];
+            if ends {
+                met[i].echo(gain, &power[i].map(|lanes| lanes.map(f32::sqrt)), &mut sums);
+            } else {
+                for (j, powers) in powers.iter_mut().enumerate() {
+                    *powers = [power[i][0][j], power[i][1][j]];
                 }
-                scatter(params, cell_mm, &lanes, first, gain, &mut sums);
             }
-        }
-        let [re, im] = &sums;
-        if params.layer_first == 0 {
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = [re[i], im[i]];
-            }
-        } else {
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = [out[0] + re[i], out[1] + im[i]];
+            for (j, out) in row.iter_mut().enumerate() {
+                // Interfaces of batches before are there already.
+                let before = if begins { [0.0; 2] } else { *out };
+                *out = [before[0] + sums[0][j], before[1] + sums[1][j]];
             }
         }
     }
 }
 
-/// Which layer (of this dispatch; another one's is not below layer_count) and which of its rays carry the `k`-th echo of a
-/// sample, a layer as often as its weight says. They take turns in an order of low discrepancy over depth and scanlines (R2:
-/// Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), two samples each, less than the pulse is long.
+/// Adds the power that a path of the weight `weight` gives to the mean and the deviation of the scatterers of a run of blocks.
 #[inline(always)]
-fn turn_of(params: &Params, layers: &[[f32; 4]], line: u32, sample: u32, k: u32, rotation: u32) -> [u32; 2] {
-    let number = (sample >> 1).wrapping_mul(params.paths_per_sample).wrapping_add(k);
-    let place = number.wrapping_mul(3_242_174_889).wrapping_add(line.wrapping_mul(2_447_445_414));
-    let mut turn = place.wrapping_add(rotation) >> 16;
-    let share = |layer: u32| layers.get(layer as usize).map_or(0, |layer| (layer[2] * 65536.0) as u32);
-    let mut layer = 0;
-    while turn >= share(layer) && layer + 1 < params.layers {
-        turn -= share(layer);
-        layer += 1;
+fn sound(
+    params: &Params,
+    paths: &Paths<'_>,
+    path: u32,
+    weight: f32,
+    first: u32,
+    met: &[Met],
+    power: &mut [[Lanes; 2]],
+) {
+    let last = first.wrapping_add((met.len() * BLOCK) as u32);
+    let mut sample = first;
+    while sample < last {
+        let (end_mm, segment) = seek(params, paths, path, sample);
+        let stop = first_beyond(params, end_mm, sample, last);
+        let &[_, _, _, level, _, _, _, fall, mean, deviation, density, _] = segment;
+        let density = (density.to_bits() & TAG_DENSITY) as i32;
+        // Nothing scatters in a fluid, and beyond where a path ends.
+        if density != 0 && level - fall * range_mm(params, sample) > LN_SILENT {
+            let parts = [weight * mean * mean, weight * deviation * deviation];
+            let begin = sample.wrapping_sub(first) as usize;
+            let end = stop.wrapping_sub(first) as usize;
+            // From sample to sample, and from block to block.
+            let mut now = [0.0; BLOCK];
+            let from = first.wrapping_add((begin / BLOCK * BLOCK) as u32);
+            for (i, now) in now.iter_mut().enumerate() {
+                let ln_power = 2.0 * (level - fall * range_mm(params, from.wrapping_add(i as u32)));
+                *now = exp(at_most(at_least(ln_power, 2.0 * LN_SILENT), LN_MOST));
+            }
+            let on = exp(at_least(-2.0 * fall * params.sample_spacing_mm * BLOCK as f32, 2.0 * LN_SILENT));
+            for block in begin / BLOCK..end.div_ceil(BLOCK) {
+                let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
+                let (Some(met), Some([means, deviations])) = (met.get(block), power.get_mut(block)) else { break };
+                for i in 0..BLOCK {
+                    let within = (i as i32 >= from) & ((i as i32) < to);
+                    let there = ((met.presence[i] as i32) < density) & (now[i] > SILENT_POWER);
+                    let part = if within & there { now[i] } else { 0.0 };
+                    means[i] += parts[0] * part;
+                    deviations[i] += parts[1] * part;
+                    now[i] *= on;
+                }
+            }
+        }
+        sample = stop;
     }
-    // The last one's share is what rounding left.
-    [layer.wrapping_sub(params.layer_first), (turn * params.rays / share(layer).max(1)).min(params.rays - 1)]
 }
 
-/// What `lanes` hold of a block's samples, of the numbers `of` of a path's segments. Two samples share a segment.
+/// The first sample in (sample, last] that a segment which ends at `end_mm` does not hold. Two samples share a segment: that of the
+/// first.
 #[inline(always)]
-fn of_path<const N: usize>(
+fn first_beyond(params: &Params, end_mm: f32, sample: u32, last: u32) -> u32 {
+    let about = (end_mm / params.sample_spacing_mm - 0.5).clamp(real(sample), real(last));
+    // Rounded to even, and then to where it belongs.
+    let mut stop = ((about as u32).wrapping_add(1) & !1).clamp(sample.wrapping_add(2), last);
+    while stop > sample.wrapping_add(2) && range_mm(params, stop.wrapping_sub(2)) >= end_mm {
+        stop = stop.wrapping_sub(2);
+    }
+    while stop < last && range_mm(params, stop) < end_mm {
+        stop = stop.wrapping_add(2);
+    }
+    stop
+}
+
+/// Loads the numbers `of` of a path's segments at a block's samples. Two samples share a segment.
+#[inline(always)]
+fn load<const N: usize>(
     params: &Params,
     paths: &Paths<'_>,
     path: u32,
     first: u32,
     of: [usize; N],
-    lanes: &mut [[f32; BLOCK]; SEGMENT],
+    lanes: &mut [Lanes; SEGMENT],
 ) {
     let (end_mm, segment) = seek(params, paths, path, first);
     if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
@@ -159,6 +220,7 @@ fn of_path<const N: usize>(
 /// Where the segment of a path that holds `sample` ends, and the segment.
 #[inline(always)]
 fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a [f32; SEGMENT]) {
+    const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
     let path = path as usize;
     let range_mm = range_mm(params, sample);
     let hints: &[u8] = bytemuck::cast_slice(paths.hints);
@@ -177,44 +239,56 @@ fn range_mm(params: &Params, sample: u32) -> f32 {
     (real(sample) + 0.5) * params.sample_spacing_mm
 }
 
-/// Adds the echoes of the scatterers that the segments meet at a block's samples. A sample meets the scatterer of the
-/// lattice cell that the path is in at its range.
-#[inline(always)]
-fn scatter(
-    params: &Params,
-    cell_mm: f32,
-    lanes: &[[f32; BLOCK]; SEGMENT],
-    first: u32,
-    weight: f32,
-    sums: &mut [[f32; BLOCK]; 2],
-) {
-    let [x0, y0, z0, level, dx, dy, dz, fall, mean, deviation, density, _] = lanes;
-    let per_mm = 1.0 / cell_mm;
-    for i in 0..BLOCK {
-        let range_mm = range_mm(params, first.wrapping_add(i as u32));
-        let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
-        let cell = here.map(|x| floor(x * per_mm));
-        let [presence, place, amplitude] = pcg3d(cell.map(|c| c as u32));
-        // Where in its cell the scatterer lies: three times ten bits.
-        let offset = |shift: u32| (real(place >> shift & 1023) + 0.5) * (1.0 / 1024.0);
-        let ahead = [
-            (cell[0] as f32 + offset(0)) * cell_mm - here[0],
-            (cell[1] as f32 + offset(10)) * cell_mm - here[1],
-            (cell[2] as f32 + offset(20)) * cell_mm - here[2],
-        ];
-        // Its range sets the phase, whichever sample meets its cell.
-        let along = ahead[0] * dx[i] + ahead[1] * dy[i] + ahead[2] * dz[i];
-        let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
-        let turn = phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm));
-        let ln_amplitude = level[i] - fall[i] * range_mm;
-        let scale = weight * exp(at_least(ln_amplitude, LN_SILENT));
-        let deviate = deviate(amplitude);
-        let strength = [scale * (mean[i] + deviation[i] * deviate[0]), scale * (deviation[i] * deviate[1])];
-        let some = ((presence >> 15) as i32) < (density[i].to_bits() & TAG_DENSITY) as i32;
-        let there = some & (ln_amplitude > LN_SILENT);
-        let echo = [strength[0] * turn[0] - strength[1] * turn[1], strength[0] * turn[1] + strength[1] * turn[0]];
-        sums[0][i] += if there { echo[0] } else { 0.0 };
-        sums[1][i] += if there { echo[1] } else { 0.0 };
+/// The cells of the lattice that a path is in at a block's samples.
+#[derive(Debug, Default)]
+struct Met {
+    /// The cell's scatterer is there where a medium's density is above this.
+    presence: [u32; BLOCK],
+    deviate: [Lanes; 2],
+    turn: [Lanes; 2],
+}
+
+impl Met {
+    /// Takes the cells of the segments whose places `lanes` hold.
+    #[inline(always)]
+    fn find(&mut self, params: &Params, cell_mm: f32, lanes: &[Lanes; SEGMENT], first: u32) {
+        let [x0, y0, z0, _, dx, dy, dz, ..] = lanes;
+        let per_mm = 1.0 / cell_mm;
+        for i in 0..BLOCK {
+            let range_mm = range_mm(params, first.wrapping_add(i as u32));
+            let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
+            let cell = here.map(|x| floor(x * per_mm));
+            let [presence, place, amplitude] = pcg3d(cell.map(|c| c as u32));
+            // Where in its cell the scatterer lies: three times ten bits.
+            let offset = |shift: u32| (real(place >> shift & 1023) + 0.5) * (1.0 / 1024.0);
+            let ahead = [
+                (cell[0] as f32 + offset(0)) * cell_mm - here[0],
+                (cell[1] as f32 + offset(10)) * cell_mm - here[1],
+                (cell[2] as f32 + offset(20)) * cell_mm - here[2],
+            ];
+            // Its range sets the phase, whichever sample meets its cell.
+            let along = ahead[0] * dx[i] + ahead[1] * dy[i] + ahead[2] * dz[i];
+            let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
+            let turn = phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm));
+            let deviate = deviate(amplitude);
+            self.presence[i] = presence >> 15;
+            for part in 0..2 {
+                self.turn[part][i] = turn[part];
+                self.deviate[part][i] = deviate[part];
+            }
+        }
+    }
+
+    /// Adds the echoes of scatterers of the strengths (mean and deviation) times `gain` to `sums`.
+    #[inline(always)]
+    fn echo(&self, gain: f32, [mean, deviation]: &[Lanes; 2], sums: &mut [Lanes; 2]) {
+        let (turn, deviate) = (&self.turn, &self.deviate);
+        for i in 0..BLOCK {
+            let strength =
+                [gain * (mean[i] + deviation[i] * deviate[0][i]), gain * (deviation[i] * deviate[1][i])];
+            sums[0][i] += strength[0] * turn[0][i] - strength[1] * turn[1][i];
+            sums[1][i] += strength[0] * turn[1][i] + strength[1] * turn[0][i];
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use super::facts::{Medium, SceneFacts};
 use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::render::RenderSettings;
-use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
+use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS, layers};
 use crate::transducer::{Probe, Sector};
 
 /// Parts of the lateral beam's σ that a sample may be read aside.
@@ -243,10 +243,6 @@ impl Rules<'_> {
         if asked == 1 {
             return finding("the settings ask for one", Bound::Exact);
         }
-        if self.settings.paths_per_sample > 1 {
-            let reason = format!("each sample is read from {} paths", self.settings.paths_per_sample);
-            return finding(reason, Bound::none("the paths asked for"));
-        }
         if self.on.has(Effect::InterfaceEchoes) || !self.reflections().bound.negligible() {
             let (rough, thick) = (self.on.has(Effect::Roughness), self.on.has(Effect::Thickness));
             let what = match (rough, thick) {
@@ -260,16 +256,15 @@ impl Rules<'_> {
                 Bound::none("smooth interfaces' echoes"),
             );
         }
-        // No chance is left: rays differ in where they cross edges, half a share to either side. Scatterers are read on the
-        // scanline's axis by range (the middle ray's), so that a speed other than 1540 m/s leaves a part of that distance.
-        // Media of another speed reach farther than the depth, where shares are wider.
+        // No chance is left, and scatterers lie on the scanline's axis: rays differ in where they cross edges, half a share to
+        // either side. Media of another speed reach farther than the depth, where shares are wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
         let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm * ratio);
-        let stretch = self.facts.media.iter().map(|m| (self.speed_ratio(m) - 1.0).abs()).fold(0.0, f64::max);
-        let mm = half_share_mm * if self.one_medium() { stretch } else { stretch.max(1.0) };
-        let seen = !self.one_medium() || self.facts.media.iter().any(Medium::scatters);
-        let bound =
-            if mm > 0.0 && seen { Bound::Aside { mm, allowed_mm: self.aside_allowed_mm() } } else { Bound::Exact };
+        let bound = if self.one_medium() {
+            Bound::Exact
+        } else {
+            Bound::Aside { mm: half_share_mm, allowed_mm: self.aside_allowed_mm() }
+        };
         if !bound.negligible() {
             return finding(format!("{asked} asked for, and scanlines lie {:.2} mm apart", 2.0 * half_share_mm), bound);
         }
@@ -300,13 +295,21 @@ impl Rules<'_> {
         if asked == 1 {
             return finding("the settings ask for one", Bound::Exact);
         }
+        if self.one_medium() {
+            // Oblique layers lose more on their longer way.
+            let longer = layers(self.probe, asked).iter().map(|&[.., stretch]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
+            let loss_db_mm = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(0.0, f64::max);
+            let db = longer * loss_db_mm * self.probe.depth_mm;
+            let bound = match db {
+                0.0 => Bound::Exact,
+                _ if self.settings.lines => Bound::none("the loss of oblique layers in lines.npy"),
+                _ => Bound::level(db, self.settings.image.dynamic_range_db),
+            };
+            return finding(format!("one medium all across the slice; oblique layers lose {db:.3} dB more"), bound);
+        }
         let sigma_mm = |depth: f64| self.probe.elevational_sigma_mm(depth);
         let widest = sigma_mm(0.0).max(sigma_mm(self.probe.depth_mm));
-        if self.one_medium() && !self.facts.media.iter().any(Medium::scatters) {
-            return finding(format!("{} and nothing scatters", self.silent()), Bound::Exact);
-        }
-        let what = if self.one_medium() { "speckle differs across it" } else { "media differ across it" };
-        let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and {what}", 4.0 * widest);
+        let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and media differ across it", 4.0 * widest);
         finding(reason, Bound::none("blur across the slice"))
     }
 

@@ -112,8 +112,6 @@ pub struct Inputs {
     pub phase_turns_per_mm: f64,
     /// Rays of a scanline and layer.
     pub rays_per_line: usize,
-    /// Paths that each sample of a layer is read from.
-    pub paths_per_sample: usize,
     /// Reflections that a path is followed through.
     pub reflections_max: u32,
     /// Seed of every random choice.
@@ -222,7 +220,6 @@ impl Inputs {
             depth_mm: params.depth_mm.into(),
             phase_turns_per_mm: params.phase_turns_per_mm.into(),
             rays_per_line: params.rays as usize,
-            paths_per_sample: params.paths_per_sample as usize,
             reflections_max: params.reflections_max,
             seed: params.seed,
             interface_echoes: effects.has(Effect::InterfaceEchoes),

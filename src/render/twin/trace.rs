@@ -17,7 +17,7 @@ const DIFFUSE: f64 = 0.02;
 /// Surfaces that one path may cross, most of them without a change of medium.
 const PLACES_MAX: u32 = 192;
 /// ln of an amplitude that no display shows: 10⁻³⁴.
-pub(super) const LN_SILENT: f64 = -80.0;
+const LN_SILENT: f64 = -80.0;
 
 /// A straight stretch of a path in one medium. What varies along it is a line over the range ρ, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
