@@ -103,7 +103,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         seek(guide, sample, range_of(sample));
         met[i] = meet(range_of(first + i));
     }
-    // How strong they are, the mean power of all rays says.
+    // How strong they are, the mean power of all rays says. The guide may be one of them, and these samples begin anew.
+    path = 0xffffffffu;
     var power: array<vec4<f32>, RUN / 2u>;
     for (var layer = 0u; layer < params.layer_count; layer++) {
         let weight = layers[params.layer_first + layer].z / f32(params.rays);

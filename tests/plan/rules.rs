@@ -82,20 +82,25 @@ fn smooth_faces_reflect_what_rough_ones_scatter() {
 fn fast_media_are_read_far_aside() {
     let fast = |speed| {
         let kind = insonify::transducer::ProbeKind::Convex { radius_mm: 20.0, fov_deg: 50.0 };
-        let mut case = two(speckled(speed, 1.6, 0.01), speckled(speed, 1.6, 0.01)).asking(6, 1);
+        let mut case = two(speckled(speed, 1.6, 0.01), speckled(speed, 1.6, 0.02)).asking(6, 1);
         case.probe.kind = kind;
         case
     };
-    let mm = |speed| match decision(&fast(speed), Effect::Rays).bound {
-        Bound::Aside { mm, .. } => mm,
+    let aside = |speed| match decision(&fast(speed), Effect::Rays).bound {
+        Bound::Aside { mm, allowed_mm } => (mm, allowed_mm),
         other => panic!("{other}"),
     };
     let share_mm = |speed: f64| 0.5 * 50f64.to_radians() / 64.0 * (20.0 + 40.0 * speed / 1540.0);
-    assert!((mm(4000.0) - share_mm(4000.0) * (4000.0 / 1540.0 - 1.0)).abs() < 1e-9, "{}", mm(4000.0));
-    assert!(fast(4000.0).plan().has(Effect::Rays) && !fast(1560.0).plan().has(Effect::Rays));
-    // Without displacement by speed all is read on the axis.
+    for speed in [1560.0, 4000.0] {
+        let (mm, allowed_mm) = aside(speed);
+        assert!((mm - share_mm(speed)).abs() < 1e-9, "{mm}");
+        assert_eq!(fast(speed).plan().has(Effect::Rays), mm > allowed_mm);
+    }
+    assert!(fast(4000.0).plan().has(Effect::Rays), "{}", fast(4000.0).plan());
+    // Without displacement by speed shares are as wide as they look.
     let at_scale = fast(4000.0).with(Effect::SpeedDisplacement, Choice::Off);
-    assert!(!at_scale.plan().has(Effect::Rays), "{}", at_scale.plan());
+    let Bound::Aside { mm, .. } = decision(&at_scale, Effect::Rays).bound else { panic!("{}", at_scale.plan()) };
+    assert!((mm - share_mm(1540.0)).abs() < 1e-9, "{mm}");
 }
 
 #[test]
