@@ -107,8 +107,8 @@ class StemNet(nn.Module):
     `widths` are the channels of its scales, each half as fine as the one before. At the finest scale convolutions take
     most of the time: there is one behind the stem's skip, and the head only mixes its channels.
 
-    With an `image` among the channels the output is b + g * image: the LQ speckle is partly that of HQ (correlation 0.58
-    near the probe, 0.25 deep), and the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels, says how much of it to keep.
+    With an `image` among the channels the output is b + g * image: LQ and HQ frames have one speckle, and the gain g, one for
+    each `GAIN_PX` x `GAIN_PX` pixels, says how much of the image to keep.
     """
 
     GAIN_PX = 2
@@ -125,9 +125,9 @@ class StemNet(nn.Module):
         self.shapes = [stride * stride] if image is None else [stride * stride, (stride // self.GAIN_PX) ** 2]
         self.head = Conv(widths[0], sum(self.shapes), 1, padding=0, norm="none")
         if image is not None:
-            # At first half of the image: near where the training leads, and nothing vanishes.
+            # At first the image itself: where no shadow differs, that is what training leads to.
             with torch.no_grad():
-                self.head[0].bias[self.shapes[0] :] = 0.5
+                self.head[0].bias[self.shapes[0] :] = 1.0
 
     def forward(self, inputs):
         x = F.relu(self.stem(inputs))

@@ -35,7 +35,7 @@ class Config:
     polish: int = 1400
     polish_rate: float = 4e-4
     polish_gan_weight: float = 0.0
-    polish_divergence_weight: float = 1.2
+    polish_divergence_weight: float = 0.6
     polish_ssim_weight: float = 2.5
     # Part of the steps before those after which the rate falls towards 0; part of all steps after which the norms' statistics stay.
     decay_from: float = 0.6

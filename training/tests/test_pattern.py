@@ -72,11 +72,11 @@ def test_the_polish_has_a_rate_and_weights_of_its_own():
     assert fast.rate_at(7000) == 4e-4 and fast.rate_at(8399) < 5e-6
     assert [astuple(fast.weights_at(step)) for step in (0, 5000, 5499, 5500, 6999, 7000)] == [
         (0.0, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3),
-        (0.5, 0.6, 4.0, 0.3), (0.5, 0.6, 4.0, 0.3), (0.0, 1.2, 4.0, 2.5),
+        (0.5, 0.6, 4.0, 0.3), (0.5, 0.6, 4.0, 0.3), (0.0, 0.6, 4.0, 2.5),
     ]
     assert astuple(TIERS["paper_msa"].weights_at(49_999)) == (1.0, 0.0, 0.0, 0.0)
     off = replace(fast, gan_weight=0.0, divergence_weight=0.0, grid_weight=0.0, ssim_weight=0.0, polish_gan_weight=0.2)
     assert [astuple(off.weights_at(step)) for step in (6000, 8000)] == [(0.0,) * 4] * 2
     # A trial has one, too.
     assert [fast.trial(12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
-    assert astuple(fast.trial(12).weights_at(11)) == (0.0, 1.2, 4.0, 2.5)
+    assert astuple(fast.trial(12).weights_at(11)) == (0.0, 0.6, 4.0, 2.5)
