@@ -140,7 +140,7 @@ fn probe(random: &mut Random) -> Probe {
 }
 
 fn settings() -> RenderSettings {
-    let mut settings = RenderSettings { paths_per_sample: RAYS, ..small(RAYS, 1) };
+    let mut settings = small(RAYS, 1);
     (settings.image.width, settings.image.height) = (64, 64);
     settings
 }

@@ -9,13 +9,16 @@
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
 @group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
 @group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
-// Power of the scatterers from dispatch to dispatch, where a frame has several: mean and deviation, two samples a vector.
+// Power of the scatterers from dispatch to dispatch, where a frame has several: mean and deviation, two samples a vector, scaled.
 @group(0) @binding(7) var<storage, read_write> powers: array<vec4<f32>>;
 
 // Samples of a thread.
 const RUN: u32 = 8u;
-// ln of an amplitude that no display shows, −347 dB; its square is a normal number.
-const LN_SILENT: f32 = -40.0;
+// ln of an amplitude that no display shows, −651 dB.
+const LN_SILENT: f32 = -75.0;
+// Powers are those of amplitudes times e⁴⁰: so the squares of all that is not silent are normal numbers.
+const LN_SCALE: f32 = 40.0;
+const UNSCALED: f32 = 4.248354255e-18;
 
 // The segment in hand.
 var<private> path: u32;
@@ -65,11 +68,11 @@ fn meet(range_mm: f32) -> Met {
     return Met(bits.x >> 15u, bits.z, phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm)));
 }
 
-// Mean and deviation of the amplitude that the path in hand gives a scatterer.
+// Mean and deviation of the amplitude that the path in hand gives a scatterer, scaled.
 fn strength(presence: u32, range_mm: f32) -> vec2<f32> {
     let ln_amplitude = s0.w - s1.w * range_mm;
     let there = presence < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SILENT;
-    return select(vec2<f32>(0.0), s2.xy * exp(max(ln_amplitude, LN_SILENT)), there);
+    return select(vec2<f32>(0.0), s2.xy * exp(max(ln_amplitude, LN_SILENT) + LN_SCALE), there);
 }
 
 fn echo(met: Met, strength: vec2<f32>) -> vec2<f32> {
@@ -120,7 +123,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     let block = first >> BLOCK_SHIFT;
-    let gain = scatterer_gain[block >> 2u][block & 3u];
+    let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
     for (var pair = 0u; pair < RUN / 2u; pair++) {
         var sum = power[pair];
         if !begins {

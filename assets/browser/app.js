@@ -232,7 +232,7 @@ listen({
   focus_down: () => controls.step("focus_mm", -5),
   tgc_reset: () => controls.resetTgc(),
   quality_low: () => controls.quality(1, 1),
-  quality_middle: () => controls.quality(8, 1),
+  quality_middle: () => controls.quality(4, 3),
   quality_high: () => controls.quality(32, 3),
   enhance: click("enhance"),
   segmentation: click("segmentation"),

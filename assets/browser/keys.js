@@ -13,7 +13,7 @@ export const SHORTCUTS = [
   [["Home"], "Home", "focus nearer", "focus_down"],
   [["t", "T"], "T", "TGC sliders to 0", "tgc_reset"],
   [["1"], "1", "low quality, 1×1", "quality_low"],
-  [["2"], "2", "8×1", "quality_middle"],
+  [["2"], "2", "4×3", "quality_middle"],
   [["3"], "3", "high quality, 32×3", "quality_high"],
   [["e", "E"], "E", "generator on, off", "enhance"],
   [["s", "S"], "S", "tissues", "segmentation"],

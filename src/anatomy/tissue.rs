@@ -20,7 +20,7 @@ pub struct Tissue {
     /// Part of the scatterer lattice's cells that hold a scatterer, 0..=1.
     #[serde(default)]
     pub scatterer_density: f64,
-    /// Mean amplitude of a scatterer, relative to a perfect reflector.
+    /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign shows in nothing.
     #[serde(default)]
     pub scatterer_mean: f64,
     /// Standard deviation of a scatterer's amplitude, relative to a perfect reflector.

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use insonify::render::{Climbed, LADDER, Preset, Quality, QualityPoint};
 
 /// What `--quality` takes.
-const ACCEPTS: &str = "fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33";
+const ACCEPTS: &str = "fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33";
 
 /// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,10 +80,10 @@ mod tests {
         assert_eq!(quality("lq"), Ok(Quality { seed: 7, ..Quality::LQ }));
         assert_eq!(quality("HQ"), Ok(Quality { seed: 7, ..Quality::HQ }));
         assert_eq!(quality("8x2"), Ok(Quality { rays: 8, layers: 2, seed: 7 }));
-        for (text, rays, layers) in [("fast", 1, 1), ("Balanced", 4, 1), ("accurate", 32, 3), ("reference", 128, 3)] {
+        for (text, rays, layers) in [("fast", 1, 1), ("Balanced", 2, 3), ("accurate", 32, 3), ("reference", 128, 3)] {
             assert_eq!(quality(text), Ok(Quality { rays, layers, seed: 7 }));
         }
-        assert!(quality("best").unwrap_err().contains("balanced (4x1)"));
+        assert!(quality("best").unwrap_err().contains("balanced (2x3)"));
         for wrong in ["", "x", "8", "8x", "0x1", "1x0", "257x1", "1x34", "-1x1", "8x2x1", "mq"] {
             assert!(quality(wrong).is_err(), "{wrong}");
         }

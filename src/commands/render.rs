@@ -28,7 +28,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
 
-    /// fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
+    /// fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
     /// 1..=33 [default: the station's own]
     #[arg(long, value_name = "QUALITY")]
     quality: Option<RaysLayers>,

@@ -30,7 +30,7 @@ pub(crate) struct ReplayArgs {
     /// Station file (TOML); `insonify station-keys` lists its keys
     pub(crate) station: PathBuf,
 
-    /// fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
+    /// fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
     /// 1..=33 [default: the recorded session's, else the station's]
     #[arg(long, value_name = "QUALITY")]
     quality: Option<RaysLayers>,

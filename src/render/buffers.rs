@@ -7,7 +7,7 @@ use crate::anatomy::Bvh;
 
 /// Stride of one batch's uniforms; every device aligns to 256 at the most.
 pub(crate) const PARAMS_STRIDE: u64 = 256;
-/// Largest buffer of segments but for the guides': within the 128 MiB that every device binds.
+/// Largest buffer of segments: within the 128 MiB that every device binds.
 const SEGMENT_BYTES_MAX: u64 = 96 << 20;
 
 const STORAGE: wgpu::BufferUsages =
@@ -291,8 +291,9 @@ pub(crate) struct BatchPlan {
 
 impl BatchPlan {
     pub(crate) fn new(scanlines: u32, rays: u32, layers: u32) -> Self {
-        let layer_bytes = u64::from(scanlines) * u64::from(rays) * u64::from(SEGMENTS) * 48;
-        let fits = (SEGMENT_BYTES_MAX / layer_bytes).clamp(1, u64::from(layers)) as u32;
+        let of_paths = |paths: u32| u64::from(scanlines) * u64::from(paths) * u64::from(SEGMENTS) * 48;
+        // Every batch has the guides, too.
+        let fits = ((SEGMENT_BYTES_MAX - of_paths(1)) / of_paths(rays)).clamp(1, u64::from(layers)) as u32;
         Self { layers_per_batch: fits, batches: layers.div_ceil(fits) }
     }
 

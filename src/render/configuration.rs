@@ -190,8 +190,8 @@ impl Configuration {
         }
     }
 
-    /// Whether `probe` and `settings` need no other tables, buffers or passes: gain, dynamic range, TGC, seed, paths a
-    /// sample, reflections and maps are uniforms, or chosen for each frame, as long as the plan stays.
+    /// Whether `probe` and `settings` need no other tables, buffers or passes: gain, dynamic range, TGC, seed,
+    /// reflections and maps are uniforms, or chosen for each frame, as long as the plan stays.
     pub(super) fn has_tables_of(&self, media: &Media, probe: &Probe, settings: &RenderSettings) -> bool {
         let mut like_these = *settings;
         let (image, mine) = (&mut like_these.image, &self.settings.image);

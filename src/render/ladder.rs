@@ -7,12 +7,13 @@ use crate::transducer::Probe;
 /// Rungs of the [`LADDER`].
 pub const RUNGS: usize = 9;
 
-/// Points that a budget chooses from, in rising cost: each has twice or three times the paths of the one before.
+/// Points that a budget chooses from, in rising cost: each has twice or three times the paths of the one before. Layers come before
+/// rays: they are nearer to the best frame for their time (README).
 pub const LADDER: [QualityPoint; RUNGS] = [
     QualityPoint::new(1, 1),
-    QualityPoint::new(2, 1),
-    QualityPoint::new(4, 1),
-    QualityPoint::new(8, 1),
+    QualityPoint::new(1, 3),
+    QualityPoint::new(2, 3),
+    QualityPoint::new(4, 3),
     QualityPoint::new(8, 3),
     QualityPoint::new(16, 3),
     QualityPoint::new(32, 3),
@@ -142,7 +143,7 @@ mod tests {
     #[test]
     fn the_best_rung_within_the_budget_is_chosen_and_one_more_measured() {
         let (found, frames) = climbed(40.0, 2.0);
-        assert_eq!((found.point(), found.chosen_ms(), found.fits()), (QualityPoint::new(8, 1), Some(26.0), true));
+        assert_eq!((found.point(), found.chosen_ms(), found.fits()), (QualityPoint::new(4, 3), Some(34.0), true));
         assert_eq!((found.frame_ms[4], found.frame_ms[5], frames), (Some(58.0), None, 5 * 4));
     }
 
@@ -168,7 +169,7 @@ mod tests {
     #[test]
     fn a_refused_rung_ends_the_ladder_and_a_fault_is_handed_on() {
         let found = climb::<()>(40.0, |point| Ok((point.rays < 4).then_some(5.0))).unwrap();
-        assert_eq!((found.point(), found.fits()), (QualityPoint::new(2, 1), true));
+        assert_eq!((found.point(), found.fits()), (QualityPoint::new(2, 3), true));
         assert_eq!(climb(40.0, |_| Err("gone")), Err("gone"));
     }
 }

@@ -58,7 +58,7 @@ pub struct UnknownPreset {
 pub enum Preset {
     /// 1 ray × 1 layer: the paper's low quality.
     Fast,
-    /// 4 rays × 1 layer: rays spread over rough interfaces, in the scan plane alone.
+    /// 2 rays × 3 layers: what lies beside the scan plane, too.
     Balanced,
     /// 32 rays × 3 layers: the paper's high quality.
     Accurate,
@@ -76,7 +76,7 @@ impl Preset {
     pub const fn point(self) -> QualityPoint {
         match self {
             Self::Fast => QualityPoint::new(1, 1),
-            Self::Balanced => QualityPoint::new(4, 1),
+            Self::Balanced => QualityPoint::new(2, 3),
             Self::Accurate => QualityPoint::new(32, 3),
             Self::Reference => QualityPoint::new(128, 3),
         }

@@ -163,10 +163,10 @@ impl Renderer {
 
     /// Goes on with another probe and other settings. The device, the scene's buffers and compiled passes are kept:
     ///
-    /// - gain, dynamic range, TGC, seed, paths a sample, reflections and maps are numbers of the next frame and cost nothing,
+    /// - gain, dynamic range, TGC, seed, reflections and maps are numbers of the next frame and cost nothing,
     ///   as long as the plan calls for the same effects;
-    /// - all else makes the tables anew and those buffers whose sizes change; what was never rendered with before (several
-    ///   paths after a single one, kept lines) is compiled, and then a frame of its own warms it up.
+    /// - all else makes the tables anew and those buffers whose sizes change; what was never rendered with before (kept
+    ///   lines) is compiled, and then a frame of its own warms it up.
     ///
     /// Frames in flight stay as they were submitted: they are received after it in their order, with their own size and
     /// maps, and none is lost. While both are held, the memory of both is used.

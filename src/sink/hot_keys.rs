@@ -61,7 +61,7 @@ pub const HOT_KEYS: &[HotKey] = &[
     key("Home", "Home", "focus nearer", Action::Focus(-5.0)),
     key("t", "T", "TGC sliders to 0", Action::TgcReset),
     key("1", "1", "low quality, 1x1", Action::Quality(Quality::LQ.rays, Quality::LQ.layers)),
-    key("2", "2", "8x1", Action::Quality(8, 1)),
+    key("2", "2", "4x3", Action::Quality(4, 3)),
     key("3", "3", "high quality, 32x3", Action::Quality(Quality::HQ.rays, Quality::HQ.layers)),
     key("e", "E", "generator on, off", Action::Enhance),
     key("f", "F", "full screen", Action::FullScreen),

@@ -141,7 +141,7 @@ pub const KEYS: &[KeyDoc] = &[
     doc("image", "tgc_db_per_cm", "dB/cm", "8.0", number(0.0, 100.0), "time-gain compensation a cm of depth"),
     doc("image", "tgc_sliders_db", "dB", "[0, 0, 0, 0, 0, 0, 0, 0]", Accepts::Numbers { count: 8, limit: 100.0 }, "gain at eight depths evenly from the face to the full depth, added to it"),
 
-    doc("quality", "preset", "", "none", Accepts::OneOf(Preset::NAMES), "rays and layers by name: 1x1, 4x1, 32x3, 128x3"),
+    doc("quality", "preset", "", "none", Accepts::OneOf(Preset::NAMES), "rays and layers by name: 1x1, 2x3, 32x3, 128x3"),
     doc("quality", "budget_ms", "ms", "none", number(1.0, 10_000.0), "time to render a frame: the best rays and layers that keep it on this machine are measured at the start, and changed while a live session runs"),
     doc("quality", "rays", "", "1", integer(1, 256), "rays per scanline and layer"),
     doc("quality", "layers", "", "1", integer(1, 33), "elevational layers"),

@@ -58,7 +58,7 @@ mod tests {
     fn a_preset_says_rays_and_layers_and_a_budget_leaves_them_open() {
         let quality = |table: &str| parse(table).unwrap().settings.quality;
         assert_eq!(quality("preset = \"fast\""), Quality::LQ);
-        assert_eq!(quality("preset = \"balanced\"\nseed = 7"), Quality { rays: 4, layers: 1, seed: 7 });
+        assert_eq!(quality("preset = \"balanced\"\nseed = 7"), Quality { rays: 2, layers: 3, seed: 7 });
         assert_eq!(quality("preset = \"accurate\""), Quality::HQ);
         assert_eq!(quality("preset = \"reference\""), Quality { rays: 128, layers: 3, seed: 0 });
         let station = parse("budget_ms = 40\nseed = 7").unwrap();

@@ -3,7 +3,7 @@
 use super::Point;
 
 /// Marks the points that no other beats: none is as fast and as near to the reference, and better in one of both. Nearness is
-/// by levels: other layers are other speckle, which no pixel forgives.
+/// by levels: other samples, scanlines and kernels are other speckle, which no pixel forgives.
 pub fn mark_front(points: &mut [Point]) {
     let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.level_rmse]).collect();
     for (point, mine) in points.iter_mut().zip(&places) {

@@ -67,8 +67,8 @@ pub struct Errors {
     pub level_rmse: f64,
     /// How much that differs with another seed, grey levels.
     pub level_rmse_spread: f64,
-    /// Root of the mean square difference of pixels, grey levels. Other layers are other speckle: it compares points with
-    /// the layers of the reference, and no others.
+    /// Root of the mean square difference of pixels, grey levels. Other samples, scanlines and kernels are other
+    /// speckle: it compares points that have those of the reference, and no others.
     pub rmse: f64,
     /// How much that differs with another seed, grey levels.
     pub rmse_spread: f64,

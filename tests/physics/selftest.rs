@@ -98,7 +98,13 @@ const DAMAGES: [Damage; 19] = [
         "ln_amplitude -= 0.5 * tissue.attenuation_np_mm * t",
         "Shadow",
     ),
-    ("a buffer that keeps the last frame", "march", "vec4<f32>(0.0), begins)", "0.5 * baseband[out + pair], begins)", "Determinism"),
+    (
+        "a buffer that keeps the last frame",
+        "march",
+        "vec4<f32>(0.0), begins)",
+        "0.5 * baseband[out + pair], begins)",
+        "Determinism",
+    ),
 ];
 
 #[test]

@@ -93,10 +93,18 @@ fn fast_media_are_read_far_aside() {
     let share_mm = |speed: f64| 0.5 * 50f64.to_radians() / 64.0 * (20.0 + 40.0 * speed / 1540.0);
     for speed in [1560.0, 4000.0] {
         let (mm, allowed_mm) = aside(speed);
+        println!("{speed} m/s: edges within {mm} mm, {allowed_mm} allowed");
         assert!((mm - share_mm(speed)).abs() < 1e-9, "{mm}");
         assert_eq!(fast(speed).plan().has(Effect::Rays), mm > allowed_mm);
     }
     assert!(fast(4000.0).plan().has(Effect::Rays), "{}", fast(4000.0).plan());
+    // Scanlines an eighth as wide.
+    let many = |speed| {
+        let mut case = fast(speed);
+        case.probe.scanlines *= 8;
+        case
+    };
+    assert!(!many(1560.0).plan().has(Effect::Rays), "{}", many(1560.0).plan());
     // Without displacement by speed shares are as wide as they look.
     let at_scale = fast(4000.0).with(Effect::SpeedDisplacement, Choice::Off);
     let Bound::Aside { mm, .. } = decision(&at_scale, Effect::Rays).bound else { panic!("{}", at_scale.plan()) };

@@ -186,6 +186,20 @@ fn the_host_shows_what_moves() {
 }
 
 #[test]
+fn losses_of_any_strength_are_their_twins() {
+    let mut wrong = Vec::new();
+    for mut case in cases() {
+        // Bone takes more than 100 dB from one sample to the next.
+        (case.probe.samples, case.probe.frequency_mhz) = (48, 15.0);
+        let snapshot = snapshot(&case, &ShaderSet::default());
+        wrong.extend(
+            ["trace", "march"].iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (case.name, e)),
+        );
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
 fn layers_in_turns_are_one_frame_of_the_host() {
     // More paths than a batch holds: 33 scanlines × 200 rays × 10 layers.
     let mut case = nested();
@@ -196,4 +210,9 @@ fn layers_in_turns_are_one_frame_of_the_host() {
     case.renderer(&ShaderSet::default()).render(&case.pose, &mut device).unwrap();
     let other = host.bmode.iter().zip(&device.bmode).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert!(other * 50 < host.bmode.len(), "{other} pixels");
+    // And as bright as one that needs no turns: without one of them it would be darker.
+    case.settings.quality.rays = 40;
+    let whole = frame(&case);
+    let mean = |frame: &Frame| frame.bmode.iter().map(|&v| f64::from(v)).sum::<f64>() / frame.bmode.len() as f64;
+    assert!((mean(&host) - mean(&whole)).abs() < 2.0, "{} and {}", mean(&host), mean(&whole));
 }

@@ -49,7 +49,7 @@ impl<'a> Again<'a> {
         self.sums.clear();
         self.sums.resize(hq.len(), 0);
         for number in 1..=self.renders {
-            // Hashed, so that the order in which rays take turns is another one, too.
+            // Hashed, so that no two differ in few bits.
             let seed = pcg3d([row.seed, number, 0])[0];
             let image = self.studio.high_quality(&station, row, seed)?;
             self.sums.iter_mut().zip(image).for_each(|(sum, &level)| *sum += u32::from(level));

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     effects: EffectArgs,
 
-    /// fast (1x1), balanced (4x1), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
+    /// fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
     /// 1..=33 [default: the station's own]
     #[arg(long, value_name = "QUALITY")]
     quality: Option<RaysLayers>,
@@ -47,7 +47,7 @@ pub(crate) struct Args {
 
 const AFTER_HELP: &str = "\
 An effect is left out where a bound on what it changes holds for every pose: exactly nothing, at most half a grey level
-(but for nulls of the speckle), or edges and speckle aside by less than half a pixel or a quarter of the beam's σ. [effects] in a station file and --effect say
+(but for nulls of the speckle), or edges aside by less than half a pixel or a quarter of the beam's σ. [effects] in a station file and --effect say
 otherwise by name: `refraction = \"off\"`, `--effect refraction=off`.
 
 Costs are measured on this machine: a few frames with and without each effect, in turns; medians. Effects without a cost

@@ -17,8 +17,7 @@ use super::store::Store;
 /// Mean change of a pixel by doubled rays below which a reference is converged, grey levels. Chosen, not derived: of 255
 /// levels for 60 dB 2 are half a dB.
 const RAYS_BOUND: f64 = 2.0;
-/// Mean change of a patch's level by the next greater number of layers below which it is, grey levels; chosen likewise. Each
-/// layer reads other scatterers, so that pixels never stop to change: other layers are other speckle.
+/// Mean change of a patch's level by the next greater number of layers below which it is, grey levels; chosen likewise.
 const LAYERS_BOUND: f64 = 2.0;
 /// Seeds, unlike those of points, so that no point shares its paths with what it is measured against.
 const SEED: u32 = 0x5eed_0000;

@@ -16,12 +16,17 @@ type Lanes = [f32; BLOCK];
 const SEGMENT: usize = 12;
 /// Those that say where its scatterers lie.
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
-/// ln of an amplitude that no display shows, −347 dB; its square is a normal number.
-const LN_SILENT: f32 = -40.0;
-/// Its square: e⁻⁸⁰.
-const SILENT_POWER: f32 = 1.804_851_4e-35;
-/// ln of the most power of a path: attenuation before its segment began may be undone where lanes lie before it.
-const LN_MOST: f32 = 80.0;
+/// ln of an amplitude that no display shows, −651 dB.
+const LN_SILENT: f32 = -75.0;
+/// Powers are those of amplitudes times e⁴⁰: so the squares of all that is not silent are normal numbers.
+const LN_SCALE: f32 = 40.0;
+const UNSCALED: f32 = 4.248_354_3e-18;
+/// Of what is silent, scaled: e⁻⁷⁰.
+const SILENT_POWER: f32 = 3.975_449_7e-31;
+/// Most that ln of the power falls over a block where one block's powers are made from those of the block before.
+const LN_FALL_MAX: f32 = 7.0;
+/// ln of the powers that are computed, scaled. Lanes that lie before their segment begins are louder than it, by a block's fall.
+const LN_POWERS: [f32; 2] = [2.0 * (LN_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
 /// Density in the lowest bits of its word.
 const TAG_DENSITY: u32 = 0x3_ffff;
 
@@ -48,7 +53,7 @@ pub(crate) struct Scatterers<'a> {
 }
 
 /// Fills, or for later layers adds to, `baseband`, complex [scanlines × row_samples]. `powers` keeps the scatterers' from batch to
-/// batch of a frame: that of mean and deviation, as many.
+/// batch of a frame: that of mean and deviation, scaled, as many.
 pub(crate) fn march(
     params: &Params,
     paths: Paths<'_>,
@@ -86,7 +91,8 @@ fn march_row_body(
     let mut place = [[0.0; BLOCK]; SEGMENT];
     let mut met: [Met; CHUNK] = std::array::from_fn(|_| Met::default());
     let mut power = [[[0.0; BLOCK]; 2]; CHUNK];
-    let chunks = row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK).zip(powers.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK));
+    let chunks =
+        row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK).zip(powers.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK));
     for ((chunk, (row, powers)), gain) in chunks.enumerate().zip(scatterers.gain.chunks(CHUNK)) {
         let first = (chunk * CHUNK * BLOCK) as u32;
         let block_at = |block: usize| first.wrapping_add((block * BLOCK) as u32);
@@ -112,7 +118,7 @@ fn march_row_body(
         for (i, ((row, powers), &gain)) in row.iter_mut().zip(powers).zip(gain).enumerate() {
             let mut sums = [[0.0; BLOCK]; 2];
             if ends {
-                met[i].echo(gain, &power[i].map(|lanes| lanes.map(f32::sqrt)), &mut sums);
+                met[i].echo(UNSCALED * gain, &power[i].map(|lanes| lanes.map(f32::sqrt)), &mut sums);
             } else {
                 for (j, powers) in powers.iter_mut().enumerate() {
                     *powers = [power[i][0][j], power[i][1][j]];
@@ -150,15 +156,17 @@ fn sound(
             let parts = [weight * mean * mean, weight * deviation * deviation];
             let begin = sample.wrapping_sub(first) as usize;
             let end = stop.wrapping_sub(first) as usize;
-            // From sample to sample, and from block to block.
             let mut now = [0.0; BLOCK];
-            let from = first.wrapping_add((begin / BLOCK * BLOCK) as u32);
-            for (i, now) in now.iter_mut().enumerate() {
-                let ln_power = 2.0 * (level - fall * range_mm(params, from.wrapping_add(i as u32)));
-                *now = exp(at_most(at_least(ln_power, 2.0 * LN_SILENT), LN_MOST));
-            }
-            let on = exp(at_least(-2.0 * fall * params.sample_spacing_mm * BLOCK as f32, 2.0 * LN_SILENT));
+            let fall_a_block = 2.0 * fall * params.sample_spacing_mm * BLOCK as f32;
+            let on = exp(-at_most(fall_a_block, LN_FALL_MAX));
             for block in begin / BLOCK..end.div_ceil(BLOCK) {
+                if block == begin / BLOCK || fall_a_block > LN_FALL_MAX {
+                    let first = first.wrapping_add((block * BLOCK) as u32);
+                    for (i, now) in now.iter_mut().enumerate() {
+                        let ln_amplitude = level - fall * range_mm(params, first.wrapping_add(i as u32));
+                        *now = exp(at_most(at_least(2.0 * (ln_amplitude + LN_SCALE), LN_POWERS[0]), LN_POWERS[1]));
+                    }
+                }
                 let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
                 let (Some(met), Some([means, deviations])) = (met.get(block), power.get_mut(block)) else { break };
                 for i in 0..BLOCK {
@@ -168,6 +176,10 @@ fn sound(
                     means[i] += parts[0] * part;
                     deviations[i] += parts[1] * part;
                     now[i] *= on;
+                }
+                // The first is the loudest.
+                if now[0] <= SILENT_POWER {
+                    break;
                 }
             }
         }
@@ -284,8 +296,7 @@ impl Met {
     fn echo(&self, gain: f32, [mean, deviation]: &[Lanes; 2], sums: &mut [Lanes; 2]) {
         let (turn, deviate) = (&self.turn, &self.deviate);
         for i in 0..BLOCK {
-            let strength =
-                [gain * (mean[i] + deviation[i] * deviate[0][i]), gain * (deviation[i] * deviate[1][i])];
+            let strength = [gain * (mean[i] + deviation[i] * deviate[0][i]), gain * (deviation[i] * deviate[1][i])];
             sums[0][i] += strength[0] * turn[0][i] - strength[1] * turn[1][i];
             sums[1][i] += strength[0] * turn[1][i] + strength[1] * turn[0][i];
         }

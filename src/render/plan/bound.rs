@@ -20,8 +20,7 @@ pub enum Bound {
         /// The same, grey levels of 255.
         grey: f64,
     },
-    /// Where each sample looks: beside its place, within a scanline's share of the sector. Edges lie, and speckle is read,
-    /// so far aside at the most.
+    /// Where each sample looks: beside its place, within a scanline's share of the sector. Edges lie so far aside at the most.
     Aside {
         /// How far, mm.
         mm: f64,
@@ -69,7 +68,7 @@ impl fmt::Display for Bound {
             Self::Level { db, grey } if *grey >= 255.0 => write!(f, "{db:.0} dB, all grey levels"),
             Self::Level { db, grey } => write!(f, "{db:.3} dB, {grey:.2} grey levels"),
             Self::Aside { mm, allowed_mm } => {
-                write!(f, "each sample read within {mm:.3} mm of its place; {allowed_mm:.3} mm is not seen")
+                write!(f, "edges within {mm:.3} mm of their place; {allowed_mm:.3} mm is not seen")
             }
             Self::Displacement { mm } => write!(f, "{mm:.2} mm"),
             Self::None { lacks } => write!(f, "none: {lacks}"),

@@ -9,7 +9,7 @@ use crate::render::RenderSettings;
 use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS, layers};
 use crate::transducer::{Probe, Sector};
 
-/// Parts of the lateral beam's σ that a sample may be read aside.
+/// Parts of the lateral beam's σ that an edge may lie aside.
 const ASIDE_OF_BEAM: f64 = 0.25;
 
 /// Most that an interface returns over its pressure reflection, its lobe and its diffuse floor together.
@@ -271,7 +271,7 @@ impl Rules<'_> {
         finding("no interface echoes, bends or reflects: one path a scanline", bound)
     }
 
-    /// How far aside a sample may be read unseen, mm: half a pixel, or a part of the beam at its narrowest.
+    /// How far aside an edge may lie unseen, mm: half a pixel, or a part of the beam at its narrowest.
     fn aside_allowed_mm(&self) -> f64 {
         let image = &self.settings.image;
         let focus_mm = self.probe.focus_mm.min(self.probe.depth_mm);
@@ -297,13 +297,17 @@ impl Rules<'_> {
         }
         if self.one_medium() {
             // Oblique layers lose more on their longer way.
-            let longer = layers(self.probe, asked).iter().map(|&[.., stretch]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
+            let longer =
+                layers(self.probe, asked).iter().map(|&[.., stretch]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
             let loss_db_mm = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(0.0, f64::max);
             let db = longer * loss_db_mm * self.probe.depth_mm;
-            let bound = match db {
-                0.0 => Bound::Exact,
-                _ if self.settings.lines => Bound::none("the loss of oblique layers in lines.npy"),
-                _ => Bound::level(db, self.settings.image.dynamic_range_db),
+            if db == 0.0 {
+                return finding("one medium all across the slice", Bound::Exact);
+            }
+            let bound = if self.settings.lines {
+                Bound::none("the loss of oblique layers in lines.npy")
+            } else {
+                Bound::level(db, self.settings.image.dynamic_range_db)
             };
             return finding(format!("one medium all across the slice; oblique layers lose {db:.3} dB more"), bound);
         }

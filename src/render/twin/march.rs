@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::trace::segment_at;
 use super::{Inputs, Layer, Path, lattice};
 
-/// ln of an amplitude that no display shows, −347 dB; its square is a normal f32.
-const LN_SILENT: f64 = -40.0;
+/// ln of an amplitude that no display shows, −651 dB.
+const LN_SILENT: f64 = -75.0;
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
