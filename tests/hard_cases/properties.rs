@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::acoustics::interface::{interface, refracted};
 use insonify::anatomy::{Mesh, Scene, Tissue, analytic};
 use insonify::pose::Pose;
-use insonify::render::{RenderSettings, ShaderSet, Snapshot};
+use insonify::render::{ShaderSet, Snapshot};
 use insonify::selftest::bench::{Bench, at, linear, silent, small};
 use insonify::transducer::{Probe, ProbeKind};
 

@@ -20,7 +20,7 @@ const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 const LN_SILENT: f32 = -75.0;
 /// Powers are those of amplitudes times e⁴⁰: so the squares of all that is not silent are normal numbers.
 const LN_SCALE: f32 = 40.0;
-const UNSCALED: f32 = 4.248_354_3e-18;
+const UNSCALED: f32 = 4.248_354e-18;
 /// Of what is silent, scaled: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
 /// Most that ln of the power falls over a block where one block's powers are made from those of the block before.
