@@ -105,7 +105,7 @@ def sliders_change_the_picture(page):
 
     page.click("#quality button:nth-child(2)")
     chosen = "return document.querySelector('#quality [aria-pressed=true]')?.dataset.rays"
-    page.wait("the middle quality", lambda: page.script(chosen) == "8")
+    page.wait("the middle quality", lambda: page.script(chosen) == "4")
     page.press("1")
     page.wait("low quality", lambda: page.script(chosen) == "1")
 
