@@ -102,9 +102,14 @@ impl Params {
         }
     }
 
-    /// Paths of a batch of `layers`: those of its rays, and the guides behind them.
+    /// Paths of a batch of `layers` that carry echoes.
+    pub(crate) fn sounding(&self, layers: u32) -> u32 {
+        self.scanlines * self.rays * layers
+    }
+
+    /// Paths of a batch of `layers`: the guides behind those that carry echoes.
     pub(crate) fn paths(&self, layers: u32) -> u32 {
-        self.scanlines * self.rays * layers + self.guides
+        self.sounding(layers) + self.guides
     }
 
     /// Places the probe.

@@ -125,7 +125,7 @@ class StemNet(nn.Module):
         self.shapes = [stride * stride] if image is None else [stride * stride, (stride // self.GAIN_PX) ** 2]
         self.head = Conv(widths[0], sum(self.shapes), 1, padding=0, norm="none")
         if image is not None:
-            # At first half of the image. From the image itself training doesn't start: nothing asks its features for anything.
+            # At first half of the image: a training that began at the image itself never left it.
             with torch.no_grad():
                 self.head[0].bias[self.shapes[0] :] = 0.5
 

@@ -14,7 +14,7 @@ const CHUNK: usize = 32;
 type Lanes = [f32; BLOCK];
 /// Numbers of a segment.
 const SEGMENT: usize = 12;
-/// Those that say where its scatterers lie.
+/// Those that say where its scatterers lie: origin and step.
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 /// ln of an amplitude that no display shows, −651 dB.
 const LN_SILENT: f32 = -75.0;
@@ -86,9 +86,8 @@ fn march_row_body(
     let begins = params.layer_first == 0;
     let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
     // Where scatterers lie the guide says for all; the only path of a scanline is its own.
-    let sounding = if params.guides == 0 { 0 } else { params.layer_count * params.scanlines * params.rays };
+    let sounding = if params.guides == 0 { 0 } else { params.sounding(params.layer_count) };
     let guide = sounding.wrapping_add(line);
-    let mut place = [[0.0; BLOCK]; SEGMENT];
     let mut met: [Met; CHUNK] = std::array::from_fn(|_| Met::default());
     let mut power = [[[0.0; BLOCK]; 2]; CHUNK];
     let chunks =
@@ -97,8 +96,7 @@ fn march_row_body(
         let first = (chunk * CHUNK * BLOCK) as u32;
         let block_at = |block: usize| first.wrapping_add((block * BLOCK) as u32);
         for (block, met) in met.iter_mut().enumerate().take(row.len()) {
-            load(params, paths, guide, block_at(block), PLACE, &mut place);
-            met.find(params, scatterers.cell_mm, &place, block_at(block));
+            met.find(params, scatterers.cell_mm, &places(params, paths, guide, block_at(block)), block_at(block));
         }
         for (power, before) in power.iter_mut().zip(powers.iter()) {
             for (i, before) in before.iter().enumerate() {
@@ -203,30 +201,22 @@ fn first_beyond(params: &Params, end_mm: f32, sample: u32, last: u32) -> u32 {
     stop
 }
 
-/// Loads the numbers `of` of a path's segments at a block's samples. Two samples share a segment.
+/// Origin and step of a path's segments at a block's samples. Two samples share a segment.
 #[inline(always)]
-fn load<const N: usize>(
-    params: &Params,
-    paths: &Paths<'_>,
-    path: u32,
-    first: u32,
-    of: [usize; N],
-    lanes: &mut [Lanes; SEGMENT],
-) {
+fn places(params: &Params, paths: &Paths<'_>, path: u32, first: u32) -> [Lanes; PLACE.len()] {
     let (end_mm, segment) = seek(params, paths, path, first);
     if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
-        for at in of {
-            lanes[at] = [segment[at]; BLOCK];
-        }
-        return;
+        return PLACE.map(|at| [segment[at]; BLOCK]);
     }
+    let mut lanes = [[0.0; BLOCK]; PLACE.len()];
     for pair in 0..BLOCK / 2 {
         let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
-        for at in of {
-            lanes[at][2 * pair] = segment[at];
-            lanes[at][2 * pair + 1] = segment[at];
+        for (lane, at) in lanes.iter_mut().zip(PLACE) {
+            lane[2 * pair] = segment[at];
+            lane[2 * pair + 1] = segment[at];
         }
     }
+    lanes
 }
 
 /// Where the segment of a path that holds `sample` ends, and the segment.
@@ -261,10 +251,10 @@ struct Met {
 }
 
 impl Met {
-    /// Takes the cells of the segments whose places `lanes` hold.
+    /// Takes the cells of segments, of origin and step.
     #[inline(always)]
-    fn find(&mut self, params: &Params, cell_mm: f32, lanes: &[Lanes; SEGMENT], first: u32) {
-        let [x0, y0, z0, _, dx, dy, dz, ..] = lanes;
+    fn find(&mut self, params: &Params, cell_mm: f32, places: &[Lanes; PLACE.len()], first: u32) {
+        let [x0, y0, z0, dx, dy, dz] = places;
         let per_mm = 1.0 / cell_mm;
         for i in 0..BLOCK {
             let range_mm = range_mm(params, first.wrapping_add(i as u32));
