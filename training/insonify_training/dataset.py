@@ -112,11 +112,12 @@ def _mask(path, shape):
 
 
 @lru_cache(maxsize=64)
-def _origins(path, shape, crop, min_inside):
-    """Origins [n, 2] (row, column) on the grid at which enough of a crop is inside the sector."""
-    inside = (_mask(path, shape) > 0).astype(np.float64)
+def _origins(path, shape, crop, min_inside, border):
+    """Origins [n, 2] (row, column) on the grid at which enough of a crop is inside the sector; in a picture with `border` pixels of
+    outside on every side."""
+    inside = np.pad(_mask(path, shape) > 0, border).astype(np.float64)
     table = np.pad(inside.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
-    rows, columns = shape[0] - crop, shape[1] - crop
+    rows, columns = np.subtract(inside.shape, crop)
     y, x = np.mgrid[0 : rows + 1 : GRID_PX, 0 : columns + 1 : GRID_PX]
     area = table[y + crop, x + crop] - table[y, x + crop] - table[y + crop, x] + table[y, x]
     enough = area >= min(min_inside * crop * crop, area.max())
@@ -131,12 +132,24 @@ class Batch:
     mask: np.ndarray
 
 
-class Crops:
-    """Square crops of one split. What batch `step` holds depends on seed and step only, whatever was drawn before."""
+def _cut(picture, y, x, side):
+    """`side` x `side` pixels of `picture` [..., h, w] from (y, x) on, 0 where that is beyond it."""
+    out = np.zeros((*picture.shape[:-2], side, side), dtype=picture.dtype)
+    top, left = max(y, 0), max(x, 0)
+    part = picture[..., top : max(y + side, 0), left : max(x + side, 0)]
+    out[..., top - y : top - y + part.shape[-2], left - x : left - x + part.shape[-1]] = part
+    return out
 
-    def __init__(self, dataset, split, crop, batch, seed, flip=True, min_inside=0.25):
+
+class Crops:
+    """Square crops of one split. What batch `step` holds depends on seed and step only, whatever was drawn before.
+
+    They reach up to `border` pixels beyond the picture: what lies there is outside, as the station pads a field of view.
+    """
+
+    def __init__(self, dataset, split, crop, batch, seed, flip=True, min_inside=0.25, border=0):
         self.dataset, self.crop, self.batch, self.seed = dataset, crop, batch, seed
-        self.flip, self.min_inside = flip, min_inside
+        self.flip, self.min_inside, self.border = flip, min_inside, border
         self.rows = dataset.split(split)
         if not self.rows:
             raise DatasetError(f"{dataset.directory}: no rows of split `{split}`")
@@ -152,14 +165,13 @@ class Crops:
         for i in range(self.batch):
             row = self.rows[random.integers(len(self.rows))]
             size = (row.size[1], row.size[0])
-            origins = _origins(self.dataset.directory / row.mask, size, self.crop, self.min_inside)
+            origins = _origins(self.dataset.directory / row.mask, size, self.crop, self.min_inside, self.border)
             origin = origins[random.integers(len(origins))] + random.integers(GRID_PX, size=2)
-            y, x = np.minimum(origin, np.subtract(size, self.crop))
-            at = np.s_[y : y + self.crop, x : x + self.crop]
+            y, x = np.minimum(origin, np.subtract(size, self.crop) + 2 * self.border) - self.border
             # Mirroring left and right swaps the ends of the fan: as good a frame of the mirrored body.
             mirror = np.s_[..., ::-1] if self.flip and random.random() < 0.5 else np.s_[...]
-            planes[i] = self.dataset.planes(row)[(slice(None), *at)][mirror]
-            mask[i, 0] = self.dataset.mask(row)[at][mirror]
+            planes[i] = _cut(self.dataset.planes(row), y, x, self.crop)[mirror]
+            mask[i, 0] = _cut(self.dataset.mask(row), y, x, self.crop)[mirror]
         return Batch(planes, mask)
 
     def stream(self, start, end, threads=1, ahead=4):

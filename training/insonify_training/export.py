@@ -41,7 +41,7 @@ def load_run(folder, data):
     trainer.load(state)
     config = trainer.config
     if trainer.step < config.freeze_from * config.steps and config.norm != "none":
-        crops = Crops(data, "train", config.crop, config.batch, config.seed + 1, config.flip)
+        crops = Crops(data, "train", config.crop, config.batch, config.seed + 1, config.flip, border=config.border)
         trainer.calibrate(crops.at(step) for step in range(CALIBRATION_BATCHES))
     freeze(trainer.average)
     return trainer, state.get("data_sha256")

@@ -55,6 +55,8 @@ def configure(args):
     config = replace(tier, **{k: v for k, v in given.items() if v is not None})
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
+    if config.border < 0:
+        raise SystemExit(f"--border {config.border}: 0 or more pixels")
     if max(config.histogram_weight, config.divergence_weight, config.grid_weight) > 0 and config.crop < 2 * PATCH:
         raise SystemExit(f"--crop {config.crop}: histograms are of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
     return config
@@ -199,7 +201,7 @@ def main(argv=None):
     torch.set_num_threads(args.threads)
     try:
         data = Dataset(args.data)
-        crops = Crops(data, "train", config.crop, config.batch, config.seed, config.flip)
+        crops = Crops(data, "train", config.crop, config.batch, config.seed, config.flip, border=config.border)
         # A data set that is still being written may have no test rows yet.
         split = "test" if data.split("test") else "train"
         test = Crops(data, split, config.crop, TEST_CROPS, TEST_SEED, flip=False, min_inside=0.5).at(0)

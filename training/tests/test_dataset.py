@@ -28,6 +28,26 @@ def test_crops_hold_enough_of_the_sector_and_stay_aligned(data):
         assert not batch.planes.transpose(1, 0, 2, 3)[:, ~inside].any()
 
 
+def test_crops_may_hold_what_lies_beyond_the_picture(data):
+    rows = data.split("train")
+    height, width = data.mask(rows[0]).shape
+    crops = Crops(data, "train", 48, 4, seed=1, flip=False, min_inside=0.05, border=20)
+    whole = {row.index: np.pad(data.planes(row), ((0, 0), (20, 20), (20, 20))) for row in rows}
+    views = [np.lib.stride_tricks.sliding_window_view(p, (4, 48, 48))[0] for p in whole.values()]
+    beyond = 0
+    for step in range(6):
+        batch = crops.at(step)
+        assert not batch.planes.transpose(1, 0, 2, 3)[:, batch.mask[:, 0] == 0].any()
+        for planes in batch.planes:
+            # Each crop is a piece of a padded picture.
+            places = [np.argwhere((v[:, :, :, ::6, ::6] == planes[:, ::6, ::6]).all((2, 3, 4))) for v in views]
+            places = [p for p in places if len(p)]
+            assert places
+            y, x = places[0][0]
+            beyond += y < 20 or x < 20 or y + 48 > height + 20 or x + 48 > width + 20
+    assert beyond > 3
+
+
 def test_half_a_last_line_is_ignored_and_any_other_is_an_error(data_dir, tmp_path):
     copy = shutil.copytree(data_dir, tmp_path / "set")
     manifest = copy / "manifest.jsonl"

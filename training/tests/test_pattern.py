@@ -58,18 +58,18 @@ def test_a_folder_without_a_run_is_named(data_dir, tmp_path):
 
 def test_phases_cover_all_steps():
     fast = TIERS["fast_msa"]
-    assert phases(fast) == [(4000, 0), (1500, 4000), (1500, 5500), (1400, 7000)]
+    assert phases(fast) == [(4000, 0), (1500, 4000), (1500, 5500), (5000, 7000)]
     assert phases(TIERS["classic_msa"]) == [(6000, 0), (4500, 6000)]
     assert phases(fast.trial(12)) == [(6, 0), (3, 6), (3, 9)]
     # Where the polish changes weights alone, nothing comes or goes.
-    assert phases(replace(fast, polish_gan_weight=0.2)) == [(4000, 0), (1500, 4000), (2900, 5500)]
+    assert phases(replace(fast, polish_gan_weight=0.2)) == [(4000, 0), (1500, 4000), (6500, 5500)]
 
 
 def test_the_polish_has_a_rate_and_weights_of_its_own():
     fast = TIERS["fast_msa"]
     assert [fast.rate_at(step) for step in (0, 4200)] == [7e-4, 7e-4]
     assert fast.rate_at(6999) < 1e-5
-    assert fast.rate_at(7000) == 4e-4 and fast.rate_at(8399) < 5e-6
+    assert fast.rate_at(7000) == 6e-4 and fast.rate_at(11_999) < 7e-6
     assert [astuple(fast.weights_at(step)) for step in (0, 5000, 5499, 5500, 6999, 7000)] == [
         (0.0, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3), (0.5, 0.0, 0.0, 0.3),
         (0.5, 0.6, 4.0, 0.3), (0.5, 0.6, 4.0, 0.3), (0.0, 0.6, 4.0, 2.5),

@@ -21,7 +21,7 @@ def run(data_dir, out, *flags):
 @pytest.fixture(scope="module")
 def trained(data_dir, tmp_path_factory):
     out = tmp_path_factory.mktemp("run") / "tiny"
-    assert run(data_dir, out, "--steps", "150", "--warmup", "100") == 0
+    assert run(data_dir, out, "--steps", "150", "--warmup", "100", "--polish", "30") == 0
     return out
 
 
