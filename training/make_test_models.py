@@ -286,10 +286,15 @@ def parity_planes(height=40, width=36, brightest=255):
     return np.stack([image, classes, attenuation, mask * 255.0]).astype(np.float32)
 
 
+def margins(n, multiple):
+    """What `n` pixels are padded by, before and behind, to a multiple: half and half, the odd one behind."""
+    missing = -n % multiple
+    return missing // 2, missing - missing // 2
+
+
 def tensor(generator, planes):
-    """The model's input: normalised, padded at right and bottom by what is outside the sector: zeros before that."""
-    height, width = planes.shape[1:]
-    padding = ((0, 0), (0, -height % generator.multiple), (0, -width % generator.multiple))
+    """The model's input: normalised, amid what is outside the sector: zeros before that."""
+    padding = ((0, 0), *(margins(n, generator.multiple) for n in planes.shape[1:]))
     # The class `outside` is the first.
     image, classes, attenuation, mask = np.pad(planes.astype(np.float64), padding)
     raw = {"image": image / 255, "mask": mask / 255, "attenuation": attenuation, "segmentation": classes}
@@ -305,8 +310,9 @@ def tensor(generator, planes):
 def levels(generator, planes):
     """The grey levels expected of the generator, not rounded, 0 outside of the mask."""
     (output,) = ReferenceEvaluator(generator.model).run(None, {"input": tensor(generator, planes)})
+    top, left = (margins(n, generator.multiple)[0] for n in planes.shape[1:])
     height, width = planes.shape[1:]
-    unit = output[0, 0, :height, :width].astype(np.float64) * generator.output["scale"] + generator.output["offset"]
+    unit = output[0, 0, top : top + height, left : left + width].astype(np.float64) * generator.output["scale"] + generator.output["offset"]
     return (np.clip(unit * 255, 0, 255) * (planes[3] > 0)).astype(np.float32)
 
 

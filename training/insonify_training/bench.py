@@ -1,7 +1,8 @@
 """Times models at the full field of view: ONNX Runtime beside PyTorch and, where installed, OpenVINO, same weights.
 
-`python -m insonify_training.bench MODEL.onnx...` times exported models in ONNX Runtime and OpenVINO;
-`python -m insonify_training.bench --network stride8 --channels 4` times an untrained network in PyTorch too.
+`python -m insonify_training.bench --data DIR RUN...` times trained networks by their runs' folders;
+`python -m insonify_training.bench MODEL.onnx...` times exported models, for which there is no PyTorch;
+`python -m insonify_training.bench --network stride8 --channels 4` times an untrained network.
 """
 
 import argparse
@@ -14,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from .export import session, write_onnx
+from .dataset import Dataset, DatasetError
+from .export import ExportError, load_run, session, write_onnx
 from .networks import fold, make
 
 
@@ -70,7 +72,8 @@ def in_torch(network, x, threads):
 def main(argv=None):
     """The command."""
     p = argparse.ArgumentParser(prog="insonify-generator-bench", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    p.add_argument("models", nargs="*", type=Path, help="exported models, each with its manifest beside it")
+    p.add_argument("models", nargs="*", type=Path, help="folders of runs, and exported models with their manifests beside them")
+    p.add_argument("--data", type=Path, help="data set that the runs were trained on")
     p.add_argument("--network", action="append", default=[], help="time this network untrained; may be given again")
     p.add_argument("--channels", type=int, default=4, help="input channels of --network [default: 4]")
     p.add_argument("--size", default="1386x1000", help="field of view, px [default: 1386x1000]")
@@ -78,6 +81,9 @@ def main(argv=None):
     p.add_argument("--runs", type=int, default=20)
     p.add_argument("--skip-torch", action="store_true")
     args = p.parse_args(argv)
+    runs = [path for path in args.models if path.is_dir()]
+    if runs and args.data is None:
+        raise SystemExit("--data is missing: a run's channels are those of its data set")
     size = tuple(map(int, args.size.split("x")))
     random = np.random.default_rng(1)
     print(f"{'model':24} {'input':>16} {'runtime':12} {'min ms':>8} {'median ms':>10}")
@@ -89,17 +95,26 @@ def main(argv=None):
             print(f"{name:24} {shape:>16} {runtime:12} {min(times):8.1f} {statistics.median(times):10.1f}", flush=True)
 
     with tempfile.TemporaryDirectory() as folder:
-        for name in args.network:
-            torch.manual_seed(1)
-            network = fold(make(name, args.channels, image=0))
+
+        def compare(name, network, channels):
             path = Path(folder) / f"{name}.onnx"
-            write_onnx(network, args.channels, path)
-            x = random.random((1, args.channels, *shape_for(size, network.padding_multiple)), dtype=np.float32)
+            write_onnx(network, channels, path)
+            x = random.random((1, channels, *shape_for(size, network.padding_multiple)), dtype=np.float32)
             line(name, x, "onnxruntime", in_ort(path, x, args.threads))
             line(name, x, "openvino", in_openvino(path, x, args.threads))
             if not args.skip_torch:
                 line(name, x, "pytorch", in_torch(network, x, args.threads))
-        for path in args.models:
+
+        for name in args.network:
+            torch.manual_seed(1)
+            compare(name, fold(make(name, args.channels, image=0)), args.channels)
+        try:
+            for run in runs:
+                trainer, _ = load_run(run, Dataset(args.data))
+                compare(run.name, fold(trainer.average), trainer.encode.channels)
+        except (ExportError, DatasetError) as error:
+            raise SystemExit(str(error)) from None
+        for path in (path for path in args.models if path not in runs):
             import tomllib
 
             manifest = tomllib.loads(path.with_suffix(".toml").read_text(encoding="utf-8"))

@@ -53,7 +53,7 @@ def main(argv=None):
         mask = torch.from_numpy(mask)[None, None].float()
         for name, values in seen.items():
             made = lq if name == "LQ" else oracle(lq, hq, mask, name)
-            values.append((psnr_db(made, hq).item(), 100 * ssim(made, hq).item()))
+            values.append((psnr_db(made, hq, mask).item(), 100 * ssim(made, hq, mask).item()))
     means = {name: np.mean(values, 0) for name, values in seen.items()}
     for name, (psnr, similarity) in means.items():
         what = "LQ" if name == "LQ" else f"oracle of {name} px"

@@ -64,6 +64,10 @@ def order(tissues):
     return [t.name for t in sorted(tissues.values(), key=key)]
 
 
+# How the segmentation may become channels.
+ENCODINGS = ("map", "classes")
+
+
 @dataclass(frozen=True)
 class Segmentation:
     """How the segmentation becomes channels."""
@@ -85,7 +89,7 @@ class Segmentation:
         if encoding == "classes":
             of = {name: tissues[name].group for name in order(tissues)}
             return cls("classes", GROUPS, of, tissues[OTHER].group)
-        raise ValueError(f"segmentation is `{encoding}`; it must be `map` or `classes`")
+        raise ValueError(f"segmentation is `{encoding}`; it must be one of {', '.join(ENCODINGS)}")
 
     @property
     def channels(self):

@@ -64,7 +64,12 @@ class Dataset:
         manifests = sorted(self.directory.glob("manifest*.jsonl"))
         if not header.is_file() or not manifests:
             raise DatasetError(f"{self.directory}: no data set: dataset.json and manifest*.jsonl must be there")
-        described = json.loads(header.read_text(encoding="utf-8"))
+        try:
+            described = json.loads(header.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise DatasetError(f"{header}: no JSON: {error}") from None
+        if not isinstance(described, dict) or not isinstance(described.get("classes"), list):
+            raise DatasetError(f"{header}: must be an object that names its classes")
         if described.get("format") != 1:
             raise DatasetError(f"{header}: format is {described.get('format')}; this reads 1")
         self.classes = list(described["classes"])
@@ -72,7 +77,12 @@ class Dataset:
             raise DatasetError(f"{header}: classes must be at most 256 names, the first `outside`")
         # The byte is 255 x a^power of the attenuation a.
         self.attenuation_power = float(described.get("attenuation_power", 1.0))
-        rows = {row.index: row for path in manifests for row in _parse_rows(path)}
+        rows = {}
+        for path in manifests:
+            for row in _parse_rows(path):
+                if row.index in rows:
+                    raise DatasetError(f"{path}: tuple {row.index} is in the manifests twice")
+                rows[row.index] = row
         self.rows = [rows[index] for index in sorted(rows)]
         shared = {row.exam for row in self.split("train")} & {row.exam for row in self.split("test")}
         if shared:

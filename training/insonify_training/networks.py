@@ -11,6 +11,8 @@ import torch.nn.functional as F
 from torch import nn
 
 EPS = 1e-5
+# `none` makes no norm at all.
+NORMS = ("none", "instance", "batch")
 # Statistics are followed on every so many training passes, by this part: they change slowly, and reading them costs.
 FOLLOW_EVERY, MOMENTUM = 4, 0.02
 
@@ -23,6 +25,8 @@ class Norm(nn.Module):
 
     def __init__(self, channels, kind):
         super().__init__()
+        if kind not in NORMS:
+            raise ValueError(f"norm is `{kind}`; it must be one of {', '.join(NORMS)}")
         self.kind = kind
         self.weight, self.bias = nn.Parameter(torch.ones(channels)), nn.Parameter(torch.zeros(channels))
         self.register_buffer("mean", torch.zeros(channels))
@@ -192,5 +196,5 @@ def make(network, channels, norm="instance", image=None):
     elif network.startswith("unet") and network[4:].isdigit():
         made = UNet(channels, int(network[4:]), norm)
     else:
-        raise ValueError(f"network is `{network}`; it must be stride8, stride4 or unetN (N: channels of the first level)")
+        raise ValueError(f"network {network}: it must be stride8, stride4 or unetN (N: channels of the first level)")
     return made

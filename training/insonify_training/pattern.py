@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from .dataset import HQ, LQ, Dataset, DatasetError
-from .export import load_run, padded
+from .export import ExportError, load_run, padded, place
 from .quality import blur_matrix
 
 PERIOD, TILE = 8, 64
@@ -54,12 +54,8 @@ def main(argv=None):
         rows = data.split("test")
         if not rows:
             raise SystemExit(f"{args.data}: no test rows")
-        trainers = {}
-        for run in args.runs:
-            if not (run / "checkpoint.pt").is_file():
-                raise SystemExit(f"{run}: no run: checkpoint.pt must be there")
-            trainers[str(run)] = load_run(run, data)[0]
-    except DatasetError as error:
+        trainers = {str(run): load_run(run, data)[0] for run in args.runs}
+    except (DatasetError, ExportError) as error:
         raise SystemExit(str(error)) from None
     rows = [rows[i] for i in np.linspace(0, len(rows) - 1, min(args.limit, len(rows))).astype(int)]
     sums = {name: np.zeros(2) for name in ("LQ", "HQ", *trainers)}
@@ -70,9 +66,10 @@ def main(argv=None):
             sums[name] += variances(torch.from_numpy(planes[plane]).float(), inside)
         for name, trainer in trainers.items():
             inputs, _, _ = trainer.encode(planes[None], np.array(mask)[None, None])
+            multiple = trainer.average.padding_multiple
             with torch.no_grad():
-                output = trainer.average(padded(inputs, trainer.average.padding_multiple, trainer.encode.outside))
-            made = output[0, 0, : mask.shape[0], : mask.shape[1]].clamp(0, 1) * 255 * inside
+                output = trainer.average(padded(inputs, multiple, trainer.encode.outside))
+            made = output[(0, 0, *place(mask.shape, multiple)[1])].clamp(0, 1) * 255 * inside
             sums[name] += variances(made, inside)
     for name, (pattern, detail) in sums.items():
         print(f"{name:16} {100 * pattern / detail if detail else 0:5.2f} % of the fine detail stands still in {PERIOD} x {PERIOD} px")

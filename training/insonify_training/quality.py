@@ -5,11 +5,16 @@ import torch
 from .patches import BINS, divergence, parts, patches
 
 
-def psnr_db(output, target):
-    """Peak signal-to-noise ratio of each picture [n, 1, h, w] within 0..=1, after rounding to grey levels: dB."""
+def psnr_db(output, target, mask):
+    """Peak signal-to-noise ratio of each picture [n, 1, h, w] within 0..=1 inside `mask`, after rounding to grey levels: dB."""
     output, target = (torch.round(x.float().clamp(0, 1) * 255) for x in (output, target))
-    error = (output - target).square().mean((1, 2, 3)).clamp_min(1e-10)
+    error = inside((output - target).square(), mask).clamp_min(1e-10)
     return 10 * torch.log10(255.0**2 / error)
+
+
+def inside(values, mask):
+    """Mean of each picture's `values` [n, 1, h, w] where `mask` is 1."""
+    return (values * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clamp_min(1)
 
 
 def pkl(output, target, mask):
@@ -28,9 +33,9 @@ def pkl(output, target, mask):
     return (each * inside).sum(1) / inside.sum(1).clamp_min(1)
 
 
-def ssim(output, target):
-    """Structural similarity of each picture, 0..=1: MATLAB's defaults (Gaussian of 1.5 px, 11 x 11, edges repeated)."""
-    return similarity(*(torch.round(p.float().clamp(0, 1) * 255) for p in (output, target)))
+def ssim(output, target, mask):
+    """Structural similarity of each picture inside `mask`, 0..=1: MATLAB's defaults (Gaussian of 1.5 px, 11 x 11, edges repeated)."""
+    return inside(similarity_map(*(torch.round(p.float().clamp(0, 1) * 255) for p in (output, target))), mask)
 
 
 def blur_matrix(n, sigma, reach, device="cpu"):
@@ -45,12 +50,16 @@ def blur_matrix(n, sigma, reach, device="cpu"):
 
 def similarity(x, y):
     """Structural similarity of each picture of levels 0..=255, with a gradient."""
+    return similarity_map(x, y).mean((1, 2, 3))
+
+
+def similarity_map(x, y):
+    """Structural similarity about each pixel of pictures of levels 0..=255, with a gradient."""
     down, across = (blur_matrix(n, 1.5, 5, x.device) for n in x.shape[-2:])
     mean_x, mean_y, xx, yy, xy = (down @ torch.cat((x, y, x * x, y * y, x * y)) @ across.T).chunk(5)
     variance_x, variance_y = xx - mean_x.square(), yy - mean_y.square()
     covariance = xy - mean_x * mean_y
     c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
-    ratio = ((2 * mean_x * mean_y + c1) * (2 * covariance + c2)) / (
+    return ((2 * mean_x * mean_y + c1) * (2 * covariance + c2)) / (
         (mean_x.square() + mean_y.square() + c1) * (variance_x + variance_y + c2)
     )
-    return ratio.mean((1, 2, 3))

@@ -117,6 +117,7 @@ PIX2PIX = Config(
     norm="instance",
     rate=2e-4,
     clip=0.0,
+    border=0,
     steps=10500,
     polish=0,
     gan_weight=1.0,

@@ -14,7 +14,10 @@ from pathlib import Path
 
 import torch
 
+from .channels import VARIANTS
+from .classes import ENCODINGS
 from .dataset import LQ, Crops, Dataset, DatasetError
+from .networks import NORMS, make
 from .patches import PATCH
 from .quality import pkl, psnr_db, ssim
 from .sheets import loss_plot, sample_sheet
@@ -53,6 +56,16 @@ def configure(args):
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     tier = TIERS[args.tier] if args.trial is None else TIERS[args.tier].trial(args.trial)
     config = replace(tier, **{k: v for k, v in given.items() if v is not None})
+    choices = {"variant": list(VARIANTS), "segmentation": list(ENCODINGS), "norm": list(NORMS)}
+    for name, known in choices.items():
+        if getattr(config, name) not in known:
+            raise SystemExit(f"--{name} {getattr(config, name)}: it must be one of {', '.join(known)}")
+    try:
+        multiple = make(config.network, 1).padding_multiple
+    except ValueError as error:
+        raise SystemExit(f"--{error}") from None
+    if config.crop % multiple != 0:
+        raise SystemExit(f"--crop {config.crop}: {config.network} takes multiples of {multiple} pixels")
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
     if config.border < 0:
@@ -65,12 +78,15 @@ def configure(args):
 class Run:
     """The files of a run."""
 
-    def __init__(self, folder, config, data):
+    def __init__(self, folder):
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         self.checkpoint, self.log_path = folder / "checkpoint.pt", folder / "log.jsonl"
+
+    def keep_config(self, config, data):
+        """Writes what is trained, and on what."""
         text = json.dumps({"config": config.to_dict(), "data": str(data.directory.resolve())}, indent=2)
-        (folder / "config.json").write_text(text + "\n", encoding="utf-8")
+        (self.folder / "config.json").write_text(text + "\n", encoding="utf-8")
 
     def log(self, **row):
         """Appends a row to the log."""
@@ -108,10 +124,10 @@ def examine(trainer, batch, run):
     output, target, mask = trainer.generate(batch)
     lq = torch.from_numpy(batch.planes[:, LQ : LQ + 1]).to(target).mul(1 / 255) * mask
     row = {
-        "psnr_db": round(psnr_db(output, target).mean().item(), 3),
-        "ssim": round(ssim(output, target).mean().item(), 4),
-        "psnr_lq_db": round(psnr_db(lq, target).mean().item(), 3),
-        "ssim_lq": round(ssim(lq, target).mean().item(), 4),
+        "psnr_db": round(psnr_db(output, target, mask).mean().item(), 3),
+        "ssim": round(ssim(output, target, mask).mean().item(), 4),
+        "psnr_lq_db": round(psnr_db(lq, target, mask).mean().item(), 3),
+        "ssim_lq": round(ssim(lq, target, mask).mean().item(), 4),
         "pkl": round(pkl(output, target, mask).mean().item(), 4),
         "pkl_lq": round(pkl(lq, target, mask).mean().item(), 4),
     }
@@ -213,9 +229,10 @@ def main(argv=None):
         print(f"not in insonify's table, taken for {trainer.segmentation.other}: {', '.join(unknown)}", file=sys.stderr)
     if split == "train":
         print("no test rows yet: figures and sheet are of training crops", file=sys.stderr)
-    run = Run(args.out or Path("runs") / args.tier, config, data)
+    run = Run(args.out or Path("runs") / args.tier)
     data_sha256 = data.sha256()
     resume(trainer, run, config, data_sha256)
+    run.keep_config(config, data)
     weights = sum(p.numel() for p in trainer.generator.parameters())
     print(
         f"{run.folder}: {config.network} {config.variant}, {weights / 1e6:.2f} M weights; {len(crops.rows)} tuples; "

@@ -69,6 +69,18 @@ def test_shards_are_read_together(data_dir, tmp_path):
     assert Dataset(copy).sha256() == Dataset(data_dir).sha256()
 
 
+def test_a_tuple_that_comes_twice_and_a_broken_header_are_errors(data_dir, tmp_path):
+    copy = shutil.copytree(data_dir, tmp_path / "set")
+    first = (copy / "manifest.jsonl").read_text().splitlines(keepends=True)[0]
+    (copy / "manifest.00001-of-00002.jsonl").write_text(first)
+    with pytest.raises(DatasetError, match="twice"):
+        Dataset(copy)
+    for text, word in (("{", "no JSON"), ("[]", "classes")):
+        (copy / "dataset.json").write_text(text)
+        with pytest.raises(DatasetError, match=word):
+            Dataset(copy)
+
+
 def test_an_exam_in_both_splits_is_refused(data_dir, tmp_path):
     copy = shutil.copytree(data_dir, tmp_path / "set")
     manifest = copy / "manifest.jsonl"

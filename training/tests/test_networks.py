@@ -91,7 +91,7 @@ def test_dissimilarity_leads_to_the_target():
     assert abs(losses.dissimilarity(target, target)) < 1e-6
     # As `ssim`, but for the rounding.
     other = 0.6 * target + 0.3
-    assert losses.dissimilarity(other, target).item() == pytest.approx(1 - ssim(other, target).mean().item(), abs=1e-3)
+    assert losses.dissimilarity(other, target).item() == pytest.approx(1 - ssim(other, target, torch.ones_like(target)).mean().item(), abs=1e-3)
     guess = torch.full_like(target, 0.5, requires_grad=True)
     before = losses.dissimilarity(guess, target)
     before.backward()
@@ -111,9 +111,17 @@ def test_an_oracle_knows_what_it_is_told():
 
 def test_quality_of_known_pictures():
     x = torch.rand(2, 1, 32, 32)
-    assert ssim(x, x).tolist() == pytest.approx([1.0, 1.0])
+    everywhere = torch.ones_like(x)
+    assert ssim(x, x, everywhere).tolist() == pytest.approx([1.0, 1.0])
     grey = torch.full((1, 1, 16, 16), 100 / 255)
-    assert psnr_db(grey, grey + 10 / 255).item() == pytest.approx(28.13, abs=0.01)
+    everywhere = torch.ones_like(grey)
+    assert psnr_db(grey, grey + 10 / 255, everywhere).item() == pytest.approx(28.13, abs=0.01)
     # Of constants only the means differ: (2ab + c1) / (a² + b² + c1).
     a, b, c1 = 100.0, 110.0, 2.55**2
-    assert ssim(grey, grey + 10 / 255).item() == pytest.approx((2 * a * b + c1) / (a * a + b * b + c1), abs=1e-4)
+    assert ssim(grey, grey + 10 / 255, everywhere).item() == pytest.approx((2 * a * b + c1) / (a * a + b * b + c1), abs=1e-4)
+    # What is outside doesn't count, however black it is in both.
+    mask = (torch.arange(16) < 8).float().expand(1, 1, 16, 16)
+    half = torch.where(mask > 0, grey + 10 / 255, grey)
+    assert psnr_db(half, grey, mask).item() == pytest.approx(28.13, abs=0.01)
+    assert psnr_db(half, grey, everywhere).item() == pytest.approx(28.13 + 3.01, abs=0.01)
+    assert ssim(half, grey, mask).item() < ssim(half, grey, everywhere).item() - 1e-4

@@ -1,4 +1,5 @@
 import json
+import shutil
 import tomllib
 
 import numpy as np
@@ -45,6 +46,46 @@ def test_a_resumed_run_is_the_run(data_dir, tmp_path):
             assert torch.equal(tensor, parts[part][name]), (part, name)
 
 
+def test_a_refused_run_keeps_its_config(data_dir, trained):
+    before = (trained / "config.json").read_text()
+    with pytest.raises(SystemExit, match="beyond"):
+        run(data_dir, trained, "--steps", "100", "--rate", "1e-3")
+    assert (trained / "config.json").read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("flags", "word"),
+    [
+        (["--variant", "SAM"], "--variant SAM: it must be one of M, MS"),
+        (["--segmentation", "none"], "map, classes"),
+        (["--norm", "layer"], "none, instance, batch"),
+        (["--network", "resnet"], "--network resnet: it must be stride8"),
+        (["--crop", "100"], "--crop 100: stride8 takes multiples of 32"),
+        (["--border", "-1"], "--border -1"),
+    ],
+)
+def test_wrong_flags_say_what_would_be_right(data_dir, tmp_path, flags, word):
+    with pytest.raises(SystemExit, match=word):
+        run(data_dir, tmp_path / "run", *flags)
+    assert not (tmp_path / "run").exists()
+
+
+def test_bfloat16_trains(data_dir, tmp_path):
+    assert run(data_dir, tmp_path / "run", "--steps", "8", "--warmup", "2", "--polish", "2", "--bf16") == 0
+    losses = [row["l1"] for row in read_log(tmp_path / "run/log.jsonl") if "l1" in row]
+    assert 0 < losses[-1] < 1
+
+
+def test_an_export_without_a_run_or_test_rows_says_so(data, data_dir, trained, tmp_path):
+    with pytest.raises(SystemExit, match="checkpoint.pt must be there"):
+        export.main([str(tmp_path), "--data", str(data_dir), "--out", str(tmp_path / "none")])
+    only = shutil.copytree(data_dir, tmp_path / "set")
+    text = (only / "manifest.jsonl").read_text()
+    (only / "manifest.jsonl").write_text("".join(line for line in text.splitlines(True) if '"train"' in line))
+    with pytest.raises(SystemExit, match="no test rows"):
+        export.main([str(trained), "--data", str(only), "--out", str(tmp_path / "none")])
+
+
 def test_a_longer_training_is_not_taken_for_this_one(data_dir, trained):
     with pytest.raises(SystemExit, match="at step 150, beyond the 149"):
         run(data_dir, trained, "--steps", "149")
@@ -86,7 +127,7 @@ def test_an_export_is_what_the_manifest_says(data, data_dir, tmp_path, flags):
     assert np.abs(levels - expected).max() < manifest["parity"]["tolerance"]
 
 
-def test_what_is_outside_is_padded_at_right_and_bottom(data):
+def test_a_field_of_view_lies_amid_what_is_outside(data):
     for encoding in ("map", "classes"):
         encode = Encoder("MSA", Segmentation.make(encoding), data)
         # A frame that is all outside goes on as it is.
@@ -95,7 +136,10 @@ def test_what_is_outside_is_padded_at_right_and_bottom(data):
         assert whole.shape == (2, encode.channels, 4, 8)
         assert (whole == whole[..., :1, :1]).all()
         inputs += 1
-        assert (export.padded(inputs, 4, encode.outside)[..., :3, :5] == inputs).all()
+        # Half of what is missing before, the odd pixel behind.
+        whole = export.padded(inputs, 4, encode.outside)
+        assert (whole[..., 0:3, 1:6] == inputs).all()
+        assert (whole[..., 3, :] == encode.outside[..., 0]).all() and (whole[..., 0] == encode.outside[..., 0]).all()
 
 
 def test_the_log_keeps_the_last_of_a_step(tmp_path):
