@@ -135,6 +135,41 @@ fn a_killed_run_goes_on_and_shards_make_the_same_tuples() {
 }
 
 #[test]
+fn what_other_shards_have_made_is_not_made_again() {
+    let (_dir, station, out) = studio();
+    made(&make(&station, &out, &["--shard", "1/3"]));
+    let output = make(&station, &out, &["--json"]);
+    made(&output);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((report["made"].as_u64(), report["kept"].as_u64()), (Some(4), Some(2)));
+    assert_eq!(sums(&out).keys().copied().collect::<Vec<_>>(), (0..6).collect::<Vec<_>>());
+    let output = make(&station, &out, &["--shard", "2/2", "--json"]);
+    made(&output);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["made"].as_u64(), Some(0));
+}
+
+#[test]
+fn a_run_does_not_go_on_with_other_frames_or_beside_another_run() {
+    let (_dir, station, out) = studio();
+    made(&make(&station, &out, &[]));
+    let manifest = out.join("manifest.jsonl");
+    let held = std::fs::File::open(&manifest).unwrap();
+    held.lock().unwrap();
+    failed(&make(&station, &out, &[]), 2, &["manifest.jsonl", "another run"]);
+    drop(held);
+    made(&make(&station, &out, &[]));
+
+    // As another build, device or driver would leave it: the last row that is kept is of another frame.
+    let data = Dataset::open(&out).unwrap();
+    let rows = std::fs::read_to_string(&manifest).unwrap();
+    let first_five: String = rows.split_inclusive('\n').take(5).collect();
+    std::fs::write(&manifest, first_five.replace(&data.rows[4].sha256, &"0".repeat(64))).unwrap();
+    failed(&make(&station, &out, &[]), 2, &["tuple 4", "another version, driver or device"]);
+    assert_eq!(Dataset::open(&out).unwrap().rows.len(), 5, "nothing was added");
+}
+
+#[test]
 fn wrong_wishes_and_foreign_directories_are_refused() {
     let (_dir, station, out) = studio();
     for (more, word) in [

@@ -68,18 +68,8 @@ impl Dataset {
     /// A directory without a header or rows, a line that is no row, or an index that comes twice.
     pub fn open(directory: &Path) -> Result<Self, DatasetError> {
         let header = Header::load(directory)?;
-        let failed = |source| DatasetError::Io { path: directory.to_owned(), source };
-        let mut manifests = Vec::new();
-        for entry in std::fs::read_dir(directory).map_err(failed)? {
-            let path = entry.map_err(failed)?.path();
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            if name.starts_with("manifest") && name.ends_with(".jsonl") {
-                manifests.push(path);
-            }
-        }
-        manifests.sort();
         let mut rows: Vec<Row> = Vec::new();
-        for path in &manifests {
+        for path in &manifests(directory)? {
             rows.extend(read_rows(path)?.0);
         }
         rows.sort_by_key(|row| row.index);
@@ -119,6 +109,24 @@ impl Dataset {
             None => Ok(tuple),
         }
     }
+}
+
+/// The manifests of the data set in `directory`, by name: one, or one a shard.
+///
+/// # Errors
+/// The directory cannot be read.
+pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let failed = |source| DatasetError::Io { path: directory.to_owned(), source };
+    let mut manifests = Vec::new();
+    for entry in std::fs::read_dir(directory).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        if name.starts_with("manifest") && name.ends_with(".jsonl") {
+            manifests.push(path);
+        }
+    }
+    manifests.sort();
+    Ok(manifests)
 }
 
 /// The rows of a manifest, and the length of the file up to the end of the last whole one, bytes.

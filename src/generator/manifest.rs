@@ -23,7 +23,7 @@ pub struct Manifest {
     pub variant: Variant,
     /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
-    /// Width and height are padded to a multiple of this, 1..=1024.
+    /// Width and height are padded to a multiple of this, 1..=1024: half before, half behind, the odd pixel behind.
     pub padding_multiple: u32,
     /// The input tensor.
     pub input: InputManifest,

@@ -1,5 +1,6 @@
 //! Between the maps of a frame and the tensors of a model.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -10,7 +11,7 @@ use super::{Channel, GeneratorError, Input};
 /// Rows that one core takes at a time: the runtime's threads wait meanwhile.
 const BAND: usize = 64;
 
-/// A field of view and what it is padded to.
+/// A field of view amid what it is padded to: half of what is missing lies at left and above, the odd pixel at right and below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Geometry {
     pub(super) width: usize,
@@ -32,6 +33,21 @@ impl Geometry {
 
     fn padded_pixels(&self) -> usize {
         self.padded_width * self.padded_height
+    }
+
+    /// Columns before the field of view.
+    fn left(&self) -> usize {
+        (self.padded_width - self.width) / 2
+    }
+
+    /// Values of a padded plane before the first row of the field of view.
+    fn above(&self) -> usize {
+        (self.padded_height - self.height) / 2 * self.padded_width
+    }
+
+    /// Values of a padded plane in the rows of the field of view.
+    fn within(&self) -> usize {
+        self.height * self.padded_width
     }
 }
 
@@ -132,7 +148,7 @@ pub(super) fn fill(
     Ok(())
 }
 
-/// Fills one channel, with `outside` at right and bottom of the field of view.
+/// Fills one channel, with `outside` about the field of view.
 fn plane<T: Copy + Sync>(
     plane: Option<&mut [f32]>,
     geometry: &Geometry,
@@ -141,24 +157,34 @@ fn plane<T: Copy + Sync>(
     value: impl Fn(T) -> f32 + Sync,
 ) {
     let Some(plane) = plane else { return };
-    let Geometry { width, height, padded_width, .. } = *geometry;
-    let (within, below) = plane.split_at_mut(height * padded_width);
+    let Geometry { width, padded_width, .. } = *geometry;
+    let (above, rest) = plane.split_at_mut(geometry.above());
+    let (within, below) = rest.split_at_mut(geometry.within());
     within.par_chunks_mut(BAND * padded_width).zip(source.par_chunks(BAND * width)).for_each(|(rows, source)| {
         for (row, source) in rows.chunks_exact_mut(padded_width).zip(source.chunks_exact(width)) {
+            let (left, row) = row.split_at_mut(geometry.left());
             let (row, right) = row.split_at_mut(width);
+            left.fill(outside);
             for (target, &x) in row.iter_mut().zip(source) {
                 *target = value(x);
             }
             right.fill(outside);
         }
     });
+    above.fill(outside);
     below.fill(outside);
+}
+
+/// Padded rows of the field of view, and where in each it lies.
+fn padded_rows<'a>(output: &'a [f32], geometry: &Geometry) -> (&'a [f32], Range<usize>) {
+    let left = geometry.left();
+    (&output[geometry.above()..geometry.above() + geometry.within()], left..left + geometry.width)
 }
 
 /// Rows of the output within the field of view.
 fn rows<'a>(output: &'a [f32], geometry: &Geometry) -> impl Iterator<Item = &'a [f32]> {
-    let width = geometry.width;
-    output.chunks_exact(geometry.padded_width).take(geometry.height).map(move |row| &row[..width])
+    let (rows, columns) = padded_rows(output, geometry);
+    rows.chunks_exact(geometry.padded_width).map(move |row| &row[columns.clone()])
 }
 
 /// Row, column and number of values that are not finite; none in a sound output.
@@ -166,8 +192,9 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
     // By its exponent, without a branch: rows are sound but for broken models.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
-    let all = output.par_chunks_exact(geometry.padded_width).take(geometry.height).with_min_len(BAND);
-    let row = all.position_first(|row| broken(&row[..geometry.width]))?;
+    let (padded, columns) = padded_rows(output, geometry);
+    let all = padded.par_chunks_exact(geometry.padded_width).with_min_len(BAND);
+    let row = all.position_first(|row| broken(&row[columns.clone()]))?;
     let values = rows(output, geometry).nth(row)?;
     let column = values.iter().position(|v| !v.is_finite())?;
     let count = rows(output, geometry).flatten().filter(|v| !v.is_finite()).count();
@@ -180,11 +207,12 @@ pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &G
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
     let Geometry { width, padded_width, .. } = *geometry;
     let masks = mask.par_chunks(BAND * width);
-    let bands = out.par_chunks_mut(BAND * width).zip(masks).zip(output.par_chunks(BAND * padded_width));
+    let (padded, columns) = padded_rows(output, geometry);
+    let bands = out.par_chunks_mut(BAND * width).zip(masks).zip(padded.par_chunks(BAND * padded_width));
     bands.for_each(|((targets, masks), values)| {
         let targets = targets.chunks_exact_mut(width).zip(masks.chunks_exact(width));
         for (values, (target, mask)) in values.chunks_exact(padded_width).zip(targets) {
-            for ((level, &value), &inside) in target.iter_mut().zip(values).zip(mask) {
+            for ((level, &value), &inside) in target.iter_mut().zip(&values[columns.clone()]).zip(mask) {
                 // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
                 let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
                 *level = if inside > 0 { rounded } else { 0 };
@@ -206,7 +234,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn every_channel_is_padded_at_right_and_bottom_by_what_is_outside() {
+    fn every_channel_is_padded_by_what_is_outside() {
         let affine = |scale: &str, offset: &str| format!("{{ scale = {scale}, offset = {offset} }}");
         let text = include_str!("../../tests/data/generators/weighted_maps.toml")
             .replace("classes = [\"outside\", \"amniotic_fluid\",", "classes = [\"amniotic_fluid\", \"outside\",")
@@ -238,12 +266,25 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_padded_at_right_and_bottom() {
-        let geometry = Geometry::new(3, 2, 4);
+    fn a_field_of_view_lies_amid_what_is_outside() {
+        // Columns of which one is odd, and rows.
+        let geometry = Geometry::new(1, 2, 4);
         let mut tensor = vec![f32::NAN; 16];
-        plane(Some(&mut tensor), &geometry, &[1u8, 2, 3, 4, 5, 6], 9.0, f32::from);
+        plane(Some(&mut tensor), &geometry, &[1u8, 2], 9.0, f32::from);
         #[rustfmt::skip]
-        assert_eq!(tensor, [1., 2., 3., 9.,  4., 5., 6., 9.,  9., 9., 9., 9.,  9., 9., 9., 9.]);
+        assert_eq!(tensor, [9., 9., 9., 9.,  9., 1., 9., 9.,  9., 2., 9., 9.,  9., 9., 9., 9.]);
+        let mut levels_out = Vec::new();
+        let unit = Affine::new(1.0 / 255.0, 0.0);
+        quantise(&tensor, unit, &[255, 255], &geometry, &mut levels_out);
+        assert_eq!(levels_out, [1, 2]);
+        assert_eq!(levels(&tensor, unit, &[255, 0], &geometry), [1.0, 0.0]);
+        // What is broken beside the field of view is not shown, and no error.
+        let mut broken = tensor.clone();
+        broken[4] = f32::NAN;
+        broken[0] = f32::INFINITY;
+        assert_eq!(not_finite(&broken, &geometry), None);
+        broken[9] = f32::NAN;
+        assert_eq!(not_finite(&broken, &geometry), Some((1, 0, 1)));
     }
 
     #[test]

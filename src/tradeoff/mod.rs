@@ -3,6 +3,7 @@
 
 mod front;
 mod knobs;
+mod labels;
 mod plan;
 pub mod plot;
 mod point;

@@ -13,8 +13,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 
-use super::Point;
 use super::table::shown;
+use super::{Point, labels};
 
 /// Size of the figure, pixels.
 const SIZE: (u32, u32) = (1200, 800);
@@ -101,6 +101,8 @@ fn draw<B: DrawingBackend>(
     let path: Vec<_> = front.iter().map(|p| (p.time.median_ms, p.error.level_rmse)).collect();
     chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
     let mut sweeps: Vec<&str> = Vec::new();
+    let mut names = Vec::new();
+    let mut markers = Vec::new();
     for point in &drawn {
         let known = sweeps.iter().position(|sweep| *sweep == point.sweep);
         let index = known.unwrap_or_else(|| {
@@ -134,10 +136,25 @@ fn draw<B: DrawingBackend>(
         // Where a point lies on another one, one name is enough.
         let apart = !(point.error_is_noise && point.time_is_noise);
         let named = point.on_front || point.generator.is_some() || point.sweep == "all effects";
-        if apart && named || ["1x1", "32x3"].contains(&point.name.as_str()) {
-            let label = Text::new(shown(&point.name), (at.0 * 1.03, at.1 + 0.02 * worst), text(from_left, &BLACK));
-            chart.draw_series([label])?;
+        let marker = chart.as_coord_spec().translate(&at);
+        markers.push(marker);
+        // LQ, HQ and generators choose first.
+        let always = ["1x1", "32x3"].contains(&point.name.as_str());
+        if apart && named || always {
+            names.push((!always, point.generator.is_none(), marker, shown(&point.name)));
         }
+    }
+    names.sort_by_key(|name| (name.0, name.1));
+    let sizes: Vec<_> = names.iter().map(|name| (name.2, text_size(&name.3).0 as i32)).collect();
+    let frame = [75, 60, SIZE.0 as i32 - 260, SIZE.1 as i32 - 65];
+    for ((_, _, marker, name), place) in names.into_iter().zip(labels::places(&sizes, &markers, frame)) {
+        let Some((x, y)) = place else { continue };
+        if (y - marker.1).abs() > TEXT as i32 {
+            // What lies further off is led to its point.
+            let end = if x > marker.0 { x } else { marker.0 - 9 };
+            area.draw(&PathElement::new(vec![marker, (end, y)], RGBColor(190, 190, 190)))?;
+        }
+        area.draw(&Text::new(name, (x, y), text(from_left, &BLACK)))?;
     }
     let (width, height) = SIZE;
     for (row, sweep) in sweeps.iter().enumerate() {

@@ -162,9 +162,13 @@ fn sizes_are_padded_to_the_models_multiple_and_cropped_back() {
     let means = RefCell::new(HashMap::new());
     check("block_mean", |maps, x, y| {
         let (w, h) = (maps.width as usize, maps.height as usize);
-        let (left, top) = (x / 64 * 64, y / 64 * 64);
+        // Half of what is missing lies before the picture, the odd pixel behind.
+        let before = |n: usize| (n.next_multiple_of(64) - n) / 2;
+        // The block's first pixel, counted from the padding's.
+        let (left, top) = ((x + before(w)) / 64 * 64, (y + before(h)) / 64 * 64);
         let mean = || {
-            let within = |start: usize, n: usize| start..(start + 64).min(n);
+            let within =
+                |start: usize, n: usize| start.saturating_sub(before(n))..(start + 64).saturating_sub(before(n)).min(n);
             within(top, h).flat_map(|y| within(left, w).map(move |x| maps.unit(x, y))).sum::<f64>() / 4096.0
         };
         let mean = *means.borrow_mut().entry((w, h, left, top)).or_insert_with(mean);

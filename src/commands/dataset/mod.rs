@@ -3,7 +3,7 @@
 mod store;
 mod studio;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::anyhow;
@@ -53,7 +53,7 @@ pub(crate) struct Args {
     shard: Shard,
 
     /// Phantoms to draw for a station whose scene is the obstetric one; 0: its own as it is [default: one in 40 frames, 4 at least]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     phantoms: Option<u32>,
 
     /// Tuples of a session
@@ -160,16 +160,24 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     if args.dry_run {
         return Ok(());
     }
-    let mut store = Store::open(out, &header, &stations, args.shard)?;
+    let ours = match exams {
+        [first, .., last] => first.tuples.start..last.tuples.end,
+        [only] => only.tuples.clone(),
+        [] => 0..0,
+    };
+    let mut store = Store::open(out, &header, &stations, args.shard, ours)?;
     let started = Instant::now();
     let total: usize = exams.iter().map(|exam| exam.tuples.len()).sum();
     let kept = store.done();
     let progress = Progress::new("dataset", total);
     progress.set(kept, total);
     let mut made = 0;
-    if kept < total {
+    if total > 0 {
         let gpu = session::open_gpu()?;
         let mut studio = Studio::new(&gpu, header.classes.clone());
+        if let Some(row) = store.last() {
+            as_before(&mut studio, out, &header, row)?;
+        }
         for exam in exams {
             if exam.tuples.clone().all(|index| store.has(index)) {
                 continue;
@@ -200,6 +208,19 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         megabytes(report.bytes)
     ))?;
     output::line(store.manifest().display())
+}
+
+/// Refuses to go on with a data set whose tuples look otherwise here: one tuple is rendered again.
+fn as_before(studio: &mut Studio, directory: &Path, header: &Header, row: &Row) -> Result<(), Failure> {
+    let station = studio::station_of(directory, header, row)?;
+    if store::sha256(&studio.take(&station, row)?.tuple) == row.sha256 {
+        return Ok(());
+    }
+    Err(Failure::Input(anyhow!(
+        "{}: tuple {} is another frame here: another version, driver or device made this data set. Give another --out, or remove it",
+        directory.display(),
+        row.index
+    )))
 }
 
 /// Renders what is missing of an exam; gives how many.

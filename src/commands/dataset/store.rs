@@ -1,12 +1,13 @@
 //! What is on disk of a data set.
 
 use std::collections::HashSet;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use insonify::dataset::{HEADER_FILE, Header, Row, Shard, Split, StationRow, read_rows};
+use insonify::dataset::{HEADER_FILE, Header, Row, Shard, Split, StationRow, manifests, read_rows};
 use insonify::sink::{SinkError, create_dir, write_json, write_text, write_with};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
@@ -58,15 +59,26 @@ pub(super) struct Store {
     directory: PathBuf,
     path: PathBuf,
     manifest: File,
+    /// Tuples that any shard has made.
     done: HashSet<usize>,
+    /// Those that are this shard's to make.
+    ours: Range<usize>,
+    last: Option<Row>,
     masks: HashSet<String>,
     splits: (usize, usize),
     bytes: u64,
 }
 
 impl Store {
-    /// Opens or makes the data set of `header` in `directory`; refuses another one's.
-    pub(super) fn open(directory: &Path, header: &Header, stations: &[Station], shard: Shard) -> Result<Self, Failure> {
+    /// Opens or makes the data set of `header` in `directory`, to make the tuples of `ours` that no shard has made yet; refuses
+    /// another data set's, and one that another run is writing the same shard of.
+    pub(super) fn open(
+        directory: &Path,
+        header: &Header,
+        stations: &[Station],
+        shard: Shard,
+        ours: Range<usize>,
+    ) -> Result<Self, Failure> {
         for folder in ["tuples", "masks", "stations"] {
             create_dir(&directory.join(folder))?;
         }
@@ -92,16 +104,29 @@ impl Store {
             of => format!("manifest.{:05}-of-{of:05}.jsonl", shard.number),
         };
         let path = directory.join(name);
-        let (rows, whole) = if path.exists() { read_rows(&path)? } else { (Vec::new(), 0) };
         let failed = |source| SinkError::Io { path: path.clone(), source };
         let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
+        // Where the file system knows no locks, runs are trusted.
+        if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
+            return Err(Failure::Input(anyhow!(
+                "{} is being written by another run: wait for it, or make another shard",
+                path.display()
+            )));
+        }
+        let (_, whole) = read_rows(&path)?;
         // What a killed run left of its last row.
         manifest.set_len(whole).map_err(failed)?;
+        let mut rows = Vec::new();
+        for manifest in manifests(directory)? {
+            rows.extend(read_rows(&manifest)?.0);
+        }
         let mut store = Self {
             directory: directory.to_owned(),
             path,
             manifest,
             done: HashSet::new(),
+            ours,
+            last: None,
             masks: HashSet::new(),
             splits: (0, 0),
             bytes: 0,
@@ -112,6 +137,10 @@ impl Store {
 
     fn count(&mut self, row: &Row) {
         self.done.insert(row.index);
+        if !self.ours.contains(&row.index) {
+            return;
+        }
+        self.last = Some(row.clone());
         self.bytes += 4 * u64::from(row.size[0]) * u64::from(row.size[1]);
         match row.split {
             Split::Train => self.splits.0 += 1,
@@ -147,9 +176,14 @@ impl Store {
         self.done.contains(&index)
     }
 
-    /// Tuples that are there.
+    /// Tuples of this shard that are there.
     pub(super) fn done(&self) -> usize {
-        self.done.len()
+        self.splits.0 + self.splits.1
+    }
+
+    /// The last row that is there of this shard.
+    pub(super) fn last(&self) -> Option<&Row> {
+        self.last.as_ref()
     }
 
     /// Tuples to train and to test.

@@ -1,0 +1,82 @@
+//! Where the names of points go in a figure, so that none lies on another or on a point.
+
+/// A rectangle, pixels: left, top, right, bottom.
+type Box = [i32; 4];
+
+/// Distance of a name from its point, pixels.
+const GAP: i32 = 9;
+/// Half the height of a name with the space about it, pixels.
+const HALF_HEIGHT: i32 = 8;
+/// Half the side of what is kept free about a point, pixels.
+const MARKER: i32 = 6;
+/// Lines above and below the point at which a name is tried.
+const LINES: i32 = 7;
+
+/// The left end and middle of each name [`widths`, pixels] of a point within `frame`, in the order of the names, whose first have the first
+/// choice: beside the point, and further off where something is there already. None where there is no place.
+pub(super) fn places(names: &[((i32, i32), i32)], points: &[(i32, i32)], frame: Box) -> Vec<Option<(i32, i32)>> {
+    let mut taken: Vec<Box> = points.iter().map(|&(x, y)| [x - MARKER, y - MARKER, x + MARKER, y + MARKER]).collect();
+    names
+        .iter()
+        .map(|&((x, y), width)| {
+            let rows = (0..LINES).flat_map(|row| [-1, 1].map(|side| y + side * (11 + 2 * HALF_HEIGHT * row)));
+            let spots = rows.flat_map(|row| [(x + GAP, row), (x - GAP - width, row)]);
+            let box_of = |(left, middle): (i32, i32)| [left, middle - HALF_HEIGHT, left + width, middle + HALF_HEIGHT];
+            let free = |spot: &(i32, i32)| {
+                let name = box_of(*spot);
+                let inside = name[0] >= frame[0] && name[1] >= frame[1] && name[2] <= frame[2] && name[3] <= frame[3];
+                inside && !taken.iter().any(|other| overlap(&name, other))
+            };
+            let spot = spots.into_iter().find(free)?;
+            taken.push(box_of(spot));
+            Some(spot)
+        })
+        .collect()
+}
+
+fn overlap(a: &Box, b: &Box) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FRAME: Box = [0, 0, 1000, 600];
+
+    #[test]
+    fn a_name_alone_is_at_the_upper_right_of_its_point() {
+        assert_eq!(places(&[((100, 300), 80)], &[(100, 300)], FRAME), [Some((109, 289))]);
+        // At the figure's right edge it is on the left.
+        assert_eq!(places(&[((990, 300), 80)], &[(990, 300)], FRAME), [Some((901, 289))]);
+    }
+
+    #[test]
+    fn where_there_is_no_room_there_is_no_name() {
+        let here = ((100, 300), 80);
+        let found = places(&[here; 60], &[(100, 300)], FRAME);
+        assert_eq!(found.iter().flatten().count(), 28, "7 lines above and below, left and right");
+        assert_eq!(places(&[((5, 5), 2000)], &[], FRAME), [None]);
+    }
+
+    proptest! {
+        #[test]
+        fn no_name_lies_on_another_or_on_a_point(
+            points in proptest::collection::vec((20..980i32, 20..580i32), 1..20), width in 10..150i32,
+        ) {
+            let names: Vec<_> = points.iter().map(|&point| (point, width)).collect();
+            let found: Vec<Box> = places(&names, &points, FRAME)
+                .into_iter()
+                .flatten()
+                .map(|(x, y)| [x, y - HALF_HEIGHT, x + width, y + HALF_HEIGHT])
+                .collect();
+            for (i, a) in found.iter().enumerate() {
+                prop_assert!(found[..i].iter().all(|b| !overlap(a, b)));
+                for &(x, y) in &points {
+                    prop_assert!(!overlap(a, &[x - MARKER, y - MARKER, x + MARKER, y + MARKER]));
+                }
+            }
+        }
+    }
+}
