@@ -156,7 +156,9 @@ fn a_run_does_not_go_on_with_other_frames_or_beside_another_run() {
     let manifest = out.join("manifest.jsonl");
     let held = std::fs::File::open(&manifest).unwrap();
     held.lock().unwrap();
-    failed(&make(&station, &out, &[]), 2, &["manifest.jsonl", "another run"]);
+    for shard in ["1/1", "2/3"] {
+        failed(&make(&station, &out, &["--shard", shard]), 2, &["manifest.jsonl", "another run"]);
+    }
     drop(held);
     made(&make(&station, &out, &[]));
 
@@ -167,6 +169,10 @@ fn a_run_does_not_go_on_with_other_frames_or_beside_another_run() {
     std::fs::write(&manifest, first_five.replace(&data.rows[4].sha256, &"0".repeat(64))).unwrap();
     failed(&make(&station, &out, &[]), 2, &["tuple 4", "another version, driver or device"]);
     assert_eq!(Dataset::open(&out).unwrap().rows.len(), 5, "nothing was added");
+    // Another shard looks at it, too.
+    failed(&make(&station, &out, &["--shard", "3/3"]), 2, &["tuple 4"]);
+    std::fs::write(&manifest, first_five.repeat(2)).unwrap();
+    failed(&make(&station, &out, &[]), 2, &["tuple 0", "twice"]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Where the names of points go in a figure, so that none lies on another or on a point.
 
 /// A rectangle, pixels: left, top, right, bottom.
-type Box = [i32; 4];
+type Rect = [i32; 4];
 
 /// Distance of a name from its point, pixels.
 const GAP: i32 = 9;
@@ -12,10 +12,10 @@ const MARKER: i32 = 6;
 /// Lines above and below the point at which a name is tried.
 const LINES: i32 = 7;
 
-/// The left end and middle of each name [`widths`, pixels] of a point within `frame`, in the order of the names, whose first have the first
-/// choice: beside the point, and further off where something is there already. None where there is no place.
-pub(super) fn places(names: &[((i32, i32), i32)], points: &[(i32, i32)], frame: Box) -> Vec<Option<(i32, i32)>> {
-    let mut taken: Vec<Box> = points.iter().map(|&(x, y)| [x - MARKER, y - MARKER, x + MARKER, y + MARKER]).collect();
+/// Where each name goes within `frame`: its left end and its middle. A name is given by its point and its width, pixels; the first have
+/// the first choice: beside the point, and further off where a name or a point is already. None where there is no place.
+pub(super) fn places(names: &[((i32, i32), i32)], points: &[(i32, i32)], frame: Rect) -> Vec<Option<(i32, i32)>> {
+    let mut taken: Vec<Rect> = points.iter().map(|&(x, y)| [x - MARKER, y - MARKER, x + MARKER, y + MARKER]).collect();
     names
         .iter()
         .map(|&((x, y), width)| {
@@ -34,7 +34,7 @@ pub(super) fn places(names: &[((i32, i32), i32)], points: &[(i32, i32)], frame: 
         .collect()
 }
 
-fn overlap(a: &Box, b: &Box) -> bool {
+fn overlap(a: &Rect, b: &Rect) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FRAME: Box = [0, 0, 1000, 600];
+    const FRAME: Rect = [0, 0, 1000, 600];
 
     #[test]
     fn a_name_alone_is_at_the_upper_right_of_its_point() {
@@ -66,7 +66,7 @@ mod tests {
             points in proptest::collection::vec((20..980i32, 20..580i32), 1..20), width in 10..150i32,
         ) {
             let names: Vec<_> = points.iter().map(|&point| (point, width)).collect();
-            let found: Vec<Box> = places(&names, &points, FRAME)
+            let found: Vec<Rect> = places(&names, &points, FRAME)
                 .into_iter()
                 .flatten()
                 .map(|(x, y)| [x, y - HALF_HEIGHT, x + width, y + HALF_HEIGHT])

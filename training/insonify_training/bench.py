@@ -82,6 +82,9 @@ def main(argv=None):
     p.add_argument("--skip-torch", action="store_true")
     args = p.parse_args(argv)
     runs = [path for path in args.models if path.is_dir()]
+    for path in args.models:
+        if not (path.is_dir() or path.is_file() and path.with_suffix(".toml").is_file()):
+            raise SystemExit(f"{path}: no run's folder, and no model with its manifest beside it")
     if runs and args.data is None:
         raise SystemExit("--data is missing: a run's channels are those of its data set")
     size = tuple(map(int, args.size.split("x")))

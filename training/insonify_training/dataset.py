@@ -68,10 +68,11 @@ class Dataset:
             described = json.loads(header.read_text(encoding="utf-8"))
         except ValueError as error:
             raise DatasetError(f"{header}: no JSON: {error}") from None
-        if not isinstance(described, dict) or not isinstance(described.get("classes"), list):
-            raise DatasetError(f"{header}: must be an object that names its classes")
-        if described.get("format") != 1:
-            raise DatasetError(f"{header}: format is {described.get('format')}; this reads 1")
+        if not isinstance(described, dict) or described.get("format") != 1:
+            found = described.get("format") if isinstance(described, dict) else "none"
+            raise DatasetError(f"{header}: format is {found}; this reads 1")
+        if not isinstance(described.get("classes"), list):
+            raise DatasetError(f"{header}: names no classes")
         self.classes = list(described["classes"])
         if not self.classes or self.classes[0] != "outside" or len(self.classes) > 256:
             raise DatasetError(f"{header}: classes must be at most 256 names, the first `outside`")

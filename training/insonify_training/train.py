@@ -68,6 +68,12 @@ def configure(args):
         raise SystemExit(f"--crop {config.crop}: {config.network} takes multiples of {multiple} pixels")
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
+    if config.gan_weight > 0 and config.warmup >= config.main_steps:
+        print(
+            f"the GAN term never counts: it would begin at step {config.warmup}, the polish does at {config.main_steps}; "
+            "--warmup, --polish and --divergence-from move them",
+            file=sys.stderr,
+        )
     if config.border < 0:
         raise SystemExit(f"--border {config.border}: 0 or more pixels")
     if max(config.histogram_weight, config.divergence_weight, config.grid_weight) > 0 and config.crop < 2 * PATCH:

@@ -75,7 +75,7 @@ def test_a_tuple_that_comes_twice_and_a_broken_header_are_errors(data_dir, tmp_p
     (copy / "manifest.00001-of-00002.jsonl").write_text(first)
     with pytest.raises(DatasetError, match="twice"):
         Dataset(copy)
-    for text, word in (("{", "no JSON"), ("[]", "classes")):
+    for text, word in (("{", "no JSON"), ("[]", "format is none"), ('{"format": 1}', "names no classes")):
         (copy / "dataset.json").write_text(text)
         with pytest.raises(DatasetError, match=word):
             Dataset(copy)

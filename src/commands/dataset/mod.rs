@@ -172,7 +172,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let progress = Progress::new("dataset", total);
     progress.set(kept, total);
     let mut made = 0;
-    if total > 0 {
+    if kept < total {
         let gpu = session::open_gpu()?;
         let mut studio = Studio::new(&gpu, header.classes.clone());
         if let Some(row) = store.last() {

@@ -108,16 +108,20 @@ impl Store {
         let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
         // Where the file system knows no locks, runs are trusted.
         if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
-            return Err(Failure::Input(anyhow!(
-                "{} is being written by another run: wait for it, or make another shard",
-                path.display()
-            )));
+            return Err(busy(&path));
         }
         let (_, whole) = read_rows(&path)?;
         // What a killed run left of its last row.
         manifest.set_len(whole).map_err(failed)?;
         let mut rows = Vec::new();
         for manifest in manifests(directory)? {
+            // Shards of one number of shards share no tuples; of another number they do.
+            if shards_of(&manifest) != shards_of(&path) {
+                let other = File::open(&manifest).map_err(|source| SinkError::Io { path: manifest.clone(), source })?;
+                if let Err(TryLockError::WouldBlock) = other.try_lock_shared() {
+                    return Err(busy(&manifest));
+                }
+            }
             rows.extend(read_rows(&manifest)?.0);
         }
         let mut store = Self {
@@ -131,16 +135,28 @@ impl Store {
             splits: (0, 0),
             bytes: 0,
         };
-        rows.iter().for_each(|row| store.count(row));
+        for row in &rows {
+            if store.has(row.index) {
+                return Err(Failure::Input(anyhow!(
+                    "{}: tuple {} is in the manifests twice: remove one of both rows",
+                    directory.display(),
+                    row.index
+                )));
+            }
+            store.count(row);
+        }
         Ok(store)
     }
 
     fn count(&mut self, row: &Row) {
         self.done.insert(row.index);
-        if !self.ours.contains(&row.index) {
+        let ours = self.ours.contains(&row.index);
+        if ours || self.last.is_none() {
+            self.last = Some(row.clone());
+        }
+        if !ours {
             return;
         }
-        self.last = Some(row.clone());
         self.bytes += 4 * u64::from(row.size[0]) * u64::from(row.size[1]);
         match row.split {
             Split::Train => self.splits.0 += 1,
@@ -181,7 +197,7 @@ impl Store {
         self.splits.0 + self.splits.1
     }
 
-    /// The last row that is there of this shard.
+    /// The last row that is there of this shard, else one of another.
     pub(super) fn last(&self) -> Option<&Row> {
         self.last.as_ref()
     }
@@ -200,6 +216,16 @@ impl Store {
     pub(super) fn manifest(&self) -> &Path {
         &self.path
     }
+}
+
+/// What a manifest's name says of the number of shards.
+fn shards_of(manifest: &Path) -> Option<String> {
+    let name = manifest.file_name()?.to_string_lossy().into_owned();
+    name.split_once("-of-").map(|(_, of)| of.to_owned())
+}
+
+fn busy(manifest: &Path) -> Failure {
+    Failure::Input(anyhow!("{} is being written by another run: wait for it", manifest.display()))
 }
 
 /// What differs first between two headers.
