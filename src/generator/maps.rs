@@ -330,8 +330,9 @@ mod tests {
         output[3] = f32::NAN;
         output[15] = f32::INFINITY;
         assert_eq!(not_finite(&output, &geometry), None);
-        output[6] = f32::NEG_INFINITY;
-        output[5] = f32::NAN;
+        // Its rows are the second and the third.
+        output[10] = f32::NEG_INFINITY;
+        output[9] = f32::NAN;
         assert_eq!(not_finite(&output, &geometry), Some((1, 1, 2)));
     }
 

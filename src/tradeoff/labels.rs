@@ -1,7 +1,7 @@
 //! Where the names of points go in a figure, so that none lies on another or on a point.
 
 /// A rectangle, pixels: left, top, right, bottom.
-type Rect = [i32; 4];
+pub(super) type Rect = [i32; 4];
 
 /// Distance of a name from its point, pixels.
 const GAP: i32 = 9;
@@ -12,10 +12,14 @@ const MARKER: i32 = 6;
 /// Lines above and below the point at which a name is tried.
 const LINES: i32 = 7;
 
+/// What is kept free about a point.
+pub(super) fn marker((x, y): (i32, i32)) -> Rect {
+    [x - MARKER, y - MARKER, x + MARKER, y + MARKER]
+}
+
 /// Where each name goes within `frame`: its left end and its middle. A name is given by its point and its width, pixels; the first have
-/// the first choice: beside the point, and further off where a name or a point is already. None where there is no place.
-pub(super) fn places(names: &[((i32, i32), i32)], points: &[(i32, i32)], frame: Rect) -> Vec<Option<(i32, i32)>> {
-    let mut taken: Vec<Rect> = points.iter().map(|&(x, y)| [x - MARKER, y - MARKER, x + MARKER, y + MARKER]).collect();
+/// the first choice: beside the point, and further off where a name or something `taken` is already. None where there is no place.
+pub(super) fn places(names: &[((i32, i32), i32)], mut taken: Vec<Rect>, frame: Rect) -> Vec<Option<(i32, i32)>> {
     names
         .iter()
         .map(|&((x, y), width)| {
@@ -47,17 +51,17 @@ mod tests {
 
     #[test]
     fn a_name_alone_is_at_the_upper_right_of_its_point() {
-        assert_eq!(places(&[((100, 300), 80)], &[(100, 300)], FRAME), [Some((109, 289))]);
+        assert_eq!(places(&[((100, 300), 80)], vec![marker((100, 300))], FRAME), [Some((109, 289))]);
         // At the figure's right edge it is on the left.
-        assert_eq!(places(&[((990, 300), 80)], &[(990, 300)], FRAME), [Some((901, 289))]);
+        assert_eq!(places(&[((990, 300), 80)], vec![marker((990, 300))], FRAME), [Some((901, 289))]);
     }
 
     #[test]
     fn where_there_is_no_room_there_is_no_name() {
         let here = ((100, 300), 80);
-        let found = places(&[here; 60], &[(100, 300)], FRAME);
+        let found = places(&[here; 60], vec![marker((100, 300))], FRAME);
         assert_eq!(found.iter().flatten().count(), 28, "7 lines above and below, left and right");
-        assert_eq!(places(&[((5, 5), 2000)], &[], FRAME), [None]);
+        assert_eq!(places(&[((5, 5), 2000)], vec![], FRAME), [None]);
     }
 
     proptest! {
@@ -66,16 +70,14 @@ mod tests {
             points in proptest::collection::vec((20..980i32, 20..580i32), 1..20), width in 10..150i32,
         ) {
             let names: Vec<_> = points.iter().map(|&point| (point, width)).collect();
-            let found: Vec<Rect> = places(&names, &points, FRAME)
+            let found: Vec<Rect> = places(&names, points.iter().copied().map(marker).collect(), FRAME)
                 .into_iter()
                 .flatten()
                 .map(|(x, y)| [x, y - HALF_HEIGHT, x + width, y + HALF_HEIGHT])
                 .collect();
             for (i, a) in found.iter().enumerate() {
                 prop_assert!(found[..i].iter().all(|b| !overlap(a, b)));
-                for &(x, y) in &points {
-                    prop_assert!(!overlap(a, &[x - MARKER, y - MARKER, x + MARKER, y + MARKER]));
-                }
+                prop_assert!(!points.iter().any(|&point| overlap(a, &marker(point))));
             }
         }
     }

@@ -102,7 +102,8 @@ fn draw<B: DrawingBackend>(
     chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
     let mut sweeps: Vec<&str> = Vec::new();
     let mut names = Vec::new();
-    let mut markers = Vec::new();
+    // The legend.
+    let mut taken = vec![[SIZE.0 as i32 - 260, 75, SIZE.0 as i32, 100 + 22 * 8]];
     for point in &drawn {
         let known = sweeps.iter().position(|sweep| *sweep == point.sweep);
         let index = known.unwrap_or_else(|| {
@@ -137,7 +138,7 @@ fn draw<B: DrawingBackend>(
         let apart = !(point.error_is_noise && point.time_is_noise);
         let named = point.on_front || point.generator.is_some() || point.sweep == "all effects";
         let marker = chart.as_coord_spec().translate(&at);
-        markers.push(marker);
+        taken.push(labels::marker(marker));
         // LQ, HQ and generators choose first.
         let always = ["1x1", "32x3"].contains(&point.name.as_str());
         if apart && named || always {
@@ -146,8 +147,8 @@ fn draw<B: DrawingBackend>(
     }
     names.sort_by_key(|name| (name.0, name.1));
     let sizes: Vec<_> = names.iter().map(|name| (name.2, text_size(&name.3).0 as i32)).collect();
-    let frame = [75, 60, SIZE.0 as i32 - 260, SIZE.1 as i32 - 65];
-    for ((_, _, marker, name), place) in names.into_iter().zip(labels::places(&sizes, &markers, frame)) {
+    let frame = [75, 60, SIZE.0 as i32 - 40, SIZE.1 as i32 - 65];
+    for ((_, _, marker, name), place) in names.into_iter().zip(labels::places(&sizes, taken, frame)) {
         let Some((x, y)) = place else { continue };
         if (y - marker.1).abs() > TEXT as i32 {
             // What lies further off is led to its point.
