@@ -38,7 +38,7 @@ macro_rules! generator {
 /// What the live station needs, as it lies in the repository: part of the program, so that the demo runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
 /// The generators that the station names.
-const GENERATORS: [[(&str, &[u8]); 4]; 2] = [generator!("middle_msa"), generator!("fast_m")];
+const GENERATORS: [[(&str, &[u8]); 4]; 1] = [generator!("fast_m")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 
