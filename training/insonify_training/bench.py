@@ -16,13 +16,8 @@ import numpy as np
 import torch
 
 from .dataset import Dataset, DatasetError
-from .export import ExportError, load_run, session, write_onnx
+from .export import ExportError, load_run, place, session, write_onnx
 from .networks import fold, make
-
-
-def shape_for(size, multiple):
-    """Height and width of `size` (width, height), up to a multiple."""
-    return tuple(-(-n // multiple) * multiple for n in reversed(size))
 
 
 def times_ms(run, runs):
@@ -102,7 +97,7 @@ def main(argv=None):
         def compare(name, network, channels):
             path = Path(folder) / f"{name}.onnx"
             write_onnx(network, channels, path)
-            x = random.random((1, channels, *shape_for(size, network.padding_multiple)), dtype=np.float32)
+            x = random.random((1, channels, *place(size[::-1], network.padding_multiple)[0]), dtype=np.float32)
             line(name, x, "onnxruntime", in_ort(path, x, args.threads))
             line(name, x, "openvino", in_openvino(path, x, args.threads))
             if not args.skip_torch:
@@ -122,7 +117,7 @@ def main(argv=None):
 
             manifest = tomllib.loads(path.with_suffix(".toml").read_text(encoding="utf-8"))
             channels = session(path).get_inputs()[0].shape[1]
-            x = random.random((1, channels, *shape_for(size, manifest["padding_multiple"])), dtype=np.float32)
+            x = random.random((1, channels, *place(size[::-1], manifest["padding_multiple"])[0]), dtype=np.float32)
             line(path.stem, x, "onnxruntime", in_ort(path, x, args.threads))
             line(path.stem, x, "openvino", in_openvino(path, x, args.threads))
     return 0

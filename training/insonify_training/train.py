@@ -61,7 +61,9 @@ def configure(args):
         if getattr(config, name) not in known:
             raise SystemExit(f"--{name} {getattr(config, name)}: it must be one of {', '.join(known)}")
     try:
-        multiple = make(config.network, 1).padding_multiple
+        # Its shape alone: ngf 64 has 54 million weights.
+        with torch.device("meta"):
+            multiple = make(config.network, 1).padding_multiple
     except ValueError as error:
         raise SystemExit(f"--{error}") from None
     if config.crop % multiple != 0:

@@ -160,14 +160,11 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     if args.dry_run {
         return Ok(());
     }
-    let ours = match exams {
-        [first, .., last] => first.tuples.start..last.tuples.end,
-        [only] => only.tuples.clone(),
-        [] => 0..0,
-    };
+    // Exams follow each other, and so do their tuples.
+    let ours = exams.first().zip(exams.last()).map_or(0..0, |(first, last)| first.tuples.start..last.tuples.end);
+    let total = ours.len();
     let mut store = Store::open(out, &header, &stations, args.shard, ours)?;
     let started = Instant::now();
-    let total: usize = exams.iter().map(|exam| exam.tuples.len()).sum();
     let kept = store.done();
     let progress = Progress::new("dataset", total);
     progress.set(kept, total);
@@ -212,8 +209,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
 
 /// Refuses to go on with a data set whose tuples look otherwise here: one tuple is rendered again.
 fn as_before(studio: &mut Studio, directory: &Path, header: &Header, row: &Row) -> Result<(), Failure> {
-    let station = studio::station_of(directory, header, row)?;
-    if store::sha256(&studio.take(&station, row)?.tuple) == row.sha256 {
+    if studio.agrees(directory, header, row)? {
         return Ok(());
     }
     Err(Failure::Input(anyhow!(

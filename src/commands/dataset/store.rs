@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use insonify::dataset::{HEADER_FILE, Header, Row, Shard, Split, StationRow, manifests, read_rows};
+use insonify::dataset::{Dataset, HEADER_FILE, Header, Row, Shard, Split, StationRow, manifests, read_rows};
 use insonify::sink::{SinkError, create_dir, write_json, write_text, write_with};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
@@ -113,16 +113,12 @@ impl Store {
         let (_, whole) = read_rows(&path)?;
         // What a killed run left of its last row.
         manifest.set_len(whole).map_err(failed)?;
-        let mut rows = Vec::new();
-        for manifest in manifests(directory)? {
-            // Shards of one number of shards share no tuples; of another number they do.
-            if shards_of(&manifest) != shards_of(&path) {
-                let other = File::open(&manifest).map_err(|source| SinkError::Io { path: manifest.clone(), source })?;
-                if let Err(TryLockError::WouldBlock) = other.try_lock_shared() {
-                    return Err(busy(&manifest));
-                }
+        // Shards of one number of shards share no tuples; of another number they do.
+        for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
+            let file = File::open(&other).map_err(|source| SinkError::Io { path: other.clone(), source })?;
+            if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
+                return Err(busy(&other));
             }
-            rows.extend(read_rows(&manifest)?.0);
         }
         let mut store = Self {
             directory: directory.to_owned(),
@@ -135,16 +131,7 @@ impl Store {
             splits: (0, 0),
             bytes: 0,
         };
-        for row in &rows {
-            if store.has(row.index) {
-                return Err(Failure::Input(anyhow!(
-                    "{}: tuple {} is in the manifests twice: remove one of both rows",
-                    directory.display(),
-                    row.index
-                )));
-            }
-            store.count(row);
-        }
+        Dataset::open(directory)?.rows.iter().for_each(|row| store.count(row));
         Ok(store)
     }
 

@@ -114,6 +114,12 @@ impl<'a> Studio<'a> {
         Ok(())
     }
 
+    /// Whether the tuple of `row`, of the data set in `directory`, is the same here, bit for bit.
+    pub(super) fn agrees(&mut self, directory: &Path, header: &Header, row: &Row) -> Result<bool, Failure> {
+        let station = station_of(directory, header, row)?;
+        Ok(sha256(&self.take(&station, row)?.tuple) == row.sha256)
+    }
+
     /// Renders the tuple of `row`, of whose files it needs none.
     pub(super) fn take(&mut self, station: &Station, row: &Row) -> Result<Take, Failure> {
         self.shoot(0, station, row)?;
@@ -178,8 +184,7 @@ pub(super) fn verify(directory: &Path, count: usize, json: bool) -> Result<(), F
     for nth in 0..total {
         progress.set(nth, total);
         let row = &data.rows[(2 * nth + 1) * data.rows.len() / (2 * total)];
-        let station = station_of(directory, &data.header, row)?;
-        if sha256(&studio.take(&station, row)?.tuple) != row.sha256 {
+        if !studio.agrees(directory, &data.header, row)? {
             differ.push(row.index);
         }
     }
