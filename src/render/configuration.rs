@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use super::buffers::{BatchPlan, Buffers, SceneBuffers};
-use super::gpu::Gpu;
-use super::native::{HostFrame, StagingRing, StagingSize};
+use super::device::buffers::{BatchPlan, Buffers, SceneBuffers};
+use super::device::gpu::Gpu;
+use super::device::passes::{Constants, Pass, Pipelines};
+use super::device::readback::{Contents, Shape, Slot};
+use super::host::{HostFrame, StagingRing, StagingSize};
 use super::params::Params;
-use super::passes::{Constants, Pass, Pipelines};
 use super::plan::{Effect, EffectPlan, SceneFacts};
-use super::readback::{Contents, Shape, Slot};
 use super::renderer::{FRAMES_IN_FLIGHT, RenderError};
 use super::tables::Tables;
 use super::{ClippedKernel, RenderSettings};

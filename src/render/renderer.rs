@@ -6,15 +6,15 @@ use std::time::Instant;
 
 use thiserror::Error;
 
-use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::{Configuration, Media};
-use super::gpu::{Gpu, GpuError};
-use super::native::{HostScene, HostTrace, HostWork};
-use super::passes::{Pass, Pipelines};
+use super::device::buffers::{PARAMS_STRIDE, SceneBuffers};
+use super::device::gpu::{Gpu, GpuError};
+use super::device::passes::{Pass, Pipelines};
+use super::device::readback::{Contents, Slot};
+use super::device::shaders::ShaderSet;
+use super::host::{HostScene, HostTrace, HostWork};
 use super::plan::{Choice, Effect, EffectPlan};
-use super::readback::{Contents, Slot};
 use super::settings::SettingsError;
-use super::shaders::ShaderSet;
 use super::tables::TISSUES_MAX;
 use super::{ClippedKernel, Frame, PassTime, RenderSettings};
 use crate::anatomy::scene::SURFACES_MAX;

@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3};
 
 use super::Frame;
-use super::gpu::{Gpu, GpuError};
-use super::native::HostWork;
-use super::readback::Contents;
+use super::device::gpu::{Gpu, GpuError};
+use super::device::readback::Contents;
+use super::host::HostWork;
 use super::renderer::{RenderError, Renderer};
 use super::tables::{ENTRIES, SEGMENTS, STARTS};
 use super::twin::{Inputs, Membership, Path, RasterPoint, Run, Sections, Segment};

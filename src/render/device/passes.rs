@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
 use super::gpu::{Gpu, GpuError};
-use super::params::Params;
 use super::shaders::ShaderSet;
+use crate::render::params::Params;
 
 /// What a shader is specialised to: its overrides and their values.
 pub(crate) type Constants<'a> = &'a [(&'static str, f64)];

@@ -119,8 +119,8 @@ mod tests {
     use super::*;
     use crate::anatomy::analytic::{self, Part};
     use crate::anatomy::{Bvh, TissueTable};
-    use crate::render::native::traverse::{self, Ray, Stack};
-    use crate::render::native::tree::WideNode;
+    use crate::render::host::traverse::{self, Ray, Stack};
+    use crate::render::host::tree::WideNode;
     use crate::render::twin::hash::sample_unit;
 
     /// Spheres that overlap, one inside another, and cuboids that share a face.

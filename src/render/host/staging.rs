@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use wgpu::WriteOnly;
 
 use super::path::PathRecord;
-use crate::render::buffers::Buffers;
-use crate::render::gpu::{Gpu, GpuError};
+use crate::render::device::buffers::Buffers;
+use crate::render::device::gpu::{Gpu, GpuError};
 use crate::render::renderer::FRAMES_IN_FLIGHT;
 use crate::render::tables::{SEGMENTS, STARTS};
 

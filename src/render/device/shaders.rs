@@ -1,7 +1,7 @@
 //! WGSL sources: one file a pass, with the shared files it imports put before it.
 
-use super::native::{ImageConstants, TraceConstants};
-use super::tables::{
+use crate::render::host::{ImageConstants, TraceConstants};
+use crate::render::tables::{
     ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYERS_MAX, PULSE_PAD, PULSE_QUADS, SEGMENTS,
     STARTS, TISSUES_MAX,
 };
@@ -23,9 +23,9 @@ pub struct ShaderSet {
 macro_rules! pass {
     ($name:literal $(, $shared:literal)*) => {
         ($name, concat!(
-            include_str!("../../shaders/shared/params.wgsl"),
-            $(include_str!(concat!("../../shaders/shared/", $shared, ".wgsl")),)*
-            include_str!(concat!("../../shaders/", $name, ".wgsl")),
+            include_str!("../../../shaders/shared/params.wgsl"),
+            $(include_str!(concat!("../../../shaders/shared/", $shared, ".wgsl")),)*
+            include_str!(concat!("../../../shaders/", $name, ".wgsl")),
         ))
     };
 }

@@ -1,9 +1,9 @@
 //! What passes read and write on the device: the scene's buffers, made once, and those of a configuration.
 
 use super::gpu::{Gpu, GpuError};
-use super::params::Params;
-use super::tables::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX, Tables};
 use crate::anatomy::Bvh;
+use crate::render::params::Params;
+use crate::render::tables::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX, Tables};
 
 /// Stride of one batch's uniforms; every device aligns to 256 at the most.
 pub(crate) const PARAMS_STRIDE: u64 = 256;
@@ -32,11 +32,11 @@ fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, Gp
 /// What doesn't change with probe and settings.
 #[derive(Debug)]
 pub(crate) struct SceneBuffers {
-    pub(super) nodes: wgpu::Buffer,
-    pub(super) triangles: wgpu::Buffer,
+    pub(in crate::render) nodes: wgpu::Buffer,
+    pub(in crate::render) triangles: wgpu::Buffer,
     surface_tissue: wgpu::Buffer,
     /// How far each triangle is from its rest; one entry where nothing moves.
-    pub(super) displacements: wgpu::Buffer,
+    pub(in crate::render) displacements: wgpu::Buffer,
 }
 
 impl SceneBuffers {

@@ -4,7 +4,7 @@ use std::sync::mpsc;
 
 use super::buffers::Buffers;
 use super::gpu::{Gpu, GpuError};
-use super::{Frame, PassTime};
+use crate::render::{Frame, PassTime};
 
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
@@ -215,7 +215,7 @@ impl Slot {
 }
 
 /// Copies rows of `width` out of rows of `stride`.
-pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
+pub(in crate::render) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
     into.clear();
     for row in from.chunks_exact(stride) {
         into.extend_from_slice(&row[..width]);

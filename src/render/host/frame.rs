@@ -15,12 +15,12 @@ use super::staging::PathOutputs;
 use super::traverse::Tree;
 use super::{HostTrace, ImageConstants};
 use crate::anatomy::Bvh;
-use crate::render::buffers::BatchPlan;
 use crate::render::configuration::Media;
-use crate::render::gpu::{Gpu, GpuError};
+use crate::render::device::buffers::BatchPlan;
+use crate::render::device::gpu::{Gpu, GpuError};
+use crate::render::device::readback::{Contents, unpad};
 use crate::render::params::Params;
 use crate::render::plan::{Effect, EffectSet};
-use crate::render::readback::{Contents, unpad};
 use crate::render::tables::{ENTRIES, SEGMENTS, STARTS, Tables};
 use crate::render::{Frame, PassTime};
 
