@@ -11,12 +11,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
+use insonify::anatomy::Axes;
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::{Pose, TrackingState};
 use insonify::render::{Frame, Gpu, GpuOptions, Renderer};
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
-use insonify::sink::scene_view::Axes;
 use insonify::sink::window::{WindowSink, run_on_main_thread};
 use insonify::station::{SceneSource, Station};
 

@@ -10,6 +10,8 @@ pub mod station;
 
 pub mod pipeline;
 
+pub mod report;
+
 pub mod sink;
 
 pub mod tradeoff;

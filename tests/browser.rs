@@ -9,13 +9,13 @@ use std::path::Path;
 use std::process::Command;
 
 use futures_util::{SinkExt as _, StreamExt as _};
+use insonify::anatomy::Axes;
 use insonify::anatomy::{TissueTable, analytic};
 use insonify::pose::TrackingState;
 use insonify::sink::SinkError;
 use insonify::sink::browser::wire::HEADER_BYTES;
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink as _, PresentedFrame};
-use insonify::sink::scene_view::Axes;
 use insonify::transducer::Probe;
 use serde_json::{Value, json};
 use tokio::sync::mpsc;

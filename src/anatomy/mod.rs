@@ -1,6 +1,7 @@
 //! What is scanned: closed surfaces of tissues.
 
 pub mod analytic;
+mod axes;
 pub mod builtin;
 pub mod bvh;
 pub mod decimate;
@@ -19,6 +20,7 @@ pub mod skin;
 pub mod specimens;
 pub mod tissue;
 
+pub use axes::Axes;
 pub use bvh::{Bvh, BvhError};
 pub use mesh::Mesh;
 pub use motion::Motion;

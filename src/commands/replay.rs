@@ -6,11 +6,12 @@ use std::time::Instant;
 
 use clap::Parser;
 use insonify::render::ImageSettings;
+use insonify::report::TimeTable;
+use insonify::report::time_table::{SideBySide, StageTime};
 use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord, ProbeRecord, QualityRecord};
 use insonify::sink::png::{self, Effort};
-use insonify::sink::time_table::{SideBySide, StageTime};
-use insonify::sink::{TimeTable, Video, npy, remove, write_json};
+use insonify::sink::{Video, npy, remove, write_json};
 use insonify::tracker::recording::RecordingSummary;
 use serde::Serialize;
 use sha2::{Digest, Sha256};

@@ -9,7 +9,7 @@ use insonify::anatomy::Mesh;
 use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
-use insonify::sink::exam_report;
+use insonify::report::exam as exam_report;
 use insonify::station::Station;
 use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::render::ShaderSet;
+use insonify::report::selftest::{self as selftest_report, figure};
 use insonify::selftest::{self, Report};
-use insonify::sink::selftest_report::{self, figure};
 use insonify::sink::write_json;
 
 use super::progress::Progress;

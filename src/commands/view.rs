@@ -6,13 +6,13 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::anatomy::{Scene, TissueTable, import};
+use insonify::anatomy::{Axes, Scene, TissueTable, import};
 use insonify::pose::Pose;
 use insonify::render::Frame;
-use insonify::sink::png;
-use insonify::sink::scene_view::{
-    Axes, BmodeImage, Cut, Direction, Fan, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
+use insonify::report::scene_view::{
+    BmodeImage, Cut, Direction, Fan, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
 };
+use insonify::sink::png;
 use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
 use serde::Serialize;

@@ -1,5 +1,7 @@
 //! Colours of maps: a perceptual scale for values, one colour for each tissue.
 
+use crate::anatomy::Mesh;
+
 /// Viridis, black-blue to yellow, 256 steps. By Stéfan van der Walt and Nathaniel Smith for matplotlib, CC0;
 /// values of `matplotlib.colormaps["viridis"]`, rounded to 8 bits, as 0xRRGGBB.
 const VIRIDIS: [u32; 256] = [
@@ -123,6 +125,17 @@ fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
         let k: f64 = (n + hue * 6.0) % 6.0;
         (255.0 * value * (1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0))).round() as u8
     })
+}
+
+/// Opacity of each of `meshes` in a view of all, 0..=1: large ones hold the small ones, and are seen through.
+pub(crate) fn opacities(meshes: &[&Mesh]) -> Vec<f32> {
+    let areas: Vec<f64> = meshes.iter().map(|mesh| area_mm2(mesh)).collect();
+    let largest = areas.iter().copied().fold(1e-9, f64::max);
+    areas.iter().map(|area| 0.10 + 0.85 * (1.0 - (area / largest).sqrt() as f32).powf(1.4)).collect()
+}
+
+fn area_mm2(mesh: &Mesh) -> f64 {
+    mesh.corners_mm().map(|[a, b, c]| 0.5 * f64::from((b - a).cross(c - a).length())).sum()
 }
 
 #[cfg(test)]

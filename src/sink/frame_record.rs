@@ -2,9 +2,8 @@
 
 use serde::Serialize;
 
-use super::time_table::pass_totals;
 use crate::pose::Pose;
-use crate::render::{Effect, EffectPlan, Frame, FrameTimes, Quality, RenderSettings};
+use crate::render::{Effect, EffectPlan, Frame, FrameTimes, PassTime, Quality, RenderSettings};
 use crate::transducer::{Probe, ProbeKind, Sector};
 
 /// What a frame was made with: pose, quality, image, probe, device. The station file holds scene and tissues.
@@ -239,4 +238,16 @@ impl From<&FrameTimes> for TimesRecord {
         let passes = pass_totals(times).iter().map(|p| PassRecord { name: p.name, ms: p.ms }).collect();
         Self { total_ms: times.total_ms, passes }
     }
+}
+
+/// The passes of a frame in the order in which they first ran, each with the sum of its runs.
+pub fn pass_totals(times: &FrameTimes) -> Vec<PassTime> {
+    let mut totals: Vec<PassTime> = Vec::with_capacity(times.passes.len());
+    for pass in &times.passes {
+        match totals.iter_mut().find(|total| total.name == pass.name) {
+            Some(total) => total.ms += pass.ms,
+            None => totals.push(*pass),
+        }
+    }
+    totals
 }

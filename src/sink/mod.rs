@@ -1,14 +1,11 @@
-//! Where frames go: images, arrays, videos and contact sheets on disk; pages and windows of a live station.
+//! Outputs for frames: image, array and video files; pages and windows of a live station.
 //!
 //! Every file is written under a temporary name beside its target and renamed when it is whole, so that a reader never
 //! sees half of one. Every error names the file.
 
 pub mod browser;
 pub mod colour;
-pub mod comparison_sheet;
-pub mod contact_sheet;
 pub mod control;
-pub mod exam_report;
 pub mod frame_files;
 pub mod frame_line;
 pub mod frame_log;
@@ -23,20 +20,15 @@ pub mod null;
 pub mod openigtlink;
 pub mod png;
 pub mod png_sequence;
-pub mod scene_view;
-pub mod selftest_report;
-pub mod time_table;
 pub mod video;
 pub mod window;
 pub mod y4m;
 
-mod canvas;
-mod error;
+pub(crate) mod canvas;
+pub(crate) mod error;
 mod file;
 mod live_kind;
 
-pub use comparison_sheet::ComparisonSheet;
-pub use contact_sheet::ContactSheet;
 pub use error::SinkError;
 pub use file::{create_dir, remove, write_json, write_text, write_with};
 pub use frame_files::FrameFiles;
@@ -46,5 +38,4 @@ pub use live_kind::{LiveSinkKind, UnknownSink};
 pub use live_video::LiveVideo;
 pub use null::NullSink;
 pub use png_sequence::PngSequence;
-pub use time_table::TimeTable;
 pub use video::{FrameRate, Video};

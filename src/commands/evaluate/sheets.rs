@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use insonify::dataset::{Dataset, Row as TupleRow};
 use insonify::generator::Generator;
 use insonify::quality::cut;
-use insonify::sink::comparison_sheet::Panel;
-use insonify::sink::{ComparisonSheet, create_dir};
+use insonify::report::ComparisonSheet;
+use insonify::report::comparison_sheet::Panel;
+use insonify::sink::create_dir;
 
 use super::super::{Classify, Failure};
 use super::dataset::generate;

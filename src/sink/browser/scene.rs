@@ -8,11 +8,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::anatomy::{Mesh, Scene, decimate};
+use crate::anatomy::{Axes, Mesh, Scene, decimate};
 use crate::pose::Pose;
 use crate::sink::colour::{self, Rgb};
-use crate::sink::scene_view::{Axes, Fan, opacities};
-use crate::transducer::Probe;
+use crate::transducer::{Probe, housing};
 
 /// Triangles of a packet; larger scenes are decimated.
 pub const TRIANGLES_MAX: usize = 150_000;
@@ -55,9 +54,9 @@ impl ScenePacket {
     pub fn new(scene: &Scene, probe: &Probe, axes: Axes) -> Self {
         let meshes: Vec<&Mesh> = scene.surfaces.iter().map(|s| &s.mesh).collect();
         let (fewer, _) = decimate::cluster_to(&meshes, TRIANGLES_MAX);
-        let housing = Fan { scene_from_probe: Pose::IDENTITY, probe: *probe, image: None }.housing();
+        let housing = housing(probe, &Pose::IDENTITY);
         let mut surfaces = Vec::new();
-        for ((surface, mesh), opacity) in scene.surfaces.iter().zip(&fewer).zip(opacities(&meshes)) {
+        for ((surface, mesh), opacity) in scene.surfaces.iter().zip(&fewer).zip(colour::opacities(&meshes)) {
             let tissue = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             let (name, colour) = (surface.name.as_str(), colour::tissue(tissue));
             surfaces.push((Entry { name, tissue, colour, opacity, vertices: 0, triangles: 0 }, mesh));

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use image::RgbImage;
 
-use super::Axes;
 use super::paint::{Panel, Picture};
+use crate::anatomy::Axes;
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::{self, Rgb};
 

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 
 use super::camera::Camera;
 use super::caster::{Caster, Hit};
-use super::{Axes, Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
-use crate::anatomy::{Mesh, Scene};
+use super::{Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
+use crate::anatomy::{Axes, Mesh, Scene};
 use crate::sink::colour;
+use crate::transducer::housing;
 
 /// Less light than this part of what lies behind is not looked for.
 const DARK: f32 = 0.02;
@@ -92,7 +93,7 @@ impl SceneView {
         let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
         let mut looks = Vec::new();
         let mut corners_mm = Vec::new();
-        for (&index, opacity) in shown.iter().zip(opacities(&meshes)) {
+        for (&index, opacity) in shown.iter().zip(colour::opacities(&meshes)) {
             let Some(surface) = scene.surfaces.get(index) else { continue };
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
@@ -103,7 +104,7 @@ impl SceneView {
                     .flat_map(|b| (0..8).map(move |i| DVec3::new(b[i & 1].x, b[(i >> 1) & 1].y, b[i >> 2].z))),
             );
         }
-        let housing = fan.as_ref().map(Fan::housing);
+        let housing = fan.as_ref().map(|fan| housing(&fan.probe, &fan.scene_from_probe));
         for mesh in housing.iter().flatten() {
             corners_mm.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3()));
         }
@@ -176,7 +177,11 @@ impl SceneView {
         let camera = Camera::new(settings.from, settings.orbit, self.axes, pose);
         let mut camera = camera.ok_or(ViewError::NoFan { what })?;
         let outline = self.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
-        let probe = self.fan.iter().flat_map(Fan::housing).flat_map(|mesh| mesh.vertices_mm);
+        let probe = self
+            .fan
+            .iter()
+            .flat_map(|fan| housing(&fan.probe, &fan.scene_from_probe))
+            .flat_map(|mesh| mesh.vertices_mm);
         let near: Vec<DVec3> = outline.iter().copied().chain(probe.map(|v| v.as_dvec3())).collect();
         camera.fit(
             if close && !near.is_empty() { &near } else { &self.corners_mm },
@@ -358,17 +363,6 @@ fn shade(colour: Vec3, hit: &Hit, camera: &Camera) -> Vec3 {
 
 fn colour_of(tissue: &str) -> Vec3 {
     Vec3::from(colour::tissue(tissue).map(|v| f32::from(v) / 255.0))
-}
-
-/// How opaque each of `meshes` is shown, 0..=1: large ones hold the small ones, and are seen through.
-pub(crate) fn opacities(meshes: &[&Mesh]) -> Vec<f32> {
-    let areas: Vec<f64> = meshes.iter().map(|mesh| area_mm2(mesh)).collect();
-    let largest = areas.iter().copied().fold(1e-9, f64::max);
-    areas.iter().map(|area| 0.10 + 0.85 * (1.0 - (area / largest).sqrt() as f32).powf(1.4)).collect()
-}
-
-fn area_mm2(mesh: &Mesh) -> f64 {
-    mesh.corners_mm().map(|[a, b, c]| 0.5 * f64::from((b - a).cross(c - a).length())).sum()
 }
 
 fn check_size(width: u32, height: u32) -> Result<(), ViewError> {

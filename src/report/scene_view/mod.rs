@@ -13,9 +13,8 @@ mod selection;
 
 use thiserror::Error;
 
-pub use camera::{Axes, Cut, Direction, Orbit};
+pub use camera::{Cut, Direction, Orbit};
 pub use fan::{BmodeImage, Fan};
-pub(crate) use paint::opacities;
 pub use paint::{PIXELS_MAX, Picture, PictureSettings, SceneView};
 pub use selection::Selection;
 

@@ -4,12 +4,12 @@ use std::fmt::Write;
 
 use glam::DVec2;
 
-use super::escape;
 use crate::anatomy::planes::{CaliperKind, StandardPlane, View};
 use crate::anatomy::section::Section;
 use crate::exam::measure::{Measured, measure};
 use crate::exam::score::{PlaneScore, Reference, slice_mm};
 use crate::pose::Pose;
+use crate::report::html::escape;
 use crate::transducer::{Probe, ProbeKind, Sector};
 
 /// How deep the face is pressed into the skin in the standard view, mm.

@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use glam::DVec3;
 
-use super::escape;
 use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::exam::score::{HOLD_S, PlaneScore, Reference, Track};
+use crate::report::html::escape;
 
 /// Most points of a line: more than a screen shows.
 const POINTS_MAX: usize = 900;

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::render::{FrameTimes, PassTime};
+use crate::render::FrameTimes;
+use crate::sink::frame_record::pass_totals;
 
 /// Stage that holds what a frame took beyond its passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
@@ -78,18 +79,6 @@ impl TimeTable {
     }
 }
 
-/// The passes of a frame in the order in which they first ran, each with the sum of its runs.
-pub fn pass_totals(times: &FrameTimes) -> Vec<PassTime> {
-    let mut totals: Vec<PassTime> = Vec::with_capacity(times.passes.len());
-    for pass in &times.passes {
-        match totals.iter_mut().find(|total| total.name == pass.name) {
-            Some(total) => total.ms += pass.ms,
-            None => totals.push(*pass),
-        }
-    }
-    totals
-}
-
 /// Percentiles (0..=100) of `values` by the nearest-rank definition: each is one of the values. None of no values.
 pub fn percentiles<const N: usize>(values: &[f64], percents: [f64; N]) -> Option<[f64; N]> {
     let mut sorted = values.to_vec();
@@ -139,6 +128,7 @@ impl fmt::Display for SideBySide<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::PassTime;
 
     fn times(total_ms: f64, passes: &[(&'static str, f64)]) -> FrameTimes {
         FrameTimes { total_ms, passes: passes.iter().map(|&(name, ms)| PassTime { name, ms }).collect() }

@@ -5,10 +5,10 @@ use std::path::Path;
 use image::imageops::{FilterType, resize};
 use image::{Rgb as Pixel, RgbImage};
 
-use super::canvas::{Canvas, Text};
-use super::colour::Rgb;
-use super::error::check_shape;
-use super::{SinkError, png};
+use crate::sink::canvas::{Canvas, Text};
+use crate::sink::colour::Rgb;
+use crate::sink::error::check_shape;
+use crate::sink::{SinkError, png};
 
 const MARGIN: u32 = 14;
 const CAPTION_HEIGHT: u32 = 20;

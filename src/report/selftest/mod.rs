@@ -1,12 +1,11 @@
 //! A self-test as a page to print: one HTML file.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
-use super::exam_report::escape;
-use super::{SinkError, write_with};
+use super::html::escape;
 use crate::selftest::{Check, Report};
+use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
 
@@ -15,8 +14,7 @@ const STYLE: &str = include_str!("style.css");
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, report: &Report) -> Result<(), SinkError> {
-    let page = page(report);
-    write_with(path, |file| file.write_all(page.as_bytes()).map_err(SinkError::io(path)))
+    write_text(path, &page(report))
 }
 
 /// A number to two digits of its tolerance; with a tolerance of 0 a count.

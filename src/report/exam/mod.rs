@@ -4,11 +4,11 @@ mod charts;
 mod section;
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
-use super::{SinkError, write_with};
+use super::html::escape;
 use crate::exam::score::{Measure, PlaneScore, Reference, Score, Track};
+use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
 
@@ -23,8 +23,7 @@ pub fn write(
     track: &Track,
     reference: &Reference<'_>,
 ) -> Result<(), SinkError> {
-    let page = page(title, score, track, reference);
-    write_with(path, |file| file.write_all(page.as_bytes()).map_err(SinkError::io(path)))
+    write_text(path, &page(title, score, track, reference))
 }
 
 /// The page. Writing to a string cannot fail.
@@ -135,9 +134,4 @@ fn or_dash(value: Option<f64>, digits: usize, unit: &str) -> String {
 
 fn error(percent: Option<f64>) -> String {
     percent.map_or_else(|| "–".to_owned(), |e| format!("{e:+.1} %"))
-}
-
-/// Text as HTML shows it.
-pub(in crate::sink) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

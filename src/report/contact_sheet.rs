@@ -6,12 +6,12 @@ use glam::DVec2;
 use image::imageops::{FilterType, resize};
 use image::{GrayImage, RgbImage};
 
-use super::canvas::{Canvas, Text};
-use super::colour::{self, Rgb};
-use super::error::check_shape;
-use super::{SinkError, png};
 use crate::anatomy::TissueTable;
 use crate::render::Frame;
+use crate::sink::canvas::{Canvas, Text};
+use crate::sink::colour::{self, Rgb};
+use crate::sink::error::check_shape;
+use crate::sink::{SinkError, png};
 use crate::transducer::Sector;
 
 const MARGIN: u32 = 14;

@@ -5,28 +5,9 @@ use std::str::FromStr;
 use glam::{DQuat, DVec3};
 
 use super::ViewError;
+use crate::anatomy::Axes;
 use crate::pose::Pose;
 use crate::suggest::did_you_mean;
-
-/// What the axes of a scene mean.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Axes {
-    /// z is the depth, as in the analytic scenes.
-    #[default]
-    Depth,
-    /// x to the mother's left, y cranial, z anterior, as in the obstetric phantom.
-    Anatomical,
-}
-
-impl Axes {
-    /// Names of +x, +y and +z.
-    pub(super) fn labels(self) -> [&'static str; 3] {
-        match self {
-            Self::Depth => ["x", "y", "z depth"],
-            Self::Anatomical => ["L", "cranial", "anterior"],
-        }
-    }
-}
 
 /// From where one looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

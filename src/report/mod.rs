@@ -1,0 +1,14 @@
+//! Reports that people read or look at offline: exams, self-tests, sheets, time tables, pictures of scenes.
+
+pub mod comparison_sheet;
+pub mod contact_sheet;
+pub mod exam;
+pub mod scene_view;
+pub mod selftest;
+pub mod time_table;
+
+mod html;
+
+pub use comparison_sheet::ComparisonSheet;
+pub use contact_sheet::ContactSheet;
+pub use time_table::TimeTable;

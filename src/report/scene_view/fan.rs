@@ -1,0 +1,70 @@
+//! The probe: its fan, its housing, and the image in the fan.
+
+use glam::{DVec2, DVec3};
+
+use crate::pose::Pose;
+use crate::transducer::{Probe, Sector};
+
+/// A B-mode image to be laid into the fan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BmodeImage {
+    /// Where its pixels lie in the imaging plane.
+    pub sector: Sector,
+    /// Grey levels [height × width] of the sector's size.
+    pub grey: Vec<u8>,
+}
+
+/// A probe in the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fan {
+    /// Its pose.
+    pub scene_from_probe: Pose,
+    /// Its shape.
+    pub probe: Probe,
+    /// What it sees, if that is known.
+    pub image: Option<BmodeImage>,
+}
+
+impl Fan {
+    /// Distance along the line of `point_mm` and `direction` at which it meets the imaging plane; none where it hardly does.
+    pub(super) fn meets(&self, point_mm: DVec3, direction: DVec3) -> Option<f64> {
+        let normal = self.scene_from_probe.orientation * DVec3::Y;
+        let slope = normal.dot(direction);
+        (slope.abs() > 1e-3).then(|| normal.dot(self.scene_from_probe.position_mm - point_mm) / slope)
+    }
+
+    /// Grey level at a scene point of the imaging plane, or None without an image; None outside the fan.
+    pub(super) fn at(&self, point_mm: DVec3) -> Option<Option<u8>> {
+        let local = self.scene_from_probe.inverse().transform_point(point_mm);
+        let place = DVec2::new(local.x, local.z);
+        Sector::polar(&self.probe, place)?;
+        Some(self.image.as_ref().map(|image| {
+            let pixel = image.sector.pixel_from_probe(place);
+            let column = (pixel.x.max(0.0) as usize).min(image.sector.width.saturating_sub(1) as usize);
+            let row = (pixel.y.max(0.0) as usize).min(image.sector.height.saturating_sub(1) as usize);
+            image.grey.get(row * image.sector.width as usize + column).copied().unwrap_or(0)
+        }))
+    }
+
+    /// The fan's outline, a closed line of scene points, mm: the face from image left to right, then the far end back.
+    pub fn outline_mm(&self) -> Vec<DVec3> {
+        const STEPS: u32 = 48;
+        let along = |i: u32, depth: f64| {
+            let (origin, direction) = self.probe.ray(self.probe.lateral_coordinate(f64::from(i) / f64::from(STEPS)));
+            self.scene_from_probe.transform_point(origin + direction * depth)
+        };
+        let face = (0..=STEPS).map(|i| along(i, 0.0));
+        face.chain((0..=STEPS).rev().map(|i| along(i, self.probe.depth_mm))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fan_ends_at_its_depth() {
+        let fan = Fan { scene_from_probe: Pose::IDENTITY, probe: Probe::default(), image: None };
+        assert!(fan.at(DVec3::new(0.0, 0.0, 75.0)) == Some(None) && fan.at(DVec3::new(0.0, 0.0, 151.0)).is_none());
+    }
+}
