@@ -50,6 +50,7 @@ class Browser:
         capabilities = {"alwaysMatch": {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}}
         answer = self.call("POST", "/session", {"capabilities": capabilities})
         self.session = f"/session/{answer['sessionId']}"
+        self.capabilities = answer["capabilities"]
 
     def call(self, method, path, body=None):
         data = json.dumps(body).encode() if body is not None else None
