@@ -22,6 +22,7 @@ use insonify::anatomy::analytic::{Part, joined, scene, sphere};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
 use insonify::station::Station;
+use insonify::statistics::{slope, sorted, upper_median};
 use insonify::tracker::recording;
 use insonify::transducer::Probe;
 
@@ -150,13 +151,12 @@ fn measure(x: f64, renderer: &mut Renderer, poses: &[Pose]) -> Point {
             sum.1.push(pass.ms);
         }
     }
-    let passes = passes.into_iter().map(|(name, times)| (name, median(times))).collect();
-    Point { x, total_ms: median(totals), passes }
+    let passes = passes.into_iter().map(|(name, times)| (name, middle(times))).collect();
+    Point { x, total_ms: middle(totals), passes }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+fn middle(values: Vec<f64>) -> f64 {
+    upper_median(&sorted(values)).expect("a frame")
 }
 
 /// A table of one curve: Markdown.
@@ -176,9 +176,5 @@ fn table(Curve { name, points, .. }: &Curve) -> String {
 /// Slope of the least-squares line through (ln x, ln ms).
 fn exponent(points: &[Point], ms: impl Fn(&Point) -> f64) -> f64 {
     let logs: Vec<(f64, f64)> = points.iter().map(|p| (p.x.ln(), ms(p).max(1e-4).ln())).collect();
-    let n = logs.len() as f64;
-    let (x, y) = (logs.iter().map(|p| p.0).sum::<f64>() / n, logs.iter().map(|p| p.1).sum::<f64>() / n);
-    let sxy: f64 = logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
-    let sxx: f64 = logs.iter().map(|p| (p.0 - x).powi(2)).sum();
-    sxy / sxx
+    slope(&logs).0
 }

@@ -10,6 +10,7 @@ use insonify::pose::Pose;
 use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
 use insonify::sink::{create_dir, npy, write_json};
 use insonify::station::Station;
+use insonify::statistics::{sorted, upper_median};
 use insonify::tracker::recording;
 
 /// Poses, spread over the exam.
@@ -45,8 +46,7 @@ fn main() -> anyhow::Result<()> {
             let trace: f64 = frame.times.passes.iter().filter(|p| p.name == "trace").map(|p| p.ms).sum();
             times.push(trace);
         }
-        times.sort_by(f64::total_cmp);
-        trace_ms.push(times[FRAMES / 2]);
+        trace_ms.extend(upper_median(&sorted(times)));
         let snapshot = renderer.snapshot(pose)?;
         let inputs = &snapshot.inputs;
         for (index, path) in snapshot.paths.iter().enumerate() {

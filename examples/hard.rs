@@ -16,6 +16,7 @@ use clap::Parser;
 use glam::{DVec3, Quat, Vec3};
 use insonify::anatomy::{Scene, Tissue, analytic};
 use insonify::pose::Pose;
+use insonify::random::SplitMix64;
 use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer};
 use insonify::selftest::bench::{Bench, silent, small};
 use insonify::station::Station;
@@ -53,29 +54,13 @@ struct State {
     overflows: u64,
 }
 
-/// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0))
-    }
+/// A random vector, each component in -1..1.
+fn vector(random: &mut SplitMix64) -> DVec3 {
+    DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))
 }
 
 /// Every value of a tissue anywhere in its range, the ends included.
-fn tissue(random: &mut Random) -> Tissue {
+fn tissue(random: &mut SplitMix64) -> Tissue {
     let mut end = |low: f64, high: f64| match random.unit() {
         u if u < 0.1 => low,
         u if u < 0.2 => high,
@@ -94,18 +79,18 @@ fn tissue(random: &mut Random) -> Tissue {
 }
 
 /// Bodies of any size, turn and kind: whole, flat, inverted, torn, without area.
-fn scene(random: &mut Random) -> Scene {
+fn scene(random: &mut SplitMix64) -> Scene {
     let filled = tissue(random);
     let mut bench = Bench::new(Tissue { density_kg_m3: filled.density_kg_m3.clamp(0.1, 25_000.0), ..filled });
     for i in 0..8 {
         let filled = tissue(random);
         let index = bench.tissue(Tissue { density_kg_m3: filled.density_kg_m3.clamp(0.1, 25_000.0), ..filled });
-        let centre = (40.0 * random.vector() + DVec3::new(0.0, 0.0, 40.0)).as_vec3();
-        let turn = Quat::from_scaled_axis((3.0 * random.vector()).as_vec3());
+        let centre = (40.0 * vector(random) + DVec3::new(0.0, 0.0, 40.0)).as_vec3();
+        let turn = Quat::from_scaled_axis((3.0 * vector(random)).as_vec3());
         let size = 10f64.powf(random.between(-3.0, 3.0)) as f32;
         let mut mesh = match i % 4 {
             0 => analytic::sphere(centre, size, 3),
-            1 => analytic::plate(centre, size * (Vec3::ONE + random.vector().as_vec3()), turn),
+            1 => analytic::plate(centre, size * (Vec3::ONE + vector(random).as_vec3()), turn),
             2 => analytic::plate(centre, Vec3::new(80.0, 80.0, 1e-3 * size), turn),
             _ => analytic::cuboid(centre.round() - Vec3::splat(10.0), centre.round() + Vec3::splat(10.0)),
         };
@@ -122,7 +107,7 @@ fn scene(random: &mut Random) -> Scene {
     bench.scene().expect("a scene of tissues within their ranges")
 }
 
-fn probe(random: &mut Random) -> Probe {
+fn probe(random: &mut SplitMix64) -> Probe {
     let kind = match (random.unit() * 3.0) as u32 {
         0 => ProbeKind::Linear { width_mm: random.between(0.1, 200.0) },
         1 => ProbeKind::Convex { radius_mm: random.between(1.0, 100.0), fov_deg: random.between(0.1, 180.0) },
@@ -177,7 +162,7 @@ fn main() -> ExitCode {
     let mut phantom: Option<Renderer> = None;
     let mut frame = Frame::default();
     while state.rays < args.frames * FRAME_RAYS && args.seconds.is_none_or(|s| started.elapsed().as_secs() < s) {
-        let mut random = Random(state.chunks.wrapping_mul(0x2545_f491_4f6c_dd1d));
+        let mut random = SplitMix64::new(state.chunks.wrapping_mul(0x2545_f491_4f6c_dd1d));
         let of_station = station.as_ref().filter(|_| state.chunks % 4 == 3);
         let chosen = probe(&mut random);
         let mut own;
@@ -197,8 +182,8 @@ fn main() -> ExitCode {
         };
         for pose in 0..POSES {
             let reach = if of_station.is_some() { 200.0 } else { 60.0 };
-            let from = reach * random.vector();
-            let pose_in_scene = Pose::looking(from, 30.0 * random.vector() - from, random.vector());
+            let from = reach * vector(&mut random);
+            let pose_in_scene = Pose::looking(from, 30.0 * vector(&mut random) - from, vector(&mut random));
             renderer.render(&pose_in_scene, &mut frame).expect("a frame");
             let (words, bad) = check(&frame);
             state.words += words;

@@ -38,4 +38,8 @@ pub mod pose;
 
 pub mod acoustics;
 
+pub mod random;
+
+pub mod statistics;
+
 mod suggest;

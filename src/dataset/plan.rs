@@ -12,8 +12,8 @@ use crate::anatomy::planes::StandardPlanes;
 use crate::exam::hand::{Deviation, Skill, wandered};
 use crate::exam::session::{self, PLANE_S};
 use crate::exam::{ExamError, START_TIME_NS};
-use crate::pose::freehand::SplitMix64;
 use crate::pose::{Pose, TimedPose};
+use crate::random::SplitMix64;
 
 /// Least distance and angle of two key frames of an exam: one of both is kept.
 const APART_MM: f64 = 4.0;
@@ -146,7 +146,7 @@ impl Plan {
         if phantoms == 1 && stations.contains(&true) {
             return wrong("one phantom cannot be shared between training and test: ask for 2 or more, or for 0: exams of the station's own".to_owned());
         }
-        let mut random = SplitMix64(wishes.seed ^ 0x6461_7461_7365_7421);
+        let mut random = SplitMix64::new(wishes.seed ^ 0x6461_7461_7365_7421);
         let mut exams = Vec::new();
         let mut first = 0;
         for (station, &is_phantom) in stations.iter().enumerate() {
@@ -188,7 +188,7 @@ impl Exam {
     /// # Errors
     /// As [`session::make`].
     pub fn moments(&self, source: &Source) -> Result<Vec<Moment>, ExamError> {
-        let mut random = SplitMix64(self.seed ^ 0x6d6f_6d65_6e74);
+        let mut random = SplitMix64::new(self.seed ^ 0x6d6f_6d65_6e74);
         let count = self.tuples.len();
         let mut moments: Vec<Moment> = Vec::with_capacity(count);
         let session = match source {

@@ -2,7 +2,7 @@
 
 use super::SettingsRow;
 use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite};
-use crate::pose::freehand::SplitMix64;
+use crate::random::SplitMix64;
 use crate::render::{ImageSettings, RenderSettings};
 use crate::transducer::Probe;
 
@@ -13,7 +13,7 @@ const FOCUS: (f64, f64) = (0.75, 1.3);
 
 fn within(random: &mut SplitMix64, least: f64, most: f64) -> f64 {
     // Three decimals say it in a manifest as exactly as they are meant.
-    (1e3 * (least + (most - least) * random.unit())).round() / 1e3
+    (1e3 * random.between(least, most)).round() / 1e3
 }
 
 /// A whole number below 2^32.
@@ -23,7 +23,7 @@ pub(super) fn whole(random: &mut SplitMix64) -> u64 {
 
 /// Parameters of the phantom of `seed`: of all that [`Parameters`] allow, what a second-trimester station meets.
 pub fn parameters(seed: u64) -> Parameters {
-    let mut random = SplitMix64(seed ^ 0x0070_6861_6e74_6f6d);
+    let mut random = SplitMix64::new(seed ^ 0x0070_6861_6e74_6f6d);
     let lie = match random.unit() {
         u if u < 0.5 => Lie::Cephalic,
         u if u < 0.8 => Lie::Breech,
@@ -54,7 +54,7 @@ pub fn parameters(seed: u64) -> Parameters {
 impl SettingsRow {
     /// Those of the exam of `seed`, about the station's own.
     pub fn draw(seed: u64, probe: &Probe, settings: &RenderSettings) -> Self {
-        let mut random = SplitMix64(seed ^ 0x7365_7474_696e_6773);
+        let mut random = SplitMix64::new(seed ^ 0x7365_7474_696e_6773);
         let ImageSettings { gain_db, dynamic_range_db, .. } = settings.image;
         let range_db = DYNAMIC_RANGE_DB.min(0.25 * dynamic_range_db);
         Self {

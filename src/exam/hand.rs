@@ -10,7 +10,7 @@ use std::str::FromStr;
 use glam::{DQuat, DVec3, EulerRot};
 
 use crate::pose::Pose;
-use crate::pose::freehand::SplitMix64;
+use crate::random::SplitMix64;
 
 /// How well somebody scans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -18,8 +18,9 @@ use super::hand::{Hand, Off, Skill};
 use super::{ExamError, LATENCY_NS, START_TIME_NS, encode};
 use crate::anatomy::Skin;
 use crate::anatomy::planes::{Caliper, StandardPlane, View};
-use crate::pose::freehand::{SplitMix64, Tremor, Waypoint, minimum_jerk, view_at};
+use crate::pose::freehand::{Tremor, Waypoint, minimum_jerk, view_at};
 use crate::pose::{Pose, TimedPose, rotation_vector};
+use crate::random::SplitMix64;
 use crate::tracker::recording::{CaliperEvent, Event};
 
 /// Poses a second.
@@ -135,7 +136,7 @@ struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     fn new(hand: Hand, seed: u64, skin: &'a Skin) -> Self {
-        let random = SplitMix64(seed ^ 0x5e55_1011);
+        let random = SplitMix64::new(seed ^ 0x5e55_1011);
         let (waypoints, lifts, phases, calipers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self { skin, hand, random, waypoints, lifts, phases, calipers, now_s: 0.0, contact_mm: DVec3::ZERO }
     }
@@ -324,7 +325,7 @@ impl<'a> Plan<'a> {
 
 /// Puts `planes` in an order that depends on `seed` (Fisher and Yates).
 pub fn shuffle(planes: &mut [&StandardPlane], seed: u64) {
-    let mut random = SplitMix64(seed ^ 0x0005_4ff1);
+    let mut random = SplitMix64::new(seed ^ 0x0005_4ff1);
     for last in (1..planes.len()).rev() {
         let other = (random.unit() * (last + 1) as f64) as usize;
         planes.swap(last, other.min(last));

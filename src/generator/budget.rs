@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use crate::statistics::nearest_rank;
+
 /// What follows from the time that one run may take. The times are those of the session's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Budget {
@@ -86,8 +88,7 @@ impl RunTimes {
         self.sorted.clear();
         self.sorted.extend_from_slice(&self.latest);
         self.sorted.sort_unstable();
-        let rank = (part * self.sorted.len() as f64).ceil().max(1.0) as usize;
-        self.sorted.get(rank - 1).copied()
+        nearest_rank(&self.sorted, part)
     }
 }
 

@@ -11,6 +11,7 @@ use super::histogram::Histogram;
 use super::quality_budget::QualitySummary;
 use crate::pose::TrackingState;
 use crate::sink::live::{FrameSource, PresentedFrame};
+use crate::statistics::upper_median;
 
 /// Frames behind the live figures.
 const RECENT: usize = 64;
@@ -121,7 +122,7 @@ impl Recent {
         let count = latencies.iter_mut().zip(known).map(|(slot, latency)| *slot = latency).count();
         let latencies = latencies.get_mut(..count)?;
         latencies.sort_unstable();
-        latencies.get(count / 2).map(|l| l.as_secs_f64() * 1e3)
+        upper_median(latencies).map(|l| l.as_secs_f64() * 1e3)
     }
 }
 

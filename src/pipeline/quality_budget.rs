@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::render::{Climbed, LADDER, QualityPoint, RUNGS};
+use crate::statistics::nearest_rank;
 
 /// Frames behind a decision.
 const WINDOW: usize = 32;
@@ -246,7 +247,7 @@ impl QualityBudget {
         let mut times = self.times;
         let times = &mut times[..known];
         times.sort_unstable_by(f64::total_cmp);
-        times.get((3 * known).div_ceil(4) - 1).copied()
+        nearest_rank(times, 0.75)
     }
 }
 

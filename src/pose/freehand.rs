@@ -2,6 +2,8 @@
 
 use glam::{DQuat, DVec3, EulerRot};
 
+use crate::random::SplitMix64;
+
 /// RMS of the tremor of a hand that rests on the skin, mm in each direction (assumed).
 pub const TREMOR_MM: f64 = 0.3;
 
@@ -60,7 +62,7 @@ pub struct Tremor {
 impl Tremor {
     /// The tremor number `seed`.
     pub fn new(seed: u64) -> Self {
-        let mut random = SplitMix64(seed);
+        let mut random = SplitMix64::new(seed);
         let (low, high) = TREMOR_BAND_HZ;
         let components = std::array::from_fn(|_| {
             let mut partials: [_; TREMOR_PARTIALS] = std::array::from_fn(|i| {
@@ -83,21 +85,6 @@ impl Tremor {
         let angle = |i| TREMOR_DEG.to_radians() * value(i);
         let shift_mm = TREMOR_MM * DVec3::new(value(0), value(1), value(2));
         (shift_mm, DQuat::from_euler(EulerRot::XYZ, angle(3), angle(4), angle(5)))
-    }
-}
-
-/// Steele, Lea & Flood's generator: the same numbers on each machine.
-#[derive(Debug, Clone)]
-pub(crate) struct SplitMix64(pub(crate) u64);
-
-impl SplitMix64 {
-    /// Uniform in 0..1.
-    pub(crate) fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 

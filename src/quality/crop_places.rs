@@ -1,7 +1,7 @@
 //! Where an image is judged by crops, as the paper does: at random, but where the sector is.
 
 use super::QualityError;
-use crate::pose::freehand::SplitMix64;
+use crate::random::SplitMix64;
 
 /// Side of a crop of the paper, pixels.
 pub const CROP_SIDE: usize = 512;
@@ -40,7 +40,7 @@ pub fn crop_places(
         at(left + side, top + side) + at(left, top) - at(left + side, top) - at(left, top + side)
     };
     let least = (CROP_INSIDE * (side * side) as f64).ceil() as u32;
-    let mut random = SplitMix64(seed);
+    let mut random = SplitMix64::new(seed);
     let mut draw = |room: usize| ((random.unit() * (room + 1) as f64) as usize).min(room);
     let mut place = || {
         let mut best = [0, 0];

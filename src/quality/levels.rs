@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 
+use crate::statistics::{sorted, upper_median};
 use crate::transducer::Sector;
 
 /// Mean of images in dB above black, and in power (1 at black).
@@ -76,9 +77,8 @@ impl Levels {
             columns[i % width].0 += self.sum_db[i] / self.images.max(1.0);
             columns[i % width].1 += 1.0;
         }
-        let mut means: Vec<f64> = columns.into_iter().filter(|c| c.1 > 0.0).map(|(sum, n)| sum / n).collect();
-        means.sort_by(f64::total_cmp);
-        means.get(means.len() / 2).copied().unwrap_or(0.0)
+        let means = sorted(columns.into_iter().filter(|c| c.1 > 0.0).map(|(sum, n)| sum / n));
+        upper_median(&means).unwrap_or(0.0)
     }
 
     /// Full width at half the amplitude of the peak nearest to `place` along `axis` (a unit vector of the image), mm, with

@@ -9,6 +9,7 @@ use glam::DVec2;
 use serde::Serialize;
 
 use crate::anatomy::specimens::qa;
+use crate::statistics::slope;
 use crate::transducer::{Probe, Sector};
 
 use super::levels::Levels;
@@ -273,19 +274,9 @@ fn penetration(levels: &Levels, probe: &Probe) -> Penetration {
     Penetration {
         seen_mm: seen.last().map_or(0.0, |p| p.0),
         whole_depth: dark.is_none(),
-        slope_db_cm: 10.0 * slope(&deep),
+        slope_db_cm: 10.0 * Some(slope(&deep).0).filter(|slope| slope.is_finite()).unwrap_or(0.0),
         levels: places,
     }
-}
-
-/// Least-squares slope of y over x; 0 for fewer than two points.
-fn slope(points: &[(f64, f64)]) -> f64 {
-    let n = points.len().max(1) as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
-    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
-    let sxx: f64 = points.iter().map(|p| (p.0 - x).powi(2)).sum();
-    let sxy: f64 = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
-    if sxx > 0.0 { sxy / sxx } else { 0.0 }
 }
 
 /// Whether `probe` and its image can show the phantom as it is laid out.

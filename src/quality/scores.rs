@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Pair, percentile, pkl, psnr_db, ssim};
+use super::{Pair, pkl, psnr_db, ssim};
+use crate::statistics::{mean, percentile};
 
 /// Metrics of one image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -58,9 +59,8 @@ impl Summary {
     pub fn of(scores: &[Scores]) -> Option<Self> {
         let spread = |of: fn(&Scores) -> Option<f64>, part| {
             let values: Vec<f64> = scores.iter().filter_map(of).collect();
-            let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-            let mean = if finite.is_empty() { f64::INFINITY } else { finite.iter().sum::<f64>() / finite.len() as f64 };
-            Some(Spread { mean, percentile: percentile(&values, part)? })
+            let finite = values.iter().copied().filter(|v| v.is_finite());
+            Some(Spread { mean: mean(finite).unwrap_or(f64::INFINITY), percentile: percentile(&values, part)? })
         };
         Some(Self {
             images: scores.len(),

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{QualityError, percentile};
+use super::QualityError;
+use crate::statistics::median;
 
 /// Side of the patches that the envelope is looked at in, pixels.
 pub const PATCH: usize = 32;
@@ -75,7 +76,7 @@ pub fn speckle(
             pixels: count as usize,
             grey_mean: mean,
             grey_deviation: (squares as f64 / count as f64 - mean * mean).max(0.0).sqrt(),
-            envelope_snr: percentile(&ratios, 0.5),
+            envelope_snr: median(&ratios),
             patches: ratios.len(),
         }
     };

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Pair, QualityError, level_difference};
+use crate::statistics;
 
 /// Mean magnitude of `after` less `before`, grey levels, where what lies at column c and row r of `before` lies at column
 /// c + `shift`\[0\] and row r + `shift`\[1\] of `after`: over the pixels that are inside `mask` [height × width] (not 0) in
@@ -115,10 +116,7 @@ fn mean(
 ) -> Result<f64, QualityError> {
     let steps = frames.array_windows().map(|[a, b]| difference(a, b));
     let steps = steps.collect::<Result<Vec<f64>, QualityError>>()?;
-    if steps.is_empty() {
-        return Err(QualityError::FewFrames { found: frames.len() });
-    }
-    Ok(steps.iter().sum::<f64>() / steps.len() as f64)
+    statistics::mean(steps).ok_or(QualityError::FewFrames { found: frames.len() })
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::{Frame, GpuError, QualityPoint, RenderError, RenderSettings, Renderer};
 use crate::pose::Pose;
+use crate::statistics::upper_median;
 use crate::transducer::Probe;
 
 /// Rungs of the [`LADDER`].
@@ -73,7 +74,7 @@ pub fn climb<E>(
             }
         }
         times[..known].sort_by(f64::total_cmp);
-        climbed.frame_ms[rung] = times[..known].get(known / 2).copied();
+        climbed.frame_ms[rung] = upper_median(&times[..known]);
         if !climbed.frame_ms[rung].is_some_and(|ms| ms <= budget_ms) {
             break;
         }

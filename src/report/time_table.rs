@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::render::FrameTimes;
 use crate::sink::frame_record::pass_totals;
+use crate::statistics::{nearest_rank, sorted};
 
 /// Stage that holds what a frame took beyond its passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
@@ -64,8 +65,10 @@ impl TimeTable {
             .chain(overhead)
             .chain(std::iter::once((WHOLE_FRAME, &self.whole_ms)))
             .filter_map(|(stage, times)| {
-                let [p50_ms, p95_ms, max_ms] = percentiles(times, [50.0, 95.0, 100.0])?;
-                Some(StageTime { stage, count: times.len(), p50_ms, p95_ms, max_ms })
+                let times = sorted(times.iter().copied());
+                let percentile = |part| nearest_rank(&times, part);
+                let (p50_ms, p95_ms) = (percentile(0.5)?, percentile(0.95)?);
+                Some(StageTime { stage, count: times.len(), p50_ms, p95_ms, max_ms: *times.last()? })
             })
             .collect()
     }
@@ -77,17 +80,6 @@ impl TimeTable {
         });
         &mut self.stages[index].1
     }
-}
-
-/// Percentiles (0..=100) of `values` by the nearest-rank definition: each is one of the values. None of no values.
-pub fn percentiles<const N: usize>(values: &[f64], percents: [f64; N]) -> Option<[f64; N]> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    Some(percents.map(|percent| {
-        let rank = (percent / 100.0 * sorted.len() as f64).ceil() as usize;
-        sorted[rank.saturating_sub(1).min(last)]
-    }))
 }
 
 /// Tables side by side, each with a heading, as text for people: a line a stage, p50 and p95 in ms.
@@ -132,15 +124,6 @@ mod tests {
 
     fn times(total_ms: f64, passes: &[(&'static str, f64)]) -> FrameTimes {
         FrameTimes { total_ms, passes: passes.iter().map(|&(name, ms)| PassTime { name, ms }).collect() }
-    }
-
-    #[test]
-    fn percentiles_are_values_that_occurred() {
-        let values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
-        assert_eq!(percentiles(&values, [0.0, 50.0, 95.0, 100.0]), Some([1.0, 50.0, 95.0, 100.0]));
-        assert_eq!(percentiles(&[7.0], [5.0, 95.0]), Some([7.0, 7.0]));
-        assert_eq!(percentiles(&[1.0, 2.0, 3.0], [50.0]), Some([2.0]));
-        assert_eq!(percentiles(&[], [50.0]), None);
     }
 
     #[test]

@@ -3,13 +3,13 @@
 use glam::DVec2;
 
 use super::bench::{Bench, Places, at, grainy, linear, silent, slab, small};
-use super::measure::slope;
 use super::{Check, Family, Rig};
 use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::acoustics::interface::interface;
 use crate::anatomy::Tissue;
 use crate::render::{Frame, RenderError, RenderSettings};
+use crate::statistics::slope;
 use crate::transducer::{Probe, Sector};
 
 /// Attenuation of the block and of the plate in it, dB/cm/MHz.

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec2};
 
 use super::bench::{Bench, Places, at, facing, linear, silent, slab, small};
-use super::measure::{Echo, echoes, line, magnitude, slope};
+use super::measure::{Echo, echoes, line, magnitude};
 use super::{Check, Family, Rig};
 use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::attenuation::attenuation_db_mm;
@@ -11,6 +11,7 @@ use crate::acoustics::decibel::db_from_amplitude;
 use crate::acoustics::interface::interface;
 use crate::anatomy::Tissue;
 use crate::render::RenderError;
+use crate::statistics::slope;
 use crate::transducer::Probe;
 
 /// Depth of the interfaces at normal incidence, mm.

@@ -81,13 +81,3 @@ pub fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0u32, 0.0), |(n, s), v| (n + 1, s + v * v));
     sum / f64::from(count)
 }
-
-/// Slope of the least-squares line through (x, y), and its standard error.
-pub fn slope(points: &[(f64, f64)]) -> (f64, f64) {
-    let n = points.len() as f64;
-    let (x, y) = points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
-    let xx: f64 = points.iter().map(|p| (p.0 - x).powi(2)).sum();
-    let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / xx;
-    let left = points.iter().map(|p| (p.1 - y - slope * (p.0 - x)).powi(2)).sum::<f64>();
-    (slope, (left / (n - 2.0) / xx).sqrt())
-}

@@ -3,12 +3,13 @@
 use glam::DVec2;
 
 use super::bench::{Bench, Places, at, grainy, linear, slab, small};
-use super::measure::{line, magnitude, mean_square, slope};
+use super::measure::{line, magnitude, mean_square};
 use super::{Check, Family, Rig};
 use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::anatomy::Tissue;
 use crate::render::{Frame, RenderError};
+use crate::statistics::slope;
 use crate::transducer::Probe;
 
 /// RMS amplitude of the scatterers.

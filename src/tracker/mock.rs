@@ -13,6 +13,7 @@ use thiserror::Error;
 use super::ascii_line;
 use super::clock::nanoseconds;
 use crate::pose::Pose;
+use crate::random::{bits, fraction};
 
 /// What the board does for a while.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,7 +175,7 @@ impl Board {
         let device_time_us = u64::try_from(at.as_micros()).unwrap_or(u64::MAX);
         let mut line = ascii_line::encode(sequence, device_time_us, &self.pose(act)).into_bytes();
         if act == Act::Corrupt && sequence.is_multiple_of(3) {
-            let hash = mix(u64::from(self.settings.seed) ^ u64::from(sequence) << 32);
+            let hash = bits(u64::from(self.settings.seed) ^ u64::from(sequence) << 32);
             let at = hash as usize % line.len();
             line[at] ^= 1 << (hash >> 32 & 7);
         }
@@ -188,7 +189,7 @@ impl Board {
     fn pose(&self, act: Act) -> Pose {
         let t = self.moved.as_secs_f64();
         let seed = u64::from(self.settings.seed) << 8;
-        let wave = |axis: u64, hz: f64| (std::f64::consts::TAU * (hz * t + fraction(mix(seed + axis)))).sin();
+        let wave = |axis: u64, hz: f64| (std::f64::consts::TAU * (hz * t + fraction(bits(seed + axis)))).sin();
         let mut offset_mm = DVec3::new(
             14.0 * wave(0, 0.11) + 3.0 * wave(1, 0.43),
             8.0 * wave(2, 0.07) + 2.0 * wave(3, 0.37),
@@ -197,7 +198,7 @@ impl Board {
         let degrees = DVec3::new(8.0 * wave(5, 0.13), 9.0 * wave(6, 0.09) + 2.0 * wave(7, 0.31), 6.0 * wave(8, 0.05));
         let mut turn = DQuat::from_scaled_axis(degrees * std::f64::consts::PI / 180.0);
         if act == Act::Jump {
-            let random = |i: u64| fraction(mix(seed ^ self.acts_begun << 16 ^ i));
+            let random = |i: u64| fraction(bits(seed ^ self.acts_begun << 16 ^ i));
             let angle = std::f64::consts::TAU * random(100);
             offset_mm += DVec3::new(angle.cos(), angle.sin(), 0.0) * (30.0 + 30.0 * random(101));
             turn *= DQuat::from_rotation_z((2.0 * random(102) - 1.0) * std::f64::consts::FRAC_PI_3);
@@ -208,19 +209,6 @@ impl Board {
             orientation: (around.orientation * turn).normalize(),
         }
     }
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-fn mix(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
-}
-
-/// The upper bits as a number in 0..1.
-fn fraction(hash: u64) -> f64 {
-    (hash >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use insonify::render::ShaderSet;
 use insonify::render::twin::Path;
 use insonify::selftest::bench::{Bench, at, linear, silent, small};
 
-use super::house::{ROUNDING, Random, Tolerance, holds, patched, renderer, row};
+use super::common::{ROUNDING, Tolerance, holds, patched, renderer, row, vector};
+use insonify::random::SplitMix64;
 
 fn ball() -> Scene {
     let mut bench = Bench::new(silent(1540.0, 1.5));
@@ -18,7 +19,7 @@ fn ball() -> Scene {
 
 /// Poses whose only ray passes through a point of an edge, or through a vertex, of the ball.
 fn aimed(scene: &Scene) -> Vec<Pose> {
-    let mut random = Random(11);
+    let mut random = SplitMix64::new(11);
     let mesh = &scene.surfaces[0].mesh;
     (0..400)
         .map(|i| {
@@ -28,9 +29,9 @@ fn aimed(scene: &Scene) -> Vec<Pose> {
             let centre = DVec3::new(1.3, -2.1, 0.7);
             // Towards the inside, up to 60° off the normal.
             let inward = (centre - target).normalize();
-            let direction = (inward + 0.9 * random.vector()).normalize();
+            let direction = (inward + 0.9 * vector(&mut random)).normalize();
             let from = target - direction * random.between(40.0, 250.0);
-            Pose::looking(from, direction, random.vector())
+            Pose::looking(from, direction, vector(&mut random))
         })
         .collect()
 }

@@ -6,7 +6,7 @@ use insonify::pose::Pose;
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, grainy, linear, silent, small};
 
-use super::house::{ROUNDING, frame, holds, renderer, row, words};
+use super::common::{ROUNDING, frame, holds, renderer, row, words};
 
 /// Corners on multiples of 1/64 mm, so that f32 holds them 98 m away, too.
 fn moved(offset: Vec3, scale: f32) -> Scene {

@@ -5,7 +5,7 @@ use insonify::acoustics::interface::interface;
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, facing, linear, silent, small};
 
-use super::house::{ROUNDING, Tolerance, holds, renderer, row, stands_in};
+use super::common::{ROUNDING, Tolerance, holds, renderer, row, stands_in};
 
 /// cosθₜ as it stands in a textbook.
 fn naive(ratio: f32, cos: f32) -> f32 {

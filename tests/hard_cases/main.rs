@@ -6,9 +6,9 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 
+mod common;
 mod edges;
 mod far;
-mod house;
 mod incidence;
 mod media;
 mod metrics;

@@ -7,7 +7,7 @@ use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, grainy, linear, silent, small};
 use insonify::selftest::measure::magnitude;
 
-use super::house::{ROUNDING, Tolerance, frame, holds, renderer, row};
+use super::common::{ROUNDING, Tolerance, frame, holds, renderer, row};
 
 fn slab(x: f64, half: f64, top: f64, bottom: f64) -> insonify::anatomy::Mesh {
     insonify::selftest::bench::slab(glam::DVec2::new(x, 0.0), half, top, bottom)

@@ -3,7 +3,8 @@
 use insonify::quality::{Gaussian, Pair, frechet_distance, frechet_distance_of, pkl, psnr_db, speckle, ssim};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::house::{Random, row};
+use super::common::row;
+use insonify::random::SplitMix64;
 
 const SIDE: usize = 64;
 
@@ -88,7 +89,7 @@ fn every_metric_of_every_flat_image_has_a_value() {
 
 #[test]
 fn covariances_without_full_rank_have_a_distance() {
-    let mut random = Random(8);
+    let mut random = SplitMix64::new(8);
     // Fewer vectors than dimensions, constant ones, and ones that differ in a part in 10⁹.
     let noise: Vec<Vec<f64>> = (0..5).map(|_| (0..40).map(|_| random.between(-1.0, 1.0)).collect()).collect();
     let constant = vec![vec![0.25; 40]; 5];

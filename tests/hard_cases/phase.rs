@@ -2,7 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::house::{Random, row, stands_in};
+use super::common::{row, stands_in};
+use insonify::random::SplitMix64;
 
 /// `shipped` as it stands in the shader.
 const SHIPPED: [&str; 7] = [
@@ -33,7 +34,7 @@ fn a_carrier_of_thousands_of_turns_keeps_its_phase() {
     for pass in ["march", "echo"] {
         stands_in(pass, &SHIPPED);
     }
-    let mut random = Random(2);
+    let mut random = SplitMix64::new(2);
     let (mut naive, mut kept) = (0.0_f64, 0.0_f64);
     for _ in 0..100_000 {
         // 500 mm at 40 MHz are 26,000 turns.

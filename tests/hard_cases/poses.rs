@@ -7,7 +7,8 @@ use insonify::pose::{
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, grainy, linear, slab, small};
 
-use super::house::{Random, frame, renderer, row, words};
+use super::common::{frame, renderer, row, vector, words};
+use insonify::random::SplitMix64;
 
 #[test]
 fn quaternions_that_are_no_rotation_are_refused_by_name() {
@@ -36,10 +37,10 @@ fn a_negated_quaternion_is_the_same_rotation() {
     assert!(words(&frame(&mut renderer, &pose)) == words(&frame(&mut renderer, &negated)));
 
     // Between two poses, the one of them negated: the components' mean goes the long way or vanishes.
-    let mut random = Random(4);
+    let mut random = SplitMix64::new(4);
     let (mut naive, mut kept) = (0.0_f64, 0.0_f64);
     for _ in 0..200 {
-        let axis = random.vector().normalize();
+        let axis = vector(&mut random).normalize();
         let (a, b) = (DQuat::from_axis_angle(axis, 0.2), -DQuat::from_axis_angle(axis, 0.6));
         let want = DQuat::from_axis_angle(axis, 0.4);
         let mean = DQuat::from_vec4((0.5 * (glam::DVec4::from(a) + glam::DVec4::from(b))).normalize());
@@ -64,11 +65,11 @@ fn a_negated_quaternion_is_the_same_rotation() {
 #[test]
 fn small_rotations_are_not_lost_in_an_arc_cosine() {
     let (mut naive, mut kept, mut nan) = (0.0_f64, 0.0_f64, 0);
-    let mut random = Random(6);
+    let mut random = SplitMix64::new(6);
     for i in 0..1000 {
         let angle = 10f64.powf(-9.0 + 6.0 * f64::from(i) / 1000.0);
-        let q = DQuat::from_axis_angle(random.vector().normalize(), 1.0 + random.unit()).normalize();
-        let turned = DQuat::from_axis_angle(random.vector().normalize(), angle) * q;
+        let q = DQuat::from_axis_angle(vector(&mut random).normalize(), 1.0 + random.unit()).normalize();
+        let turned = DQuat::from_axis_angle(vector(&mut random).normalize(), angle) * q;
         let arc = 2.0 * turned.dot(q).acos();
         nan += usize::from(arc.is_nan());
         if !arc.is_nan() {

@@ -8,10 +8,11 @@ use insonify::render::{ShaderSet, Snapshot};
 use insonify::selftest::bench::{Bench, at, linear, silent, small};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::house::{Random, Tolerance, frame, holds, renderer};
+use super::common::{Tolerance, frame, holds, renderer, vector};
+use insonify::random::SplitMix64;
 
 /// A tissue by chance: from air to bone, anything between fluid and grit.
-fn tissue(random: &mut Random) -> Tissue {
+fn tissue(random: &mut SplitMix64) -> Tissue {
     Tissue {
         attenuation_db_cm_mhz: random.between(0.0, 3.0),
         scatterer_density: random.unit(),
@@ -23,17 +24,17 @@ fn tissue(random: &mut Random) -> Tissue {
 }
 
 /// Bodies of any size and turn, overlapping as they come.
-fn scene(random: &mut Random, tissue: impl Fn(&mut Random) -> Tissue) -> Scene {
+fn scene(random: &mut SplitMix64, tissue: impl Fn(&mut SplitMix64) -> Tissue) -> Scene {
     let mut bench = Bench::new(tissue(random));
     for i in 0..6 {
         let filled = tissue(random);
         let filled = bench.tissue(filled);
-        let centre = (DVec3::new(25.0, 15.0, 22.0) * random.vector() + DVec3::new(0.0, 0.0, 35.0)).as_vec3();
-        let turn = Quat::from_scaled_axis((3.0 * random.vector()).as_vec3());
+        let centre = (DVec3::new(25.0, 15.0, 22.0) * vector(random) + DVec3::new(0.0, 0.0, 35.0)).as_vec3();
+        let turn = Quat::from_scaled_axis((3.0 * vector(random)).as_vec3());
         let size = random.between(3.0, 30.0) as f32;
         let mesh = match i % 3 {
             0 => analytic::sphere(centre, 0.6 * size, 2),
-            1 => analytic::plate(centre, size * (Vec3::ONE + 0.8 * random.vector().as_vec3()), turn),
+            1 => analytic::plate(centre, size * (Vec3::ONE + 0.8 * vector(random).as_vec3()), turn),
             _ => analytic::plate(centre, Vec3::new(40.0, 40.0, 0.1 * size), turn),
         };
         bench.add(filled, i, mesh);
@@ -60,9 +61,9 @@ fn probe(seed: u64) -> Probe {
     }
 }
 
-fn pose(random: &mut Random) -> Pose {
-    let target = DVec3::new(0.0, 0.0, 35.0) + 10.0 * random.vector();
-    Pose::looking(8.0 * random.vector(), target, random.vector())
+fn pose(random: &mut SplitMix64) -> Pose {
+    let target = DVec3::new(0.0, 0.0, 35.0) + 10.0 * vector(random);
+    Pose::looking(8.0 * vector(random), target, vector(random))
 }
 
 /// The amplitude never rises along a path, and no echo is stronger than what absorption has left.
@@ -106,7 +107,7 @@ fn assert_attenuation_falls(what: &str, s: &Snapshot, frame: &insonify::render::
 #[test]
 fn on_any_scene_frames_hold_energy_falls_and_so_does_attenuation() {
     for seed in 0..9 {
-        let mut random = Random(1000 + seed);
+        let mut random = SplitMix64::new(1000 + seed);
         let scene = scene(&mut random, tissue);
         let settings = small(3, 3);
         let mut renderer = renderer(&scene, &probe(seed), &settings, &ShaderSet::default());
@@ -137,10 +138,12 @@ fn moved(scene: &Scene, to: impl Fn(Vec3) -> Vec3, flip: bool) -> Scene {
 #[test]
 fn segmentation_is_that_of_the_scene_and_not_of_its_coordinates() {
     for seed in 0..4 {
-        let mut random = Random(2000 + seed);
+        let mut random = SplitMix64::new(2000 + seed);
         let scene = scene(&mut random, tissue);
-        let rigid =
-            Pose { position_mm: 300.0 * random.vector(), orientation: DQuat::from_scaled_axis(3.0 * random.vector()) };
+        let rigid = Pose {
+            position_mm: 300.0 * vector(&mut random),
+            orientation: DQuat::from_scaled_axis(3.0 * vector(&mut random)),
+        };
         let there = moved(&scene, |v| rigid.transform_point(v.as_dvec3()).as_vec3(), false);
         let settings = small(1, 1);
         let mut a = renderer(&scene, &probe(seed), &settings, &ShaderSet::default());
@@ -160,12 +163,12 @@ fn segmentation_is_that_of_the_scene_and_not_of_its_coordinates() {
 #[test]
 fn a_mirrored_scene_gives_the_mirrored_image() {
     // Without grain and chance: the lattice is not mirrored, nor are random numbers.
-    let quiet = |random: &mut Random| Tissue {
+    let quiet = |random: &mut SplitMix64| Tissue {
         attenuation_db_cm_mhz: random.between(0.0, 1.0),
         ..silent(random.between(1450.0, 1600.0), random.between(1.4, 1.8))
     };
     for seed in 0..3 {
-        let mut random = Random(3000 + seed);
+        let mut random = SplitMix64::new(3000 + seed);
         let scene = scene(&mut random, quiet);
         let mirror = moved(&scene, |v| Vec3::new(-v.x, v.y, v.z), true);
         let mut settings = small(1, 1);
@@ -190,7 +193,7 @@ fn a_mirrored_scene_gives_the_mirrored_image() {
 
 #[test]
 fn what_passes_an_interface_passes_it_the_other_way() {
-    let mut random = Random(7);
+    let mut random = SplitMix64::new(7);
     for _ in 0..10_000 {
         let [z1, z2] = [(); 2].map(|()| 10f64.powf(random.between(-3.4, 0.9)));
         let [c1, c2] = [(); 2].map(|()| random.between(340.0, 4100.0));
@@ -211,7 +214,7 @@ fn what_passes_an_interface_passes_it_the_other_way() {
 #[test]
 fn a_stack_of_layers_passes_as_much_from_either_side() {
     for seed in 0..3 {
-        let mut random = Random(4000 + seed);
+        let mut random = SplitMix64::new(4000 + seed);
         let mut bench = Bench::new(silent(1540.0, 1.5));
         // Weak interfaces: nothing is left to chance.
         for i in 0..5 {

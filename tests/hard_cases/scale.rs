@@ -5,8 +5,9 @@ use insonify::anatomy::analytic;
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, linear, silent, small};
 
-use super::house::{Random, Tolerance, holds, renderer, row, stands_in};
+use super::common::{Tolerance, holds, renderer, row, stands_in, vector};
 use super::triangles::{SHIPPED, shipped};
+use insonify::random::SplitMix64;
 
 /// Distance of the plane of a triangle, as Möller and Trumbore published it: about the ray's origin.
 fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> f32 {
@@ -17,13 +18,13 @@ fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) 
 #[test]
 fn small_triangles_far_from_the_ray_s_origin_keep_their_place() {
     stands_in("trace", &SHIPPED);
-    let mut random = Random(9);
+    let mut random = SplitMix64::new(9);
     let (mut naive_worst, mut shipped_worst, mut missed) = (0.0_f64, 0.0_f64, 0);
     for _ in 0..5000 {
         // Sides of 0.1 mm, a metre from the origin.
-        let (origin, direction) = ((1000.0 * random.vector()).as_vec3(), random.vector().normalize().as_vec3());
+        let (origin, direction) = ((1000.0 * vector(&mut random)).as_vec3(), vector(&mut random).normalize().as_vec3());
         let distance = random.between(500.0, 1500.0);
-        let mut edge = || (0.1 * random.vector()).as_vec3();
+        let mut edge = || (0.1 * vector(&mut random)).as_vec3();
         let (edge1, edge2) = (edge(), edge());
         let normal = edge1.as_dvec3().cross(edge2.as_dvec3()).normalize();
         if normal.dot(direction.as_dvec3()).abs() < 0.3 {

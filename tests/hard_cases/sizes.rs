@@ -6,7 +6,7 @@ use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, grainy, linear, silent, slab, small};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::house::{ROUNDING, Tolerance, holds, renderer};
+use super::common::{ROUNDING, Tolerance, holds, renderer};
 
 #[test]
 fn the_smallest_and_widest_probes_are_the_twins() {

@@ -7,7 +7,7 @@ use insonify::pose::Pose;
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{at, linear, small};
 
-use super::house::{ROUNDING, Tolerance, frame, holds, renderer};
+use super::common::{ROUNDING, Tolerance, frame, holds, renderer};
 
 #[test]
 fn a_probe_may_be_anywhere() {

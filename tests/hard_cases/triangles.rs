@@ -5,7 +5,8 @@ use insonify::anatomy::{Mesh, Scene};
 use insonify::render::ShaderSet;
 use insonify::selftest::bench::{Bench, at, linear, silent, slab, small};
 
-use super::house::{ROUNDING, Random, Tolerance, frame, holds, renderer, row, stands_in};
+use super::common::{ROUNDING, Tolerance, frame, holds, renderer, row, stands_in, vector};
+use insonify::random::SplitMix64;
 
 /// Möller and Trumbore's test as published, in f32: distance, or none.
 fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> Option<f32> {
@@ -58,11 +59,11 @@ fn triangles_without_area_divide_by_nothing() {
     for pass in ["locate", "trace", "section"] {
         stands_in(pass, &SHIPPED);
     }
-    let mut random = Random(5);
+    let mut random = SplitMix64::new(5);
     let (mut not_finite, mut shipped_hits) = (0, 0);
     for i in 0..1000 {
-        let corner = (30.0 * random.vector()).as_vec3();
-        let edge = (10.0 * random.vector()).as_vec3();
+        let corner = (30.0 * vector(&mut random)).as_vec3();
+        let edge = (10.0 * vector(&mut random)).as_vec3();
         // A point, a line there and back, a line twice as long.
         let (edge1, edge2) = [(Vec3::ZERO, Vec3::ZERO), (edge, edge), (edge, 2.0 * edge)][i % 3];
         let (origin, direction) = (Vec3::new(0.0, 0.0, -200.0), Vec3::Z);
@@ -170,10 +171,10 @@ fn a_parity_of_crossings_is_turned_by_duplicates() {
     // One point, inside by an odd count of crossings in any direction, against entering and leaving by the side of each triangle.
     let mesh = &bodies()[2].1;
     let centre = place(2).extend(20.0);
-    let mut random = Random(3);
+    let mut random = SplitMix64::new(3);
     let mut naive_wrong = 0;
     for _ in 0..1000 {
-        let direction = random.vector().normalize();
+        let direction = vector(&mut random).normalize();
         let crossings = mesh
             .corners_mm()
             .filter(|[a, b, c]| {

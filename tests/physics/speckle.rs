@@ -5,7 +5,7 @@ use insonify::acoustics::attenuation::attenuation_db_mm;
 use insonify::anatomy::{Scene, Tissue, analytic};
 use insonify::pose::Pose;
 use insonify::render::{Choice, Effect, Frame, RenderSettings};
-use insonify::selftest::measure::slope;
+use insonify::statistics::slope;
 use insonify::transducer::Probe;
 
 use super::bench::{Bench, Rig, at, grainy, linear, magnitude, mean_square, silent, small};

@@ -4,6 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
+use crate::random;
+
 /// Part of a heart's cycle in which the ventricles contract (Wiggers diagram, about 40 % at fetal rates).
 const SYSTOLE: f64 = 0.4;
 /// Part of the cycle, at its end, in which the atria contract.
@@ -69,7 +71,7 @@ impl Rhythm {
                     return [0.0; 2];
                 }
                 let depth = if pause_s > 0.0 {
-                    SHALLOWEST + (1.0 - SHALLOWEST) * unit(seed, bout.wrapping_shl(16) | breaths as u64)
+                    SHALLOWEST + (1.0 - SHALLOWEST) * random::at(seed, bout.wrapping_shl(16) | breaths as u64)
                 } else {
                     1.0
                 };
@@ -78,12 +80,12 @@ impl Rhythm {
             Self::Twitch { every_s, lasts_s, seed } => {
                 let span = (time_s / every_s).floor();
                 let index = span as u64;
-                let start_s = unit(seed, index.wrapping_mul(2)) * (every_s - lasts_s);
+                let start_s = random::at(seed, index.wrapping_mul(2)) * (every_s - lasts_s);
                 let t = (time_s - span * every_s - start_s) / lasts_s;
                 if !(0.0..1.0).contains(&t) {
                     return [0.0; 2];
                 }
-                let size = 0.3 + 0.7 * unit(seed, index.wrapping_mul(2).wrapping_add(1));
+                let size = 0.3 + 0.7 * random::at(seed, index.wrapping_mul(2).wrapping_add(1));
                 // There quickly and back slowly.
                 let t = t.powf(0.7);
                 [size * (PI * t).sin().powi(2), 0.0]
@@ -112,14 +114,6 @@ impl Rhythm {
             )),
         }
     }
-}
-
-/// A number in 0..1 from a seed and an index (Steele, Lea & Flood's SplitMix64).
-fn unit(seed: u64, index: u64) -> f64 {
-    let mut z = seed.wrapping_add(index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 #[cfg(test)]

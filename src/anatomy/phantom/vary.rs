@@ -1,15 +1,12 @@
 //! Numbers that differ from one individual to the next.
 
-/// A number in 0..1 that depends on the phantom's `seed` and on `what` alone (the finaliser of SplitMix64: Steele, Lea
-/// and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014).
+use crate::random::bits;
+
+/// A number in 0..1 that depends on the phantom's `seed` and on `what` alone.
 pub(super) fn random(seed: u64, what: u64) -> f32 {
-    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(what.wrapping_mul(0xd1b5_4a32_d192_ed03));
-    z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^= z >> 31;
-    // 24 bits are what an f32 holds.
-    (z >> 40) as f32 / (1u64 << 24) as f32
+    let state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(what.wrapping_mul(0xd1b5_4a32_d192_ed03));
+    // An f32 holds 24 bits.
+    (bits(state) >> 40) as f32 / (1u64 << 24) as f32
 }
 
 /// A departure from the mean in -1..1; seed 0 is the mean itself.

@@ -8,6 +8,7 @@ use insonify::quality::structures::{contrast_lost, structures};
 use insonify::quality::{
     FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, crops, cut, frechet_distance_of,
 };
+use insonify::statistics::mean;
 use serde::Serialize;
 
 use super::super::Failure;
@@ -214,7 +215,7 @@ impl Row {
             crops: Summary::of(&crops),
             full,
             distances,
-            contrast_lost: (!self.lost.is_empty()).then(|| self.lost.iter().sum::<f64>() / self.lost.len() as f64),
+            contrast_lost: mean(self.lost),
             tissues,
             behind_bone: self.behind.error(),
             elsewhere: self.elsewhere.error(),

@@ -8,6 +8,7 @@ use insonify::pose::Pose;
 use insonify::render::{
     Choice, Effect, EffectChoices, EffectPlan, Frame, Gpu, RenderError, RenderSettings, Renderer, ShaderSet,
 };
+use insonify::statistics::{median, percentile};
 use insonify::transducer::Probe;
 use serde::Serialize;
 
@@ -150,7 +151,7 @@ pub(crate) fn measure(
                     turn_ms.push(started.elapsed().as_secs_f64() * 1e3);
                 }
             }
-            way.turns_ms.push(percentile(&mut turn_ms.clone(), 0.5));
+            way.turns_ms.extend(median(&turn_ms));
             way.all_ms.append(&mut turn_ms);
             progress.set(round * count + i + 1, ROUNDS * count);
         }
@@ -161,23 +162,14 @@ pub(crate) fn measure(
     let cost = |way: &Way| {
         let effect = way.effect?;
         let sign = if plan.has(effect) { 1.0 } else { -1.0 };
-        let mut differences: Vec<f64> = planned.iter().zip(&way.turns_ms).map(|(p, w)| sign * (p - w)).collect();
-        let spread_ms = 0.5 * (percentile(&mut differences, 0.75) - percentile(&mut differences, 0.25));
-        Some(Cost { effect, cost_ms: percentile(&mut differences, 0.5), spread_ms })
+        let differences: Vec<f64> = planned.iter().zip(&way.turns_ms).map(|(p, w)| sign * (p - w)).collect();
+        let spread_ms = 0.5 * (percentile(&differences, 0.75)? - percentile(&differences, 0.25)?);
+        Some(Cost { effect, cost_ms: median(&differences)?, spread_ms })
     };
     let costs = ways.iter().filter_map(cost).collect();
     let frames = ways[0].all_ms.len();
-    let mut median = |i: usize| percentile(&mut ways[i].all_ms, 0.5);
-    Ok(Costs { planned_ms: median(0), all_effects_ms: median(1), frames, costs })
-}
-
-/// The value that this part of `values` lies below; 0 of none.
-fn percentile(values: &mut [f64], part: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let place = part * values.len().saturating_sub(1) as f64;
-    let below = place as usize;
-    let at = |i: usize| values.get(i).or(values.last()).copied().unwrap_or(0.0);
-    at(below) + (at(below + 1) - at(below)) * (place - below as f64)
+    let median_ms = |way: &Way| median(&way.all_ms).unwrap_or(0.0);
+    Ok(Costs { planned_ms: median_ms(&ways[0]), all_effects_ms: median_ms(&ways[1]), frames, costs })
 }
 
 #[cfg(test)]
@@ -200,13 +192,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn percentiles_lie_between_values() {
-        assert_eq!(percentile(&mut [], 0.5), 0.0);
-        assert_eq!(percentile(&mut [3.0, 1.0, 2.0], 0.5), 2.0);
-        assert_eq!(percentile(&mut [4.0, 1.0, 2.0, 3.0], 0.5), 2.5);
-        assert_eq!(percentile(&mut [5.0], 0.75), 5.0);
     }
 }

@@ -7,11 +7,12 @@ use insonify::generator::{Channel, Generator, Input, Manifest, load_tiers};
 use insonify::pose::Pose;
 use insonify::quality::speckle::speckle;
 use insonify::quality::structures::{contrast_lost, structures};
-use insonify::quality::{ClassSpeckle, ClassStructure, Pair, Scores, level_difference, percentile, psnr_db};
+use insonify::quality::{ClassSpeckle, ClassStructure, Pair, Scores, level_difference, psnr_db};
 use insonify::render::{Frame, Quality, RenderSettings, Renderer};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::station::Station;
+use insonify::statistics::{mean, median, percentile};
 use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time};
 use insonify::transducer::Probe;
 
@@ -289,7 +290,7 @@ impl Times {
         let part = |part| percentile(&all, part).unwrap_or(f64::NAN);
         // Poses differ, and that is no noise.
         let less_median = |pose: &Vec<f64>| {
-            let median = percentile(pose, 0.5).unwrap_or(0.0);
+            let median = median(pose).unwrap_or(0.0);
             pose.iter().map(|ms| ms - median).collect::<Vec<_>>()
         };
         let rest = self.ms.iter().flat_map(less_median).collect::<Vec<_>>();
@@ -297,7 +298,7 @@ impl Times {
         let stages = self.table.stages().into_iter().filter(|s| ![OVERHEAD, WHOLE_FRAME].contains(&s.stage));
         let mut passes: Vec<PassMs> =
             stages.map(|s| PassMs { name: s.stage.to_owned(), median_ms: s.p50_ms }).collect();
-        let generator = percentile(&self.generator_ms, 0.5).filter(|ms| *ms > 0.0);
+        let generator = median(&self.generator_ms).filter(|ms| *ms > 0.0);
         passes.extend(generator.map(|median_ms| PassMs { name: "generator".to_owned(), median_ms }));
         Time { frames: all.len(), median_ms: part(0.5), p95_ms: part(0.95), spread_ms: rest(0.75) - rest(0.25), passes }
     }
@@ -325,11 +326,6 @@ fn summary(errors: &[PoseError], classes: &[ClassError]) -> Errors {
         grey_difference: grey / pixels.max(1) as f64,
         contrast_lost: mean(errors.iter().filter_map(|e| contrast_lost(&e.structures))),
     }
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));
-    (count > 0).then(|| sum / count as f64)
 }
 
 fn rmse(image: &[u8], truth: &Truth) -> Result<f64, Failure> {

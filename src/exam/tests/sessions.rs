@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::exam::encode;
-use crate::pose::freehand::SplitMix64;
+use crate::random::SplitMix64;
 
 const ALL: [&str; 7] = ["head", "cerebellum", "abdomen", "femur", "heart", "spine", "profile"];
 /// Views whose landmarks leave room for half of each tolerance.
@@ -110,7 +110,7 @@ fn on_skin(pose: Pose, depth_mm: f64) -> Option<Pose> {
 
 #[test]
 fn random_holds_beyond_a_tolerance_are_not_found_and_some_within_are() {
-    let mut random = SplitMix64(7);
+    let mut random = SplitMix64::new(7);
     let mut even = move || 2.0 * random.unit() - 1.0;
     let (mut found, mut beyond) = (0, 0);
     // Planes of one view and one angle.
@@ -138,7 +138,7 @@ fn random_holds_beyond_a_tolerance_are_not_found_and_some_within_are() {
 /// A minute of a probe that slides over the belly without an aim, tilting and turning: about 90 mm and 110° a second, so
 /// that it goes past planes and holds none.
 fn wandering(seed: u64) -> Vec<TimedPose> {
-    let mut random = SplitMix64(seed);
+    let mut random = SplitMix64::new(seed);
     let mut even = move || 2.0 * random.unit() - 1.0;
     let skin = &place().skin;
     // Place on the belly (mm), turn and tilts (degrees), and their speeds.

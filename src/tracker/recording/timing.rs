@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::pose::TimedPose;
+use crate::statistics::{mean_and_deviation, nearest_rank};
 
 /// A longer time between two poses is a gap, ns: what the probe did in it is not known.
 pub const GAP_NS: u64 = 250_000_000;
@@ -59,21 +60,15 @@ impl Timing {
         if poses.len() < 2 {
             return None;
         }
-        let count = intervals.len().max(1) as f64;
-        let mean = intervals.iter().sum::<f64>() / count;
-        let variance = intervals.iter().map(|i| (i - mean).powi(2)).sum::<f64>() / count;
+        let (mean, jitter_ms) = mean_and_deviation(&intervals).unwrap_or_default();
         intervals.sort_by(f64::total_cmp);
-        // Nearest rank.
-        let percentile = |p: f64| {
-            let rank = (p * intervals.len() as f64).ceil() as usize;
-            intervals.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
-        };
+        let percentile = |part| nearest_rank(&intervals, part).unwrap_or(0.0);
         Some(Self {
             rate_hz: if mean > 0.0 { 1e3 / mean } else { 0.0 },
             p50_ms: percentile(0.5),
             p95_ms: percentile(0.95),
             max_ms: max_ns as f64 * 1e-6,
-            jitter_ms: variance.sqrt(),
+            jitter_ms,
             gap_count,
             gaps,
         })

@@ -4,6 +4,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
+use insonify::random::SplitMix64;
 use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer, ShaderSet, Snapshot, twin};
 use insonify::transducer::Probe;
 
@@ -108,25 +109,9 @@ pub(crate) fn frame(renderer: &mut Renderer, pose: &Pose) -> Frame {
     frame
 }
 
-/// Numbers that look random and are the same each time: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    pub(crate) fn vector(&mut self) -> glam::DVec3 {
-        glam::DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0))
-    }
+/// A random vector, each component in -1..1.
+pub(crate) fn vector(random: &mut SplitMix64) -> glam::DVec3 {
+    glam::DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))
 }
 
 /// Prints a row of ARCHITECTURE.md's table.
