@@ -11,7 +11,7 @@ pub const TWO_WAY_WIDTH_PER_LAMBDA_F: f64 = 0.886;
 /// Width of one way of a Gaussian beam whose two ways multiply to [`TWO_WAY_WIDTH_PER_LAMBDA_F`], in λ·F#.
 const ONE_WAY_WIDTH_PER_LAMBDA_F: f64 = TWO_WAY_WIDTH_PER_LAMBDA_F * std::f64::consts::SQRT_2;
 
-/// Smallest F-number at which a receive aperture opens: elements don't listen at steeper angles.
+/// Smallest F-number of the receive aperture: elements are insensitive at steeper angles.
 pub const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
 
 /// −6 dB one-way width in mm of an aperture focused at `focus_mm`: a Gaussian beam that is half the aperture wide at

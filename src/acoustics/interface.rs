@@ -15,11 +15,10 @@ pub struct Interface {
     pub cos_transmitted: f64,
 }
 
-/// The interface from medium 1 to medium 2 at `cos_incident` (0..=1).
+/// Interface from medium 1 to medium 2 at `cos_incident` (0..=1).
 ///
-/// r = (Z₂cosθᵢ − Z₁cosθₜ)/(Z₂cosθᵢ + Z₁cosθₜ); beyond the critical angle R = 1. Media of one speed have none: r is that at
-/// normal incidence at every angle.
-/// Source: Szabo, *Diagnostic Ultrasound Imaging* (2nd ed.), section 3.3.
+/// r = (Z₂cosθᵢ − Z₁cosθₜ)/(Z₂cosθᵢ + Z₁cosθₜ); beyond the critical angle R = 1. Between media of equal speed r is the
+/// normal-incidence value at every angle. Source: Szabo, *Diagnostic Ultrasound Imaging* (2nd ed.), section 3.3.
 pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_incident: f64) -> Interface {
     let cos_i = cos_incident.clamp(0.0, 1.0);
     if c1_m_s == c2_m_s {
@@ -27,7 +26,7 @@ pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_inc
         return Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_i };
     }
     let ratio = c2_m_s / c1_m_s;
-    // 1 − cos² from its factors keeps its digits at normal incidence.
+    // The factored form of 1 − cos² keeps its precision at normal incidence.
     let cos2_t = 1.0 - ratio * ratio * (1.0 - cos_i) * (1.0 + cos_i);
     if cos2_t <= 0.0 {
         return Interface { pressure_reflection: 1.0, energy_reflection: 1.0, cos_transmitted: 0.0 };
@@ -39,10 +38,10 @@ pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_inc
     Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_t }
 }
 
-/// Where a ray of the unit `direction` goes on behind a plane whose unit `normal` points against it, from medium 1 into
-/// medium 2; None beyond the critical angle.
+/// Direction of a refracted ray; `None` beyond the critical angle.
 ///
-/// Snell's law: the tangential part of the slowness stays.
+/// The incident ray has the unit `direction` and passes from medium 1 into medium 2. The plane's unit `normal` points
+/// against it. Snell's law: the tangential component of the slowness is conserved.
 pub fn refracted(c1_m_s: f64, c2_m_s: f64, normal: DVec3, direction: DVec3) -> Option<DVec3> {
     let ratio = c2_m_s / c1_m_s;
     let cos_i = -normal.dot(direction);
@@ -73,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refracted_ray_is_as_steep_as_its_cosine() {
+    fn a_refracted_ray_has_the_cosine_of_its_interface() {
         let direction = DVec3::new(20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos());
         let bent = refracted(1450.0, 1578.0, DVec3::NEG_Z, direction).unwrap();
         let i = interface(1.38, 1.65, 1450.0, 1578.0, direction.z);
@@ -88,7 +87,7 @@ mod tests {
             let i = interface(1.5, 1.7, 1540.0, 1540.0, cos);
             assert!((i.pressure_reflection - 0.0625).abs() < 1e-12 && i.cos_transmitted == cos, "{cos}: {i:?}");
         }
-        // Into a slower medium nothing is total, however grazing.
+        // Into a slower medium there is no total reflection, however grazing.
         let slower = interface(1.6, 1.6, 1540.0, 1539.0, 1e-9);
         assert!(slower.cos_transmitted > 0.03, "{slower:?}");
     }

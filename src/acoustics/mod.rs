@@ -1,4 +1,4 @@
-//! Pure f64 formulas of linear acoustics: no state, no I/O.
+//! Formulas of linear acoustics: pure f64 functions without state.
 
 pub mod attenuation;
 pub mod beam;

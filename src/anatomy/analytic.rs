@@ -1,7 +1,7 @@
-//! Shapes with known geometry, and the scenes of `assets/scenes` made of them.
+//! Shapes of known geometry, and the scenes of `assets/scenes` made of them.
 //!
-//! A probe at the origin with the identity as its orientation looks along +z, so image depth is scene z. All meshes
-//! are closed and face outward.
+//! A probe at the origin with the identity as its orientation looks along +z, so image depth is scene z. All meshes are
+//! closed and face outward.
 
 use std::collections::HashMap;
 
@@ -9,20 +9,20 @@ use glam::{Quat, Vec3};
 
 use super::{Mesh, Motion, Scene, Surface, TissueTable, specimens};
 
-/// A mesh with the name of its tissue: a surface that needs no tissue table.
+/// A surface with the name of its tissue; needs no tissue table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Name of the surface.
     pub name: &'static str,
     /// Name of its tissue.
     pub tissue: &'static str,
-    /// Where parts overlap, the highest priority is the medium.
+    /// Priority: where parts overlap, the highest is the medium.
     pub priority: i32,
     /// The surface, mm.
     pub mesh: Mesh,
 }
 
-/// A scene of `parts` in `background`; None where `tissues` lacks one of their tissues.
+/// Scene of `parts` in `background`; `None` if `tissues` lacks one of their tissues.
 pub fn scene(parts: Vec<Part>, tissues: &TissueTable, background: &str) -> Option<Scene> {
     let surface = |part: Part| {
         let Part { name, tissue, priority, mesh } = part;
@@ -39,13 +39,13 @@ pub fn scene(parts: Vec<Part>, tissues: &TissueTable, background: &str) -> Optio
     Some(scene)
 }
 
-/// A box from `min_mm` to `max_mm`.
+/// Axis-aligned box from `min_mm` to `max_mm`.
 pub fn cuboid(min_mm: Vec3, max_mm: Vec3) -> Mesh {
     hexahedron(|corner| min_mm + (max_mm - min_mm) * corner)
 }
 
-/// A box from `min_mm` to `max_mm` whose face at least z is tilted about y by `tilt_deg` (within ±80°): at x = 0 it
-/// lies at `min_mm.z`, and deeper towards +x.
+/// Box from `min_mm` to `max_mm` whose upper face is tilted about y by `tilt_deg` (within ±80°). That face is at
+/// `min_mm.z` for x = 0, and deeper towards +x.
 pub fn oblique_slab(min_mm: Vec3, max_mm: Vec3, tilt_deg: f32) -> Mesh {
     let slope = tilt_deg.clamp(-80.0, 80.0).to_radians().tan();
     hexahedron(|corner| {
@@ -57,13 +57,13 @@ pub fn oblique_slab(min_mm: Vec3, max_mm: Vec3, tilt_deg: f32) -> Mesh {
     })
 }
 
-/// A box of `size_mm` about `centre_mm`, turned by `rotation`.
+/// Box of `size_mm` about `centre_mm`, rotated by `rotation`.
 pub fn plate(centre_mm: Vec3, size_mm: Vec3, rotation: Quat) -> Mesh {
     hexahedron(|corner| centre_mm + rotation * (size_mm * (corner - 0.5)))
 }
 
-/// Layers along z: each `(top, bottom)` becomes a box, the first over `half_width_mm` (x, y), each next one 1 mm
-/// narrower all round.
+/// Layers along z: each `(top, bottom)` becomes a box. The first has the half width `half_width_mm` (x, y); each next
+/// one is 1 mm narrower all round.
 ///
 /// Let neighbours overlap and give the deeper one the higher priority: then no two faces coincide.
 pub fn slab_stack(half_width_mm: (f32, f32), layers_mm: &[(f32, f32)]) -> Vec<Mesh> {
@@ -74,9 +74,9 @@ pub fn slab_stack(half_width_mm: (f32, f32), layers_mm: &[(f32, f32)]) -> Vec<Me
     layers_mm.iter().enumerate().map(slab).collect()
 }
 
-/// A sphere: an icosahedron of which each edge is halved `subdivisions` times (at most 7), all vertices on the sphere.
+/// Sphere: an icosahedron whose edges are halved `subdivisions` times (at most 7), with all vertices on the sphere.
 ///
-/// Facets lie inside the sphere by at most 0.40·radius / 4^subdivisions from one subdivision on.
+/// From one subdivision on, facets are inside the sphere by at most 0.40·radius / 4^subdivisions.
 pub fn sphere(centre_mm: Vec3, radius_mm: f32, subdivisions: u32) -> Mesh {
     let (mut directions, mut triangles) = icosahedron();
     for _ in 0..subdivisions.min(7) {
@@ -97,10 +97,11 @@ pub fn sphere(centre_mm: Vec3, radius_mm: f32, subdivisions: u32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
-/// A closed tube through `path_mm` with a centre and half axes (across, up) a ring, of `sides` (at least 3) flat sides.
+/// Closed tube of `sides` (at least 3) flat sides. Each ring of `path_mm` has a centre and semi-axes (across, up), mm.
 ///
-/// For a path along y, "across" is x and "up" is z; along x they are z and y. With four sides a flat one faces up; a square of
-/// side a has half axes of a/√2. Fewer than two rings make no mesh. The path must not turn by more than a right angle.
+/// For a path along y, "across" is x and "up" is z; along x they are z and y. With four sides a flat one faces up; a
+/// square of side a has semi-axes of a/√2. Fewer than two rings make an empty mesh. The path must not turn by more than
+/// a right angle.
 pub fn tube(path_mm: &[(Vec3, (f32, f32))], sides: u32) -> Mesh {
     let (Some(&(first, _)), Some(&(last, _))) = (path_mm.first(), path_mm.last()) else { return Mesh::default() };
     if path_mm.len() < 2 {
@@ -113,7 +114,7 @@ pub fn tube(path_mm: &[(Vec3, (f32, f32))], sides: u32) -> Mesh {
     for (i, &(centre, (across, up))) in path_mm.iter().enumerate() {
         let (before, after) = (path_mm[i.saturating_sub(1)].0, path_mm[(i + 1).min(path_mm.len() - 1)].0);
         let along = (after - before).normalize_or(overall);
-        // across × up = along, so that rings turn counter-clockwise seen from the path's end.
+        // across × up = along, so rings run counter-clockwise seen from the path's end.
         let u = if overall.y.abs() > 0.9 { along.cross(helper) } else { helper.cross(along) }.normalize_or(Vec3::X);
         let v = along.cross(u);
         for side in 0..sides {
@@ -138,7 +139,7 @@ pub fn tube(path_mm: &[(Vec3, (f32, f32))], sides: u32) -> Mesh {
     mesh
 }
 
-/// One mesh of several that do not meet.
+/// Union of meshes that do not touch each other.
 pub fn joined(meshes: impl IntoIterator<Item = Mesh>) -> Mesh {
     meshes.into_iter().fold(Mesh::default(), |mut all, mesh| {
         let offset = all.vertices_mm.len() as u32;
@@ -161,7 +162,7 @@ fn icosahedron() -> (Vec<glam::DVec3>, Vec<[u32; 3]>) {
     for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
         directions.push(glam::DVec3::new(golden * t, 0.0, s).normalize());
     }
-    // Neighbours are an edge apart; each triple of neighbours is a face, wound by its normal.
+    // Neighbours are one edge apart; each triple of neighbours is a face, wound by its normal.
     let edge = |a: usize, b: usize| directions[a].dot(directions[b]) > 0.4;
     let mut triangles = Vec::with_capacity(20);
     for a in 0..12 {
@@ -178,16 +179,16 @@ fn icosahedron() -> (Vec<glam::DVec3>, Vec<[u32; 3]>) {
     (directions, triangles)
 }
 
-/// A box whose corner (x, y, z each 0 or 1) lies at `at(corner)`.
+/// Box whose corner (x, y, z each 0 or 1) is at `at(corner)`.
 fn hexahedron(at: impl Fn(Vec3) -> Vec3) -> Mesh {
     let bit = |i: u32, axis: u32| ((i >> axis) & 1) as f32;
     let vertices_mm = (0..8).map(|i| at(Vec3::new(bit(i, 0), bit(i, 1), bit(i, 2)))).collect();
-    // Vertex i has its coordinates in bits 0 (x), 1 (y) and 2 (z).
+    // The bits of a vertex index are its coordinates: 0 is x, 1 is y, 2 is z.
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     Mesh { vertices_mm, triangles: quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect() }
 }
 
-/// A block of liver that the probe touches: fully developed speckle, a side wall left and right, a back wall at 120 mm.
+/// Block of liver in contact with the probe: fully developed speckle, side walls left and right, a back wall at 120 mm.
 pub fn speckle_block() -> Vec<Part> {
     let mesh = cuboid(Vec3::new(-60.0, -40.0, -20.0), Vec3::new(60.0, 40.0, 120.0));
     vec![Part { name: "block", tissue: "liver", priority: 1, mesh }]
@@ -198,13 +199,13 @@ pub const CYST_RADIUS_MM: f32 = 20.0;
 /// Centre of the sphere of [`cyst`], mm.
 pub const CYST_CENTRE_MM: Vec3 = Vec3::new(0.0, 0.0, 70.0);
 
-/// A sphere of fluid, to lie in a background of tissue.
+/// Sphere of fluid for a background of tissue.
 pub fn cyst() -> Vec<Part> {
     vec![Part { name: "cyst", tissue: "amniotic_fluid", priority: 1, mesh: sphere(CYST_CENTRE_MM, CYST_RADIUS_MM, 5) }]
 }
 
-/// Layers of different speed and attenuation: fat from 10 mm, muscle from 35, liver from 75 at x = 0 (its face tilted
-/// by 10°) to 135, in it water from 105 to 115.
+/// Layers of different speed and attenuation: fat from 10 mm, muscle from 35 mm, liver from 75 mm at x = 0 (its face
+/// tilted by 10°) to 135 mm, containing water from 105 to 115 mm.
 pub fn slabs() -> Vec<Part> {
     let mut stack = slab_stack((110.0, 40.0), &[(10.0, 40.0), (35.0, 110.0), (105.0, 115.0)]);
     stack.insert(2, oblique_slab(Vec3::new(-108.5, -38.5, 75.0), Vec3::new(108.5, 38.5, 135.0), 10.0));
@@ -213,16 +214,16 @@ pub fn slabs() -> Vec<Part> {
     (1..).zip(labels).zip(stack).map(part).collect()
 }
 
-/// A bone plate of 4 mm at a depth of 50 mm, from x = −40 to 10 mm, to lie in a background of tissue.
+/// Bone plate 4 mm thick at a depth of 50 mm, from x = −40 to 10 mm, for a background of tissue.
 pub fn bone_plate() -> Vec<Part> {
     let mesh = plate(Vec3::new(-15.0, 0.0, 52.0), Vec3::new(50.0, 80.0, 4.0), Quat::IDENTITY);
     vec![Part { name: "plate", tissue: "bone_adult", priority: 1, mesh }]
 }
 
-/// Makes the parts of a scene.
+/// Constructor of a scene's parts.
 pub type MakeParts = fn() -> Vec<Part>;
 
-/// The scenes of `assets/scenes`, by the stem of their file. `cargo run --example make_scenes` writes them.
+/// Scenes of `assets/scenes`, by file stem. `cargo run --example make_scenes` writes them.
 pub const SCENES: [(&str, MakeParts); 8] = [
     ("speckle_block", speckle_block),
     ("sphere", cyst),
@@ -260,7 +261,7 @@ mod tests {
             assert_eq!((mesh.unpaired_edges(), mesh.triangles.len()), (0, 20 << (2 * subdivisions)));
             let radius = |v: Vec3| (v - CYST_CENTRE_MM).length();
             assert!(mesh.vertices_mm.iter().all(|&v| (radius(v) - 20.0).abs() < 1e-5));
-            // A facet is deepest at the circumcentre; of a near-equilateral one that is the centroid.
+            // A facet is deepest at its circumcentre; for a near-equilateral one, that is the centroid.
             let chord = mesh.corners_mm().map(|[a, b, c]| 20.0 - radius((a + b + c) / 3.0)).fold(0.0, f32::max);
             assert!(chord < 0.4 * 20.0 / 4f32.powi(subdivisions as i32), "{subdivisions}: {chord}");
             assert!(subdivisions < 5 || chord < 0.02, "{chord}");
@@ -271,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn every_scene_is_of_sound_surfaces_and_known_tissues() {
+    fn every_scene_has_sound_surfaces_and_known_tissues() {
         let table = TissueTable::builtin().unwrap();
         for (name, parts) in SCENES {
             for part in parts() {

@@ -1,4 +1,4 @@
-//! The tissues that insonify knows, with where each number comes from.
+//! Built-in tissues, with the source of each value.
 
 use std::collections::BTreeMap;
 
@@ -9,19 +9,19 @@ use super::{Tissue, TissueError, TissueTable};
 /// `assets/tissues.toml`.
 const TISSUES: &str = include_str!("../../assets/tissues.toml");
 
-/// A value of a tissue and what it rests on.
+/// A value of a tissue with its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Property {
-    /// The value, in the unit of its key.
+    /// Value, in the unit of its key.
     pub value: f64,
-    /// Least and greatest published value.
+    /// Lowest and highest published value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
-    /// Who published it; for an assumed value, what it was modelled on.
+    /// Publication of the value; for an assumed value, its basis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// Whether no source was found, or the value is a setting of the appearance, not a physical quantity.
+    /// Whether the value is assumed: no source was found, or it sets the appearance and is not a physical quantity.
     #[serde(default)]
     pub assumed: bool,
 }
@@ -30,7 +30,7 @@ pub struct Property {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcedTissue {
-    /// How bright sonographers call it: anechoic, hypo-, iso- or hyperechoic, and its texture.
+    /// Echogenicity in sonographers' terms: anechoic, hypo-, iso- or hyperechoic, and the texture.
     pub echogenicity: String,
     /// Speed of sound, m/s.
     pub speed_m_s: Property,
@@ -38,9 +38,9 @@ pub struct SourcedTissue {
     pub density_kg_m3: Property,
     /// Attenuation at 1 MHz, dB/cm.
     pub attenuation_db_cm_mhz: Property,
-    /// Power of the frequency in the attenuation.
+    /// Exponent of the frequency in the attenuation.
     pub attenuation_exponent: Property,
-    /// Part of the lattice's cells with a scatterer.
+    /// Fraction of the lattice's cells that contain a scatterer.
     pub scatterer_density: Property,
     /// Mean amplitude of a scatterer.
     pub scatterer_mean: Property,
@@ -53,7 +53,7 @@ pub struct SourcedTissue {
 }
 
 impl SourcedTissue {
-    /// The values alone.
+    /// The tissue without sources.
     pub fn tissue(&self) -> Tissue {
         Tissue {
             speed_m_s: self.speed_m_s.value,
@@ -68,7 +68,7 @@ impl SourcedTissue {
         }
     }
 
-    /// Each property by its key, physical ones first.
+    /// All properties by key, physical ones first.
     pub fn properties(&self) -> [(&'static str, &Property); 9] {
         [
             ("speed_m_s", &self.speed_m_s),
@@ -84,16 +84,16 @@ impl SourcedTissue {
     }
 }
 
-/// The built-in tissues by name, with their sources.
+/// Built-in tissues by name, with their sources.
 ///
 /// # Errors
-/// A built-in table that is not valid: a fault of this build.
+/// An invalid built-in table, which is a fault of this build.
 pub fn sourced_tissues() -> Result<BTreeMap<String, SourcedTissue>, TissueError> {
     toml::from_str(TISSUES).map_err(|e| TissueError::Table { reason: e.to_string() })
 }
 
 impl TissueTable {
-    /// The built-in tissues.
+    /// Table of the built-in tissues.
     ///
     /// # Errors
     /// As [`sourced_tissues`].
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn targets_of_the_qa_phantom_differ_by_their_names() {
+    fn targets_of_the_qa_phantom_have_the_levels_in_their_names() {
         let table = TissueTable::builtin().unwrap();
         let deviation = |name: &str| table.tissues()[table.index_of(name).unwrap()].scatterer_deviation;
         for (_, db, name) in crate::anatomy::specimens::qa::CONTRAST {
@@ -164,7 +164,7 @@ mod tests {
                 "hypo" => 2e-3..=6e-3,
                 "iso" => 6e-3..=1.2e-2,
                 "hyper" => 1.2e-2..=4e-2,
-                // Targets of a phantom, by their level against its background.
+                // Targets of a phantom, by their level relative to its background.
                 "relative" => 8e-4..=2e-2,
                 other => panic!("{name}: {other}"),
             };

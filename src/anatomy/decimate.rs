@@ -1,6 +1,7 @@
-//! Fewer triangles, for pictures: vertices of one cell of a grid become one (Rossignac and Borrel 1993).
+//! Mesh simplification for pictures by vertex clustering on a grid (Rossignac and Borrel 1993).
 //!
-//! Shapes keep their places within a cell's diagonal, but need not stay closed: never render ultrasound from the result.
+//! Shapes keep their places within a cell's diagonal, but need not stay closed: never render ultrasound from the
+//! result.
 
 use std::collections::{HashMap, HashSet};
 
@@ -8,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 use super::Mesh;
 
-/// Meshes of fewer triangles than this stay as they are.
+/// Meshes of fewer triangles than this are left unchanged.
 const SMALL: usize = 400;
 
 /// `mesh` with the vertices of each cell of `cell_mm` merged into their mean.
@@ -37,7 +38,7 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     let mut triangles = Vec::new();
     for &triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|i| merged[i as usize]);
-        // The least index first: a triangle that comes twice is known by its corners in order.
+        // Lowest index first: repeated triangles are recognised by their ordered corners.
         let turned = if a < b && a < c {
             [a, b, c]
         } else if b < c {
@@ -52,14 +53,14 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm: sums.into_iter().map(|(sum, count)| (sum / count).as_vec3()).collect(), triangles }
 }
 
-/// Meshes of together about `triangles_max` at the most, each clustered by the same cell, and that cell's side in mm: 0
-/// where all stayed as they are.
+/// Clusters all meshes with a common cell to about `triangles_max` triangles in total at most. Returns the meshes and
+/// the cell's side in mm, 0 if none was changed.
 pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let count = |meshes: &mut dyn Iterator<Item = &Mesh>| meshes.map(|m| m.triangles.len()).sum::<usize>();
     if count(&mut meshes.iter().copied()) <= triangles_max {
         return (meshes.iter().map(|&m| m.clone()).collect(), 0.0);
     }
-    // Area over triangles tells the length of an edge; a cell of that side halves them about.
+    // Area per triangle gives the length of an edge; a cell of that side about halves the count.
     let area: f64 = meshes
         .iter()
         .flat_map(|m| m.corners_mm())
@@ -68,7 +69,7 @@ pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let mut cell_mm = (area / triangles_max.max(1) as f64).sqrt().max(1e-3) as f32;
     loop {
         let fewer: Vec<Mesh> = meshes.iter().map(|m| cluster(m, cell_mm)).collect();
-        // Small meshes are never clustered, so that the count need not fall for ever.
+        // Small meshes are never clustered, so the count need not keep falling.
         if count(&mut fewer.iter()) <= triangles_max || cell_mm > 1e4 {
             return (fewer, cell_mm);
         }

@@ -1,4 +1,4 @@
-//! Surfaces as a binary glTF file.
+//! Export of surfaces as a binary glTF file.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,20 +8,20 @@ use thiserror::Error;
 
 use super::{Mesh, Motion};
 
-/// A surface that carries the name of its tissue.
+/// A surface with the name of its tissue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelledSurface {
     /// Name of the glTF node.
     pub name: String,
     /// Name of its tissue in the tissue table.
     pub tissue: String,
-    /// Where closed surfaces overlap, the highest priority is the medium.
+    /// Priority: where closed surfaces overlap, the highest is the medium.
     pub priority: i32,
     /// The surface, scene frame, mm.
     pub mesh: Mesh,
 }
 
-/// Why a scene could not be written.
+/// Errors in writing a scene.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The file could not be written.
@@ -32,7 +32,7 @@ pub enum ExportError {
         /// Cause.
         source: std::io::Error,
     },
-    /// More bytes than the format's 32-bit lengths can tell.
+    /// More bytes than the format's 32-bit lengths can express.
     #[error("{path} would hold {bytes} bytes; a .glb file holds less than 4 GiB")]
     TooLarge {
         /// File.
@@ -40,7 +40,7 @@ pub enum ExportError {
         /// Bytes of vertices and indices.
         bytes: usize,
     },
-    /// The JSON part could not be formed.
+    /// The JSON part could not be serialised.
     #[error("cannot form the JSON of {path}: {source}")]
     Json {
         /// File.
@@ -56,18 +56,18 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Writes `surfaces` to `path` as a .glb: one node a surface with `extras.tissue` and `extras.priority`, a material
-/// named after the tissue, metres. The same surfaces give the same bytes.
+/// Writes `surfaces` to `path` as a .glb, in metres: one node per surface with `extras.tissue` and `extras.priority`,
+/// and a material named after the tissue. Equal surfaces give equal bytes.
 ///
-/// The file appears whole or not at all: it is written beside its place and renamed.
+/// The file is written under a temporary name beside its place and then renamed, so it is never incomplete.
 ///
 /// # Errors
-/// The file cannot be written, or would pass the format's 4 GiB.
+/// The file cannot be written, or would exceed the format's 4 GiB.
 pub fn write_glb(surfaces: &[LabelledSurface], path: &Path) -> Result<(), ExportError> {
     write_moving_glb(surfaces, &Motion::default(), path)
 }
 
-/// As [`write_glb`], with what moves in `extras.motion` of the glTF scene.
+/// As [`write_glb`], with the motion in `extras.motion` of the glTF scene.
 ///
 /// # Errors
 /// As [`write_glb`].
@@ -131,7 +131,7 @@ struct Document {
 impl Document {
     fn add(&mut self, surface: &LabelledSurface, binary: &mut Vec<u8>) {
         let metres: Vec<[f32; 3]> = surface.mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
-        // glTF has no accessor of length zero: an empty surface is a node without a mesh.
+        // glTF has no accessor of length zero: an empty surface becomes a node without a mesh.
         if metres.is_empty() || surface.mesh.triangles.is_empty() {
             self.nodes.push(json!({ "name": surface.name, "extras": extras(surface) }));
             return;
@@ -146,7 +146,7 @@ impl Document {
         self.add_view(binary, ARRAY_BUFFER, metres.iter().flatten().flat_map(|x| x.to_le_bytes()));
 
         let indices = surface.mesh.triangles.iter().flatten();
-        // The greatest 16-bit index is reserved for restarting primitives.
+        // The highest 16-bit index is reserved for restarting primitives.
         let short = metres.len() <= usize::from(u16::MAX);
         let accessor = json!({
             "bufferView": self.views.len(), "componentType": if short { UNSIGNED_SHORT } else { UNSIGNED_INT },
@@ -213,7 +213,7 @@ fn material(tissue: &str) -> Value {
     })
 }
 
-/// A colour to show `tissue` in, RGBA.
+/// Display colour of `tissue`, RGBA.
 pub fn tissue_colour(tissue: &str) -> [u8; 4] {
     match tissue {
         "skin" => [224, 172, 140, 110],

@@ -1,4 +1,4 @@
-//! Points on a body's skin that can be touched, so that a tracker can be registered to it.
+//! Touchable points on a body's skin, for registering a tracker.
 
 use glam::DVec3;
 
@@ -6,8 +6,8 @@ use super::Skin;
 use super::phantom::Parameters;
 use crate::pose::csv::NamedPoint;
 
-/// Where points of the obstetric phantom's skin are seen from inside the uterus: x mother's left, y cranial, z anterior.
-/// They surround the belly, and no plane holds them.
+/// Directions of the obstetric phantom's fiducials from inside the uterus: x mother's left, y cranial, z anterior. They
+/// surround the belly and are not coplanar.
 const PHANTOM: [(&str, [f64; 3]); 7] = [
     ("BELLY_TOP", [0.0, 0.0, 1.0]),
     ("UPPER_MIDLINE", [0.0, 0.6, 0.8]),
@@ -18,7 +18,7 @@ const PHANTOM: [(&str, [f64; 3]); 7] = [
     ("RIGHT_ILIAC", [-0.64, -0.48, 0.6]),
 ];
 
-/// The obstetric phantom's, mm in the scene: where straight lines from the middle of the uterus leave the skin.
+/// Fiducials of the obstetric phantom, mm in the scene: exit points of straight lines from the middle of the uterus.
 pub fn of_phantom(parameters: &Parameters) -> Vec<NamedPoint> {
     let skin = Skin::phantom(parameters);
     let point = |(name, direction): (&str, [f64; 3])| {
@@ -43,7 +43,7 @@ mod tests {
             .collect();
         let found = register(&pairs).unwrap();
         assert!(found.rms_mm < 1e-9 && !found.coplanar, "{found:?}");
-        // A reversed axis is found out.
+        // A reversed axis is detected.
         let mirrored: Vec<_> =
             pairs.iter().map(|p| PointPair { tracker_mm: p.tracker_mm * DVec3::new(1.0, 1.0, -1.0), ..*p }).collect();
         assert!(register(&mirrored).unwrap_err().to_string().contains("mirror image"));

@@ -1,36 +1,36 @@
-//! Sets that are joined, as in what hangs together in a mesh.
+//! Disjoint sets (union-find), for connected components of a mesh.
 
-/// Sets that are joined.
+/// Disjoint sets of item indices.
 pub(super) struct Groups(Vec<u32>);
 
 impl Groups {
-    /// Each of `count` items in a set of its own.
+    /// Puts each of `count` items into a set of its own.
     pub(super) fn new(count: usize) -> Self {
         Self((0..count as u32).collect())
     }
 
     fn root(&mut self, mut item: u32) -> u32 {
         while self.0[item as usize] != item {
-            // Halve the way for the next.
+            // Path halving.
             self.0[item as usize] = self.0[self.0[item as usize] as usize];
             item = self.0[item as usize];
         }
         item
     }
 
-    /// Makes the sets of two items one.
+    /// Merges the sets of two items.
     pub(super) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }
 
-    /// The set of each item, numbered from 0 in the order of their first items.
+    /// Set of each item, numbered from 0 in the order of their first items.
     pub(super) fn numbered(mut self) -> Vec<u32> {
         let count = self.0.len();
         let mut numbers = vec![0; count];
         let mut next = 0;
         for item in 0..count as u32 {
-            // A root is the least of its set, so it has its number first.
+            // A root is the lowest of its set, so it is numbered first.
             let root = self.root(item);
             if root == item {
                 numbers[item as usize] = next;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
-/// Triangles over shared vertices. A sound mesh is closed and its triangles turn counter-clockwise seen from outside.
+/// Triangles over shared vertices. A sound mesh is closed, and its triangles are counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Vertices, scene frame, mm.
@@ -18,15 +18,15 @@ impl Mesh {
         self.triangles.iter().map(|t| t.map(|i| self.vertices_mm[i as usize]))
     }
 
-    /// Six times the signed volume over six, mm³: positive where the surface faces outward.
+    /// Signed volume, mm³; positive if the surface faces outward.
     pub fn signed_volume_mm3(&self) -> f64 {
         self.corners_mm().map(|[a, b, c]| a.as_dvec3().dot(b.as_dvec3().cross(c.as_dvec3())) / 6.0).sum()
     }
 
-    /// Edges that no neighbour runs along in the other direction: 0 for a closed, consistently wound surface.
+    /// Number of edges without an oppositely directed neighbour: 0 for a closed, consistently wound surface.
     pub fn unpaired_edges(&self) -> usize {
         let directed = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
-        // One key for both directions of an edge; the lowest bit tells them apart.
+        // One key for both directions of an edge; the lowest bit distinguishes them.
         let key = |(a, b): (u32, u32)| (u128::from(a.min(b)) << 33) | (u128::from(a.max(b)) << 1) | u128::from(a < b);
         let mut keys: Vec<u128> = self.triangles.iter().flat_map(directed).map(key).collect();
         keys.par_sort_unstable();
@@ -34,14 +34,14 @@ impl Mesh {
         keys.chunk_by(|a, b| a >> 1 == b >> 1).map(|edge| balance(edge).unsigned_abs() as usize).sum()
     }
 
-    /// Turns every triangle over.
+    /// Reverses the winding of every triangle.
     pub fn flip(&mut self) {
         for triangle in &mut self.triangles {
             triangle.swap(1, 2);
         }
     }
 
-    /// Least and greatest vertex coordinates, mm; None for an empty mesh.
+    /// Lowest and highest vertex coordinates, mm; `None` for an empty mesh.
     pub fn bounds_mm(&self) -> Option<(Vec3, Vec3)> {
         let first = *self.vertices_mm.first()?;
         Some(self.vertices_mm.iter().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v))))

@@ -1,4 +1,4 @@
-//! What is scanned: closed surfaces of tissues.
+//! Scanned anatomy: scenes of closed tissue surfaces.
 
 pub mod analytic;
 mod axes;

@@ -1,4 +1,4 @@
-//! A scene: closed surfaces, each filled with a tissue, nested by priority in a background.
+//! Scene: closed surfaces, each filled with a tissue, nested by priority in a background.
 
 use std::path::PathBuf;
 
@@ -7,36 +7,36 @@ use thiserror::Error;
 use super::motion::Motion;
 use super::{Mesh, TissueTable};
 
-/// Most surfaces of a scene: a path keeps one bit for each.
+/// Most surfaces of a scene: a path has one bit for each.
 pub const SURFACES_MAX: usize = 256;
 
-/// A closed surface and what fills it.
+/// A closed surface and its tissue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
     /// Name of the glTF node.
     pub name: String,
     /// Index of its tissue in the scene's [`TissueTable`].
     pub tissue: usize,
-    /// Where closed surfaces overlap, the highest priority is the medium; among equals the later surface.
+    /// Priority: where closed surfaces overlap, the highest is the medium; among equals the later surface.
     pub priority: i32,
-    /// The surface, scene frame.
+    /// Mesh, scene frame.
     pub mesh: Mesh,
 }
 
 /// Surfaces in a background tissue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// Every tissue that the scene may refer to.
+    /// Tissues that the scene may refer to.
     pub tissues: TissueTable,
-    /// Index of the tissue outside of every surface.
+    /// Index of the tissue outside all surfaces.
     pub background: usize,
-    /// Surfaces, ascending in priority: a later one wins where they overlap.
+    /// Surfaces, ascending in priority: where they overlap, the later one wins.
     pub surfaces: Vec<Surface>,
-    /// What moves, if anything.
+    /// Motion of the surfaces.
     pub motion: Motion,
 }
 
-/// Why a scene could not be read.
+/// Errors in reading a scene.
 #[derive(Debug, Error)]
 pub enum SceneError {
     /// The file could not be read.
@@ -52,10 +52,10 @@ pub enum SceneError {
     Format {
         /// File.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault.
         reason: String,
     },
-    /// A file that the glTF refers to could not be read.
+    /// An unreadable file that the glTF refers to.
     #[error("cannot read {buffer}, a buffer of the scene {path}: {source}")]
     Buffer {
         /// File.
@@ -65,7 +65,7 @@ pub enum SceneError {
         /// Cause.
         source: std::io::Error,
     },
-    /// A node's extras are not what they should be.
+    /// Invalid extras of a node.
     #[error("`extras.{key}` of node `{node}` of {path} is {value}; it must be {expected}")]
     BadExtras {
         /// File.
@@ -76,18 +76,18 @@ pub enum SceneError {
         key: &'static str,
         /// JSON found.
         value: String,
-        /// What would be right.
+        /// Accepted values.
         expected: &'static str,
     },
-    /// The scene's motion is not what it should be.
+    /// Invalid motion of the scene.
     #[error("`extras.motion` of the scene of {path}: {reason}")]
     BadMotion {
         /// File.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// Fault and correct form.
         reason: String,
     },
-    /// A surface names a tissue that no table has.
+    /// A surface with an unknown tissue.
     #[error("surface `{surface}` of {path} names the unknown tissue `{tissue}`{suggestion}")]
     UnknownTissue {
         /// File.
@@ -96,10 +96,10 @@ pub enum SceneError {
         surface: String,
         /// Name looked up.
         tissue: String,
-        /// Nearest known name, ready to print, or empty.
+        /// Nearest known name, as text to append, or empty.
         suggestion: String,
     },
-    /// Neither the node nor its material says what the tissue is.
+    /// Neither the node nor its material names a tissue.
     #[error(
         "surface `{surface}` of {path} has no tissue: give its node `extras.tissue` or its material a tissue's name"
     )]
@@ -109,7 +109,7 @@ pub enum SceneError {
         /// glTF node.
         surface: String,
     },
-    /// More surfaces than a path can keep track of.
+    /// More surfaces than a path can track.
     #[error(
         "{path} has {count} surfaces; at most {SURFACES_MAX} are traced: join disjoint parts of the same tissue and priority into one mesh"
     )]
@@ -125,7 +125,7 @@ pub enum SceneError {
         /// File.
         path: PathBuf,
     },
-    /// A vertex that is not a number, or too far away.
+    /// A vertex that is not finite or too far away.
     #[error(
         "vertex {vertex} of surface `{surface}` of {path} is {value:?} mm; coordinates must be finite and within ±1e5 mm"
     )]
@@ -142,12 +142,12 @@ pub enum SceneError {
 }
 
 impl Scene {
-    /// Triangles of all surfaces.
+    /// Number of triangles of all surfaces.
     pub fn triangle_count(&self) -> usize {
         self.surfaces.iter().map(|s| s.mesh.triangles.len()).sum()
     }
 
-    /// Sorts surfaces so that a later one wins where they overlap, keeping the order among equal priorities.
+    /// Sorts surfaces by priority, keeping the order among equals.
     pub fn sort_by_priority(&mut self) {
         self.surfaces.sort_by_key(|s| s.priority);
     }

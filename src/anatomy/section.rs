@@ -1,11 +1,11 @@
-//! Where a plane cuts a surface.
+//! Intersection of a surface with a plane.
 
 use glam::DVec2;
 
 use super::Mesh;
 use crate::pose::Pose;
 
-/// The outline of a surface in a plane: line segments in no order.
+/// Outline of a surface in a plane: line segments in no particular order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Section {
     /// Both ends of each segment, (x, z) of the probe frame, mm.
@@ -13,7 +13,7 @@ pub struct Section {
 }
 
 impl Section {
-    /// Cuts `mesh` with the image plane of a probe at `pose`, `offset_mm` along its elevational axis.
+    /// Intersects `mesh` with the image plane of a probe at `pose`, `offset_mm` along its elevational axis.
     pub fn of(mesh: &Mesh, pose: &Pose, offset_mm: f64) -> Self {
         let probe_from_scene = pose.inverse();
         let local: Vec<_> = mesh.vertices_mm.iter().map(|v| probe_from_scene.transform_point(v.as_dvec3())).collect();
@@ -37,12 +37,12 @@ impl Section {
         Self { segments_mm }
     }
 
-    /// Distances along a ray from `origin_mm` in the unit `direction` at which it meets the outline, mm.
+    /// Distances along a ray from `origin_mm` in the unit `direction` to its crossings with the outline, mm.
     pub fn crossings_mm(&self, origin_mm: DVec2, direction: DVec2) -> impl Iterator<Item = f64> + '_ {
         self.segments_mm.iter().filter_map(move |[a, b]| {
             let (a, b) = (*a - origin_mm, *b - origin_mm);
             let (sa, sb) = (direction.perp_dot(a), direction.perp_dot(b));
-            // One end on either side: the point between them by its share.
+            // The ends are on opposite sides: the crossing divides the segment in that ratio.
             if (sa >= 0.0) == (sb >= 0.0) {
                 return None;
             }
@@ -63,7 +63,7 @@ mod tests {
     fn a_ball_is_cut_in_circles() {
         let ball = analytic::sphere(Vec3::new(3.0, 4.0, 50.0), 20.0, 5);
         let pose = Pose::looking(DVec3::new(3.0, 0.0, 0.0), DVec3::Z, DVec3::X);
-        // The plane y = 0 lies 4 mm from the centre; with an offset of 4 mm through it.
+        // The plane y = 0 is 4 mm from the centre; with an offset of 4 mm it passes through the centre.
         for (offset_mm, radius) in [(0.0, (400.0f64 - 16.0).sqrt()), (4.0, 20.0)] {
             let section = Section::of(&ball, &pose, offset_mm);
             assert!(section.segments_mm.len() > 100);

@@ -1,4 +1,4 @@
-//! Where a probe touches: the outside of a scene.
+//! Skin of a scene: its outer surface, where a probe touches.
 
 use std::time::Duration;
 
@@ -14,16 +14,16 @@ use super::phantom::{self, Parameters};
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 
-/// Longer than from any point of a body to its skin, mm.
+/// Search length, mm: longer than from any point of a body to its skin.
 const REACH_MM: u32 = 400;
 
-/// How far in front of a probe's face the body is looked for, mm.
+/// Search length in front of a probe's face, mm.
 const PROBE_MM: f64 = 30.0;
 
-/// A ray within the very border of one of the tree's boxes may miss the box: rays on both sides of it do not.
+/// Sideways offset of test rays, mm: a ray exactly along a box's border may miss the box; rays on both sides do not.
 const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 
-/// The outside of a scene.
+/// Outer surface of a scene.
 pub struct Skin(Outside);
 
 enum Outside {
@@ -32,12 +32,12 @@ enum Outside {
 }
 
 impl Skin {
-    /// The skin of the obstetric phantom's mother, as it is modelled.
+    /// Skin of the obstetric phantom's mother, from its solid model.
     pub fn phantom(parameters: &Parameters) -> Self {
         Self(Outside::Solid(phantom::skin(parameters)))
     }
 
-    /// The outermost surfaces of `scene`.
+    /// Outermost surfaces of `scene`.
     ///
     /// # Errors
     /// A scene without triangles.
@@ -52,15 +52,15 @@ impl Skin {
         Ok(Self(Outside::Mesh { tree, triangles }))
     }
 
-    /// Where the line from `from_mm` inside the body along the unit `direction` leaves the body; none where it starts
-    /// outside, or leaves nowhere within 400 mm. Of a mesh, the last surface that it meets.
+    /// Exit point of the line from `from_mm` inside the body along the unit `direction`. `None` if it starts outside,
+    /// or doesn't leave within 400 mm. For a mesh, the last surface that it meets.
     pub fn exit(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
         let t = match &self.0 {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
             Outside::Mesh { tree, triangles } => {
                 let mut last = f32::NEG_INFINITY;
                 for aside_mm in [ASIDE_MM, -ASIDE_MM] {
-                    // The tree drops rays along an axis: none is quite along one.
+                    // The tree drops rays along an axis; these offsets avoid them.
                     let along = (direction + aside_mm * 1e-3).as_vec3a();
                     let origin = (from_mm + aside_mm).as_vec3a();
                     tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
@@ -76,8 +76,8 @@ impl Skin {
         Some(from_mm + direction * t)
     }
 
-    /// How deep the centre of a probe's face is below the skin along its axis, mm: negative where a gap is left, none
-    /// where the probe is more than 30 mm away or points elsewhere.
+    /// Depth of the probe face's centre below the skin along its axis, mm. Negative for a gap; `None` if the probe is
+    /// more than 30 mm away or points elsewhere.
     pub fn press_mm(&self, pose: &Pose) -> Option<f64> {
         let into_body = pose.orientation * DVec3::Z;
         let deep = pose.position_mm + into_body * PROBE_MM;
@@ -85,8 +85,8 @@ impl Skin {
     }
 }
 
-/// Distance along `ray` to `triangle` (Möller & Trumbore, J Graph Tools 2:21, 1997). A little more than the triangle
-/// counts, so that a ray through a corner meets one of its triangles.
+/// Distance along `ray` to `triangle` (Möller & Trumbore, J Graph Tools 2:21, 1997). Slightly enlarged, so that a ray
+/// through a corner meets one of its triangles.
 fn intersect(triangle: &Triangle, ray: &Ray) -> Option<f32> {
     const MORE: f64 = 1e-5;
     let d = |v: Vec3A| v.as_dvec3();
@@ -104,7 +104,7 @@ fn intersect(triangle: &Triangle, ray: &Ray) -> Option<f32> {
     (inside && t >= f64::from(ray.tmin) && t <= f64::from(ray.tmax)).then_some(t as f32)
 }
 
-/// Distance to where a line leaves the solid: the first crossing, bisected.
+/// Distance to the exit from the solid: the first crossing, refined by bisection.
 fn exit_solid(skin: &Solid, from: DVec3, direction: DVec3) -> Option<f64> {
     let outside = |t: f64| skin.distance_mm((from + direction * t).as_vec3()) > 0.0;
     let mut far = f64::from((1..REACH_MM).find(|&t| outside(f64::from(t)))?);
@@ -122,7 +122,7 @@ mod tests {
     use crate::anatomy::{Mesh, Motion, Surface, TissueTable, analytic};
 
     #[test]
-    fn a_ball_of_triangles_is_left_at_its_outside() {
+    fn the_exit_from_a_ball_of_triangles_is_its_outer_side() {
         let mesh = |radius: f32| analytic::sphere(glam::Vec3::new(5.0, 0.0, 0.0), radius, 5);
         let surface = |mesh: Mesh| Surface { name: "ball".into(), tissue: 0, priority: 0, mesh };
         let tissues = TissueTable::builtin().unwrap();
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_phantoms_belly_is_where_its_landmark_says() {
+    fn the_phantoms_belly_is_at_its_landmark() {
         let skin = Skin::phantom(&Parameters::default());
         let top = phantom::landmarks(&Parameters::default()).belly_top_mm.as_dvec3();
         let exit = skin.exit(DVec3::ZERO, DVec3::Z).unwrap();

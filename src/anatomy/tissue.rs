@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::acoustics;
 
-/// One tissue.
+/// Acoustic properties of one tissue.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tissue {
@@ -15,12 +15,12 @@ pub struct Tissue {
     pub density_kg_m3: f64,
     /// Attenuation at 1 MHz, dB/cm.
     pub attenuation_db_cm_mhz: f64,
-    /// Power of the frequency in the attenuation.
+    /// Exponent of the frequency in the attenuation.
     pub attenuation_exponent: f64,
-    /// Part of the scatterer lattice's cells that hold a scatterer, 0..=1.
+    /// Fraction of the scatterer lattice's cells that contain a scatterer, 0..=1.
     #[serde(default)]
     pub scatterer_density: f64,
-    /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign shows in nothing.
+    /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
     #[serde(default)]
     pub scatterer_mean: f64,
     /// Standard deviation of a scatterer's amplitude, relative to a perfect reflector.
@@ -47,7 +47,7 @@ impl Tissue {
     }
 }
 
-/// A tissue value that cannot be used.
+/// Errors in tissue values.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum TissueError {
     /// A value outside its range.
@@ -59,15 +59,15 @@ pub enum TissueError {
         key: &'static str,
         /// Value found.
         value: f64,
-        /// Least accepted.
+        /// Smallest accepted value.
         min: f64,
-        /// Greatest accepted.
+        /// Largest accepted value.
         max: f64,
     },
-    /// The built-in table is not valid.
+    /// An invalid built-in table.
     #[error("assets/tissues.toml: {reason}")]
     Table {
-        /// What is wrong, with its place.
+        /// Fault and its place.
         reason: String,
     },
     /// More tissues than an 8-bit segmentation can number.
@@ -78,7 +78,8 @@ pub enum TissueError {
     },
 }
 
-/// Tissues by name, in alphabetical order. A tissue's number in segmentation maps is its index + 1; 0 is "outside".
+/// Tissues in alphabetical order of their names. A tissue's number in segmentation maps is its index + 1; 0 is
+/// "outside".
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TissueTable {
     names: Vec<String>,
@@ -86,7 +87,7 @@ pub struct TissueTable {
 }
 
 impl TissueTable {
-    /// A table of `entries`; of two with one name the later counts.
+    /// Table of `entries`; of equal names the later entry is used.
     ///
     /// # Errors
     /// A value outside its range, or more than 255 tissues.

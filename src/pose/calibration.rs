@@ -1,7 +1,7 @@
-//! Where tracker, sensor and probe are to each other, and the file that says so.
+//! Calibration of tracker, sensor and probe, and its file.
 //!
-//! A calibration file is TOML. Every table is optional but at least the version must be there; an unknown key is an
-//! error. Lengths are in mm; a quaternion is `[qw, qx, qy, qz]`, a unit one.
+//! A calibration file is TOML. Only the version is required; every table is optional, and an unknown key is an error.
+//! Lengths are in mm; a quaternion is `[qw, qx, qy, qz]` of norm 1.
 //!
 //! ```toml
 //! version = 1
@@ -9,7 +9,7 @@
 //! [scene_from_tracker]               # from `insonify calibrate landmarks`
 //! position_mm = [10.0, 0.0, -5.0]    # the tracker's origin in the scene
 //! quaternion = [1.0, 0.0, 0.0, 0.0]  # turns tracker axes into scene axes
-//! rms_mm = 0.6                       # how well the landmarks fitted, for people
+//! rms_mm = 0.6                       # RMS residual of the fit, for information
 //!
 //! [sensor_from_probe]                # how the sensor is mounted on the probe
 //! position_mm = [0.0, 0.0, 42.0]     # the centre of the probe's face in the sensor's frame
@@ -31,7 +31,7 @@ use super::{POSITION_LIMIT_MM, Pose, PoseError};
 /// Version of the file's format; a reader refuses any other.
 pub const CALIBRATION_VERSION: u32 = 1;
 
-/// Why a calibration cannot be used.
+/// Errors in calibrations and their files.
 #[derive(Debug, Error)]
 pub enum CalibrationError {
     /// The file could not be read.
@@ -42,12 +42,12 @@ pub enum CalibrationError {
         /// Cause.
         source: std::io::Error,
     },
-    /// Something is wrong in the file.
+    /// A fault in the file.
     #[error("calibration file {path}: {source}")]
     InFile {
         /// File.
         path: PathBuf,
-        /// What.
+        /// Fault.
         source: Box<CalibrationError>,
     },
     /// Not TOML, an unknown key, or a value of another type.
@@ -62,21 +62,21 @@ pub enum CalibrationError {
         /// Version found.
         found: i64,
     },
-    /// A transform that is no pose.
+    /// A transform that is not a pose.
     #[error("[{table}]: {source}")]
     Pose {
         /// Its table.
         table: &'static str,
-        /// What is wrong.
+        /// Fault of the pose.
         source: PoseError,
     },
-    /// A tip that cannot be.
+    /// A tip outside its range.
     #[error("`stylus.tip_mm` is {tip_mm:?}; it must be three numbers within ±{POSITION_LIMIT_MM} mm")]
     Tip {
         /// Value found.
         tip_mm: [f64; 3],
     },
-    /// The same transform in two places.
+    /// The same transform given twice.
     #[error("`sensor_from_probe` is given twice: in the station file and in {path}; remove one of them")]
     Twice {
         /// The calibration file.
@@ -84,35 +84,35 @@ pub enum CalibrationError {
     },
 }
 
-/// What has been calibrated; a part that has not is None.
+/// Calibrated transforms; `None` for parts that are not calibrated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Calibration {
-    /// Where the tracker is; without it tracker and scene are one frame.
+    /// Pose of the tracker in the scene; if `None`, tracker and scene share one frame.
     pub scene_from_tracker: Option<Fitted<Pose>>,
-    /// How the sensor is mounted on the probe; without it they are one frame.
+    /// Mounting of the sensor on the probe; if `None`, both share one frame.
     pub sensor_from_probe: Option<Fitted<Pose>>,
     /// Tip of the stylus in the frame of its sensor, mm.
     pub stylus_tip_mm: Option<Fitted<DVec3>>,
 }
 
-/// A value and how well it fitted.
+/// A value with the residual of its fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fitted<T> {
     /// The value.
     pub value: T,
-    /// RMS of what the fit left over, mm; none where it was not fitted.
+    /// RMS residual of the fit, mm; `None` if the value was not fitted.
     pub rms_mm: Option<f64>,
 }
 
 impl<T> Fitted<T> {
-    /// A value that was not fitted but is known.
+    /// A known value that was not fitted.
     pub fn known(value: T) -> Self {
         Self { value, rms_mm: None }
     }
 }
 
 impl Calibration {
-    /// `scene_from_probe` of a measured `tracker_from_sensor`.
+    /// `scene_from_probe` for a measured `tracker_from_sensor`.
     pub fn scene_from_probe(&self, tracker_from_sensor: Pose) -> Pose {
         let value = |fitted: Option<Fitted<Pose>>| fitted.map_or(Pose::IDENTITY, |f| f.value);
         value(self.scene_from_tracker) * tracker_from_sensor * value(self.sensor_from_probe)
@@ -121,7 +121,7 @@ impl Calibration {
     /// Reads the calibration file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, or as [`parse`](Self::parse); each names the file.
+    /// A file that cannot be read, or as [`parse`](Self::parse); each error names the file.
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
@@ -129,13 +129,14 @@ impl Calibration {
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
     }
 
-    /// A calibration from the text of its file.
+    /// Parses the text of a calibration file.
     ///
     /// # Errors
-    /// Text that is not TOML, another version, an unknown key, a value of another type, a transform that is no pose.
+    /// Text that is not TOML, another version, an unknown key, a value of the wrong type, a transform that is not a
+    /// pose.
     pub fn parse(text: &str) -> Result<Self, CalibrationError> {
         let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: e.to_string().trim().to_owned() };
-        // The version first: what another version says must not be called wrong.
+        // The version is checked first: the content of another version must not be called wrong.
         let Version { version } = toml::from_str(text).map_err(syntax)?;
         if version != i64::from(CALIBRATION_VERSION) {
             return Err(CalibrationError::Version { found: version });
@@ -149,7 +150,7 @@ impl Calibration {
         })
     }
 
-    /// The text of its file.
+    /// Text of the calibration file.
     pub fn to_toml(&self) -> String {
         let file = File {
             version: CALIBRATION_VERSION,
@@ -158,7 +159,7 @@ impl Calibration {
             stylus: self.stylus_tip_mm.map(|tip| Stylus { tip_mm: tip.value.to_array(), rms_mm: tip.rms_mm }),
         };
         let head = "# Lengths in mm, quaternions [qw, qx, qy, qz]; written by `insonify calibrate`.\n";
-        // Numbers and tables with fixed names: TOML holds them all.
+        // Numbers and tables with fixed names always serialise to TOML.
         toml::to_string(&file).map(|body| format!("{head}{body}")).unwrap_or_default()
     }
 }
@@ -168,15 +169,15 @@ impl Calibration {
 pub struct CalibrationSource {
     /// The calibration file.
     pub path: Option<PathBuf>,
-    /// How the sensor is mounted on the probe, where the station file says it.
+    /// Mounting of the sensor on the probe, if the station file gives it.
     pub sensor_from_probe: Option<Pose>,
 }
 
 impl CalibrationSource {
-    /// Reads the file, if there is one, and adds what the station says.
+    /// Reads the file, if there is one, and adds the station's own value.
     ///
     /// # Errors
-    /// As [`Calibration::load`]; `sensor_from_probe` in both places.
+    /// As [`Calibration::load`]; or `sensor_from_probe` is given in both places.
     pub fn load(&self) -> Result<Calibration, CalibrationError> {
         let mut calibration = self.path.as_deref().map(Calibration::load).transpose()?.unwrap_or_default();
         if let Some(pose) = self.sensor_from_probe {
@@ -264,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_gives_back_its_calibration() {
+    fn a_calibration_survives_writing_and_reading() {
         for calibration in [whole(), Calibration::default(), Calibration { scene_from_tracker: None, ..whole() }] {
             let found = Calibration::parse(&calibration.to_toml()).unwrap();
             assert_eq!(found.stylus_tip_mm, calibration.stylus_tip_mm);
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_chained_in_their_order() {
+    fn frames_are_chained_in_order() {
         let calibration = whole();
         let tracker_from_sensor = Pose { position_mm: DVec3::X, orientation: DQuat::from_rotation_z(1.0) };
         let scene_from_probe = calibration.scene_from_probe(tracker_from_sensor);
@@ -303,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_files_say_what_is_wrong() {
+    fn faulty_files_are_explained() {
         let transform = "position_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
         for (text, part) in [
             ("".to_owned(), "missing field `version`"),
@@ -326,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_station_adds_its_own_but_not_twice() {
+    fn a_stations_sensor_mounting_is_added_once_only() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.toml");
         let pose = Pose { position_mm: DVec3::Z, ..Pose::IDENTITY };

@@ -1,36 +1,37 @@
-//! When a device made its measurements, in the host's time.
+//! Measurement times on the host's clock, by regression on the device's clock.
 
-/// Measurements that the regression looks back at. PLUS (Lasso et al., IEEE Trans Biomed Eng 61:2527, 2014) uses 20.
+/// Number of measurements in the regression. PLUS (Lasso et al., IEEE Trans Biomed Eng 61:2527, 2014) uses 20.
 const WINDOW: usize = 20;
 
-/// Farthest that raw and regressed time of one measurement may lie apart, ns.
+/// Largest accepted difference between raw and regressed time of one measurement, ns.
 pub const OUTLIER_NS: u64 = 500_000_000;
 
-/// A measurement farther than this from its expected time was held up, or a clock jumped, ns. It does not tilt the line.
+/// Difference from the expected time beyond which a measurement was delayed, or a clock jumped, ns. It is left out of
+/// the fit.
 const HELD_UP_NS: u64 = 50_000_000;
 
-/// After so long in doubt everything is begun anew, ns.
+/// Duration of doubt after which the regression restarts, ns.
 const PATIENCE_NS: u64 = 1_000_000_000;
 
-/// So many samples make a line that is trusted to know that.
+/// Number of samples from which the line is trusted to detect delays and jumps.
 const TRUSTED: usize = 8;
 
-/// A host time that falls by at most this much while the device's clock rises is jitter, ns.
+/// Largest fall of the host time that counts as jitter while the device's clock rises, ns.
 const BACKWARD_JITTER_NS: u64 = 20_000_000;
 
-/// So many measurements in a row that agree among themselves, but not with those before, show that a clock jumped.
+/// Consecutive measurements, consistent with each other but not with earlier ones, that prove a clock jump.
 const CONFIRMED: usize = 3;
 
-/// What the regression says of one measurement's time.
+/// Time of one measurement by the regression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Timing {
-    /// When it was made, ns of the host's clock; later than all before.
+    /// Measurement time, ns of the host's clock; later than all before.
     At(u64),
-    /// The same, after a clock jumped: it has nothing to do with the times before.
+    /// Measurement time after a clock jump; unrelated to earlier times.
     Jumped(u64),
-    /// The host's time did not rise; the measurement must not be used.
+    /// The host's time did not rise; the measurement is unusable.
     NotRising,
-    /// Raw and regressed time differ by more than [`OUTLIER_NS`]; the measurement must not be used.
+    /// Raw and regressed time differ by more than [`OUTLIER_NS`]; the measurement is unusable.
     Outlier,
 }
 
@@ -40,28 +41,28 @@ struct Sample {
     ticks: Option<u64>,
 }
 
-/// Regresses the host's time of arrival on the device's counter or clock, which removes the jitter of the transport.
+/// Linear regression of host arrival times on the device's counter or clock, which removes the transport's jitter.
 ///
-/// The mean delay of the transport remains, as it must: nothing measures it.
+/// The mean delay of the transport remains, because nothing measures it.
 #[derive(Debug, Clone, Default)]
 pub struct ClockRegression {
-    /// Samples with ticks, the oldest overwritten first.
+    /// Samples (ticks, host time in ns); the oldest is overwritten first.
     window: [(u64, u64); WINDOW],
     filled: usize,
     oldest: usize,
     last: Option<Sample>,
-    /// The last time given.
+    /// Latest time returned, ns.
     last_time_ns: u64,
-    /// Samples that do not agree with those before.
+    /// Samples inconsistent with earlier ones.
     doubtful: [Sample; CONFIRMED],
     doubtful_count: usize,
-    /// Host time of the first of the doubtful samples with ticks.
+    /// Host time of the first doubtful sample with ticks, ns.
     doubtful_since_ns: Option<u64>,
 }
 
 impl ClockRegression {
-    /// The time of a measurement that arrived at `host_ns`. `ticks` counts in the device's own unit and rises from
-    /// measurement to measurement; none where the device has neither counter nor clock.
+    /// Time of a measurement that arrived at `host_ns`. `ticks` counts in the device's own unit and rises with each
+    /// measurement; `None` if the device has neither counter nor clock.
     pub fn push(&mut self, host_ns: u64, ticks: Option<u64>) -> Timing {
         let sample = Sample { host_ns, ticks };
         let Some(last) = self.last else {
@@ -82,7 +83,7 @@ impl ClockRegression {
         if ticks.is_some() {
             let since_ns = *self.doubtful_since_ns.get_or_insert(host_ns);
             if host_ns.saturating_sub(since_ns) > PATIENCE_NS {
-                // Nothing known is right any more: the device changed its rate, for example.
+                // The model no longer holds: for example, the device changed its rate.
                 self.restart();
                 return Timing::Jumped(self.accept(sample));
             }
@@ -105,12 +106,12 @@ impl ClockRegression {
         Timing::Jumped(times[CONFIRMED - 1])
     }
 
-    /// Forgets everything: the device began anew.
+    /// Forgets everything, as after a restart of the device.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Moves all that is known `by_ns` to earlier times, as a host clock that was set back did.
+    /// Moves all stored times `by_ns` earlier, after the host clock was set back.
     pub fn set_back(&mut self, by_ns: u64) {
         self.window.iter_mut().for_each(|(_, host_ns)| *host_ns = host_ns.saturating_sub(by_ns));
         if let Some(last) = &mut self.last {
@@ -121,8 +122,8 @@ impl ClockRegression {
         self.doubtful_since_ns = None;
     }
 
-    /// Whether `sample` goes on from the doubtful ones at the device's pace. What piled up in a stalled transport comes
-    /// all at once, and does not.
+    /// Whether `sample` continues the doubtful ones at the device's pace. A burst released by a stalled transport does
+    /// not.
     fn agrees_with_doubtful(&self, sample: &Sample) -> bool {
         let doubtful = &self.doubtful[..self.doubtful_count];
         let (Some(first), Some(before)) = (doubtful.first(), doubtful.last()) else { return true };
@@ -136,7 +137,7 @@ impl ClockRegression {
             && (sample.host_ns - first.host_ns) as f64 >= least_ns
     }
 
-    /// The time of a sample that was held up: the line knows it better.
+    /// Time of a delayed sample, taken from the line.
     fn held_up(&mut self, sample: Sample, expected_ns: u64) -> u64 {
         self.last = Some(sample);
         self.last_time_ns = expected_ns.max(self.last_time_ns.saturating_add(1));
@@ -155,7 +156,7 @@ impl ClockRegression {
                 self.oldest = (self.oldest + 1) % WINDOW;
             }
             if let Some(fit) = self.fit(ticks) {
-                // Jitter tilts the line; the next ones then still come later, by part of the device's own step.
+                // Jitter tilts the line; successive times still rise, by a fraction of the device's step.
                 let before = self.last.and_then(|last| last.ticks).unwrap_or(ticks);
                 let least_ns = (0.25 * fit.ns_per_tick * ticks.saturating_sub(before) as f64) as u64;
                 time_ns = fit.time_ns.max(self.last_time_ns.saturating_add(least_ns.max(1)));
@@ -169,14 +170,14 @@ impl ClockRegression {
         time_ns
     }
 
-    /// The straight line through the window by least squares, at `ticks`; None for fewer than three samples, and where
-    /// the line does not rise.
+    /// Least-squares line through the window, at `ticks`; `None` for fewer than three samples or a line that does not
+    /// rise.
     fn fit(&self, ticks: u64) -> Option<Fit> {
         if self.filled < 3 {
             return None;
         }
         let samples = &self.window[..self.filled];
-        // Relative to one sample, f64 holds every difference.
+        // Differences from one sample keep full f64 precision.
         let (ticks_0, host_0) = samples[0];
         let difference = |a: u64, b: u64| if a >= b { (a - b) as f64 } else { -((b - a) as f64) };
         let points = samples.iter().map(|(t, h)| (difference(*t, ticks_0), difference(*h, host_0)));
@@ -216,14 +217,14 @@ mod tests {
         }
     }
 
-    /// Numbers in 0..1 that look random.
+    /// Pseudo-random numbers in 0..1.
     fn noise(i: u64) -> f64 {
         let mut z = i.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         z = (z ^ (z >> 31)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         (z >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// RMS about their mean, ns.
+    /// RMS deviation from the mean, ns.
     fn spread(errors: &[f64]) -> f64 {
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
         (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64).sqrt()
@@ -243,26 +244,26 @@ mod tests {
                 fitted.push(at as f64 - made as f64);
             }
         }
-        // A line through n points is known at its end with √((4n − 2)/(n(n + 1))) of the points' deviation: 0.43.
+        // The end of a line fitted to n points has √((4n − 2)/(n(n + 1))) of the points' deviation: 0.43.
         let ratio = spread(&fitted) / spread(&raw);
         assert!((0.3..0.5).contains(&ratio), "{ratio}");
     }
 
     #[test]
-    fn one_late_arrival_hardly_counts_and_a_wild_one_is_dropped() {
+    fn one_late_arrival_hardly_counts_and_an_extreme_one_is_dropped() {
         let mut clock = ClockRegression::default();
         for i in 0..40 {
             clock.push(START_NS + i * PERIOD_NS, Some(i));
         }
         let made = |i: u64| START_NS + i * PERIOD_NS;
-        // Held up for 100 ms; what follows comes with it.
+        // Delayed by 100 ms; the following ones arrive with it.
         let mut last = 0;
         for i in 40..60 {
             let at = time(clock.push(made(i).max(made(40) + 100_000_000), Some(i)));
             assert!(at.abs_diff(made(i)) < 30_000_000 && at > last, "{i}: {} ms", at.abs_diff(made(i)) / 1_000_000);
             last = at;
         }
-        // Held up for 0.6 s: too old to be used, and no jump of a clock.
+        // Delayed by 0.6 s: too old to be used, but not a clock jump.
         let arrived = made(60) + 600_000_000;
         let found: Vec<_> = (60..100).map(|i| clock.push(made(i).max(arrived), Some(i))).collect();
         let used = found.iter().position(|t| matches!(t, Timing::At(_))).unwrap();
@@ -295,12 +296,12 @@ mod tests {
                 (0..30).for_each(|i| assert!(matches!(push(i, 0), Timing::At(_))));
                 let found = [push(30, jump_ns), push(31, jump_ns), push(32, jump_ns)];
                 if !has_ticks && jump_ns > 0 {
-                    // Without a device clock it is a gap.
+                    // Without a device clock the jump looks like a gap.
                     assert!(found.iter().all(|t| matches!(t, Timing::At(_))), "{found:?}");
                     continue;
                 }
                 match jump_ns {
-                    // Held up, for all that is known yet.
+                    // Indistinguishable from a delay at this point.
                     300_000_000 => assert!(matches!(found[..2], [Timing::At(_), Timing::At(_)]), "{found:?}"),
                     1.. => assert_eq!(found[..2], [Timing::Outlier; 2], "{jump_ns}"),
                     _ => assert_eq!(found[..2], [Timing::NotRising; 2], "{jump_ns}"),
@@ -313,13 +314,13 @@ mod tests {
     }
 
     #[test]
-    fn time_that_stands_still_is_not_used() {
+    fn measurements_of_unchanged_time_are_not_used() {
         let mut clock = ClockRegression::default();
         assert_eq!(clock.push(START_NS, None), Timing::At(START_NS));
         for _ in 0..10 {
             assert_eq!(clock.push(START_NS, None), Timing::NotRising);
         }
-        // With a device clock, several records of one message have their own times.
+        // With a device clock, several records of one message have separate times.
         let mut clock = ClockRegression::default();
         (0..20).for_each(|i| assert!(matches!(clock.push(START_NS + i * PERIOD_NS, Some(i)), Timing::At(_))));
         let burst: Vec<_> = (20..23).map(|i| time(clock.push(START_NS + 22 * PERIOD_NS, Some(i)))).collect();
@@ -330,7 +331,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn times_rise_whatever_comes(
+        fn times_rise_for_any_input(
             steps in prop::collection::vec((-40_000_000_i64..800_000_000, 1_u64..50_000, any::<bool>()), 1..200),
             start in prop_oneof![Just(0_u64), Just(u64::MAX), any::<u64>()],
         ) {

@@ -1,8 +1,8 @@
-//! What a stream of measurements went through.
+//! Counters of a measurement stream.
 
 macro_rules! counters {
     ($($(#[doc = $doc:literal])+ $name:ident,)*) => {
-        /// Counted events of an estimator, each under its name.
+        /// Named event counters of an estimator.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
         pub struct Counters {
             $($(#[doc = $doc])+ pub $name: u64,)*
@@ -21,35 +21,35 @@ macro_rules! counters {
 }
 
 counters! {
-    /// Measurements pushed.
+    /// Measurements received.
     measurements,
     /// Measurements that became a pose.
     used,
-    /// Refused: a number that is not finite, no unit quaternion, a position out of range.
+    /// Refused: a component that is not finite, a quaternion that is not a unit one, or a position out of range.
     invalid,
-    /// Dropped: the device's counter and clock are those of the measurement before.
+    /// Dropped: the device's counter and clock equal those of the previous measurement.
     duplicates,
-    /// Dropped: the device made it before one that was used.
+    /// Dropped: measured before one that was already used.
     out_of_order,
-    /// Passed over by the device's counter: made, but never arrived.
+    /// Missing by the device's counter: measured, but never received.
     missing,
-    /// The device's counter or clock began anew.
+    /// Restarts of the device's counter or clock.
     device_restarts,
-    /// Measurements whose device clock stood still while the counter rose; the host's time is used.
+    /// Measurements whose device clock stood still while the counter rose; host time is used.
     clock_stalls,
     /// Dropped: the host's time did not rise.
     time_not_rising,
     /// Dropped: host time and regressed time differ by more than 0.5 s.
     time_outliers,
-    /// The host's clock jumped, forward or back, and the new time was taken over.
+    /// Jumps of the host's clock, forward or back, after which the new time was adopted.
     clock_jumps,
-    /// The device said that it did not see the sensor.
+    /// Reports of the device that the sensor is out of view.
     out_of_view,
-    /// Dropped: farther from the last pose than any hand moves.
+    /// Dropped: farther from the last pose than a hand can move.
     spikes,
-    /// A distance that no hand moves was confirmed by a second measurement and taken over.
+    /// Such displacements that a second measurement confirmed, and that were accepted.
     jumps,
-    /// Times that readings began to be exactly equal for long although the device's clock ran.
+    /// Times that readings stayed exactly equal for long although the device's clock ran.
     stuck,
 }
 
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_go_with_their_values() {
+    fn names_match_their_values() {
         let counters = Counters { spikes: 3, ..Counters::default() };
         assert_eq!(counters.named().filter(|(_, n)| *n > 0).collect::<Vec<_>>(), [("spikes", 3)]);
         assert_eq!(Counters::NAMES.first(), Some(&"measurements"));

@@ -1,7 +1,6 @@
 //! Points and poses as lines of comma-separated numbers.
 //!
-//! Empty lines and lines that begin with `#` are passed over, and a first line of column names is. Errors name the
-//! line.
+//! Empty lines, lines that begin with `#` and a first line of column names are skipped. Errors name the line.
 
 use glam::DVec3;
 use thiserror::Error;
@@ -9,50 +8,50 @@ use thiserror::Error;
 use super::registration::PointPair;
 use super::{Pose, PoseError};
 
-/// Why a text holds no points or poses.
+/// Errors in point and pose lists.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum CsvError {
-    /// A line that isn't what was expected.
+    /// A malformed line.
     #[error("line {line}: expected {expected}, found `{found}`")]
     Line {
-        /// From 1.
+        /// Line, from 1.
         line: usize,
-        /// What would be right.
+        /// Expected content.
         expected: &'static str,
-        /// The line, its first 80 characters.
+        /// The line's first 80 characters.
         found: String,
     },
-    /// Numbers that are no pose.
+    /// Numbers that are not a pose.
     #[error("line {line}: {source}")]
     Pose {
-        /// From 1.
+        /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Fault of the pose.
         source: PoseError,
     },
-    /// No line with numbers.
+    /// No line contains numbers.
     #[error("there is no line with {expected}")]
     Empty {
-        /// What was expected.
+        /// Expected content.
         expected: &'static str,
     },
 }
 
-/// A landmark with its name, if it has one.
+/// A landmark with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedPair {
-    /// Its name, or its number from 1.
+    /// Name, or the number from 1.
     pub name: String,
-    /// Where it is.
+    /// Its coordinates in both frames.
     pub pair: PointPair,
 }
 
-/// A point with its name.
+/// A point with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedPoint {
-    /// Its name, or its number from 1.
+    /// Name, or the number from 1.
     pub name: String,
-    /// Where it is, mm.
+    /// Coordinates, mm.
     pub point_mm: DVec3,
 }
 
@@ -60,10 +59,10 @@ const POINT: &str = "`x,y,z` and perhaps `,name` (mm)";
 const PAIR: &str = "`x,y,z,tx,ty,tz` and perhaps `,name` (mm; first the scene's point, then the tracker's)";
 const POSE: &str = "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)";
 
-/// Points from lines `x,y,z[,name]`, mm.
+/// Parses points from lines `x,y,z[,name]`, mm.
 ///
 /// # Errors
-/// A line that is no point, or none at all.
+/// A malformed line, or no point at all.
 pub fn points(text: &str) -> Result<Vec<NamedPoint>, CsvError> {
     let mut points = Vec::new();
     for (line, content) in data_lines(text) {
@@ -75,7 +74,7 @@ pub fn points(text: &str) -> Result<Vec<NamedPoint>, CsvError> {
     if points.is_empty() { Err(CsvError::Empty { expected: POINT }) } else { Ok(points) }
 }
 
-/// The numbers at the front of a line, and the name behind them, if there is one.
+/// Numbers at the front of a line, and the name behind them, if any.
 fn named<const N: usize>(content: &str) -> Option<([f64; N], Option<String>)> {
     let fields: Vec<_> = content.splitn(N + 1, ',').map(str::trim).collect();
     let (numbers, name) = fields.split_at_checked(N)?;
@@ -87,10 +86,10 @@ fn named<const N: usize>(content: &str) -> Option<([f64; N], Option<String>)> {
     Some((values, name.map(str::to_owned)))
 }
 
-/// Landmarks from lines `x,y,z,tx,ty,tz[,name]`: the point in the scene, and the same point by the tracker, mm.
+/// Parses landmarks from lines `x,y,z,tx,ty,tz[,name]`: the point in the scene, and as the tracker measures it, mm.
 ///
 /// # Errors
-/// A line that is no pair, or none at all.
+/// A malformed line, or no pair at all.
 pub fn pairs(text: &str) -> Result<Vec<NamedPair>, CsvError> {
     let mut pairs = Vec::new();
     for (line, content) in data_lines(text) {
@@ -103,10 +102,10 @@ pub fn pairs(text: &str) -> Result<Vec<NamedPair>, CsvError> {
     if pairs.is_empty() { Err(CsvError::Empty { expected: PAIR }) } else { Ok(pairs) }
 }
 
-/// Poses from lines `x,y,z,qw,qx,qy,qz`, mm and a unit quaternion.
+/// Parses poses from lines `x,y,z,qw,qx,qy,qz`, mm and a unit quaternion.
 ///
 /// # Errors
-/// A line that is no pose, or none at all.
+/// A malformed line, or no pose at all.
 pub fn poses(text: &str) -> Result<Vec<Pose>, CsvError> {
     let mut poses = Vec::new();
     for (line, content) in data_lines(text) {
@@ -118,7 +117,7 @@ pub fn poses(text: &str) -> Result<Vec<Pose>, CsvError> {
     if poses.is_empty() { Err(CsvError::Empty { expected: POSE }) } else { Ok(poses) }
 }
 
-/// Lines with data and their numbers from 1.
+/// Data lines with their numbers from 1.
 fn data_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
@@ -151,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_lines_are_named() {
+    fn malformed_lines_are_named() {
         let error = |text| pairs(text).unwrap_err().to_string();
         assert_eq!(error("1,2,3,4,5,6\n1,2,3\n"), format!("line 2: expected {PAIR}, found `1,2,3`"));
         assert!(error("1,2,3,4,5,six").starts_with("line 1: expected `x,y,z,tx,ty,tz`"));

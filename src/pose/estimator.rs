@@ -1,4 +1,4 @@
-//! From the measurements of a live tracker to the probe's pose at a time of display.
+//! Estimation of the probe's pose at display time from the measurements of a live tracker.
 
 use super::clock_regression::{ClockRegression, Timing};
 use super::counters::Counters;
@@ -13,34 +13,34 @@ use super::stuck::StuckWatch;
 use super::tracking::{TrackingClock, TrackingState};
 use super::{Measurement, Pose, QUATERNION_NORM_TOLERANCE, Reading, TimedPose};
 
-/// Poses kept, a second at 60 a second: what a display that lags is shown from.
+/// Number of poses kept: a second at 60 poses a second, for displays that lag.
 const HISTORY: usize = 64;
 
-/// A gap of more than this starts the filter anew, s.
+/// Gap after which the filter restarts, s.
 const FILTER_GAP_S: f64 = 0.5;
 
-/// `now` may fall by this much between two samples without a clock having been set back, ns.
+/// Largest fall of `now` between two samples that does not count as a clock set back, ns.
 const NOW_JITTER_NS: u64 = 20_000_000;
 
-/// Where the probe is, as far as is known.
+/// Estimate of the probe's pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
-    /// Filtered and predicted; none before the first measurement and once it is lost.
+    /// Filtered and predicted pose; `None` before the first measurement and once it is lost.
     pub scene_from_probe: Option<Pose>,
-    /// How far it can be trusted.
+    /// Trustworthiness of the pose.
     pub state: TrackingState,
-    /// When the first byte of the newest measurement in it reached the host, ns since 1970 (UTC).
+    /// Arrival of the first byte of the newest measurement used, ns since 1970 (UTC).
     pub first_byte_ns: Option<u64>,
-    /// How far it was predicted beyond the newest measurement, ms.
+    /// Prediction beyond the newest measurement, ms.
     pub predicted_ms: f64,
-    /// The sensor's readings have been exactly equal for long although its clock runs.
+    /// Whether the sensor's readings have been exactly equal for long although its clock runs.
     pub stuck: bool,
 }
 
 /// Turns the measurements of one sensor into poses.
 ///
-/// Measurements are pushed as they come; [`sample`](Self::sample) asks for the pose at any time. Both take times of the
-/// host's clock, ns since 1970 (UTC). Nothing is allocated after [`new`](Self::new), and no input makes it panic.
+/// Measurements are pushed as they arrive; [`sample`](Self::sample) estimates the pose at any time. Both take times of
+/// the host's clock, ns since 1970 (UTC). Nothing is allocated after [`new`](Self::new), and no input makes it panic.
 #[derive(Debug, Clone)]
 pub struct Estimator {
     settings: Settings,
@@ -53,16 +53,16 @@ pub struct Estimator {
     tracking: TrackingClock,
     history: PoseRing,
     counters: Counters,
-    /// The newest motion.
+    /// Latest motion.
     motion: Option<Motion>,
-    /// Regressed and raw time of the newest measurement.
+    /// Regressed and raw time of the latest measurement, ns.
     newest: Option<(u64, u64)>,
-    /// `now` of the last sample.
+    /// `now` of the last sample, ns.
     last_now_ns: Option<u64>,
 }
 
 impl Estimator {
-    /// An estimator that has seen nothing.
+    /// An estimator without measurements.
     pub fn new(settings: Settings) -> Self {
         let filter = &settings.filter;
         Self {
@@ -82,15 +82,15 @@ impl Estimator {
         }
     }
 
-    /// What happened so far.
+    /// Event counters so far.
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// Takes the next measurement. Whatever cannot be used is dropped and counted.
+    /// Takes the next measurement. Unusable ones are dropped and counted.
     ///
-    /// A puck says nothing while it rests: push zero [`Reading::Rates`] once its device is open, and it is tracked from
-    /// then on, at the initial pose.
+    /// A puck sends nothing at rest: push zero [`Reading::Rates`] once its device is open, and it is tracked from then
+    /// on, at the initial pose.
     pub fn push(&mut self, measurement: &Measurement) {
         self.counters.measurements += 1;
         if !is_valid(&measurement.reading) {
@@ -117,7 +117,7 @@ impl Estimator {
             Timing::At(time_ns) => time_ns,
             Timing::Jumped(time_ns) => {
                 self.counters.clock_jumps += 1;
-                // How old what was known is by the new time, nobody knows.
+                // The age of earlier measurements is unknown on the new clock.
                 self.newest = None;
                 self.last_now_ns = None;
                 self.history.clear();
@@ -133,7 +133,7 @@ impl Estimator {
         self.counters.stuck += u64::from(
             !matches!(measurement.reading, Reading::Rates { .. }) && self.stuck.push(&measurement.reading, time_ns),
         );
-        // Seconds since the last one that was used; none at first and behind a jump of the clock.
+        // Seconds since the last measurement used; `None` at first and after a clock jump.
         let dt_s = self.newest.map(|(last_ns, _)| time_ns.saturating_sub(last_ns) as f64 * 1e-9);
         let Some(motion) = self.motion_of(&measurement.reading, time_ns, dt_s) else { return };
         self.counters.used += 1;
@@ -145,7 +145,7 @@ impl Estimator {
         self.tracking.seen(time_ns, resting);
     }
 
-    /// The device is gone: a puck that rested is no longer tracked, one that was pushed is let go.
+    /// The device is disconnected: a resting puck is no longer tracked, and a deflected one counts as released.
     pub fn disconnected(&mut self) {
         self.tracking.interrupted();
         self.rates.release();
@@ -154,15 +154,15 @@ impl Estimator {
         }
     }
 
-    /// Brings a puck back to the initial pose.
+    /// Resets a puck to the initial pose.
     pub fn home(&mut self) {
         self.rates.home();
     }
 
-    /// The pose to show at `display_ns`, as known at `now_ns`.
+    /// Pose to show at `display_ns`, as known at `now_ns`.
     ///
-    /// A time behind the newest measurement is predicted, by [`FilterSettings::prediction_ms`](super::FilterSettings)
-    /// at most; one before it is interpolated.
+    /// A time after the newest measurement is predicted, by at most
+    /// [`FilterSettings::prediction_ms`](super::FilterSettings); an earlier one is interpolated.
     pub fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
         let now_ns = self.host_now(now_ns);
         let state = self.tracking.at(now_ns);
@@ -184,7 +184,7 @@ impl Estimator {
         estimate
     }
 
-    /// The probe's motion by a reading; None where it is a spike.
+    /// Motion of the probe by a reading; `None` for a spike.
     fn motion_of(&mut self, reading: &Reading, time_ns: u64, dt_s: Option<f64>) -> Option<Motion> {
         let calibration = &self.settings.calibration;
         let pose = match *reading {
@@ -206,7 +206,7 @@ impl Estimator {
             self.gate.reset();
             self.filter.reset();
         }
-        // f64 holds ns since 1970 to 0.2 µs in seconds.
+        // As seconds, f64 resolves ns since 1970 to 0.2 µs.
         match self.gate.push(pose, time_ns as f64 * 1e-9) {
             Gate::Passed => {}
             Gate::Spike => {
@@ -221,7 +221,7 @@ impl Estimator {
         Some(self.filter.push(pose, dt_s.unwrap_or(0.0)))
     }
 
-    /// `now` on a clock that never falls: where the host's was set back, all times known so far are set back, too.
+    /// `now` on a clock that never falls: if the host's clock was set back, all stored times are set back, too.
     fn host_now(&mut self, now_ns: u64) -> u64 {
         let last_ns = self.last_now_ns.unwrap_or(now_ns);
         let back_ns = last_ns.saturating_sub(now_ns);

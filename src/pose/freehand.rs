@@ -1,4 +1,4 @@
-//! How a hand moves a probe: from view to view, with pauses and tremor.
+//! Simulated hand motion of a probe: from view to view, with pauses and tremor.
 
 use glam::{DQuat, DVec3, EulerRot};
 
@@ -16,23 +16,23 @@ const TREMOR_BAND_HZ: (f64, f64) = (0.3, 9.0);
 /// Sinusoids that make up each component of the tremor.
 const TREMOR_PARTIALS: usize = 12;
 
-/// A view that a hand moves to, and stays at for a while.
+/// A view that the hand moves to and holds for a while.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {
-    /// When the hand arrives, s from the start.
+    /// Time of arrival, s from the start.
     pub arrive_s: f64,
-    /// When it leaves, s from the start.
+    /// Time of departure, s from the start.
     pub leave_s: f64,
-    /// What it looks at, mm.
+    /// Point in view, mm.
     pub target_mm: DVec3,
     /// Turns probe axes into scene axes.
     pub orientation: DQuat,
 }
 
-/// What the hand looks at and how it holds the probe, `time_s` after the start. `waypoints` ascend in time.
+/// Point in view and orientation of the probe `time_s` after the start; `None` without waypoints.
 ///
-/// Between two waypoints the target moves on a line and the probe turns on the shorter arc, both with least jerk
-/// (Flash & Hogan, J Neurosci 5:1688, 1985). None without waypoints.
+/// `waypoints` ascend in time. Between two of them the target moves on a line and the probe turns on the shorter arc,
+/// both with minimum jerk (Flash & Hogan, J Neurosci 5:1688, 1985).
 pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
     let next = waypoints.partition_point(|w| w.arrive_s <= time_s);
     let Some(from) = next.checked_sub(1).and_then(|i| waypoints.get(i)) else {
@@ -46,13 +46,13 @@ pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
     Some((from.target_mm.lerp(to.target_mm, s), orientation))
 }
 
-/// Part of the way done at part `t` of the time, 0..=1: velocity and acceleration vanish at both ends.
+/// Fraction of the way at fraction `t` of the time, 0..=1; velocity and acceleration vanish at both ends.
 pub fn minimum_jerk(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 + t * (-15.0 + t * 6.0))
 }
 
-/// Tremor of a hand: band-limited noise, the same for the same seed.
+/// Tremor of a hand: band-limited noise, determined by its seed.
 #[derive(Debug, Clone)]
 pub struct Tremor {
     /// Amplitude, angular frequency (rad/s) and phase of each partial of each of six components.
@@ -60,13 +60,13 @@ pub struct Tremor {
 }
 
 impl Tremor {
-    /// The tremor number `seed`.
+    /// Tremor with this seed.
     pub fn new(seed: u64) -> Self {
         let mut random = SplitMix64::new(seed);
         let (low, high) = TREMOR_BAND_HZ;
         let components = std::array::from_fn(|_| {
             let mut partials: [_; TREMOR_PARTIALS] = std::array::from_fn(|i| {
-                // One frequency in each of equal parts of the band's logarithm; displacement falls as 1/f.
+                // One frequency in each of equal logarithmic parts of the band; displacement falls as 1/f.
                 let part = (i as f64 + random.unit()) / TREMOR_PARTIALS as f64;
                 let frequency_hz = low * (high / low).powf(part);
                 (1.0 / frequency_hz, std::f64::consts::TAU * frequency_hz, std::f64::consts::TAU * random.unit())
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn starts_and_stops_without_a_jolt() {
+    fn the_hand_starts_and_stops_smoothly() {
         let waypoints = waypoints();
         let x = |t: f64| view_at(&waypoints, t).unwrap().0.x;
         let h = 1e-3;
@@ -124,14 +124,14 @@ mod tests {
             let speed = (x(t + h) - x(t - h)) / (2.0 * h);
             let acceleration = (x(t + h) - 2.0 * x(t) + x(t - h)) / (h * h);
             fastest = fastest.max(speed);
-            // Least jerk over 10 mm in 2 s: peaks of 15/8·d/T and 10/√3·d/T².
+            // Minimum jerk over 10 mm in 2 s: peaks of 15/8·d/T and 10/√3·d/T².
             assert!(speed >= -1e-9 && acceleration.abs() < 5.78 * 10.0 / 4.0, "{t}: {speed} {acceleration}");
         }
         assert!((fastest - 1.875 * 5.0).abs() < 0.01, "{fastest}");
     }
 
     #[test]
-    fn tremor_has_its_rms_and_is_the_same_for_the_same_seed() {
+    fn tremor_has_its_rms_and_depends_only_on_its_seed() {
         let samples = |seed| {
             let tremor = Tremor::new(seed);
             (0..6000).map(move |i| tremor.at(f64::from(i) / 60.0)).collect::<Vec<_>>()

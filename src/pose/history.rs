@@ -1,11 +1,11 @@
-//! Poses in time.
+//! Time-stamped poses and their interpolation.
 
 use super::Pose;
 
-/// A pose and when it was measured.
+/// A pose and its time of measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedPose {
-    /// When its first byte reached the host, ns since 1970 (UTC).
+    /// Arrival of the first byte at the host, ns since 1970 (UTC).
     pub host_time_ns: u64,
     /// Clock of the tracker, µs from its own origin.
     pub device_time_us: u64,
@@ -13,10 +13,10 @@ pub struct TimedPose {
     pub pose: Pose,
 }
 
-/// The pose at `host_time_ns`: the position lies on a line and the rotation on the shorter arc between its neighbours.
+/// Pose at `host_time_ns`, interpolated between its neighbours: linear in position, on the shorter arc in rotation.
 ///
-/// `poses` must ascend in host time; of several at one time the last counts. None outside of their time, and within a
-/// gap of more than `gap_limit_ns`, since what the probe did there isn't known.
+/// `poses` must ascend in host time; of several at one time the last is used. `None` outside their range, and within a
+/// gap of more than `gap_limit_ns`, where the probe's motion is unknown.
 pub fn interpolate(poses: &[TimedPose], host_time_ns: u64, gap_limit_ns: u64) -> Option<Pose> {
     let after = poses.partition_point(|p| p.host_time_ns <= host_time_ns);
     let before = poses.get(after.checked_sub(1)?)?;
@@ -29,7 +29,7 @@ pub fn interpolate(poses: &[TimedPose], host_time_ns: u64, gap_limit_ns: u64) ->
         return None;
     }
     let fraction = (host_time_ns - before.host_time_ns) as f64 / gap_ns as f64;
-    // slerp of glam takes the shorter arc: q and −q are the same rotation.
+    // glam's slerp takes the shorter arc: q and −q are the same rotation.
     let orientation = before.pose.orientation.slerp(next.pose.orientation, fraction).normalize();
     Some(Pose { position_mm: before.pose.position_mm.lerp(next.pose.position_mm, fraction), orientation })
 }
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn lies_between_its_neighbours() {
+    fn an_interpolated_pose_is_between_its_neighbours() {
         let poses = [pose(100, 0.0, 0.2), pose(200, 4.0, 0.6)];
         let quarter = interpolate(&poses, 125, 100).unwrap();
         assert!((quarter.position_mm.x - 1.0).abs() < 1e-12);
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn knows_nothing_outside_or_within_a_gap() {
+    fn there_is_no_pose_outside_the_range_or_within_a_gap() {
         let poses = [pose(100, 0.0, 0.0), pose(200, 1.0, 0.0), pose(900, 2.0, 0.0)];
         assert_eq!(interpolate(&poses, 99, 500), None);
         assert_eq!(interpolate(&poses, 901, 500), None);
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_poses_at_one_time_the_last_counts() {
+    fn of_several_poses_at_one_time_the_last_is_used() {
         let poses = [pose(5, 0.0, 0.0), pose(10, 1.0, 0.0), pose(10, 2.0, 0.0), pose(20, 3.0, 0.0)];
         assert_eq!(interpolate(&poses, 10, 100).unwrap().position_mm.x, 2.0);
     }

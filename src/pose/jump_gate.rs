@@ -1,35 +1,35 @@
-//! Poses that no hand can have reached: a spike of the tracker, or a probe put elsewhere behind an obstacle.
+//! Detection of poses that no hand can have reached: tracker spikes, or a probe moved while hidden.
 
 use super::Pose;
 use super::transform::angle_between;
 
-/// Shortest time that a speed is judged over, s: noise of two records in one message is no speed.
+/// Shortest interval for a speed, s: between records of one message, noise would look like speed.
 const LEAST_S: f64 = 0.01;
 
-/// What the gate says of a pose.
+/// Judgement of a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gate {
-    /// A hand may have moved there.
+    /// Reachable by a hand.
     Passed,
-    /// No hand did; the next pose decides.
+    /// Out of reach; the next pose decides.
     Spike,
-    /// No hand did, but this is the second pose there: the sensor is there.
+    /// Out of reach, but confirmed by a second pose nearby: the sensor is there.
     Jumped,
 }
 
-/// Holds back one pose that is too far from the last.
+/// Gate that holds back one pose that is too far from the last.
 #[derive(Debug, Clone)]
 pub struct JumpGate {
     max_speed_mm_s: f64,
     max_speed_rad_s: f64,
-    /// The last pose that passed, and its time, s.
+    /// Last pose that passed, and its time, s.
     last: Option<(Pose, f64)>,
-    /// The pose held back, and its time.
+    /// Pose held back, and its time, s.
     spike: Option<(Pose, f64)>,
 }
 
 impl JumpGate {
-    /// A gate that knows the fastest hand.
+    /// Gate with these limits of a hand's speed.
     pub fn new(max_speed_mm_s: f64, max_speed_deg_s: f64) -> Self {
         Self { max_speed_mm_s, max_speed_rad_s: max_speed_deg_s.to_radians(), last: None, spike: None }
     }
@@ -40,7 +40,7 @@ impl JumpGate {
         self.spike = None;
     }
 
-    /// Judges the pose at `time_s` on a clock that rises.
+    /// Judges the pose at `time_s`, on a clock that rises.
     pub fn push(&mut self, pose: Pose, time_s: f64) -> Gate {
         let near = |from: &Option<(Pose, f64)>| from.is_some_and(|from| self.is_reachable(&from, &pose, time_s));
         let verdict = if self.last.is_none() || near(&self.last) {
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_are_judged_too_and_slow_trackers_may_go_farther() {
+    fn rotations_are_judged_too_and_slow_trackers_may_move_farther() {
         let mut gate = JumpGate::new(3000.0, 2000.0);
         let turned = |angle| Pose { orientation: DQuat::from_rotation_y(angle), ..Pose::IDENTITY };
         assert_eq!(gate.push(turned(0.0), 0.0), Gate::Passed);

@@ -1,56 +1,56 @@
-//! A landmark touched with a stylus: its tip held still for a while.
+//! Touching landmarks with a stylus: the tip is held still for a while.
 
 use glam::DVec3;
 use thiserror::Error;
 
 use super::Pose;
 
-/// When a tip counts as held still.
+/// Conditions for a still tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StillSettings {
-    /// Poses that are averaged.
+    /// Number of averaged poses.
     pub samples: usize,
     /// Largest accepted distance of any of them from their mean, mm.
     pub tolerance_mm: f64,
-    /// Poses after which it is given up.
+    /// Number of poses after which the attempt fails.
     pub patience: usize,
 }
 
 impl Default for StillSettings {
-    /// A second of poses at 60 a second within 1 mm, half a minute of patience.
+    /// A second of poses at 60 a second within 1 mm; an attempt lasts half a minute.
     fn default() -> Self {
         Self { samples: 60, tolerance_mm: 1.0, patience: 1800 }
     }
 }
 
-/// A touched landmark in the tracker's frame.
+/// Touched landmark in the tracker's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touched {
-    /// Mean of the tip, mm.
+    /// Mean position of the tip, mm.
     pub tracker_mm: DVec3,
-    /// RMS distance of the tip from it, mm.
+    /// RMS distance of the tip from its mean, mm.
     pub rms_mm: f64,
 }
 
-/// Why a landmark could not be taken.
+/// Reason for a failed landmark.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum LandmarkError {
-    /// It ended before the tip was still.
+    /// The poses ended before the tip was still.
     #[error("the tracker gave {found} poses only; {needed} of a still tip are needed (is the sensor in view?)")]
     Ended {
-        /// Poses given.
+        /// Poses received.
         found: usize,
         /// Poses needed.
         needed: usize,
     },
-    /// It never was still.
+    /// The tip was never still.
     #[error(
         "the tip moved by {best_mm:.2} mm from its mean at best in {poses} poses; hold it within {tolerance_mm} mm for {samples} poses"
     )]
     Unsteady {
         /// Smallest spread found, mm.
         best_mm: f64,
-        /// Poses looked at.
+        /// Poses examined.
         poses: usize,
         /// Accepted spread, mm.
         tolerance_mm: f64,
@@ -59,13 +59,13 @@ pub enum LandmarkError {
     },
 }
 
-/// Averages the tip over the first stretch of `tracker_from_sensor` in which it is held still.
+/// Averages the tip over the first stretch of `tracker_from_sensor` in which it is still.
 ///
-/// The poses may come from a live tracker or a recording; no more are taken than are needed. `tip_mm` is in the
+/// The poses may come from a live tracker or a recording; only as many are taken as are needed. `tip_mm` is in the
 /// sensor's frame.
 ///
 /// # Errors
-/// The poses end, or the patience does, before the tip is held still.
+/// The poses or the allowed number of them end before the tip is still.
 pub fn touch(
     tracker_from_sensor: impl IntoIterator<Item = Pose>,
     tip_mm: DVec3,
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn waits_until_the_tip_rests_and_takes_no_more() {
+    fn touch_waits_until_the_tip_rests_and_takes_no_further_poses() {
         let settings = StillSettings { samples: 10, tolerance_mm: 0.5, patience: 100 };
         let approach = (0..30).map(|i| 90.0 - 3.0 * f64::from(i));
         let rest = (0..50).map(|i| if i % 2 == 0 { 0.1 } else { -0.1 });
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn says_why_there_is_no_landmark() {
+    fn a_failed_landmark_gives_its_reason() {
         let settings = StillSettings { samples: 10, tolerance_mm: 0.5, patience: 50 };
         let error = touch((0..5).map(|_| pose(0.0)), DVec3::Z, &settings).unwrap_err();
         assert_eq!(error, LandmarkError::Ended { found: 5, needed: 10 });

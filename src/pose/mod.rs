@@ -1,11 +1,11 @@
-//! Probe poses.
+//! Probe poses and their estimation.
 //!
-//! The **probe frame** has its origin at the centre of the transducer's face, `z` into the body,
-//! `x` lateral (towards the last scanline) and `y` elevational, right-handed. The **scene frame** is that
-//! of the glTF file, in mm (glTF metres × 1000).
+//! The **probe frame** has its origin at the centre of the transducer's face, `z` into the body, `x` lateral (towards
+//! the last scanline) and `y` elevational, right-handed. The **scene frame** is that of the glTF file, in mm (glTF
+//! metres × 1000).
 //!
-//! A live pose comes this way: measurement → order by the device's counter and clock ([`stream_order`]) → time on the
-//! host's clock ([`clock_regression`]) → `scene_from_tracker · tracker_from_sensor · sensor_from_probe`
+//! A live pose passes these stages: measurement → order by the device's counter and clock ([`stream_order`]) → time on
+//! the host's clock ([`clock_regression`]) → `scene_from_tracker · tracker_from_sensor · sensor_from_probe`
 //! ([`calibration`]) → [`jump_gate`] → filter ([`one_euro`]) → history ([`ring`]) → [`prediction`] to the time of
 //! display, with a [`TrackingState`]. [`Estimator`] joins them. Calibrations come from [`registration`] and [`pivot`].
 
@@ -44,13 +44,13 @@ pub use settings::{FilterSettings, Settings};
 pub use tracking::TrackingState;
 pub use transform::{angle_between, rotation_vector};
 
-/// Largest accepted departure of a quaternion's norm from one.
+/// Largest accepted deviation of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
-/// Largest accepted coordinate: f32 resolves 0.06 mm at one kilometre, too coarse for a phase.
+/// Largest accepted coordinate: at one kilometre f32 resolves 0.06 mm, too coarse for an echo's phase.
 pub const POSITION_LIMIT_MM: f64 = 1.0e5;
 
-/// Why seven numbers are not a pose.
+/// Reason why seven numbers are not a pose.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum PoseError {
     /// A component is NaN or infinite.
@@ -61,7 +61,7 @@ pub enum PoseError {
         /// Its value.
         value: f64,
     },
-    /// The quaternion is not a rotation.
+    /// The quaternion is not a unit one.
     #[error("the pose's quaternion (qw,qx,qy,qz) has norm {norm:.6}; it must be 1 within {QUATERNION_NORM_TOLERANCE}")]
     NotUnit {
         /// The norm found.
@@ -80,12 +80,13 @@ pub enum PoseError {
     /// Not seven comma-separated numbers.
     #[error("`{text}` is not a pose: expected seven numbers `x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)")]
     Syntax {
-        /// What was given.
+        /// Text given.
         text: String,
     },
 }
 
-/// `scene_from_probe`: where the probe is in the scene. Other rigid transforms use it, too, each named `a_from_b`.
+/// Rigid transform `scene_from_probe`: position and orientation of the probe in the scene. Other rigid transforms use
+/// this type, too, each named `a_from_b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Centre of the transducer's face in the scene, mm.
@@ -127,10 +128,10 @@ impl Pose {
         [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
     }
 
-    /// The pose of a probe at `position_mm` that looks along `into_body`, its lateral axis as near as possible to
+    /// Pose of a probe at `position_mm` that looks along `into_body`, with its lateral axis as near as possible to
     /// `lateral`.
     ///
-    /// Falls back to an arbitrary perpendicular where `lateral` is parallel to `into_body`.
+    /// Falls back to an arbitrary perpendicular if `lateral` is parallel to `into_body`.
     pub fn looking(position_mm: DVec3, into_body: DVec3, lateral: DVec3) -> Self {
         let z = into_body.normalize_or(DVec3::Z);
         let x = (lateral - z * lateral.dot(z)).normalize_or(z.any_orthonormal_vector());
@@ -138,12 +139,12 @@ impl Pose {
         Self { position_mm, orientation: DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize() }
     }
 
-    /// A point of the probe frame in the scene, mm.
+    /// Maps a point from the probe frame to the scene, mm.
     pub fn transform_point(&self, probe_mm: DVec3) -> DVec3 {
         self.position_mm + self.orientation * probe_mm
     }
 
-    /// A direction of the probe frame in the scene.
+    /// Maps a direction from the probe frame to the scene.
     pub fn transform_vector(&self, probe: DVec3) -> DVec3 {
         self.orientation * probe
     }

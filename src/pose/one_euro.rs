@@ -1,8 +1,8 @@
 //! The One-Euro filter of Casiez, Roussel & Vogel (CHI 2012), for poses.
 //!
-//! A low-pass filter whose cutoff rises with the speed: still hands see no jitter, moving ones no lag. Position and
-//! rotation have a filter each. The speed is that of the raw poses, as in the authors' own code: measured from the
-//! filtered pose it would hold the filter's lag, too, and could not be used for prediction.
+//! A low-pass filter whose cutoff rises with speed: no jitter at rest, little lag in motion. Position and rotation have
+//! separate filters. As in the authors' code, the speed is that of the raw poses. The speed of the filtered pose would
+//! include the filter's lag and could not be used for prediction.
 
 use std::f64::consts::TAU;
 
@@ -11,14 +11,14 @@ use glam::DVec3;
 use super::Pose;
 use super::transform::rotation_vector;
 
-/// How a pose moves.
+/// A pose and its velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// The pose.
     pub pose: Pose,
     /// Its velocity, mm/s.
     pub velocity_mm_s: DVec3,
-    /// Its angular velocity in the frame that the pose is given in (not in that of the probe), rad/s.
+    /// Angular velocity, rad/s, in the frame that the pose is given in (not the probe frame).
     pub angular_velocity_rad_s: DVec3,
 }
 
@@ -32,38 +32,38 @@ impl Motion {
 /// Cutoff frequencies of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cutoffs {
-    /// Of the position at rest, Hz.
+    /// Cutoff of the position at rest, Hz.
     pub min_cutoff_hz: f64,
-    /// What is added to it for the speed, Hz a mm/s.
+    /// Increase of that cutoff with speed, Hz per mm/s.
     pub beta: f64,
-    /// Of the rotation at rest, Hz.
+    /// Cutoff of the rotation at rest, Hz.
     pub rotation_min_cutoff_hz: f64,
-    /// What is added to it for the angular speed, Hz a degree/s.
+    /// Increase of that cutoff with angular speed, Hz per degree/s.
     pub rotation_beta: f64,
-    /// Of both speeds, Hz.
+    /// Cutoff of both speeds, Hz.
     pub speed_cutoff_hz: f64,
 }
 
-/// The filter of one stream of poses.
+/// Filter of one stream of poses.
 #[derive(Debug, Clone)]
 pub struct OneEuro {
     cutoffs: Cutoffs,
-    /// The last raw pose and the last filtered one.
+    /// Last raw pose, and last filtered motion.
     state: Option<(Pose, Motion)>,
 }
 
 impl OneEuro {
-    /// A filter that has seen nothing.
+    /// A filter without poses.
     pub fn new(cutoffs: Cutoffs) -> Self {
         Self { cutoffs, state: None }
     }
 
-    /// Forgets what it has seen; the next pose passes as it is, at rest.
+    /// Forgets all poses; the next one passes unchanged, at rest.
     pub fn reset(&mut self) {
         self.state = None;
     }
 
-    /// Filters the pose `dt_s` after the last one. Where `dt_s` isn't greater than 0 the last motion is returned.
+    /// Filters the pose `dt_s` after the last one. Unless `dt_s` is greater than 0, returns the last motion.
     pub fn push(&mut self, pose: Pose, dt_s: f64) -> Motion {
         let Some((raw, filtered)) = self.state else {
             let motion = Motion::at_rest(pose);
@@ -84,7 +84,7 @@ impl OneEuro {
         let cutoff_hz = c.min_cutoff_hz + c.beta * velocity_mm_s.length();
         let position_mm = filtered.pose.position_mm.lerp(pose.position_mm, smoothing(cutoff_hz, dt_s));
         let cutoff_hz = c.rotation_min_cutoff_hz + c.rotation_beta * angular_velocity_rad_s.length().to_degrees();
-        // slerp of glam aligns the signs.
+        // glam's slerp aligns the signs.
         let orientation = filtered.pose.orientation.slerp(pose.orientation, smoothing(cutoff_hz, dt_s)).normalize();
         let motion = Motion { pose: Pose { position_mm, orientation }, velocity_mm_s, angular_velocity_rad_s };
         self.state = Some((pose, motion));
@@ -92,7 +92,7 @@ impl OneEuro {
     }
 }
 
-/// Part of the way to the new value that a low-pass filter of `cutoff_hz` goes in `dt_s`: α = 1/(1 + τ/dt), τ = 1/(2πf).
+/// Weight of the new value in a first-order low-pass filter of `cutoff_hz` after `dt_s`: α = 1/(1 + τ/dt), τ = 1/(2πf).
 pub fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
     let tau_s = 1.0 / (TAU * cutoff_hz);
     dt_s / (dt_s + tau_s)
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn time_that_stands_still_changes_nothing() {
+    fn unchanged_time_changes_nothing() {
         let mut filter = OneEuro::new(CUTOFFS);
         let first = filter.push(pose(0.0, 0.0), DT_S);
         for dt_s in [0.0, -1.0, f64::NAN] {
@@ -176,7 +176,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn signs_of_quaternions_make_no_difference(
+        fn quaternion_signs_make_no_difference(
             poses in prop::collection::vec((-50.0..50.0_f64, -9.0..9.0_f64, any::<bool>(), 1e-6..0.5_f64), 1..60),
         ) {
             let (mut plain, mut mixed) = (OneEuro::new(CUTOFFS), OneEuro::new(CUTOFFS));
@@ -188,7 +188,7 @@ mod tests {
                 prop_assert!((a.pose.position_mm.x).abs() <= 50.0);
                 prop_assert_eq!(a.velocity_mm_s, b.velocity_mm_s);
                 let apart = angle_between(a.pose.orientation, b.pose.orientation);
-                // At exactly half a turn either way round is right.
+                // At exactly half a turn either direction is right.
                 prop_assert!(apart < 1e-6 || (a.angular_velocity_rad_s + b.angular_velocity_rad_s).length() < 1e-3);
             }
         }

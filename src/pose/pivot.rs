@@ -1,7 +1,7 @@
-//! Where the tip of a stylus is in the frame of its sensor: it is turned about its tip, which rests in one place.
+//! Pivot calibration: the tip of a stylus in its sensor's frame, found by turning it about the resting tip.
 //!
-//! Every pose (R, t) puts the tip at the pivot: R·tip + t = pivot. Without the pivot, which is the mean of the left
-//! side: (R − R̄)·tip = −(t − t̄), linear least squares with three unknowns ("algebraic two-step" in Yaniv, Which pivot
+//! Every pose (R, t) puts the tip at the pivot: R·tip + t = pivot. Subtracting the mean eliminates the pivot: (R −
+//! R̄)·tip = −(t − t̄), linear least squares with three unknowns ("algebraic two-step" in Yaniv, Which pivot
 //! calibration?, SPIE 9415, 2015).
 
 use glam::{DMat3, DVec3};
@@ -11,10 +11,10 @@ use thiserror::Error;
 use super::Pose;
 use super::transform::angle_between;
 
-/// Fewer poses are refused.
+/// Smallest number of poses.
 const LEAST_POSES: usize = 10;
 
-/// Smallest accepted turn between the two poses that are farthest apart, degrees.
+/// Smallest accepted rotation between the two most different poses, degrees.
 const LEAST_TURN_DEG: f64 = 30.0;
 
 /// Largest accepted condition number.
@@ -25,7 +25,7 @@ const CONDITION_LIMIT: f64 = 25.0;
 pub struct Pivot {
     /// The tip in the frame of the sensor, mm.
     pub tip_mm: DVec3,
-    /// Where it rested in the tracker's frame, mm.
+    /// Position of the resting tip in the tracker's frame, mm.
     pub pivot_mm: DVec3,
     /// RMS distance of the tip from the pivot, mm.
     pub rms_mm: f64,
@@ -33,15 +33,16 @@ pub struct Pivot {
     pub max_mm: f64,
     /// Standard error of the tip in its least certain direction, mm, if the poses' errors are independent.
     pub tip_error_mm: f64,
-    /// Condition number of the problem; 1 is best, reached by turns of all kinds.
+    /// Condition number of the problem; 1 is best, reached by rotations about all axes.
     pub condition: f64,
-    /// Largest turn between two poses, degrees (from pose to pose through the set, at least half of the true largest).
+    /// Largest rotation between two poses, degrees (found from pose to pose through the set; at least half of the true
+    /// largest).
     pub turn_deg: f64,
     /// Poses used.
     pub poses: usize,
 }
 
-/// Why a tip cannot be found.
+/// Reason for a failed pivot calibration.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum PivotError {
     /// Too few poses.
@@ -50,15 +51,15 @@ pub enum PivotError {
         /// Poses given.
         found: usize,
     },
-    /// Too little turned.
+    /// Too little rotation.
     #[error(
         "the stylus was turned by {turn_deg:.1}° only; tilt it by at least {LEAST_TURN_DEG}° to all sides while its tip rests"
     )]
     TooLittleTurn {
-        /// Largest turn, degrees.
+        /// Largest rotation, degrees.
         turn_deg: f64,
     },
-    /// Turned about one axis.
+    /// Rotation about one axis only.
     #[error(
         "the stylus was turned about nearly one axis (condition number {condition:.0}, at most {CONDITION_LIMIT}): the tip's place along it is unknown; tilt it to all sides"
     )]
@@ -68,10 +69,10 @@ pub enum PivotError {
     },
 }
 
-/// Finds the tip from `tracker_from_sensor` of a stylus that is turned about it.
+/// Finds the tip from `tracker_from_sensor` of a stylus that turns about its tip.
 ///
 /// # Errors
-/// Fewer than ten poses, turned by less than 30°, or about nearly one axis only.
+/// Fewer than ten poses, rotations of less than 30°, or rotation about nearly one axis only.
 pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     let poses = tracker_from_sensor;
     if poses.len() < LEAST_POSES {
@@ -92,7 +93,8 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
         normal += r.transpose() * r;
         right -= r.transpose() * (translation(pose) - mean_t);
     }
-    // The normal matrix's condition is the square of the problem's, of which at most 25 is accepted: nothing is lost.
+    // The normal matrix has the square of the problem's condition number; at the accepted limit of 25 no precision is
+    // lost.
     let eigen = normal.symmetric_eigen();
     let (least, most) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
     let condition = if least > 0.0 { (most / least).sqrt() } else { f64::INFINITY };
@@ -104,7 +106,7 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     let pivot_mm = DVec3::from_array((mean_r * tip + mean_t).into());
     let distance = |p: &Pose| p.transform_point(tip_mm).distance(pivot_mm);
     let squares: f64 = poses.iter().map(|p| distance(p).powi(2)).sum();
-    // Three equations a pose, six unknowns.
+    // Three equations per pose, six unknowns.
     let deviation_mm = (squares / (3.0 * n - 6.0)).sqrt();
     Ok(Pivot {
         tip_mm,
@@ -118,7 +120,7 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     })
 }
 
-/// The farthest pose from the first, then the farthest from that one: at least half of the largest turn there is, rad.
+/// Farthest pose from the first, then the farthest from that one, rad: at least half of the largest rotation.
 fn widest_turn(poses: &[Pose]) -> f64 {
     let farthest = |from: &Pose| {
         let angles = poses.iter().map(|p| (angle_between(from.orientation, p.orientation), p));
@@ -140,7 +142,7 @@ mod tests {
     const TIP: DVec3 = DVec3::new(3.0, -8.0, 145.0);
     const PIVOT: DVec3 = DVec3::new(210.0, -90.0, 40.0);
 
-    /// A stylus that circles about its pivot, tilted by up to `tilt`, and spun by up to `spin`, rad.
+    /// A stylus that circles about its pivot, tilted by up to `tilt` and spun by up to `spin`, rad.
     fn circling(count: usize, tilt: f64, spin: f64) -> Vec<Pose> {
         let pose = |i: usize| {
             let part = i as f64 / count as f64;
@@ -160,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn too_little_turn_and_one_axis_are_refused() {
+    fn too_little_rotation_and_one_axis_are_refused() {
         assert_eq!(calibrate(&circling(9, 0.6, 0.5)), Err(PivotError::TooFew { found: 9 }));
         let little = calibrate(&circling(200, 0.1, 0.0)).unwrap_err();
         assert!(matches!(little, PivotError::TooLittleTurn { turn_deg } if turn_deg < 12.0), "{little}");

@@ -1,11 +1,11 @@
-//! Where a probe will be when its picture is shown.
+//! Prediction of the probe's pose to the time of display.
 
 use glam::DQuat;
 
 use super::Pose;
 use super::one_euro::Motion;
 
-/// The pose `horizon_s` later at constant velocity.
+/// Pose `horizon_s` later at constant velocity.
 pub fn predict(motion: &Motion, horizon_s: f64) -> Pose {
     let Motion { pose, velocity_mm_s, angular_velocity_rad_s } = motion;
     Pose {
@@ -14,7 +14,7 @@ pub fn predict(motion: &Motion, horizon_s: f64) -> Pose {
     }
 }
 
-/// How far to predict from `from_ns` towards `display_ns`, s: never back, and never farther than `cap_ms`.
+/// Prediction interval from `from_ns` to `display_ns`, s, in 0..=`cap_ms`/1000.
 pub fn horizon_s(from_ns: u64, display_ns: u64, cap_ms: f64) -> f64 {
     (display_ns.saturating_sub(from_ns) as f64 * 1e-9).min(cap_ms * 1e-3)
 }
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn goes_on_at_constant_velocity() {
+    fn prediction_continues_at_constant_velocity() {
         let pose = Pose { position_mm: DVec3::new(1.0, 2.0, 3.0), orientation: DQuat::from_rotation_x(0.3) };
         let motion = Motion { pose, velocity_mm_s: DVec3::X * 100.0, angular_velocity_rad_s: DVec3::X * 2.0 };
         let later = predict(&motion, 0.03);

@@ -1,37 +1,37 @@
-//! A puck's rates become a pose.
+//! Integration of a puck's rates into a pose.
 
 use glam::{DQuat, DVec3};
 
 use super::one_euro::Motion;
 use super::{POSITION_LIMIT_MM, Pose};
 
-/// Longest time that one rate is integrated over, s: of a gap it isn't known how long the puck was pushed.
+/// Longest integration of one rate, s: in a longer gap it is unknown how long the puck was deflected.
 const LONGEST_S: f64 = 0.1;
 
 /// Integrates the rates of a puck (a SpaceMouse) along and about the axes of the probe.
 ///
-/// A rate holds from its report to the next one. A puck at rest sends no reports, and moves nothing.
+/// A rate holds from its report to the next one. A puck at rest sends no reports and moves nothing.
 #[derive(Debug, Clone)]
 pub struct RateIntegrator {
     speed_mm_s: f64,
     speed_rad_s: f64,
     start: Pose,
     pose: Pose,
-    /// Rates since the last report: mm/s and rad/s along and about the probe's axes.
+    /// Rates of the last report: mm/s and rad/s along and about the probe's axes.
     rates: (DVec3, DVec3),
 }
 
 impl RateIntegrator {
-    /// A puck that starts at `start` (`scene_from_probe`) and moves it at these speeds at full push.
+    /// Integrator that starts at `start` (`scene_from_probe`), with these speeds at full deflection.
     pub fn new(start: Pose, speed_mm_s: f64, speed_deg_s: f64) -> Self {
         let rates = (DVec3::ZERO, DVec3::ZERO);
         Self { speed_mm_s, speed_rad_s: speed_deg_s.to_radians(), start, pose: start, rates }
     }
 
-    /// Takes the rates (−1..=1 each; more counts as 1) of a report that came `dt_s` after the last one.
+    /// Takes the rates of a report `dt_s` after the last one, each in −1..=1; larger ones are clamped.
     pub fn push(&mut self, translation: DVec3, rotation: DVec3, dt_s: f64) -> Motion {
         let (velocity, turn) = self.rates;
-        // Not above 0: time that stands still moves nothing.
+        // Unless time advances, nothing moves.
         let dt_s = if dt_s > 0.0 { dt_s.min(LONGEST_S) } else { 0.0 };
         let position_mm = self.pose.position_mm + self.pose.orientation * (velocity * dt_s);
         let limit = DVec3::splat(POSITION_LIMIT_MM);
@@ -53,12 +53,12 @@ impl RateIntegrator {
         self.rates == (DVec3::ZERO, DVec3::ZERO)
     }
 
-    /// Lets go of the puck: its device is gone.
+    /// Sets the rates to zero: the device is disconnected.
     pub fn release(&mut self) {
         self.rates = (DVec3::ZERO, DVec3::ZERO);
     }
 
-    /// Goes back to where it started.
+    /// Returns to the start pose.
     pub fn home(&mut self) {
         self.pose = self.start;
         self.release();
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn full_push_moves_at_full_speed_along_the_probe_s_axes() {
+    fn full_deflection_moves_at_full_speed_along_the_probes_axes() {
         for reports in [10, 100] {
             let mut puck = puck();
             let dt_s = 0.5 / f64::from(reports);
@@ -83,7 +83,7 @@ mod tests {
                 puck.push(DVec3::X, DVec3::ZERO, dt_s.min(1.0));
             }
             let moved = puck.pose.position_mm - puck.start.position_mm;
-            // The first report moved nothing: its rate holds from then on.
+            // The first report moved nothing: its rate applies from then on.
             let expected = puck.start.orientation * DVec3::X * 40.0;
             assert!(moved.distance(expected) < 1e-9, "{moved}");
         }
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn hours_of_push_stay_in_range() {
+    fn hours_of_deflection_stay_in_range() {
         let mut puck = puck();
         for _ in 0..50_000 {
             puck.push(DVec3::splat(1.0), DVec3::ZERO, 0.1);

@@ -1,7 +1,7 @@
-//! Where the tracker is in the scene: a rigid fit of paired points.
+//! Registration of tracker and scene: a rigid fit of paired landmarks.
 //!
 //! Least squares by singular values (Kabsch, Acta Cryst A 32:922, 1976; Arun, Huang & Blostein, IEEE PAMI 9:698, 1987;
-//! with the proper rotation of Umeyama, IEEE PAMI 13:376, 1991). The same rotation as Horn's by quaternions.
+//! with the proper rotation of Umeyama, IEEE PAMI 13:376, 1991). Horn's quaternion method gives the same rotation.
 
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, Vector3};
@@ -9,47 +9,47 @@ use thiserror::Error;
 
 use super::{POSITION_LIMIT_MM, Pose};
 
-/// Points are collinear if their second extent is less than this part of the first.
+/// Points are collinear if their second principal extent is below this fraction of the first.
 const COLLINEAR: f64 = 0.05;
 
-/// Points are coplanar if their third extent is less than this part of the first.
+/// Points are coplanar if their third principal extent is below this fraction of the first.
 const COPLANAR: f64 = 0.05;
 
-/// Points are one point if their RMS distance from their centre is less than this, mm.
+/// Points coincide if their RMS distance from their centroid is below this, mm.
 const LEAST_EXTENT_MM: f64 = 5.0;
 
-/// Accepted ratio of distances between tracker and scene, either way.
+/// Largest accepted ratio of distances between tracker and scene, either way.
 const SCALE_TOLERANCE: f64 = 1.25;
 
-/// A mirror image must fit so many times better, and by so many mm, to be believed.
+/// A mirror image is reported if it fits better by this factor and by this many mm.
 const MIRRORED: (f64, f64) = (2.0, 1.0);
 
-/// Steps after which the singular values are given up; a few are enough.
+/// Limit on the iterations of the singular value decomposition; a few suffice.
 const SVD_STEPS: usize = 1000;
 
 /// One landmark in both frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointPair {
-    /// In the scene, mm.
+    /// Coordinates in the scene, mm.
     pub scene_mm: DVec3,
-    /// The same point as the tracker measures it, mm.
+    /// Coordinates as the tracker measures them, mm.
     pub tracker_mm: DVec3,
 }
 
 /// A fitted transform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Registration {
-    /// The rigid transform with the least sum of squared residuals.
+    /// Rigid transform with the least sum of squared residuals.
     pub scene_from_tracker: Pose,
     /// Fiducial registration error: RMS of the residuals, mm.
     pub rms_mm: f64,
     /// Distance of each landmark from its transformed measurement, mm, in the order of the pairs.
     pub residuals_mm: Vec<f64>,
-    /// All landmarks lie near one plane: a tracker with a mirrored axis would not be noticed.
+    /// Whether all landmarks are near one plane: a mirrored tracker axis would then go unnoticed.
     pub coplanar: bool,
 }
 
-/// Why points cannot be registered.
+/// Reason for a failed registration.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum RegistrationError {
     /// Fewer than three pairs.
@@ -58,29 +58,29 @@ pub enum RegistrationError {
         /// Pairs given.
         found: usize,
     },
-    /// A coordinate that is not finite, or out of range.
+    /// A coordinate that is not finite or is out of range.
     #[error(
         "coordinate `{name}` of landmark {number} is {value}; it must be a number within ±{POSITION_LIMIT_MM} mm (is the unit wrong?)"
     )]
     Coordinate {
-        /// From 1.
+        /// Landmark, from 1.
         number: usize,
         /// One of x y z (scene), tx ty tz (tracker).
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// All points are one point.
+    /// All points coincide.
     #[error(
         "the {frame}'s landmarks lie within {extent_mm:.2} mm (RMS) of one point; spread them over at least {LEAST_EXTENT_MM} mm, better over the whole field"
     )]
     OnePoint {
         /// `scene` or `tracker`.
         frame: &'static str,
-        /// RMS distance from their centre, mm.
+        /// RMS distance from the centroid, mm.
         extent_mm: f64,
     },
-    /// All points lie on one line.
+    /// All points are on one line.
     #[error(
         "the {frame}'s landmarks lie on one line ({length_mm:.1} mm long, {width_mm:.2} mm wide, RMS): the turn about it is unknown; add one well beside it"
     )]
@@ -92,18 +92,18 @@ pub enum RegistrationError {
         /// RMS extent across it, mm.
         width_mm: f64,
     },
-    /// Distances differ.
+    /// Distances differ between tracker and scene.
     #[error(
         "distances between the tracker's points are {ratio:.4} times those between the scene's: is a unit wrong (cm 0.1, inches 0.0394, m 0.001), or are landmarks mixed up?"
     )]
     Scale {
-        /// Tracker over scene.
+        /// Distances in the tracker over those in the scene.
         ratio: f64,
     },
-    /// The singular values did not converge.
+    /// The singular value decomposition did not converge.
     #[error("the landmarks could not be fitted: the singular values of their covariance did not converge")]
     Unsolved,
-    /// The mirror image fits.
+    /// The mirror image fits better.
     #[error(
         "the tracker's points are a mirror image of the scene's (RMS {mirrored_rms_mm:.2} mm mirrored, {rms_mm:.2} mm as they are): an axis of the tracker is reversed, or left and right landmarks are swapped"
     )]
@@ -119,7 +119,7 @@ pub enum RegistrationError {
 ///
 /// # Errors
 /// Fewer than three pairs, coordinates out of range, landmarks on one point or one line, distances that differ by more
-/// than a quarter, or points of which the mirror image fits much better.
+/// than a quarter, or points whose mirror image fits much better.
 pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> {
     if pairs.len() < 3 {
         return Err(RegistrationError::TooFew { found: pairs.len() });
@@ -143,7 +143,7 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     let covariance = centred().fold(zero, |sum, (s, t)| sum + s * t.transpose()) / n;
     let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS).ok_or(RegistrationError::Unsolved)?;
     let (u, v_t) = svd.u.zip(svd.v_t).ok_or(RegistrationError::Unsolved)?;
-    // The last singular value is the least; its axis is reversed where the best fit is a mirror image.
+    // The last singular value is the smallest; its axis is reversed if the best fit is a mirror image.
     let handedness = (u * v_t).determinant().signum();
     let orthogonal = |sign: f64| u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
     let rms_of = |r: Matrix3<f64>| (centred().map(|(s, t)| (s - r * t).norm_squared()).sum::<f64>() / n).sqrt();
@@ -174,7 +174,7 @@ fn check(number: usize, pair: &PointPair) -> Result<(), RegistrationError> {
     }
 }
 
-/// RMS extents along the principal axes, mm, descending; refused where a rigid fit would be free.
+/// RMS extents along the principal axes, mm, descending; an error if the rigid fit would be undetermined.
 fn extent(frame: &'static str, spread: &Matrix3<f64>) -> Result<[f64; 3], RegistrationError> {
     let mut extents: [f64; 3] = spread.symmetric_eigenvalues().into();
     extents.sort_by(|a, b| b.total_cmp(a));
@@ -262,7 +262,7 @@ mod tests {
         }
 
         #[test]
-        fn nothing_panics(points in prop::collection::vec(prop::array::uniform6(prop_oneof![
+        fn no_input_panics(points in prop::collection::vec(prop::array::uniform6(prop_oneof![
             Just(0.0), Just(1.0), Just(f64::NAN), Just(f64::MAX), -1e5..1e5_f64, any::<f64>(),
         ]), 0..8)) {
             let pair = |[a, b, c, d, e, f]: [f64; 6]| PointPair { scene_mm: DVec3::new(a, b, c), tracker_mm: DVec3::new(d, e, f) };
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_fitted_is_refused_by_its_name() {
+    fn landmarks_that_cannot_be_fitted_are_refused_with_the_reason() {
         let refusal = |points: &[PointPair]| register(points).unwrap_err().to_string();
         assert!(refusal(&pairs(|p| p)[..2]).starts_with("2 landmarks are too few"));
         let line = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: DVec3::X * p.scene_mm.x, ..p });
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_on_coplanar_landmarks_is_no_mirror_image() {
+    fn noise_on_coplanar_landmarks_is_not_taken_for_a_mirror_image() {
         let flat: Vec<_> = SCENE
             .iter()
             .enumerate()

@@ -1,10 +1,10 @@
-//! The latest poses.
+//! Ring buffer of the latest poses.
 
 use std::collections::VecDeque;
 
 use super::{Pose, TimedPose, interpolate};
 
-/// A history of fixed capacity, ascending in time; the oldest pose makes room for the newest.
+/// History of fixed capacity, ascending in time; a new pose replaces the oldest.
 #[derive(Debug, Clone)]
 pub struct PoseRing {
     poses: VecDeque<TimedPose>,
@@ -18,7 +18,7 @@ impl PoseRing {
         Self { poses: VecDeque::with_capacity(capacity), capacity }
     }
 
-    /// Appends a pose. One that is not later than the newest begins a new history.
+    /// Appends a pose. One that is not later than the newest starts a new history.
     pub fn push(&mut self, pose: TimedPose) {
         if self.poses.back().is_some_and(|newest| pose.host_time_ns <= newest.host_time_ns) {
             self.poses.clear();
@@ -29,17 +29,17 @@ impl PoseRing {
         self.poses.push_back(pose);
     }
 
-    /// The newest pose.
+    /// Newest pose.
     pub fn newest(&self) -> Option<&TimedPose> {
         self.poses.back()
     }
 
-    /// Poses held.
+    /// Number of poses held.
     pub fn len(&self) -> usize {
         self.poses.len()
     }
 
-    /// Whether there is none.
+    /// Whether the history is empty.
     pub fn is_empty(&self) -> bool {
         self.poses.is_empty()
     }
@@ -49,13 +49,13 @@ impl PoseRing {
         self.poses.clear();
     }
 
-    /// Moves all poses `by_ns` to earlier times, as a host clock that was set back did.
+    /// Moves all poses `by_ns` earlier, after the host clock was set back.
     pub fn set_back(&mut self, by_ns: u64) {
         self.poses.iter_mut().for_each(|p| p.host_time_ns = p.host_time_ns.saturating_sub(by_ns));
     }
 
-    /// The pose at a time between the oldest and the newest, as [`interpolate`]; before the oldest it is the oldest's.
-    /// None behind the newest and in an empty history.
+    /// Pose at a time up to the newest, by [`interpolate`]; before the oldest, the oldest pose. `None` after the newest
+    /// and in an empty history.
     pub fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
         let poses: &[TimedPose] = self.poses.make_contiguous();
         let oldest = poses.first()?;
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_the_latest_and_interpolates_between_them() {
+    fn the_latest_poses_are_kept_and_interpolated() {
         let mut ring = PoseRing::new(4);
         let room = ring.poses.capacity();
         assert_eq!((ring.at(5), ring.is_empty()), (None, true));
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn time_that_does_not_rise_begins_anew() {
+    fn a_time_that_does_not_rise_starts_a_new_history() {
         let mut ring = PoseRing::new(4);
         ring.push(pose(20));
         ring.push(pose(30));

@@ -1,44 +1,44 @@
-//! Settings of an estimator.
+//! Settings of the pose estimator.
 
 use super::one_euro::Cutoffs;
 use super::{Calibration, Pose};
 
-/// How measurements become a steady, current pose: `[filter]` of a station file.
+/// Filtering, prediction and tracking states: `[filter]` of a station file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterSettings {
-    /// Cutoff of the position's filter at rest, Hz.
+    /// Cutoff of the position filter at rest, Hz.
     pub min_cutoff_hz: f64,
-    /// What is added to that cutoff for the speed, Hz a mm/s.
+    /// Increase of that cutoff with speed, Hz per mm/s.
     pub beta: f64,
-    /// Cutoff of the rotation's filter at rest, Hz.
+    /// Cutoff of the rotation filter at rest, Hz.
     pub rotation_min_cutoff_hz: f64,
-    /// What is added to that cutoff for the angular speed, Hz a degree/s.
+    /// Increase of that cutoff with angular speed, Hz per degree/s.
     pub rotation_beta: f64,
-    /// Cutoff of the speeds' filters, Hz.
+    /// Cutoff of the speed filters, Hz.
     pub speed_cutoff_hz: f64,
-    /// Longest prediction towards the time of display, ms; 0 predicts nothing.
+    /// Longest prediction towards the time of display, ms; 0 switches prediction off.
     pub prediction_ms: f64,
     /// Age of the last measurement above which the pose is held, ms.
     pub held_ms: f64,
-    /// Age above which it is stale, ms; not below `held_ms`.
+    /// Age above which the pose is stale, ms; at least `held_ms`.
     pub stale_ms: f64,
-    /// Age above which it is lost, ms; not below `stale_ms`.
+    /// Age above which the pose is lost, ms; at least `stale_ms`.
     pub lost_ms: f64,
-    /// Exactly equal readings for this long are noted as stuck, ms; 0 notes nothing.
+    /// Duration of exactly equal readings that counts as stuck, ms; 0 switches the check off.
     pub stuck_ms: f64,
-    /// Fastest motion of a hand, mm/s; a measurement beyond it is dropped unless the next one confirms it.
+    /// Fastest motion of a hand, mm/s; a faster measurement is dropped unless the next one confirms it.
     pub max_speed_mm_s: f64,
-    /// Fastest turn of a hand, degrees/s.
+    /// Fastest rotation of a hand, degrees/s.
     pub max_speed_deg_s: f64,
-    /// Speed of a puck at full push, mm/s.
+    /// Speed of a puck at full deflection, mm/s.
     pub puck_mm_s: f64,
-    /// Angular speed of a puck at full twist, degrees/s.
+    /// Angular speed of a puck at full deflection, degrees/s.
     pub puck_deg_s: f64,
 }
 
 impl Default for FilterSettings {
     /// For a tracker of about 60 measurements a second with noise of 0.1 to 0.2 mm and degrees: the compromise between
-    /// noise at rest and error at display that the tests of the estimator measure.
+    /// noise at rest and error at display time measured by the estimator's tests.
     fn default() -> Self {
         Self {
             min_cutoff_hz: 1.0,
@@ -77,9 +77,9 @@ impl FilterSettings {
 pub struct Settings {
     /// Filter, prediction, tracking states.
     pub filter: FilterSettings,
-    /// Where tracker, sensor and probe are.
+    /// Calibration of tracker, sensor and probe.
     pub calibration: Calibration,
-    /// `scene_from_probe` where a puck begins; its position is that of a device that knows only its orientation.
+    /// `scene_from_probe` at which a puck starts. Its position is used for devices that measure only orientation.
     pub initial_pose: Pose,
 }
 

@@ -1,53 +1,53 @@
-//! In which order a device made its measurements, by its own counter and clock.
+//! Order of a device's measurements, by its own counter and clock.
 
 use super::Measurement;
 
-/// A step back of up to this many counts is a late measurement; a larger one is a device that began anew.
+/// Largest step back, counts, of a late measurement; a larger one means that the device restarted.
 const LATE_COUNTS: u32 = 64;
 
-/// The same for a device that has only a clock, µs.
+/// Same limit for a device that has only a clock, µs.
 const LATE_US: u64 = 1_000_000;
 
-/// A larger step forward is no gap but a device that began anew.
+/// Largest step forward that counts as a gap, counts; a larger one means that the device restarted.
 const GAP_LIMIT_COUNTS: u32 = 100_000;
 
-/// So many late measurements in a row that ascend among themselves are no late ones: the device began anew.
+/// Consecutive late measurements, ascending among themselves, that prove a restart of the device.
 const CONFIRMED: u32 = 3;
 
 /// Periods of clocks that wrap, µs: `micros()` of a microcontroller, and ms in 32 bits.
 const CLOCK_PERIODS_US: [u64; 2] = [1 << 32, 1000 << 32];
 
-/// A wrap is believed if the clock then stands at most this much later, µs.
+/// Largest time across an accepted wrap, µs.
 const WRAP_REACH_US: u64 = 10_000_000;
 
-/// Where a measurement stands in its stream.
+/// Place of a measurement in its stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// Behind all others.
+    /// After all others.
     Next {
-        /// Device time that never falls, µs or counts of the device from an unknown origin; none where it has neither.
+        /// Device time that never falls, µs or counts of the device from an unknown origin; `None` if it has neither.
         ticks: Option<u64>,
-        /// Measurements passed over since the last one.
+        /// Number of measurements missing since the last one.
         missing: u32,
-        /// The counter rose, but the clock did not.
+        /// Whether the counter rose but the clock did not.
         clock_stalled: bool,
     },
-    /// The first of a device that began anew; its time has nothing to do with what was before.
+    /// First measurement of a restarted device; its time is unrelated to earlier ones.
     Restarted {
         /// As in [`Place::Next`].
         ticks: Option<u64>,
     },
-    /// The last one again.
+    /// Repetition of the last one.
     Duplicate,
-    /// Made before one that came earlier.
+    /// Measured before one that arrived earlier.
     Late,
 }
 
-/// The order of one device's measurements.
+/// Orders one device's measurements.
 #[derive(Debug, Clone, Default)]
 pub struct StreamOrder {
     last: Option<Stamp>,
-    /// The last late measurement, and how many ascended up to it.
+    /// Last late measurement, and the length of the ascending run of late ones up to it.
     late: Option<(Stamp, u32)>,
 }
 
@@ -56,9 +56,9 @@ struct Stamp {
     sequence: Option<u32>,
     /// Counts since the first measurement, without wraps.
     counts: u64,
-    /// As the device gave it.
+    /// Clock as received, µs.
     clock_us: Option<u64>,
-    /// What is added to it for its wraps.
+    /// Correction for the clock's wraps, µs.
     wrapped_us: u64,
 }
 
@@ -68,7 +68,7 @@ impl Stamp {
         Self { sequence, counts: sequence.map_or(0, u64::from), clock_us, wrapped_us: 0 }
     }
 
-    /// The clock decides where there is one: it tells the truth at any rate.
+    /// Clock if there is one, else the counter: the clock is right at any rate.
     fn ticks(&self) -> Option<u64> {
         match self.clock_us {
             Some(us) => us.checked_add(self.wrapped_us),
@@ -77,7 +77,7 @@ impl Stamp {
     }
 }
 
-/// How one stamp follows another.
+/// Relation of a stamp to the previous one.
 enum Step {
     Forward { counts: u32, clock: Option<u64>, wrap_us: u64 },
     Same,
@@ -86,7 +86,7 @@ enum Step {
 }
 
 impl StreamOrder {
-    /// Places the next measurement that arrived.
+    /// Places the next measurement received.
     pub fn push(&mut self, measurement: &Measurement) -> Place {
         let mut stamp = Stamp::first(measurement);
         let Some(last) = self.last else {
@@ -101,7 +101,7 @@ impl StreamOrder {
                 stamp.counts = last.counts.saturating_add(u64::from(counts));
                 let ticks = stamp.ticks().filter(|_| !stalled);
                 if stalled {
-                    // What comes next is compared with the highest time so far.
+                    // Later measurements are compared with the highest time so far.
                     stamp.clock_us = last.clock_us;
                 }
                 self.last = Some(stamp);
@@ -145,13 +145,13 @@ fn step(last: &Stamp, next: &Stamp) -> Step {
         _ => None,
     };
     match (counts, clock) {
-        // A counter that stands still beside a clock that runs is broken, not a repetition.
+        // A counter that stands still beside a running clock is broken, not a repetition.
         (Some(0) | None, Some(ClockStep::Forward { us, wrap_us })) => {
             Step::Forward { counts: 1, clock: Some(us), wrap_us }
         }
         (Some(0), _) | (None, Some(ClockStep::Same)) => Step::Same,
         (Some(counts), _) if counts > u32::MAX / 2 => Step::Back { far: counts.wrapping_neg() > LATE_COUNTS },
-        // A counter that wraps at fewer than 32 bits would begin anew here: decoders extend it.
+        // A counter that wraps at fewer than 32 bits would look restarted here: decoders extend it.
         (Some(counts), Some(ClockStep::Forward { us, wrap_us })) => Step::Forward { counts, clock: Some(us), wrap_us },
         (Some(_), Some(ClockStep::Back { us })) if us > LATE_US => Step::Back { far: true },
         (Some(counts), Some(_)) => Step::Forward { counts, clock: Some(0), wrap_us: 0 },
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_repetitions_and_late_ones_are_told_apart() {
+    fn gaps_repetitions_and_late_measurements_are_distinguished() {
         let found = by_count(&[7, 8, 8, 12, 10, 11, 13]);
         let late = Place::Late;
         assert_eq!(found, [next(7, 0), next(8, 0), Place::Duplicate, next(12, 3), late, late, next(13, 0)]);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_is_seen_from_near_and_far() {
+    fn a_restart_is_detected_after_short_and_long_runs() {
         assert_eq!(by_count(&[5000, 0])[1], Place::Restarted { ticks: Some(0) });
         assert_eq!(by_clock(&[5_000_000, 3])[1], Place::Restarted { ticks: Some(3) });
         let near = by_count(&[10, 0, 1, 2, 3]);
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_clock_or_counter_leaves_the_other() {
+    fn a_broken_clock_or_counter_leaves_the_other_usable() {
         let stalled = Place::Next { ticks: None, missing: 0, clock_stalled: true };
         let found = places(&[(Some(1), Some(50)), (Some(2), Some(50)), (Some(3), Some(50)), (Some(4), Some(90))]);
         assert_eq!(found[1..], [stalled, stalled, next(90, 0)]);

@@ -1,11 +1,11 @@
-//! Sensors that stand too still: a real one has noise, so equal readings for long may mean that the device hangs.
+//! Detection of stuck sensors: a real sensor has noise, so equal readings for long suggest that the device hangs.
 
 use super::Reading;
 
-/// Fewer equal readings than this show nothing, however far apart.
+/// Smallest number of equal readings that counts, however far apart.
 const LEAST_READINGS: u32 = 20;
 
-/// Watches for readings that are exactly equal.
+/// Detects readings that stay exactly equal.
 #[derive(Debug, Clone)]
 pub struct StuckWatch {
     limit_ns: u64,
@@ -17,12 +17,12 @@ pub struct StuckWatch {
 }
 
 impl StuckWatch {
-    /// Readings are stuck once they are equal for `limit_ms`; 0 never.
+    /// Detector with this duration of equal readings, ms; 0 switches it off.
     pub fn new(limit_ms: f64) -> Self {
         Self { limit_ns: (limit_ms * 1e6) as u64, last: None, since_ns: 0, readings: 0, stuck: false }
     }
 
-    /// Takes a reading with its time. True where the readings begin to be stuck with this one.
+    /// Takes a reading with its time. True if the readings count as stuck from this one on.
     pub fn push(&mut self, reading: &Reading, time_ns: u64) -> bool {
         if self.limit_ns == 0 {
             return false;
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_rare_readings_show_nothing_and_zero_switches_it_off() {
+    fn a_few_rare_readings_are_not_stuck_and_zero_switches_the_check_off() {
         let still = Reading::Orientation(DQuat::IDENTITY);
         let mut watch = StuckWatch::new(1000.0);
         assert!((0..19).all(|i| !watch.push(&still, i * 1_000_000_000)));

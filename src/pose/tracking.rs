@@ -1,44 +1,45 @@
-//! How far a live pose can be trusted.
+//! Trustworthiness of a live pose.
 
-/// State of the probe's pose, each visible to the user.
+/// State of the probe's pose, shown to the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
 pub enum TrackingState {
-    /// Measured lately.
+    /// Measured recently.
     Good,
-    /// The last pose is held over a short gap, or measurements have only just come back.
+    /// The last pose is held over a short gap, or measurements have only just returned.
     Held,
-    /// No measurement for so long that the picture no longer follows the probe.
+    /// No measurement for so long that the picture does not follow the probe any more.
     Stale,
-    /// No measurement for so long that there is no picture, or none yet.
+    /// No measurement for so long that there is no picture, or no measurement yet.
     #[default]
     Lost,
 }
 
-/// Measurements without a gap after which a pose is good again: one alone may be a flicker at the edge of the view.
+/// Consecutive measurements without a gap after which a pose is good again: a single one may be a flicker at the edge
+/// of the view.
 const GOOD_RUN: u32 = 3;
 
-/// Judges the age of the last measurement.
+/// Derives the state from the age of the last measurement.
 #[derive(Debug, Clone)]
 pub struct TrackingClock {
     held_ns: u64,
     stale_ns: u64,
     lost_ns: u64,
     last_ns: Option<u64>,
-    /// Measurements without a gap up to the last one.
+    /// Length of the run of measurements without a gap.
     run: u32,
-    /// The device is silent because nothing moves.
+    /// Whether the device is silent because nothing moves.
     resting: bool,
 }
 
 impl TrackingClock {
-    /// Ages at which a pose is held, stale and lost, ms, ascending.
+    /// Ages above which a pose is held, stale and lost, ms, ascending.
     pub fn new(held_ms: f64, stale_ms: f64, lost_ms: f64) -> Self {
         let ns = |ms: f64| (ms * 1e6) as u64;
         let [held_ns, stale_ns, lost_ns] = [ns(held_ms), ns(stale_ms), ns(lost_ms)];
         Self { held_ns, stale_ns, lost_ns, last_ns: None, run: 0, resting: false }
     }
 
-    /// A measurement of `time_ns` was used. `resting`: the device will say nothing more until something moves.
+    /// A measurement of `time_ns` was used. With `resting`, the device will be silent until something moves.
     pub fn seen(&mut self, time_ns: u64, resting: bool) {
         let gap = self.last_ns.is_none_or(|last| time_ns.saturating_sub(last) > self.held_ns);
         self.run = match (resting || self.resting, gap) {
@@ -50,24 +51,24 @@ impl TrackingClock {
         self.last_ns = Some(time_ns);
     }
 
-    /// The device says that it doesn't see the sensor, or is gone.
+    /// The device is disconnected or reports that it doesn't see the sensor.
     pub fn interrupted(&mut self) {
         self.run = 0;
         self.resting = false;
     }
 
-    /// Nothing that was seen counts any more.
+    /// Forgets all measurements.
     pub fn forget(&mut self) {
         self.interrupted();
         self.last_ns = None;
     }
 
-    /// A host clock was set back by `by_ns`.
+    /// The host clock was set back by `by_ns`.
     pub fn set_back(&mut self, by_ns: u64) {
         self.last_ns = self.last_ns.map(|last| last.saturating_sub(by_ns));
     }
 
-    /// The state at `now_ns`.
+    /// State at `now_ns`.
     pub fn at(&self, now_ns: u64) -> TrackingState {
         let Some(last_ns) = self.last_ns else { return TrackingState::Lost };
         let age_ns = if self.resting { 0 } else { now_ns.saturating_sub(last_ns) };
@@ -92,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn grows_worse_with_age() {
+    fn the_state_grows_worse_with_age() {
         let mut clock = clock();
         assert_eq!(clock.at(0), Lost);
         (0..5).for_each(|i| clock.seen(i * 16 * MS, false));
@@ -103,10 +104,10 @@ mod tests {
     }
 
     #[test]
-    fn is_good_again_only_after_a_run() {
+    fn the_state_is_good_again_only_after_a_run() {
         let mut clock = clock();
         let mut states = Vec::new();
-        // One measurement in 150 ms never makes a good pose.
+        // One measurement every 150 ms never makes a good pose.
         for i in 0..10 {
             clock.seen(i * 150 * MS, false);
             states.push(clock.at(i * 150 * MS));
@@ -122,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_is_silent_at_rest_stays_good_until_it_is_gone() {
+    fn a_device_that_is_silent_at_rest_stays_good_until_it_is_disconnected() {
         let mut clock = clock();
         clock.seen(0, true);
         assert_eq!(clock.at(3_600_000 * MS), Good);

@@ -1,4 +1,4 @@
-//! Chains of rigid transforms: `a_from_b * b_from_c` is `a_from_c`.
+//! Composition of rigid transforms: `a_from_b * b_from_c` is `a_from_c`.
 
 use std::ops::Mul;
 
@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use super::Pose;
 
 impl Pose {
-    /// The transform that leaves everything where it is.
+    /// Identity transform.
     pub const IDENTITY: Self = Self { position_mm: DVec3::ZERO, orientation: DQuat::IDENTITY };
 
     /// `b_from_a` of this `a_from_b`.
@@ -29,9 +29,9 @@ impl Mul for Pose {
     }
 }
 
-/// The rotation vector (axis × angle, rad) of a unit quaternion, on the shorter arc: at most π long.
+/// Rotation vector (axis × angle, rad) of a unit quaternion, on the shorter arc: at most π long.
 ///
-/// By `atan2`, which is exact for small angles and needs no clamp where rounding makes |w| exceed 1.
+/// Uses `atan2`, which is accurate for small angles and needs no clamp if rounding makes |w| exceed 1.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let v = if q.w < 0.0 { -q.xyz() } else { q.xyz() };
     let sine = v.length();
@@ -64,7 +64,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn a_chain_is_its_links_in_turn(a in any_pose(), b in any_pose(), p in prop::array::uniform3(-100.0..100.0_f64)) {
+        fn a_chain_equals_its_links_applied_in_turn(a in any_pose(), b in any_pose(), p in prop::array::uniform3(-100.0..100.0_f64)) {
             let p = DVec3::from_array(p);
             prop_assert!((a * b).transform_point(p).distance(a.transform_point(b.transform_point(p))) < 1e-9);
             prop_assert!((a * a.inverse()).transform_point(p).distance(p) < 1e-9);
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn half_turns_and_rounding_are_no_trouble() {
+    fn half_turns_and_rounding_are_handled() {
         let half = DQuat::from_rotation_x(std::f64::consts::PI);
         assert!((rotation_vector(half).length() - std::f64::consts::PI).abs() < 1e-12);
         assert!((angle_between(half, DQuat::IDENTITY) - std::f64::consts::PI).abs() < 1e-12);

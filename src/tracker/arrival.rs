@@ -1,24 +1,24 @@
-//! When the bytes of a stream came.
+//! Arrival times of the pieces of a byte stream.
 
 use std::collections::VecDeque;
 
-/// Remembers when each piece of a stream came, as long as a decoder has not used it up.
+/// Arrival times of the pieces of a stream that a decoder has not consumed yet.
 #[derive(Debug, Default)]
 pub(crate) struct ArrivalTimes {
-    /// Bytes so far.
+    /// Bytes received so far.
     total: u64,
-    /// Where each piece ends in the stream, and its time; those that were used up are removed.
+    /// End offset of each piece in the stream, and its arrival time, ns. Consumed pieces are removed.
     pieces: VecDeque<(u64, u64)>,
 }
 
 impl ArrivalTimes {
-    /// The next `length` bytes came at `time_ns`.
+    /// Notes that the next `length` bytes arrived at `time_ns`.
     pub(crate) fn push(&mut self, length: usize, time_ns: u64) {
         self.total += length as u64;
         self.pieces.push_back((self.total, time_ns));
     }
 
-    /// Time of the first of the last `left` bytes.
+    /// Arrival time, ns, of the first of the last `left` bytes.
     pub(crate) fn of_first_of(&mut self, left: usize) -> u64 {
         let position = self.total - left as u64;
         while self.pieces.len() > 1 && self.pieces.front().is_some_and(|(end, _)| *end <= position) {
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_byte_left_gives_the_time() {
+    fn the_time_is_that_of_the_first_byte_left() {
         let mut times = ArrivalTimes::default();
         times.push(4, 10);
         times.push(3, 20);

@@ -1,14 +1,14 @@
-//! insonify's own line for hobby boards: `P,seq,t_us,x,y,z,qw,qx,qy,qz*HH\n`.
+//! insonify's own line format for hobby boards: `P,seq,t_us,x,y,z,qw,qx,qy,qz*HH\n`.
 //!
 //! | field | meaning |
 //! |---|---|
-//! | `seq` | counter, 0..2³², one more each line |
+//! | `seq` | counter, 0..2³², rises by one each line |
 //! | `t_us` | clock of the board, µs, 0..2⁶⁴ |
 //! | `x,y,z` | position, mm |
 //! | `qw,qx,qy,qz` | unit quaternion |
 //! | `HH` | xor of all bytes between `P` and `*`, two hexadecimal digits |
 //!
-//! A line may end in CR LF, numbers may be padded by spaces, and empty lines are skipped.
+//! A line may end in CR LF. Numbers may be padded by spaces, and empty lines are skipped.
 
 use bytes::{Buf, BytesMut};
 use thiserror::Error;
@@ -19,7 +19,7 @@ use crate::pose::{Pose, PoseError};
 /// Longest line without its line feed, bytes.
 pub const LINE_LIMIT: usize = 256;
 
-/// Most characters of a wrong field that an error repeats.
+/// Most characters of a wrong field that an error message quotes.
 const QUOTE_LIMIT: usize = 32;
 
 const FIELDS: [&str; 9] = ["seq", "t_us", "x", "y", "z", "qw", "qx", "qy", "qz"];
@@ -29,21 +29,21 @@ const FIELDS: [&str; 9] = ["seq", "t_us", "x", "y", "z", "qw", "qx", "qy", "qz"]
 pub enum Checksum {
     /// A line without a checksum is an error.
     Required,
-    /// A line may do without; a wrong checksum still is an error.
+    /// A line without a checksum is accepted; a wrong checksum is still an error.
     Optional,
 }
 
-/// A line that is no record.
+/// A line that is not a record.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("line at byte {offset} of the tracker's stream: {reason}")]
 pub struct DecodeError {
-    /// Where the line starts, bytes from the start of the stream.
+    /// Stream offset of the first byte of the line.
     pub offset: u64,
-    /// What is wrong with it.
+    /// Fault of the line.
     pub reason: Reason,
 }
 
-/// What is wrong with a line.
+/// Fault of a line.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// No line feed within the limit.
@@ -52,7 +52,7 @@ pub enum Reason {
     /// The stream ended within the line.
     #[error("the stream ends after {length} bytes of it, before its line feed")]
     Incomplete {
-        /// Bytes there were.
+        /// Bytes present.
         length: usize,
     },
     /// Another kind of line, or noise.
@@ -67,15 +67,15 @@ pub enum Reason {
     /// A checksum that is not two hexadecimal digits.
     #[error("has the checksum `{text}`; it must be two hexadecimal digits")]
     ChecksumSyntax {
-        /// What stands behind the `*`, escaped.
+        /// Text behind the `*`, escaped.
         text: String,
     },
-    /// Damaged on its way.
+    /// Bytes damaged in transmission.
     #[error("has the checksum {found:02X}, but its bytes give {computed:02X}")]
     ChecksumMismatch {
-        /// What the line says.
+        /// Checksum on the line.
         found: u8,
-        /// Xor of its bytes between `P` and `*`.
+        /// Xor of the bytes between `P` and `*`.
         computed: u8,
     },
     /// Too few or too many fields.
@@ -84,17 +84,17 @@ pub enum Reason {
         /// Fields found.
         found: usize,
     },
-    /// A field that is no number of its kind.
+    /// A field that is not a number of the right kind.
     #[error("field `{name}` is `{text}`; it must be {expected}")]
     Field {
         /// Name of the field.
         name: &'static str,
-        /// What was found, escaped.
+        /// Text found, escaped.
         text: String,
-        /// What would be right.
+        /// Accepted values.
         expected: &'static str,
     },
-    /// Nine numbers, but no pose.
+    /// Nine numbers that are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
 }
@@ -105,7 +105,7 @@ pub struct Decoder {
     checksum: Checksum,
     /// Bytes removed from the stream so far.
     offset: u64,
-    /// Within the rest of a line that was too long.
+    /// Whether the rest of an overlong line is being skipped.
     skipping: bool,
 }
 
@@ -121,7 +121,7 @@ impl Decoder {
     /// [`LINE_LIMIT`] bytes.
     ///
     /// # Errors
-    /// A line that is no record. It is removed, and the next call goes on with the next line.
+    /// A line that is not a record. It is removed, and the next call continues with the next line.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if self.skipping {
@@ -133,7 +133,7 @@ impl Decoder {
                 self.skipping = false;
             }
             let offset = self.offset;
-            // No further than the limit, so that the result doesn't depend on how the stream was cut up.
+            // Searched up to the limit only, so that the result doesn't depend on how the stream was split.
             let Some(length) = buffer.iter().take(LINE_LIMIT + 1).position(|&b| b == b'\n') else {
                 if buffer.len() <= LINE_LIMIT {
                     return Ok(None);
@@ -155,7 +155,7 @@ impl Decoder {
     /// Ends the stream.
     ///
     /// # Errors
-    /// Bytes are left of a line without line feed. They are removed.
+    /// A line without a line feed is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         let (offset, length) = (self.offset, buffer.len());
         self.remove(buffer, length);
@@ -230,7 +230,7 @@ fn quote(bytes: &[u8]) -> String {
     format!("{}{more}", bytes[..bytes.len().min(QUOTE_LIMIT)].escape_ascii())
 }
 
-/// The line of a pose, line feed included: positions to 0.1 µm, quaternions to 1e-8, as a board would print them.
+/// Line of a pose, line feed included: positions to 0.1 µm, quaternions to 1e-8, as a board would print them.
 pub fn encode(sequence: u32, device_time_us: u64, pose: &Pose) -> String {
     let [x, y, z, qw, qx, qy, qz] = pose.components();
     let body = format!(",{sequence},{device_time_us},{x:.4},{y:.4},{z:.4},{qw:.8},{qx:.8},{qy:.8},{qz:.8}");
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong_and_goes_on_with_the_next_line() {
+    fn wrong_lines_are_named_and_the_next_line_is_decoded() {
         let sealed = |body: &str| format!("P{body}*{:02X}\n", xor(body.as_bytes()));
         let cases = [
             ("hello\n".to_owned(), "starts with `hello`; a line starts with `P,`"),

@@ -1,4 +1,4 @@
-//! Which axis of a puck moves the probe along which.
+//! Mapping from the axes of a SpaceMouse puck to those of the probe.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,33 +11,33 @@ use crate::pose::Reading;
 
 const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// For each of the axes x, y, z, rx, ry, rz of the outcome, the axis of the device and its sign. Written as
-/// `x, -z, y, rx, -rz, ry`. A push stays a push and a turn a turn.
+/// Source axis and sign of each of the output axes x, y, z, rx, ry, rz. Written as `x, -z, y, rx, -rz, ry`.
+/// Translations map to translations and rotations to rotations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisMap {
-    /// Index into the six axes of the device, and ±1.
+    /// Index of the device axis (0..6) and ±1.
     axes: [(usize, f64); 6],
 }
 
-/// A text that is no axis map.
+/// A text that is not an axis map.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error(
     "`{text}` is no axis map: expected three of x, y, z, then three of rx, ry, rz, each once, with a `-` where the sign turns"
 )]
 pub struct AxisMapError {
-    /// What was given.
+    /// Text given.
     pub text: String,
 }
 
 impl Default for AxisMap {
-    /// Every axis as the device has it.
+    /// The axes of the device, unchanged.
     fn default() -> Self {
         Self { axes: [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0), (4, 1.0), (5, 1.0)] }
     }
 }
 
 impl AxisMap {
-    /// The record with its rates on other axes; records of other kinds stay.
+    /// The record with its rates moved to the mapped axes. Records of other kinds are returned unchanged.
     pub fn apply(&self, mut record: Record) -> Record {
         if let Reading::Rates { translation, rotation } = &mut record.reading {
             let [x, y, z] = translation.to_array();
@@ -63,7 +63,7 @@ impl FromStr for AxisMap {
             let word = words.next().ok_or_else(error)?;
             let (name, sign) = word.strip_prefix('-').map_or((word, 1.0), |name| (name, -1.0));
             let from = NAMES.iter().position(|n| *n == name.trim()).ok_or_else(error)?;
-            // A push that turns, or one axis for two, is a slip.
+            // A translation mapped to a rotation, or an axis used twice, is a mistake.
             if from / 3 != i / 3 || std::mem::replace(&mut used[from], true) {
                 return Err(error());
             }
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moves_axes_and_turns_signs() {
+    fn axes_are_moved_and_signs_reversed() {
         let map: AxisMap = "x, -z, y, rx, -rz,ry".parse().unwrap();
         let rates = |translation, rotation| Record {
             sensor: 0,
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_map() {
+    fn texts_that_are_no_map_are_refused() {
         for text in ["", "x,y,z", "x,x,z,rx,ry,rz", "rx,y,z,x,ry,rz", "x,y,z,rx,ry,rz,x", "x,y,w,rx,ry,rz"] {
             assert!(text.parse::<AxisMap>().is_err(), "{text}");
         }

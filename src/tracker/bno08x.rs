@@ -3,15 +3,14 @@
 //! | bytes | field, little-endian |
 //! |---|---|
 //! | 0..2 | `AA AA` |
-//! | 2 | u8 index, one more each frame |
+//! | 2 | u8 index, rises by one each frame |
 //! | 3..9 | i16 yaw, pitch, roll, 0.01° |
 //! | 9..15 | i16 acceleration x, y, z, mg |
 //! | 15..18 | reserved |
 //! | 18 | u8 sum of bytes 2 to 17 |
 //!
-//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some readers have pitch and roll the other way round; which is
-//! right depends on the firmware: see [`AngleOrder`]. The 8-bit index is carried on to 32 bits. The sum is a weak guard:
-//! of frames that lost bytes one in 256 passes it.
+//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some firmware swaps pitch and roll: see [`AngleOrder`]. The 8-bit
+//! index is extended to 32 bits. The sum is a weak guard: one in 256 frames with lost bytes passes it.
 
 use bytes::BytesMut;
 use glam::{DQuat, EulerRot};
@@ -30,47 +29,47 @@ pub const ANGLE_LIMIT_DEG: f64 = 180.0;
 const START: u8 = 0xAA;
 const DEG_PER_STEP: f64 = 0.01;
 
-/// Which of two angles comes first on the wire, behind the yaw.
+/// Order of pitch and roll on the wire, behind the yaw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AngleOrder {
-    /// Pitch, then roll, as the datasheet has it.
+    /// Pitch, then roll, as in the datasheet.
     #[default]
     PitchFirst,
     /// Roll, then pitch.
     RollFirst,
 }
 
-/// Bytes that are no frame.
+/// Bytes that are not a frame.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("byte {offset} of the BNO08x's stream: {reason}")]
 pub struct DecodeError {
-    /// Where they start, bytes from the start of the stream.
+    /// Stream offset of the first byte.
     pub offset: u64,
-    /// What is wrong with them.
+    /// Fault of these bytes.
     pub reason: Reason,
 }
 
-/// What is wrong with a frame.
+/// Fault of a frame.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// No start of a frame.
     #[error("no frame starts with 0x{byte:02X}; one starts with AA AA")]
     Noise {
-        /// First of the bytes passed over.
+        /// First of the skipped bytes.
         byte: u8,
     },
-    /// Damaged on its way.
+    /// Bytes damaged in transmission.
     #[error("a frame has the sum {found:02X}, but its bytes give {computed:02X}")]
     Sum {
-        /// What the frame says.
+        /// Sum in the frame.
         found: u8,
-        /// Sum of its bytes.
+        /// Sum of the received bytes.
         computed: u8,
     },
-    /// An angle that is none.
+    /// An angle outside its range.
     #[error("{name} is {value_deg}°; it must lie within ±{ANGLE_LIMIT_DEG}° (is the unit in RVC mode?)")]
     Angle {
-        /// Which one.
+        /// `yaw`, `pitch` or `roll`.
         name: &'static str,
         /// Its value, degrees.
         value_deg: f64,
@@ -78,7 +77,7 @@ pub enum Reason {
     /// The stream ended within a frame.
     #[error("the stream ends after {length} bytes of a frame")]
     Incomplete {
-        /// Bytes there were.
+        /// Bytes present.
         length: usize,
     },
 }
@@ -88,9 +87,9 @@ pub enum Reason {
 pub struct Decoder {
     order: AngleOrder,
     offset: Offset,
-    /// Index of the last frame, carried on.
+    /// Index of the last frame, extended to 32 bits.
     sequence: Option<u32>,
-    /// An error was given, and no frame found since.
+    /// Whether an error was returned and no frame found since.
     lost: bool,
 }
 
@@ -102,11 +101,11 @@ impl Decoder {
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
     ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. One error stands for all that is passed over until
-    /// the next frame. After `Ok(None)` the buffer holds less than a frame.
+    /// Every `Ok(Some(_))` and every error removes at least one byte. One error covers everything skipped until the
+    /// next frame. After `Ok(None)` the buffer holds less than a frame.
     ///
     /// # Errors
-    /// Bytes that are no frame. They are removed up to what may be the next one.
+    /// Bytes that are not a frame. They are removed up to the next possible frame.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             let (length, reason) = match start(buffer) {
@@ -117,7 +116,7 @@ impl Decoder {
                         self.lost = false;
                         return Ok(Some(record));
                     }
-                    // A frame that lost a byte holds the start of the next one.
+                    // A frame that lost a byte contains the start of the next one.
                     Err(reason) => (1, reason),
                 },
                 length => (length, Reason::Noise { byte: buffer[0] }),
@@ -132,7 +131,7 @@ impl Decoder {
     /// Ends the stream.
     ///
     /// # Errors
-    /// A part of a frame is left. It is removed.
+    /// Part of a frame is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match buffer.len() {
             0 => Ok(()),
@@ -174,12 +173,12 @@ impl Decoder {
     }
 }
 
-/// The counter of 32 bits whose lowest 8 are `index`, at most 255 on from `last`.
+/// 32-bit counter whose lowest 8 bits are `index`, at most 255 ahead of `last`.
 fn carried_on(last: Option<u32>, index: u8) -> u32 {
     last.map_or(u32::from(index), |last| last.wrapping_add(u32::from(index.wrapping_sub(last as u8))))
 }
 
-/// How many bytes lie before what may be the next frame: 0 too where there are none.
+/// Number of bytes before the next possible frame; also 0 for an empty buffer.
 fn start(buffer: &[u8]) -> usize {
     let may_start = |at: &usize| buffer[*at] == START && buffer.get(at + 1).is_none_or(|&next| next == START);
     (0..buffer.len()).find(may_start).unwrap_or(buffer.len())
@@ -231,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_index_is_carried_on() {
+    fn the_index_is_extended_to_32_bits() {
         assert_eq!(carried_on(None, 200), 200);
         assert_eq!(carried_on(Some(255), 0), 256);
         assert_eq!(carried_on(Some(0x1_05), 0x04), 0x2_04);
@@ -239,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn one_error_stands_for_the_noise_before_a_frame() {
+    fn one_error_covers_the_noise_before_a_frame() {
         let mut decoder = Decoder::new(AngleOrder::PitchFirst);
         let mut buffer = BytesMut::from(&[1_u8, 2, 0xAA, 3][..]);
         buffer.extend_from_slice(&frame(7, [0, 0, 0]));

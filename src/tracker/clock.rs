@@ -1,10 +1,10 @@
-//! The time of the host.
+//! Host time.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Now, ns since 1970 (UTC), by a clock that never jumps: the wall clock when the program first asked, and steady time
-/// since. A wall clock that is set while a station runs changes nothing.
+/// Present time, ns since 1970 (UTC), by a clock that never jumps: the wall clock at the first call plus the steady
+/// time since. Setting the wall clock while a station runs changes nothing.
 pub fn host_time_ns() -> u64 {
     static START: OnceLock<(u64, Instant)> = OnceLock::new();
     let (wall_ns, start) = START.get_or_init(|| {
@@ -14,7 +14,7 @@ pub fn host_time_ns() -> u64 {
     wall_ns.saturating_add(nanoseconds(start.elapsed()))
 }
 
-/// A duration in ns; u64 holds 584 years of them.
+/// Duration in ns; u64 holds 584 years.
 pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

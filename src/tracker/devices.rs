@@ -8,31 +8,23 @@ use serde::Serialize;
 
 #[cfg(any(feature = "serial", feature = "hid"))]
 use super::settings::PortName;
+use super::spacemouse;
 
-/// Vendors of SpaceMouse pucks.
-const SPACE_MOUSE_VENDORS: [u16; 2] = [0x046d, 0x256f];
-
-/// Usage page and usage of a multi-axis controller.
-const MULTI_AXIS: (u16, u16) = (1, 8);
-
-/// Products of vendor 256F that call themselves so and are no pucks: keyboards, mice, receivers of these.
-const NO_PUCKS: [u16; 11] = [0xc650, 0xc651, 0xc654, 0xc655, 0xc656, 0xc657, 0xc658, 0xc664, 0xc665, 0xc668, 0xc62c];
-
-/// What a USB device says that it is.
+/// Identity that a USB device reports.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct UsbIdentity {
-    /// Vendor.
+    /// Vendor id.
     pub vendor: u16,
-    /// Product.
+    /// Product id.
     pub product: u16,
     /// Serial number.
     pub serial: Option<String>,
-    /// Vendor and product, for people.
+    /// Vendor and product names.
     pub name: Option<String>,
 }
 
 impl UsbIdentity {
-    /// The id that a station file takes: `vendor:product:serial`.
+    /// Id as written in station files: `vendor:product:serial`.
     pub fn id(&self) -> String {
         let ids = format!("{:04x}:{:04x}", self.vendor, self.product);
         self.serial.as_ref().map_or_else(|| ids.clone(), |serial| format!("{ids}:{serial}"))
@@ -42,43 +34,43 @@ impl UsbIdentity {
 /// A serial port.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SerialDevice {
-    /// Its path, which may change when it is plugged in again.
+    /// Path, which may change when the device is plugged in again.
     pub path: String,
-    /// Its path by id, which stays (Linux).
+    /// Stable path by id (Linux).
     pub by_id: Option<String>,
     /// The USB device behind it.
     pub usb: Option<UsbIdentity>,
-    /// How long an FTDI adapter holds bytes back, ms (Linux).
+    /// FTDI latency timer, ms: the time for which the adapter buffers bytes (Linux).
     pub latency_timer_ms: Option<u32>,
 }
 
 /// A HID device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct HidDevice {
-    /// Its path.
+    /// Path.
     pub path: String,
-    /// What it is.
+    /// USB identity.
     pub usb: UsbIdentity,
-    /// Whether it is a puck that insonify reads.
+    /// Whether it is a supported SpaceMouse puck.
     pub space_mouse: bool,
 }
 
 /// Whether a HID device is a SpaceMouse puck.
 pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
-    SPACE_MOUSE_VENDORS.contains(&vendor)
-        && (usage_page, usage) == MULTI_AXIS
-        && !(vendor == 0x256f && NO_PUCKS.contains(&product))
+    spacemouse::VENDORS.contains(&vendor)
+        && (usage_page, usage) == spacemouse::USAGE
+        && !(vendor == 0x256f && spacemouse::NOT_A_PUCK.contains(&product))
 }
 
-/// Every serial port, by path.
+/// All serial ports, sorted by path.
 ///
 /// # Errors
-/// The system doesn't tell.
+/// The system cannot list them.
 #[cfg(feature = "serial")]
 pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     use tokio_serial::SerialPortType;
 
-    // Without sysfs, as in some containers, there are no ports to be found.
+    // Without sysfs, as in some containers, there are no ports.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Ok(Vec::new());
     }
@@ -104,7 +96,7 @@ pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     Ok(found)
 }
 
-/// The present path of a port.
+/// Present path of a port.
 #[cfg(feature = "serial")]
 pub(super) fn serial_path(name: &PortName) -> io::Result<String> {
     if let PortName::Path(path) = name {
@@ -127,7 +119,7 @@ fn joined(vendor: Option<&str>, product: Option<&str>) -> Option<String> {
     (!words.is_empty()).then(|| words.join(" "))
 }
 
-/// The link in `/dev/serial/by-id` that leads to `path`.
+/// Link in `/dev/serial/by-id` that points to `path`.
 #[cfg(feature = "serial")]
 fn by_id(path: &str) -> Option<String> {
     let target = std::fs::canonicalize(path).ok()?;
@@ -144,7 +136,7 @@ fn latency_timer_ms(path: &str) -> Option<u32> {
     std::fs::read_to_string(file).ok()?.trim().parse().ok()
 }
 
-/// What to do about an adapter that holds bytes back for more than 1 ms; none where it doesn't.
+/// Advice for an adapter that buffers bytes for more than 1 ms; `None` if it doesn't.
 pub fn latency_hint(port: &SerialDevice) -> Option<String> {
     let timer = port.latency_timer_ms.filter(|ms| *ms > 1)?;
     let name = Path::new(&port.path).file_name()?.to_string_lossy().into_owned();
@@ -155,10 +147,10 @@ pub fn latency_hint(port: &SerialDevice) -> Option<String> {
     ))
 }
 
-/// Every HID device, by path.
+/// All HID devices, sorted by path.
 ///
 /// # Errors
-/// The system doesn't tell.
+/// The system cannot list them.
 #[cfg(feature = "hid")]
 pub fn hid_devices() -> io::Result<Vec<HidDevice>> {
     Ok(listed(&hidapi::HidApi::new().map_err(io::Error::other)?))
@@ -170,7 +162,7 @@ fn listed(api: &hidapi::HidApi) -> Vec<HidDevice> {
     for device in api.device_list() {
         let path = device.path().to_string_lossy().into_owned();
         let puck = is_space_mouse(device.vendor_id(), device.product_id(), device.usage_page(), device.usage());
-        // A device is listed once for each of its usages.
+        // A device is listed once per usage.
         if let Some(known) = found.iter_mut().find(|known| known.path == path) {
             known.space_mouse |= puck;
             continue;
@@ -187,7 +179,7 @@ fn listed(api: &hidapi::HidApi) -> Vec<HidDevice> {
     found
 }
 
-/// Opens a HID device, the first SpaceMouse where none is named, and says what it is.
+/// Opens a HID device (the first SpaceMouse if `name` is `None`) and returns it with its description.
 #[cfg(feature = "hid")]
 pub(super) fn open_hid(name: Option<&PortName>) -> io::Result<(hidapi::HidDevice, String)> {
     let wanted = |device: &HidDevice| match name {
@@ -214,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pucks_are_told_from_what_comes_with_them() {
+    fn pucks_are_distinguished_from_their_receivers_and_keyboards() {
         assert!(is_space_mouse(0x256f, 0xc635, 1, 8));
         assert!(is_space_mouse(0x046d, 0xc626, 1, 8));
         assert!(!is_space_mouse(0x256f, 0xc635, 1, 6), "its keyboard");
@@ -223,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_latency_timer_is_worth_a_hint() {
+    fn a_slow_latency_timer_gives_a_hint() {
         let mut port = SerialDevice { path: "/dev/ttyUSB3".into(), by_id: None, usb: None, latency_timer_ms: Some(16) };
         let hint = latency_hint(&port).unwrap();
         assert!(hint.contains("16 ms") && hint.contains("devices/ttyUSB3/latency_timer"), "{hint}");

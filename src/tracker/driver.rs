@@ -1,7 +1,7 @@
-//! What a device needs beside the decoding of its stream: commands that start it, questions, patience, resets.
+//! Conversation with a tracker: start-up commands, polling, silence limits and resets.
 //!
-//! A driver does no input or output and knows no clock: whoever owns the port calls it with the time since the session
-//! began, and so every exchange can be tested without a device and without waiting.
+//! A driver does no input or output and reads no clock. The owner of the port calls it with the time since the session
+//! began, so every exchange can be tested without a device and without waiting.
 
 use std::time::Duration;
 
@@ -9,78 +9,77 @@ use bytes::{Bytes, BytesMut};
 
 use super::{DecodeError, Decoder, Protocol, Record, ndi, spacemouse};
 
-/// Speaks with one device.
+/// Conversation with one device.
 ///
-/// The owner of the port calls [`start`](Self::start) once it is open, then [`transmit`](Self::transmit) until it has
-/// nothing to send, after every piece of input and at [`wake_at`](Self::wake_at). All received bytes are appended to
-/// one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
+/// The owner of the port calls [`start`](Self::start) once the port is open. It calls [`transmit`](Self::transmit)
+/// until there is nothing to send, after every piece of input and at [`wake_at`](Self::wake_at). All received bytes are
+/// appended to one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
 pub trait Driver: Send {
-    /// Format of the records, which decides the decoder of a replay.
+    /// Format of the records; selects the decoder of a replay.
     fn protocol(&self) -> Protocol;
 
-    /// Begins anew with a device of unknown state. `attempt` is 0 at first and rises by one with each time that the
-    /// device stayed silent; from attempt to attempt a driver resets harder.
+    /// Starts over with a device of unknown state. `attempt` is 0 at first and rises by one each time the device stayed
+    /// silent; later attempts reset the device more thoroughly.
     fn start(&mut self, now: Duration, attempt: u32);
 
-    /// The next bytes to send, or none for now.
+    /// Next bytes to send, if any.
     fn transmit(&mut self, now: Duration) -> Option<Bytes>;
 
-    /// When to call [`transmit`](Self::transmit) although nothing was received; none where that isn't needed.
+    /// Time at which to call [`transmit`](Self::transmit) even if nothing is received; `None` if not needed.
     fn wake_at(&self) -> Option<Duration>;
 
-    /// How long the device may be silent before it is started anew; longer while it resets.
+    /// Longest accepted silence before the device is restarted; longer while it resets.
     fn patience(&self) -> Duration;
 
-    /// Takes the next record from the front of `buffer`, as [`super::Decoder::decode`] does, and advances the exchange
-    /// by whatever else lies in it.
+    /// Takes the next record from the front of `buffer`, like [`super::Decoder::decode`]. Other replies advance the
+    /// exchange.
     ///
     /// # Errors
-    /// Bytes that are no record or no reply that was expected; an error that the device reports. They are removed, and
-    /// the next call goes on behind them.
+    /// Bytes that are neither a record nor an expected reply, or an error that the device reports. They are removed,
+    /// and the next call continues behind them.
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
 
-    /// Ends a message of a transport that has messages, or the stream: what is left in `buffer` is part of a record at
-    /// most.
+    /// Ends a message (on transports that have messages) or the stream.
     ///
     /// # Errors
-    /// There was a part of a record. It is removed.
+    /// Part of a record is left over. It is removed.
     fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError>;
 
-    /// What is to be done to a serial line before the next [`transmit`](Self::transmit); called until it is none, and of
-    /// no effect on other transports.
+    /// Serial line operation to carry out before the next [`transmit`](Self::transmit). Called until it returns `None`;
+    /// other transports ignore it.
     fn line(&mut self, _now: Duration) -> Option<Line> {
         None
     }
 
-    /// The last bytes to send before the port is closed.
+    /// Last bytes to send before the port is closed.
     fn stop(&mut self) -> Option<Bytes> {
         None
     }
 }
 
-/// Something done to a serial line itself.
+/// Operation on a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Line {
-    /// Holds it in break for a quarter of a second.
+    /// Holds the line in break for a quarter of a second.
     Break,
-    /// Another speed, baud.
+    /// Changes the speed, baud.
     Speed(u32),
 }
 
-/// What drivers need to know of a station.
+/// Device options of a station file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceOptions {
-    /// Which of a device's sensors is used; none for the first that is heard, where the device needs a number its first.
+    /// Sensor to use. `None` takes the first one received, or the device's first if the protocol needs a number.
     pub sensor: Option<u16>,
-    /// Axis [x, y, z] of the source that points to the half space where the sensor is (Polhemus).
+    /// Axis [x, y, z] of the source that points to the half space of the sensor (Polhemus).
     pub hemisphere: [f64; 3],
-    /// How long a device takes to start after a reset.
+    /// Start-up time of a device after a reset.
     pub reset_delay: Duration,
-    /// How long a device that streams may be silent.
+    /// Longest accepted silence of a streaming device.
     pub silence: Duration,
-    /// Of NDI devices.
+    /// Options of NDI devices.
     pub ndi: ndi::Options,
-    /// What a puck reports at full push, in its own units, at least 1 (SpaceMouse).
+    /// Report value of a puck at full deflection, at least 1 (SpaceMouse).
     pub puck_range: f64,
 }
 
@@ -97,13 +96,14 @@ impl Default for DeviceOptions {
     }
 }
 
-/// Patience with a device that has just been opened: opening its port restarts an Arduino, which takes two seconds.
+/// Longest accepted silence of a device that has just been opened: opening its port restarts an Arduino, which takes
+/// two seconds.
 const START_PATIENCE: Duration = Duration::from_secs(5);
 
-/// The driver of a device that speaks by itself: it only listens.
+/// Driver of a device that streams by itself; only listens.
 pub struct Passive {
     protocol: Protocol,
-    /// At the start of a stream.
+    /// Decoder at the start of a stream.
     fresh: Decoder,
     decoder: Decoder,
     silence: Duration,
@@ -111,7 +111,7 @@ pub struct Passive {
 }
 
 impl Passive {
-    /// A driver of a device that speaks `protocol`.
+    /// Driver of a device that speaks `protocol`.
     pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
         let fresh = protocol.decoder_of(options);
         Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, heard: false }

@@ -1,13 +1,13 @@
 //! Polhemus FASTRAK: ASCII and binary records (FASTRAK user manual, rev. G).
 //!
-//! Both begin with `'0'`, the station `'1'..='4'` and an error character (a space where all is well).
+//! Both begin with `'0'`, the station `'1'..='4'` and an error character (a space if there is no error).
 //!
 //! | format | output list | bytes | content |
 //! |---|---|---|---|
 //! | [`Format::Ascii`] | `2,4,1` | 47 | head, six fields of 7 characters: x y z (cm), azimuth, elevation, roll (degrees), CR LF |
 //! | [`Format::Binary`] | `2,11,0` | 32 | head, f32 x y z (cm), f32 quaternion w x y z, a space; little-endian |
 //!
-//! A binary record has no checksum: what guards it is its head, its last byte and the norm of its quaternion.
+//! A binary record has no checksum. It is checked by its head, its last byte and the norm of its quaternion.
 
 use bytes::{Bytes, BytesMut};
 use glam::{DQuat, EulerRot};
@@ -23,7 +23,7 @@ pub const ASCII_LENGTH: usize = 47;
 /// Length of a binary record, bytes.
 pub const BINARY_LENGTH: usize = 32;
 
-/// Stations that a FASTRAK has.
+/// Stations of a FASTRAK.
 pub const STATIONS: u16 = 4;
 
 const HEAD: usize = 3;
@@ -31,35 +31,35 @@ const FIELD: usize = 7;
 const FIELDS: [&str; 6] = ["x", "y", "z", "azimuth", "elevation", "roll"];
 const MM_PER_CM: f64 = 10.0;
 
-/// How records are written.
+/// Record format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Text of fixed width.
+    /// Fixed-width text.
     Ascii,
     /// IEEE floats.
     Binary,
 }
 
-/// Bytes that are no record.
+/// Bytes that are not a record.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("FASTRAK, byte {offset} of the stream: {reason}")]
 pub struct DecodeError {
-    /// Where they start, bytes from the start of the stream.
+    /// Stream offset of the first byte.
     pub offset: u64,
-    /// What is wrong with them.
+    /// Fault of these bytes.
     pub reason: Reason,
 }
 
-/// What is wrong with a record.
+/// Fault of a record.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// No head.
+    /// No record head.
     #[error("{length} bytes are no record; one starts with `0`, a station 1 to 4, and a space or a letter")]
     Noise {
-        /// Bytes passed over.
+        /// Bytes skipped.
         length: usize,
     },
-    /// The device says that something is wrong with it.
+    /// Error reported by the device.
     #[error("station {station} reports error `{code}`; the BIT table of the FASTRAK manual says what that is")]
     Device {
         /// Station, 1..=4.
@@ -73,32 +73,32 @@ pub enum Reason {
         /// Byte found.
         found: u8,
     },
-    /// A line of another length.
+    /// A line of the wrong length.
     #[error("a line of {length} bytes; a record has {ASCII_LENGTH}; is the output list `2,4,1`?")]
     LineLength {
-        /// Its length with its line feed, or how much of it was passed over.
+        /// Length including the line feed, or the number of bytes skipped.
         length: usize,
     },
-    /// A field that is no number.
+    /// A field that is not a number.
     #[error("field `{name}` is `{text}`; it must be a decimal number in 7 characters")]
     Field {
-        /// Field.
+        /// Name of the field.
         name: &'static str,
-        /// What was found, escaped.
+        /// Text found, escaped.
         text: String,
     },
-    /// Numbers, but no pose.
+    /// Numbers that are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
     /// The stream ended within a record.
     #[error("the stream ends after {length} bytes of a record")]
     Incomplete {
-        /// Bytes there were.
+        /// Bytes present.
         length: usize,
     },
 }
 
-/// Decoder of one stream, in centimetres.
+/// Decoder of one stream of records in centimetres.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     format: Format,
@@ -113,11 +113,12 @@ impl Decoder {
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
     ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than
-    /// 64 bytes.
+    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than 64
+    /// bytes.
     ///
     /// # Errors
-    /// Bytes that are no record, and what the device reports. They are removed up to what may be the next record.
+    /// Bytes that are not a record, or an error that the device reports. They are removed up to the next possible
+    /// record.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         match self.format {
             Format::Ascii => self.line(buffer),
@@ -128,7 +129,7 @@ impl Decoder {
     /// Ends the stream.
     ///
     /// # Errors
-    /// A part of a record is left. It is removed.
+    /// Part of a record is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match buffer.len() {
             0 => Ok(()),
@@ -153,7 +154,7 @@ impl Decoder {
                 Ok(Some(record))
             }
             Err(reason) => {
-                // A device that reports an error frames it well.
+                // A device that reports an error sends a complete record.
                 let whole = matches!(reason, Reason::Device { .. });
                 let length = if whole { BINARY_LENGTH } else { next_head(frame, plausible) };
                 Err(self.reject(buffer, length, reason))
@@ -163,7 +164,7 @@ impl Decoder {
 
     fn line(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let window = &buffer[..buffer.len().min(ASCII_LENGTH)];
-        // Without a line feed in its place the record is taken for one all the same: the next one starts behind it.
+        // Without a line feed the bytes still count as a record: the next one starts behind them.
         let length = match window.iter().position(|&b| b == b'\n') {
             Some(at) => at + 1,
             None if window.len() == ASCII_LENGTH => ASCII_LENGTH,
@@ -183,7 +184,7 @@ impl Decoder {
     }
 }
 
-/// Whether `bytes` start like a record, as far as they go.
+/// Whether `bytes` can be the start of a record.
 fn plausible(bytes: &[u8]) -> bool {
     let third = |b: &u8| *b == b' ' || b.is_ascii_alphabetic();
     bytes.first().is_none_or(|b| *b == b'0')
@@ -227,7 +228,7 @@ fn text(line: &[u8]) -> Result<Record, Reason> {
     Ok(record(station, pose))
 }
 
-/// The station of a record without error.
+/// Station of a record that reports no error.
 fn station(head: &[u8]) -> Result<u16, Reason> {
     let station = u16::from(head[1] - b'0');
     match head[2] {
@@ -240,12 +241,12 @@ fn record(station: u16, pose: Pose) -> Record {
     Record { sensor: station, sequence: None, device_time_us: None, buttons: 0, reading: Reading::Pose(pose) }
 }
 
-/// The rotation of azimuth about z, then elevation about the new y, then roll about the new x, degrees.
+/// Rotation by azimuth about z, then elevation about the new y, then roll about the new x, degrees.
 pub(super) fn orientation(azimuth: f64, elevation: f64, roll: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, azimuth.to_radians(), elevation.to_radians(), roll.to_radians())
 }
 
-/// The commands that make `station` stream in `format`, in centimetres; to be sent one after the other, each with a pause.
+/// Commands that make `station` stream in `format`, in centimetres; to be sent one by one, with a pause after each.
 pub fn setup(format: Format, station: u16, hemisphere: [f64; 3]) -> Vec<Bytes> {
     let [x, y, z] = hemisphere;
     let (list, letter) = match format {
@@ -267,12 +268,12 @@ pub fn setup(format: Format, station: u16, hemisphere: [f64; 3]) -> Vec<Bytes> {
 mod tests {
     use super::*;
 
-    /// Made with Python's `struct` from the layout in the manual: station 1, (10.5, −20.25, 30.125) cm,
-    /// quaternion (0.5, 0.5, −0.5, 0.5).
+    /// Made with Python's `struct` from the layout in the manual: station 1, (10.5, −20.25, 30.125) cm, quaternion
+    /// (0.5, 0.5, −0.5, 0.5).
     const BINARY: [u8; 32] = *b"01 \x00\x00\x28\x41\x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\
                                 \x00\x00\x00\xbf\x00\x00\x00\x3f ";
 
-    /// Written by hand after the manual's example of a record: station 2, azimuth 90°.
+    /// Written by hand like the manual's example record: station 2, azimuth 90°.
     const LINE: &str = "02   10.50 -20.25  30.12  90.00   0.00   0.00\r\n";
 
     fn pose(record: Record) -> Pose {
@@ -322,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_record_costs_itself_only() {
+    fn a_damaged_record_loses_only_itself() {
         for at in 0..BINARY_LENGTH {
             let mut stream = [BINARY; 4].concat();
             stream[BINARY_LENGTH + at] ^= 0x80;
@@ -338,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_bytes_cost_two_records_at_most() {
+    fn lost_bytes_lose_two_records_at_most() {
         for lost in 1..BINARY_LENGTH {
             let mut stream = [BINARY; 5].concat();
             stream.drain(BINARY_LENGTH + 3..BINARY_LENGTH + 3 + lost.min(BINARY_LENGTH - 3));
@@ -348,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong() {
+    fn errors_name_the_fault() {
         let mut broken = BINARY;
         broken[2] = b'a';
         assert_eq!(all(Format::Binary, &broken), [Err(Reason::Device { station: 1, code: 'a' })]);

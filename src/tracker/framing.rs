@@ -1,33 +1,33 @@
-//! Frames of a known length behind a head: finding the next one in a damaged stream.
+//! Resynchronisation of head-and-length protocols in a damaged stream.
 //!
-//! What is removed depends only on the bytes of the stream, never on how it was cut up: a search looks at a window of
-//! fixed length, and what might be the start of a head at its end counts as one.
+//! The bytes removed depend only on the stream, never on how it was split into pieces. A search looks at a window of
+//! fixed length, and a possible start of a head at the window's end counts as one.
 
 use bytes::{Buf, BytesMut};
 
-/// Most bytes of noise that one error covers.
+/// Most bytes of noise covered by one error.
 pub(super) const NOISE_LIMIT: usize = 64;
 
-/// Where in `window[1..]` the next head may start; `plausible` is asked about what is there of it. The whole window where
-/// none does.
+/// Offset in `window`, 1 or more, of the next possible head; the window's length if there is none. `plausible` judges
+/// the bytes from a given offset on.
 pub(super) fn next_head(window: &[u8], plausible: impl Fn(&[u8]) -> bool) -> usize {
     (1..window.len()).find(|&start| plausible(&window[start..])).unwrap_or(window.len())
 }
 
-/// How many bytes at the front of `buffer`, which is not a head, are noise; None asks for more bytes.
+/// Number of noise bytes at the front of `buffer`, which is not a head; `None` asks for more bytes.
 pub(super) fn noise(buffer: &[u8], head_length: usize, plausible: impl Fn(&[u8]) -> bool) -> Option<usize> {
     let window = &buffer[..buffer.len().min(NOISE_LIMIT)];
     let start = next_head(window, &plausible);
-    // Near the window's end a head can't be told from noise before more has come, unless the window is full.
+    // A head near the window's end can't be recognised before more bytes arrive, unless the window is full.
     (window.len() == NOISE_LIMIT || start + head_length <= window.len()).then_some(start)
 }
 
-/// How many bytes of a stream have been taken.
+/// Number of bytes consumed from a stream.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Offset(u64);
 
 impl Offset {
-    /// Takes `length` bytes from the front of `buffer`, and gives the place in the stream where they start.
+    /// Removes `length` bytes from the front of `buffer` and returns their stream offset.
     pub(super) fn take(&mut self, buffer: &mut BytesMut, length: usize) -> u64 {
         let start = self.0;
         buffer.advance(length);
@@ -36,12 +36,12 @@ impl Offset {
     }
 }
 
-/// The little-endian number at `at`, or 0 where the slice is too short, which its callers rule out.
+/// Little-endian u32 at `at`; 0 if the slice is too short, which callers rule out.
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
     bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
 }
 
-/// As [`u32_at`].
+/// Little-endian f32 at `at`, like [`u32_at`].
 pub(super) fn f32_at(bytes: &[u8], at: usize) -> f64 {
     f64::from(f32::from_bits(u32_at(bytes, at)))
 }
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_ends_at_a_head_however_the_stream_is_cut() {
+    fn noise_ends_at_a_head_however_the_stream_is_split() {
         assert_eq!(noise(b"xxAB", 2, plausible), Some(2));
         assert_eq!(noise(b"xxA", 2, plausible), None);
         assert_eq!(noise(b"xx", 2, plausible), None);

@@ -4,14 +4,14 @@
 //! |---|---|
 //! | 0..2 | `LY` (LIBERTY) or `PA` (PATRIOT) |
 //! | 2 | u8 station, from 1 |
-//! | 3 | u8 command that asked for the frame, `C` where it is streamed |
-//! | 4 | u8 error: 0 or a space where all is well |
+//! | 3 | u8 command that requested the frame; `C` for streamed frames |
+//! | 4 | u8 error; 0 or a space if there is none |
 //! | 5 | reserved |
 //! | 6..8 | u16 length of the payload |
 //! | 8.. | the items of the output list, little-endian |
 //!
-//! insonify asks for [`OUTPUT_LIST`]: the device's clock (ms), its frame counter, the distortion level, x y z (cm) and
-//! the quaternion w x y z, 40 bytes. A frame has no checksum: what guards it is its head and the quaternion's norm.
+//! insonify requests [`OUTPUT_LIST`]: the device's clock (ms), its frame counter, the distortion level, x y z (cm) and
+//! the quaternion w x y z, 40 bytes. A frame has no checksum. It is checked by its head and the norm of its quaternion.
 
 use bytes::{Bytes, BytesMut};
 use thiserror::Error;
@@ -20,14 +20,14 @@ use super::Record;
 use super::framing::{Offset, f32_at, next_head, noise, u32_at};
 use crate::pose::{Pose, PoseError, Reading};
 
-/// Output list that the driver asks for.
+/// Output list that the driver requests.
 pub const OUTPUT_LIST: &[Item] =
     &[Item::Timestamp, Item::FrameCount, Item::Distortion, Item::ExtendedPosition, Item::Quaternion];
 
 const HEAD: usize = 8;
 const MM_PER_CM: f64 = 10.0;
 
-/// Which device speaks.
+/// Device type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Device {
     /// Up to 16 stations, 240 Hz.
@@ -44,7 +44,7 @@ impl Device {
         }
     }
 
-    /// Stations that it can have.
+    /// Largest number of stations.
     pub fn stations(self) -> u16 {
         match self {
             Self::Liberty => 16,
@@ -62,7 +62,7 @@ pub enum Item {
     LineEnd = 1,
     /// 2: x y z, 3 × f32.
     Position = 2,
-    /// 3: the same with extended precision in ASCII; 3 × f32, too.
+    /// 3: the same with extended precision in ASCII; also 3 × f32.
     ExtendedPosition = 3,
     /// 4: azimuth, elevation, roll, 3 × f32, degrees.
     Angles = 4,
@@ -74,7 +74,7 @@ pub enum Item {
     FrameCount = 9,
     /// 10: stylus button, u32.
     Stylus = 10,
-    /// 11: i32, 0 where nothing metallic is near.
+    /// 11: i32; 0 if no metal is near.
     Distortion = 11,
 }
 
@@ -90,59 +90,59 @@ impl Item {
     }
 }
 
-/// Bytes that are no record.
+/// Bytes that are not a record.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("LIBERTY or PATRIOT, byte {offset} of the stream: {reason}")]
 pub struct DecodeError {
-    /// Where they start, bytes from the start of the stream.
+    /// Stream offset of the first byte.
     pub offset: u64,
-    /// What is wrong with them.
+    /// Fault of these bytes.
     pub reason: Reason,
 }
 
-/// What is wrong with a frame.
+/// Fault of a frame.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// No head.
+    /// No frame head.
     #[error("{length} bytes are no frame; one starts with `{expected}` and the number of a station")]
     Noise {
-        /// Bytes passed over.
+        /// Bytes skipped.
         length: usize,
         /// Tag of the device.
         expected: String,
     },
-    /// The device says that something is wrong.
+    /// Error reported by the device.
     #[error("station {station} reports error {code} to command `{command}`: {meaning}")]
     Device {
         /// Station.
         station: u16,
-        /// Command that it answers.
+        /// Command that the frame answers.
         command: char,
-        /// The frame's error, as a character where it is one.
+        /// Error code, as a character if it is one.
         code: String,
-        /// What that is.
+        /// Meaning of the code.
         meaning: &'static str,
     },
-    /// A payload of another length.
+    /// A payload of the wrong length.
     #[error("a payload of {found} bytes; the output list gives {expected}")]
     Length {
-        /// Length that the head gives.
+        /// Length in the head.
         found: usize,
         /// Length of the output list.
         expected: usize,
     },
-    /// Numbers, but no pose.
+    /// Numbers that are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
     /// The stream ended within a frame.
     #[error("the stream ends after {length} bytes of a frame")]
     Incomplete {
-        /// Bytes there were.
+        /// Bytes present.
         length: usize,
     },
 }
 
-/// Decoder of one stream, in centimetres.
+/// Decoder of one stream of frames in centimetres.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     device: Device,
@@ -157,18 +157,19 @@ impl Decoder {
         Self::with_items(device, OUTPUT_LIST)
     }
 
-    /// A decoder of frames with another output list; without an orientation in it, that is none.
+    /// Decoder of frames with another output list. Without an orientation item, records have the identity orientation.
     pub fn with_items(device: Device, items: &'static [Item]) -> Self {
         Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: Offset::default() }
     }
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
     ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than
-    /// a frame or 64 bytes.
+    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than a
+    /// frame or 64 bytes.
     ///
     /// # Errors
-    /// Bytes that are no record, and what the device reports. They are removed up to what may be the next frame.
+    /// Bytes that are not a record, or an error that the device reports. They are removed up to the next possible
+    /// frame.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if buffer.is_empty() {
@@ -190,7 +191,7 @@ impl Decoder {
             let streamed = matches!(head[3], b'C' | b'P');
             let well = matches!(head[4], 0 | b' ');
             if !streamed || payload != self.payload {
-                // The length of an answer isn't trusted: were it damaged, it would swallow good frames.
+                // The length of an answer isn't trusted: a damaged one would swallow good frames.
                 let (length, reason) = match (well, streamed) {
                     (false, _) => (HEAD, report(head)),
                     (true, true) => {
@@ -225,7 +226,7 @@ impl Decoder {
     /// Ends the stream.
     ///
     /// # Errors
-    /// A part of a frame is left. It is removed.
+    /// Part of a frame is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match buffer.len() {
             0 => Ok(()),
@@ -270,7 +271,7 @@ impl Decoder {
     }
 }
 
-/// Whether `bytes` start like a frame of `device`, as far as they go.
+/// Whether `bytes` can be the start of a frame of `device`.
 fn plausible(device: Device, bytes: &[u8]) -> bool {
     let tag = device.tag();
     let stations = 1..=device.stations();
@@ -295,7 +296,7 @@ fn report(frame: &[u8]) -> Reason {
     Reason::Device { station: u16::from(frame[2]), command: char::from(frame[3]), code, meaning }
 }
 
-/// The commands that make the device stream [`OUTPUT_LIST`] in centimetres, binary; to be sent one after the other.
+/// Commands that make the device stream [`OUTPUT_LIST`] in centimetres, binary; to be sent one by one.
 pub fn setup(hemisphere: [f64; 3]) -> Vec<Bytes> {
     let [x, y, z] = hemisphere;
     let list: Vec<String> = OUTPUT_LIST.iter().map(|item| (*item as u8).to_string()).collect();
@@ -315,8 +316,8 @@ mod tests {
 
     use super::*;
 
-    /// A frame that a LIBERTY sent, from a public script that reads one
-    /// (a comment there: `b'LY\x01C \x00"\x00...'`): output list 9,8,2,4,1.
+    /// A frame captured from a real LIBERTY, quoted in a public script (comment `b'LY\x01C \x00"\x00...'`): output list
+    /// 9,8,2,4,1.
     const CAPTURED: [u8; 42] = [
         0x4c, 0x59, 0x01, 0x43, 0x20, 0x00, 0x22, 0x00, 0xe6, 0xe0, 0x03, 0x00, 0x13, 0x29, 0x10, 0x00, 0xc0, 0x3c,
         0xb6, 0x40, 0x4c, 0x40, 0x28, 0xc0, 0xc9, 0x3f, 0x7e, 0x3f, 0xc9, 0x6a, 0xf6, 0xc2, 0x4d, 0x21, 0x36, 0x40,
@@ -349,7 +350,7 @@ mod tests {
     fn a_frame_of_a_real_liberty() {
         let found = all(&mut Decoder::with_items(Device::Liberty, CAPTURED_ITEMS), &CAPTURED);
         let record = found[0].clone().unwrap();
-        // 254182 frames at 240 Hz are the 1059.091 s of its clock: the order of the two is right.
+        // 254182 frames at 240 Hz last 1059.091 s, the device's clock: the two fields are in the right order.
         assert_eq!((record.sensor, record.sequence, record.device_time_us), (1, Some(254_182), Some(1_059_091_000)));
         let Reading::Pose(pose) = record.reading else { panic!("no pose") };
         assert!(pose.position_mm.distance(DVec3::new(56.949, -26.289, 9.932)) < 1e-3, "{pose:?}");
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_frame_costs_itself_only() {
+    fn a_damaged_frame_loses_only_itself() {
         for at in 0..FRAME.len() {
             let mut stream = [FRAME; 14].concat();
             stream[FRAME.len() + at] ^= 0x80;
@@ -385,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_passed_over_and_errors_told() {
+    fn answers_are_skipped_and_errors_reported() {
         let mut answer = b"LY\x01O\x00\x00\x00\x00".to_vec();
         answer.extend(FRAME);
         assert_eq!(liberty(&answer).len(), 1);

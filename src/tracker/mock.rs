@@ -1,6 +1,5 @@
-//! A board without hardware: poses on a schedule, as the bytes of [`ascii_line`].
-//!
-//! The same settings give the same bytes at the same times.
+//! Simulated tracker board: poses on a schedule, encoded as [`ascii_line`]. Equal settings give equal bytes at equal
+//! times.
 
 use std::fmt;
 use std::str::FromStr;
@@ -15,20 +14,20 @@ use super::clock::nanoseconds;
 use crate::pose::Pose;
 use crate::random::{bits, fraction};
 
-/// What the board does for a while.
+/// Behaviour of the board during one part of the schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Act {
     /// Slides and tilts smoothly: up to 20 mm and 15° about the centre.
     Move,
-    /// Stands still.
+    /// Keeps its pose.
     Hold,
-    /// As [`Move`](Self::Move), but 30 to 60 mm aside and turned by up to 60°: a jump when it begins and when it ends.
+    /// As [`Move`](Self::Move), but offset by 30 to 60 mm and turned by up to 60°: a jump at its beginning and its end.
     Jump,
-    /// Sends nothing; its counter and clock go on.
+    /// Sends nothing; its counter and clock continue.
     Drop,
-    /// As [`Move`](Self::Move), with each third line damaged.
+    /// As [`Move`](Self::Move), with every third line damaged.
     Corrupt,
-    /// The port is gone.
+    /// The port disappears.
     Unplug,
 }
 
@@ -43,19 +42,19 @@ impl Act {
     ];
 }
 
-/// Acts and their durations, repeated for ever. Written as `move 10, hold 2, jump 1`, in seconds.
+/// Acts and their durations, repeated endlessly. Written as `move 10, hold 2, jump 1`, in seconds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Schedule {
     acts: Vec<(Act, Duration)>,
 }
 
-/// A text that is no schedule.
+/// A text that is not a schedule.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error(
     "`{text}` is no part of a schedule: expected `move`, `hold`, `jump`, `drop`, `corrupt` or `unplug` and its seconds in 0.01..=86400, as in `move 10, hold 2`"
 )]
 pub struct ScheduleError {
-    /// The part that is wrong.
+    /// The wrong part.
     pub text: String,
 }
 
@@ -88,22 +87,22 @@ impl fmt::Display for Schedule {
 }
 
 impl Default for Schedule {
-    /// Moves for 10 s, holds still for 2 s.
+    /// Moves for 10 s, holds its pose for 2 s.
     fn default() -> Self {
         Self { acts: vec![(Act::Move, Duration::from_secs(10)), (Act::Hold, Duration::from_secs(2))] }
     }
 }
 
-/// Which board.
+/// Settings of the simulated board.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Centre of its motion.
+    /// Centre of the motion.
     pub around: Pose,
     /// Lines a second, 1..=1000.
     pub rate_hz: f64,
     /// Seed of the motion and the damage.
     pub seed: u32,
-    /// What it does when.
+    /// Sequence of acts.
     pub schedule: Schedule,
 }
 
@@ -114,25 +113,25 @@ impl Default for Settings {
     }
 }
 
-/// What the board does at one of its ticks.
+/// Outcome of one tick of the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Tick {
-    /// Sends a line.
+    /// A line is sent.
     Line(Bytes),
-    /// Sends nothing.
+    /// Nothing is sent.
     Nothing,
-    /// Has no port.
+    /// There is no port.
     Unplugged,
 }
 
-/// The board. It ticks at a steady rate from time 0.
+/// Simulated board, ticking at a steady rate from time 0.
 #[derive(Debug, Clone)]
 pub struct Board {
     settings: Settings,
     ticks: u64,
-    /// Index into the schedule.
+    /// Index of the present act in the schedule.
     act: usize,
-    /// When the act ends.
+    /// End of the present act.
     act_end: Duration,
     /// Acts begun so far.
     acts_begun: u64,
@@ -147,12 +146,12 @@ impl Board {
         Self { settings, ticks: 0, act: 0, act_end, acts_begun: 1, moved: Duration::ZERO }
     }
 
-    /// When the next tick is, since the board's start.
+    /// Time of the next tick since the board's start.
     pub fn next_at(&self) -> Duration {
         Duration::from_nanos(nanoseconds(self.period()).saturating_mul(self.ticks))
     }
 
-    /// What the board does now.
+    /// Advances by one tick.
     pub fn tick(&mut self) -> Tick {
         let at = self.next_at();
         while at >= self.act_end && !self.settings.schedule.acts.is_empty() {
@@ -248,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn moves_smoothly_holds_still_and_jumps() {
+    fn the_board_moves_smoothly_holds_and_jumps() {
         let settings = settings("move 1, hold 0.5, jump 0.5, drop 0.25, unplug 0.25");
         let all = ticks(&settings, 500);
         assert_eq!(all, ticks(&settings, 500));
@@ -268,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn seeds_differ_and_damage_is_found() {
+    fn seeds_differ_and_damage_is_detected() {
         let a = settings("move 1");
         let b = Settings { seed: 8, ..a.clone() };
         assert_ne!(ticks(&a, 3), ticks(&b, 3));
@@ -277,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_schedule_is_read_and_written() {
+    fn a_schedule_is_parsed_and_printed() {
         let text = "move 10, hold 2.5, jump 1, drop 0.5, corrupt 1, unplug 3";
         assert_eq!(text.parse::<Schedule>().unwrap().to_string(), text);
         for (wrong, part) in

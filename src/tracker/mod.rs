@@ -1,20 +1,18 @@
-//! From a tracker's bytes to poses.
+//! Trackers: from received bytes to pose records.
 //!
-//! Decoders are sans-IO: they take bytes from a buffer that somebody else fills (a serial port, a socket, a
-//! recording) and give records. A recording holds the raw bytes and the name of their [`Protocol`], so that a replay
-//! runs through the decoder that a live session would use. A [driver](driver::Driver) speaks with the device, without
-//! input or output, too. A session ([`spawn`]) joins a transport, a driver and a [`Listener`] on a thread of its own, and
-//! goes on whatever the hardware does.
+//! Decoders are sans-IO: they take bytes from a buffer filled by a serial port, a socket or a recording, and return
+//! records. A recording holds the raw bytes and the name of their [`Protocol`], so a replay runs the decoder of a live
+//! session. A [driver](driver::Driver) holds the conversation with the device, also sans-IO. A session ([`spawn`])
+//! joins a transport, a driver and a [`Listener`] on a thread of its own, and survives all hardware faults.
 //!
 //! # Adding a protocol
 //! 1. Write `src/tracker/NAME.rs` with a decoder whose `decode(&mut BytesMut) -> Result<Option<Record>, DecodeError>`
-//!    keeps the promises of [`Decoder::decode`], and an error type that names the byte offset, what was wrong and what
-//!    would be right.
+//!    keeps the promises of [`Decoder::decode`]. Its error type names the byte offset, the fault and the correct form.
 //! 2. Add a variant to [`Protocol`] (with its name in [`Protocol::ALL`] and [`Protocol::name`]), to [`Decoder`] and to
 //!    [`DecodeError`]; the compiler then shows each `match` to extend.
-//! 3. Let [`Protocol::driver`] make its driver: [`driver::Passive`] where the device speaks by itself.
-//! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames, any split of the stream gives
-//!    the same records, arbitrary bytes never panic and always make progress.
+//! 3. Let [`Protocol::driver`] make its driver: [`driver::Passive`] if the device streams by itself.
+//! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames; any split of the stream gives the
+//!    same records; arbitrary bytes never panic and always make progress.
 
 use std::str::FromStr;
 
@@ -62,20 +60,20 @@ pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Station, port handle or tool of the device; 0 where its protocol knows only one.
+    /// Station, port handle or tool of the device; 0 if the protocol has only one.
     pub sensor: u16,
-    /// Counter of the device, where it has one; it wraps at 2³².
+    /// Counter of the device, if it has one; wraps at 2³².
     pub sequence: Option<u32>,
-    /// Clock of the device, µs from its own origin, where it has one.
+    /// Clock of the device, µs from its own origin, if it has one.
     pub device_time_us: Option<u64>,
-    /// Buttons or switches held, a bit each from the lowest.
+    /// Pressed buttons or switches, one bit each from the lowest.
     pub buttons: u32,
-    /// What was measured, in the tracker's frame; for recordings made over a scene, in that scene's frame.
+    /// Measured value, in the tracker's frame. Recordings made over a scene use the scene's frame.
     pub reading: Reading,
 }
 
 impl Record {
-    /// A pose of the only sensor of a device that has a counter and a clock.
+    /// A pose from a device with one sensor, a counter and a clock.
     pub fn pose(sequence: u32, device_time_us: u64, pose: Pose) -> Self {
         Self {
             sensor: 0,
@@ -87,7 +85,7 @@ impl Record {
     }
 }
 
-/// A wire format.
+/// Wire format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Protocol {
     /// Lines of [`ascii_line`], checksum required.
@@ -114,18 +112,18 @@ pub enum Protocol {
     OpenIgtLink,
 }
 
-/// A name that no protocol has.
+/// An unknown protocol name.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("unknown tracker protocol `{name}`; known: {known}")]
 pub struct UnknownProtocol {
     /// Name looked up.
     pub name: String,
-    /// Names of all protocols, ready to print.
+    /// Names of all protocols, separated by commas.
     pub known: String,
 }
 
 impl Protocol {
-    /// Every protocol.
+    /// All protocols.
     pub const ALL: [Self; 11] = [
         Self::AsciiLine,
         Self::FastrakAscii,
@@ -140,7 +138,7 @@ impl Protocol {
         Self::OpenIgtLink,
     ];
 
-    /// The name that recordings and station files use.
+    /// Name in recordings and station files.
     pub fn name(self) -> &'static str {
         match self {
             Self::AsciiLine => "ascii-line",
@@ -157,7 +155,7 @@ impl Protocol {
         }
     }
 
-    /// A decoder at the start of a stream.
+    /// Decoder at the start of a stream.
     pub fn decoder(self) -> Decoder {
         match self {
             Self::AsciiLine => Decoder::AsciiLine(ascii_line::Decoder::new(ascii_line::Checksum::Required)),
@@ -174,7 +172,7 @@ impl Protocol {
         }
     }
 
-    /// A decoder at the start of the stream of a device with `options`.
+    /// Decoder at the start of the stream of a device with `options`.
     pub fn decoder_of(self, options: &driver::DeviceOptions) -> Decoder {
         match self {
             Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(options.puck_range)),
@@ -182,7 +180,7 @@ impl Protocol {
         }
     }
 
-    /// The sensor that a device's driver asks for where the station names none; none where it needs no number.
+    /// Sensor that the driver requests by default; `None` if the protocol needs no number.
     pub fn first_sensor(self) -> Option<u16> {
         match self {
             Self::AsciiLine
@@ -196,16 +194,16 @@ impl Protocol {
         }
     }
 
-    /// Speed of the serial port that devices come with, baud.
+    /// Factory speed of the serial port, baud.
     pub fn usual_baud(self) -> u32 {
         match self {
-            // The driver switches to a higher speed itself.
+            // The driver itself switches to a higher speed.
             Self::Ndi => 9600,
             _ => 115_200,
         }
     }
 
-    /// A driver of a device that speaks this.
+    /// Driver of a device with this protocol.
     pub fn driver(self, options: &DeviceOptions) -> Box<dyn Driver> {
         let polhemus = |model| Box::new(PolhemusDriver::new(model, options));
         match self {
@@ -235,37 +233,37 @@ impl FromStr for Protocol {
     }
 }
 
-/// Bytes that are no record, in any protocol.
+/// Bytes that are not a record, in any protocol.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum DecodeError {
-    /// Of an ASCII line.
+    /// Fault of an ASCII line.
     #[error(transparent)]
     AsciiLine(#[from] ascii_line::DecodeError),
-    /// Of a FASTRAK.
+    /// Fault of a FASTRAK's stream.
     #[error(transparent)]
     Fastrak(#[from] fastrak::DecodeError),
-    /// Of a LIBERTY or PATRIOT.
+    /// Fault of a LIBERTY's or PATRIOT's stream.
     #[error(transparent)]
     Liberty(#[from] liberty::DecodeError),
-    /// Of an NDI device.
+    /// Fault of an NDI device's stream.
     #[error(transparent)]
     Ndi(#[from] ndi::DecodeError),
-    /// Of a SpaceMouse.
+    /// Fault of a SpaceMouse report.
     #[error(transparent)]
     SpaceMouse(#[from] spacemouse::DecodeError),
-    /// Of a BNO08x.
+    /// Fault of a BNO08x's stream.
     #[error(transparent)]
     Bno08x(#[from] bno08x::DecodeError),
-    /// Of opentrack.
+    /// Fault of an opentrack datagram.
     #[error(transparent)]
     OpenTrack(#[from] opentrack::DecodeError),
-    /// Of an OpenIGTLink stream.
+    /// Fault of an OpenIGTLink stream.
     #[error(transparent)]
     OpenIgtLink(#[from] openigtlink::DecodeError),
 }
 
 impl DecodeError {
-    /// Whether the device itself reports something, in a frame that is whole: it is there and speaks.
+    /// Whether a well-formed frame reports an error of the device: the device is connected and responding.
     pub fn is_report(&self) -> bool {
         match self {
             Self::Fastrak(error) => matches!(error.reason, fastrak::Reason::Device { .. }),
@@ -276,7 +274,7 @@ impl DecodeError {
     }
 }
 
-/// The decoder of one stream.
+/// Decoder of one stream.
 #[derive(Debug, Clone)]
 pub enum Decoder {
     /// ASCII lines.
@@ -298,12 +296,12 @@ pub enum Decoder {
 }
 
 impl Decoder {
-    /// Takes the next record from the front of `buffer`, where new bytes are appended.
+    /// Takes the next record from the front of `buffer`, to which new bytes are appended.
     ///
-    /// `Ok(None)` asks for more bytes. Each record and each error removes bytes, so that a loop until `Ok(None)` ends.
+    /// `Ok(None)` asks for more bytes. Each record and each error removes bytes, so a loop until `Ok(None)` ends.
     ///
     /// # Errors
-    /// Bytes that are no record. They are removed, and the next call goes on behind them.
+    /// Bytes that are not a record. They are removed, and the next call continues behind them.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         match self {
             Self::AsciiLine(decoder) => Ok(decoder.decode(buffer)?),
@@ -317,10 +315,10 @@ impl Decoder {
         }
     }
 
-    /// Ends the stream: what is left in `buffer` is part of a record at most.
+    /// Ends the stream.
     ///
     /// # Errors
-    /// There was a part of a record. It is removed.
+    /// Part of a record is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         match self {
             Self::AsciiLine(decoder) => Ok(decoder.finish(buffer)?),

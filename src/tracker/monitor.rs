@@ -1,4 +1,4 @@
-//! Figures of a session for people: rate, jitter, losses, state.
+//! Figures of a tracker session: rate, jitter, losses, state.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -6,27 +6,27 @@ use std::time::Duration;
 
 use super::{Listener, Record, TrackerEvent};
 
-/// Events that wait to be told; of more, the oldest are dropped and counted.
-const EVENTS: usize = 32;
+/// Capacity of the queue of unreported events; the oldest are dropped and counted.
+const EVENT_CAPACITY: usize = 32;
 
-/// What a tracker is doing.
+/// State of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SessionState {
-    /// Its port isn't open.
+    /// The port isn't open.
     #[default]
     Disconnected,
-    /// Its port is open; no record has come yet.
+    /// The port is open; no record has arrived yet.
     Connected,
-    /// Records come.
+    /// Records arrive.
     Streaming,
-    /// Records came, or should come, and don't.
+    /// Records are overdue.
     Silent,
-    /// Its recording is at the end.
+    /// The recording is at its end.
     Ended,
 }
 
 impl SessionState {
-    /// A word for people.
+    /// Name of the state in lower case.
     pub fn name(self) -> &'static str {
         match self {
             Self::Disconnected => "disconnected",
@@ -41,27 +41,27 @@ impl SessionState {
 /// Figures since the last report, and totals.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
-    /// What the tracker is doing.
+    /// State of the tracker.
     pub state: SessionState,
     /// Records since the last report.
     pub records: u64,
-    /// Records a second, from their first bytes' times; none for less than two records.
+    /// Records a second, from the arrival of their first bytes; `None` below two records.
     pub rate_hz: Option<f64>,
-    /// Standard deviation of the time between two records, ms.
+    /// Standard deviation of the interval between records, ms.
     pub jitter_ms: Option<f64>,
-    /// Longest time between two records, ms.
+    /// Longest interval between two records, ms.
     pub longest_ms: Option<f64>,
-    /// Records that the device's counter says are missing, in all.
+    /// Total of records missing by the device's counter.
     pub missing: u64,
-    /// Records whose counter doesn't rise, in all.
+    /// Total of records whose counter doesn't rise.
     pub reversals: u64,
-    /// Pieces of the stream that were no record, in all.
+    /// Total of pieces of the stream that are not records.
     pub decode_errors: u64,
-    /// The last record.
+    /// Latest record.
     pub last: Option<Record>,
-    /// Events since the last report, ready to print.
+    /// Events since the last report, as text.
     pub events: Vec<String>,
-    /// Events that did not fit since then.
+    /// Events dropped since the last report.
     pub events_dropped: u64,
 }
 
@@ -75,13 +75,13 @@ struct Figures {
     events: VecDeque<String>,
     last_ns: Option<u64>,
     sequence: Option<u32>,
-    /// Intervals since the last report: how many, their sum and sum of squares, s.
+    /// Intervals since the last report: count, sum (s) and sum of squares (s²).
     intervals: (u32, f64, f64),
     longest_s: f64,
 }
 
 impl Monitor {
-    /// What was heard since the last report.
+    /// Figures since the last report.
     pub fn report(&self) -> Report {
         let mut figures = self.figures();
         let (count, sum, squares) = std::mem::take(&mut figures.intervals);
@@ -99,7 +99,7 @@ impl Monitor {
     }
 
     fn figures(&self) -> MutexGuard<'_, Figures> {
-        // Figures are whole at each moment, whatever became of another thread.
+        // The figures are consistent at every moment, even if another thread panicked.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -140,10 +140,10 @@ impl Listener for Monitor {
             TrackerEvent::OtherSensor { .. } => {}
         }
         if matches!(event, TrackerEvent::Disconnected { .. } | TrackerEvent::Ended) {
-            // The gap is no jitter of the device.
+            // The interruption is not jitter of the device.
             (figures.last_ns, figures.sequence) = (None, None);
         }
-        if figures.events.len() == EVENTS {
+        if figures.events.len() == EVENT_CAPACITY {
             figures.events.pop_front();
             figures.report.events_dropped += 1;
         }

@@ -1,12 +1,11 @@
-//! opentrack's "UDP over network" (port 4242): one datagram a pose, 48 bytes.
+//! opentrack's "UDP over network" (port 4242): one pose per datagram of 48 bytes.
 //!
-//! Six f64, little-endian: x y z (cm), yaw pitch roll (degrees). A datagram has nothing else: what guards it is its
-//! length and that its numbers make a pose. Each call decodes whole datagrams: a buffer whose length is not a multiple of
-//! 48 holds none, and is emptied.
+//! Six f64, little-endian: x y z (cm), yaw pitch roll (degrees). A datagram is checked by its length and by whether its
+//! numbers make a pose. Each call decodes whole datagrams: a buffer whose length is not a multiple of 48 is emptied.
 //!
-//! The rotation is Ry(yaw) · Rx(pitch) · Rz(roll), right-handed about the axes of the position. opentrack turns signs and
-//! swaps axes as its user sets them ("Options → Output"), and its versions differ: check the axes once with
-//! `insonify trackers`.
+//! The rotation is Ry(yaw) · Rx(pitch) · Rz(roll), right-handed about the axes of the position. opentrack's user can
+//! reverse signs and swap axes ("Options → Output"), and its versions differ: check the axes once with `insonify
+//! trackers`.
 
 use bytes::{Buf, BytesMut};
 use glam::{DQuat, EulerRot};
@@ -23,39 +22,39 @@ pub const LENGTH: usize = 48;
 
 const MM_PER_CM: f64 = 10.0;
 
-/// A datagram that is no pose.
+/// A datagram that is not a pose.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("datagram {number} of opentrack: {reason}")]
 pub struct DecodeError {
-    /// Datagrams before it.
+    /// Number of earlier datagrams.
     pub number: u64,
-    /// What is wrong with it.
+    /// Fault of the datagram.
     pub reason: Reason,
 }
 
-/// What is wrong with a datagram.
+/// Fault of a datagram.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// Of another length.
+    /// Wrong length.
     #[error("it has {length} bytes; it must have {LENGTH} (six doubles: x, y, z, yaw, pitch, roll)")]
     Length {
         /// Bytes found.
         length: usize,
     },
-    /// An angle that is none.
+    /// An angle outside its range.
     #[error("`{name}` is {value}°; an angle must be a number within ±{ANGLE_LIMIT_DEG}°")]
     Angle {
-        /// Which one.
+        /// `yaw`, `pitch` or `roll`.
         name: &'static str,
         /// Its value, degrees.
         value: f64,
     },
-    /// Numbers, but no pose.
+    /// Numbers that are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
 }
 
-/// Largest angle that is taken for one, degrees: a turn and a bit more.
+/// Largest accepted angle, degrees: somewhat more than a turn.
 pub const ANGLE_LIMIT_DEG: f64 = 400.0;
 
 /// Decoder of one sender's datagrams.
@@ -70,10 +69,10 @@ impl Decoder {
         Self::default()
     }
 
-    /// Decodes the first of the datagrams in `buffer`, and removes it.
+    /// Decodes and removes the first of the datagrams in `buffer`.
     ///
     /// # Errors
-    /// A datagram that is no pose. It is removed; with all that is there, where its length is wrong.
+    /// A datagram that is not a pose. It is removed; if its length is wrong, the whole buffer is.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         if buffer.is_empty() {
             return Ok(None);
@@ -91,10 +90,10 @@ impl Decoder {
         Ok(Some(Record { sensor: 0, sequence: None, device_time_us: None, buttons: 0, reading }))
     }
 
-    /// Ends the stream: there is no part of a datagram.
+    /// Ends the stream; a datagram is never left in part.
     ///
     /// # Errors
-    /// None; it has the signature of the other decoders.
+    /// None; the signature is that of the other decoders.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         buffer.clear();
         Ok(())
@@ -132,7 +131,7 @@ mod tests {
         assert!((pose.orientation * DVec3::Z).distance(DVec3::X) < 1e-12);
         assert!(buffer.is_empty());
 
-        // Turned by all three: yaw of the pitched of the rolled.
+        // All three rotations: yaw after pitch after roll.
         let mut buffer = datagram([0.0, 0.0, 0.0, 90.0, 90.0, 90.0]);
         let Reading::Pose(pose) = Decoder::new().decode(&mut buffer).unwrap().unwrap().reading else { panic!() };
         let turned = DQuat::from_rotation_y(90_f64.to_radians())
@@ -142,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pose_is_refused_and_the_next_is_taken() {
+    fn datagrams_that_are_no_pose_are_refused_and_the_next_is_decoded() {
         let good = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         let mut decoder = Decoder::new();
         for index in 0..6 {

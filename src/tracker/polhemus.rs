@@ -1,4 +1,4 @@
-//! The driver of Polhemus devices: stops, resets, sets up and starts the stream.
+//! Driver of Polhemus devices: stops, resets, configures and starts the stream.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -8,19 +8,19 @@ use bytes::{Bytes, BytesMut};
 use super::driver::{DeviceOptions, Driver};
 use super::{DecodeError, Decoder, Protocol, Record, fastrak, liberty};
 
-/// Pause after each command: the devices lose commands that come faster.
+/// Pause after each command: the devices lose commands that follow faster.
 const COMMAND_PAUSE: Duration = Duration::from_millis(50);
 
 /// Pause after the command that stops an earlier stream.
 const STOP_PAUSE: Duration = Duration::from_millis(250);
 
-/// Time from the start of the stream to its first record that is waited for beside the usual patience.
+/// Allowance for the first record after the start of the stream, in addition to the usual silence limit.
 const FIRST_RECORD: Duration = Duration::from_millis(500);
 
-/// Control-Y: the device starts anew, as if switched on.
+/// Control-Y: restarts the device like power-on.
 const RESET: u8 = 0x19;
 
-/// What the devices differ in.
+/// Device model and its format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Model {
     /// FASTRAK.
@@ -54,23 +54,23 @@ impl Model {
     }
 }
 
-/// Speaks with one Polhemus device.
+/// Driver of one Polhemus device.
 ///
-/// Attempt 0 stops an earlier stream and sets the device up. Attempt 1 sends a carriage return first, which ends a
-/// command that was left half. From attempt 2 on the device is reset, and its start waited for.
+/// Attempt 0 stops an earlier stream and configures the device. Attempt 1 sends a carriage return first, which ends an
+/// incomplete command. From attempt 2 on the device is reset, and the driver waits for its start-up.
 pub struct PolhemusDriver {
     model: Model,
     options: DeviceOptions,
     decoder: Decoder,
-    /// What is still to be sent, each at its time, ascending.
+    /// Commands still to be sent, with their times in ascending order.
     script: VecDeque<(Duration, Bytes)>,
-    /// From the last start until the stream should run.
+    /// Time from the last start until the stream should run.
     preparation: Duration,
-    heard: bool,
+    streaming: bool,
 }
 
 impl PolhemusDriver {
-    /// A driver that sends nothing before it is started.
+    /// Driver that sends nothing before it is started.
     pub fn new(model: Model, options: &DeviceOptions) -> Self {
         Self {
             model,
@@ -78,7 +78,7 @@ impl PolhemusDriver {
             decoder: model.protocol().decoder(),
             script: VecDeque::new(),
             preparation: Duration::ZERO,
-            heard: false,
+            streaming: false,
         }
     }
 }
@@ -90,27 +90,27 @@ impl Driver for PolhemusDriver {
 
     fn start(&mut self, now: Duration, attempt: u32) {
         self.script.clear();
-        self.heard = false;
-        // The next bytes may belong to a record that was begun before.
+        self.streaming = false;
+        // The next bytes may belong to an earlier, incomplete record.
         self.decoder = self.model.protocol().decoder();
         let mut at = now;
-        let mut say = |bytes: Bytes, pause: Duration| {
+        let mut schedule = |bytes: Bytes, pause: Duration| {
             self.script.push_back((at, bytes));
             at += pause;
         };
         if attempt > 0 {
-            say(Bytes::from_static(b"\r"), COMMAND_PAUSE);
+            schedule(Bytes::from_static(b"\r"), COMMAND_PAUSE);
         }
-        say(Bytes::from_static(self.model.stop()), STOP_PAUSE);
+        schedule(Bytes::from_static(self.model.stop()), STOP_PAUSE);
         if attempt > 1 {
-            say(Bytes::from_static(self.model.reset()), self.options.reset_delay);
+            schedule(Bytes::from_static(self.model.reset()), self.options.reset_delay);
         }
         let setup = match self.model {
             Model::Fastrak(format) => fastrak::setup(format, self.options.sensor.unwrap_or(1), self.options.hemisphere),
             Model::Liberty(_) => liberty::setup(self.options.hemisphere),
         };
         for command in setup {
-            say(command, COMMAND_PAUSE);
+            schedule(command, COMMAND_PAUSE);
         }
         self.preparation = at.saturating_sub(now) + FIRST_RECORD;
     }
@@ -131,13 +131,13 @@ impl Driver for PolhemusDriver {
     }
 
     fn patience(&self) -> Duration {
-        if self.heard { self.options.silence } else { self.options.silence + self.preparation }
+        if self.streaming { self.options.silence } else { self.options.silence + self.preparation }
     }
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let record = self.decoder.decode(buffer)?;
-        // A stream that was running before doesn't show that this one does.
-        self.heard |= record.is_some() && self.script.is_empty();
+        // Records of an earlier stream don't prove that the new one runs.
+        self.streaming |= record.is_some() && self.script.is_empty();
         Ok(record)
     }
 

@@ -1,4 +1,4 @@
-//! Poses of a live tracker, for whoever asks for some of them.
+//! Access to the poses of a live tracker on request.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -8,10 +8,10 @@ use std::time::Duration;
 use super::{Listener, Monitor, Record, Report, TrackerEvent};
 use crate::pose::{Pose, Reading};
 
-/// Poses that wait to be taken; of more, the newest are left out.
-const WAITING: usize = 1024;
+/// Capacity of the queue of poses; further ones are dropped.
+const QUEUE_CAPACITY: usize = 1024;
 
-/// The tracker's side: a listener that lets poses through while somebody asks for them.
+/// Tracker's end: a listener that forwards poses while they are requested.
 #[derive(Debug)]
 pub struct PoseTap {
     shared: Arc<Shared>,
@@ -19,7 +19,7 @@ pub struct PoseTap {
     monitor: Monitor,
 }
 
-/// The asker's side.
+/// Receiving end of a [`PoseTap`].
 #[derive(Debug)]
 pub struct PoseStream {
     shared: Arc<Shared>,
@@ -33,9 +33,9 @@ struct Shared {
     without_pose: AtomicU64,
 }
 
-/// Both sides.
+/// A connected pair.
 pub fn pose_tap() -> (PoseTap, PoseStream) {
-    let (sender, receiver) = sync_channel(WAITING);
+    let (sender, receiver) = sync_channel(QUEUE_CAPACITY);
     let (shared, monitor) = (Arc::<Shared>::default(), Monitor::default());
     let stream = PoseStream { shared: shared.clone(), receiver, monitor: monitor.clone() };
     (PoseTap { shared, sender, monitor }, stream)
@@ -52,7 +52,7 @@ impl Listener for PoseTap {
             return;
         }
         match record.reading {
-            // Whoever asks looks at stretches of poses: one that doesn't fit is as good as one that never came.
+            // Receivers use stretches of poses, so a pose that doesn't fit the queue may be dropped.
             Reading::Pose(pose) => drop(self.sender.try_send(pose)),
             _ => drop(self.shared.without_pose.fetch_add(1, Ordering::Relaxed)),
         }
@@ -64,7 +64,7 @@ impl Listener for PoseTap {
 }
 
 impl PoseStream {
-    /// The poses that are measured from now on, until none comes for `silence` or the session is over.
+    /// Poses measured from now on, until none arrives for `silence` or the session ends.
     pub fn poses(&self, silence: Duration) -> Poses<'_> {
         while self.receiver.try_recv().is_ok() {}
         self.shared.without_pose.store(0, Ordering::Relaxed);
@@ -72,19 +72,19 @@ impl PoseStream {
         Poses { stream: self, silence }
     }
 
-    /// Records that held no pose since [`poses`](Self::poses) was called last: out of view, or of a device that
+    /// Records without a pose since the last call of [`poses`](Self::poses): out of view, or from a device that
     /// measures no position.
     pub fn without_pose(&self) -> u64 {
         self.shared.without_pose.load(Ordering::Relaxed)
     }
 
-    /// What the tracker did since the last report.
+    /// Figures of the tracker since the last report.
     pub fn report(&self) -> Report {
         self.monitor.report()
     }
 }
 
-/// Poses as they come.
+/// Iterator over poses as they arrive.
 #[derive(Debug)]
 pub struct Poses<'a> {
     stream: &'a PoseStream,
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_poses_of_the_time_asked_for_come_through() {
+    fn only_poses_of_the_requested_time_are_delivered() {
         let (mut tap, stream) = pose_tap();
         let record = |x: u32| {
             let pose = Pose { position_mm: DVec3::X * f64::from(x), ..Pose::IDENTITY };
@@ -128,10 +128,10 @@ mod tests {
         drop(poses);
         tap.record(0, &record(4));
         assert_eq!(stream.poses(Duration::ZERO).next(), None);
-        // Nobody takes them: there is an end to what is kept.
+        // Without a receiver the queue stays bounded.
         let poses = stream.poses(Duration::ZERO);
         (0..5000).for_each(|x| tap.record(0, &record(x)));
-        assert_eq!(poses.count(), WAITING);
+        assert_eq!(poses.count(), QUEUE_CAPACITY);
         assert_eq!(stream.report().records, 5004);
     }
 }

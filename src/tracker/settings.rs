@@ -1,4 +1,4 @@
-//! Which tracker a station has, and how to reach it.
+//! Tracker settings of a station.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -13,13 +13,13 @@ use super::{AxisMap, Protocol, mock};
 /// A station's tracker.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// How its bytes come.
+    /// Transport of its bytes.
     pub transport: Transport,
-    /// What they mean; a recording knows that itself, and a mock speaks [`Protocol::AsciiLine`].
+    /// Protocol of its bytes. Recordings carry their own, and the mock speaks [`Protocol::AsciiLine`].
     pub protocol: Protocol,
-    /// What its driver needs to know.
+    /// Options of its driver.
     pub device: DeviceOptions,
-    /// Axes of a puck.
+    /// Axis map of a puck.
     pub axis_map: AxisMap,
 }
 
@@ -35,63 +35,63 @@ impl Default for Settings {
     }
 }
 
-/// How the bytes of a tracker come.
+/// Transport of a tracker's bytes.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transport {
     /// There is no tracker.
     None,
     /// A serial port, 8N1.
     Serial {
-        /// Which.
+        /// Port.
         port: PortName,
         /// Speed, baud.
         baud: u32,
     },
-    /// A TCP server of the tracker.
+    /// TCP connection to a server that sends the tracker's bytes.
     Tcp {
         /// `host:port`.
         address: String,
     },
-    /// Datagrams that the tracker sends here.
+    /// Datagrams sent to this machine.
     Udp {
-        /// Where to listen.
+        /// Address to listen on.
         address: SocketAddr,
     },
     /// A HID device.
     Hid {
-        /// Which; none for the first SpaceMouse.
+        /// Device; `None` takes the first SpaceMouse.
         device: Option<PortName>,
     },
-    /// No hardware: a board that is simulated.
+    /// Simulated board without hardware.
     Mock(mock::Settings),
-    /// The raw bytes of a recording.
+    /// Raw bytes of a recording.
     Recording {
         /// File (.mcap).
         path: PathBuf,
-        /// How fast.
+        /// Playback speed.
         speed: Speed,
-        /// Whether it begins anew at its end.
+        /// Whether playback restarts at the end.
         repeat: bool,
     },
 }
 
-/// How fast a recording is played.
+/// Playback speed of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Speed {
-    /// So many times as fast as it was recorded; its bytes get the host's time.
+    /// Multiple of the recorded speed; bytes are stamped with host time.
     Factor(f64),
-    /// As fast as it is taken; its bytes keep the time at which they were recorded.
+    /// As fast as the bytes are consumed; they keep their recorded times.
     AtOnce,
 }
 
-/// Names of protocols whose messages are HID reports.
+/// Protocols whose messages are HID reports.
 const HID: &[&str] = &["spacemouse"];
 
-/// Names of protocols that come as datagrams.
+/// Protocols that arrive as datagrams.
 const DATAGRAMS: &[&str] = &["opentrack", "ascii-line"];
 
 impl Transport {
-    /// The name that station files use.
+    /// Name in station files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::None => "none",
@@ -104,12 +104,12 @@ impl Transport {
         }
     }
 
-    /// Whether devices that speak `protocol` say nothing while nothing moves, as pucks do.
+    /// Whether devices with `protocol` are silent while nothing moves, as pucks are.
     pub(super) fn may_rest(protocol: Protocol) -> bool {
         HID.contains(&protocol.name())
     }
 
-    /// Whether trackers that speak `protocol` are reached this way.
+    /// Whether this transport can carry `protocol`.
     pub fn carries(&self, protocol: Protocol) -> bool {
         let name = protocol.name();
         match self {
@@ -122,7 +122,7 @@ impl Transport {
     }
 }
 
-/// Which port or device: by its path, or by what it is, wherever it is plugged in.
+/// Identification of a port or device: by path, or by USB id wherever it is plugged in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PortName {
     /// A path: `/dev/serial/by-id/...`, `/dev/ttyUSB0`, `COM3`, `/dev/hidraw0`.
@@ -133,7 +133,7 @@ pub enum PortName {
         vendor: u16,
         /// Product.
         product: u16,
-        /// Serial number; none for the first such device.
+        /// Serial number; `None` takes the first such device.
         serial: Option<String>,
     },
 }
@@ -144,12 +144,12 @@ pub enum PortName {
     "`{text}` is no port: expected a path, or `vendor:product` or `vendor:product:serial` as in 0403:6001:A50285BI"
 )]
 pub struct PortNameError {
-    /// What was given.
+    /// Text given.
     pub text: String,
 }
 
 impl PortName {
-    /// Whether a USB device with these ids is meant.
+    /// Whether a USB device with these ids matches.
     pub fn is(&self, vendor: u16, product: u16, serial: Option<&str>) -> bool {
         match self {
             Self::Path(_) => false,
@@ -168,7 +168,7 @@ impl FromStr for PortName {
         if text.is_empty() {
             return Err(error());
         }
-        // Paths by id hold colons, too.
+        // Paths by id may contain colons.
         if text.contains(['/', '\\']) || !text.contains(':') {
             return Ok(Self::Path(text.to_owned()));
         }
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn protocols_have_their_transports() {
+    fn protocols_fit_their_transports() {
         let serial = Transport::Serial { port: PortName::Path("COM3".into()), baud: 9600 };
         assert!(serial.carries(Protocol::Liberty));
         assert!(!Transport::Hid { device: None }.carries(Protocol::Liberty));

@@ -2,17 +2,16 @@
 //!
 //! | report | bytes | content, i16 little-endian |
 //! |---|---|---|
-//! | split | 7 | `01` x y z, then in a report of its own `02` rx ry rz |
+//! | split | 7 | `01` x y z, then in a second report `02` rx ry rz |
 //! | combined | 13 | `01` x y z rx ry rz |
-//! | buttons | 2 or more | `03`, a bit a button from the lowest |
-//! | battery | any | `17`, passed over |
+//! | buttons | 2 or more | `03`, one bit per button from the lowest |
+//! | battery | any | `17`, ignored |
 //!
-//! Split and combined reports are told apart by their length, not by the product: some systems fill reports up by zeros.
-//! A report has no length of its own, so that each call decodes one report: the whole buffer. Each report that changes
-//! something gives a record of all that is known: rates, and buttons held. A puck at rest sends nothing.
+//! Split and combined reports differ by their length, not by the product; some systems pad reports with zeros. A report
+//! carries no length, so each call decodes the whole buffer as one report. Each report that changes something gives a
+//! record of the complete state: rates and pressed buttons. A puck at rest sends nothing.
 //!
-//! Axes are those of the device; which sign means what differs from reader to reader of these reports. Sources: VRPN,
-//! spacenavd, PLUS.
+//! Axes are those of the device; readers of these reports disagree on their signs. Sources: VRPN, spacenavd, PLUS.
 
 use bytes::BytesMut;
 use glam::DVec3;
@@ -21,7 +20,7 @@ use thiserror::Error;
 use super::Record;
 use crate::pose::Reading;
 
-/// What the puck reports when pushed or turned all the way; devices reach about this, none says exactly.
+/// Report value at full deflection. Devices reach about this; none specifies it.
 pub const RANGE: f64 = 350.0;
 
 /// Longest report, bytes.
@@ -33,7 +32,7 @@ pub const VENDORS: [u16; 2] = [0x046D, 0x256F];
 /// HID usage page and usage of a multi-axis controller.
 pub const USAGE: (u16, u16) = (1, 8);
 
-/// Products of 3Dconnexion that are no puck: keyboards, mice, receivers' other halves.
+/// Products of 3Dconnexion with that usage that are not pucks: keyboards, mice and their receivers.
 pub const NOT_A_PUCK: [u16; 11] =
     [0xC650, 0xC651, 0xC654, 0xC655, 0xC656, 0xC657, 0xC658, 0xC664, 0xC665, 0xC668, 0xC62C];
 
@@ -44,20 +43,20 @@ const BATTERY: u8 = 0x17;
 const SPLIT: usize = 7;
 const COMBINED: usize = 13;
 
-/// Bytes that are no report.
+/// Bytes that are not a report.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("report {number} of the SpaceMouse: {reason}")]
 pub struct DecodeError {
-    /// Reports before it.
+    /// Number of earlier reports.
     pub number: u64,
-    /// What is wrong with it.
+    /// Fault of the report.
     pub reason: Reason,
 }
 
-/// What is wrong with a report.
+/// Fault of a report.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// Another kind of report.
+    /// Unknown kind of report.
     #[error("it is of kind 0x{kind:02X}; known are 01 and 02 (axes), 03 (buttons) and 17 (battery)")]
     Kind {
         /// First byte.
@@ -68,15 +67,15 @@ pub enum Reason {
     Length {
         /// First byte.
         kind: u8,
-        /// Bytes it has.
+        /// Bytes present.
         length: usize,
-        /// Bytes it needs.
+        /// Bytes required.
         least: usize,
     },
-    /// More than a report can hold.
+    /// More bytes than a report can hold.
     #[error("it has {length} bytes, more than the {REPORT_LIMIT} of a report")]
     TooLong {
-        /// Bytes it has.
+        /// Bytes present.
         length: usize,
     },
 }
@@ -92,16 +91,16 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder of a device that reports `range` when pushed all the way; values beyond count as that.
+    /// Decoder of a device that reports `range` at full deflection; larger values are clamped to it.
     pub fn new(range: f64) -> Self {
         let range = if range.is_finite() && range >= 1.0 { range } else { RANGE };
         Self { range, number: 0, translation: DVec3::ZERO, rotation: DVec3::ZERO, buttons: 0 }
     }
 
-    /// Decodes the report that `buffer` holds, and empties it; `Ok(None)` where it says nothing.
+    /// Decodes the report in `buffer` and empties it; `Ok(None)` if the report changes nothing.
     ///
     /// # Errors
-    /// A report that is none, or of another kind. It is removed.
+    /// A malformed report, or one of an unknown kind. It is removed.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         if buffer.is_empty() {
             return Ok(None);
@@ -114,10 +113,10 @@ impl Decoder {
         Ok(is_said.then(|| self.record()))
     }
 
-    /// Ends the stream: there is no part of a report.
+    /// Ends the stream; a report is never left in part.
     ///
     /// # Errors
-    /// None; it has the signature of the other decoders.
+    /// None; the signature is that of the other decoders.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         buffer.clear();
         Ok(())
@@ -188,7 +187,7 @@ mod tests {
 
     /// Layouts of VRPN's and spacenavd's readers.
     #[test]
-    fn split_and_combined_reports_are_told_by_their_length() {
+    fn split_and_combined_reports_are_distinguished_by_length() {
         let mut split = Decoder::new(350.0);
         let first = decode(&mut split, &[1, 0x5E, 0x01, 0xA2, 0xFE, 0xAF, 0x00]);
         assert_eq!(first, Ok(Some((DVec3::new(1.0, -1.0, 0.5), DVec3::ZERO, 0))));
@@ -198,7 +197,7 @@ mod tests {
         let mut combined = Decoder::new(350.0);
         let both = decode(&mut combined, &[1, 0x5E, 0x01, 0xA2, 0xFE, 0xAF, 0, 0, 0, 0x46, 0, 0xBA, 0xFF]);
         assert_eq!(both, Ok(Some(second)));
-        // A split report that the system filled up.
+        // A split report padded by the system.
         let filled = decode(&mut combined, &[1, 0, 0, 0, 0, 0, 0, 9, 9, 9, 9, 9]).unwrap().unwrap();
         assert_eq!(filled, (DVec3::ZERO, DVec3::new(0.0, 0.2, -0.2), 0));
     }
@@ -214,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_report_is_named() {
+    fn malformed_reports_are_named() {
         let mut decoder = Decoder::new(350.0);
         assert_eq!(decode(&mut decoder, &[9, 1, 2]), Err(Reason::Kind { kind: 9 }));
         assert_eq!(decode(&mut decoder, &[1, 0, 0]), Err(Reason::Length { kind: 1, length: 3, least: 7 }));

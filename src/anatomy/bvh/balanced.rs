@@ -1,5 +1,5 @@
-//! A shallow tree for triangles that the usual builder chains one by one: fans of slivers, whose boxes all nest, and heaps
-//! in one place.
+//! Shallow BVH for triangles that the usual builder would chain one by one: fans of slivers with nested boxes, and
+//! coincident triangles.
 
 use std::time::Duration;
 
@@ -10,12 +10,12 @@ use obvhs::{BvhBuildParams, triangle::Triangle};
 use super::PackedTriangle;
 use super::refit::{Extent, fit};
 
-/// How far middles are moved by chance, of the diagonal that they span: 200 steps of the builder's Morton codes (21 bits an
-/// axis), which parts heaps, and far less than neighbours of an ordinary mesh are apart.
+/// Random displacement of the centroids, as a fraction of their bounds' diagonal: 200 steps of the builder's Morton
+/// codes (21 bits per axis). It separates coincident triangles, yet is far below the spacing of an ordinary mesh.
 const JITTER: f32 = 1e-4;
 
-/// Builds over the triangles' middles, each moved a little by chance so that no two are alike, and then gives the nodes
-/// the boxes of the triangles themselves: slower to trace than the usual tree, never deeper than about log₂ of their number.
+/// Builds a tree over the triangles' centroids, randomly displaced so that no two coincide, then fits the nodes to the
+/// triangles themselves. It is slower to trace than the usual tree, but never deeper than about log₂ of their number.
 pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     let middle = |t: &Triangle| (t.v0 + t.v1 + t.v2) / 3.0;
     let bounds = triangles.iter().map(middle).fold(Aabb::empty(), |mut all, point| *all.extend(point));
@@ -44,7 +44,7 @@ pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
         })
         .collect();
     let nodes: &mut [[u32; 20]] = bytemuck::cast_slice_mut(&mut tree.nodes);
-    // Parents before their children; boxes are made the other way round.
+    // Parents come before their children; boxes are computed in reverse order.
     let (mut order, mut next) = (vec![0usize], 0);
     while let Some(&node) = order.get(next) {
         let words = &nodes[node];

@@ -24,8 +24,8 @@ use moving::{Group, Moving};
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
 pub const STACK_DEPTH_MAX: usize = 32;
 
-/// How far a triangle reaches beyond its edges, relative to the longest edge and each mm of distance: rays
-/// through a shared edge hit at least one of its triangles in spite of rounding.
+/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance: rays through a shared edge hit at
+/// least one of its triangles despite rounding.
 pub const EDGE_TOLERANCE_PER_MM: f32 = 2.0e-7;
 
 /// A triangle in leaf order, 48 bytes.
@@ -42,17 +42,17 @@ pub struct PackedTriangle {
     pub triangle: u32,
     /// Third corner minus the first, mm.
     pub edge2: [f32; 3],
-    /// Tolerance of the edge functions a mm of distance, mm: longest edge × [`EDGE_TOLERANCE_PER_MM`].
+    /// Tolerance of the edge functions per mm of distance, mm: longest edge × [`EDGE_TOLERANCE_PER_MM`].
     pub tolerance: f32,
 }
 
-/// Why no BVH could be built.
+/// Errors in building a BVH.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum BvhError {
-    /// Nothing to build from.
+    /// A scene without triangles.
     #[error("the scene has no triangles")]
     Empty,
-    /// Too deep for the shaders' stack.
+    /// A tree too deep for the shaders' stack.
     #[error(
         "the scene's BVH is {depth} levels deep; the traversal stack holds {STACK_DEPTH_MAX}: the mesh has too many coincident triangles"
     )]
@@ -62,36 +62,36 @@ pub enum BvhError {
     },
 }
 
-/// The tree and its triangles.
+/// Tree and triangles of a scene.
 ///
-/// What moves has trees of its own: the root then joins the tree of what rests and one of each motion field, and
+/// Moving parts have separate trees: the root then joins the tree of static triangles and one tree per motion field.
 /// [`Bvh::set_time_s`] moves the corners and refits the trees that changed.
 #[derive(Debug, Clone)]
 pub struct Bvh {
-    /// Scene-frame point that all coordinates are relative to, mm.
+    /// Scene-frame origin of all coordinates, mm.
     pub centre_mm: DVec3,
     /// Nodes, 80 bytes each.
     pub nodes: Vec<[u32; 20]>,
     /// Triangles in leaf order.
     pub triangles: Vec<PackedTriangle>,
-    /// Half the diagonal of the scene's bounds about the centre, and as far as anything moves, mm.
+    /// Half the diagonal of the scene's bounds about the centre, plus the largest displacement, mm.
     pub radius_mm: f64,
     moving: Option<Moving>,
     drift: Option<Drift>,
     drift_mm: DVec3,
 }
 
-/// Ranges of [`Bvh::nodes`] and [`Bvh::triangles`] that a change of time touched.
+/// Ranges of [`Bvh::nodes`] and [`Bvh::triangles`] modified by a change of time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Changed {
-    /// Nodes.
+    /// Modified nodes.
     pub nodes: Range<usize>,
-    /// Triangles.
+    /// Modified triangles.
     pub triangles: Range<usize>,
 }
 
 impl Bvh {
-    /// Builds the tree of all of `scene`'s triangles, at rest.
+    /// Builds the tree of all triangles of `scene`, at rest.
     ///
     /// # Errors
     /// A scene without triangles, or one whose tree is too deep for the traversal stack.
@@ -123,7 +123,7 @@ impl Bvh {
                 let of_group: Vec<Triangle> = group.triangles.iter().map(|&i| triangles[i as usize]).collect();
                 let build = BvhBuildParams::medium_build();
                 let mut tree = build_cwbvh_from_tris(&of_group, build, &mut Duration::default());
-                // A level is left for the root that joins several trees.
+                // One level is reserved for the root that joins several trees.
                 if depth(bytemuck::cast_slice(&tree.nodes)) + 1 >= STACK_DEPTH_MAX {
                     tree = balanced::build(&of_group);
                 }
@@ -161,17 +161,17 @@ impl Bvh {
         Ok(bvh)
     }
 
-    /// How far each triangle is from where it rests `[x, y, z, 0]`, mm, in leaf order; empty where nothing moves.
+    /// Displacement of each triangle from its rest position `[x, y, z, 0]`, mm, in leaf order; empty for static scenes.
     pub fn displacements(&self) -> &[[f32; 4]] {
         self.moving.as_ref().map_or(&[], Moving::displacements)
     }
 
-    /// Whether anything in the scene ever moves.
+    /// Whether the scene has any motion.
     pub fn moves(&self) -> bool {
         self.moving.is_some() || self.drift.is_some()
     }
 
-    /// Moves everything to where it is at `time_s`; [`Bvh::changed`] then says what changed.
+    /// Moves all triangles to their positions at `time_s`; [`Bvh::changed`] then lists the modified ranges.
     pub fn set_time_s(&mut self, time_s: f64) {
         if let Some(moving) = &mut self.moving {
             moving.set_time_s(time_s, self.centre_mm, &mut self.nodes, &mut self.triangles);
@@ -179,19 +179,20 @@ impl Bvh {
         self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
     }
 
-    /// How far the whole scene has drifted under the probe, mm: a probe sees it from its own place minus this.
+    /// Drift of the whole scene under the probe, mm. The scene seen from the probe is that from its position minus the
+    /// drift.
     pub fn drift_mm(&self) -> DVec3 {
         self.drift_mm
     }
 
-    /// What the last change of time touched.
+    /// Ranges modified by the last change of time.
     pub fn changed(&self) -> &[Changed] {
         self.moving.as_ref().map_or(&[], Moving::changed)
     }
 }
 
 impl PackedTriangle {
-    /// A triangle of these corners relative to the tree's centre, mm.
+    /// Packs a triangle from its corners relative to the tree's centre, mm.
     fn new(corners: [Vec3; 3], surface: u32, triangle: u32) -> Self {
         let (edge1, edge2) = (corners[1] - corners[0], corners[2] - corners[0]);
         let longest = edge1.length().max(edge2.length()).max((edge2 - edge1).length());
@@ -206,12 +207,12 @@ impl PackedTriangle {
     }
 }
 
-/// A point of the scene relative to the tree's centre.
+/// Point of the scene relative to the tree's centre, mm.
 fn local(corner: Vec3, centre_mm: DVec3) -> Vec3 {
     (corner.as_dvec3() - centre_mm).as_vec3()
 }
 
-/// Levels of the tree.
+/// Number of levels of the tree.
 fn depth(nodes: &[[u32; 20]]) -> usize {
     let mut deepest = 0;
     let mut open = vec![(0u32, 1usize)];
@@ -236,8 +237,8 @@ mod tests {
     }
 
     #[test]
-    fn fans_of_slivers_and_heaps_in_one_place_have_shallow_trees() {
-        // Every sliver reaches from one corner to the far side: each box holds the one before.
+    fn fans_of_slivers_and_coincident_triangles_have_shallow_trees() {
+        // Every sliver reaches from one corner to the far side: each box contains the previous one.
         let side = |i: u32| Vec3::new(50.0, i as f32 * 0.01, 0.0);
         let fan = Mesh {
             vertices_mm: std::iter::once(Vec3::ZERO).chain((0..=4000).map(side)).collect(),
@@ -245,7 +246,7 @@ mod tests {
         };
         let mut heap = analytic::cuboid(Vec3::ZERO, Vec3::ONE);
         heap.triangles = vec![heap.triangles[0]; 5000];
-        // The same heap in a corner of half a metre of ordinary triangles.
+        // The same coincident triangles in a corner of half a metre of ordinary triangles.
         let mut wide = heap.clone();
         let ball = analytic::sphere(Vec3::splat(250.0), 250.0, 3);
         let first = wide.vertices_mm.len() as u32;

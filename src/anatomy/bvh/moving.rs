@@ -1,4 +1,4 @@
-//! The trees of what moves.
+//! Trees of the moving triangles.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -11,66 +11,66 @@ use super::{Changed, PackedTriangle, local};
 use crate::anatomy::Scene;
 use crate::anatomy::motion::Motion;
 
-/// Triangles that share a tree: those that rest, or those whose first field is the same.
+/// Triangles that share a tree: the static ones, or those with the same first field.
 #[derive(Debug)]
 pub(super) struct Group {
     /// Indices of the triangles, counted through all surfaces.
     pub(super) triangles: Vec<u32>,
-    /// Every field that moves any of them.
+    /// Bit set of all fields that move any of them.
     fields: u32,
 }
 
 impl Group {
-    /// Whether nothing moves any of them.
+    /// Whether all of them are static.
     pub(super) fn rests(&self) -> bool {
         self.fields == 0
     }
 }
 
-/// A vertex that moves.
+/// A moving vertex.
 #[derive(Debug, Clone, Copy)]
 struct Vertex {
-    /// At rest, scene frame, mm.
+    /// Rest position, scene frame, mm.
     rest_mm: Vec3,
-    /// Fields that move it.
+    /// Bit set of the fields that move it.
     fields: u32,
-    /// At rest and now, relative to the tree's centre, mm.
+    /// Rest position and present position relative to the tree's centre, mm.
     rest: Vec3,
     now: Vec3,
 }
 
-/// The tree of a group.
+/// Tree of a group.
 #[derive(Debug, Clone)]
 struct Tree {
     fields: u32,
-    /// Index of its root; its other nodes lie together elsewhere.
+    /// Index of its root; its other nodes are contiguous elsewhere.
     root: usize,
     nodes: Range<usize>,
     triangles: Range<usize>,
     vertices: Range<usize>,
 }
 
-/// What is needed to move a tree's triangles and to refit it, without allocation.
+/// State for moving and refitting the trees without allocation.
 #[derive(Debug, Clone)]
 pub(super) struct Moving {
     motion: Motion,
-    /// How far each field has moved.
+    /// Present amounts of each field.
     amounts: Vec<[f32; 2]>,
     trees: Vec<Tree>,
     vertices: Vec<Vertex>,
-    /// Vertices of each triangle in leaf order, from the first that moves.
+    /// Vertices of each moving triangle, in leaf order.
     corners: Vec<[u32; 3]>,
-    /// How far each triangle is from its rest, mm; all triangles.
+    /// Displacement of each triangle from its rest position, mm; all triangles.
     displacements: Vec<[f32; 4]>,
-    /// First triangle that moves.
+    /// First moving triangle.
     first_triangle: usize,
     /// Exact boxes of all nodes.
     extents: Vec<Extent>,
     changed: Vec<Changed>,
 }
 
-/// Sorts triangles by the first field that moves one of their corners at any time: what rests first, then a group a
-/// field. One group where nothing moves.
+/// Groups the triangles by the first field that ever moves one of their corners: the static ones first, then one group
+/// per field. A static scene has one group.
 pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let motion = &scene.motion;
     let mut groups: Vec<Group> =
@@ -93,8 +93,8 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     groups
 }
 
-/// One array of nodes of all trees under a root, and how to move them. `order` is the triangles of all trees in leaf
-/// order. The root's boxes are still empty.
+/// Joins the nodes of all trees under one root, and prepares their motion. `order` lists the triangles of all trees in
+/// leaf order. The root's boxes are still empty.
 pub(super) fn join(
     scene: &Scene,
     groups: &[Group],
@@ -117,7 +117,7 @@ pub(super) fn join(
     };
     let mut first_triangle = 0;
     for (i, ((tree, _), group)) in trees.iter().zip(groups).enumerate() {
-        // A tree's root goes after the joint root; its node k lies at `start + k - 1`.
+        // A tree's root is placed after the joint root; its node k is at `start + k - 1`.
         let start = nodes.len() as u32;
         let shifted = tree.nodes.iter().map(|node| {
             let mut node = *node;
@@ -150,7 +150,7 @@ pub(super) fn join(
 }
 
 impl Moving {
-    /// Notes the vertices of `triangles`, given by their index through all surfaces.
+    /// Stores the vertices of `triangles`, given by their index through all surfaces.
     fn add_corners(&mut self, scene: &Scene, triangles: &[u32], centre_mm: DVec3) {
         let starts: Vec<u32> = scene
             .surfaces
@@ -179,7 +179,7 @@ impl Moving {
         }
     }
 
-    /// As [`super::Bvh::set_time_s`].
+    /// See [`super::Bvh::set_time_s`].
     pub(super) fn set_time_s(
         &mut self,
         time_s: f64,
@@ -225,12 +225,12 @@ impl Moving {
         }
     }
 
-    /// As [`super::Bvh::displacements`].
+    /// See [`super::Bvh::displacements`].
     pub(super) fn displacements(&self) -> &[[f32; 4]] {
         &self.displacements
     }
 
-    /// What the last call of [`Moving::set_time_s`] changed.
+    /// Ranges modified by the last call of [`Moving::set_time_s`].
     pub(super) fn changed(&self) -> &[Changed] {
         &self.changed
     }
@@ -270,7 +270,7 @@ mod tests {
         scene
     }
 
-    /// Triangles below a node; panics where one reaches out of a box above it.
+    /// Collects the triangles below a node; panics if one exceeds a box above it.
     fn check(bvh: &Bvh, index: u32, found: &mut BTreeMap<u32, PackedTriangle>) -> Extent {
         let node: &CwBvhNode = bytemuck::cast_ref(&bvh.nodes[index as usize]);
         let mut all = Extent::default();
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn the_moved_tree_holds_the_moved_triangles_at_any_time() {
+    fn the_refitted_tree_holds_the_moved_triangles_at_any_time() {
         let scene = scene();
         let mut bvh = Bvh::build(&scene).unwrap();
         bvh.set_time_s(0.0);
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changed_is_named_and_rest_restores_the_first_tree() {
+    fn modified_ranges_are_listed_and_rest_restores_the_first_tree() {
         let scene = scene();
         let first = Bvh::build(&scene).unwrap();
         let mut bvh = first.clone();

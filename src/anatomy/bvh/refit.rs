@@ -1,11 +1,11 @@
-//! New boxes for a tree whose triangles have moved, its shape kept.
+//! Refitting of a tree's boxes to moved triangles; its topology is kept.
 
 use glam::Vec3;
 use obvhs::cwbvh::node::CwBvhNode;
 
 use super::PackedTriangle;
 
-/// Least and greatest corner, mm.
+/// Lowest and highest corner, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Extent {
     pub(super) low: Vec3,
@@ -13,7 +13,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Holds nothing.
+    /// Empty extent.
     const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
 
     pub(super) fn with(self, other: Self) -> Self {
@@ -27,7 +27,7 @@ impl Extent {
     }
 }
 
-/// Gives node `index` the boxes of its children: inner ones have theirs in `extents` already, indexed as `nodes`.
+/// Sets the boxes of the children of node `index`. Inner children have theirs in `extents` already, indexed as `nodes`.
 /// Returns the node's own extent.
 pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTriangle], extents: &[Extent]) -> Extent {
     let node: &mut CwBvhNode = bytemuck::cast_mut(&mut nodes[index]);
@@ -47,7 +47,7 @@ pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTria
     quantise(node, &children)
 }
 
-/// Writes the root that joins `trees` whose roots are the nodes after it.
+/// Writes the root that joins `trees` trees, whose roots are the nodes after it.
 pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     let roots: Vec<Extent> = nodes[1..=trees]
         .iter()
@@ -64,7 +64,7 @@ pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     quantise(bytemuck::cast_mut(&mut nodes[0]), &children);
 }
 
-/// The root of `trees` whose roots are the nodes after it; its boxes are still empty.
+/// Root of `trees` trees, whose roots are the nodes after it; its boxes are still empty.
 pub(super) fn joint(trees: usize) -> [u32; 20] {
     let mut node = CwBvhNode { child_base_idx: 1, imask: (0xff_u32 >> (8 - trees)) as u8, ..CwBvhNode::default() };
     for slot in 0..trees {
@@ -73,12 +73,12 @@ pub(super) fn joint(trees: usize) -> [u32; 20] {
     bytemuck::cast(node)
 }
 
-/// Boxes in steps of a power of two from the node's least corner, outward (Ylitie et al. 2017).
+/// Quantises boxes to steps of a power of two from the node's lowest corner, rounding outward (Ylitie et al. 2017).
 fn quantise(node: &mut CwBvhNode, children: &[Extent; 8]) -> Extent {
     let whole = children.iter().fold(Extent::NONE, |all, child| all.with(*child));
     node.p = whole.low;
     let steps = ((whole.high - whole.low).max(Vec3::splat(1e-20)) / 255.0).to_array().map(|x| {
-        // The least power of two from x up.
+        // Smallest power of two not below x.
         let bits = x.to_bits();
         f32::from_bits((bits + 0x007f_ffff) & 0x7f80_0000)
     });

@@ -1,4 +1,4 @@
-//! Triangles of one surface that pass through each other.
+//! Intersecting triangles of one surface.
 
 use std::collections::HashMap;
 
@@ -10,36 +10,36 @@ use super::finding::Place;
 use super::tree::Tree;
 use crate::anatomy::Mesh;
 
-/// Crossings shallower than this, mm, are below half a wavelength at 8 MHz.
+/// Shallowest crossing that counts, mm: about half a wavelength at 8 MHz.
 const SHALLOW_MM: f64 = 0.1;
 
-/// Parts whose crossings all lie within this, mm, only touch. Of triangles, none goes deeper into another than it is
-/// large: finely meshed parts overlap in shallow crossings around a wide ring.
+/// Parts whose crossings are all within this, mm, only touch. Between triangles, no crossing is deeper than the
+/// triangle is large: finely meshed parts overlap in shallow crossings along a wide ring.
 const TOUCH_MM: f32 = 1.0;
 
-/// A border of two solids that overlap crosses at least so many triangles; fewer are a fold.
+/// Smallest number of triangles crossed by the border of two overlapping solids; fewer are a fold.
 const RING: usize = 3;
 
-/// Crossings found in a surface.
+/// Crossings in a surface.
 pub(super) struct Crossings {
-    /// Pairs of triangles of parts that overlap, or far from each other over one part.
+    /// Number of crossing pairs from overlapping parts, or from distant places of one part.
     pub(super) overlaps: usize,
-    /// Pairs of near neighbours, and shallow ones: creases, as decimation leaves them.
+    /// Number of crossing pairs of near neighbours, and of shallow ones: creases left by decimation.
     pub(super) folds: usize,
-    /// Where all of the overlaps (without any, the folds) are, and one of them.
+    /// Extent of all overlaps (of all folds if there are none), and one of them.
     pub(super) places: Vec<Place>,
 }
 
-/// Where two triangles cross.
+/// A crossing of two triangles.
 struct Pair {
     triangles: [u32; 2],
     point: Vec3,
-    /// How far the one reaches beyond the other, mm.
+    /// Depth by which one triangle penetrates the other, mm.
     depth_mm: f64,
 }
 
-/// Pairs of triangles that pass through each other by more than the tracer resolves. `part_of` is the part of each
-/// triangle, where that is known.
+/// Finds pairs of triangles that cross by more than the tracer resolves. `part_of` gives each triangle's part, if
+/// known.
 pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     let mesh = tree.mesh();
     let corners = |t: usize| mesh.triangles[t].map(|i| mesh.vertices_mm[i as usize]);
@@ -97,16 +97,16 @@ fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
     at
 }
 
-/// Whether a triangle that touches the first touches the second.
+/// Whether a neighbour of the first triangle is a neighbour of the second.
 fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> bool {
     let second = mesh.triangles[second as usize];
     let around = mesh.triangles[first as usize].into_iter().flat_map(|vertex| &at_vertex[vertex as usize]);
     around.copied().any(|t| mesh.triangles[t as usize].iter().any(|vertex| second.contains(vertex)))
 }
 
-/// Where two triangles cross, if they do, and how deeply.
+/// Place and depth of the crossing of two triangles, if any.
 fn cross(a: [u32; 3], b: [u32; 3], at: [Vec3; 3], bt: [Vec3; 3]) -> Option<(DVec3, f64)> {
-    // Neighbours over an edge meet there alone.
+    // Triangles that share an edge meet only there.
     if a.iter().filter(|i| b.contains(i)).count() > 1 {
         return None;
     }
@@ -114,7 +114,8 @@ fn cross(a: [u32; 3], b: [u32; 3], at: [Vec3; 3], bt: [Vec3; 3]) -> Option<(DVec
     through(at, a, b, bt).or_else(|| through(bt, b, a, at))
 }
 
-/// Where an edge of a triangle goes through another one. An edge from a corner that both share starts on the other.
+/// Point at which an edge of a triangle passes through another one. An edge from a shared corner starts on the other
+/// triangle.
 fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3; 3]) -> Option<(DVec3, f64)> {
     let normal = (onto[1] - onto[0]).cross(onto[2] - onto[0]).try_normalize()?;
     let height = corners.map(|p| normal.dot(p - onto[0]));

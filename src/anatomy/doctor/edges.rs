@@ -1,4 +1,4 @@
-//! Edges: which have one triangle, which too many, and which way their triangles turn.
+//! Edges of a mesh: unpaired, surplus and inconsistently wound ones.
 
 use std::collections::HashMap;
 
@@ -9,33 +9,33 @@ use super::finding::{Defect, Finding, Place};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// Rims this close, mm, are meant to be one; or a quarter of an edge where edges are shorter.
+/// Distance, mm, at which two rims are meant to be joined; at most a quarter of an edge.
 const SEAM_MM: f32 = 0.01;
 
-/// A directed edge of a triangle, under its undirected one.
+/// Directed edge of a triangle, stored under its undirected one.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Edge {
     low: u32,
     high: u32,
     triangle: u32,
-    /// From the higher vertex to the lower.
+    /// Whether it runs from the higher vertex to the lower.
     back: bool,
 }
 
-/// What the edges tell.
+/// Result of examining the edges.
 pub(super) struct Edges {
     pub(super) findings: Vec<Finding>,
-    /// Whether nothing is open and all turn alike: then there is an inside.
+    /// Whether no edge is open and the winding is consistent: then there is an inside.
     pub(super) closed: bool,
-    /// Edges that are open, turned or of no clear inside.
+    /// Number of edges that are open, inconsistently wound, or shared by too many triangles.
     pub(super) unpaired: usize,
-    /// Open edges, as their triangles turn.
+    /// Open edges, in the direction of their triangles.
     pub(super) open: Vec<[u32; 2]>,
-    /// Index of each triangle's part: what hangs together over edges.
+    /// Part of each triangle: a component connected over edges.
     pub(super) part: Vec<u32>,
 }
 
-/// Looks at every edge of a mesh of welded vertices.
+/// Examines all edges of a mesh of welded vertices.
 pub(super) fn examine(mesh: &Mesh) -> Edges {
     let mut edges: Vec<Edge> = Vec::with_capacity(3 * mesh.triangles.len());
     for (&[a, b, c], triangle) in mesh.triangles.iter().zip(0u32..) {
@@ -94,7 +94,7 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
     Edges { findings, closed: unpaired == 0, unpaired, open, part: parts.numbered() }
 }
 
-/// The open edges that stay open if vertices of rims that are nearly in one place become one.
+/// Open edges that remain if almost coincident vertices of rims are merged.
 fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let at = |i: u32| mesh.vertices_mm[i as usize];
     let mean = open.iter().map(|&[a, b]| f64::from(at(a).distance(at(b)))).sum::<f64>() / open.len().max(1) as f64;
@@ -128,7 +128,7 @@ fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
     open.iter().filter(stays).copied().collect()
 }
 
-/// Bounds of each group of edges that hang together.
+/// Bounds of each connected group of edges.
 fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
     let mut index_of = HashMap::new();
     for &vertex in edges.iter().flatten() {
@@ -147,7 +147,7 @@ fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
         points[number].push(mesh.vertices_mm[*vertex as usize]);
     }
     let mut places: Vec<Place> = points.into_iter().map(Place::of).collect();
-    // The map has no order of its own.
+    // The map's order is arbitrary.
     let key = |p: &Place| (p.size_mm, p.at_mm);
     places.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
     places

@@ -1,19 +1,19 @@
-//! What a scene is found to suffer from.
+//! Findings about a scene.
 
 use std::fmt;
 
 use glam::Vec3;
 use serde::Serialize;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// The scene is refused, or simulated wrongly.
+    /// The scene is refused or simulated wrongly.
     Error,
-    /// Mended while loading, or wrong in some places; worth mending in the file.
+    /// Mended while loading, or wrong in some places; worth correcting in the file.
     Warning,
-    /// Good to know.
+    /// For information.
     Note,
 }
 
@@ -29,7 +29,7 @@ impl fmt::Display for Severity {
 
 macro_rules! defects {
     ($($(#[doc = $doc:literal])+ $name:ident = $severity:ident, $remedy:literal;)*) => {
-        /// What can be wrong with a scene.
+        /// Kind of defect of a scene.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
         #[serde(rename_all = "snake_case")]
         #[non_exhaustive]
@@ -38,12 +38,12 @@ macro_rules! defects {
         }
 
         impl Defect {
-            /// How bad it is.
+            /// Severity of the defect.
             pub fn severity(self) -> Severity {
                 match self { $(Self::$name => Severity::$severity,)* }
             }
 
-            /// What to do about it.
+            /// Advice for the user.
             pub fn remedy(self) -> &'static str {
                 match self { $(Self::$name => $remedy,)* }
             }
@@ -52,7 +52,7 @@ macro_rules! defects {
 }
 
 defects! {
-    /// Primitive that cannot be read: indices, accessors, compression.
+    /// A primitive that cannot be read: indices, accessors, compression.
     Unreadable = Error, "export the mesh again, uncompressed, with positions as 32-bit floats";
     /// Extras, nodes or motion that are refused.
     Refused = Error, "correct what the message names (in Blender: the object's Custom Properties) and export again";
@@ -62,35 +62,35 @@ defects! {
     EmptyScene = Error, "export meshes with faces; check that the objects are visible and in the exported scene";
     /// Coordinates that are not finite or beyond ±1e5 mm.
     BadCoordinates = Error, "delete or place anew the vertices named; where all are far too large, correct the unit";
-    /// Ten times or more beyond what a body measures.
+    /// Dimensions at least ten times beyond those of a body.
     WrongUnit = Error, "glTF counts in metres: scale the objects (Blender: set Unit Scale, or S and the factor), apply the scale (Ctrl-A) and export again";
-    /// The scene lies far from the origin for its size.
+    /// The scene is far from the origin for its size.
     FarFromOrigin = Warning, "move the scene to the origin (Blender: Object > Set Origin, then Alt-G), so that 32-bit coordinates resolve it";
-    /// Neither extras nor a material tell the tissue.
+    /// Neither extras nor a material name the tissue.
     NoTissue = Error, "name the material as the tissue, or give the object the custom property `tissue`; `insonify tissues` lists them";
-    /// A tissue that is in no table.
+    /// A tissue that no table contains.
     UnknownTissue = Error, "correct the name, or define `[tissues.NAME]` in the station file; `insonify tissues` lists them";
-    /// A tissue of the station's own that no surface has.
+    /// A tissue of the station that no surface uses.
     UnusedTissue = Note, "name it in a surface, or remove its table from the station file";
     /// A primitive without a triangle that has an area.
     Empty = Warning, "delete the object, or give it faces and a scale that is not 0";
     /// Points or lines.
     NotTriangles = Note, "convert curves and wires to meshes (Blender: Object > Convert > Mesh), or delete them";
-    /// Indices that make no whole triangle.
+    /// Surplus indices that form no triangle.
     LeftOver = Warning, "triangulate and export the mesh again";
     /// A skin, which is not applied.
     Skin = Warning, "apply the armature (Blender: Modifiers > Armature > Apply) and export again";
     /// Meshes of other scenes.
     NotInScene = Note, "move the objects into the exported scene if they are to be scanned";
-    /// Edges of one triangle only: there is no inside.
+    /// Edges with one triangle only: the surface has no inside.
     Open = Error, "fill the hole (Blender: Edit Mode, Select > All by Trait > Non Manifold, then F or Alt-F), or give a sheet a thickness (Solidify)";
-    /// One object whose faces have several materials: each becomes a surface of its own, which is not closed.
+    /// An object whose faces have several materials: each becomes a separate surface, which is not closed.
     SplitByMaterial = Error, "use one material for the whole object, or separate the parts and close each (Blender: P > By Material, then F or Alt-F)";
-    /// Rims that lie on each other and are not joined.
+    /// Coincident rims that are not joined.
     Unwelded = Error, "join the rims (Blender: Edit Mode, A, then Mesh > Merge > By Distance)";
     /// Edges of more than two triangles.
     NonManifold = Warning, "delete inner faces (Blender: Select > All by Trait > Interior Faces), or separate what touches along an edge";
-    /// All of a surface faces inward.
+    /// The whole surface faces inward.
     Inverted = Warning, "turn the faces outward (Blender: Edit Mode, A, Shift-N) so that other programs agree, too";
     /// Some triangles or parts face the wrong way.
     MixedOrientation = Error, "let all faces look outward (Blender: Edit Mode, A, Shift-N); a cavity faces into the cavity";
@@ -100,39 +100,39 @@ defects! {
     Degenerate = Warning, "dissolve them (Blender: Mesh > Clean Up > Degenerate Dissolve)";
     /// Triangles too narrow to be hit.
     Sliver = Note, "nothing, if the picture is right; else remesh or Degenerate Dissolve with a distance of 0.001 mm";
-    /// Triangles that are there more than once.
+    /// Triangles that occur more than once.
     Duplicate = Warning, "remove the copy (Blender: Merge > By Distance removes doubled faces); look for an object duplicated in place";
-    /// Triangles of a surface that pass through each other.
+    /// Triangles of a surface that intersect each other.
     SelfIntersection = Error, "unite the parts (Blender: Boolean > Union with Self Intersection, or Remesh), or make them objects of their own";
     /// Many neighbouring triangles that fold through each other.
     Crumpled = Warning, "smooth or remesh it (Blender: Sculpt > Remesh, or Smooth), or decimate it less";
-    /// Walls that are one place to the tracer.
+    /// Walls thinner than the tracer resolves.
     ThinSheet = Warning, "make it thicker (Blender: Solidify): nothing thinner than 0.001 mm is seen";
-    /// Surfaces of different tissues and one priority that overlap.
+    /// Overlapping surfaces of different tissues and equal priority.
     PriorityTie = Warning, "give the one that is to win a higher `priority` (an integer custom property)";
-    /// Nothing of a surface is ever the medium.
+    /// A surface that is never the medium.
     Hidden = Warning, "raise its `priority` above that of what hides it, lower the other's, or delete it";
-    /// More memory than every GPU binds.
+    /// More memory than some GPUs can bind.
     TooLarge = Warning, "reduce triangles (Blender: Decimate): below 2.6 million in all fit every GPU";
     /// The probe starts in bone or gas, where it sees nothing else.
     StartsInside = Warning, "move `[pose]` of the station file onto the skin";
-    /// Nothing is within the image at the start.
+    /// The image is empty at the start.
     StartsFar = Warning, "move `[pose]` of the station file to the scene, or correct the scene's unit";
 }
 
 impl Defect {
-    /// Its name in JSON.
+    /// Name in JSON.
     pub fn name(self) -> String {
         serde_json::to_value(self).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
     }
 }
 
-/// Where something is.
+/// Place of a defect.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Place {
-    /// Its middle, scene frame, mm.
+    /// Centre, scene frame, mm.
     pub at_mm: [f32; 3],
-    /// Its size, mm: the diagonal of its bounds.
+    /// Size, mm: the diagonal of its bounds.
     pub size_mm: f32,
 }
 
@@ -153,29 +153,29 @@ impl fmt::Display for Place {
     }
 }
 
-/// Something that is wrong with a scene.
+/// A defect found in a scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// What it is.
+    /// Kind of defect.
     pub defect: Defect,
-    /// The surface; none where it is of the whole scene.
+    /// Name of the surface; `None` if the finding concerns the whole scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub surface: Option<String>,
-    /// The surface's tissue, as the file calls it.
+    /// Tissue of the surface, as named in the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,
-    /// What is wrong, in words.
+    /// Description.
     pub what: String,
-    /// Where, the largest first; at most [`PLACES_MAX`].
+    /// Places, largest first; at most [`PLACES_MAX`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub places: Vec<Place>,
-    /// What to do about it in the modelling program or the station file.
+    /// Advice for the modelling program or the station file.
     pub remedy: &'static str,
 }
 
-/// Most places that a finding names.
+/// Most places listed in a finding.
 pub const PLACES_MAX: usize = 3;
 
 impl Finding {

@@ -1,13 +1,13 @@
-//! The scene doctor: what is wrong with a scene, where, and what to do about it.
+//! The scene doctor: finds the defects of a scene, with their places and remedies.
 //!
-//! [`examine`] reads a glTF file as it was written, before [`import`](super::import) mends or refuses anything, and tells
-//! all that it finds, not the first alone. Vertices in exactly one place count as one, as exporters split them where
-//! normals or texture coordinates change: that is no defect. Surfaces of different tissues may overlap or touch.
+//! [`examine`] reads a glTF file as written, before [`import`](super::import) mends or refuses anything, and lists all
+//! defects. Vertices in exactly one place count as one: exporters split them where normals or texture coordinates
+//! change. Surfaces of different tissues may overlap or touch.
 //!
-//! Overlaps, what is hidden, and thin sheets are looked for below up to 1024 triangles of each surface; all else at every
-//! triangle. Neighbouring triangles that fold through each other, and crossings of less than 0.1 mm, as decimation leaves
-//! them, are told where more than one triangle in 25 has one, slivers where more than one in 1000 is one. A surface
-//! without an inside (open, for example) hides and overlaps nothing.
+//! Overlaps, hidden surfaces and thin sheets are sampled below up to 1024 triangles of each surface; all other checks
+//! cover every triangle. Folds of neighbouring triangles and crossings of less than 0.1 mm are typical of decimation.
+//! They are reported if more than one triangle in 25 has one; slivers, if more than one triangle in 1000 is one. A
+//! surface without an inside (an open one, for example) hides and overlaps nothing.
 
 mod crossing;
 mod edges;
@@ -34,45 +34,45 @@ use super::scene::SURFACES_MAX;
 use super::{SceneError, TissueTable};
 use crate::pose::Pose;
 
-/// Crossings this close, mm, are one place to the tracer.
+/// Distance, mm, below which crossings coincide for the tracer.
 const RESOLUTION_MM: f64 = 1.0e-3;
 
-/// Diagonal of what is scanned, mm: from a wire to a whole body.
+/// Range of scene diagonals, mm: from a wire to a whole body.
 const SIZE_MM: [f32; 2] = [5.0, 3000.0];
 
-/// A storage buffer that every GPU binds, bytes.
+/// Size of a storage buffer that every GPU can bind, bytes.
 const BUFFER_BYTES: usize = 128 << 20;
 
-/// Impedances of tissues that a probe sees through, MRayl: between gas and bone.
+/// Impedances of tissues that ultrasound penetrates, MRayl: between gas and bone.
 const SEEN_THROUGH_MRAYL: [f64; 2] = [0.5, 2.6];
 
-/// What a scene is to be used with.
+/// Context of an examination.
 pub struct Settings<'a> {
-    /// Tissues that it may name.
+    /// Tissues known to the station.
     pub tissues: &'a TissueTable,
-    /// Tissues of the station's own, by name; each should be used.
+    /// Tissues defined by the station file itself, by name; each should be used.
     pub own_tissues: &'a [String],
-    /// Index in `tissues` of what is outside of every surface, where that is known.
+    /// Index in `tissues` of the background, if known.
     pub background: Option<usize>,
-    /// Where the probe starts, `scene_from_probe`, and the depth of its image, mm.
+    /// Start pose `scene_from_probe` and image depth, mm.
     pub start: Option<(Pose, f64)>,
 }
 
-/// What an examination found.
+/// Result of an examination.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// Surfaces in the file.
+    /// Number of surfaces in the file.
     pub surfaces: usize,
-    /// Their triangles.
+    /// Number of their triangles.
     pub triangles: usize,
-    /// Least and greatest coordinates, mm, without strays beyond ±1e5 mm; none without a finite vertex.
+    /// Lowest and highest coordinates, mm, without strays beyond ±1e5 mm; `None` without a finite vertex.
     pub bounds_mm: Option<[[f32; 3]; 2]>,
-    /// The worst first, then in the file's order.
+    /// Findings, most severe first, then in the file's order.
     pub findings: Vec<Finding>,
 }
 
 impl Report {
-    /// Findings of one severity.
+    /// Number of findings of one severity.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|f| f.severity == severity).count()
     }
@@ -80,10 +80,10 @@ impl Report {
 
 /// Examines the `.glb` or `.gltf` file at `path`.
 ///
-/// `progress` is told triangles looked at and their number, from several threads.
+/// `progress` receives the number of triangles examined and their total, from several threads.
 ///
 /// # Errors
-/// A file that cannot be read or is not whole, valid glTF. All else is a finding.
+/// A file that cannot be read, or is not complete, valid glTF. Everything else is a finding.
 pub fn examine(
     path: &Path,
     settings: &Settings<'_>,
@@ -127,7 +127,7 @@ pub fn examine(
     let (surfaces, triangles) = (patients.len(), patients.iter().map(|p| p.triangles).sum());
     let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
     let of_surfaces = patients.into_iter().flat_map(|patient| patient.findings);
-    // What is told by sizes in mm means nothing in another unit.
+    // Findings that depend on sizes in mm are meaningless in another unit.
     let by_size = [Defect::Sliver, Defect::ThinSheet, Defect::BadCoordinates, Defect::StartsFar];
     findings.extend(of_surfaces);
     findings
@@ -138,7 +138,7 @@ pub fn examine(
     Ok(Report { surfaces, triangles, bounds_mm, findings })
 }
 
-/// Bounds of the scene, mm. Some vertices that are no places are strays; where most are none, the unit is wrong.
+/// Bounds of the scene, mm. A few vertices out of range are strays; if most are, the unit is wrong.
 fn bounds(patients: &[Patient]) -> Option<(Vec3, Vec3)> {
     let over = |of: &dyn Fn(&Patient) -> Option<(Vec3, Vec3)>| {
         patient::bounds(patients.iter().filter_map(of).flat_map(|(low, high)| [low, high]))
@@ -148,7 +148,7 @@ fn bounds(patients: &[Patient]) -> Option<(Vec3, Vec3)> {
     usable.or_else(|| over(&|p| p.finite_mm))
 }
 
-/// What is wrong with the scene as a whole.
+/// Findings about the scene as a whole.
 fn whole(patients: &[Patient], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
     let mut findings = Vec::new();
     if patients.len() > SURFACES_MAX {
@@ -185,7 +185,7 @@ fn whole(patients: &[Patient], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
     findings
 }
 
-/// Tissues of the station's own that nothing is made of.
+/// Findings about unused tissues of the station.
 fn unused(patients: &[Patient], settings: &Settings<'_>) -> Vec<Finding> {
     let used = |name: &String| {
         let index = settings.tissues.index_of(name);
@@ -195,7 +195,7 @@ fn unused(patients: &[Patient], settings: &Settings<'_>) -> Vec<Finding> {
     unused.map(|name| Finding::new(Defect::UnusedTissue, format!("no surface is of the tissue `{name}`"))).collect()
 }
 
-/// What is wrong with where the probe starts.
+/// Findings about the probe's start pose.
 fn starts(
     start: &Pose,
     depth_mm: f64,

@@ -1,4 +1,4 @@
-//! Surfaces against each other: what hides what, and where two claim one place with one priority.
+//! Relations between surfaces: hidden ones, and overlaps at equal priority.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,23 +10,23 @@ use super::finding::{Defect, Finding, Place};
 use super::patient::{Patient, Probe, probes};
 use super::tree::Tree;
 
-/// Triangles of a surface below which it is probed.
+/// Number of triangles of a surface below which it is sampled.
 const PROBES: usize = 1024;
 
-/// Part of a surface's probes that must be thin for it to be a sheet.
+/// Fraction of thin samples that makes a surface a sheet.
 const THIN_PART: f64 = 0.05;
 
-/// Part of a surface's probes that must lie in another one for a tie, where none lies deep in both.
+/// Fraction of a surface's samples inside another one that makes a tie, if none is deep in both.
 const TIED_PART: f64 = 0.01;
 
-/// Most surfaces named that hide another.
+/// Most hiding surfaces named in a finding.
 const HIDERS_NAMED: usize = 3;
 
-/// Looks at every closed surface among the others; findings by the index of the surface.
+/// Examines every closed surface among the others; returns findings by surface index.
 pub(super) fn examine(patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
     let mut found: Vec<(usize, Finding)> =
         (0..patients.len()).into_par_iter().flat_map_iter(|index| one(index, patients, trees)).collect();
-    // Both of a pair tell a tie.
+    // A tie is found from both of its surfaces.
     let mut told = BTreeSet::new();
     found.retain(|(index, f)| f.defect != Defect::PriorityTie || told.insert((*index, f.what.clone())));
     found
@@ -74,7 +74,7 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
         let place = patient.bounds_mm.map(|(low, high)| Place::of([low, high]));
         found.push((index, Finding::new(Defect::Hidden, what).at(place)));
     }
-    // A few points just below the skin are two meshes of one border.
+    // A few points just below the skin mean two meshes of one border.
     ties.retain(|_, tie| tie.deep || tie.points.len() as f64 >= TIED_PART * probes.len() as f64);
     for (other, Tie { points, .. }) in ties {
         let (loser, winner) = (index.min(other), index.max(other));
@@ -87,20 +87,20 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
     found
 }
 
-/// Where two surfaces claim one place with one priority.
+/// Overlap of two surfaces of equal priority.
 #[derive(Default)]
 struct Tie {
     points: Vec<Vec3>,
-    /// Whether one of them is half way through the surface.
+    /// Whether a sample half way through the surface is inside the other.
     deep: bool,
 }
 
-/// Where closed surfaces overlap, the greatest is the medium.
+/// Rank by which the medium is chosen where closed surfaces overlap: the greatest wins.
 fn rank(patients: &[Patient], index: usize) -> (i32, usize) {
     (patients[index].priority, index)
 }
 
-/// Closed surfaces that a point is inside.
+/// Closed surfaces that contain a point.
 fn holding<'a>(
     point: DVec3,
     patients: &'a [Patient],
@@ -118,7 +118,7 @@ fn holding<'a>(
         .map(|(index, _)| index)
 }
 
-/// The surface that is the medium at a point; none in the background.
+/// Surface that is the medium at a point; `None` in the background.
 pub(super) fn medium(point: DVec3, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Option<usize> {
     holding(point, patients, trees).max_by_key(|&index| rank(patients, index))
 }

@@ -1,4 +1,4 @@
-//! One surface: its vertices, triangles, edges and parts.
+//! Checks of a single surface: its vertices, triangles, edges and parts.
 
 use std::collections::{HashMap, HashSet};
 
@@ -11,58 +11,58 @@ use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
 use crate::anatomy::{Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
-/// Triangles lower than this, mm, are missed by rays from 150 mm: the tracer's edge tolerance is as wide.
+/// Height below which rays from 150 mm miss a triangle, mm: the tracer's edge tolerance is as wide.
 const SLIVER_MM: f64 = 1e-4;
 
-/// More folds than one in so many triangles are told.
+/// Folds are reported if more than one in this many triangles has one.
 const FOLDS_ONE_IN: usize = 25;
 
-/// More slivers than one in so many triangles are told: the neighbours of a few are hit in their place.
+/// Slivers are reported if more than one in this many triangles is one; rays hit the neighbours of a few instead.
 const SLIVERS_ONE_IN: usize = 1000;
 
-/// Corners at which is asked what is around a part: one may lie where parts nearly touch.
+/// Number of corners at which a part's surroundings are sampled: a single one may be where parts nearly touch.
 const ASKED: usize = 9;
 
-/// Parts of less volume than this in all, mm³, and than this part of the surface's, are crumbs: decimation folds what is
-/// as small as its triangles, and which way that faces is chance.
+/// Crumbs: parts with less total volume than this, mm³, and less than a set fraction of the surface's volume.
+/// Decimation folds parts as small as its triangles, so their orientation is arbitrary.
 const CRUMBS_MM3: f64 = 1.0;
 const CRUMBS_PART: f64 = 1e-4;
 
-/// What to do about crumbs.
+/// Remedy for crumbs.
 const CRUMBS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
 
 /// A surface under examination.
 pub(super) struct Patient {
     pub(super) name: String,
-    /// Index of its node.
+    /// Index of its glTF node.
     pub(super) node: usize,
-    /// As the file calls it.
+    /// Tissue as named in the file.
     pub(super) tissue: Option<String>,
     pub(super) tissue_index: Option<usize>,
     pub(super) priority: i32,
-    /// What is left without copies, triangles without area and vertices that are no places; outward, where it is closed.
+    /// Mesh without copies, zero-area triangles and unusable vertices; facing outward if closed.
     pub(super) mesh: Mesh,
     /// Whether it has an inside.
     pub(super) closed: bool,
     /// Whether it faced inward in the file.
     inverted: bool,
-    /// Corners of its open edges, as their triangles turn, mm.
+    /// Corners of its open edges, in the direction of their triangles, mm.
     pub(super) open_mm: Vec<[Vec3; 2]>,
-    /// Bounds of every vertex, mm, but for those that are no places.
+    /// Bounds of all usable vertices, mm.
     pub(super) bounds_mm: Option<(Vec3, Vec3)>,
-    /// Bounds of every finite vertex, mm, however far away.
+    /// Bounds of all finite vertices, mm, however far away.
     pub(super) finite_mm: Option<(Vec3, Vec3)>,
-    /// Vertices in use, and how many of them are no places.
+    /// Number of vertices in use, and of unusable ones among them.
     pub(super) vertices: [usize; 2],
-    /// Triangles in the file.
+    /// Number of triangles in the file.
     pub(super) triangles: usize,
     pub(super) findings: Vec<Finding>,
-    /// Index of each triangle's part.
+    /// Part of each triangle.
     part: Vec<u32>,
 }
 
 impl Patient {
-    /// Takes a surface as it was written, and looks at all but what needs a tree.
+    /// Runs all checks of a raw surface that need no tree.
     pub(super) fn admit(raw: RawSurface, tissues: &TissueTable) -> Self {
         let RawSurface { name, node, tissue, priority, mesh } = raw;
         let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
@@ -126,7 +126,7 @@ impl Patient {
                 format!("{} vertices are not finite or beyond ±100000 mm; vertex {first} is {value:?} mm", bad.len());
             self.tell(Finding::new(Defect::BadCoordinates, what));
             mesh.triangles.retain(|t| t.iter().all(|&i| is_usable(mesh.vertices_mm[i as usize])));
-            // What is cut off is open: nothing else can be told.
+            // A truncated surface is open: no further check applies.
             self.mesh = mesh;
             return;
         }
@@ -145,14 +145,14 @@ impl Patient {
         let at = |i: u32| self.mesh.vertices_mm[i as usize];
         self.open_mm = edges.open.iter().map(|edge| edge.map(at)).collect();
         (self.closed, self.part) = (edges.closed, edges.part);
-        // As loading does: what is below a triangle is then inside.
+        // As in loading: afterwards, points below a triangle are inside.
         if self.closed && self.mesh.signed_volume_mm3() < 0.0 {
             self.inverted = true;
             self.mesh.flip();
         }
     }
 
-    /// What the edges tell with or without the `fillers` of T-junctions, whichever leaves fewer unpaired.
+    /// Edges with or without the `fillers` of T-junctions, whichever leaves fewer unpaired.
     fn edges(&mut self, fillers: &[[u32; 3]]) -> edges::Edges {
         let without = edges::examine(&self.mesh);
         if without.closed || fillers.is_empty() {
@@ -166,12 +166,12 @@ impl Patient {
         if with.unpaired < without.unpaired { with } else { without }
     }
 
-    /// Leaves out triangles without area; those of them that may close T-junctions.
+    /// Removes zero-area triangles; returns those that may close T-junctions.
     fn drop_degenerate(&mut self, mesh: &mut Mesh) -> Vec<[u32; 3]> {
         let total = mesh.triangles.len();
         let first = mesh.first_flat();
         let fillers = mesh.drop_flat();
-        // A surface of nothing else is empty, which is told instead.
+        // A surface of nothing else is empty, which has its own finding.
         if let Some(corners) = first.filter(|_| !mesh.triangles.is_empty()) {
             let what = format!("{} triangles without area are left out, one of them", total - mesh.triangles.len());
             self.tell(Finding::new(Defect::Degenerate, what).at([Place::of(corners)]));
@@ -179,7 +179,7 @@ impl Patient {
         fillers
     }
 
-    /// Leaves one of each set of triangles that turn alike, and none of those that lie back to back.
+    /// Keeps one of each set of equally wound copies, and none of those that are back to back.
     fn drop_copies(&mut self, mesh: &mut Mesh) {
         let mut keys: Vec<([u32; 3], i32, u32)> = mesh.triangles.iter().zip(0..).map(|(t, i)| keyed(*t, i)).collect();
         keys.sort_unstable();
@@ -224,7 +224,7 @@ impl Patient {
         }
     }
 
-    /// Looks for triangles that cross, and for parts that face the wrong way.
+    /// Checks for crossing triangles, and for parts that face the wrong way.
     pub(super) fn check_with(&mut self, tree: &Tree<'_>) {
         let crossing::Crossings { overlaps, folds, places } = crossing::find(tree, &self.part);
         if overlaps > 0 {
@@ -247,7 +247,7 @@ impl Patient {
         let (mut inward, mut nested) = (Vec::new(), Vec::new());
         for (index, part) in parts.iter().enumerate() {
             let outward = part.volume_mm3 > 0.0;
-            // An inward part within an outward one is a hollow.
+            // An inward part inside an outward one is a cavity.
             match (is_within_others(index, &parts, &self.part, tree), outward) {
                 (false, false) => inward.push(part),
                 (true, true) => nested.push(part),
@@ -269,7 +269,7 @@ impl Patient {
     }
 }
 
-/// A finding about the parts `wrong` of all `parts`.
+/// Finding about the parts `wrong` of all `parts`.
 fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Finding {
     let volume_mm3 = |parts: &mut dyn Iterator<Item = &Part>| parts.map(|p| p.volume_mm3.abs()).sum::<f64>();
     let (of_wrong, of_all) = (volume_mm3(&mut wrong.iter().copied()), volume_mm3(&mut parts.iter()));
@@ -281,7 +281,7 @@ fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Fi
     finding
 }
 
-/// Whether triangles of sheets end at the `rest` of the surface everywhere: then they part its inside.
+/// Whether the rim of all sheets is on the `rest` of the surface: then they divide its inside.
 fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
     let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| [a.min(b), a.max(b)]);
     let mut count = HashMap::<[u32; 2], usize>::new();
@@ -294,11 +294,11 @@ fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
     has_rim && rim.is_empty()
 }
 
-/// What hangs together over edges.
+/// A component connected over edges.
 struct Part {
     low: Vec3,
     high: Vec3,
-    /// Some of its corners, evenly over its triangles.
+    /// Some of its corners, spread evenly over its triangles.
     corners: Vec<Vec3>,
     triangles: usize,
     volume_mm3: f64,
@@ -336,7 +336,7 @@ fn parts(mesh: &Mesh, part_of: &[u32]) -> Vec<Part> {
     parts
 }
 
-/// Whether a part lies within an odd number of others, by most of its corners.
+/// Whether a part is inside an odd number of others, by a majority of its corners.
 fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'_>) -> bool {
     let part = &parts[index];
     let meets = |other: &Part| other.low.cmple(part.high).all() && other.high.cmpge(part.low).all();
@@ -349,11 +349,11 @@ fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'
     2 * odd > part.corners.len()
 }
 
-/// A triangle under its sorted corners, with which way it turns.
+/// A triangle with its corners sorted, its winding (±1) and its index.
 fn keyed([a, b, c]: [u32; 3], index: u32) -> ([u32; 3], i32, u32) {
     let mut sorted = [a, b, c];
     sorted.sort_unstable();
-    // Even permutations of the sorted corners turn as they do.
+    // Even permutations of the sorted corners have their winding.
     let even = [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted);
     (sorted, if even { 1 } else { -1 }, index)
 }
@@ -362,22 +362,22 @@ pub(super) fn bounds(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)>
     points.fold(None, |bounds, p| Some(bounds.map_or((p, p), |(low, high): (Vec3, Vec3)| (low.min(p), high.max(p)))))
 }
 
-/// What is below a triangle of a surface.
+/// Sample points below a triangle of a surface.
 pub(super) struct Probe {
-    /// Just below the triangle, and half way to the other side.
+    /// Point just below the triangle, and point half way to the opposite side.
     pub(super) points_mm: [DVec3; 2],
-    /// Way to the other side, mm.
+    /// Distance to the opposite side, mm.
     pub(super) thickness_mm: f64,
 }
 
-/// Depth of a probe's first point, mm, where the surface is thicker than twice that.
+/// Depth of the first point, mm, for surfaces thicker than twice that.
 const SKIN_DEEP_MM: f64 = 0.01;
 
-/// Places inside a closed surface, below at most `count` of its triangles.
+/// Sample points inside a closed surface, below at most `count` of its triangles.
 pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     let mesh = tree.mesh();
     let step = mesh.triangles.len().div_ceil(count).max(1);
-    // Few triangles are large: several places below each.
+    // If there are few triangles, they are large: several samples below each.
     let each = (count / mesh.triangles.len().max(1)).clamp(1, PLACES_MAX_A_TRIANGLE);
     let below = |corners: [Vec3; 3], own: u32, place: usize| {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
@@ -399,11 +399,11 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     chosen.flat_map(|(corners, own)| (0..each).filter_map(move |place| below(corners, own, place))).collect()
 }
 
-/// Most places below one triangle.
+/// Most samples below one triangle.
 const PLACES_MAX_A_TRIANGLE: usize = 64;
 
-/// Barycentric coordinates of the centroid, then of places evenly over the triangle: the additive recurrence of the
-/// plastic number.
+/// Barycentric coordinates of the centroid, then of points spread evenly over the triangle: the additive recurrence of
+/// the plastic number.
 fn barycentric(place: usize) -> [f64; 2] {
     if place == 0 {
         return [1.0 / 3.0; 2];

@@ -1,4 +1,4 @@
-//! Objects that are closed as a whole, but not in each of their materials.
+//! Detection of objects that are closed as a whole, but not in each of their materials.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -7,10 +7,10 @@ use glam::Vec3;
 use super::finding::{Defect, Finding};
 use super::patient::Patient;
 
-/// An edge by its corners' bits, the lesser first.
+/// Edge by its corners' bits, the lower first.
 type Key = [[u32; 3]; 2];
 
-/// Looks whether open edges of surfaces of one node fit each other, and tells so in place of the hole.
+/// Checks whether open edges of one node's surfaces match each other; if so, replaces the finding of a hole.
 pub(super) fn find(patients: &mut [Patient]) {
     let mut of_node = BTreeMap::<usize, Vec<usize>>::new();
     for (index, patient) in patients.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {
@@ -40,9 +40,9 @@ pub(super) fn find(patients: &mut [Patient]) {
     }
 }
 
-/// The edge, whichever way it runs, and which way.
+/// Undirected edge and its direction.
 fn keyed(edge: &[Vec3; 2]) -> (Key, i32) {
-    // Adding zero makes −0 into 0.
+    // Adding zero turns −0 into 0.
     let [a, b] = edge.map(|v| (v + Vec3::ZERO).to_array().map(f32::to_bits));
     if a < b { ([a, b], 1) } else { ([b, a], -1) }
 }

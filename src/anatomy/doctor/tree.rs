@@ -1,4 +1,4 @@
-//! What is near a place, and what a line crosses, of one surface.
+//! Spatial queries of one surface: nearby triangles and line crossings.
 
 use std::time::Duration;
 
@@ -12,28 +12,28 @@ use obvhs::triangle::Triangle;
 
 use crate::anatomy::Mesh;
 
-/// Directions along no axis and no common diagonal: two of three decide.
+/// Directions along no axis and no common diagonal; two of three decide.
 const DIRECTIONS: [DVec3; 3] =
     [DVec3::new(0.361, 0.829, 0.427), DVec3::new(-0.743, 0.217, 0.633), DVec3::new(0.512, -0.477, -0.714)];
 
-/// Where a line crosses a triangle.
+/// Crossing of a line and a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     /// Distance along the line, mm.
     pub(super) t_mm: f64,
-    /// Whether the line leaves through the triangle's outside.
+    /// Whether the line leaves through the triangle's outer side.
     pub(super) leaves: bool,
     pub(super) triangle: u32,
 }
 
-/// A tree over a mesh's triangles.
+/// BVH over a mesh's triangles.
 pub(super) struct Tree<'m> {
     bvh: Bvh2,
     mesh: &'m Mesh,
 }
 
 impl<'m> Tree<'m> {
-    /// None of an empty mesh.
+    /// Builds the tree; `None` for an empty mesh.
     pub(super) fn new(mesh: &'m Mesh) -> Option<Self> {
         let triangles: Vec<Triangle> =
             mesh.corners_mm().map(|[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
@@ -50,7 +50,7 @@ impl<'m> Tree<'m> {
         self.mesh.triangles[triangle as usize].map(|i| self.mesh.vertices_mm[i as usize])
     }
 
-    /// Triangles whose boxes meet that of `corners`.
+    /// Calls `each` for all triangles whose boxes intersect that of `corners`.
     pub(super) fn near(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
         let points = corners.map(Into::into);
         self.bvh.aabb_traverse(Aabb::from_points(&points), |bvh, node| {
@@ -61,9 +61,9 @@ impl<'m> Tree<'m> {
         });
     }
 
-    /// Every crossing ahead of `from_mm` along the unit `direction`, in any order.
+    /// Calls `each` for every crossing ahead of `from_mm` along the unit `direction`, in any order.
     pub(super) fn crossings(&self, from_mm: DVec3, direction: DVec3, mut each: impl FnMut(Crossing)) {
-        // A component of 0 makes NaNs of the boxes' slabs.
+        // A zero component would give NaNs in the slab test.
         let slanted = |v: f64| if v.abs() < 1e-6 { 1e-6 } else { v as f32 };
         let [x, y, z] = direction.to_array().map(slanted);
         let ray = Ray::new_inf(from_mm.as_vec3().into(), Vec3::new(x, y, z).into());
@@ -75,8 +75,7 @@ impl<'m> Tree<'m> {
         });
     }
 
-    /// How many times the surface encloses `point_mm`, less how often inside out; triangles that `counts` refuses are
-    /// as if they were not there.
+    /// Winding number of the surface about `point_mm`, with only the triangles that `counts` accepts.
     pub(super) fn winding(&self, point_mm: DVec3, counts: impl Fn(u32) -> bool) -> i32 {
         let along = |direction: DVec3| {
             let mut winding = 0;
@@ -97,7 +96,7 @@ impl<'m> Tree<'m> {
     }
 }
 
-/// Distance along the line, which is above 0, and whether it leaves (Möller & Trumbore, J Graph Tools 2:21, 1997).
+/// Distance along the line (above 0) and whether it leaves (Möller & Trumbore, J Graph Tools 2:21, 1997).
 fn intersect(corners: [Vec3; 3], from: DVec3, direction: DVec3) -> Option<(f64, bool)> {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     let (ab, ac) = (b - a, c - a);

@@ -1,13 +1,13 @@
-//! Checks that make it safe to read an accessor: the glTF crate trusts counts, offsets and types.
+//! Checks before reading an accessor: the glTF crate trusts counts, offsets and types.
 
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, sparse};
 use gltf::buffer::View;
 
-/// Most elements of an accessor that is not backed by bytes (all zero but for its sparse ones).
+/// Most elements of an accessor without data (all zero except its sparse ones).
 const UNBACKED_MAX: usize = 1 << 24;
 
-/// Checks that `accessor` has elements of the given shape and that each lies within `buffers`.
+/// Checks that `accessor` has elements of the given shape, all within `buffers`.
 pub(super) fn check(
     accessor: &Accessor<'_>,
     dimensions: Dimensions,
@@ -64,7 +64,7 @@ fn check_sparse(sparse: &sparse::Sparse<'_>, count: usize, size: usize, buffers:
     Ok(())
 }
 
-/// Bytes from the first to the last of `count` elements of `size` bytes in a view.
+/// Bytes of a view from the first to the last of `count` elements of `size` bytes.
 fn span<'b>(
     view: &View<'_>,
     offset: usize,

@@ -1,4 +1,4 @@
-//! The file and its buffers.
+//! A glTF file and its buffers.
 
 use std::fs;
 use std::io::{self, Read};
@@ -11,10 +11,10 @@ use percent_encoding::percent_decode_str;
 use super::extensions;
 use crate::anatomy::SceneError;
 
-/// Bytes of a binary glTF's header and its first chunk's header: no file is shorter.
+/// Length of a binary glTF's header and its first chunk's header, bytes: the shortest file.
 const GLB_MIN: usize = 20;
 
-/// A validated document and the bytes of each of its buffers, none shorter than it says.
+/// A validated document and the bytes of its buffers, none shorter than declared.
 pub(super) struct File {
     pub(super) path: PathBuf,
     pub(super) document: Document,
@@ -34,13 +34,13 @@ impl File {
         Ok(Self { path: path.to_owned(), document, buffers })
     }
 
-    /// An error of this file.
+    /// Format error of this file.
     pub(super) fn format_error(&self, reason: impl Into<String>) -> SceneError {
         SceneError::Format { path: self.path.clone(), reason: reason.into() }
     }
 }
 
-/// What the glTF crate takes for granted about a binary header.
+/// Checks what the glTF crate assumes about a binary header.
 fn check_header(bytes: &[u8]) -> Result<(), String> {
     if bytes.is_empty() {
         return Err("it is empty".to_owned());
@@ -57,7 +57,7 @@ fn check_header(bytes: &[u8]) -> Result<(), String> {
     }
 }
 
-/// The document, its references within bounds.
+/// Checks that the document's references are within bounds.
 fn validate(document: Document) -> Result<Document, String> {
     let mut root = document.into_json();
     root.extensions_required.retain(|name| !extensions::is_harmless(name));
@@ -67,7 +67,7 @@ fn validate(document: Document) -> Result<Document, String> {
     if let Some(reason) = extensions::no_data(&root) {
         return Err(reason);
     }
-    // The glTF crate's own validation looks at a primitive's positions before it checks that they exist.
+    // The glTF crate's own validation accesses a primitive's positions before it checks that they exist.
     let primitives = root.meshes.iter().enumerate().flat_map(|(m, mesh)| mesh.primitives.iter().map(move |p| (m, p)));
     for (mesh, primitive) in primitives {
         if let Some(index) = primitive.attributes.values().find(|index| index.value() >= root.accessors.len()) {
@@ -112,9 +112,9 @@ fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u
     Ok(bytes)
 }
 
-/// At most `limit` bytes of a regular file: a pipe or device might never end.
+/// Reads at most `limit` bytes of a regular file: a pipe or device might never end.
 fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    // Before it is opened: opening a pipe waits for its other end.
+    // Checked before opening: opening a pipe waits for its other end.
     if !fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
     }

@@ -1,11 +1,11 @@
-//! Extensions of glTF: those of looks do no harm, those of geometry are refused with what to do.
+//! glTF extensions: those of appearance are ignored, those of geometry refused with advice.
 
 use gltf::Semantic;
 use gltf::accessor::DataType;
 use gltf::json::Root;
 use gltf::json::validation::Checked;
 
-/// Extensions that change materials, lights or metadata alone, by how their names begin.
+/// Prefixes of extensions that change only materials, lights or metadata.
 const HARMLESS: [&str; 8] = [
     "KHR_materials_",
     "KHR_texture_",
@@ -22,12 +22,12 @@ pub(super) fn is_harmless(name: &str) -> bool {
     HARMLESS.iter().any(|prefix| name.starts_with(prefix))
 }
 
-/// Why a file that requires `name` is not read, and what to do.
+/// Message for a file that requires `name`: the reason and a remedy.
 pub(super) fn refused(name: &str) -> String {
     format!("it requires the extension `{name}`, which is not read: {}", remedy(name))
 }
 
-/// How to write the same scene without an extension of geometry.
+/// Remedy for an extension of geometry.
 fn remedy(name: &str) -> &'static str {
     match name {
         "KHR_draco_mesh_compression" => {
@@ -44,15 +44,16 @@ fn remedy(name: &str) -> &'static str {
     }
 }
 
-/// Why positions that are whole numbers are not read.
+/// Message for positions stored as integers.
 pub(super) fn quantised(accessor: usize, found: DataType) -> String {
     let remedy = remedy("KHR_mesh_quantization");
     format!("accessor {accessor}: its positions are {found:?}; only F32 is read: {remedy}")
 }
 
-/// Why positions or indices without bytes are not read: the extension that keeps them elsewhere, if the file uses one.
+/// Message for positions or indices without data, naming the extension that stores them elsewhere, if the file uses
+/// one.
 pub(super) fn no_data(root: &Root) -> Option<String> {
-    // Elsewhere, an accessor without data is legally one of zeros.
+    // In other places, an accessor without data is legally all zeros.
     let of_shape = root.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|primitive| {
         let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
         positions.into_iter().chain(&primitive.indices).map(|index| index.value())

@@ -1,17 +1,20 @@
-//! Scenes from glTF files.
+//! Import of scenes from glTF files.
 //!
 //! A **surface** is one triangle primitive of one node of the default scene (else the first scene, else every root
-//! node). Its tissue is `extras.tissue` of its node, else of the node's mesh, else of the nearest ancestor that has one,
-//! else the name of its material; its priority is `extras.priority` (a whole number) of its node, else of the mesh, else
-//! of the nearest ancestor, else 0. A mesh's extras are of its nodes alone, not of their children. An ending such as `.001`, which Blender adds to a name that is taken, is no part of a
-//! tissue's name.
-//! Positions are in metres, as glTF says, and become mm of the scene frame. A surface should be closed; what is not
-//! as it should be, but can be used, is a [`Finding`]. What moves is
-//! told by `extras.motion` of the glTF scene ([`crate::anatomy::Motion`]); glTF's own animations, skins and morph
-//! targets are not applied.
+//! node).
 //!
-//! Buffers lie in the `.glb`, in files beside a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
-//! (extensions) is refused by name; extensions of looks are ignored.
+//! - Tissue: `extras.tissue` of its node, else of the node's mesh, else of the nearest ancestor that has one, else the
+//!   name of its material. A suffix such as `.001`, which Blender adds to a name in use, is not part of a tissue's
+//!   name.
+//! - Priority: `extras.priority` (an integer) of its node, else of the mesh, else of the nearest ancestor, else 0. A
+//!   mesh's extras apply to its nodes only, not to their children.
+//! - Positions are in metres, as glTF prescribes, and are converted to mm of the scene frame.
+//! - A surface should be closed. Usable defects are reported as [`Finding`]s.
+//! - Motion: `extras.motion` of the glTF scene ([`crate::anatomy::Motion`]). glTF's own animations, skins and morph
+//!   targets are not applied.
+//!
+//! Buffers may be in the `.glb`, in files beside a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
+//! (extensions) is refused by name; extensions of appearance are ignored.
 
 mod accessor;
 mod document;
@@ -31,45 +34,45 @@ use super::scene::SURFACES_MAX;
 use super::{Scene, SceneError, TissueTable};
 use crate::suggest::did_you_mean;
 
-/// Something in a file that was mended, left out or looks wrong.
+/// A defect in a file that was mended, skipped or merely noted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// The surface.
+    /// Name of the surface.
     pub surface: String,
-    /// What it is.
+    /// Kind of the finding.
     pub kind: FindingKind,
 }
 
-/// What an import noticed about a surface.
+/// Kind of a finding about a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FindingKind {
-    /// Triangles without area, dropped.
+    /// Zero-area triangles, dropped.
     Degenerate {
-        /// How many.
+        /// Number of triangles.
         triangles: usize,
     },
-    /// A closed surface that faced inward, turned over.
+    /// A closed surface that faced inward, reversed.
     InsideOut,
-    /// A surface with edges that only one triangle has, or that two triangles wind alike: nothing is reliably inside.
+    /// Edges that have only one triangle, or two triangles of equal winding: the surface has no reliable inside.
     Open {
-        /// How many edges.
+        /// Number of edges.
         edges: usize,
     },
-    /// Points or lines, left out.
+    /// Points or lines, skipped.
     NotTriangles,
-    /// Indices at the end of a list of triangles that make no whole triangle, dropped.
+    /// Surplus indices at the end of a triangle list, dropped.
     LeftOver {
-        /// How many.
+        /// Number of indices.
         indices: usize,
     },
-    /// No triangle with an area: left out.
+    /// No triangle has an area: skipped.
     Empty,
     /// The node has a skin, which is not applied.
     Skin,
-    /// Nodes with meshes that the scene (whose name stands for the surface's) does not hold, left out.
+    /// Nodes with meshes that are not in the scene (named instead of the surface), skipped.
     NotInScene {
-        /// How many.
+        /// Number of nodes.
         nodes: usize,
     },
 }
@@ -98,13 +101,13 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Reads the scene of the `.glb` or `.gltf` file at `path`, each [`Finding`] a warning in the log.
+/// Reads the scene of the `.glb` or `.gltf` file at `path`, logging each [`Finding`] as a warning.
 ///
-/// `background` is the index in `tissues` of the tissue outside of every surface.
+/// `background` is the index in `tissues` of the tissue outside all surfaces.
 ///
 /// # Errors
-/// A file that cannot be read or is not whole, valid glTF; a surface without a known tissue; bad extras; a vertex that
-/// is not finite or beyond ±1e5 mm; more than [`SURFACES_MAX`] surfaces; no triangle at all.
+/// A file that cannot be read, or is not complete, valid glTF; a surface without a known tissue; invalid extras; a
+/// vertex that is not finite or beyond ±1e5 mm; more than [`SURFACES_MAX`] surfaces; no triangle at all.
 pub fn load(path: &Path, tissues: &TissueTable, background: usize) -> Result<Scene, SceneError> {
     let (scene, findings) = load_with_findings(path, tissues, background)?;
     for finding in findings {
@@ -113,7 +116,7 @@ pub fn load(path: &Path, tissues: &TissueTable, background: usize) -> Result<Sce
     Ok(scene)
 }
 
-/// As [`load`], with what was noticed, in the file's order.
+/// As [`load`], with the findings in the file's order.
 ///
 /// # Errors
 /// As [`load`].
@@ -151,27 +154,27 @@ pub fn load_with_findings(
     Ok((scene, findings))
 }
 
-/// A file as it was written, for the [doctor](super::doctor).
+/// A file's content as written, for the [doctor](super::doctor).
 pub(crate) struct RawScene {
     pub(crate) surfaces: Vec<RawSurface>,
-    /// What is left out.
+    /// Findings about skipped content.
     pub(crate) findings: Vec<Finding>,
-    /// What [`load`] refuses the file for, but for its surfaces.
+    /// Errors for which [`load`] refuses the file, except those of its surfaces.
     pub(crate) problems: Vec<SceneError>,
 }
 
-/// A surface as it was written.
+/// A surface as written.
 pub(crate) struct RawSurface {
     pub(crate) name: String,
     /// Index of its node.
     pub(crate) node: usize,
-    /// As the extras or the material say.
+    /// Tissue named by the extras or the material.
     pub(crate) tissue: Option<String>,
     pub(crate) priority: i32,
     pub(crate) mesh: Result<RawMesh, SceneError>,
 }
 
-/// Reads a file and mends nothing: only a file that is not whole, valid glTF is an error.
+/// Reads a file without mending anything. Only a file that is not complete, valid glTF is an error.
 pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
     let file = document::File::read(path)?;
     let (mut findings, mut problems) = (Vec::new(), Vec::new());
@@ -187,7 +190,7 @@ pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
     Ok(RawScene { surfaces, findings, problems })
 }
 
-/// Index in `tissues` of what a file calls `name`.
+/// Index in `tissues` of the tissue that a file calls `name`.
 pub(crate) fn tissue_named(name: &str, tissues: &TissueTable) -> Option<usize> {
     tissues.index_of(name).or_else(|| {
         let (base, number) = name.rsplit_once('.')?;

@@ -1,4 +1,4 @@
-//! From a primitive to a mesh.
+//! Conversion of a glTF primitive to a mesh.
 
 use std::collections::HashMap;
 
@@ -13,17 +13,17 @@ use super::{FindingKind, accessor, extensions};
 use crate::anatomy::{Mesh, SceneError};
 use crate::pose::POSITION_LIMIT_MM;
 
-/// A primitive as it was written.
+/// A primitive as written.
 pub(crate) struct RawMesh {
-    /// Vertices of the whole buffer, scene frame, mm; any numbers at all.
+    /// Vertices of the whole buffer, scene frame, mm; unchecked values.
     pub(crate) vertices_mm: Vec<Vec3>,
-    /// Indices of vertices; a mirroring transform is already undone.
+    /// Vertex indices; the effect of a mirroring transform is already undone.
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Indices at the end of a list of triangles that make no whole triangle.
+    /// Number of surplus indices at the end of a triangle list.
     pub(crate) left_over: usize,
 }
 
-/// What `part` holds, nothing mended.
+/// Content of `part`, unmended.
 pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     let in_part = |reason: String| file.format_error(format!("surface `{}`: {reason}", part.name));
     let positions = positions(file, part).map_err(in_part)?;
@@ -36,8 +36,7 @@ pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     Ok(RawMesh { vertices_mm, triangles, left_over })
 }
 
-/// The mesh of `part` in the scene frame, mm: vertices of one position shared, no triangle without area, outward where
-/// it is closed.
+/// Mesh of `part` in the scene frame, mm: equal vertices merged, zero-area triangles dropped, facing outward if closed.
 pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKind>), SceneError> {
     let raw = raw(file, part)?;
     if let Some(vertex) = raw.bad_vertices().next() {
@@ -70,7 +69,7 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
     Ok((mesh, findings))
 }
 
-/// Unpaired edges with or without the `fillers` of T-junctions, whichever are fewer.
+/// Number of unpaired edges with or without the `fillers` of T-junctions, whichever is lower.
 fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
     let without = mesh.unpaired_edges();
     if without == 0 || fillers.is_empty() {
@@ -84,7 +83,7 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
 }
 
 impl RawMesh {
-    /// Whether each vertex belongs to a triangle: primitives often share one buffer, of which each uses a part.
+    /// Whether each vertex belongs to a triangle: primitives often use parts of one shared buffer.
     fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.vertices_mm.len()];
         for &index in self.triangles.iter().flatten() {
@@ -93,25 +92,25 @@ impl RawMesh {
         used
     }
 
-    /// Vertices in use that are not finite or too far away, by index.
+    /// Indices of vertices in use that are not finite or too far away.
     pub(crate) fn bad_vertices(&self) -> impl Iterator<Item = usize> + '_ {
         let used = self.used();
         let numbered = self.vertices_mm.iter().enumerate();
         numbered.filter(move |(index, v)| used[*index] && !is_usable(**v)).map(|(index, _)| index)
     }
 
-    /// The mesh with one vertex for each distinct position in use; triangles without area and with it.
+    /// Mesh with one vertex for each distinct position in use; keeps zero-area triangles.
     pub(crate) fn welded(&self) -> Mesh {
         let used = self.used();
         let mut index_at = HashMap::with_capacity(used.iter().filter(|u| **u).count());
         let mut mesh = Mesh::default();
         let mut welded = vec![0; self.vertices_mm.len()];
         for (vertex, &mm) in self.vertices_mm.iter().enumerate().filter(|(vertex, _)| used[*vertex]) {
-            // Adding zero makes −0 into 0.
+            // Adding zero turns −0 into 0.
             let key = (mm + Vec3::ZERO).to_array().map(f32::to_bits);
             welded[vertex] = *index_at.entry(key).or_insert_with(|| {
                 mesh.vertices_mm.push(mm);
-                // There are no more distinct vertices than u32 indices address: `indices` saw to it.
+                // `indices` ensured that u32 suffices for all vertices.
                 (mesh.vertices_mm.len() - 1) as u32
             });
         }
@@ -135,7 +134,7 @@ fn positions(file: &File, part: &Part<'_>) -> Result<Vec<[f32; 3]>, String> {
     Ok(reader.read_positions().ok_or("its positions cannot be read")?.collect())
 }
 
-/// Indices of vertices, each below `vertices`.
+/// Vertex indices, each below `vertices`.
 fn indices(file: &File, part: &Part<'_>, vertices: usize) -> Result<Vec<u32>, String> {
     let Some(accessor) = part.primitive.indices() else {
         return (0..vertices).map(|i| u32::try_from(i).map_err(|_| format!("{vertices} vertices"))).collect();
@@ -150,7 +149,7 @@ fn indices(file: &File, part: &Part<'_>, vertices: usize) -> Result<Vec<u32>, St
     }
 }
 
-/// Triangles of a list, strip or fan, wound as glTF says, and how many indices are left over.
+/// Triangles of a list, strip or fan, wound as glTF prescribes, and the number of surplus indices.
 fn triangles(mode: Mode, indices: &[u32]) -> (Vec<[u32; 3]>, usize) {
     let too_few = if indices.len() < 3 { indices.len() } else { 0 };
     match mode {
@@ -170,13 +169,13 @@ fn triangles(mode: Mode, indices: &[u32]) -> (Vec<[u32; 3]>, usize) {
 }
 
 impl Mesh {
-    /// Corners of the first triangle without area, mm.
+    /// Corners of the first zero-area triangle, mm.
     pub(crate) fn first_flat(&self) -> Option<[Vec3; 3]> {
         self.corners_mm().find(|corners| !has_area(*corners))
     }
 
-    /// Drops triangles without area. Returns those of three distinct vertices: between a long edge and the two halves
-    /// that run along it, such a one closes a T-junction.
+    /// Drops zero-area triangles. Returns those with three distinct vertices: one between a long edge and the two
+    /// halves along it closes a T-junction.
     pub(crate) fn drop_flat(&mut self) -> Vec<[u32; 3]> {
         let Self { vertices_mm, triangles } = self;
         let is_flat = |t: &mut [u32; 3]| !has_area(t.map(|i| vertices_mm[i as usize]));

@@ -1,4 +1,4 @@
-//! From nodes to the parts that become surfaces.
+//! Traversal of nodes to collect the primitives that become surfaces.
 
 use glam::{DMat4, DQuat, DVec3, Vec3, Vec4};
 use gltf::mesh::Mode;
@@ -11,24 +11,24 @@ use super::document::File;
 use super::{Finding, FindingKind};
 use crate::anatomy::SceneError;
 
-/// Largest accepted departure of a node's quaternion from norm one.
+/// Largest accepted deviation of a node's quaternion from norm one.
 const ROTATION_NORM_TOLERANCE: f64 = 1e-2;
 
 /// A triangle primitive of a node.
 pub(super) struct Part<'a> {
-    /// The node's name; with the primitive's number where its mesh has several.
+    /// Name of the node, with the primitive's number if its mesh has several.
     pub(super) name: String,
     /// Index of the node.
     pub(super) node: usize,
-    /// As the extras or the material say.
+    /// Tissue named by the extras or the material.
     pub(super) tissue: Option<String>,
     pub(super) priority: i32,
-    /// Metres of the scene from metres of the mesh.
+    /// Transform from mesh to scene, both in metres.
     pub(super) scene_from_mesh: DMat4,
     pub(super) primitive: Primitive<'a>,
 }
 
-/// What a node hands down to its children.
+/// Properties inherited by a node's children.
 #[derive(Clone)]
 struct Inherited {
     scene_from_parent: DMat4,
@@ -36,22 +36,23 @@ struct Inherited {
     priority: Option<i32>,
 }
 
-/// What a node says of itself.
+/// Properties of a node itself.
 struct Here {
     /// Tissue and priority of its own extras.
     own: (Option<String>, Option<i32>),
-    /// With what is above it.
+    /// Properties including those of its ancestors.
     handed_down: Inherited,
 }
 
-/// Triangle primitives in depth-first order; findings about what is left out, problems that make the scene unusable.
+/// Triangle primitives in depth-first order. Adds findings about skipped content, and problems that make the scene
+/// unusable.
 pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &mut Vec<SceneError>) -> Vec<Part<'a>> {
     let root = Inherited { scene_from_parent: DMat4::IDENTITY, tissue: None, priority: None };
     let mut seen = vec![false; file.document.nodes().len()];
     let mut stack: Vec<_> = roots(file).into_iter().rev().map(|node| (node, root.clone())).collect();
     let mut parts = Vec::new();
     while let Some((node, above)) = stack.pop() {
-        // A second visit is a node with two parents, or a cycle.
+        // A second visit means a node with two parents, or a cycle.
         if std::mem::replace(&mut seen[node.index()], true) {
             let name = node_name(&node);
             problems.push(file.format_error(format!("node `{name}` is reached twice; nodes must form trees")));
@@ -76,7 +77,7 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
     parts
 }
 
-/// The default scene; where none is named, the first.
+/// Default scene, or the first if none is marked.
 pub(super) fn chosen_scene(file: &File) -> Option<Scene<'_>> {
     file.document.default_scene().or_else(|| file.document.scenes().next())
 }
@@ -101,7 +102,8 @@ fn push_parts<'a>(
     problems: &mut Vec<SceneError>,
 ) {
     let Some(mesh) = node.mesh() else { return };
-    // Where trimesh writes a mesh's metadata, and Blender the custom properties of an object's data: of it alone.
+    // trimesh puts a mesh's metadata here, and Blender the custom properties of an object's data: they apply to this
+    // mesh only.
     let of_mesh = extras(file, node, mesh.extras(), problems);
     let tissue = here.own.0.as_ref().or(of_mesh.0.as_ref()).or(here.handed_down.tissue.as_ref());
     let priority = here.own.1.or(of_mesh.1).or(here.handed_down.priority);
@@ -146,7 +148,7 @@ fn inherit(
     Ok(Here { own, handed_down })
 }
 
-/// `tissue` and `priority` of the extras of a node or its mesh; other extras are somebody else's.
+/// `tissue` and `priority` from the extras of a node or its mesh; other extras are ignored.
 fn extras(
     file: &File,
     node: &Node<'_>,
@@ -158,7 +160,7 @@ fn extras(
         tissue: Option<Value>,
         priority: Option<Value>,
     }
-    // Extras may be any JSON: what is no object has none of our keys.
+    // Extras may be any JSON; a value that is not an object has none of our keys.
     let extras: Extras = extras.as_ref().and_then(|raw| serde_json::from_str(raw.get()).ok()).unwrap_or_default();
     let mut bad = |key, value: &Value, expected| {
         let (path, node) = (file.path.clone(), node_name(node));
@@ -173,7 +175,7 @@ fn extras(
         }
     };
     let priority = extras.priority.and_then(|value| {
-        // Editors write whole numbers as 3.0, too.
+        // Some editors write integers as 3.0.
         let whole = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= f64::from(i32::MAX));
         if whole.is_none() {
             bad("priority", &value, "a whole number within ±2147483647");
@@ -221,7 +223,7 @@ impl Part<'_> {
         self.scene_from_mesh.determinant() < 0.0
     }
 
-    /// A vertex of the mesh (metres) in the scene, mm.
+    /// Vertex of the mesh (metres) in the scene, mm.
     pub(super) fn scene_mm(&self, [x, y, z]: [f32; 3]) -> Vec3 {
         let metres = DVec3::new(x.into(), y.into(), z.into());
         (self.scene_from_mesh.transform_point3(metres) * 1000.0).as_vec3()

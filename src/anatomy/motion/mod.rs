@@ -1,8 +1,8 @@
-//! What moves in a scene: a heart that beats, a chest that breathes, limbs that twitch, a mother who breathes.
+//! Motion in a scene: heartbeat, fetal and maternal breathing, limb movements.
 //!
-//! A [`Field`] is a smooth displacement of named surfaces ([`Shape`]) with a [`Rhythm`]. Where things are is a pure
-//! function of time; at time 0 the scene is as its file has it. A scene file carries its motion as JSON in
-//! `extras.motion` of its glTF scene, lengths in mm of the scene frame.
+//! A [`Field`] is a smooth displacement of named surfaces ([`Shape`]) with a [`Rhythm`]. Positions are a pure function
+//! of time; at time 0 the scene is as in its file. A scene file carries its motion as JSON in `extras.motion` of its
+//! glTF scene, with lengths in mm of the scene frame.
 
 mod rhythm;
 mod shape;
@@ -17,32 +17,32 @@ pub use shape::Shape;
 
 use super::Scene;
 
-/// Most fields of a scene: each has a tree of its own under one node of eight children.
+/// Most fields of a scene: each has a tree of its own below one node with eight children.
 pub const FIELDS_MAX: usize = 7;
 
-/// All that moves in a scene.
+/// Motion of a scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Displacements, at most [`FIELDS_MAX`]; where several reach a point their displacements add up.
+    /// Displacement fields, at most [`FIELDS_MAX`]; at points reached by several, displacements add up.
     #[serde(default)]
     pub fields: Vec<Field>,
-    /// A movement of the whole scene under the probe, as of a mother who breathes.
+    /// Movement of the whole scene under the probe, for example by the mother's breathing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drift: Option<Drift>,
 }
 
-/// A displacement of some surfaces.
+/// Displacement of some surfaces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
-    /// Name, for messages and to switch it off.
+    /// Name, for messages and for switching it off.
     pub name: String,
-    /// Names of the surfaces that it moves; a `*` at the end stands for any ending.
+    /// Names of the surfaces that it moves; a `*` at the end matches any suffix.
     pub surfaces: Vec<String>,
-    /// Where.
+    /// Spatial form.
     pub shape: Shape,
-    /// When.
+    /// Course in time.
     pub rhythm: Rhythm,
 }
 
@@ -50,40 +50,40 @@ pub struct Field {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
-    /// Way of the scene at the greatest amount, scene frame, mm; at most 50 mm long.
+    /// Displacement of the scene at the largest amount, scene frame, mm; at most 50 mm long.
     #[serde(with = "vector")]
     pub way_mm: Vec3,
-    /// When.
+    /// Course in time.
     pub rhythm: Rhythm,
 }
 
-/// Motion that can't be.
+/// Errors in a scene's motion.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum MotionError {
-    /// More fields than a tree's node has children.
+    /// More fields than the joint node has children.
     #[error("{count} motion fields; at most {FIELDS_MAX} are traced: join those that move the same way")]
     TooMany {
         /// Fields found.
         count: usize,
     },
-    /// A value outside of its range.
+    /// A value outside its range.
     #[error("`{key}` of motion `{field}` is {value}; it must be {right}")]
     Value {
         /// Name of the field.
         field: String,
-        /// Which value.
+        /// Key of the value.
         key: &'static str,
         /// Value found.
         value: f64,
-        /// What would be right.
+        /// Accepted values.
         right: &'static str,
     },
-    /// A field moves nothing.
+    /// A field that moves nothing.
     #[error("motion `{field}` names no surface of the scene: {surfaces:?}")]
     NoSurface {
         /// Name of the field.
         field: String,
-        /// What it names.
+        /// Surface names of the field.
         surfaces: Vec<String>,
     },
 }
@@ -94,15 +94,15 @@ impl Motion {
         self.fields.is_empty() && self.drift.is_none()
     }
 
-    /// Whether a surface of this name ever moves against the others.
+    /// Whether a surface of this name ever moves relative to the others.
     pub fn moves(&self, surface: &str) -> bool {
         self.mask_of(surface) != 0
     }
 
-    /// Checks every value, and that each field moves something in a scene with surfaces of these names.
+    /// Checks every value, and that each field moves some of a scene's `surfaces`, given by name.
     ///
     /// # Errors
-    /// What is wrong first.
+    /// The first fault.
     pub fn validate<'a>(&self, surfaces: impl Iterator<Item = &'a str> + Clone) -> Result<(), MotionError> {
         if self.fields.len() > FIELDS_MAX {
             return Err(MotionError::TooMany { count: self.fields.len() });
@@ -125,7 +125,7 @@ impl Motion {
         Ok(())
     }
 
-    /// `scene` as it is at `time_s`, drift left out.
+    /// `scene` at `time_s`, without the drift.
     pub fn displaced(&self, scene: &Scene, time_s: f64) -> Scene {
         let amounts: Vec<[f32; 2]> = self.fields.iter().map(|f| f.amounts(time_s)).collect();
         let mut scene = scene.clone();
@@ -136,14 +136,14 @@ impl Motion {
         scene
     }
 
-    /// One bit for each field that may move the surface `name`.
+    /// Bit set of the fields that may move the surface `name`.
     pub(super) fn mask_of(&self, name: &str) -> u32 {
         self.fields.iter().enumerate().filter(|(_, f)| f.moves(name)).fold(0, |mask, (i, _)| mask | 1 << i)
     }
 
-    /// Those of `mask` that ever move the point `p` at rest.
+    /// Those fields of `mask` that ever move the point `p` at rest.
     pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
-        // Every amount moves what any amount moves: fields fade out in space, not in time.
+        // All amounts move the same points: fields fade out in space, not in time.
         let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;
         self.fields
             .iter()
@@ -152,12 +152,12 @@ impl Motion {
             .fold(0, |fields, (i, _)| fields | 1 << i)
     }
 
-    /// Farthest that anything gets from its rest, mm.
+    /// Largest displacement of any point, mm.
     pub(super) fn reach_mm(&self) -> f64 {
         self.fields.iter().map(|field| f64::from(field.shape.reach_mm())).sum()
     }
 
-    /// Where a point at rest is, moved by the fields of `mask`.
+    /// Position of a point at rest, moved by the fields of `mask`.
     pub(super) fn moved(&self, p: Vec3, mask: u32, amounts: &[[f32; 2]]) -> Vec3 {
         let mut moved = p;
         for (i, field) in self.fields.iter().enumerate() {
@@ -170,7 +170,7 @@ impl Motion {
 }
 
 impl Drift {
-    /// Way of the scene at `time_s`, mm.
+    /// Displacement of the scene at `time_s`, mm.
     pub(super) fn at(&self, time_s: f64) -> DVec3 {
         self.way_mm.as_dvec3() * self.rhythm.at(time_s)[0]
     }
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_is_the_same_through_json() {
+    fn motion_is_unchanged_by_json() {
         let motion = Motion {
             fields: vec![heart()],
             drift: Some(Drift {

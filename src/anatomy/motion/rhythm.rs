@@ -1,4 +1,4 @@
-//! When things move: pure functions of time, so that a replay moves as the session did.
+//! Rhythms of motion: pure functions of time, so that a replay moves like its session.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,21 +8,21 @@ use crate::random;
 
 /// Part of a heart's cycle in which the ventricles contract (Wiggers diagram, about 40 % at fetal rates).
 const SYSTOLE: f64 = 0.4;
-/// Part of the cycle, at its end, in which the atria contract.
+/// Fraction of the cycle, at its end, in which the atria contract.
 const ATRIAL_KICK: f64 = 0.18;
-/// Breaths of a fetus differ in depth; least depth over the greatest (assumed).
+/// Ratio of the shallowest to the deepest fetal breath (assumed).
 const SHALLOWEST: f64 = 0.4;
 
-/// When a field moves, and how far. At time 0 everything is at rest.
+/// Course of a movement in time. At time 0 everything is at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rhythm {
-    /// Beats without a pause. The second amount is that of the atria, which go before the ventricles.
+    /// Continuous heartbeat. The second amount is that of the atria, which contract before the ventricles.
     Heart {
         /// Beats a minute, 20 to 300.
         beats_per_min: f64,
     },
-    /// Breaths in bouts with pauses between. With no pause they go on for ever.
+    /// Breaths in bouts with pauses between. Without a pause they never end.
     Breath {
         /// Breaths a minute, 4 to 120.
         breaths_per_min: f64,
@@ -33,21 +33,21 @@ pub enum Rhythm {
         /// Seed of the depth of each breath.
         seed: u64,
     },
-    /// Single movements there and back, at times that can't be foreseen.
+    /// Single movements there and back at pseudo-random times.
     Twitch {
-        /// One movement in each of these spans of time, s.
+        /// Interval that contains one movement, s.
         every_s: f64,
-        /// Duration of a movement, s; shorter than half of `every_s`.
+        /// Duration of a movement, s; less than half of `every_s`.
         lasts_s: f64,
-        /// Seed of the times and sizes.
+        /// Seed of the times and amounts.
         seed: u64,
     },
 }
 
 impl Rhythm {
-    /// Amounts of the movement at `time_s`, each within 0..=1; 0 is at rest. The second differs from 0 for hearts only.
+    /// Amounts of the movement at `time_s`, each within 0..=1; 0 is at rest. The second is 0 except for hearts.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
-        // A time that is not a number moves nothing.
+        // A time that is not finite moves nothing.
         let time_s = if time_s.is_finite() { time_s.max(0.0) } else { 0.0 };
         match *self {
             Self::Heart { beats_per_min } => {
@@ -59,13 +59,13 @@ impl Rhythm {
             Self::Breath { breaths_per_min, bout_s, pause_s, seed } => {
                 let (into, bout) = if pause_s > 0.0 {
                     let cycle_s = bout_s + pause_s;
-                    // The pause comes first: at time 0 all is at rest.
+                    // The pause comes first: everything is at rest at time 0.
                     (time_s % cycle_s - pause_s, (time_s / cycle_s) as u64)
                 } else {
                     (time_s, 0)
                 };
                 let breaths = into * breaths_per_min / 60.0;
-                // Whole breaths only: a bout ends where its last breath ends.
+                // Whole breaths only: a bout ends with its last breath.
                 let whole = if pause_s > 0.0 { (bout_s * breaths_per_min / 60.0).floor() } else { f64::INFINITY };
                 if breaths < 0.0 || breaths >= whole {
                     return [0.0; 2];
@@ -93,7 +93,7 @@ impl Rhythm {
         }
     }
 
-    /// The first value outside of its range: its name, itself, and what would be right.
+    /// First value outside its range: key, value and accepted values.
     pub(super) fn wrong(&self) -> Option<(&'static str, f64, &'static str)> {
         let check = |name, value: f64, low: f64, high: f64, right| {
             (!(low..=high).contains(&value)).then_some((name, value, right))
@@ -128,7 +128,7 @@ mod tests {
     ];
 
     #[test]
-    fn every_rhythm_starts_at_rest_stays_in_range_and_never_jumps() {
+    fn every_rhythm_starts_at_rest_stays_in_range_and_is_continuous() {
         for rhythm in RHYTHMS {
             assert_eq!(rhythm.wrong(), None);
             assert_eq!(rhythm.at(0.0), [0.0; 2], "{rhythm:?}");
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn seeds_differ() {
+    fn different_seeds_give_different_rhythms() {
         let twitch = |seed| Rhythm::Twitch { every_s: 5.0, lasts_s: 1.0, seed };
         let moves = |seed| (0..500).map(move |i| twitch(seed).at(f64::from(i) * 0.1)[0]).collect::<Vec<_>>();
         assert_eq!(moves(1), moves(1));

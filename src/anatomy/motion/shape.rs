@@ -1,65 +1,65 @@
-//! Where things move: smooth displacement fields of bounded reach.
+//! Smooth displacement fields of bounded reach.
 
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// A field fades out over this part of its radius, beyond it.
+/// Width of the margin over which a field fades out, as a fraction of its radius.
 const FADE: f32 = 0.6;
-/// A heart's outer wall moves less than its chambers: the muscle keeps its volume.
+/// Movement of the heart's outer wall relative to its chambers: the muscle keeps its volume.
 const OUTER_WALL: f32 = 0.45;
-/// Atria contract less than ventricles.
+/// Contraction of the atria relative to the ventricles.
 const ATRIA: f32 = 0.6;
 
 /// A displacement field, scene frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
-    /// A heart: it narrows about its long axis and the plane of its valves goes towards the apex.
+    /// A heart: it narrows about its long axis, and its valve plane moves towards the apex.
     Beat {
-        /// Middle of the valves' plane.
+        /// Centre of the valve plane.
         #[serde(with = "super::vector")]
         centre_mm: Vec3,
-        /// From the base to the apex; any length but 0.
+        /// Direction from the base to the apex; any non-zero length.
         #[serde(with = "super::vector")]
         axis: Vec3,
         /// Radius of the heart.
         radius_mm: f32,
-        /// Part of its radius that a chamber loses, 0 to 0.35.
+        /// Fraction of its radius that a chamber loses, 0 to 0.35.
         squeeze: f32,
-        /// Way of the valves' plane over the radius, 0 to 0.3.
+        /// Displacement of the valve plane relative to the radius, 0 to 0.3.
         shorten: f32,
     },
-    /// A trunk that breathes: it widens (or narrows) about an axis, and what is inside goes along the axis.
+    /// A breathing trunk: it widens (or narrows) about an axis, and its inside moves along the axis.
     Breath {
-        /// Middle of the part that moves.
+        /// Centre of the moving part.
         #[serde(with = "super::vector")]
         centre_mm: Vec3,
-        /// Direction in which the inside goes; any length but 0.
+        /// Direction of the inside's movement; any non-zero length.
         #[serde(with = "super::vector")]
         axis: Vec3,
         /// Half of the moving part's length along the axis.
         half_length_mm: f32,
         /// Radius of the trunk.
         radius_mm: f32,
-        /// Part of its radius by which it widens, −0.15 to 0.15.
+        /// Relative increase of the radius, −0.15 to 0.15.
         widen: f32,
-        /// Way of the inside along the axis, mm, at most a fifth of `half_length_mm`.
+        /// Displacement of the inside along the axis, mm; at most a fifth of `half_length_mm`.
         shift_mm: f32,
     },
-    /// A limb that turns about a joint.
+    /// A limb that rotates about a joint.
     Swing {
-        /// The joint.
+        /// Position of the joint.
         #[serde(with = "super::vector")]
         joint_mm: Vec3,
-        /// The far end of the limb when it is at rest.
+        /// Far end of the limb at rest.
         #[serde(with = "super::vector")]
         end_mm: Vec3,
-        /// Axis of the turn; any length but 0.
+        /// Axis of rotation; any non-zero length.
         #[serde(with = "super::vector")]
         axis: Vec3,
-        /// Radius of what belongs to the limb about its line.
+        /// Radius about the limb's line that belongs to it.
         radius_mm: f32,
-        /// Greatest turn, degrees, −25 to 25.
+        /// Largest rotation, degrees, −25 to 25.
         angle_deg: f32,
     },
 }
@@ -71,7 +71,7 @@ fn smooth_step(low: f32, high: f32, x: f32) -> f32 {
 }
 
 impl Shape {
-    /// Where the point `p` of the scene at rest is, at these amounts of movement. With both 0 it is `p`, exactly.
+    /// Position of the rest point `p` at these amounts of movement. With both 0 it is exactly `p`.
     pub fn moved(&self, p: Vec3, amounts: [f32; 2]) -> Vec3 {
         if amounts == [0.0; 2] {
             return p;
@@ -111,7 +111,7 @@ impl Shape {
                 let q = p - joint_mm;
                 let along = (q.dot(limb) / (length * length)).clamp(0.0, 1.0);
                 let aside = (q - limb * along).length() / radius_mm;
-                // Only what lies distal of the joint turns, all of it from a radius on.
+                // Only points distal of the joint rotate, with full weight from one radius on.
                 let weight = (1.0 - smooth_step(1.0, 1.0 + FADE, aside))
                     * smooth_step(0.0, 1.0, q.dot(limb) / (length * radius_mm.min(length)));
                 if weight == 0.0 {
@@ -124,7 +124,7 @@ impl Shape {
         }
     }
 
-    /// The greatest displacement anywhere, mm.
+    /// Largest displacement anywhere, mm.
     pub fn reach_mm(&self) -> f32 {
         match *self {
             Self::Beat { radius_mm, squeeze, shorten, .. } => radius_mm * (1.0 + FADE) * (squeeze + shorten),
@@ -135,7 +135,7 @@ impl Shape {
         }
     }
 
-    /// The first value outside of its range: its name, itself, and what would be right.
+    /// First value outside its range: key, value and accepted values.
     pub(super) fn wrong(&self) -> Option<(&'static str, f64, &'static str)> {
         let check = |name, value: f32, low: f32, high: f32, right| {
             (!(low..=high).contains(&value)).then_some((name, f64::from(value), right))
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_nothing_moves_and_far_away_nothing_ever_does() {
+    fn nothing_moves_at_rest_and_distant_points_never_move() {
         for shape in SHAPES {
             assert_eq!(shape.wrong(), None);
             let mut moved = 0;
@@ -220,10 +220,10 @@ mod tests {
     }
 
     #[test]
-    fn no_field_folds_space_over() {
+    fn no_field_folds_space() {
         for shape in SHAPES {
             for p in grid() {
-                // Beside a limb that swings is fluid; there the field is sheared.
+                // Fluid surrounds a swinging limb; there the field is sheared.
                 if matches!(shape, Shape::Swing { radius_mm, .. } if p.with_y(0.0).length() > 0.9 * radius_mm || p.y > 40.0)
                 {
                     continue;
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_heart_narrows_in_systole_and_a_limb_turns_by_its_angle() {
+    fn a_heart_narrows_in_systole_and_a_limb_rotates_by_its_angle() {
         let apex_side = Vec3::new(8.0, 5.0, 2.0);
         assert!(SHAPES[0].moved(apex_side, [1.0, 0.0]).y < 4.0);
         let base_side = Vec3::new(1.0, 5.0, 2.0);

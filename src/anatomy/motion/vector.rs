@@ -1,4 +1,4 @@
-//! Vectors as `[x, y, z]` in JSON.
+//! Serialisation of vectors as `[x, y, z]`.
 
 use glam::Vec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -1,8 +1,8 @@
-//! How the fetus lies: frames of its head, trunk and limbs.
+//! Attitude of the fetus: frames of its head, trunk and limbs.
 //!
 //! The **fetal frame** has x to the fetus' left, y cranial and z ventral. Parts are modelled in it, or in the frame of
-//! the head or of a vertebra (same axes, turned), and the fetus is then placed in the scene as a whole. Trunk and head
-//! are drawn at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`].
+//! the head or of a vertebra (same axes, rotated); the fetus is then placed in the scene as a whole. Trunk and head are
+//! drawn at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`].
 
 use glam::{Quat, Vec3};
 
@@ -41,7 +41,7 @@ pub struct Arm {
     pub fingers: Vec3,
 }
 
-/// The fetus' attitude and its place in the scene.
+/// Attitude of the fetus and its placement in the scene.
 #[derive(Debug, Clone)]
 pub struct Attitude {
     /// Sizes of the fetus.
@@ -57,8 +57,8 @@ pub struct Attitude {
     spine: Spine,
 }
 
-/// Directions of a left limb's segments (upper, lower, end) at flexions 0, 0.5 and 1, and what makes the right limb
-/// differ from the left one's mirror image.
+/// Directions of a left limb's segments (upper, lower, end) at flexions 0, 0.5 and 1, and the variation in which the
+/// right limb differs from the left one's mirror image.
 struct Pose {
     upper: [[f32; 3]; 3],
     lower: [[f32; 3]; 3],
@@ -91,20 +91,20 @@ const ARMS: [Pose; 2] = [
     },
 ];
 
-/// Between three key directions, at `flexion`.
+/// Interpolates between three key directions, at `flexion`.
 fn between(keys: &[[f32; 3]; 3], flexion: f32, side: f32) -> Vec3 {
     let [a, b, c] = keys.map(|k| Vec3::from(k).normalize());
     let v = if flexion < 0.5 { a.lerp(b, 2.0 * flexion) } else { b.lerp(c, 2.0 * flexion - 1.0) };
     (v * Vec3::new(side, 1.0, 1.0)).normalize()
 }
 
-/// Greatest turn of a limb's segment from one individual to the next, radians.
+/// Largest rotation of a limb's segment between individuals, rad.
 const LIMB_VARIATION_RAD: f32 = 0.16;
 
 impl Attitude {
-    /// How the fetus of `parameters` lies.
+    /// Attitude of the fetus of `parameters`.
     ///
-    /// A fetus too stretched for its room is curled as far as it must be.
+    /// A fetus too stretched for the cavity is curled as far as necessary.
     pub fn of(parameters: &Parameters) -> Self {
         let biometry = Biometry::at_weeks(parameters.gestational_weeks);
         let room = placement::Room::of(parameters);
@@ -126,8 +126,8 @@ impl Attitude {
         best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0, 0.0), |(_, attitude)| attitude)
     }
 
-    /// The individual `seed`, its limbs as far from the mean as they go without crossing, and spread where even the
-    /// mean's would.
+    /// Individual `seed`. Its limbs vary as far as they can without crossing; if even the mean's limbs cross, they are
+    /// spread.
     fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
         let variations = [1.0, 0.5, 0.25].into_iter().filter(|_| seed != 0).map(|variation| (variation, 0.0));
         let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));
@@ -140,14 +140,14 @@ impl Attitude {
         Self::posed(biometry, flexion, seed, 0.0, 0.0)
     }
 
-    /// Posed in the fetal frame, not placed in the scene: `variation` of the individual 0 to 1, limbs turned apart and
-    /// from the face by `spread` radians.
+    /// Attitude in the fetal frame, not placed in the scene. `variation` of the individual is 0 to 1; limbs are rotated
+    /// apart and away from the face by `spread` radians.
     fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32, spread: f32) -> Self {
         let drawn = Spine::drawn();
         let bend = 1.0 + 0.5 * (flexion - 0.5);
         let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
         let trunk = biometry.trunk_scale();
-        // The drawing's points, moved with the vertebra that they hang on.
+        // Points as drawn, moved with the vertebra that they are attached to.
         let moved = |level: f32, point: Vec3| {
             let local = drawn.vertebra(level).local_point(point);
             spine.vertebra(level).point(local * trunk)
@@ -170,7 +170,7 @@ impl Attitude {
             let side = if i == 0 { 1.0 } else { -1.0 };
             let jitter = |v: Vec3, k: u64| {
                 let turn = |axis: u64| LIMB_VARIATION_RAD * variation * vary(seed, 100 * what + 10 * k + axis);
-                // Elbows to their side, forearms apart and from the face; thighs down from the elbows, shanks to their side.
+                // Elbows outward, forearms apart and away from the face; thighs down from the elbows, shanks outward.
                 let apart = match (level < 15.0, k) {
                     (true, 0) => Quat::from_rotation_y(0.7 * side * spread),
                     (true, _) => Quat::from_rotation_x(0.3 * spread) * Quat::from_rotation_y(side * spread),
@@ -185,7 +185,7 @@ impl Attitude {
                 .map(|(keys, k)| jitter(between(keys, flexion, side), k))
                 .collect::<Vec<_>>()
         };
-        // Joints lie a cartilage end beyond the ossified shafts.
+        // Joints are one cartilage end beyond the ossified shafts.
         let (leg_scale, arm_scale) = (biometry.leg_scale(), biometry.arm_scale());
         let leg = |i: usize| {
             let side = if i == 0 { 1.0 } else { -1.0 };
@@ -216,47 +216,47 @@ impl Attitude {
         }
     }
 
-    /// `fetus_from_vertebra`: the frame of the spine at `level`, y along the spine to cranial, z ventral, in mm.
+    /// `fetus_from_vertebra`: frame of the spine at `level`, y cranial along the spine, z ventral, mm.
     pub fn vertebra(&self, level: f32) -> Isometry {
         self.spine.vertebra(level)
     }
 
-    /// The point `left`, `ventral` (mm at 22 weeks) of the spine at `level`, fetal frame, mm.
+    /// Point `left`, `ventral` (mm at 22 weeks) of the spine at `level`, fetal frame, mm.
     pub fn trunk(&self, level: f32, left: f32, ventral: f32) -> Vec3 {
         self.vertebra(level).point(Vec3::new(left, 0.0, ventral) * self.biometry.trunk_scale())
     }
 
-    /// A ball about [`Self::trunk`] of `radius` (mm at 22 weeks), fetal frame, mm.
+    /// Ball of `radius` (mm at 22 weeks) about [`Self::trunk`], fetal frame, mm.
     pub fn knot(&self, level: f32, left: f32, ventral: f32, radius: f32) -> (Vec3, f32) {
         (self.trunk(level, left, ventral), radius * self.biometry.trunk_scale())
     }
 
-    /// A solid drawn about the vertebra at `level` in mm at 22 weeks, in the fetal frame.
+    /// Converts a solid drawn about the vertebra at `level` (mm at 22 weeks) to the fetal frame.
     pub fn in_trunk(&self, level: f32, solid: Solid) -> Solid {
         solid.scaled(self.biometry.trunk_scale()).placed(self.vertebra(level))
     }
 
-    /// An ellipsoid drawn about the vertebra at `level` in mm at 22 weeks, in the fetal frame.
+    /// Ellipsoid drawn about the vertebra at `level` (mm at 22 weeks), in the fetal frame.
     pub fn in_trunk_ellipsoid(&self, level: f32, centre: Vec3, semi: Vec3) -> Solid {
         self.in_trunk(level, ellipsoid(centre, semi))
     }
 
-    /// A solid drawn in the head's frame in mm at 22 weeks, in the fetal frame.
+    /// Converts a solid drawn in the head's frame (mm at 22 weeks) to the fetal frame.
     pub fn in_head(&self, solid: Solid) -> Solid {
         solid.scaled(self.biometry.head_scale()).placed(self.fetus_from_head)
     }
 
-    /// A point drawn in the head's frame in mm at 22 weeks, in the fetal frame, mm.
+    /// Converts a point drawn in the head's frame (mm at 22 weeks) to the fetal frame, mm.
     pub fn head_point(&self, drawn: Vec3) -> Vec3 {
         self.fetus_from_head.point(drawn * self.biometry.head_scale())
     }
 
-    /// A point of the fetal frame in the scene, mm.
+    /// Converts a point from the fetal frame to the scene, mm.
     pub fn scene_point(&self, fetal: Vec3) -> Vec3 {
         self.scene_from_fetus.point(fetal)
     }
 
-    /// A direction of the fetal frame in the scene.
+    /// Converts a direction from the fetal frame to the scene.
     pub fn scene_vector(&self, fetal: Vec3) -> Vec3 {
         self.scene_from_fetus.vector(fetal)
     }
@@ -268,7 +268,7 @@ mod tests {
     use crate::anatomy::phantom::parameters::Lie;
 
     #[test]
-    fn frames_are_right_handed_and_go_down_the_back() {
+    fn frames_are_right_handed_and_descend_along_the_back() {
         for flexion in [0.0, 0.5, 1.0] {
             let attitude = Attitude::of(&Parameters { flexion, ..Parameters::default() });
             for level in 0..=VERTEBRAE {
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_head_points_where_the_lie_says() {
+    fn the_head_points_in_the_direction_of_the_lie() {
         let head = [
             (Lie::Cephalic, Vec3::NEG_Y),
             (Lie::Breech, Vec3::Y),

@@ -1,8 +1,8 @@
-//! Sizes of the fetus by gestational age.
+//! Fetal biometry: sizes by gestational age.
 
 use glam::Vec3;
 
-/// Sizes of a fetus that drive every organ, mm.
+/// Sizes of a fetus that determine every organ, mm.
 ///
 /// Sources, by field: [`Biometry::at_weeks`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,7 +15,7 @@ pub struct Biometry {
     pub occipitofrontal_mm: f32,
     /// Thickness of the skull.
     pub skull_thickness_mm: f32,
-    /// Greatest width of the cerebellum.
+    /// Largest width of the cerebellum.
     pub cerebellum_mm: f32,
     /// Depth of the cisterna magna, from the vermis to the inner table.
     pub cisterna_magna_mm: f32,
@@ -81,7 +81,7 @@ const EYES_MM: [[f32; 10]; 2] = [
     [7.0, 9.0, 10.0, 11.0, 12.0, 13.0, 13.5, 14.0, 14.5, 15.0],
 ];
 
-/// Value at `weeks` of a table of every second week from 16 to 34.
+/// Value at `weeks`, interpolated in a table of every second week from 16 to 34.
 fn at(table: &[f32; 10], weeks: f64) -> f32 {
     let place = ((weeks as f32 - 16.0) / 2.0).clamp(0.0, 9.0);
     let i = (place as usize).min(8);
@@ -94,26 +94,26 @@ fn ellipse_circumference(a: f32, b: f32) -> f32 {
 }
 
 impl Biometry {
-    /// A fetus of `weeks` menstrual weeks, within
-    /// [`WEEKS_RANGE`](super::parameters::WEEKS_RANGE).
+    /// Biometry of a fetus of `weeks` menstrual weeks, within [`WEEKS_RANGE`](super::parameters::WEEKS_RANGE).
     ///
     /// - Biparietal diameter, head and abdominal circumference and femur: the growth curves of Hadlock et al.,
     ///   "Estimating fetal age: computer-assisted analysis of multiple fetal growth parameters", Radiology 152:497
     ///   (1984), in cm of w weeks: BPD = −3.08 + 0.41 w − 0.000061 w³; HC = −11.48 + 1.56 w − 0.0002548 w³;
     ///   AC = −13.3 + 1.61 w − 0.00998 w²; FL = −3.91 + 0.427 w − 0.0034 w². Unverified: the coefficients in the paper
-    ///   itself; its formulas for the age from a size, which are in wide use, give the weeks back within 0.6, but for
-    ///   the head circumference, which gives 1.4 too many at 34 (a test).
+    ///   itself. Its widely used formulas for the age from a size return the weeks within 0.6, except for the head
+    ///   circumference, which gives 1.4 too many at 34 (a test).
     /// - Other long bones: Jeanty 1984. The foot is as long as the femur (unverified: Campbell et al., J Ultrasound Med
     ///   7:187, 1988).
-    /// - Cerebellum: Goldstein 1987. Cisterna magna 5 mm (mean; Mahony et al., Radiology 153:773, 1984; 4.3 at 18 to 5.6
-    ///   at 24 weeks in 3862 fetuses, Childs Nerv Syst, doi 10.1007/s00381-013-2298-y). Atrium 7.0 mm at all ages
-    ///   (unverified: mean 7.6, below 10; Cardoza et al., Radiology 169:711, 1988, whose callipers take in the walls).
+    /// - Cerebellum: Goldstein 1987. Cisterna magna 5 mm (mean; Mahony et al., Radiology 153:773, 1984; 4.3 at 18 to
+    ///   5.6 at 24 weeks in 3862 fetuses, Childs Nerv Syst, doi 10.1007/s00381-013-2298-y). Atrium 7.0 mm at all ages
+    ///   (unverified: mean 7.6, below 10; Cardoza et al., Radiology 169:711, 1988, whose callipers include the walls).
     ///   Eyes: Jeanty 1984.
-    /// - Assumed: the occipitofrontal diameter, such that the head's ellipse has its circumference; the skull's thickness
-    ///   (3.4 % of the biparietal diameter); the spine (grows as the mean of head and abdomen); the kidney (12.3 % of
-    ///   the abdominal circumference: their circumferences keep their ratio, unverified: Grannum et al., Am J Obstet
-    ///   Gynecol 136:249, 1980; 24.1 mm at 24 weeks, against 23.2 of Bharatnur et al., Int J Reprod Contracept Obstet
-    ///   Gynecol); the skin's thickness.
+    /// - Assumed: the occipitofrontal diameter, such that the head's ellipse has its circumference; the skull's
+    ///   thickness (3.4 % of the biparietal diameter); the spine (grows as the mean of head and abdomen); the skin's
+    ///   thickness.
+    /// - Also assumed: the kidney, 12.3 % of the abdominal circumference. Their circumferences keep their ratio
+    ///   (unverified: Grannum et al., Am J Obstet Gynecol 136:249, 1980). At 24 weeks it is 24.1 mm, against 23.2 of
+    ///   Bharatnur et al., Int J Reprod Contracept Obstet Gynecol.
     pub fn at_weeks(weeks: f64) -> Self {
         let w = weeks as f32;
         let biparietal_mm = 10.0 * (-3.08 + 0.41 * w - 0.000_061 * w.powi(3));
@@ -153,37 +153,37 @@ impl Biometry {
         self.abdominal_circumference_mm / std::f32::consts::TAU
     }
 
-    /// Half axes of the skull's outer table, mm: lateral, vertical, fore and aft.
+    /// Semi-axes of the skull's outer table, mm: lateral, vertical, fore and aft.
     pub fn skull_semi_mm(&self) -> Vec3 {
-        // Outer to inner leaves out one table.
+        // An outer-to-inner diameter excludes one table.
         let lateral = 0.5 * (self.biparietal_mm + self.skull_thickness_mm);
         let long = 0.5 * self.occipitofrontal_mm;
         Vec3::new(lateral, 0.85 * long, long)
     }
 
-    /// Size of the head over that of the model's drawing, whose head has 200 mm about it (22 weeks).
+    /// Size of the head relative to the drawing, whose head circumference is 200 mm (22 weeks).
     pub fn head_scale(&self) -> f32 {
         self.head_circumference_mm / 200.0
     }
 
-    /// Size of the trunk over that of the model's drawing, whose abdomen has 175 mm about it (22 weeks).
+    /// Size of the trunk relative to the drawing, whose abdominal circumference is 175 mm (22 weeks).
     pub fn trunk_scale(&self) -> f32 {
         self.abdominal_circumference_mm / 175.0
     }
 
-    /// Size of the legs over that of the model's drawing, whose femur has 39 mm (22 weeks).
+    /// Size of the legs relative to the drawing, whose femur is 39 mm long (22 weeks).
     pub fn leg_scale(&self) -> f32 {
         self.femur_mm / 39.0
     }
 
-    /// Size of the arms over that of the model's drawing, whose humerus has 37 mm (22 weeks).
+    /// Size of the arms relative to the drawing, whose humerus is 37 mm long (22 weeks).
     pub fn arm_scale(&self) -> f32 {
         self.humerus_mm / 37.0
     }
 }
 
-/// The long diameter of the head's ellipse of width `width_mm`. The brow makes the head's line
-/// [`BROW`] longer than an ellipse's.
+/// Long diameter of the head's ellipse of width `width_mm`, mm. The brow makes the head's outline longer than an
+/// ellipse's by the factor [`BROW`].
 fn occipitofrontal_mm(width_mm: f32, circumference_mm: f32) -> f32 {
     const BROW: f32 = 1.012;
     let (mut short, mut long) = (width_mm, 2.0 * width_mm);
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_at_22_weeks_are_the_tables() {
+    fn sizes_at_22_weeks_match_the_tables() {
         let b = Biometry::at_weeks(22.0);
         let near = |found: f32, table: f32| (found / table - 1.0).abs() < 0.03;
         assert!(
@@ -222,10 +222,10 @@ mod tests {
         }
     }
 
-    /// Age from a size: Hadlock et al., Radiology 152:497 (1984), weeks of cm. The two sets of curves were fitted apart,
-    /// so they invert each other nearly: the head's circumference worst, at the end.
+    /// Age from a size: Hadlock et al., Radiology 152:497 (1984), weeks of cm. The two sets of curves were fitted
+    /// separately, so they are only nearly inverse: the head's circumference is worst, at the end.
     #[test]
-    fn sizes_give_their_age_back() {
+    fn sizes_return_their_age() {
         for weeks in 16..=34 {
             let b = Biometry::at_weeks(f64::from(weeks));
             let cm = |mm: f32| f64::from(mm) / 10.0;
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_that_grows_grows_each_week() {
+    fn growing_sizes_grow_every_week() {
         for weeks in 16..34 {
             let [a, b] = [weeks, weeks + 1].map(|w| Biometry::at_weeks(f64::from(w)));
             let sizes = |b: &Biometry| {

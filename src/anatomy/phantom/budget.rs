@@ -1,17 +1,21 @@
-//! Cell sizes that bring a body's surfaces to a number of triangles.
+//! Cell sizes that give a body's surfaces a requested number of triangles.
 
 use rayon::prelude::*;
 
 use super::meshing::count_triangles;
 use super::organ::Organ;
 
-/// Largest accepted departure from the budget.
+/// Largest accepted relative deviation from the budget.
 const TOLERANCE: f64 = 0.005;
 
-/// Cell size of each of `organs`, mm, such that together they have `budget` triangles within half a percent, and how
-/// many triangles they have; or the least number that still resolves every organ where that is above the budget.
+/// Cell size of each of `organs`, mm, for `budget` triangles in total within half a percent. Calls `counted` after each
+/// count.
+///
+/// # Errors
+/// The budget is too small; the error is the smallest number of triangles that resolves every organ.
 pub(super) fn cell_sizes_mm(organs: &[Organ], budget: usize, counted: &(dyn Fn() + Sync)) -> Result<Vec<f32>, usize> {
-    // Triangles go as one over the cell size squared, so one coarse count tells the rest to a few percent.
+    // Triangle counts scale with the inverse square of the cell size, so one coarse count predicts them within a few
+    // percent.
     let probes: Vec<(f32, f64)> = organs
         .par_iter()
         .map(|organ| {
@@ -41,7 +45,7 @@ pub(super) fn cell_sizes_mm(organs: &[Organ], budget: usize, counted: &(dyn Fn()
     }
     let mut sizes = sizes(coarse);
 
-    // The rest is the estimate's error: corrected on the largest surfaces, whose counts answer most smoothly.
+    // The remaining error is corrected on the largest surfaces, whose counts vary most smoothly.
     let mut counts: Vec<f64> =
         organs.par_iter().zip(&sizes).map(|(o, &mm)| count_triangles(&o.solid, mm) as f64).collect();
     for round in 0..12 {

@@ -1,4 +1,4 @@
-//! The phantom's file, made on first use.
+//! Cache of phantom files, built on first use.
 
 use std::path::{Path, PathBuf};
 
@@ -7,10 +7,10 @@ use thiserror::Error;
 use super::{PhantomError, PhantomOptions, Progress, build, movement};
 use crate::anatomy::export::{ExportError, write_moving_glb};
 
-/// Raised whenever the generator's output changes, so that an old file is not taken for a new one.
+/// Version of the generator's output; raised with every change, so that old files are not used.
 const GENERATOR: &str = "obstetric-8";
 
-/// Why the phantom's file could not be had.
+/// Errors in obtaining a phantom file.
 #[derive(Debug, Error)]
 pub enum CacheError {
     /// The phantom could not be built.
@@ -19,7 +19,7 @@ pub enum CacheError {
     /// The file could not be written.
     #[error(transparent)]
     Export(#[from] ExportError),
-    /// The folder could not be made.
+    /// The folder could not be created.
     #[error("cannot make the cache folder {path}: {source}")]
     Folder {
         /// Folder.
@@ -29,10 +29,11 @@ pub enum CacheError {
     },
 }
 
-/// The phantom of `options` as a .glb in `cache_dir`, built unless this version of the generator has done so before.
+/// Path of the phantom of `options` as a .glb in `cache_dir`, built unless this version of the generator has already
+/// built it.
 ///
-/// `progress` is only called where the phantom is built. Two processes may build at once: each renames a whole file
-/// into place, and both are the same.
+/// `progress` is called only during a build. Two processes may build at once: each renames a complete file into place,
+/// and both files are the same.
 ///
 /// # Errors
 /// The phantom cannot be built with these options, or the folder or file cannot be written.
@@ -75,7 +76,7 @@ mod tests {
     use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite};
 
     #[test]
-    fn options_have_files_of_their_own() {
+    fn different_options_have_different_files() {
         let p = Parameters::default();
         let options = [
             PhantomOptions::default(),

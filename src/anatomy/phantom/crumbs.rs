@@ -1,4 +1,4 @@
-//! Takes crumbs off a mesh: parts that its grid is too coarse to hold, and parts that a fold has turned inside out.
+//! Removal of crumbs from a mesh: parts too small for its grid, and parts turned inside out by a fold.
 
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
@@ -6,10 +6,10 @@ use rayon::slice::ParallelSliceMut;
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// A part of less than this much of a cell's volume is a crumb.
+/// Largest volume of a crumb, in cells.
 const CRUMB_CELLS: f64 = 0.25;
 
-/// What hangs together.
+/// A connected component.
 #[derive(Debug, Clone)]
 struct Part {
     signed_volume_mm3: f64,
@@ -23,8 +23,8 @@ impl Part {
     }
 }
 
-/// `mesh`, made of cells of `cell_mm`, without its crumbs: parts smaller than a quarter of a cell, and parts that face inward
-/// though no part is about them. Cavities stay.
+/// Removes the crumbs of `mesh`, made of cells of `cell_mm`: parts smaller than a quarter of a cell, and inward-facing
+/// parts without a part around them. Cavities stay.
 pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     let part_of = parts_of_triangles(&mesh);
     let far = Vec3::splat(f32::INFINITY);
@@ -43,7 +43,7 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
             || part.signed_volume_mm3 <= -least_mm3 && large.iter().any(|outer| outer.holds(part))
     };
     let kept: Vec<bool> = parts.iter().map(stays).collect();
-    // A surface of crumbs only stays: without it, an organ would be gone.
+    // A surface of crumbs only is kept: otherwise an organ would vanish.
     if large.is_empty() || kept.iter().all(|&kept| kept) {
         return mesh;
     }
@@ -67,7 +67,7 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
-/// Number of each triangle's part: triangles that share an edge hang together, not those that touch in a vertex.
+/// Part of each triangle: triangles that share an edge are connected; those that share only a vertex are not.
 fn parts_of_triangles(mesh: &Mesh) -> Vec<u32> {
     let mut edges: Vec<([u32; 2], u32)> = (0u32..)
         .zip(&mesh.triangles)
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn crumbs_and_folds_go_and_cavities_and_small_parts_stay() {
+    fn crumbs_and_folds_are_removed_and_cavities_and_small_parts_kept() {
         let ball = sphere(Vec3::ZERO, 10.0, 3);
         let cavity = inward(sphere(Vec3::new(2.0, 0.0, 0.0), 4.0, 2));
         let small = sphere(Vec3::new(30.0, 0.0, 0.0), 0.6, 2);
@@ -103,13 +103,13 @@ mod tests {
         let all = joined([std::slice::from_ref(&crumb), &sound[..], &[hollow_crumb, fold]].concat());
         assert_eq!(without_crumbs(all, 1.0), joined(sound.clone()));
         assert_eq!(without_crumbs(joined(sound.clone()), 1.0), joined(sound.clone()));
-        // A crumb that hangs on in one vertex.
+        // A crumb attached at one vertex.
         let mut hung = joined([ball.clone(), crumb.clone()]);
         let first = ball.vertices_mm.len() as u32;
         let meets = |i: u32| if i == first { 7 } else { i };
         hung.triangles.iter_mut().for_each(|t| *t = t.map(meets));
         assert_eq!(without_crumbs(hung, 1.0), ball);
-        // Of finer cells, it is none.
+        // With finer cells it is not a crumb.
         assert_eq!(without_crumbs(joined([ball.clone(), crumb.clone()]), 0.5), joined([ball, crumb.clone()]));
         // Nothing but crumbs.
         assert_eq!(without_crumbs(crumb.clone(), 1.0), crumb);

@@ -1,4 +1,4 @@
-//! Where things are in the phantom, for scan planes and sweeps.
+//! Landmarks of the phantom, for scan planes and sweeps.
 
 use glam::Vec3;
 
@@ -13,15 +13,15 @@ pub struct Landmarks {
     pub head_centre_mm: Vec3,
     /// Normal of the axial planes of the head (transthalamic, transventricular), towards the vertex.
     pub head_vertex: Vec3,
-    /// From the head's centre to the face; lies in the axial planes, along the midline echo.
+    /// Direction from the head's centre to the face; lies in the axial planes, along the midline echo.
     pub head_face: Vec3,
-    /// To the fetus' left; normal of the midsagittal planes of head and trunk.
+    /// Direction to the fetus' left; normal of the midsagittal planes of head and trunk.
     pub fetus_left: Vec3,
     /// Centre of the fetal abdomen at the level of the stomach: the plane of the abdominal circumference.
     pub abdomen_centre_mm: Vec3,
     /// Direction of the spine at that level, towards the fetal head: normal of the plane of the circumference.
     pub abdomen_cranial: Vec3,
-    /// From the spine to the belly at that level.
+    /// Direction from the spine to the belly at that level.
     pub abdomen_ventral: Vec3,
     /// Centre of the fetal heart, in the four-chamber plane.
     pub heart_centre_mm: Vec3,
@@ -37,7 +37,7 @@ pub struct Landmarks {
     pub biparietal_mm: [Vec3; 2],
     /// Ends of the occipitofrontal diameter, outer to outer: frontal, occipital.
     pub occipitofrontal_mm: [Vec3; 2],
-    /// Middle of the cavum septi pellucidi.
+    /// Centre of the cavum septi pellucidi.
     pub cavum_mm: Vec3,
     /// Inner and outer wall of the atrium of the left, then of the right lateral ventricle.
     pub atria_mm: [[Vec3; 2]; 2],
@@ -53,11 +53,11 @@ pub struct Landmarks {
     pub nose_tip_mm: Vec3,
     /// Skin at the chin.
     pub chin_mm: Vec3,
-    /// Middles of left arch, right arch and body of the vertebrae T6, L1, L3 and S1.
+    /// Centres of left arch, right arch and body of the vertebrae T6, L1, L3 and S1.
     pub ossification_centres_mm: [[Vec3; 3]; 4],
-    /// Middle, upper and lower pole of the left, then of the right kidney.
+    /// Centre, upper and lower pole of the left, then of the right kidney.
     pub kidneys_mm: [[Vec3; 3]; 2],
-    /// Middles of left ventricle, right ventricle, left atrium and right atrium.
+    /// Centres of left ventricle, right ventricle, left atrium and right atrium.
     pub heart_chambers_mm: [Vec3; 4],
     /// Crux of the heart, where the septa and both valves meet.
     pub heart_crux_mm: Vec3,
@@ -69,21 +69,21 @@ pub struct Landmarks {
     pub tibiae_mm: [[Vec3; 2]; 2],
     /// Ends of the abdomen's axes at the skin: ventral, dorsal, left, right.
     pub abdomen_axes_mm: [Vec3; 4],
-    /// Where the umbilical vein turns into the portal sinus.
+    /// Turn of the umbilical vein into the portal sinus.
     pub portal_sinus_mm: Vec3,
-    /// Where the cord enters the fetal belly's skin.
+    /// Insertion of the umbilical cord in the fetal belly's skin.
     pub cord_insertion_mm: Vec3,
     /// Centre of the fetal bladder.
     pub fetal_bladder_mm: Vec3,
     /// Centre of the fetal stomach bubble.
     pub stomach_mm: Vec3,
-    /// Middle of the placenta's thickness at its centre.
+    /// Centre of the placenta, in the middle of its thickness.
     pub placenta_centre_mm: Vec3,
-    /// From the placenta's centre to the uterine wall that bears it.
+    /// Direction from the placenta's centre to the uterine wall that bears it.
     pub placenta_outward: Vec3,
     /// Centre of the maternal bladder.
     pub maternal_bladder_mm: Vec3,
-    /// Half axes of the uterine cavity, centred at the origin, along x, y, z.
+    /// Semi-axes of the uterine cavity, centred at the origin, along x, y, z.
     pub cavity_semi_mm: Vec3,
     /// Highest point of the belly's skin above the origin: (0, 0, z).
     pub belly_top_mm: Vec3,

@@ -1,8 +1,8 @@
-//! From a solid to a closed triangle mesh.
+//! Meshing: from a solid to a closed triangle mesh.
 //!
-//! The solid is sampled on a regular grid, first once a block and then fully where a block may hold the surface. Naive
-//! surface nets (`fast-surface-nets`) give a vertex to each cell that the surface passes; Newton steps along the
-//! gradient then put it on the surface, which takes the grid's staircase away.
+//! The solid is sampled on a regular grid: first once per block, then fully in blocks that may contain the surface.
+//! Naive surface nets (`fast-surface-nets`) give one vertex per cell that the surface passes. Newton steps along the
+//! gradient then move it onto the surface, which removes the grid's staircase.
 
 use fast_surface_nets::ndshape::RuntimeShape;
 use fast_surface_nets::{SurfaceNetsBuffer, surface_nets};
@@ -15,10 +15,10 @@ use crate::anatomy::Mesh;
 
 /// Cells along a block's edge.
 const BLOCK: u32 = 4;
-/// Cells kept free between the solid's box and the grid's border, so that surfaces close.
+/// Free cells between the solid's box and the grid's border, so that surfaces close.
 const MARGIN_CELLS: f32 = 2.5;
-/// A block is left out where the distance at its centre exceeds its half diagonal this many times: solids are not
-/// exact distances, and some grow faster than one to one.
+/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal: distances of solids are
+/// not exact, and some grow faster than one to one.
 const LIPSCHITZ: f32 = 3.0;
 /// Newton steps per vertex.
 const NEWTON_STEPS: usize = 4;
@@ -31,7 +31,7 @@ struct Samples {
     cell_mm: f32,
 }
 
-/// A closed mesh of `solid` with cells of `cell_mm`, without crumbs; empty where the solid holds no grid point.
+/// Closed mesh of `solid` with cells of `cell_mm`, without crumbs; empty if the solid contains no grid point.
 pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     let mut samples = Samples::of(solid, cell_mm);
     samples.make_manifold();
@@ -44,7 +44,7 @@ pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     without_crumbs(Mesh { vertices_mm, triangles }, cell_mm)
 }
 
-/// Triangles that [`mesh`] would give, crumbs included, without finding the vertices.
+/// Number of triangles of [`mesh`], crumbs included, without computing the vertices.
 pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
     let mut samples = Samples::of(solid, cell_mm);
     samples.make_manifold();
@@ -52,7 +52,7 @@ pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
     let crossings: usize = (0..3)
         .map(|axis| {
             let values = &samples.values;
-            // The grid's border is outside of the solid, so a wrapped neighbour never counts.
+            // The grid's border is outside the solid, so a wrapped neighbour never counts.
             (0..values.len() - strides[axis])
                 .filter(|&i| (values[i] < 0.0) != (values[i + strides[axis]] < 0.0))
                 .count()
@@ -97,8 +97,8 @@ impl Samples {
         [1, self.size.x as usize, (self.size.x * self.size.y) as usize]
     }
 
-    /// Moves samples over the surface until no square of four neighbours has its signs crossed like a chessboard:
-    /// there the net would join four sheets in one edge.
+    /// Changes samples until no square of four neighbours has alternating signs: there the net would join four sheets
+    /// in one edge.
     fn make_manifold(&mut self) {
         let strides = self.strides();
         let inside = -1e-3 * self.cell_mm;
@@ -111,7 +111,7 @@ impl Samples {
                     [(0, 1), (0, 2), (1, 2)].into_iter().filter_map(move |(u, v)| {
                         let square = [i, i + strides[u], i + strides[u] + strides[v], i + strides[v]];
                         let s = square.map(|k| values[k] < 0.0);
-                        // Filling only ever adds to the inside, so this ends.
+                        // Filling only adds to the inside, so this ends.
                         (s[0] == s[2] && s[1] == s[3] && s[0] != s[1])
                             .then(|| square.into_iter().filter(|&k| values[k] >= 0.0))
                             .and_then(|outside| outside.min_by(|&a, &b| values[a].total_cmp(&values[b])))
@@ -128,7 +128,7 @@ impl Samples {
     }
 }
 
-/// The nearest point of the surface, as far as Newton steps within one cell find it.
+/// Nearest point of the surface by Newton steps within one cell.
 fn project(solid: &Solid, start: Vec3, cell_mm: f32) -> Vec3 {
     let mut p = start;
     for _ in 0..NEWTON_STEPS {
@@ -139,7 +139,7 @@ fn project(solid: &Solid, start: Vec3, cell_mm: f32) -> Vec3 {
         let g = solid.gradient(p);
         let step = g * (d / g.length_squared().max(0.04));
         p -= step.clamp_length_max(0.5 * cell_mm);
-        // A vertex that leaves its cell's surroundings would fold the surface.
+        // A vertex that leaves its cell's neighbourhood would fold the surface.
         p = start + (p - start).clamp_length_max(0.7 * cell_mm);
     }
     p
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn sheets_that_meet_in_a_cell_share_no_edge() {
-        // Rods that cross at a thread's distance, in every phase to the grid.
+        // Rods that cross at a small distance, in every phase relative to the grid.
         for i in 0..40 {
             let shift = Vec3::new(0.13, 0.29, 0.37) * i as f32;
             let a = capsule(shift, shift + Vec3::new(10.0, 10.0, 1.0), 1.1);

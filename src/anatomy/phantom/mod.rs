@@ -1,14 +1,15 @@
-//! The obstetric phantom: a pregnant belly, made by signed-distance modelling from [`Parameters`].
+//! The obstetric phantom: a pregnant abdomen, made by signed-distance modelling from [`Parameters`].
 //!
-//! Frame of the scene: x mother's left, y cranial, z anterior, in mm, the origin at the centre of the uterine cavity.
-//! By default the fetus is 22 weeks old and lies head down on its right side, its back to the mother's right, so that a
-//! probe on the belly meets the head's side: the midline is across the beam. The placenta is anterior, left and fundal.
+//! Scene frame: x mother's left, y cranial, z anterior, in mm, with the origin at the centre of the uterine cavity. By
+//! default the fetus is 22 weeks old and lies head down on its right side, its back to the mother's right. A probe on
+//! the belly thus meets the side of the head, and the midline is across the beam. The placenta is anterior, left and
+//! fundal.
 //!
 //! [`organs`] lists every closed surface as a solid, [`build`] meshes them, [`cached`] keeps the file, and
-//! [`landmarks()`] says where things are.
+//! [`landmarks()`] gives positions.
 //!
-//! An organ is one function in `fetus/` or `mother/` that gives [`Organ`]s; it takes its sizes from [`Biometry`] and
-//! its place from [`Attitude`]. A new organ is one more entry in its body's list.
+//! An organ is one function in `fetus/` or `mother/` that returns [`Organ`]s; its sizes come from [`Biometry`] and its
+//! place from [`Attitude`]. A new organ is one more entry in its body's list.
 
 pub mod attitude;
 pub mod biometry;
@@ -50,15 +51,15 @@ pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 pub const FETUS_TRIANGLES: usize = 400_000;
 /// Triangles of the mother, with placenta, cord and fluid, at scale 1.
 pub const MOTHER_TRIANGLES: usize = 275_000;
-/// Least and greatest accepted scale.
+/// Range of accepted scales.
 pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 
-/// What to build.
+/// Options of a phantom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhantomOptions {
-    /// Factor on the budgets of triangles, within [`SCALE_RANGE`].
+    /// Factor on the triangle budgets, within [`SCALE_RANGE`].
     pub scale: f64,
-    /// Which phantom.
+    /// Parameters of the individual.
     pub parameters: Parameters,
 }
 
@@ -68,39 +69,38 @@ impl Default for PhantomOptions {
     }
 }
 
-/// How far a build is. Calls come from several threads; `done` never exceeds `total`.
+/// Progress of a build. Calls come from several threads; `done` never exceeds `total`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Steps done.
+    /// Completed steps.
     pub done: usize,
-    /// Steps in all.
+    /// Total steps.
     pub total: usize,
 }
 
-/// Why the phantom could not be built.
+/// Errors in building the phantom.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum PhantomError {
-    /// The scale is not a number in range.
+    /// A scale that is not in range.
     #[error("the phantom's scale is {scale}; it must lie in {}..={}", SCALE_RANGE.start(), SCALE_RANGE.end())]
     Scale {
-        /// Scale asked for.
+        /// Requested scale.
         scale: f64,
     },
-    /// A parameter is not in its range.
+    /// A parameter outside its range.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
-    /// So few triangles that a rib or a vessel would fall apart.
+    /// Too few triangles: a rib or a vessel would fall apart.
     #[error("the phantom's scale is {scale}; its finest parts need at least {least:.3}")]
     ScaleTooSmall {
-        /// Scale asked for.
+        /// Requested scale.
         scale: f64,
-        /// Least scale that resolves every part.
+        /// Smallest scale that resolves every part.
         least: f64,
     },
 }
 
-/// Every surface of the phantom as a solid, the mother's first. Parameters outside their ranges give what they give:
-/// [`build`] checks them.
+/// All surfaces of the phantom as solids, the mother's first. Parameters are not checked here, but by [`build`].
 pub fn organs(parameters: &Parameters) -> Vec<Organ> {
     let attitude = Attitude::of(parameters);
     let mut organs = mother::organs(parameters, &attitude);
@@ -113,12 +113,13 @@ pub fn skin(parameters: &Parameters) -> sdf::Solid {
     mother::skin(parameters)
 }
 
-/// Builds the phantom: closed, outward-facing surfaces in ascending priority, the same on each run. The fetus has
-/// [`FETUS_TRIANGLES`] and the mother [`MOTHER_TRIANGLES`] times the scale, within two percent. `progress` hears of
-/// every step and may be called from several threads.
+/// Builds the phantom: closed, outward-facing surfaces in ascending priority, the same on each run.
+///
+/// The fetus has [`FETUS_TRIANGLES`] and the mother [`MOTHER_TRIANGLES`] times the scale, within two percent.
+/// `progress` is called after every step, possibly from several threads.
 ///
 /// # Errors
-/// A scale outside [`SCALE_RANGE`] or a parameter outside its range, or a scale so small that fine parts would be lost.
+/// A scale outside [`SCALE_RANGE`], a parameter outside its range, or a scale so small that fine parts would be lost.
 pub fn build(
     options: &PhantomOptions,
     progress: &(dyn Fn(Progress) + Sync),
@@ -130,7 +131,7 @@ pub fn build(
     parameters.validate()?;
     let (mother, fetus): (Vec<Organ>, Vec<Organ>) =
         organs(&parameters).into_iter().partition(|o| o.body == Body::Mother);
-    // One step a surface for its count, one for its mesh.
+    // One step per surface for its count, and one for its mesh.
     let total = 2 * (mother.len() + fetus.len());
     let done = AtomicUsize::new(0);
     let step = || progress(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });

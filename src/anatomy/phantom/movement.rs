@@ -1,4 +1,4 @@
-//! How the phantom moves: the fetal heart beats, the fetus breathes in bouts and stretches its limbs, the mother breathes.
+//! Motion of the phantom: fetal heartbeat, fetal breathing in bouts, stretching limbs, maternal breathing.
 
 use glam::Vec3;
 
@@ -8,22 +8,24 @@ use super::parameters::Parameters;
 use super::vary::vary;
 use crate::anatomy::motion::{Drift, Field, Motion, Rhythm, Shape};
 
-/// Fetal heart rate, beats a minute: 110 to 160 is normal (ISUOG guidelines, Ultrasound Obstet Gynecol 41:348, 2013).
+/// Fetal heart rate and its variation, beats a minute: 110 to 160 is normal (ISUOG guidelines, Ultrasound Obstet
+/// Gynecol 41:348, 2013).
 const HEART_PER_MIN: (f64, f64) = (145.0, 12.0);
-/// A third of the radius between diastole and systole is the shortening fraction of both ventricles (DeVore 1984).
+/// Shortening fraction of both ventricles: a third of the radius between diastole and systole (DeVore 1984).
 const SHORTENING: f32 = 0.32;
-/// Fetal breaths, in bouts (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 a minute).
+/// Rate of fetal breathing, in bouts (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 a minute).
 const FETAL_BREATHS_PER_MIN: f64 = 50.0;
-/// Chest wall inward and diaphragm caudal in fetal inspiration: 2 to 4 mm each (Patrick 1980; amounts at 22 weeks).
+/// Inward movement of the chest wall and caudal movement of the diaphragm in fetal inspiration: 2 to 4 mm each (Patrick
+/// 1980; amounts at 22 weeks).
 const CHEST_WALL: f32 = -0.05;
 const DIAPHRAGM_MM: f32 = 2.5;
-/// A quiet mother's breaths a minute, and how far the uterus goes caudally with each, mm (assumed).
+/// Breathing rate of a resting mother, and the caudal displacement of the uterus by each breath, mm (assumed).
 const MATERNAL_BREATHS_PER_MIN: f64 = 14.0;
 const UTERUS_MM: f32 = 2.0;
 /// Stretch of a knee or an elbow, degrees (assumed).
 const STRETCH_DEG: f32 = 14.0;
 
-/// What moves in the phantom of `parameters`, in the scene's frame.
+/// Motion of the phantom of `parameters`, scene frame.
 pub fn movement(parameters: &Parameters) -> Motion {
     let attitude = Attitude::of(parameters);
     let seed = parameters.seed;
@@ -108,10 +110,10 @@ fn breathing(attitude: &Attitude, seed: u64) -> Field {
     }
 }
 
-/// A limb with joints `[root, hinge, next, tip]` that straightens at its hinge now and then.
+/// Occasional stretching at the hinge of a limb with joints `[root, hinge, next, tip]`.
 fn stretch(attitude: &Attitude, name: String, joints: [Vec3; 4], radius_mm: f32, seed: u64) -> Field {
     let [root, hinge, next, tip] = joints;
-    // A positive turn about this axis bends, a negative one stretches.
+    // A positive rotation about this axis bends, a negative one stretches.
     let axis = (hinge - root).cross(next - hinge).normalize_or(Vec3::X);
     let end = hinge + (next - hinge).normalize() * (next.distance(hinge) + 0.6 * tip.distance(next));
     // Each limb has its own times.
@@ -136,7 +138,7 @@ mod tests {
     use crate::anatomy::phantom::organs;
 
     #[test]
-    fn every_phantom_moves_within_the_ranges_and_by_names_that_exist() {
+    fn every_phantom_moves_within_the_ranges_and_names_existing_surfaces() {
         for (weeks, seed) in [(16.0, 0), (22.0, 3), (34.0, 8)] {
             let parameters = Parameters { gestational_weeks: weeks, seed, ..Parameters::default() };
             let motion = movement(&parameters);

@@ -1,8 +1,8 @@
-//! What an organ module hands over.
+//! Organ: a closed surface before meshing.
 
 use super::sdf::Solid;
 
-/// Whose triangles a surface counts as.
+/// Body whose triangle budget a surface draws on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Body {
     /// Mother, placenta, cord and fluid.
@@ -18,13 +18,13 @@ pub struct Organ {
     pub name: &'static str,
     /// Name of its tissue in `assets/tissues.toml`.
     pub tissue: &'static str,
-    /// Where surfaces overlap, the highest priority is the medium.
+    /// Priority: where surfaces overlap, the highest is the medium.
     pub priority: i32,
-    /// Whose budget of triangles it draws on.
+    /// Body whose triangle budget it draws on.
     pub body: Body,
-    /// Cell size relative to that of other surfaces of the same body; about right in mm at scale 1.
+    /// Cell size relative to other surfaces of the same body; about right in mm at scale 1.
     pub grain_mm: f32,
-    /// Greatest cell size that still resolves it: about its least thickness, mm.
+    /// Largest cell size that still resolves it: about its smallest thickness, mm.
     pub coarsest_mm: f32,
     /// The solid, scene frame.
     pub solid: Solid,

@@ -1,19 +1,19 @@
-//! What differs from phantom to phantom.
+//! Parameters of a phantom individual.
 
 use thiserror::Error;
 
-/// Least and greatest gestational age, completed weeks.
+/// Range of gestational ages, completed weeks.
 pub const WEEKS_RANGE: std::ops::RangeInclusive<f64> = 16.0..=34.0;
-/// Least and greatest flexion.
+/// Range of flexions.
 pub const FLEXION_RANGE: std::ops::RangeInclusive<f64> = 0.0..=1.0;
-/// Least and greatest roll, degrees.
+/// Range of rolls, degrees.
 pub const ROLL_RANGE_DEG: std::ops::RangeInclusive<f64> = -180.0..=180.0;
-/// Least and greatest amniotic fluid index, mm: oligohydramnios to polyhydramnios.
+/// Range of amniotic fluid indices, mm: oligohydramnios to polyhydramnios.
 pub const FLUID_INDEX_RANGE_MM: std::ops::RangeInclusive<f64> = 50.0..=250.0;
-/// Least and greatest thickness of the mother's subcutaneous fat, mm.
+/// Range of thicknesses of the mother's subcutaneous fat, mm.
 pub const FAT_RANGE_MM: std::ops::RangeInclusive<f64> = 5.0..=60.0;
 
-/// Which way the fetus' long axis points.
+/// Direction of the fetus' long axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Lie {
     /// Head down.
@@ -21,13 +21,13 @@ pub enum Lie {
     Cephalic,
     /// Head up.
     Breech,
-    /// Across, the head to the mother's left.
+    /// Transverse, with the head to the mother's left.
     TransverseHeadLeft,
-    /// Across, the head to the mother's right.
+    /// Transverse, with the head to the mother's right.
     TransverseHeadRight,
 }
 
-/// Where on the uterine wall the placenta sits.
+/// Site of the placenta on the uterine wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PlacentaSite {
     /// Towards the belly, left and fundal.
@@ -35,7 +35,7 @@ pub enum PlacentaSite {
     Anterior,
     /// Towards the spine.
     Posterior,
-    /// At the uterus' top.
+    /// At the top of the uterus.
     Fundal,
     /// On the mother's left.
     Left,
@@ -44,49 +44,50 @@ pub enum PlacentaSite {
 }
 
 impl Lie {
-    /// Words of the variants in station files and on the command line, in their order.
+    /// Names of the variants in station files and on the command line, in order.
     pub const WORDS: &'static [&'static str] = &["cephalic", "breech", "transverse-head-left", "transverse-head-right"];
 
-    /// The lie that `word` names.
+    /// Lie with the name `word`.
     pub fn from_word(word: &str) -> Option<Self> {
         [Self::Cephalic, Self::Breech, Self::TransverseHeadLeft, Self::TransverseHeadRight]
             .into_iter()
             .find(|lie| lie.word() == word)
     }
 
-    /// Its word.
+    /// Name of this lie.
     pub fn word(self) -> &'static str {
         Self::WORDS[self as usize]
     }
 }
 
 impl PlacentaSite {
-    /// Words of the variants in station files and on the command line, in their order.
+    /// Names of the variants in station files and on the command line, in order.
     pub const WORDS: &'static [&'static str] = &["anterior", "posterior", "fundal", "left", "right"];
 
-    /// The site that `word` names.
+    /// Site with the name `word`.
     pub fn from_word(word: &str) -> Option<Self> {
         [Self::Anterior, Self::Posterior, Self::Fundal, Self::Left, Self::Right]
             .into_iter()
             .find(|site| site.word() == word)
     }
 
-    /// Its word.
+    /// Name of this site.
     pub fn word(self) -> &'static str {
         Self::WORDS[self as usize]
     }
 }
 
-/// What differs from phantom to phantom; the same parameters give the same bytes.
+/// Parameters of a phantom; equal parameters give equal bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// Gestational age in weeks, within [`WEEKS_RANGE`].
     pub gestational_weeks: f64,
     /// Lie of the fetus.
     pub lie: Lie,
-    /// Turn of the fetus about its long axis from where its left side is up, degrees, within [`ROLL_RANGE_DEG`].
+    /// Rotation of the fetus about its long axis, degrees, from the position with its left side up; within
+    /// [`ROLL_RANGE_DEG`].
     pub roll_deg: f64,
-    /// 0 is stretched, 1 tightly curled; within [`FLEXION_RANGE`].
+    /// Flexion: 0 is stretched, 1 tightly curled; within [`FLEXION_RANGE`].
     pub flexion: f64,
     /// Site of the placenta.
     pub placenta: PlacentaSite,
@@ -94,7 +95,7 @@ pub struct Parameters {
     pub fluid_index_mm: f64,
     /// Thickness of the mother's subcutaneous fat over the belly, mm, within [`FAT_RANGE_MM`].
     pub maternal_fat_mm: f64,
-    /// Seed of the small variations from one individual to the next.
+    /// Seed of the small variations between individuals.
     pub seed: u64,
 }
 
@@ -117,13 +118,13 @@ impl Default for Parameters {
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("the phantom's {name} is {value}; it must lie in {min}..={max}")]
 pub struct ParametersError {
-    /// Which parameter.
+    /// Name of the parameter.
     pub name: &'static str,
     /// Value found.
     pub value: f64,
-    /// Least accepted.
+    /// Smallest accepted value.
     pub min: f64,
-    /// Greatest accepted.
+    /// Largest accepted value.
     pub max: f64,
 }
 
@@ -131,7 +132,7 @@ impl Parameters {
     /// Checks every value against its range.
     ///
     /// # Errors
-    /// The first value outside its range, NaN included.
+    /// The first value outside its range; NaN is outside.
     pub fn validate(&self) -> Result<(), ParametersError> {
         let checks = [
             ("gestational age in weeks", self.gestational_weeks, WEEKS_RANGE),
@@ -154,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_name_their_variants() {
+    fn names_select_their_variants() {
         assert!(Lie::WORDS.iter().all(|word| Lie::from_word(word).is_some_and(|lie| lie.word() == *word)));
         assert!(PlacentaSite::WORDS.iter().all(|w| PlacentaSite::from_word(w).is_some_and(|site| site.word() == *w)));
         assert_eq!((Lie::from_word("oblique"), PlacentaSite::from_word("")), (None, None));

@@ -1,11 +1,11 @@
-//! Some surfaces of the phantom without the others.
+//! Selected surfaces of the phantom.
 
 use rayon::prelude::*;
 
 use super::{Parameters, PhantomSurface, meshing, organs};
 
-/// The surfaces of the phantom of `parameters` called `names` with cells of `cell_mm`, or as small as each needs; names that the phantom lacks are left
-/// out. Finer than the whole phantom and quick: what is measured needs a few surfaces only.
+/// Surfaces called `names` of the phantom of `parameters`, with cells of `cell_mm` or smaller where needed; unknown
+/// names are ignored. For measurements: finer than the complete phantom, and fast.
 pub fn parts(parameters: &Parameters, names: &[&str], cell_mm: f32) -> Vec<PhantomSurface> {
     let wanted: Vec<_> = organs(parameters).into_iter().filter(|organ| names.contains(&organ.name)).collect();
     wanted

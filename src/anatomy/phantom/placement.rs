@@ -1,6 +1,6 @@
-//! Where the fetus comes to lie in the cavity.
+//! Placement of the fetus in the cavity.
 //!
-//! It starts in the middle, turned as lie and roll say, and is pushed off wall and placenta as a rigid body until it
+//! It starts in the middle, rotated by lie and roll, and is pushed off wall and placenta as a rigid body until it
 //! touches neither.
 
 use glam::{Quat, Vec3};
@@ -11,19 +11,19 @@ use super::parameters::{Lie, Parameters, PlacentaSite};
 use super::sdf::{Isometry, Solid, ellipsoid};
 use super::{fetus, mother};
 
-/// Fluid left between the fetus and what is around it, mm.
+/// Fluid layer between the fetus and its surroundings, mm.
 const CLEARANCE_MM: f32 = 3.0;
-/// Accepted lack of that clearance, mm.
+/// Accepted shortfall of that clearance, mm.
 pub(super) const ACCEPTED_MM: f32 = 0.6;
-/// Half axes of the disc that stands for the placenta, its thickness along y, mm at 22 weeks.
+/// Semi-axes of the disc that represents the placenta, its thickness along y, mm at 22 weeks.
 const PLACENTA_SEMI_MM: Vec3 = Vec3::new(60.0, 13.0, 60.0);
-/// Steps of pushing.
+/// Number of pushing steps.
 const STEPS: usize = 240;
 
-/// What the fetus has to fit.
+/// Obstacles around the fetus.
 pub(super) struct Room {
     cavity: Solid,
-    /// About where the placenta is; it gives way to the fetus where there is no room for both.
+    /// Approximate placenta; it yields to the fetus if there is no room for both.
     placenta: Solid,
     start: Isometry,
 }
@@ -37,7 +37,7 @@ impl Room {
         Self { cavity: mother::cavity(parameters), placenta, start: start(parameters) }
     }
 
-    /// `scene_from_fetus`, and by how much the fetus still lacks its clearance, mm.
+    /// `scene_from_fetus`, and the remaining shortfall of clearance, mm.
     pub(super) fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
         let balls = fetus::balls(attitude);
         let scale = attitude.biometry.trunk_scale();
@@ -57,7 +57,7 @@ impl Room {
             };
             for &(local, radius) in &balls {
                 let at = place.point(local);
-                // The ball's point that is nearest to the wall: the cavity's distances are right near the wall only.
+                // The ball's point nearest to the wall: the cavity's distances are accurate only near the wall.
                 let outward = self.cavity.normal(at + self.cavity.normal(at) * radius);
                 let out_of_wall = self.cavity.distance_mm(at + outward * radius) + CLEARANCE_MM;
                 if out_of_wall > 0.0 {
@@ -65,12 +65,12 @@ impl Room {
                     push(at, -outward * out_of_wall);
                 }
                 let in_placenta = radius + CLEARANCE_MM - self.placenta.distance_mm(at);
-                // Where there is no room for both, the placenta gives way.
+                // If there is no room for both, the placenta yields.
                 if in_placenta > 0.0 && step < STEPS / 2 {
                     push(at, self.placenta.normal(at) * in_placenta);
                 }
             }
-            // The wall counts; off the placenta as well is better.
+            // The wall has precedence; clearance from the placenta is a bonus.
             if worst < best.1.max(0.5 * ACCEPTED_MM) {
                 best = (place, worst);
             }
@@ -85,8 +85,8 @@ impl Room {
     }
 }
 
-/// Turned as lie and roll say, in the middle, a little behind it: the placenta is before it, or the belly's weight on
-/// it. The head lies a little nearer to the belly than the rump.
+/// Start position: rotated by lie and roll, in the middle or slightly behind it, since the placenta or the belly's
+/// weight is in front. The head is slightly nearer to the belly than the rump.
 fn start(parameters: &Parameters) -> Isometry {
     let (cranial, ventral) = match parameters.lie {
         Lie::Cephalic => (Vec3::NEG_Y, Vec3::X),

@@ -1,10 +1,11 @@
-//! The line of the spine and the frames along it.
+//! Line of the fetal spine and the frames along it.
 
 use glam::Vec3;
 
 use super::sdf::{Isometry, catmull_rom};
 
-/// Vertebrae from C1 to S5. A *level* counts them from 0 at C1's cranial side: 7 is the top of T1, 19 of L1, 24 of S1.
+/// Number of vertebrae from C1 to S5. A *level* counts them from 0 at C1's cranial side: 7 is the top of T1, 19 of L1,
+/// 24 of S1.
 pub const VERTEBRAE: usize = 29;
 
 /// Relative heights of a cervical, thoracic, lumbar and sacral vertebra with its disc.
@@ -25,10 +26,10 @@ const KNOTS: [(f32, f32); 11] = [
     (-61.5, -15.0),
 ];
 const STEPS: usize = 12;
-/// The point that bending leaves where it is: the fifth knot.
+/// Index of the point that bending leaves in place: the fifth knot.
 const FIXED: usize = 5 * STEPS;
 
-/// A spine in the fetal frame.
+/// Spine in the fetal frame.
 #[derive(Debug, Clone)]
 pub(super) struct Spine {
     /// Centres of the vertebral bodies, finely spaced, cranial to caudal, mm.
@@ -38,7 +39,7 @@ pub(super) struct Spine {
 }
 
 impl Spine {
-    /// As drawn: half curled, 22 weeks.
+    /// Spine as drawn: half curled, 22 weeks.
     pub(super) fn drawn() -> Self {
         let knots = KNOTS.map(|(y, z)| (Vec3::new(0.0, y, z), 0.0));
         let points: Vec<Vec3> = catmull_rom(&knots, STEPS).into_iter().map(|(p, _)| p).collect();
@@ -46,7 +47,7 @@ impl Spine {
         Self { points, levels }
     }
 
-    /// With `bend` times its angles, and `scale` times its size.
+    /// Spine with its angles multiplied by `bend` and its size by `scale`.
     pub(super) fn bent(&self, bend: f32, scale: f32) -> Self {
         let step = |from: Vec3, to: Vec3| {
             let d = to - from;
@@ -67,20 +68,20 @@ impl Spine {
         self.points.windows(2).map(|p| p[0].distance(p[1])).sum()
     }
 
-    /// `fetus_from_vertebra`: y along the spine to cranial, z ventral.
+    /// `fetus_from_vertebra`: y cranial along the spine, z ventral.
     pub(super) fn vertebra(&self, level: f32) -> Isometry {
         let last = self.points.len() - 1;
         let i = self.levels.partition_point(|&l| l < level).clamp(1, last);
         let (a, b) = (self.levels[i - 1], self.levels[i]);
         let t = ((level - a) / (b - a)).clamp(0.0, 1.0);
         let origin = self.points[i - 1].lerp(self.points[i], t);
-        // The tangent over some distance, so that frames turn evenly.
+        // The tangent over some distance, so that frames rotate evenly.
         let cranial = self.points[i.saturating_sub(4)] - self.points[(i + 3).min(last)];
         Isometry::from_axes(origin, cranial, Vec3::X.cross(cranial))
     }
 }
 
-/// The level at each point of a spine from C1 to S5, spread by the vertebrae's relative heights.
+/// Level at each point of a spine from C1 to S5, distributed by the vertebrae's relative heights.
 fn levels_along(spine: &[Vec3]) -> Vec<f32> {
     let mut borders = vec![0.0f32];
     for (count, height) in HEIGHTS {

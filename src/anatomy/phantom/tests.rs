@@ -21,7 +21,7 @@ fn solid(organs: &[Organ], name: &str) -> Solid {
     organs.iter().find(|o| o.name == name).unwrap().solid.clone()
 }
 
-/// Where the ray from `from` along the unit `direction` first crosses `mesh`, mm.
+/// Distance from `from` along the unit `direction` to the first crossing with `mesh`, mm.
 fn cast(mesh: &crate::anatomy::Mesh, from: Vec3, direction: Vec3) -> f32 {
     let hit = |[a, b, c]: [Vec3; 3]| {
         let (e, f, s) = (b - a, c - a, from - a);
@@ -56,7 +56,7 @@ fn assert_within(what: &str, weeks: f64, measured: f32, expected: f32, tolerance
 }
 
 #[test]
-fn meshes_measure_as_the_tables_say() {
+fn meshes_have_the_tabulated_sizes() {
     for weeks in [16.0, 22.0, 28.0, 34.0] {
         let parameters = at_weeks(weeks);
         let (organs, l, b) = (fetus(&parameters), landmarks(&parameters), Biometry::at_weeks(weeks));
@@ -100,7 +100,7 @@ fn meshes_measure_as_the_tables_say() {
 }
 
 #[test]
-fn callipers_stand_on_what_they_measure() {
+fn callipers_end_on_the_structures_they_measure() {
     for weeks in [16.0, 22.0, 34.0] {
         let parameters = Parameters { seed: 3, ..at_weeks(weeks) };
         let (organs, l) = (fetus(&parameters), landmarks(&parameters));
@@ -142,7 +142,7 @@ fn the_fetus_fits_the_cavity() {
             [Lie::Cephalic, Lie::Breech, Lie::TransverseHeadLeft, Lie::TransverseHeadRight].into_iter().enumerate()
         {
             for (m, roll_deg) in [0.0, 90.0, -90.0, 180.0].into_iter().enumerate() {
-                // Every flexion and index of fluid meets every age, lie and roll somewhere.
+                // Every flexion and fluid index is combined with every age, lie and roll somewhere.
                 let turn = i + 2 * k + m;
                 cases.push(Parameters {
                     gestational_weeks: weeks,

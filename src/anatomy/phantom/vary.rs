@@ -1,4 +1,4 @@
-//! Numbers that differ from one individual to the next.
+//! Variation between individuals.
 
 use crate::random::bits;
 
@@ -9,7 +9,7 @@ pub(super) fn random(seed: u64, what: u64) -> f32 {
     (bits(state) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// A departure from the mean in -1..1; seed 0 is the mean itself.
+/// Deviation from the mean in -1..1; seed 0 is the mean itself.
 pub(super) fn vary(seed: u64, what: u64) -> f32 {
     if seed == 0 { 0.0 } else { 2.0 * random(seed, what) - 1.0 }
 }
@@ -19,7 +19,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_fill_their_range_and_the_mean_does_not_vary() {
+    fn numbers_fill_their_range_and_seed_0_is_the_mean() {
         let mean = (0..1000).map(|i| random(7, i)).sum::<f32>() / 1000.0;
         assert!((mean - 0.5).abs() < 0.03, "mean {mean}");
         assert!((0..1000).all(|i| (0.0..1.0).contains(&random(i, 3))));

@@ -1,4 +1,4 @@
-//! The file of a scene's standard planes.
+//! File format of a scene's standard planes.
 
 use std::path::{Path, PathBuf};
 
@@ -8,20 +8,20 @@ use thiserror::Error;
 use super::{PLANES_VERSION, StandardPlane, StandardPlanes, View};
 use crate::pose::POSITION_LIMIT_MM;
 
-/// Largest departure of a direction's length from one, and of the angles between them from a right angle (its cosine).
+/// Largest deviation of a direction's length from one, and of the cosine of angles between directions from zero.
 const DIRECTION_TOLERANCE: f64 = 1e-2;
 
-/// Why a scene's standard planes cannot be used.
+/// Errors in a scene's standard planes.
 #[derive(Debug, Error)]
 pub enum PlanesError {
-    /// The scene has none.
+    /// No planes file.
     #[error(
         "the scene {scene} has no standard planes: {path} is not there; `insonify planes --help` says how to write one"
     )]
     None {
-        /// The scene's file.
+        /// Scene file.
         scene: PathBuf,
-        /// Where they should be.
+        /// Expected planes file.
         path: PathBuf,
     },
     /// The file could not be read.
@@ -40,47 +40,47 @@ pub enum PlanesError {
         /// The parser's message with line and column.
         reason: String,
     },
-    /// A value that cannot be.
+    /// A value outside its range.
     #[error("standard planes {path}: `{key}` is {found}; it must be {expected}")]
     Value {
         /// File.
         path: PathBuf,
-        /// Which value, with the names of its plane and view.
+        /// Key of the value, with the names of its plane and view.
         key: String,
-        /// What was found, ready to print.
+        /// Value found, as text.
         found: String,
-        /// What would be right.
+        /// Accepted values.
         expected: String,
     },
-    /// A caliper or outline of a surface that the scene lacks.
+    /// A caliper or outline names a surface that the scene lacks.
     #[error("the standard planes name the surface `{name}`, which the scene does not have{suggestion}")]
     Surface {
         /// Name of the surface.
         name: String,
-        /// Nearest surface, ready to print, or empty.
+        /// Nearest surface, as text to append, or empty.
         suggestion: String,
     },
-    /// No plane has that name.
+    /// An unknown plane.
     #[error("the scene has no standard plane `{name}`{suggestion}; it has {known}")]
     Unknown {
-        /// Name asked for.
+        /// Name requested.
         name: String,
-        /// Nearest known name, ready to print, or empty.
+        /// Nearest known name, as text to append, or empty.
         suggestion: String,
         /// All names.
         known: String,
     },
 }
 
-/// Where the planes of the scene in the file `scene` are: the same name with `.planes.json` in place of its extension.
+/// Path of the planes of the scene file `scene`: the same name with `.planes.json` instead of its extension.
 pub fn file_beside(scene: &Path) -> PathBuf {
     scene.with_extension("planes.json")
 }
 
-/// The planes of the scene in the file `scene`, from the file beside it.
+/// Reads the planes of the scene file `scene` from the file beside it.
 ///
 /// # Errors
-/// There is no such file, it cannot be read, or it is not right; the error names the value.
+/// The file doesn't exist, cannot be read, or has an invalid value, which the error names.
 pub fn beside(scene: &Path) -> Result<StandardPlanes, PlanesError> {
     let path = file_beside(scene);
     match std::fs::read_to_string(&path) {
@@ -93,12 +93,12 @@ pub fn beside(scene: &Path) -> Result<StandardPlanes, PlanesError> {
 }
 
 impl StandardPlanes {
-    /// Planes from the text of their file; errors call it `path`.
+    /// Parses the text of a planes file; errors name it `path`.
     ///
-    /// Directions are made exactly unit and square to each other.
+    /// Directions are made exactly orthonormal.
     ///
     /// # Errors
-    /// Text that is not such a file; a value out of range; the error names it.
+    /// Text in another format, or a value out of range, which the error names.
     pub fn from_json(text: &str, path: &Path) -> Result<Self, PlanesError> {
         let mut planes: Self = serde_json::from_str(text)
             .map_err(|e| PlanesError::Syntax { path: path.to_owned(), reason: e.to_string() })?;
@@ -132,7 +132,7 @@ impl StandardPlanes {
     }
 }
 
-/// A value that cannot be.
+/// An invalid value.
 struct Wrong {
     key: String,
     found: String,

@@ -1,4 +1,4 @@
-//! Vectors and poses as arrays.
+//! Serialisation of vectors and poses as arrays.
 
 /// A vector as `[x, y, z]`.
 pub(super) mod vector {

@@ -1,10 +1,10 @@
-//! Standard planes of a scene: what a trainee is to find, how near counts, and what is measured there.
+//! Standard planes of a scene: the planes that a trainee is to find, their tolerances and measurements.
 //!
-//! The obstetric phantom knows its own ([`obstetric`]). Any other scene brings them in a file beside its glTF file:
-//! `belly.glb` has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a whole such file.
+//! The obstetric phantom has built-in planes ([`obstetric`]). Any other scene has them in a file beside its glTF file:
+//! `belly.glb` has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a complete file.
 //!
-//! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is
-//! `[x, y, z, qw, qx, qy, qz]`, as in a station file.
+//! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y, z,
+//! qw, qx, qy, qz]`, as in a station file.
 
 mod file;
 mod json;
@@ -23,85 +23,85 @@ use crate::pose::Pose;
 /// Version of the file's format; a reader refuses any other.
 pub const PLANES_VERSION: u32 = 1;
 
-/// Every standard plane of a scene.
+/// All standard planes of a scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandardPlanes {
     /// [`PLANES_VERSION`].
     pub version: u32,
-    /// The planes, in the order in which they are usually looked for; at least one.
+    /// Planes, in the usual order of an examination; at least one.
     pub planes: Vec<StandardPlane>,
 }
 
-/// A plane that a trainee is to find.
+/// A standard plane that a trainee is to find.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandardPlane {
     /// Short name without spaces, unique in the scene: `head`.
     pub name: String,
-    /// What people call it.
+    /// Display name.
     pub title: String,
-    /// Who defines it.
+    /// Guideline that defines it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
-    /// How near counts as found.
+    /// Tolerances for counting as found.
     pub tolerances: Tolerances,
-    /// Where it is; any one of them will do (either femur, for example). At least one.
+    /// Views of the plane, any of which will do (either femur, for example). At least one.
     pub views: Vec<View>,
 }
 
-/// How near to a plane counts as found.
+/// Tolerances for finding a plane.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerances {
-    /// Greatest angle between image plane and standard plane, degrees.
+    /// Largest angle between image plane and standard plane, degrees.
     pub angle_deg: f64,
-    /// Greatest distance of the plane's centre from the image plane, mm.
+    /// Largest distance of the plane's centre from the image plane, mm.
     pub distance_mm: f64,
-    /// Greatest angle in the image between [`View::lateral`] and the horizontal, degrees; none where any will do.
+    /// Largest angle in the image between [`View::lateral`] and the horizontal, degrees; `None` accepts any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub in_plane_deg: Option<f64>,
-    /// Greatest distance of the plane's centre from the image's middle line, mm.
+    /// Largest distance of the plane's centre from the image's middle line, mm.
     pub centring_mm: f64,
-    /// Least and greatest depth of the plane's centre below the probe's face, mm.
+    /// Smallest and largest depth of the plane's centre below the probe's face, mm.
     pub depth_mm: [f64; 2],
-    /// Where the numbers come from.
+    /// Source of the numbers.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
 }
 
-/// One place where a plane can be seen.
+/// A view of a standard plane.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
-    /// Which one it is, `left` for example; empty where there is only one.
+    /// Name of the view, for example `left`; empty if there is only one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
-    /// Centre of what is looked at, in the plane.
+    /// Centre of the target, in the plane.
     #[serde(with = "json::vector")]
     pub centre_mm: DVec3,
-    /// Normal of the plane; its sign does not matter.
+    /// Normal of the plane; its sign is irrelevant.
     #[serde(with = "json::vector")]
     pub normal: DVec3,
-    /// Direction in the plane that lies across the beam, horizontal in the image, when the view is best.
+    /// Direction in the plane across the beam, horizontal in the best image.
     #[serde(with = "json::vector")]
     pub lateral: DVec3,
     /// Whether any plane through the line along [`View::lateral`] will do, as for a long bone.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub any_turn_about_lateral: bool,
-    /// From the centre to where the probe is on the skin; in the plane, across `lateral`.
+    /// Direction from the centre to the probe on the skin; in the plane, perpendicular to `lateral`.
     #[serde(with = "json::vector")]
     pub to_probe: DVec3,
-    /// `scene_from_probe` of a probe on the skin that shows the view; for people and pages.
+    /// `scene_from_probe` of a probe on the skin that shows the view, for display.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "json::optional_pose")]
     pub pose: Option<Pose>,
-    /// Surfaces whose outline shows people where they are, by the names of their glTF nodes.
+    /// Names of the glTF nodes whose outlines orient the viewer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outlines: Vec<String>,
     /// Points that belong in the image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub landmarks: Vec<PlaneLandmark>,
-    /// What is measured.
+    /// Measurements in the plane.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub calipers: Vec<Caliper>,
 }
@@ -110,12 +110,12 @@ pub struct View {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneLandmark {
-    /// What is there.
+    /// Name of the structure.
     pub name: String,
-    /// Where.
+    /// Position, mm.
     #[serde(with = "json::vector")]
     pub position_mm: DVec3,
-    /// Greatest distance from the image plane at which it is still seen, mm; none where it need only be within the sector.
+    /// Largest distance from the image plane at which it is visible, mm; `None` if it need only be within the sector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
 }
@@ -124,40 +124,40 @@ pub struct PlaneLandmark {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Caliper {
-    /// Its name, as in `caliper` events: `BPD`.
+    /// Name as in `caliper` events, for example `BPD`.
     pub name: String,
-    /// What people call it.
+    /// Display name.
     pub title: String,
-    /// A line or an ellipse.
+    /// Line or ellipse.
     pub kind: CaliperKind,
-    /// A line's two ends, or the two ends of an ellipse's first axis and the two of its second.
+    /// Both ends of a line, or the ends of an ellipse's first axis, then of its second.
     #[serde(with = "json::vectors")]
     pub points_mm: Vec<DVec3>,
-    /// Surface whose border is measured, by the name of its glTF node.
+    /// Name of the glTF node whose border is measured.
     pub surface: String,
-    /// Surface whose border counts at the end far from the probe, where that is another one: a skull's inside, for
-    /// example, of an outer-to-inner diameter.
+    /// Name of the node measured at the end far from the probe, if different: for example a skull's inside, for an
+    /// outer-to-inner diameter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far_surface: Option<String>,
-    /// How far from the caliper a border may lie and still be taken for its, mm.
+    /// Largest distance of a matching border from the caliper, mm.
     pub reach_mm: f64,
-    /// The true length or circumference, mm; without it, what the scene's surfaces measure in the plane itself.
+    /// True length or circumference, mm; if `None`, it is measured on the scene's surfaces in the plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub true_mm: Option<f64>,
 }
 
-/// How something is measured.
+/// Kind of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CaliperKind {
-    /// The distance of two points.
+    /// Distance of two points.
     Line,
-    /// The circumference of an ellipse.
+    /// Circumference of an ellipse.
     Ellipse,
 }
 
 impl CaliperKind {
-    /// Points that it takes.
+    /// Number of points.
     pub fn points(self) -> usize {
         match self {
             Self::Line => 2,
@@ -167,10 +167,10 @@ impl CaliperKind {
 }
 
 impl StandardPlanes {
-    /// The planes called `names`, in their order; all of them where there are no names.
+    /// Planes called `names`, in their order; all planes if there are no names.
     ///
     /// # Errors
-    /// The first name that no plane has.
+    /// The first unknown name.
     pub fn chosen(&self, names: &[impl AsRef<str>]) -> Result<Vec<&StandardPlane>, PlanesError> {
         if names.is_empty() {
             return Ok(self.planes.iter().collect());
@@ -186,7 +186,7 @@ impl StandardPlanes {
         names.iter().map(|name| find(name.as_ref())).collect()
     }
 
-    /// Gives each view the pose of a probe on `skin` that shows it; a view whose line to the probe meets no skin has none.
+    /// Gives each view the pose of a probe on `skin` that shows it, or none if its line to the probe meets no skin.
     #[must_use]
     pub fn with_poses(mut self, skin: &Skin, press_mm: f64) -> Self {
         for view in self.planes.iter_mut().flat_map(|plane| &mut plane.views) {
@@ -206,10 +206,10 @@ impl StandardPlanes {
         names
     }
 
-    /// Whether a scene with surfaces called `known` has every surface that is named here.
+    /// Checks that a scene with surfaces called `known` has all surfaces named here.
     ///
     /// # Errors
-    /// The first one that it lacks.
+    /// The first missing surface.
     pub fn check_surfaces(&self, known: &[&str]) -> Result<(), PlanesError> {
         match self.surfaces().into_iter().find(|name| !known.contains(name)) {
             None => Ok(()),

@@ -1,10 +1,14 @@
-//! The standard planes of the obstetric phantom.
+//! Standard planes of the obstetric phantom.
 //!
-//! What belongs in each plane follows the guidelines that its `source` names. None of them gives a tolerance as a
-//! number: those are assumed, from what an error does to the measurement. An ellipse cut at an angle θ grows by
-//! (1/cosθ − 1)/2, 0.8 % at 10°; a head or belly of 30 mm radius cut 5 mm off its widest place shrinks by 1.4 %; a femur
-//! 39 mm long and 5 mm thick leaves a slice of 1.5 mm beyond 9°. Measurements in practice differ by several percent
-//! between observers (Sarris et al., Ultrasound Obstet Gynecol 39:266, 2012), more than by such errors.
+//! The content of each plane follows the guidelines in its `source`. None of them gives a numeric tolerance, so
+//! tolerances are assumed from the effect of an error on the measurement:
+//!
+//! - An ellipse cut at an angle θ grows by (1/cosθ − 1)/2, 0.8 % at 10°.
+//! - A head or belly of 30 mm radius cut 5 mm off its widest place shrinks by 1.4 %.
+//! - A femur 39 mm long and 5 mm thick leaves a slice of 1.5 mm beyond 9°.
+//!
+//! Measurements in practice differ by several percent between observers (Sarris et al., Ultrasound Obstet Gynecol
+//! 39:266, 2012), more than by such errors.
 
 use glam::DVec3;
 
@@ -21,12 +25,12 @@ const SURVEY_GUIDE: &str = "ISUOG Practice Guidelines: performance of the routin
                             Standard Diagnostic Obstetric Ultrasound Examinations, J Ultrasound Med 37:E13 (2018; volume \
                             and page unverified)";
 
-/// The planes of the phantom of `parameters`, as [`build`](crate::anatomy::phantom::build) makes it.
+/// Planes of the phantom that [`build`](crate::anatomy::phantom::build) makes from `parameters`.
 pub fn obstetric(parameters: &Parameters) -> StandardPlanes {
     obstetric_of(&landmarks(parameters), &Biometry::at_weeks(parameters.gestational_weeks))
 }
 
-/// The planes of a phantom with these landmarks and sizes.
+/// Planes of a phantom with these landmarks and sizes.
 pub fn obstetric_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlanes {
     let anatomy = Anatomy::of(landmarks, biometry);
     let planes = vec![
@@ -41,15 +45,15 @@ pub fn obstetric_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlane
     StandardPlanes { version: PLANES_VERSION, planes }
 }
 
-/// Where things are, in double precision: all that the planes are made from.
+/// Landmarks in double precision, from which the planes are made.
 struct Anatomy {
     head: DVec3,
     left: DVec3,
-    /// The side of the fetus that is nearer to the belly, where the probe is.
+    /// Side of the fetus nearer to the belly, where the probe is.
     near: DVec3,
     vertex: DVec3,
     face: DVec3,
-    /// Middle of the cavum septi pellucidi and of the cerebellum; half the cerebellum's width.
+    /// Centres of the cavum septi pellucidi and of the cerebellum; half the cerebellum's width.
     cavum: DVec3,
     cerebellum: DVec3,
     cerebellum_half_mm: f64,
@@ -63,7 +67,7 @@ struct Anatomy {
     heart: DVec3,
     heart_cranial: DVec3,
     femurs: [[DVec3; 2]; 2],
-    /// A vertebra of the chest, the middle of the spine's straight part, and a lumbar one.
+    /// A thoracic vertebra, the middle of the spine's straight part, and a lumbar vertebra.
     spine: [DVec3; 3],
 }
 
@@ -73,7 +77,7 @@ impl Anatomy {
         let (head, left) = (d(l.head_centre_mm), d(l.fetus_left).normalize());
         let vertex = d(l.head_vertex).normalize();
         let face = d(l.head_face).normalize();
-        // The model's head is drawn for 22 weeks and grows with the skull.
+        // The model's head is drawn for 22 weeks and scales with the skull.
         let size = d(biometry.skull_semi_mm() / Biometry::default().skull_semi_mm());
         let in_head = |x: f64, y: f64, z: f64| {
             let p = DVec3::new(x, y, z) * size;
@@ -115,7 +119,7 @@ fn tolerances(angle_deg: f64, distance_mm: f64, in_plane_deg: Option<f64>) -> To
     }
 }
 
-/// A view along `to_probe`; directions are made square.
+/// View along `to_probe`; directions are made perpendicular.
 fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     let lateral = lateral.normalize_or(DVec3::X);
     let to_probe = to_probe.reject_from(lateral).normalize_or(lateral.any_orthonormal_vector());
@@ -133,10 +137,10 @@ fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     }
 }
 
-/// A view in the midsagittal plane of the fetus along `to_probe`, but never from the mother's back, where no probe gets:
-/// where that is, from the direction in the plane that is nearest to her belly.
+/// View in the midsagittal plane of the fetus along `to_probe`. A direction from the mother's back, where no probe
+/// gets, is replaced by the one in the plane nearest to her belly.
 fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
-    /// A probe on a flank points at most so far up (assumed: about 15°).
+    /// Lowest z of a direction to the probe: a probe on a flank points up by at most about 15° (assumed).
     const LOWEST_Z: f64 = -0.25;
     let wanted = view("", centre_mm, lateral, to_probe.reject_from(a.left));
     if wanted.to_probe.z >= LOWEST_Z {
@@ -147,7 +151,7 @@ fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -
     view("", centre_mm, across * across.dot(lateral).signum(), to_probe)
 }
 
-/// Landmarks with how far from the image they may be: half their own size, and some slice.
+/// Landmarks with their largest distance from the image: half their own size plus part of the slice thickness.
 fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
     let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {
         name: name.to_owned(),
@@ -215,7 +219,7 @@ fn head(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     plane("head", "transthalamic plane of the head", BIOMETRY_GUIDE, tolerances(10.0, 5.0, Some(45.0)), vec![view])
 }
 
-/// Through cavum septi pellucidi and cerebellum: the axial plane, its back tilted down.
+/// Transcerebellar plane, through cavum septi pellucidi and cerebellum: the axial plane with its back tilted down.
 fn cerebellum(a: &Anatomy) -> StandardPlane {
     let mut view = view("", 0.5 * (a.cavum + a.cerebellum), a.cavum - a.cerebellum, a.near);
     view.outlines = outlines(&["skull", "subarachnoid_space", "cerebellum", "ventricles"]);
@@ -227,7 +231,7 @@ fn cerebellum(a: &Anatomy) -> StandardPlane {
     plane("cerebellum", title, BRAIN_GUIDE, tolerances(10.0, 4.0, Some(45.0)), vec![view])
 }
 
-/// Across the belly at the level of stomach and portal sinus, as round as can be.
+/// Cross-section of the belly at the level of stomach and portal sinus, as round as possible.
 fn abdomen(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     let radius = f64::from(biometry.abdominal_radius_mm());
     let mut view = view("", a.abdomen, a.ventral, a.near.reject_from(a.cranial));
@@ -247,7 +251,7 @@ fn abdomen(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     plane("abdomen", "transverse plane of the abdomen (AC)", BIOMETRY_GUIDE, tolerances(10.0, 5.0, None), vec![view])
 }
 
-/// Along either femur, both ends of the ossified shaft in view, at most 45° from across the beam.
+/// Along either femur, both ends of the ossified shaft in view, at most 45° from horizontal in the image.
 fn femur(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     let views = ["left", "right"].into_iter().zip(a.femurs).map(|(name, [hip, knee])| {
         // The belly is the mother's front, +z.
@@ -262,7 +266,7 @@ fn femur(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
     plane("femur", "long axis of a femur", BIOMETRY_GUIDE, tolerances(8.0, 3.0, Some(45.0)), views.collect())
 }
 
-/// Across the chest at the heart's four chambers.
+/// Cross-section of the chest with the heart's four chambers.
 fn heart(a: &Anatomy) -> StandardPlane {
     let up = a.near.reject_from(a.heart_cranial).normalize_or(a.near);
     let mut view = view("", a.heart, up.cross(a.heart_cranial), up);
@@ -271,7 +275,7 @@ fn heart(a: &Anatomy) -> StandardPlane {
     plane("heart", "four-chamber view of the heart", HEART_GUIDE, tolerances(12.0, 4.0, None), vec![view])
 }
 
-/// Midsagittal plane of the back, from behind where a probe gets there.
+/// Midsagittal plane of the back, from behind where a probe can reach it.
 fn spine(a: &Anatomy) -> StandardPlane {
     let [chest, middle, lumbar] = a.spine;
     let lateral = (chest - lumbar).reject_from(a.left);
@@ -281,7 +285,7 @@ fn spine(a: &Anatomy) -> StandardPlane {
     plane("spine", "midsagittal plane of the spine", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
 }
 
-/// Midsagittal plane of the face, from the front where a probe gets there.
+/// Midsagittal plane of the face, from the front where a probe can reach it.
 fn profile(a: &Anatomy) -> StandardPlane {
     let mut view = midsagittal(a, 0.5 * (a.nose + a.forehead), a.vertex, a.face);
     view.outlines = outlines(&["fetal_skin", "skull", "face_and_skull_base"]);
@@ -337,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn the_planes_fit_their_file_and_the_phantom() {
+    fn the_planes_match_their_file_and_the_phantom() {
         let planes = obstetric(&Parameters::default());
         let names: Vec<_> = phantom::organs(&Parameters::default()).iter().map(|organ| organ.name).collect();
         planes.check_surfaces(&names).unwrap();

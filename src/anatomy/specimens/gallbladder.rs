@@ -1,4 +1,4 @@
-//! A gallbladder with stones below the liver.
+//! Gallbladder with stones below the liver.
 
 use glam::{Quat, Vec3};
 
@@ -8,15 +8,15 @@ use crate::anatomy::analytic::{Part, joined, sphere};
 
 /// Centre of the gallbladder, mm.
 const CENTRE_MM: Vec3 = Vec3::new(2.0, 0.0, 62.0);
-/// Half axes of its lumen, mm: about 70 × 28 mm, a fasting gallbladder.
+/// Semi-axes of its lumen, mm: about 70 × 28 mm, a fasting gallbladder.
 const SEMI_AXES_MM: Vec3 = Vec3::new(35.0, 14.0, 14.0);
 /// Thickness of its wall, mm; up to 3 is normal.
 const WALL_MM: f32 = 2.0;
-/// Stones: place along the gallbladder (−1 to 1) and radius, mm.
+/// Stones: position along the gallbladder (−1 to 1) and radius, mm.
 const STONES: [(f32, f32); 3] = [(-0.36, 5.5), (0.12, 4.0), (0.48, 3.0)];
 
-/// Skin, fat, muscle and liver over a gallbladder that holds bile and three stones on its posterior wall; the lung bounds
-/// the liver from below, so that a shadow or an enhancement shows on a bright line.
+/// Skin, fat, muscle and liver over a gallbladder with bile and three stones on its posterior wall. The lung bounds the
+/// liver from below, so that shadow and enhancement show on a bright line.
 pub fn gallbladder_stones() -> Vec<Part> {
     let half = (140.0, 60.0);
     vec![
@@ -31,7 +31,7 @@ pub fn gallbladder_stones() -> Vec<Part> {
     ]
 }
 
-/// The pear, `wall_mm` larger all round; its fundus points to +x.
+/// Pear shape, `wall_mm` larger all round; its fundus points to +x.
 fn gallbladder(wall_mm: f32) -> Mesh {
     let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
     for v in &mut mesh.vertices_mm {
@@ -40,14 +40,14 @@ fn gallbladder(wall_mm: f32) -> Mesh {
     mesh
 }
 
-/// Scene point of a direction from the gallbladder's centre, on the surface `wall_mm` outside its lumen.
+/// Scene point in a direction from the gallbladder's centre, on the surface `wall_mm` outside its lumen.
 fn in_scene(direction: Vec3, wall_mm: f32) -> Vec3 {
     let axes = SEMI_AXES_MM + wall_mm;
     let wide = 1.0 + 0.22 * direction.x;
     CENTRE_MM + Quat::from_rotation_y(0.2) * (axes * direction * Vec3::new(1.0, wide, wide))
 }
 
-/// The dome of the lung behind the liver.
+/// Dome of the lung behind the liver.
 fn lung() -> Mesh {
     let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
     for v in &mut mesh.vertices_mm {
@@ -56,7 +56,7 @@ fn lung() -> Mesh {
     mesh
 }
 
-/// A lumpy stone that lies on the posterior wall.
+/// Lumpy stone on the posterior wall.
 fn stone(at: f32, radius_mm: f32) -> Mesh {
     let floor = in_scene(Vec3::new(at, 0.0, (1.0 - at * at).sqrt()), 0.0);
     let centre = floor - Vec3::Z * (radius_mm - 0.4);

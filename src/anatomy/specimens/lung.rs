@@ -1,4 +1,4 @@
-//! A chest wall over aerated lung.
+//! Chest wall over aerated lung.
 
 use glam::Vec3;
 
@@ -10,10 +10,10 @@ pub(super) const AIR_MM: f32 = 20.4;
 
 /// Skin, fat, muscle, two ribs and the pleura over air, seen along the chest: the "bat sign" of lung ultrasound.
 ///
-/// A-lines are reverberations between the pleura and the probe. The tracer knows no probe, only surfaces: "probe face"
-/// is a sheet above the skin that stands for it, partly reflecting as a transducer's layers are. It holds while the probe
-/// stands level on the skin, wherever along the chest. B-lines come from bubbles within fluid far below a millimetre,
-/// which surfaces can't hold: there are none.
+/// A-lines are reverberations between the pleura and the probe. The tracer knows only surfaces, so "probe face", a
+/// sheet above the skin, stands for the probe; it reflects partly, like a transducer's layers. This holds while the
+/// probe is level on the skin, anywhere along the chest. B-lines come from bubbles in fluid far smaller than a
+/// millimetre, which surfaces can't represent: there are none.
 pub fn lung_air() -> Vec<Part> {
     let half = (80.0, 40.0);
     let rib = |x: f32| {

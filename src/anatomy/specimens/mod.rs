@@ -1,4 +1,4 @@
-//! Small scenes that each call for another set of effects: what a user measures, learns or shows on.
+//! Small scenes that each call for a different set of effects: for measurement, teaching and demonstration.
 //!
 //! | scene | effects |
 //! |---|---|
@@ -7,7 +7,7 @@
 //! | [`gallbladder_stones`] | shadows behind stones, enhancement behind fluid, refraction at the wall |
 //! | [`lung_air`] | total reflection, A-lines between pleura and probe, shadows of ribs |
 //!
-//! x is lateral, y elevational and z the depth from the skin, which lies at z = 0.
+//! x is lateral, y elevational and z the depth from the skin, which is at z = 0.
 
 mod gallbladder;
 mod lung;
@@ -24,7 +24,7 @@ use glam::Vec3;
 use super::Mesh;
 use super::analytic::{self, Part};
 
-/// A layer over the whole scene from depth `top_mm` to `bottom_mm`, `half_mm` (x, y) wide to either side, flat.
+/// Flat layer over the whole scene from depth `top_mm` to `bottom_mm`, with half width `half_mm` (x, y).
 fn layer(
     name: &'static str,
     tissue: &'static str,
@@ -37,7 +37,7 @@ fn layer(
     Part { name, tissue, priority, mesh }
 }
 
-/// As [`layer`], with faces that rise and sink by `wave_mm` over some centimetres, as those of a body do.
+/// As [`layer`], with faces that undulate by `wave_mm` over some centimetres, like those of a body.
 fn wavy_layer(
     name: &'static str,
     tissue: &'static str,
@@ -49,7 +49,7 @@ fn wavy_layer(
     const COLUMNS: u32 = 64;
     const ROWS: u32 = 10;
     let mut mesh = Mesh::default();
-    // Each layer has a phase of its own.
+    // Each layer has its own phase.
     let phase = top_mm;
     for depth in [top_mm, bottom_mm] {
         for j in 0..=ROWS {

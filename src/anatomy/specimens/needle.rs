@@ -1,4 +1,4 @@
-//! A needle on its way into a vessel, and a guide wire that has gone through it: all in the imaging plane.
+//! Needle on its way into a vessel, and a guide wire through it, both in the imaging plane.
 
 use glam::Vec3;
 
@@ -6,23 +6,26 @@ use super::{layer, wavy_layer};
 use crate::anatomy::Mesh;
 use crate::anatomy::analytic::{Part, tube};
 
-/// Where the needle's tip lies, in the vessel, mm.
+/// Position of the needle's tip, in the vessel, mm.
 const TIP_MM: Vec3 = Vec3::new(-2.0, 0.0, 20.0);
 /// Radius of an 18-gauge needle, mm (ISO 9626: 1.2 to 1.3 mm wide).
 const NEEDLE_RADIUS_MM: f32 = 0.63;
 /// Radius of a guide wire of 0.035 inch, mm.
 const WIRE_RADIUS_MM: f32 = 0.445;
 
-/// The scene with the needle at 32° to the skin.
+/// Scene with the needle at 32° to the skin.
 pub fn vessel_needle() -> Vec<Part> {
     vessel_needle_at(32.0)
 }
 
-/// A vessel 8 mm wide at a depth of 20 mm along x below skin, fat, fascia and muscle; a steel needle that enters from the
-/// left at `angle_deg` (10 to 80) to the skin; and a steel wire from its tip along the vessel.
+/// Vessel with a steel needle and a steel guide wire.
 ///
-/// The needle turns the beam away, all of it beyond 15.5° (Snell, from muscle into steel; solids have no shear waves here),
-/// and is the fainter the steeper it is. The wire lies across the beam, which enters it and rings between its sides.
+/// The vessel is 8 mm wide at a depth of 20 mm along x, below skin, fat, fascia and muscle. The needle enters from the
+/// left at `angle_deg` (10 to 80) to the skin; the wire runs from its tip along the vessel.
+///
+/// The needle deflects the beam, all of it beyond 15.5° (Snell, from muscle into steel; solids have no shear waves
+/// here), and is fainter the steeper it is. The wire is perpendicular to the beam, which enters it and reverberates
+/// between its sides.
 pub fn vessel_needle_at(angle_deg: f32) -> Vec<Part> {
     let half = (60.0, 30.0);
     let angle = angle_deg.clamp(10.0, 80.0).to_radians();
@@ -46,7 +49,7 @@ pub fn vessel_needle_at(angle_deg: f32) -> Vec<Part> {
     ]
 }
 
-/// A tube along x that sinks and rises a little, as vessels do.
+/// Tube along x that undulates slightly, as vessels do.
 fn vessel(radius_mm: f32) -> Mesh {
     let ring = |i: i32| {
         let x = 4.0 * i as f32;
@@ -55,7 +58,7 @@ fn vessel(radius_mm: f32) -> Mesh {
     tube(&(-14..=14).map(ring).collect::<Vec<_>>(), 48)
 }
 
-/// From within the needle in a bend to the lower half of the vessel, and level from there.
+/// From inside the needle in a bend to the lower half of the vessel, and level from there.
 fn guide_wire(along: Vec3) -> Mesh {
     let start = TIP_MM - along * 3.0;
     let (p1, end) = (TIP_MM + along * 3.0, Vec3::new(9.0, 0.0, 22.0));

@@ -1,14 +1,14 @@
-//! A quality-assurance phantom of the usual multi-purpose kind.
+//! Quality-assurance phantom of the usual multi-purpose kind.
 //!
-//! The groups are those of two phantoms on the market: the CIRS 040GSE (near field, vertical and horizontal distances,
-//! axial and lateral resolution, stepped anechoic cylinders, grey-scale targets of −9, −6, −3, +3, +6 and more dB; user
-//! guide at support.cirsinc.com) and the Gammex 405 GSX LE (grey-scale cylinders, pins, cysts; its user guide). The places
-//! are our own, so that all of it lies below one linear probe 60 mm wide. All targets are parallel to y.
+//! The groups are those of two commercial phantoms. CIRS 040GSE (user guide at support.cirsinc.com): near field,
+//! vertical and horizontal distances, axial and lateral resolution, stepped anechoic cylinders, grey-scale targets of
+//! −9, −6, −3, +3, +6 and more dB. Gammex 405 GSX LE (its user guide): grey-scale cylinders, pins, cysts. The positions
+//! are our own, so that everything is below one linear probe 60 mm wide. All targets are parallel to y.
 //!
-//! Their filaments are 0.08 to 0.1 mm thick, a part of a wavelength, and scatter more than their width covers. Rays know
-//! only the width, so ours are bars of [`WIRE_MM`] with a flat side up: about as bright above the speckle as real ones.
-//! The wires of the vertical group stand 0.4 mm beside each other, out of each other's shadow, which diffraction fills in
-//! a real phantom.
+//! Real filaments are 0.08 to 0.1 mm thick, a fraction of a wavelength, and scatter more than their width covers. Rays
+//! know only the width, so ours are bars of [`WIRE_MM`] with a flat side up: about as bright above the speckle as real
+//! ones. The wires of the vertical group are offset sideways by 0.4 mm, out of each other's shadow, which diffraction
+//! fills in a real phantom.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -20,13 +20,13 @@ use crate::anatomy::analytic::{Part, joined, tube};
 
 /// Side of a wire, mm.
 pub const WIRE_MM: f32 = 0.3;
-/// Lateral places and depths of the wires of the near-field group, mm.
+/// Lateral positions and depths of the near-field wires, mm.
 pub const NEAR_FIELD_MM: [(f32, f32); 5] = [(-28.0, 1.0), (-26.0, 2.0), (-24.0, 3.0), (-22.0, 4.0), (-20.0, 5.0)];
-/// Distance of neighbouring wires of the vertical group, mm: the first is as deep.
+/// Distance between wires of the vertical group, and depth of the first, mm.
 pub const VERTICAL_STEP_MM: f32 = 10.0;
-/// Wires of the vertical group.
+/// Number of wires of the vertical group.
 pub const VERTICAL_COUNT: u16 = 12;
-/// Lateral places of the wires of a horizontal group, mm.
+/// Lateral positions of the wires of a horizontal group, mm.
 pub const HORIZONTAL_MM: [f32; 4] = [-20.0, -10.0, 10.0, 20.0];
 /// Depths of the horizontal groups, mm.
 pub const HORIZONTAL_DEPTHS_MM: [f32; 2] = [40.0, 90.0];
@@ -34,7 +34,7 @@ pub const HORIZONTAL_DEPTHS_MM: [f32; 2] = [40.0, 90.0];
 pub const RESOLUTION_MM: [f32; 6] = [4.0, 3.0, 2.0, 1.0, 0.5, 0.25];
 /// Depths at which the resolution groups begin, mm.
 pub const RESOLUTION_DEPTHS_MM: [f32; 2] = [24.0, 100.0];
-/// Grey-scale targets: lateral place (mm), level against the background (dB) and tissue.
+/// Grey-scale targets: lateral position (mm), level relative to the background (dB) and tissue.
 pub const CONTRAST: [(f32, f64, &str); 6] = [
     (-25.0, -9.0, "tmm_minus_9_db"),
     (-15.0, -6.0, "tmm_minus_6_db"),
@@ -43,11 +43,11 @@ pub const CONTRAST: [(f32, f64, &str); 6] = [
     (15.0, 6.0, "tmm_plus_6_db"),
     (25.0, 15.0, "tmm_plus_15_db"),
 ];
-/// Depth and diameter of the grey-scale targets, mm.
+/// Depth of the grey-scale targets, mm.
 pub const CONTRAST_DEPTH_MM: f32 = 55.0;
 /// Diameter of the grey-scale targets, mm.
 pub const CONTRAST_DIAMETER_MM: f32 = 8.0;
-/// Anechoic cylinders: lateral place, depth and diameter, mm.
+/// Anechoic cylinders: lateral position, depth and diameter, mm.
 pub const CYSTS_MM: [(f32, f32, f32); 10] = [
     (-22.0, 76.0, 10.0),
     (-11.0, 76.0, 6.7),
@@ -63,7 +63,8 @@ pub const CYSTS_MM: [(f32, f32, f32); 10] = [
 
 const HALF_LENGTH_MM: f32 = 38.0;
 
-/// The phantom: a block of tissue-mimicking material from x = −45 to 45 and z = 0.3 to 130 mm, the probe's gel above it.
+/// The phantom: a block of tissue-mimicking material from x = −45 to 45 mm and z = 0.3 to 130 mm, the probe's gel above
+/// it.
 pub fn qa_phantom() -> Vec<Part> {
     let mut parts = vec![
         layer("background", "tmm", 1, (45.0, 40.0), (0.3, 130.0)),
@@ -93,18 +94,18 @@ fn wires() -> Mesh {
     }))
 }
 
-/// Lateral place and depth of a wire of the vertical group, mm.
+/// Lateral position and depth of a wire of the vertical group, mm.
 pub fn vertical(index: u16) -> (f32, f32) {
     (0.4 * (f32::from(index) - 5.5), VERTICAL_STEP_MM * f32::from(index + 1))
 }
 
-/// Lateral place and depth of the wires of a resolution group: a flight of steps on the right, a row on the left.
+/// Lateral positions and depths of the wires of a resolution group, mm: steps on the right, a row on the left.
 pub fn resolution(depth_mm: f32) -> Vec<(f32, f32)> {
     let mut places = vec![(8.0, depth_mm), (-8.0, depth_mm)];
     let mut apart = 0.0;
     for (i, step) in RESOLUTION_MM.into_iter().enumerate() {
         apart += step;
-        // A step of 1.5 mm to the side keeps each wire out of the shadow of the one above.
+        // A sideways step of 1.5 mm keeps each wire out of the shadow of the one above.
         places.push((8.0 + 1.5 * (i + 1) as f32, depth_mm + apart));
         if step > WIRE_MM + 0.1 {
             places.push((-8.0 - apart, depth_mm));

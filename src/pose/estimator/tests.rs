@@ -1,4 +1,4 @@
-//! Measured on streams whose truth is known.
+//! Accuracy and robustness of the estimator on simulated streams with a known true pose.
 
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ fn time(i: u64) -> u64 {
     START_NS + i * PERIOD_NS
 }
 
-/// Numbers of a standard normal distribution that are the same on each run (Box & Muller).
+/// Reproducible numbers of a standard normal distribution (Box & Muller).
 struct Normal(u64);
 
 impl Normal {
@@ -81,9 +81,10 @@ impl Error {
     }
 }
 
-/// A tracker of 60 measurements a second whose noise is 0.15 mm and 0.1° on each axis, and whose transport takes 4 to
-/// 10 ms. Frames are sampled 30 times a second and shown 25 ms later. Errors against the hand at the time of display:
-/// of the estimator, and of the last raw pose.
+/// Error against the hand at display time: of the estimator, and of the last raw pose.
+///
+/// The tracker makes 60 measurements a second with noise of 0.15 mm and 0.1° on each axis; its transport takes 4 to 10
+/// ms. Frames are sampled 30 times a second and shown 25 ms later.
 fn track(filter: FilterSettings, seconds: u64) -> (Error, Error) {
     let mut estimator = Estimator::new(Settings { filter, ..Settings::default() });
     let (tremor, mut noise) = (Tremor::new(3), Normal(5));
@@ -154,7 +155,7 @@ fn noise_of_a_resting_sensor_is_reduced() {
 }
 
 #[test]
-fn steady_motion_is_shown_late_by_the_filter_s_lag_alone() {
+fn steady_motion_is_delayed_only_by_the_filters_lag() {
     for speed in [10.0, 50.0, 200.0] {
         let mut estimator = estimator();
         (0..240).for_each(|i| estimator.push(&measurement(i, at(speed * i as f64 / 60.0))));
@@ -199,7 +200,7 @@ fn states_follow_the_age_and_a_lost_pose_is_none() {
         let estimate = estimator.sample(last + age_ms * MS, last + age_ms * MS);
         assert_eq!((estimate.state, estimate.scene_from_probe.is_some()), (state, state != Lost));
     }
-    // Out of view: there, but not good.
+    // Out of view: present, but not good.
     (140..145).for_each(|i| estimator.push(&measurement(i, at(0.0))));
     assert_eq!(estimator.sample(time(144), time(144)).state, Good);
     estimator.push(&measurement(145, Reading::OutOfView));
@@ -209,7 +210,7 @@ fn states_follow_the_age_and_a_lost_pose_is_none() {
 }
 
 #[test]
-fn nothing_that_is_no_number_is_used() {
+fn non_finite_measurements_are_not_used() {
     let mut estimator = estimator();
     let nan = f64::NAN;
     let wrong = [
@@ -244,7 +245,7 @@ fn repeated_and_late_measurements_are_counted_and_not_used() {
 }
 
 #[test]
-fn a_device_that_begins_anew_is_followed_at_once() {
+fn a_restarted_device_is_followed_at_once() {
     let mut estimator = estimator();
     (0..200).for_each(|i| estimator.push(&measurement(i, at(i as f64 * 0.1))));
     for i in 0..10 {
@@ -256,7 +257,7 @@ fn a_device_that_begins_anew_is_followed_at_once() {
 }
 
 #[test]
-fn a_host_clock_that_jumps_is_survived_whoever_sees_it_first() {
+fn a_host_clock_jump_is_survived_whichever_call_sees_it_first() {
     const HOUR: i64 = 3_600_000_000_000;
     for (jump, sample_first) in [(HOUR, true), (HOUR, false), (-HOUR, true), (-HOUR, false)] {
         let mut estimator = estimator();
@@ -340,7 +341,7 @@ fn a_stuck_sensor_is_noted_while_its_clock_runs() {
 }
 
 #[test]
-fn a_puck_moves_the_probe_and_rests_without_a_word() {
+fn a_puck_moves_the_probe_and_is_tracked_at_rest() {
     let initial_pose = Pose { position_mm: DVec3::new(0.0, 0.0, 80.0), orientation: DQuat::from_rotation_x(0.4) };
     let mut estimator = Estimator::new(Settings { initial_pose, ..Settings::default() });
     let report = |ms: u64, x: f64| Measurement {
@@ -404,7 +405,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn whatever_comes_a_shown_pose_is_a_pose(
+    fn every_shown_pose_is_valid(
         stream in prop::collection::vec(
             (any_reading(), -30_000_000_i64..200_000_000, prop::option::of(any::<u32>()), prop::option::of(0_u64..200_000), any::<i32>()),
             1..120,
@@ -431,7 +432,7 @@ proptest! {
     }
 
     #[test]
-    fn signs_of_quaternions_change_nothing_shown(turns in prop::collection::vec((-0.4..0.4_f64, any::<bool>()), 10..80)) {
+    fn quaternion_signs_do_not_change_the_shown_pose(turns in prop::collection::vec((-0.4..0.4_f64, any::<bool>()), 10..80)) {
         let (mut plain, mut mixed) = (estimator(), estimator());
         let mut angle = 0.0;
         for (i, (turn, negate)) in turns.into_iter().enumerate() {

@@ -1,15 +1,15 @@
-//! Poses as a table: comma-separated values with a head line.
+//! Pose tables: comma-separated values with a header line.
 //!
 //! | column | content |
 //! |---|---|
 //! | `time_s` | time, s from any origin; must not fall |
 //! | `x_mm`, `y_mm`, `z_mm` | centre of the transducer's face |
 //! | `qw`, `qx`, `qy`, `qz` | unit quaternion that turns probe axes into the scene's |
-//! | `status` | optional: `ok` or empty, or `invalid` for a row without a pose, whose numbers are not read |
-//! | `event` | optional: name of something that happened then |
+//! | `status` | optional: `ok` or empty, or `invalid` for a row without a pose, whose numbers are ignored |
+//! | `event` | optional: name of an event at that time |
 //!
-//! Columns may stand in any order. Numbers have a decimal point. Empty lines and lines from `#` on are passed over;
-//! there are no quotes.
+//! Columns may be in any order. Numbers have a decimal point. Empty lines and `#` comments are skipped; quotes are not
+//! supported.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -22,11 +22,11 @@ const TIME: &str = "time_s";
 const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
 const OPTIONAL: [&str; 2] = ["status", "event"];
 
-/// The rows of a table; errors call it `path`.
+/// Rows of a table; errors name it `path`.
 ///
 /// # Errors
-/// A column that is missing, unknown or there twice; a row that has not as many fields as the head; a field that is no
-/// number; numbers that are no pose.
+/// A missing, unknown or repeated column; a row with the wrong number of fields; a field that is not a number; numbers
+/// that are not a pose.
 pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, InterchangeError> {
     let mut lines = Lines::new(source, path);
     let mut columns: Option<Columns> = None;
@@ -52,7 +52,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, Interc
     Ok(rows)
 }
 
-/// Where each column stands.
+/// Index of each column.
 struct Columns {
     count: usize,
     time: usize,

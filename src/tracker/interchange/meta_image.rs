@@ -1,8 +1,9 @@
-//! MetaImage sequences (`.mha`, `.igs.mha`) as PLUS and SlicerIGSIO write them: a head of `Key = value` lines, then
-//! pixels, raw or zlib. [`Sequence`] reads the head at once and the pixels image by image.
+//! MetaImage sequences (`.mha`, `.igs.mha`) as PLUS and SlicerIGSIO write them: a header of `Key = value` lines, then
+//! pixels, raw or zlib. [`Sequence`] reads the header at once and the pixels image by image.
 //!
-//! The head's `Seq_FrameNNNN_KEY = value` lines belong to single images: a `Timestamp` in seconds, transforms
-//! `AToBTransform` (sixteen numbers, row by row: `b_from_a` in mm) and their `AToBTransformStatus` (`OK` or `INVALID`).
+//! The header's `Seq_FrameNNNN_KEY = value` lines belong to single images: a `Timestamp` in seconds, transforms
+//! `AToBTransform` (sixteen numbers in row order: `b_from_a` in mm) and their `AToBTransformStatus` (`OK` or
+//! `INVALID`).
 //!
 //! Source: <https://plustoolkit.github.io/docs> (Sequence metafile), <https://itk.org/Wiki/ITK/MetaIO/Documentation>.
 
@@ -20,15 +21,15 @@ pub const IMAGES_MAX: u32 = 1_000_000;
 /// Largest image, bytes.
 pub const IMAGE_BYTES_MAX: u64 = 256 << 20;
 
-/// Longest head, bytes.
+/// Longest header, bytes.
 const HEAD_BYTES_MAX: u64 = 2 << 30;
 
 const FRAME_PREFIX: &str = "Seq_Frame";
 
-/// A value of the head and where it stands.
+/// A header value and its place in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// What stands behind the `=`, without spaces around it.
+    /// Text behind the `=`, trimmed.
     pub value: String,
     /// Its line.
     pub place: Place,
@@ -37,7 +38,7 @@ pub struct Field {
 /// Fields by key.
 pub type Fields = BTreeMap<String, Field>;
 
-/// The head of a sequence.
+/// Header of a sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Head {
     /// Columns.
@@ -48,9 +49,9 @@ pub struct Head {
     pub image_bytes: usize,
     /// Whether the pixels are compressed by zlib.
     pub compressed: bool,
-    /// Bytes of the compressed pixels, where the head says so.
+    /// Bytes of the compressed pixels, if the header gives them.
     pub compressed_bytes: Option<u64>,
-    /// Whether the pixels follow the head; else they are in a file of their own.
+    /// Whether the pixels follow the header; otherwise they are in a separate file.
     pub local: bool,
     /// Fields of the whole sequence.
     pub fields: Fields,
@@ -65,7 +66,7 @@ pub struct Sequence<R> {
 }
 
 impl Sequence<BufReader<File>> {
-    /// Opens the file at `path` and reads its head.
+    /// Opens the file at `path` and reads its header.
     ///
     /// # Errors
     /// As [`from_source`](Self::from_source), and a file that cannot be opened.
@@ -78,11 +79,11 @@ impl Sequence<BufReader<File>> {
 }
 
 impl<R: BufRead> Sequence<R> {
-    /// Reads the head of a sequence; errors call it `path`.
+    /// Reads the header of a sequence; errors name it `path`.
     ///
     /// # Errors
-    /// It cannot be read; a line is none of `Key = value`; a key is missing, there twice or has a wrong value; there
-    /// are not as many images as the head says.
+    /// The source cannot be read; a line is not `Key = value`; a key is missing, repeated or has a wrong value; the
+    /// number of images differs from the header's.
     pub fn from_source(source: R, path: &Path) -> Result<Self, InterchangeError> {
         let mut lines = Lines::new(source, path);
         let head = read_head(&mut lines)?;
@@ -90,15 +91,15 @@ impl<R: BufRead> Sequence<R> {
         Ok(Self { head, pixels })
     }
 
-    /// The head.
+    /// Header of the sequence.
     pub fn head(&self) -> &Head {
         &self.head
     }
 
-    /// Reads the next image over what `image` held; false behind the last one.
+    /// Reads the next image into `image`, replacing its content; false after the last one.
     ///
     /// # Errors
-    /// The pixels are in another file, end early, or are no zlib stream.
+    /// The pixels are in another file, end early, or are not a zlib stream.
     pub fn next_image(&mut self, image: &mut Vec<u8>) -> Result<bool, InterchangeError> {
         self.pixels.next_image(image)
     }
@@ -140,7 +141,7 @@ fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, InterchangeError> 
                 place.error(&path, format!("{} is there twice, first in line {}", quote(key), earlier.place.line))
             );
         }
-        // By the format the last line of a head.
+        // The format makes this the last line of a header.
         if key == "ElementDataFile" {
             break;
         }
@@ -148,7 +149,7 @@ fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, InterchangeError> 
     Keys { path: &path, fields: &fields }.head(images)
 }
 
-/// Reads the fields of a whole sequence.
+/// Parser of the fields of a whole sequence.
 struct Keys<'a> {
     path: &'a Path,
     fields: &'a Fields,
@@ -250,7 +251,7 @@ impl Keys<'_> {
     }
 }
 
-/// Name of the file with the pixels, where they are not behind the head.
+/// Name of the file with the pixels, if they don't follow the header.
 pub(super) fn data_file(head: &Head) -> PathBuf {
     head.fields.get("ElementDataFile").map(|field| PathBuf::from(&field.value)).unwrap_or_default()
 }

@@ -1,7 +1,7 @@
-//! Tracked sequences of other programs: read, and turned into recordings.
+//! Tracked sequences of other programs, imported as recordings.
 //!
-//! [`meta_image`] reads the `.mha` sequences of [PLUS](https://plustoolkit.github.io) and SlicerIGSIO, [`csv`] tables.
-//! Their poses are taken for `scene_from_probe`: a sequence's tracker frame becomes the scene's.
+//! [`meta_image`] reads the `.mha` sequences of [PLUS](https://plustoolkit.github.io) and SlicerIGSIO; [`csv`] reads
+//! tables. Their poses are taken as `scene_from_probe`: a sequence's tracker frame becomes the scene frame.
 
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
@@ -22,10 +22,10 @@ pub use tracking::{tracked, transforms_of};
 /// Longest time from the first to the last pose, s: thirty years.
 const SPAN_LIMIT_S: f64 = 1e9;
 
-/// A first time from here on is one since 1970, s; a smaller one counts from an origin of its own.
+/// First times from here on count from 1970, s; smaller ones from an arbitrary origin.
 const UNIX_FROM_S: f64 = 1e8;
 
-/// Why a sequence cannot be read.
+/// Errors in imported sequences.
 #[derive(Debug, Error)]
 pub enum InterchangeError {
     /// The file could not be read.
@@ -43,9 +43,9 @@ pub enum InterchangeError {
         path: PathBuf,
         /// Line, from 1.
         line: u64,
-        /// Where the line starts, bytes from the start of the file.
+        /// Offset of the line in the file, bytes.
         byte: u64,
-        /// What is wrong, and what would be right.
+        /// Fault and correct form.
         reason: String,
     },
     /// The file as a whole is wrong.
@@ -53,7 +53,7 @@ pub enum InterchangeError {
     File {
         /// File.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// Fault and correct form.
         reason: String,
     },
     /// The pixels are wrong.
@@ -65,7 +65,7 @@ pub enum InterchangeError {
         image: u32,
         /// Uncompressed bytes before the fault.
         byte: u64,
-        /// What is wrong, and what would be right.
+        /// Fault and correct form.
         reason: String,
     },
     /// The recording could not be written.
@@ -73,12 +73,12 @@ pub enum InterchangeError {
     Recording(#[from] RecordingError),
 }
 
-/// Where in a text file something stands.
+/// Place in a text file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Place {
     /// Line, from 1.
     pub line: u64,
-    /// Where the line starts, bytes from the start of the file.
+    /// Offset of the line in the file, bytes.
     pub byte: u64,
 }
 
@@ -93,15 +93,15 @@ impl Place {
 pub struct TrackedRow {
     /// Time, s from the sequence's origin.
     pub time_s: f64,
-    /// `tracker_from_probe`; None where the tracker did not see the probe.
+    /// `tracker_from_probe`; `None` if the tracker did not see the probe.
     pub pose: Option<Pose>,
-    /// Something that happened then.
+    /// Event at that time.
     pub event: Option<String>,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 
-/// What [`write_recording`] wrote.
+/// Outcome of [`write_recording`].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Imported {
     /// Poses in the recording.
@@ -110,14 +110,14 @@ pub struct Imported {
     pub without_pose: usize,
     /// Events in the recording.
     pub events: usize,
-    /// From the first row to the last, s.
+    /// Time from the first row to the last, s.
     pub duration_s: f64,
 }
 
 /// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
 ///
-/// `source` is told to people as the recording's device. The host time of the first row is its own where that is one
-/// since 1970, else 0; counters are the rows' numbers, so that rows without pose count as missing records.
+/// `source` is noted as the recording's device. The host time of the first row is its own if it counts from 1970, else
+/// 0. Counters are row numbers, so rows without a pose count as missing records.
 ///
 /// # Errors
 /// No row has a pose, times run backward or span thirty years, or the recording cannot be written.
@@ -171,7 +171,7 @@ pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Resul
     Ok(imported)
 }
 
-/// Reads lines of bounded length, and knows where they start.
+/// Reader of lines of bounded length that tracks their places.
 struct Lines<R> {
     source: R,
     path: PathBuf,
@@ -187,7 +187,7 @@ impl<R: std::io::BufRead> Lines<R> {
         Self { source, path: path.to_owned(), next: Place { line: 1, byte: 0 }, text: Vec::new() }
     }
 
-    /// The next line without its end, and its place; None at the end of the file.
+    /// Next line without its end, and its place; `None` at the end of the file.
     fn next_line(&mut self) -> Result<Option<(Place, &str)>, InterchangeError> {
         self.text.clear();
         let read = self.source.by_ref().take(Self::LIMIT + 1).read_until(b'\n', &mut self.text);
@@ -212,14 +212,14 @@ impl<R: std::io::BufRead> Lines<R> {
     }
 }
 
-/// At most 32 characters of what was found, escaped, to be repeated in an error.
+/// At most 32 characters of `text`, escaped, to be quoted in an error.
 fn quote(text: &str) -> String {
     let short: String = text.chars().take(32).collect();
     let more = if short.len() < text.len() { "..." } else { "" };
     format!("`{}{more}`", short.escape_debug())
 }
 
-/// A finite number.
+/// Parses a finite number.
 fn finite(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|number: &f64| number.is_finite())
 }

@@ -1,4 +1,4 @@
-//! The pixels of a sequence, image by image.
+//! Pixels of a sequence, image by image.
 
 use std::io::{BufRead, ErrorKind, Read, Take};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use flate2::bufread::ZlibDecoder;
 use super::InterchangeError;
 use super::meta_image::{Head, data_file};
 
-/// An image is read in pieces of this size, so that a head which lies about its size asks for no memory, bytes.
+/// Images are read in pieces of this size, bytes, so that a header with a false size allocates no memory.
 const PIECE: usize = 1 << 20;
 
 pub(super) struct Pixels<R> {
@@ -22,7 +22,7 @@ pub(super) struct Pixels<R> {
 enum Source<R> {
     Raw(R),
     Zlib(Box<ZlibDecoder<Take<R>>>),
-    /// In a file of this name.
+    /// In the file of this name.
     Elsewhere(PathBuf),
 }
 

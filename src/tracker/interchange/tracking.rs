@@ -1,4 +1,4 @@
-//! The transforms of a sequence.
+//! Transforms of a sequence.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -17,11 +17,11 @@ pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
     head.images.iter().flat_map(Fields::keys).map(String::as_str).filter(|key| key.ends_with("Transform")).collect()
 }
 
-/// A row for each image, posed by `transform` (`ProbeToTrackerTransform`, for example). Where its status is not `OK`
-/// there is no pose.
+/// One row per image, posed by `transform` (for example `ProbeToTrackerTransform`). A status other than `OK` gives no
+/// pose.
 ///
 /// # Errors
-/// An image without `Timestamp` or the transform, or one whose numbers are no rigid motion.
+/// An image without `Timestamp` or the transform, or with numbers that are not a rigid transform.
 pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedRow>, InterchangeError> {
     let status = format!("{transform}Status");
     let row = |(number, image): (usize, &Fields)| {
@@ -48,7 +48,7 @@ pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedR
     head.images.iter().enumerate().map(row).collect()
 }
 
-/// The pose of sixteen numbers, row by row.
+/// Pose of sixteen numbers in row order.
 fn rigid(field: &Field) -> Result<Pose, String> {
     let numbers: Option<Vec<f64>> = field.value.split_whitespace().map(finite).collect();
     let m: [f64; 16] = numbers

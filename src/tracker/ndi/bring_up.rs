@@ -1,4 +1,4 @@
-//! The questions that bring a device from any state to tracking, and what their answers lead to.
+//! Commands that bring a device from any state to tracking, and the step after each answer.
 
 use std::collections::VecDeque;
 use std::fmt::Write;
@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use super::{BAUD_RATES, Options, Reason, ReplyFormat, quote, reply};
 
-/// Bytes of a tool description that one command writes.
+/// Bytes of a tool description written per command.
 const ROM_BLOCK: usize = 64;
 
-/// One question to the device.
+/// A command to the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Step {
-    /// A reset: by a break of the line, or by command.
+    /// Reset, by a break of the line or by command.
     Reset,
     /// Ends tracking.
     Stop,
@@ -20,32 +20,32 @@ pub(super) enum Step {
     Init,
     /// Sets the speed of the line.
     Comm,
-    /// Lists handles that nobody uses any more.
+    /// Lists handles that are not in use.
     ListStale,
-    /// Frees one.
+    /// Frees a handle.
     Free(u8),
-    /// Asks for a handle of the wireless tool of this index.
+    /// Requests a handle for the wireless tool of this index.
     Request(usize),
-    /// Writes a block of its description.
+    /// Writes a block of the tool's description.
     Write { tool: usize, handle: u8, block: usize },
     /// Lists handles to initialise.
     ListUninitialised,
-    /// Initialises one.
+    /// Initialises a handle.
     Initialise(u8),
     /// Lists handles to enable.
     ListDisabled,
-    /// Enables one.
+    /// Enables a handle.
     Enable(u8),
     /// Starts tracking with the frame counter at 0.
     Start,
-    /// Starts tracking on a device that refuses the option.
+    /// Starts tracking on a device that refuses that option.
     StartPlain,
-    /// Asks for poses.
+    /// Requests poses.
     Poll,
 }
 
 impl Step {
-    /// How long its answer may take.
+    /// Time limit for the answer.
     pub(super) fn patience(self) -> Duration {
         Duration::from_millis(match self {
             Self::Reset => 12_000,
@@ -55,7 +55,7 @@ impl Step {
         })
     }
 
-    /// The command without its checksum.
+    /// Command without its checksum.
     pub(super) fn command(self, options: &Options) -> String {
         match self {
             Self::Reset => "RESET:".to_owned(),
@@ -93,49 +93,49 @@ impl Step {
     }
 }
 
-/// What an answer leads to.
+/// Outcome of an answer.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Next {
-    /// The next question.
+    /// The next command.
     Ask(Step),
-    /// The next question, once the speed of the line was changed.
+    /// The next command, after changing the speed of the line.
     ChangeSpeed(Step),
-    /// There is no tool: look again after a while.
+    /// No tool is connected: look again after a while.
     NoTool,
-    /// The answer is wrong; begin anew.
+    /// The answer is wrong; start over.
     Fail(Reason),
 }
 
-/// What is known of the device's handles.
+/// State of the device's handles.
 #[derive(Debug, Clone, Default)]
 pub(super) struct BringUp {
     queue: VecDeque<u8>,
-    /// Handles that were initialised, or could not be.
+    /// Handles whose initialisation succeeded or failed.
     settled: Vec<u8>,
-    /// Handles that are enabled.
+    /// Number of enabled handles.
     enabled: usize,
-    /// The line has the speed that was asked for.
+    /// Whether the line has the requested speed.
     pub(super) speed_is_set: bool,
-    /// Descriptions are written once, unless the device was reset.
+    /// Whether the tool descriptions are written; once, unless the device is reset.
     written: bool,
     initialised: bool,
-    /// Tracking of an earlier session was stopped.
+    /// Whether tracking of an earlier session was stopped.
     stopped: bool,
 }
 
 impl BringUp {
-    /// Forgets what a reset or an `INIT` makes untrue.
+    /// Forgets the state that a reset or an `INIT` invalidates.
     pub(super) fn reset(&mut self) {
         *self = Self { speed_is_set: self.speed_is_set, ..Self::default() };
     }
 
-    /// Forgets the handles, before they are listed again; descriptions stay written.
+    /// Forgets the handles before they are listed again; tool descriptions stay written.
     pub(super) fn reset_ports(&mut self) {
         self.queue.clear();
         self.settled.clear();
     }
 
-    /// The step after `step`, to which the device answered `text`.
+    /// Step after the device answered `text` to `step`.
     pub(super) fn after(&mut self, step: Step, text: &str, options: &Options) -> Next {
         let is_okay = text == "OKAY";
         let unexpected = || {
@@ -173,11 +173,11 @@ impl BringUp {
         }
     }
 
-    /// The step after `step`, which the device refused; none where the device must be set up from the start.
+    /// Step after the device refused `step`; `None` if the device must be set up from the start.
     pub(super) fn after_refusal(&mut self, step: Step, code: u8, options: &Options) -> Option<Next> {
         const WRONG_MODE: u8 = 0x0C;
         match step {
-            // It tracks still: an earlier session didn't stop it.
+            // The device is still tracking: an earlier session didn't stop it.
             Step::Init if code == WRONG_MODE && !std::mem::replace(&mut self.stopped, true) => {
                 Some(Next::Ask(Step::Stop))
             }
@@ -201,7 +201,7 @@ impl BringUp {
         self.go_on(step, options)
     }
 
-    /// The next handle of the phase that `step` belongs to, or the next phase.
+    /// Next handle of the phase of `step`, or the next phase.
     fn go_on(&mut self, step: Step, options: &Options) -> Next {
         let handle = self.queue.pop_front();
         Next::Ask(match (step, handle) {
@@ -209,7 +209,7 @@ impl BringUp {
             (Step::ListStale | Step::Free(_), None) if self.written => Step::ListUninitialised,
             (Step::ListStale | Step::Free(_), None) => self.request(0, options),
             (Step::ListUninitialised | Step::Initialise(_), Some(handle)) => Step::Initialise(handle),
-            // A tool with several parts shows its second handle only now.
+            // A tool with several parts lists its second handle only after this.
             (Step::Initialise(_), None) => Step::ListUninitialised,
             (Step::ListUninitialised, None) => Step::ListDisabled,
             (Step::ListDisabled | Step::Enable(_), Some(handle)) => Step::Enable(handle),

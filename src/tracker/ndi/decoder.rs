@@ -1,4 +1,4 @@
-//! Replies without their questions, as a recording holds them.
+//! Decoder of recorded replies, without the commands that caused them.
 
 use bytes::BytesMut;
 
@@ -6,26 +6,26 @@ use super::frame::{Framer, Item};
 use super::{DecodeError, Reason};
 use crate::tracker::Record;
 
-/// Ports whose last frame is remembered.
+/// Number of ports whose last frame is remembered.
 const PORTS: usize = 256;
 
-/// Decoder of all that one device answered: tracking replies become records, other replies are passed over.
+/// Decoder of everything one device sent: tracking replies become records, other replies are skipped.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     framer: Framer,
     repeats: Repeats,
 }
 
-/// Frames that were seen already.
+/// Detection of repeated frames.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Repeats {
     last: Vec<Option<u32>>,
-    /// How many.
+    /// Number of repeated frames.
     pub(super) count: u64,
 }
 
 impl Repeats {
-    /// Whether the record is of another frame than the one before of its port.
+    /// Whether the frame number differs from the last one of the same port.
     pub(super) fn is_new(&mut self, record: &Record) -> bool {
         self.last.resize(PORTS, None);
         let Some(last) = self.last.get_mut(usize::from(record.sensor)) else { return true };
@@ -40,7 +40,7 @@ impl Repeats {
     }
 }
 
-/// The number of an `ERRORxx` reply.
+/// Code of an `ERRORxx` reply.
 pub(super) fn error_code(text: &str) -> Option<u8> {
     let digits = text.strip_prefix("ERROR").filter(|digits| digits.len() == 2)?;
     u8::from_str_radix(digits, 16).ok()
@@ -52,7 +52,7 @@ impl Decoder {
         Self::default()
     }
 
-    /// Tracking replies' tools that repeated the frame before, and gave no record.
+    /// Number of tool entries that repeated the previous frame and gave no record.
     pub fn repeats(&self) -> u64 {
         self.repeats.count
     }
@@ -62,7 +62,7 @@ impl Decoder {
     /// Every `Ok(Some(_))` and every error removes at least one byte.
     ///
     /// # Errors
-    /// Bytes that are no reply, an error that the device reports, or its restart. They are removed.
+    /// Bytes that are not a reply, an error that the device reports, or its restart. They are removed.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             match self.framer.next(buffer)? {
@@ -87,7 +87,7 @@ impl Decoder {
     /// Ends the stream.
     ///
     /// # Errors
-    /// A part of a reply is left. It is removed.
+    /// Part of a reply is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         self.framer.finish(buffer)
     }

@@ -1,4 +1,4 @@
-//! The host's side of the Combined API.
+//! Driver of NDI devices: host side of the Combined API.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,57 +12,57 @@ use super::{DecodeError, Options, Reason, START_BAUD, framed};
 use crate::tracker::driver::{Driver, Line};
 use crate::tracker::{Protocol, Record};
 
-/// After `COMM`, before the line's speed is changed.
+/// Pause between `COMM` and changing the line's speed.
 const SPEED_PAUSE: Duration = Duration::from_millis(100);
 
-/// Between a failure and the next try.
+/// Pause between a failure and the next attempt.
 const RETRY_PAUSE: Duration = Duration::from_millis(200);
 
-/// Between two looks for a tool.
+/// Pause between two searches for a tool.
 const NO_TOOL_PAUSE: Duration = Duration::from_secs(1);
 
-/// Least time between two times that tracking is stopped because tools come or go.
+/// Shortest interval between interruptions of tracking for added or removed tools.
 const CHANGE_PAUSE: Duration = Duration::from_secs(2);
 
-/// Lost or refused questions in a row before the device is set up anew.
+/// Consecutive lost or refused requests before the device is set up again.
 const POLL_FAILURES: u32 = 3;
 
-/// Set-ups that fail before the device is reset.
+/// Failed set-ups before the device is reset.
 const SET_UP_FAILURES: u32 = 3;
 
-/// Most timeouts in a row that are told one by one; the device is silent then, which its owner tells.
+/// Most consecutive timeouts reported one by one. After that the device is silent, which the session reports.
 const NOTICES_LIMIT: usize = 8;
 
-/// Looks for a tool between two reports that there is none.
+/// Searches for a tool between two reports that there is none.
 const NO_TOOL_LOOKS: u32 = 10;
 
-/// Bit of the system status: a port has become occupied.
+/// Bit of the system status: a port was newly occupied.
 const PORT_OCCUPIED: u16 = 0x0040;
 
-/// What is done about silence, from try to try.
+/// Response to silence, by attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Approach {
-    /// The speed after power-on.
+    /// Communicate at the speed after power-on.
     StartSpeed,
-    /// The speed that an earlier session left.
+    /// Communicate at the speed that an earlier session left.
     SetSpeed,
-    /// A reset.
+    /// Reset the device.
     Reset,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
     Idle,
-    /// To be asked, not before a time.
+    /// Command to be sent, not before this time.
     Ask(Step, Duration),
-    /// Asked at a time.
+    /// Command sent at this time.
     Asked(Step, Duration),
 }
 
-/// Brings one device to tracking, asks for poses, and begins anew where it fails.
+/// Driver that brings one device to tracking, requests poses, and starts over after failures.
 ///
-/// Attempt 0 speaks at the start speed and then at the speed an earlier session may have set; later attempts reset the
-/// device, by a break of the serial line or the command `RESET`.
+/// Attempt 0 uses the start speed, then the speed an earlier session may have set. Later attempts reset the device, by
+/// a break of the serial line or the command `RESET`.
 pub struct NdiDriver {
     options: Options,
     poll: Bytes,
@@ -72,19 +72,19 @@ pub struct NdiDriver {
     approach: Approach,
     state: State,
     line: VecDeque<Line>,
-    /// Errors that no received byte tells of.
+    /// Errors that don't stem from received bytes.
     notices: VecDeque<Reason>,
     poll_failures: u32,
     set_up_failures: u32,
-    /// Looks for a tool, in vain, since tracking.
+    /// Fruitless searches for a tool since the last tracking.
     no_tool: u32,
-    /// System status and absent ports of the reply before.
+    /// System status and absent ports of the previous reply.
     tracked: Option<(u16, u16)>,
     changed_at: Duration,
 }
 
 impl NdiDriver {
-    /// A driver of a device whose `options` are [valid](Options::validate); it does nothing before [`Driver::start`].
+    /// Driver of a device with [valid](Options::validate) `options`; idle before [`Driver::start`].
     pub fn new(options: Options) -> Self {
         Self {
             poll: framed(&Step::Poll.command(&options)),
@@ -104,7 +104,7 @@ impl NdiDriver {
         }
     }
 
-    /// Tracking replies' tools that repeated the frame before, and gave no record.
+    /// Number of tool entries that repeated the previous frame and gave no record.
     pub fn repeats(&self) -> u64 {
         self.repeats.count
     }
@@ -133,7 +133,7 @@ impl NdiDriver {
         self.state = State::Ask(step, now);
     }
 
-    /// Sets the device up again from `INIT`; after several failures in a row by a reset.
+    /// Sets the device up again from `INIT`; after several consecutive failures, resets it.
     fn fail(&mut self, now: Duration) {
         self.set_up_failures += 1;
         self.bring_up.reset();
@@ -159,7 +159,7 @@ impl NdiDriver {
                     Approach::StartSpeed if self.options.baud.is_some_and(|baud| baud != START_BAUD) => {
                         Approach::SetSpeed
                     }
-                    // A device that doesn't tell of its reset may answer now.
+                    // A device that doesn't announce its reset may answer by now.
                     Approach::Reset if step == Step::Reset => {
                         self.state = State::Ask(Step::Init, now);
                         return;
@@ -182,7 +182,7 @@ impl NdiDriver {
         }
     }
 
-    fn go(&mut self, now: Duration, next: Next) -> Result<(), Reason> {
+    fn advance(&mut self, now: Duration, next: Next) -> Result<(), Reason> {
         match next {
             Next::Ask(step) => self.state = State::Ask(step, now),
             Next::ChangeSpeed(step) => {
@@ -205,7 +205,7 @@ impl NdiDriver {
         Ok(())
     }
 
-    /// A reply that holds no poses.
+    /// Handles a reply without poses.
     fn text(&mut self, now: Duration, text: &str) -> Result<(), Reason> {
         let asked = match self.state {
             State::Asked(step, _) => Some(step),
@@ -213,24 +213,24 @@ impl NdiDriver {
         };
         if text == "RESET" {
             if asked == Some(Step::Reset) {
-                return self.go(now, Next::Ask(Step::Init));
+                return self.advance(now, Next::Ask(Step::Init));
             }
             self.repeats.forget();
             self.begin(now, Approach::StartSpeed);
             return Err(Reason::Restarted);
         }
-        // The answer to a question that was given up.
+        // Answer to a command that was given up.
         let Some(step) = asked else { return Ok(()) };
         let Some(code) = error_code(text) else {
             let next = self.bring_up.after(step, text, &self.options);
-            return self.go(now, next);
+            return self.advance(now, next);
         };
         let refused = Reason::Refused { code, command: step.command(&self.options) };
         match self.bring_up.after_refusal(step, code, &self.options) {
-            // There is another way.
-            Some(next) if matches!(step, Step::Init | Step::Start) => return self.go(now, next),
+            // There is an alternative command.
+            Some(next) if matches!(step, Step::Init | Step::Start) => return self.advance(now, next),
             Some(next) => {
-                if let Err(reason) = self.go(now, next) {
+                if let Err(reason) = self.advance(now, next) {
                     self.notices.push_back(reason);
                 }
             }
@@ -245,11 +245,11 @@ impl NdiDriver {
         if code == BAD_CRC {
             return self.poll_failed(now);
         }
-        // It isn't tracking, or can't: it was restarted without a word.
+        // The device isn't tracking, or can't: it restarted silently.
         self.fail(now);
     }
 
-    /// The end of a tracking reply.
+    /// Handles the end of a tracking reply.
     fn tracked(&mut self, now: Duration, system_status: u16, absent: u16) {
         self.poll_failures = 0;
         self.set_up_failures = 0;
@@ -268,12 +268,12 @@ impl NdiDriver {
         }
     }
 
-    /// A piece of the stream that is no reply.
+    /// Handles a piece of the stream that is not a reply.
     fn damaged(&mut self, now: Duration) {
         match self.state {
-            // What changes nothing on the device can be asked again at once.
+            // A command without effect on the device can be repeated at once.
             State::Asked(Step::Poll, _) => self.poll_failed(now),
-            // Noise is to be expected on a line whose speed was just changed.
+            // Noise is expected on a line whose speed has just changed.
             State::Asked(Step::Init | Step::Reset, _) | State::Ask(..) | State::Idle => {}
             State::Asked(..) => self.fail(now),
         }
@@ -310,14 +310,14 @@ impl Driver for NdiDriver {
             self.timed_out(now, step);
         }
         let State::Ask(step, at) = self.state else { return None };
-        // The line comes first.
+        // Pending line operations come first.
         if now < at || !self.line.is_empty() {
             return None;
         }
         self.state = State::Asked(step, now);
         match step {
             Step::Poll => Some(self.poll.clone()),
-            // The break resets it.
+            // The break itself resets the device.
             Step::Reset if self.options.baud.is_some() => None,
             step => Some(framed(&step.command(&self.options))),
         }
@@ -332,7 +332,7 @@ impl Driver for NdiDriver {
     }
 
     fn patience(&self) -> Duration {
-        // Its own timeouts act sooner: this is for a device that stays silent through all of them.
+        // The driver's own timeouts act sooner; this limit is for a device that stays silent through all of them.
         match self.state {
             State::Asked(Step::Poll, _) | State::Ask(Step::Poll, _) => Duration::from_secs(5),
             _ => Duration::from_secs(40),

@@ -1,4 +1,4 @@
-//! Where replies begin and end.
+//! Framing of replies in the byte stream.
 
 use std::collections::VecDeque;
 
@@ -14,12 +14,12 @@ const BINARY_START: [u8; 2] = [0xC4, 0xA5];
 /// Start, length and checksum of a binary reply, bytes.
 const BINARY_HEAD: usize = 6;
 
-/// What comes out of the stream.
+/// Item found in the stream.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Item {
-    /// A tool of a tracking reply.
+    /// Tool of a tracking reply.
     Record(Record),
-    /// The end of a tracking reply.
+    /// End of a tracking reply.
     Tracked {
         /// System status.
         system_status: u16,
@@ -30,49 +30,49 @@ pub(super) enum Item {
     Text(String),
 }
 
-/// Cuts the stream into replies and those into records.
+/// Splits the stream into replies, and tracking replies into records.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Framer {
     /// Bytes removed so far.
     offset: u64,
-    /// Where the last item began.
+    /// Stream offset of the last item.
     item_offset: u64,
-    /// What is known already of the bytes at the front of the buffer: how many of them belong to each item.
+    /// Items already parsed from the front of the buffer, each with its number of bytes.
     pending: VecDeque<(usize, Result<Item, Reason>)>,
-    /// An error was given for bytes at the front, and no reply found since.
+    /// Whether an error was returned and no reply found since.
     lost: bool,
-    /// Bytes that were left in the buffer.
+    /// Bytes left in the buffer.
     left: usize,
-    /// That many bytes at the front of the buffer are given up.
+    /// Bytes at the front of the buffer to be discarded.
     given_up: usize,
 }
 
-/// What stands at the front of the buffer.
+/// Content of the front of the buffer.
 enum Front {
-    /// Nothing, or too little of it.
+    /// Nothing, or an incomplete reply.
     Part,
-    /// A binary reply of this many bytes, its data with a right checksum.
+    /// Binary reply of this many bytes with a correct data checksum.
     Binary(usize),
-    /// Text with a right checksum, of this many bytes with both its ends.
+    /// Text with a correct checksum; its length with checksum and carriage return, bytes.
     Text(usize),
-    /// No reply: how many bytes to remove, and whether a reply may start behind them.
+    /// Not a reply: bytes to remove, fault, and whether a reply may start behind them.
     Wrong(usize, Reason, bool),
 }
 
 impl Framer {
-    /// Where the last item began, bytes from the start of the stream.
+    /// Stream offset of the last item, bytes.
     pub(super) fn item_offset(&self) -> u64 {
         self.item_offset
     }
 
-    /// Gives up the reply that has begun: its sender isn't going to end it.
+    /// Discards the incomplete reply: its sender isn't going to finish it.
     pub(super) fn give_up(&mut self) {
         if self.pending.is_empty() {
             self.given_up = self.left;
         }
     }
 
-    /// Takes the next item; None asks for more bytes. Each item and each error removes bytes.
+    /// Takes the next item; `None` asks for more bytes. Each item and each error removes bytes.
     pub(super) fn next(&mut self, buffer: &mut BytesMut) -> Result<Option<Item>, DecodeError> {
         let given_up = std::mem::take(&mut self.given_up).min(buffer.len());
         if given_up > 0 {
@@ -122,7 +122,7 @@ impl Framer {
         }
     }
 
-    /// Notes the items of a tracking reply of `length` bytes whose `data` starts at byte `start` of it.
+    /// Queues the items of a tracking reply of `length` bytes whose `data` starts at byte `start` of it.
     fn tracking(&mut self, length: usize, data: &[u8], start: usize, is_binary: bool) {
         let mut used = 0;
         let mut absent = 0;
@@ -141,7 +141,7 @@ impl Framer {
         };
         let status = if is_binary { reply::binary(data, found) } else { reply::text(data, found) };
         if status.is_err() {
-            // Its checksum fits, but it isn't laid out as expected: no part of it can be trusted.
+            // The checksum is right but the layout unexpected: no part of the reply can be trusted.
             self.pending.clear();
             used = 0;
         }
@@ -166,7 +166,7 @@ fn is_text(byte: u8) -> bool {
     byte == b'\n' || (b' '..=b'~').contains(&byte)
 }
 
-/// Looks at the front of `buffer`; what it says doesn't depend on how much more than needed is there.
+/// Inspects the front of `buffer`; the result doesn't depend on surplus bytes.
 fn front(buffer: &[u8]) -> Front {
     match buffer.first() {
         None => Front::Part,
@@ -192,7 +192,7 @@ fn binary_front(buffer: &[u8]) -> Front {
     let end = BINARY_HEAD + usize::from(length);
     let Some(found) = u16_at(buffer, end) else { return Front::Part };
     let computed = crc16(&buffer[BINARY_HEAD..end]);
-    // A reply that lost bytes on its way holds the start of the next one.
+    // A reply that lost bytes contains the start of the next one.
     if found == computed {
         Front::Binary(end + 2)
     } else {

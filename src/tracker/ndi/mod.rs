@@ -1,14 +1,14 @@
 //! NDI Polaris, Vega and Aurora: the Combined API, over a serial line or TCP (port 8765).
 //!
-//! The host asks, the device answers. A command is `CMD:arguments`, a CRC of four upper-case hexadecimal digits and a
-//! carriage return. An answer is text with the same ending, or, to `BX`, a binary frame with two checksums. Both kinds of
-//! tracking replies, `TX` (text) and `BX`, are decoded with reply options `0001` and `0800`: transforms, those out of the
-//! measurement volume too.
+//! The host sends commands, the device answers. A command is `CMD:arguments`, a CRC of four upper-case hexadecimal
+//! digits and a carriage return. An answer is text with the same ending; the answer to `BX` is a binary frame with two
+//! checksums. Both kinds of tracking replies, `TX` (text) and `BX`, are decoded with reply options `0001` and `0800`:
+//! transforms, including those outside the measurement volume.
 //!
 //! A record's `sensor` is the device's port handle, its `sequence` the device's frame number, and its buttons are the
-//! tool's switches. A tool that the device misses gives [`Reading::OutOfView`](crate::pose::Reading::OutOfView); one that
-//! is disabled or unplugged gives no record. The device may be asked more often than it measures: a reply that repeats the
-//! frame of the one before gives no record either.
+//! tool's switches. A tool that the device misses gives [`Reading::OutOfView`](crate::pose::Reading::OutOfView); one
+//! that is disabled or unplugged gives no record. Requests may be faster than measurements: a reply that repeats the
+//! previous frame gives no record.
 //!
 //! Sources: `ndicapi` (PlusToolkit), PLUS `vtkPlusNDITracker.cxx`, VRPN.
 
@@ -32,10 +32,10 @@ pub use driver::NdiDriver;
 /// TCP port of a Vega.
 pub const TCP_PORT: u16 = 8765;
 
-/// Speed of a serial device after it was switched on or reset, baud.
+/// Speed of a serial device after power-on or reset, baud.
 pub const START_BAUD: u32 = 9600;
 
-/// Speed that a serial device is switched to where nobody asks for another, baud.
+/// Default speed that a serial device is switched to, baud.
 pub const USUAL_BAUD: u32 = 115_200;
 
 /// Bytes of a tool's description (its ROM).
@@ -46,15 +46,15 @@ pub const TEXT_LIMIT: usize = 2 + 255 * 70 + 9;
 
 const CRC16: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_ARC);
 
-/// The baud rates that `COMM` knows, in the order of its first digit.
+/// Baud rates of `COMM`, in the order of its first digit.
 pub const BAUD_RATES: [u32; 8] = [9600, 14_400, 19_200, 38_400, 57_600, 115_200, 921_600, 1_228_739];
 
-/// The checksum of the Combined API: CRC-16/ARC.
+/// Checksum of the Combined API: CRC-16/ARC.
 pub fn crc16(bytes: &[u8]) -> u16 {
     CRC16.checksum(bytes)
 }
 
-/// `text` as it goes over the wire, a command or a reply: with its checksum and carriage return.
+/// A command or reply as transmitted: `text`, its checksum and a carriage return.
 pub fn framed(text: &str) -> Bytes {
     let mut bytes = BytesMut::with_capacity(text.len() + 5);
     bytes.put_slice(text.as_bytes());
@@ -62,30 +62,30 @@ pub fn framed(text: &str) -> Bytes {
     bytes.freeze()
 }
 
-/// Which reply the driver asks for.
+/// Reply format that the driver requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReplyFormat {
-    /// `BX`: binary, shorter, with a resolution of f32.
+    /// `BX`: binary, shorter, with f32 resolution.
     #[default]
     Binary,
-    /// `TX`: text; 0.01 mm. Older devices know only this.
+    /// `TX`: text with a resolution of 0.01 mm. Older devices support only this.
     Text,
 }
 
-/// How a device is set up.
+/// Settings of a device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Which reply is asked for.
+    /// Requested reply format.
     pub format: ReplyFormat,
-    /// Whether poses outside of the characterised volume are given, too; else the tool counts as out of view there.
+    /// Whether to accept poses outside the characterised volume; otherwise the tool counts as out of view there.
     pub out_of_volume: bool,
-    /// Speed to switch a serial line to, one of [`BAUD_RATES`]; none where there is no serial line.
+    /// Speed to switch a serial line to, one of [`BAUD_RATES`]; `None` without a serial line.
     pub baud: Option<u32>,
-    /// Descriptions of wireless tools, [`ROM_BYTES`] each; their handles are asked for in this order. See [`pad_rom`].
+    /// Descriptions of wireless tools, [`ROM_BYTES`] each; handles are requested in this order. See [`pad_rom`].
     pub roms: Vec<Vec<u8>>,
-    /// Files (.rom) that [`load_roms`](Self::load_roms) adds to `roms`.
+    /// Files (.rom) that [`load_roms`](Self::load_roms) appends to `roms`.
     pub rom_files: Vec<PathBuf>,
-    /// Least time between two questions for poses.
+    /// Shortest interval between requests for poses.
     pub poll_interval: std::time::Duration,
 }
 
@@ -103,10 +103,10 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Checks what a station says.
+    /// Validates the options.
     ///
     /// # Errors
-    /// A speed or a tool description that the device doesn't take.
+    /// A speed or tool description that the device doesn't accept.
     pub fn validate(&self) -> Result<(), OptionsError> {
         if let Some(baud) = self.baud.filter(|baud| !BAUD_RATES.contains(baud)) {
             return Err(OptionsError::Baud { baud });
@@ -117,10 +117,10 @@ impl Options {
         }
     }
 
-    /// Reads the files of wireless tools, so that `rom_files` is empty and `roms` holds them all.
+    /// Reads the files of wireless tools into `roms` and empties `rom_files`.
     ///
     /// # Errors
-    /// A file that can't be read, or is no tool description.
+    /// A file that can't be read, or is not a tool description.
     pub fn load_roms(mut self) -> Result<Self, RomError> {
         for path in std::mem::take(&mut self.rom_files) {
             let content = std::fs::read(&path).map_err(|source| RomError::Read { path: path.clone(), source })?;
@@ -130,7 +130,7 @@ impl Options {
     }
 }
 
-/// Why the description of a wireless tool cannot be used.
+/// Errors in the description file of a wireless tool.
 #[derive(Debug, Error)]
 pub enum RomError {
     /// The file could not be read.
@@ -141,26 +141,26 @@ pub enum RomError {
         /// Cause.
         source: std::io::Error,
     },
-    /// It is no tool description.
+    /// Not a tool description.
     #[error("{path}: {source}")]
     Content {
         /// File.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of its content.
         source: OptionsError,
     },
 }
 
-/// Why a device cannot be set up as asked.
+/// Invalid options of a device.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum OptionsError {
-    /// A speed that the device doesn't have.
+    /// Unsupported speed.
     #[error("an NDI device has no speed of {baud} baud; it must be one of {BAUD_RATES:?}")]
     Baud {
-        /// Speed asked for.
+        /// Requested speed.
         baud: u32,
     },
-    /// A file that is no tool description.
+    /// A file that is not a tool description.
     #[error("a tool description has 1 to {ROM_BYTES} bytes; this one has {length}")]
     RomLength {
         /// Its length, bytes.
@@ -168,7 +168,7 @@ pub enum OptionsError {
     },
 }
 
-/// The content of a `.rom` file at full length, filled up by zeros as NDI's own programs do.
+/// Content of a `.rom` file padded with zeros to full length, as NDI's own programs do.
 ///
 /// # Errors
 /// An empty file, or one of more than [`ROM_BYTES`].
@@ -180,38 +180,38 @@ pub fn pad_rom(mut rom: Vec<u8>) -> Result<Vec<u8>, OptionsError> {
     Ok(rom)
 }
 
-/// Bytes that are no reply, or what the device complains about.
+/// Bytes that are not a reply, or an error of the device.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("byte {offset} of the NDI device's stream: {reason}")]
 pub struct DecodeError {
-    /// Where it starts, bytes from the start of the stream.
+    /// Stream offset of the first byte.
     pub offset: u64,
-    /// What is wrong.
+    /// Fault.
     pub reason: Reason,
 }
 
 impl DecodeError {
-    /// Whether the device itself reports something, in a reply that is whole: it is there and speaks.
+    /// Whether a well-formed reply reports an error of the device: the device is connected and responding.
     pub fn is_report(&self) -> bool {
         matches!(self.reason, Reason::Refused { .. } | Reason::Restarted | Reason::NoTool)
     }
 }
 
-/// What is wrong with a reply, or with the device.
+/// Fault of a reply or of the device.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// Neither the head of a binary reply nor text.
     #[error("no reply starts with 0x{byte:02X}; one starts with text or with C4 A5 and a checked length")]
     Noise {
-        /// The byte found.
+        /// Byte found.
         byte: u8,
     },
-    /// A checksum that doesn't fit.
+    /// A wrong checksum.
     #[error("a reply has the checksum {found:04X}, but its bytes give {computed:04X}")]
     Checksum {
-        /// What the reply says.
+        /// Checksum in the reply.
         found: u16,
-        /// CRC of its bytes.
+        /// CRC of the received bytes.
         computed: u16,
     },
     /// Text without a checksum.
@@ -223,37 +223,37 @@ pub enum Reason {
     /// No carriage return within the limit.
     #[error("text of more than {TEXT_LIMIT} bytes without a carriage return")]
     TooLong,
-    /// A whole reply whose parts don't add up.
+    /// A complete reply with an inconsistent layout.
     #[error("a tracking reply is not laid out as reply option 0001 asks: {what}")]
     Layout {
-        /// What doesn't fit.
+        /// The inconsistent part.
         what: &'static str,
     },
-    /// A transform that is no pose.
+    /// A transform that is not a pose.
     #[error("tool {handle:02X}: {source}")]
     Pose {
         /// Port handle.
         handle: u8,
-        /// What is wrong with it.
+        /// Fault of the pose.
         source: PoseError,
     },
     /// The device refuses a command.
     #[error("the device answers ERROR{code:02X} to {command}: {}", error_name(*code))]
     Refused {
-        /// Its number.
+        /// Error code.
         code: u8,
-        /// The command, or what is known of it.
+        /// The command, as far as it is known.
         command: String,
     },
-    /// No reply in time.
+    /// No reply within the time limit.
     #[error("no reply to `{command}` within {waited_ms} ms")]
     NoReply {
         /// The command.
         command: String,
-        /// How long was waited, ms.
+        /// Time waited, ms.
         waited_ms: u64,
     },
-    /// A reply that no such command has.
+    /// A reply that doesn't match the command.
     #[error("`{text}` is no reply to `{command}`")]
     Unexpected {
         /// The reply, escaped.
@@ -261,10 +261,10 @@ pub enum Reason {
         /// The command.
         command: String,
     },
-    /// The device says that it has been reset.
+    /// The device reports that it was reset.
     #[error("the device has started anew; it is set up again")]
     Restarted,
-    /// There is nothing to track.
+    /// No tool is connected.
     #[error(
         "the device has no tool to track; plug one in, or name the .rom file of a wireless tool in the station file"
     )]
@@ -272,12 +272,12 @@ pub enum Reason {
     /// The stream ended within a reply.
     #[error("the stream ends, or the device was given up, after {length} bytes of a reply")]
     Incomplete {
-        /// Bytes there were.
+        /// Bytes present.
         length: usize,
     },
 }
 
-/// What an error number of the device means (`ndicapi.h`).
+/// Meaning of an error code of the device (`ndicapi.h`).
 pub fn error_name(code: u8) -> &'static str {
     match code {
         0x01 => "invalid command",
@@ -308,7 +308,7 @@ pub fn error_name(code: u8) -> &'static str {
     }
 }
 
-/// The first bytes of a text for an error message, escaped.
+/// First bytes of a text, escaped, for an error message.
 fn quote(bytes: &[u8]) -> String {
     const QUOTE_LIMIT: usize = 32;
     let end = if bytes.len() > QUOTE_LIMIT { "…" } else { "" };
@@ -319,7 +319,7 @@ fn quote(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
 
-    /// Vectors of the interface's guide and of `ndicapi`'s tests.
+    /// Test vectors of the interface's guide and of `ndicapi`.
     #[test]
     fn checksums_are_those_of_the_device() {
         let vectors = [
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tool_description_is_filled_up() {
+    fn a_tool_description_is_padded() {
         let rom = pad_rom(vec![7; 752]).unwrap();
         assert_eq!((rom.len(), rom[751], rom[752]), (ROM_BYTES, 7, 0));
         assert_eq!(pad_rom(Vec::new()), Err(OptionsError::RomLength { length: 0 }));
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn tool_files_are_read_in_their_order() {
+    fn tool_files_are_read_in_order() {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str, bytes: &[u8]| {
             let path = dir.path().join(name);

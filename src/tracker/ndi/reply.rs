@@ -1,4 +1,4 @@
-//! The content of tracking replies.
+//! Content of tracking replies.
 
 use super::{Reason, quote};
 use crate::pose::{Pose, Reading};
@@ -7,7 +7,7 @@ use crate::tracker::Record;
 /// One port of a tracking reply.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Port {
-    /// The tool was measured, or is out of view.
+    /// The tool was measured or is out of view.
     Tracked(Record),
     /// Disabled or unplugged.
     Absent,
@@ -15,7 +15,7 @@ pub(super) enum Port {
 
 /// Bits of the port status.
 mod port_status {
-    /// Where the first of three switches is.
+    /// Position of the first of three switch bits.
     pub(super) const SWITCHES_SHIFT: u32 = 1;
     pub(super) const SWITCHES: u32 = 7;
 }
@@ -36,7 +36,7 @@ fn pose(handle: u8, quaternion: [f64; 4], position_mm: [f64; 3]) -> Result<Pose,
     Pose::from_components([x, y, z, qw, qx, qy, qz]).map_err(|source| Reason::Pose { handle, source })
 }
 
-/// Reads a reply from its front.
+/// Reader of a reply from its front.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -66,7 +66,7 @@ impl<'a> Cursor<'a> {
         Ok(floats)
     }
 
-    /// An upper-case hexadecimal number of `digits` digits.
+    /// Parses an upper-case hexadecimal number of `digits` digits.
     fn hex(&mut self, digits: usize) -> Result<u32, Reason> {
         let digits = self.take(digits)?;
         digits.iter().try_fold(0_u32, |number, &digit| {
@@ -75,7 +75,7 @@ impl<'a> Cursor<'a> {
         })
     }
 
-    /// A sign and `length` − 1 decimal digits.
+    /// Parses a sign and `length` − 1 decimal digits.
     fn decimal(&mut self, length: usize) -> Result<f64, Reason> {
         let wrong = Reason::Layout { what: "a number is not a sign and digits" };
         let (sign, digits) = match self.take(length)? {
@@ -102,7 +102,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Hands each port of a `BX` reply's data, and where its bytes end, to `found`; gives the system status.
+/// Passes each port of a `BX` reply's data to `found`, with the offset behind its bytes; returns the system status.
 pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     const VALID: u8 = 1;
     const MISSING: u8 = 2;
@@ -133,13 +133,13 @@ pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reas
     if cursor.at == data.len() { Ok(status) } else { Err(Reason::Layout { what: "bytes follow the system status" }) }
 }
 
-/// Whether `text`, without its checksum, is a `TX` reply: no other reply to the driver's commands has a line feed, or the
-/// length of one without tools.
+/// Whether `text`, without its checksum, is a `TX` reply. Other replies to the driver's commands have no line feed and
+/// not the length of a reply without tools.
 pub(super) fn is_text_reply(text: &[u8]) -> bool {
     text.contains(&b'\n') || (text.len() == 6 && text.starts_with(b"00"))
 }
 
-/// As [`binary`], of a `TX` reply without its checksum.
+/// Like [`binary`], for a `TX` reply without its checksum.
 pub(super) fn text(text: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     let mut cursor = Cursor { bytes: text, at: 0 };
     let count = cursor.hex(2)?;
@@ -174,7 +174,7 @@ pub(super) fn text(text: &[u8], mut found: impl FnMut(usize, Result<Port, Reason
     if cursor.at == text.len() { Ok(status) } else { Err(Reason::Layout { what: "text follows the system status" }) }
 }
 
-/// The handles of a `PHSR` reply.
+/// Handles in a `PHSR` reply.
 pub(super) fn handles(reply: &str) -> Result<Vec<u8>, Reason> {
     let wrong = || Reason::Unexpected { text: quote(reply.as_bytes()), command: "PHSR".to_owned() };
     let mut cursor = Cursor { bytes: reply.as_bytes(), at: 0 };
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reply_that_does_not_add_up_is_refused() {
+    fn an_inconsistent_reply_is_refused() {
         let refused = |reply: &[u8]| matches!(text(reply, |_, _| ()), Err(Reason::Layout { .. }));
         assert!(refused(b"01"));
         assert!(refused(b"0101MISSING0000003100001A2B\n000"));

@@ -1,4 +1,4 @@
-//! Poses from a stream of messages.
+//! Decoder of pose messages.
 
 use std::collections::VecDeque;
 
@@ -11,19 +11,20 @@ use super::{DecodeError, Reason};
 use crate::pose::{Pose, Reading};
 use crate::tracker::Record;
 
-/// Devices and tools that are told apart.
+/// Largest number of devices and tools per stream.
 pub const NAMES_LIMIT: usize = 64;
 
 /// Most tools of a `TDATA` message.
 const TOOLS_LIMIT: usize = 64;
 
-/// Most metadata of a message with a pose, bytes: more is a damaged size.
+/// Most metadata of a message with a pose, bytes. A larger value means a damaged size.
 const METADATA_LIMIT: u64 = 64 << 10;
 
-/// Longest body that is passed over, bytes: more is a damaged size. An image of 4096 × 4096 colours has 48 MiB.
+/// Longest body that is skipped, bytes. A larger value means a damaged size; an image of 4096 × 4096 colours has 48
+/// MiB.
 const SKIP_LIMIT: u64 = 256 << 20;
 
-/// Messages that hold poses.
+/// Types of messages with poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Transform,
@@ -41,7 +42,7 @@ impl Kind {
         }
     }
 
-    /// Whether its content may have this many bytes.
+    /// Checks the size of the message's content.
     fn check(self, size: u64) -> Result<(), Reason> {
         let tool = TOOL as u64;
         let (kind, is_right, expected) = match self {
@@ -62,13 +63,13 @@ impl Kind {
 pub struct Decoder {
     /// Bytes removed so far.
     offset: u64,
-    /// Bytes of a message that is being passed over.
+    /// Bytes still to be skipped of a message.
     skip: u64,
-    /// An error was given, and no message found since.
+    /// Whether an error was returned and no message found since.
     lost: bool,
-    /// Devices and tools in the order of their numbers.
+    /// Names of devices and tools, by number.
     names: Vec<Field<20>>,
-    /// How many bytes of the message at the front belong to each of its records.
+    /// Records of the message at the front, each with its number of bytes.
     pending: VecDeque<(usize, Result<Record, Reason>)>,
     skipped: u64,
 }
@@ -77,7 +78,7 @@ pub struct Decoder {
 struct Message {
     head: Head,
     kind: Kind,
-    /// Where its content lies.
+    /// Range of its content in the buffer.
     content: std::ops::Range<usize>,
     length: usize,
 }
@@ -94,7 +95,7 @@ impl Decoder {
         Self::default()
     }
 
-    /// A decoder that numbers `names` from 0, and others behind them.
+    /// Decoder that numbers `names` from 0, and further names after them.
     pub fn with_names(names: &[&str]) -> Self {
         Self {
             names: names.iter().take(NAMES_LIMIT).map(|name| super::message::field(name)).collect(),
@@ -102,23 +103,23 @@ impl Decoder {
         }
     }
 
-    /// Names of the devices and tools heard, in the order of their numbers.
+    /// Names of the devices and tools received, by number.
     pub fn names(&self) -> Vec<String> {
         self.names.iter().map(|name| text(name)).collect()
     }
 
-    /// Messages passed over since they hold no pose.
+    /// Number of messages skipped because they hold no pose.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
     /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
     ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. One error stands for all that is passed over until
-    /// the next message.
+    /// Every `Ok(Some(_))` and every error removes at least one byte. One error covers everything skipped until the
+    /// next message.
     ///
     /// # Errors
-    /// Bytes that are no message, a damaged message, one without a pose where there must be one. They are removed.
+    /// Bytes that are not a message, a damaged message, or one that lacks its pose. They are removed.
     pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if self.skip > 0 {
@@ -151,7 +152,7 @@ impl Decoder {
                 }
                 Err(reason) => {
                     let offset = self.offset;
-                    // A message that lost bytes holds the start of the next one.
+                    // A message that lost bytes contains the start of the next one.
                     let length = next_head(buffer);
                     self.remove(buffer, length);
                     if !std::mem::replace(&mut self.lost, true) {
@@ -165,7 +166,7 @@ impl Decoder {
     /// Ends the stream.
     ///
     /// # Errors
-    /// A part of a message is left. It is removed.
+    /// Part of a message is left over. It is removed.
     pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         self.pending.clear();
         let (offset, length) = (self.offset, buffer.len());
@@ -176,7 +177,7 @@ impl Decoder {
         Err(DecodeError { offset, reason: Reason::Incomplete { length: length as u64 } })
     }
 
-    /// Notes the records of a message.
+    /// Queues the records of a message.
     fn note(&mut self, message: &Message, bytes: &[u8]) {
         let content = message.content.clone();
         let (head, time_us) = (&message.head, message.head.time_us());
@@ -189,7 +190,7 @@ impl Decoder {
                 let [x, y, z] = floats(bytes, content.start);
                 let q = match content.len() {
                     12 => Some([0.0, 0.0, 0.0, 1.0]),
-                    // The sign of the part left out is a convention: positive.
+                    // The omitted part is positive by convention.
                     24 => {
                         let [qx, qy, qz] = floats(bytes, content.start + 12);
                         Some([qx, qy, qz, (1.0 - qx * qx - qy * qy - qz * qz).max(0.0).sqrt()])
@@ -224,7 +225,7 @@ impl Decoder {
         device_time_us: Option<u64>,
         pose: Result<Pose, MatrixError>,
     ) {
-        // Whatever stands behind the first zero isn't part of the name.
+        // Bytes behind the first zero aren't part of the name.
         if let Some(end) = name.iter().position(|&b| b == 0) {
             name[end..].fill(0);
         }
@@ -255,7 +256,7 @@ impl Decoder {
     }
 }
 
-/// Looks at the front of `buffer`; what it says doesn't depend on how much more than needed is there.
+/// Inspects the front of `buffer`; the result doesn't depend on surplus bytes.
 fn front(buffer: &[u8]) -> Result<Front, Reason> {
     if !may_be_head(buffer) {
         return match buffer.first() {
@@ -280,9 +281,9 @@ fn front(buffer: &[u8]) -> Result<Front, Reason> {
         content_size -= parts;
         content_start += EXTENDED_HEAD;
     }
-    // Before the body is waited for: a damaged size must not swallow what follows.
+    // Checked before waiting for the body: a damaged size must not swallow the following messages.
     kind.check(content_size)?;
-    // Both are within limits that fit.
+    // The limits keep the sum in range.
     let length = HEAD + head.body_size as usize;
     let Some(body) = buffer.get(HEAD..length) else { return Ok(Front::Part) };
     let computed = crc64(body);
@@ -293,8 +294,7 @@ fn front(buffer: &[u8]) -> Result<Front, Reason> {
     Ok(Front::Message(Message { head, kind, content, length }))
 }
 
-/// Whether a head may start here, as far as can be seen: a version, a type of printable characters filled up by zeros,
-/// a size.
+/// Whether `bytes` can be the start of a header: a version, a type of printable characters padded with zeros, a size.
 fn may_be_head(bytes: &[u8]) -> bool {
     let byte_is = |at: usize, right: &dyn Fn(u8) -> bool| bytes.get(at).is_none_or(|&b| right(b));
     if !(byte_is(0, &|b| b == 0) && byte_is(1, &|b| (1..=3).contains(&b)) && byte_is(2, &|b| b.is_ascii_uppercase())) {
@@ -308,7 +308,7 @@ fn may_be_head(bytes: &[u8]) -> bool {
     is_kind && is_filled && has_size
 }
 
-/// Bytes before the next place where a head may start, the front not counted; all where there is none.
+/// Number of bytes before the next possible header, the front excluded; all if there is none.
 fn next_head(bytes: &[u8]) -> usize {
     (1..bytes.len()).find(|&start| may_be_head(&bytes[start..])).unwrap_or(bytes.len())
 }

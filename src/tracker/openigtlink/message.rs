@@ -1,4 +1,4 @@
-//! Heads and bodies of messages.
+//! Encoding and decoding of message headers and bodies.
 
 use bytes::{BufMut, BytesMut};
 use crc::{CRC_64_ECMA_182, Crc, Table};
@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::pose::{Pose, PoseError};
 
-/// Length of a head, bytes.
+/// Length of a header, bytes.
 pub const HEAD: usize = 58;
 
 /// Length of the extended header that starts a v3 body, bytes.
@@ -15,30 +15,30 @@ pub const EXTENDED_HEAD: usize = 12;
 /// Length of a `TRANSFORM`'s content, bytes.
 pub const TRANSFORM: usize = 48;
 
-/// Length of a tool of a `TDATA`, bytes.
+/// Length of a tool entry of a `TDATA`, bytes.
 pub const TOOL: usize = 70;
 
-/// Length of what precedes the pixels of an `IMAGE`, bytes.
+/// Length of the part before the pixels of an `IMAGE`, bytes.
 pub const IMAGE_HEAD: usize = 72;
 
-/// A status code: all is well.
+/// Status code: OK.
 pub const STATUS_OK: u16 = 1;
 
-/// A status code: not ready.
+/// Status code: not ready.
 pub const STATUS_NOT_READY: u16 = 13;
 
-/// Sixteen bytes a step: an image has a megabyte.
+/// Sixteen bytes per step: an image has a megabyte.
 static CRC64: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_ECMA_182);
 
-/// The checksum of a body: CRC-64/ECMA-182.
+/// Checksum of a body: CRC-64/ECMA-182.
 pub fn crc64(body: &[u8]) -> u64 {
     CRC64.checksum(body)
 }
 
-/// A text in a field of fixed length, filled up by zeros.
+/// A text in a field of fixed length, padded with zeros.
 pub type Field<const N: usize> = [u8; N];
 
-/// `text` as a field; what doesn't fit, and what isn't ASCII, is left out.
+/// `text` as a field; excess characters and characters other than graphic ASCII are dropped.
 pub fn field<const N: usize>(text: &str) -> Field<N> {
     let mut field = [0; N];
     for (slot, byte) in field.iter_mut().zip(text.bytes().filter(u8::is_ascii_graphic)) {
@@ -53,16 +53,16 @@ pub fn text(field: &[u8]) -> String {
     String::from_utf8_lossy(field[..end].trim_ascii()).into_owned()
 }
 
-/// The head of a message.
+/// Header of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Head {
     /// 1, or 2 for a v3 body with its extended header.
     pub version: u16,
-    /// Type.
+    /// Message type.
     pub kind: Field<12>,
     /// Device name.
     pub device: Field<20>,
-    /// Seconds since 1970 in the upper 32 bits, 2⁻³² s in the lower; 0 for none.
+    /// Time stamp: seconds since 1970 in the upper 32 bits, 2⁻³² s in the lower; 0 for none.
     pub time: u64,
     /// Length of the body, bytes.
     pub body_size: u64,
@@ -71,7 +71,7 @@ pub struct Head {
 }
 
 impl Head {
-    /// The head at the front of `bytes`, unchecked; none where they are too few.
+    /// Parses the header at the front of `bytes`, unchecked; `None` if there are too few.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let u64_at = |at: usize| Some(u64::from_be_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
         Some(Self {
@@ -84,20 +84,20 @@ impl Head {
         })
     }
 
-    /// The device's clock, µs since 1970; none where the message has no time.
+    /// Time stamp, µs since 1970; `None` if the message has none.
     pub fn time_us(&self) -> Option<u64> {
         let (seconds, fraction) = (self.time >> 32, self.time & 0xFFFF_FFFF);
         (self.time != 0).then(|| seconds * 1_000_000 + ((fraction * 1_000_000) >> 32))
     }
 }
 
-/// The time stamp of `time_ns`, ns since 1970.
+/// Time stamp of `time_ns`, ns since 1970.
 pub fn time_stamp(time_ns: u64) -> u64 {
     let (seconds, ns) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
     (seconds << 32) | ((ns << 32) / 1_000_000_000)
 }
 
-/// Appends a version 1 message whose body `write` appends.
+/// Appends a version 1 message; `write` appends its body.
 pub fn put(out: &mut BytesMut, kind: &str, device: &str, time_ns: u64, write: impl FnOnce(&mut BytesMut)) {
     let start = out.len();
     out.put_u16(1);
@@ -142,16 +142,16 @@ pub fn put_status(out: &mut BytesMut, device: &str, time_ns: u64, code: u16, nam
     });
 }
 
-/// Where an image lies, in RAS coordinates.
+/// Position and orientation of an image in RAS coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// From a pixel to the next in a row, mm.
+    /// Vector from a pixel to the next in its row, mm.
     pub column_mm: DVec3,
-    /// From a row to the next, mm.
+    /// Vector from a row to the next, mm.
     pub row_mm: DVec3,
-    /// Thickness, along its normal, mm.
+    /// Slice normal times the slice thickness, mm.
     pub slice_mm: DVec3,
-    /// Its centre, mm.
+    /// Centre of the image, mm.
     pub centre_mm: DVec3,
 }
 
@@ -178,7 +178,7 @@ pub fn put_image(out: &mut BytesMut, device: &str, time_ns: u64, size: [u16; 2],
     });
 }
 
-/// `N` numbers at `at`; zeros where the slice is too short, which callers rule out.
+/// `N` big-endian f32 at `at`; zeros if the slice is too short, which callers rule out.
 pub(super) fn floats<const N: usize>(bytes: &[u8], at: usize) -> [f64; N] {
     let mut floats = [0.0; N];
     for (float, chunk) in floats.iter_mut().zip(bytes.get(at..).unwrap_or_default().chunks_exact(4)) {
@@ -187,20 +187,20 @@ pub(super) fn floats<const N: usize>(bytes: &[u8], at: usize) -> [f64; N] {
     floats
 }
 
-/// Why a matrix is no pose.
+/// Fault of a matrix that is not a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum MatrixError {
     Matrix(&'static str),
     Pose(PoseError),
 }
 
-/// The pose of the content of a `TRANSFORM`, 48 bytes at `at`.
+/// Pose of a `TRANSFORM`'s content, 48 bytes at `at`.
 pub(super) fn pose_of_matrix(bytes: &[u8], at: usize) -> Result<Pose, MatrixError> {
     /// f32 gives 1e-7; servers that send four decimals are accepted, too.
     const TOLERANCE: f64 = 1e-3;
     let [x0, x1, x2, y0, y1, y2, z0, z1, z2, tx, ty, tz]: [f64; 12] = floats(bytes, at);
     let [x, y, z] = [DVec3::new(x0, x1, x2), DVec3::new(y0, y1, y2), DVec3::new(z0, z1, z2)];
-    // NaN is within no tolerance.
+    // NaN fails the comparison.
     let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= TOLERANCE;
     if !(is_unit(x) && is_unit(y) && is_unit(z)) {
         return Err(MatrixError::Matrix("its columns must have length 1 within 0.001"));
@@ -219,7 +219,7 @@ pub(super) fn pose_of_matrix(bytes: &[u8], at: usize) -> Result<Pose, MatrixErro
 mod tests {
     use super::*;
 
-    /// A whole message of the protocol's documentation, CRC checked.
+    /// A complete message from the protocol's documentation, with its CRC.
     const VECTOR: &str = "0001 5452414E53464F524D000000 4465766963654E616D6500000000000000000000 00000000499602D4 \
         0000000000000030 F6DD2B8EB4DF6DD2 BF7473CD3E4959E6BE63DD98BE4959E63E12491B3F7852D63E63DD983F7852D6\
         BDC830AE42383660419BC46742383660";
@@ -240,12 +240,12 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_written_is_the_vector() {
+    fn a_written_pose_equals_the_documented_message() {
         let message = bytes(VECTOR);
         let pose = pose_of_matrix(&message, HEAD).unwrap();
         assert!((pose.position_mm - DVec3::new(46.053, 19.471, 46.053)).length() < 1e-3, "{pose:?}");
         let mut out = BytesMut::new();
-        // 0x499602D4 lies in the fraction: 0.2875 s.
+        // 0x499602D4 is in the fraction: 0.2875 s.
         put_transform(&mut out, "DeviceName", 0, DMat3::from_quat(pose.orientation), pose.position_mm);
         assert_eq!(out[..34], message[..34]);
         assert_eq!(out[42..50], message[42..50]);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn times_go_there_and_back() {
+    fn time_stamps_are_encoded_and_decoded() {
         let stamp = time_stamp(1_790_000_000_123_456_789);
         let head = Head { version: 1, kind: [0; 12], device: [0; 20], time: stamp, body_size: 0, crc: 0 };
         assert_eq!(head.time_us(), Some(1_790_000_000_123_456));

@@ -1,17 +1,17 @@
-//! OpenIGTLink, versions 1 to 3: poses of a tracking server (PLUS, 3D Slicer) in, images and transforms out.
+//! OpenIGTLink, versions 1 to 3: poses received from a tracking server (PLUS, 3D Slicer), images and transforms sent.
 //!
-//! A message is a head of 58 bytes and a body guarded by a CRC-64; numbers are big-endian. [`Decoder`] takes poses from
-//! `TRANSFORM`, `POSITION` and `TDATA` messages and passes over all others. [`message`] holds the codec, which the server
-//! in [`crate::sink::openigtlink`] uses, too.
+//! A message is a header of 58 bytes and a body with a CRC-64; numbers are big-endian. [`Decoder`] takes poses from
+//! `TRANSFORM`, `POSITION` and `TDATA` messages and skips all others. [`message`] holds the codec, which the server in
+//! [`crate::sink::openigtlink`] also uses.
 //!
 //! | message | body |
 //! |---|---|
 //! | `TRANSFORM` | 12 f32: the columns of the rotation, then the translation, mm |
 //! | `POSITION` | 3 f32 mm, then nothing, or f32 qx qy qz, or f32 qx qy qz qw |
-//! | `TDATA` | for each tool: char\[20\] name, u8 type, u8 0, 12 f32 as of a `TRANSFORM`; tools out of view are left out |
+//! | `TDATA` | for each tool: char\[20\] name, u8 type, u8 0, 12 f32 as in a `TRANSFORM`; tools out of view are omitted |
 //!
-//! A record's `sensor` is the number of its device or tool: 0 for the first name heard, 1 for the next. Its device time is
-//! the message's time stamp, where it has one.
+//! A record's `sensor` is the number of its device or tool: 0 for the first name received, 1 for the next. Its device
+//! time is the message's time stamp, if it has one.
 //!
 //! Source: protocol documents of OpenIGTLink v1 to v3.
 
@@ -27,20 +27,20 @@ pub use decoder::{Decoder, NAMES_LIMIT};
 /// TCP port.
 pub const TCP_PORT: u16 = 18_944;
 
-/// Bytes that are no message, or a message without a pose that should have one.
+/// Bytes that are not a message, or a message that lacks its pose.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("byte {offset} of the OpenIGTLink stream: {reason}")]
 pub struct DecodeError {
-    /// Where it starts, bytes from the start of the stream.
+    /// Stream offset of the first byte.
     pub offset: u64,
-    /// What is wrong.
+    /// Fault.
     pub reason: Reason,
 }
 
-/// What is wrong with a message.
+/// Fault of a message.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// No head.
+    /// No message header.
     #[error(
         "no message starts with 0x{byte:02X} and what follows; one starts with a version 1 to 3, a type and a size"
     )]
@@ -48,46 +48,46 @@ pub enum Reason {
         /// First byte.
         byte: u8,
     },
-    /// A body of a size that its kind can't have.
+    /// A body of the wrong size for its type.
     #[error("a {kind} message has {found} bytes; it must have {expected}")]
     Size {
-        /// Its type.
+        /// Message type.
         kind: &'static str,
-        /// Bytes of its content.
+        /// Size of the content, bytes.
         found: u64,
-        /// What would be right.
+        /// Accepted sizes.
         expected: &'static str,
     },
-    /// Damaged on its way.
+    /// Bytes damaged in transmission.
     #[error("a message has the CRC {found:016X}, but its body gives {computed:016X}")]
     Checksum {
-        /// What its head says.
+        /// Checksum in the header.
         found: u64,
         /// CRC-64 of its body.
         computed: u64,
     },
-    /// A v3 body whose parts don't fit.
+    /// A v3 body with inconsistent parts.
     #[error("the extended header asks for {parts} bytes of a body of {body}; it must be 12 bytes long")]
     ExtendedHeader {
-        /// Extended header and metadata, bytes.
+        /// Size of extended header and metadata, bytes.
         parts: u64,
-        /// Body, bytes.
+        /// Size of the body, bytes.
         body: u64,
     },
-    /// A matrix that turns and stretches.
+    /// A matrix that is not a rotation.
     #[error("the matrix of `{name}` is no rotation: {what}")]
     Matrix {
         /// Device or tool.
         name: String,
-        /// What is wrong with it.
+        /// Fault of the matrix.
         what: &'static str,
     },
-    /// Twelve numbers, but no pose.
+    /// Twelve numbers that are not a pose.
     #[error("`{name}`: {source}")]
     Pose {
         /// Device or tool.
         name: String,
-        /// What is wrong with it.
+        /// Fault of the pose.
         source: PoseError,
     },
     /// Too many names.
@@ -99,7 +99,7 @@ pub enum Reason {
     /// The stream ended within a message.
     #[error("the stream ends after {length} bytes of a message")]
     Incomplete {
-        /// Bytes there were.
+        /// Bytes present.
         length: u64,
     },
 }

@@ -1,4 +1,4 @@
-//! A session's settings as records of an MCAP file.
+//! Session settings as records of an MCAP file.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use mcap::records::Metadata;
 
 use super::{SETTINGS_NAME, STATION_NAME, SessionSettings};
 
-/// The metadata record.
+/// Settings as a metadata record.
 pub(super) fn metadata(settings: &SessionSettings) -> Metadata {
     let text = |key: &str, value: &str| (key.to_owned(), value.to_owned());
     let metadata = BTreeMap::from([
@@ -19,7 +19,7 @@ pub(super) fn metadata(settings: &SessionSettings) -> Metadata {
     Metadata { name: SETTINGS_NAME.to_owned(), metadata }
 }
 
-/// The attachment of the station file.
+/// Station file as an attachment.
 pub(super) fn station(settings: &SessionSettings, time_ns: u64) -> mcap::Attachment<'_> {
     mcap::Attachment {
         log_time: time_ns,
@@ -30,7 +30,7 @@ pub(super) fn station(settings: &SessionSettings, time_ns: u64) -> mcap::Attachm
     }
 }
 
-/// Reads the metadata record into `settings`; one of another name is passed over.
+/// Reads the metadata record into `settings`; one with another name is ignored.
 pub(super) fn read_metadata(record: &Metadata, settings: &mut Option<SessionSettings>) -> Result<(), String> {
     if record.name != SETTINGS_NAME {
         return Ok(());
@@ -50,9 +50,9 @@ pub(super) fn read_metadata(record: &Metadata, settings: &mut Option<SessionSett
     Ok(())
 }
 
-/// Reads the attachment whose record is `content` into `settings`; one of another name is passed over.
+/// Reads the attachment record `content` into `settings`; one with another name is ignored.
 ///
-/// Parsed here since the one of the mcap crate (0.26) panics on a record that is cut.
+/// Parsed here because the parser of the mcap crate (0.26) panics on a truncated record.
 pub(super) fn read_attachment(content: &[u8], settings: &mut Option<SessionSettings>) -> Result<(), String> {
     let short = || format!("an attachment of {} bytes ends early", content.len());
     let (body, checksum) = content.split_last_chunk::<4>().ok_or_else(short)?;
@@ -72,7 +72,7 @@ pub(super) fn read_attachment(content: &[u8], settings: &mut Option<SessionSetti
     }
     let found = u32::from_le_bytes(*checksum);
     let computed = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(body);
-    // 0 says that there is none.
+    // 0 means that there is no checksum.
     if found != 0 && found != computed {
         return Err(format!("{STATION_NAME} has the checksum {found:08x}, but its bytes give {computed:08x}"));
     }
@@ -81,7 +81,7 @@ pub(super) fn read_attachment(content: &[u8], settings: &mut Option<SessionSetti
     Ok(())
 }
 
-/// Takes a string, its length before it, from the front.
+/// Takes a length-prefixed string from the front.
 fn text<'a>(left: &mut &'a [u8]) -> Option<&'a [u8]> {
     let (length, behind) = left.split_first_chunk::<4>()?;
     let (text, behind) = behind.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)?;

@@ -1,10 +1,9 @@
-//! Measurements by calipers, as events of a recording.
+//! Caliper measurements, as events of a recording.
 //!
-//! A caliper is the event [`CALIPER_EVENT`] with the value
-//! `{"measure": "BPD", "points_mm": [[x, z], [x, z]]}`: two points of the image for a length, or four for an ellipse, the
-//! ends of its first axis and then of its second. Points are (x, z) of the probe frame in mm: x from the image's middle
-//! line to the right, z down from the centre of the probe's face. `measure` is the name of a standard plane's caliper,
-//! or free text.
+//! A caliper is the event [`CALIPER_EVENT`] with the value `{"measure": "BPD", "points_mm": [[x, z], [x, z]]}`. Two
+//! image points give a length. Four give an ellipse: the ends of its first axis, then of its second. Points are (x, z)
+//! of the probe frame in mm: x from the image's middle line to the right, z down from the centre of the probe's face.
+//! `measure` is the name of a standard plane's caliper, or free text.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,17 +19,17 @@ const COORDINATE_LIMIT_MM: f64 = 1e4;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaliperEvent {
-    /// What was measured: `BPD`.
+    /// Name of the measure, for example `BPD`.
     pub measure: String,
     /// Two or four points (x, z) of the probe frame, mm.
     pub points_mm: Vec<[f64; 2]>,
 }
 
 impl CaliperEvent {
-    /// The measurement in `event`; none where it is another event.
+    /// Measurement in `event`; `None` for other events.
     ///
     /// # Errors
-    /// A caliper event whose value is not as it should be; the text says what is wrong and what would be right.
+    /// A caliper event with a malformed value; the text gives the fault and the correct form.
     pub fn from_event(event: &Event) -> Option<Result<Self, String>> {
         (event.name == CALIPER_EVENT).then(|| {
             let value = event.value.clone().unwrap_or_default();
@@ -49,7 +48,7 @@ impl CaliperEvent {
         })
     }
 
-    /// The event of this measurement at `host_time_ns`.
+    /// Event of this measurement at `host_time_ns`.
     pub fn event(&self, host_time_ns: u64) -> Event {
         let value = serde_json::json!({ "measure": self.measure, "points_mm": self.points_mm });
         Event::new(host_time_ns, CALIPER_EVENT).with(value)
@@ -66,8 +65,8 @@ impl CaliperEvent {
     }
 }
 
-/// Circumference of an ellipse with these half axes, mm: Ramanujan's second approximation, whose error is below 4e-4 even
-/// where the ellipse is flat.
+/// Circumference of an ellipse with these semi-axes, mm, by Ramanujan's second approximation; its error is below 4e-4
+/// even for flat ellipses.
 pub fn ellipse_circumference_mm(a_mm: f64, b_mm: f64) -> f64 {
     let sum = a_mm + b_mm;
     if sum <= 0.0 {
@@ -82,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_caliper_comes_back_and_measures() {
+    fn a_caliper_is_written_read_and_measured() {
         let line = CaliperEvent { measure: "FL".into(), points_mm: vec![[-12.0, 60.0], [12.0, 67.0]] };
         let event = line.event(7);
         assert_eq!(CaliperEvent::from_event(&event), Some(Ok(line.clone())));
@@ -90,13 +89,13 @@ mod tests {
         let circle = [[-10.0, 0.0], [10.0, 0.0], [0.0, -10.0], [0.0, 10.0]];
         let circle = CaliperEvent { measure: "AC".into(), points_mm: circle.to_vec() };
         assert!((circle.length_mm() - 20.0 * std::f64::consts::PI).abs() < 1e-9);
-        // A flat ellipse is its axis, there and back.
+        // The circumference of a flat ellipse is twice its axis.
         assert!((ellipse_circumference_mm(10.0, 0.0) / 40.0 - 1.0).abs() < 5e-4);
         assert_eq!(CaliperEvent::from_event(&Event::new(7, "gain")), None);
     }
 
     #[test]
-    fn what_is_no_caliper_is_told() {
+    fn malformed_calipers_are_reported() {
         let error = |value: serde_json::Value| {
             CaliperEvent::from_event(&Event::new(0, CALIPER_EVENT).with(value)).unwrap().unwrap_err()
         };

@@ -1,4 +1,4 @@
-//! A recording, its bytes decoded.
+//! Decoded content of a recording.
 
 use std::collections::VecDeque;
 use std::io::Read;
@@ -10,10 +10,10 @@ use crate::pose::{Measurement, Reading};
 use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::{AxisMap, Decoder, Record, Settings};
 
-/// What a recording holds, one thing after the other.
+/// Item of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Item {
-    /// A measurement of the sensor that counts, with the host time of its first byte.
+    /// A measurement of the selected sensor, with the host time of its first byte.
     Measurement(Measurement),
     /// An event.
     Event(Event),
@@ -21,9 +21,9 @@ pub enum Item {
     Pose(SessionPose),
 }
 
-/// Decodes a recording by the protocol that it names, in the order in which a live session heard it.
+/// Decodes a recording by the protocol that it names, in the order of the live session.
 ///
-/// What is whole in a damaged recording is used; [`finish`](Self::finish) says what was not.
+/// The intact parts of a damaged recording are used; [`finish`](Self::finish) reports the rest.
 pub struct DecodedRecording<R> {
     reader: RecordingReader<R>,
     decoder: Decoder,
@@ -37,13 +37,13 @@ pub struct DecodedRecording<R> {
 }
 
 impl<R: Read> DecodedRecording<R> {
-    /// Decodes what `reader` reads, as a device with its usual settings.
+    /// Decodes the recording of `reader` with default device settings.
     pub fn new(reader: RecordingReader<R>) -> Self {
         Self::with_settings(reader, &Settings::default())
     }
 
-    /// Decodes what `reader` reads as a live session does that plays it as the tracker of `settings`: with the range and
-    /// the axes of a puck. Protocol and sensor are the recording's.
+    /// Decodes the recording of `reader` with the puck range and axis map of `settings`, as a live session does.
+    /// Protocol and sensor are the recording's.
     pub fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
@@ -53,7 +53,7 @@ impl<R: Read> DecodedRecording<R> {
         Self { reader, decoder, axis_map, buffer, times, items, sequence: None, summary, ended: false }
     }
 
-    /// The next thing; None at the end of what can be read.
+    /// Next item; `None` at the end of the readable part.
     ///
     /// # Errors
     /// The file cannot be read, or has compressed chunks.
@@ -80,8 +80,7 @@ impl<R: Read> DecodedRecording<R> {
         Ok(self.items.pop_front())
     }
 
-    /// What was found so far, and what could not be used. `time_reversals` and `duration` are left to whoever
-    /// collects the poses.
+    /// Summary so far. `time_reversals` and `duration` are left to the collector of the poses.
     pub fn finish(mut self) -> RecordingSummary {
         self.summary.damage = self.reader.damage().clone();
         self.summary.settings = self.reader.settings().cloned();
@@ -111,7 +110,7 @@ impl<R: Read> DecodedRecording<R> {
         }
         let last = std::mem::replace(&mut self.sequence, record.sequence);
         if let (Some(last), Some(sequence)) = (last, record.sequence) {
-            // The counter wraps: what looks like more than half of its range forward is a step back.
+            // The counter wraps: a step of more than half of its range counts as a step back.
             match sequence.wrapping_sub(last) {
                 step @ 1..=0x7fff_ffff => self.summary.missing_records += u64::from(step - 1),
                 _ => self.summary.sequence_reversals += 1,

@@ -1,17 +1,18 @@
-//! Which of many time stamps can be believed.
+//! Removal of implausible time stamps.
 
-/// A lone first or last time this far from its neighbour is a wrong clock, ns: one hour.
+/// Distance from its neighbour at which a lone first or last time counts as wrong, ns: one hour.
 const LONE_NS: u64 = 3_600_000_000_000;
 
-/// Removes a first and a last one of `items` that lie by themselves, more than an hour from the rest, then as few as
-/// possible so that the times of the others do not fall. Returns how many were removed.
+/// Removes implausible items and returns their number: first a lone first or last item more than an hour from the rest,
+/// then the fewest items so that the remaining times do not fall.
 ///
-/// A single wrong time, however far off, so costs a single item, and a clock that was set back costs the shorter part.
+/// A single wrong time thus removes a single item, however far off it is. A clock that was set back removes the shorter
+/// part.
 pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) -> u64 {
     let before = items.len();
     let mut kept = longest_ascending(items, &time_ns);
     let lone = |a: usize, b: usize| time_ns(&items[b]) - time_ns(&items[a]) > LONE_NS;
-    // Two items have no majority that could say which of them is wrong.
+    // With two items there is no majority to decide which is wrong.
     let (first, last) = match kept[..] {
         [.., second, last] if kept.len() > 2 => {
             (lone(kept[0], kept[1]).then_some(kept[0]), lone(second, last).then_some(last))
@@ -19,11 +20,11 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
         _ => (None, None),
     };
     if first.is_some() || last.is_some() {
-        // The last one first, so that the other index stays right.
+        // The last one first, so that the other index stays valid.
         for index in [last, first].into_iter().flatten() {
             items.remove(index);
         }
-        // They may have stood in the way of good ones.
+        // They may have displaced good ones.
         kept = longest_ascending(items, &time_ns);
     }
     if kept.len() < items.len() {
@@ -33,7 +34,8 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
     (before - items.len()) as u64
 }
 
-/// Indices of the longest part of `items` whose times do not fall, ascending; of several the one that ends lowest.
+/// Indices of the longest subsequence of `items` with non-falling times, ascending; of several the one with the lowest
+/// end.
 ///
 /// Patience sorting, O(n log n): M. L. Fredman, On computing the length of longest increasing subsequences, Discrete
 /// Mathematics 11 (1975).
@@ -42,7 +44,7 @@ fn longest_ascending<T>(items: &[T], time_ns: impl Fn(&T) -> u64) -> Vec<usize> 
     if items.is_sorted_by_key(&time_ns) {
         return (0..items.len()).collect();
     }
-    // The item that ends the best run of each length, and what comes before each item in its run.
+    // Last item of the best run of each length, and predecessor of each item in its run.
     let (mut ends, mut previous) = (Vec::<usize>::new(), vec![NONE; items.len()]);
     for (i, item) in items.iter().enumerate() {
         let time = time_ns(item);
@@ -80,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wrong_time_costs_one_item_wherever_it_stands() {
+    fn one_wrong_time_removes_one_item_wherever_it_is() {
         let day = 1_790_000_000_000_000_000;
         let good: Vec<_> = (0..10).map(|i| day + i * 16_666_667).collect();
         for wrong in [0, 1, day - 2 * LONE_NS, day + 2 * LONE_NS, u64::MAX] {
@@ -93,14 +95,14 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_set_back_costs_the_shorter_part() {
+    fn a_clock_set_back_removes_the_shorter_part() {
         assert_eq!(kept(&[50, 51, 52, 10, 11]), [50, 51, 52]);
         assert_eq!(kept(&[50, 51, 10, 11, 12]), [10, 11, 12]);
         assert_eq!(kept(&[0, 0, 20, 20, 6]), [0, 0, 20, 20]);
     }
 
     #[test]
-    fn a_pause_or_a_pair_is_nothing_wrong() {
+    fn a_pause_or_a_pair_is_accepted() {
         let pause = [0, 1, 2 * LONE_NS, 2 * LONE_NS + 1];
         assert_eq!(kept(&pause), pause);
         assert_eq!(kept(&[0, 2 * LONE_NS]), [0, 2 * LONE_NS]);
@@ -111,10 +113,10 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn what_is_kept_ascends_and_is_the_longest_there_is(times in prop::collection::vec(0..12_u64, 0..12)) {
+        fn the_kept_items_are_the_longest_ascending_part(times in prop::collection::vec(0..12_u64, 0..12)) {
             let kept = kept(&times);
             prop_assert!(kept.is_sorted());
-            // By trying every part.
+            // By trying every subset.
             let longest = (0..1_u32 << times.len())
                 .map(|mask| (0..times.len()).filter(|i| mask >> i & 1 == 1).map(|i| times[i]).collect::<Vec<_>>())
                 .filter(|part| part.is_sorted())

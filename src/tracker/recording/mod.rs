@@ -1,18 +1,18 @@
-//! Recordings of raw tracker bytes, so that a replay runs through the decoder of a live session.
+//! Recordings of raw tracker bytes, so that a replay runs the decoder of a live session.
 //!
 //! A recording is an [MCAP](https://mcap.dev) file without compression. Its times are ns since 1970 (UTC).
 //!
 //! | channel | message encoding | content |
 //! |---|---|---|
-//! | [`RAW_TOPIC`] | `application/octet-stream` | bytes as they came from the tracker, cut anywhere; `log_time` is when the first of them came |
-//! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: something worth finding again, a key frame for example, or a control that was moved; `value` is left out where there is none |
+//! | [`RAW_TOPIC`] | `application/octet-stream` | bytes as received from the tracker, split anywhere; `log_time` is the arrival of the first of them |
+//! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: a marked moment, for example a key frame, or a changed control; `value` is optional |
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
-//! Measurements in the image are events, too ([`CaliperEvent`]). Events whose names begin with `truth.` say what a made
-//! session did, for those who train with it; nothing that judges a session reads them.
+//! Measurements in the image are also events ([`CaliperEvent`]). Events whose names begin with `truth.` describe a
+//! generated session, for training; no report on a session reads them.
 //!
-//! The metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (in whose frame the poses
-//! are), `start_time_ns`, `format_version`, and `sensor` where one of several was chosen.
+//! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (in whose frame the poses are),
+//! `start_time_ns`, `format_version`, and `sensor` if one of several was selected.
 //!
 //! A live session adds a metadata record [`SETTINGS_NAME`] (version, seed, adapter, station_path) and the text of its
 //! station file as the attachment [`STATION_NAME`]; see [`SessionSettings`].
@@ -67,44 +67,44 @@ pub const STATION_NAME: &str = "station.toml";
 /// Version of this format; a reader refuses a later one.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// What a recording says about itself.
+/// Description of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordingInfo {
     /// Wire format of the bytes.
     pub protocol: Protocol,
-    /// The tracker, for people.
+    /// Name of the tracker, for information.
     pub device: String,
-    /// The scene in whose frame the poses are, for people.
+    /// Scene in whose frame the poses are, for information.
     pub scene: String,
-    /// When the recording started, ns since 1970 (UTC); of a live session, when its clock and what moves in its scene did.
+    /// Start of the recording, ns since 1970 (UTC). For a live session, time 0 of its clock and of the scene's motion.
     pub start_time_ns: u64,
-    /// The sensor whose poses count, of a device that has several; None takes the first that reports.
+    /// Selected sensor of a device with several; `None` takes the first that reports.
     pub sensor: Option<u16>,
 }
 
-/// What a session was made with; with the tracker's bytes and the events, all that its frames depend on.
+/// Settings of a session. Together with the tracker's bytes and the events, they determine its frames.
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
 pub struct SessionSettings {
     /// Version of insonify.
     pub version: String,
-    /// Seed of every random choice.
+    /// Seed of all random choices.
     pub seed: u32,
-    /// Name of the device that rendered; empty where nothing was rendered.
+    /// Name of the rendering device; empty if nothing was rendered.
     pub adapter: String,
-    /// Where the station file was, for people.
+    /// Path of the station file, for information.
     pub station_path: String,
     /// Text of the station file.
     pub station: String,
 }
 
-/// Something worth finding again.
+/// A marked moment of a session.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Event {
-    /// When, ns since 1970 (UTC).
+    /// Time, ns since 1970 (UTC).
     pub host_time_ns: u64,
-    /// What.
+    /// Name of the event.
     pub name: String,
-    /// The value of a control that was moved (gain in dB, frozen or not, ...).
+    /// Value of a changed control (gain in dB, frozen or not, ...).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<serde_json::Value>,
 }
@@ -126,11 +126,10 @@ impl Event {
 /// Name of the events of a tracker's session.
 pub const TRACKER_EVENT: &str = "tracker";
 
-/// Name of the event at which a tracker's port was gone.
+/// Name of the event of a lost tracker port.
 pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
-/// What a recording keeps of something that happened to the tracker: nothing of bytes that are no record, since the bytes
-/// themselves are in it.
+/// Event to record for a tracker event; `None` for undecodable bytes, which the recording itself holds.
 pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
         TrackerEvent::DecodeError(_) => return None,
@@ -143,11 +142,11 @@ pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
 /// A pose as a session used it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SessionPose {
-    /// For when it was made, ns since 1970 (UTC).
+    /// Time for which it was estimated, ns since 1970 (UTC).
     pub host_time_ns: u64,
     /// `scene_from_probe`.
     pub pose: Pose,
-    /// How far it could be trusted.
+    /// Trustworthiness of the pose.
     pub state: TrackingState,
 }
 
@@ -156,7 +155,7 @@ pub struct SessionPose {
 pub enum Entry {
     /// Bytes of the tracker.
     Raw {
-        /// When the first of them came, ns since 1970 (UTC).
+        /// Arrival of the first byte, ns since 1970 (UTC).
         host_time_ns: u64,
         /// The bytes.
         bytes: Vec<u8>,
@@ -167,7 +166,7 @@ pub enum Entry {
     Pose(SessionPose),
 }
 
-/// Why a recording cannot be used, or not be written.
+/// Errors in reading or writing a recording.
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The file could not be read.
@@ -178,12 +177,12 @@ pub enum RecordingError {
         /// Cause.
         source: std::io::Error,
     },
-    /// The file is not there, but what a killed recording left of it is.
+    /// The file doesn't exist, but the partial file of an interrupted recording does.
     #[error("the recording {path} was not finished; what was written of it is {part}")]
     Unfinished {
         /// File asked for.
         path: PathBuf,
-        /// File that is there.
+        /// The partial file.
         part: PathBuf,
     },
     /// Another process is writing this recording.
@@ -211,7 +210,7 @@ pub enum RecordingError {
     NoTracker {
         /// File.
         path: PathBuf,
-        /// What was missing.
+        /// The missing part.
         reason: String,
     },
     /// Metadata of the raw channel is missing or wrong.
@@ -221,9 +220,9 @@ pub enum RecordingError {
         path: PathBuf,
         /// Key.
         key: &'static str,
-        /// What was found, ready to print.
+        /// Value found, as text.
         found: String,
-        /// What would be right.
+        /// Accepted values.
         expected: String,
     },
     /// No decoder for these bytes.
@@ -231,10 +230,10 @@ pub enum RecordingError {
     Protocol {
         /// File.
         path: PathBuf,
-        /// Which protocol.
+        /// The unknown protocol.
         source: UnknownProtocol,
     },
-    /// Chunks that this program cannot unpack.
+    /// Chunks with unsupported compression.
     #[error(
         "{path} has chunks compressed by `{compression}`; recordings are read uncompressed: `mcap decompress` makes one"
     )]
@@ -244,12 +243,12 @@ pub enum RecordingError {
         /// Name of the compression.
         compression: String,
     },
-    /// Tracker bytes, but no whole pose in them.
+    /// Tracker bytes without a complete pose.
     #[error("{path} holds no whole pose: {reason}")]
     NoPose {
         /// File.
         path: PathBuf,
-        /// First thing that was wrong.
+        /// The first fault.
         reason: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The file of a recording that is not finished.
+//! Partial file of an unfinished recording.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 
 use super::RecordingError;
 
-/// `NAME.part`: what the recording `NAME` is called until it is finished.
+/// `NAME.part`: path of the recording `NAME` until it is finished.
 pub fn part_path(path: &Path) -> PathBuf {
     with_suffix(path, ".part")
 }
 
-/// Makes the `.part` of `path`, locked while it is open.
+/// Creates the `.part` of `path`, locked while it is open.
 ///
-/// One that a killed recording left is kept: it is renamed to `NAME.recovered-1.mcap`, or the next number that is free.
+/// One left by an interrupted recording is kept: it is renamed to `NAME.recovered-1.mcap`, or the next free number.
 pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
     let part = part_path(path);
     let write = |error: io::Error| RecordingError::Write { path: part.clone(), reason: error.to_string() };
@@ -32,16 +32,16 @@ pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
     Ok(file)
 }
 
-/// The lock goes with the process, however that ends.
+/// Locks the file; the lock ends with the process, even if that is killed.
 fn lock(file: &File, part: &Path) -> Result<(), RecordingError> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(RecordingError::Busy { path: part.to_owned() }),
-        // Some network file systems know no locks; a recording there is better than none.
+        // Some network file systems don't support locks; a recording there is better than none.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
     }
 }
 
-/// A name beside `path` that is free.
+/// Next free name for a recovered recording beside `path`.
 fn recovered(path: &Path) -> io::Result<PathBuf> {
     let stem = path.with_extension("");
     for number in 1..u32::MAX {

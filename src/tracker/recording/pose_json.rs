@@ -11,8 +11,8 @@ use crate::pose::{Pose, TrackingState};
 /// Name of the schema.
 pub(super) const SCHEMA_NAME: &str = "foxglove.PoseInFrame";
 
-/// JSON schema of a message, as <https://docs.foxglove.dev/docs/visualization/message-schemas/pose-in-frame> has it,
-/// and our `state`.
+/// JSON schema of a message: that of <https://docs.foxglove.dev/docs/visualization/message-schemas/pose-in-frame>, plus
+/// `state`.
 pub(super) const SCHEMA: &str = r#"{
   "title": "foxglove.PoseInFrame",
   "description": "scene_from_probe as the session used it",
@@ -38,13 +38,13 @@ const STATES: [(TrackingState, &str); 4] = [
     (TrackingState::Lost, "lost"),
 ];
 
-/// Writes a message over what `out` held.
+/// Writes a message into `out`, replacing its content.
 pub(super) fn encode(pose: &SessionPose, out: &mut String) {
     out.clear();
     let (seconds, ns) = (pose.host_time_ns / 1_000_000_000, pose.host_time_ns % 1_000_000_000);
     let (p, q) = (pose.pose.position_mm * 1e-3, pose.pose.orientation);
     let state = STATES.iter().find(|(state, _)| *state == pose.state).map_or("lost", |(_, name)| name);
-    // Writing to a string cannot fail; what Display prints of a finite f64 is JSON and reads back as the same number.
+    // Writing to a string cannot fail. `Display` of a finite f64 is valid JSON and parses to the same number.
     let _ = write!(
         out,
         r#"{{"timestamp":{{"sec":{seconds},"nsec":{ns}}},"frame_id":"scene","pose":{{"position":{{"x":{},"y":{},"z":{}}},"orientation":{{"x":{},"y":{},"z":{},"w":{}}}}},"state":"{state}"}}"#,
@@ -52,7 +52,7 @@ pub(super) fn encode(pose: &SessionPose, out: &mut String) {
     );
 }
 
-/// Reads a message.
+/// Parses a message.
 pub(super) fn decode(host_time_ns: u64, json: &[u8]) -> Result<SessionPose, String> {
     #[derive(Deserialize)]
     struct Message {
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pose_comes_back() {
+    fn a_pose_is_encoded_and_decoded() {
         let pose = Pose::from_components([1.25, -80.5, 1e-7, 0.5, 0.5, -0.5, 0.5]).unwrap();
         let mut text = "left over".to_owned();
         for (state, name) in STATES {
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pose_is_an_error() {
+    fn malformed_poses_are_errors() {
         for (json, message) in [
             ("{}", "missing field `pose`"),
             (

@@ -1,4 +1,4 @@
-//! The poses of a recording.
+//! Poses of a recording.
 
 use std::io::Read;
 use std::path::Path;
@@ -9,21 +9,21 @@ use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSu
 use crate::pose::{Measurement, Reading, TimedPose};
 use crate::tracker::{DecodeError, Settings};
 
-/// The poses of the recording at `path`, ascending in host time, decoded by the protocol that it names.
+/// Poses of the recording at `path`, ascending in host time, decoded by the protocol that it names.
 ///
-/// Several records of one message share its host time. What is whole in a damaged recording is used; the summary
-/// says what was not.
+/// Several records of one message share its host time. The intact parts of a damaged recording are used; the summary
+/// reports the rest.
 ///
 /// # Errors
-/// The file cannot be read, is no recording, or holds no whole pose.
+/// The file cannot be read, is not a recording, or holds no complete pose.
 pub fn poses(path: &Path) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
     poses_of(RecordingReader::open(path)?, path)
 }
 
-/// [`poses`] of an open recording; errors call it `path`.
+/// [`poses`] of an open recording; errors name it `path`.
 ///
 /// # Errors
-/// The source cannot be read, or holds no whole pose.
+/// The source cannot be read, or holds no complete pose.
 pub fn poses_of<R: Read>(
     reader: RecordingReader<R>,
     path: &Path,
@@ -35,11 +35,11 @@ pub fn poses_of<R: Read>(
     Ok((poses, summary))
 }
 
-/// All measurements of the recording at `path`, ascending in host time: poses, and what an estimator makes poses of.
-/// A puck has the range and the axes of `settings`.
+/// All measurements of the recording at `path`, ascending in host time, including rates and orientations that only an
+/// estimator turns into poses. A puck has the range and the axis map of `settings`.
 ///
 /// # Errors
-/// As [`poses`]; it holds nothing but a sensor out of view.
+/// As [`poses`]; or the sensor is out of view throughout.
 pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
     let mut decoded = DecodedRecording::with_settings(RecordingReader::open(path)?, settings);
     let mut measurements = Vec::new();
@@ -71,7 +71,7 @@ fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
     RecordingError::NoPose { path: path.to_owned(), reason }
 }
 
-/// As [`poses_of`], but a recording may be without poses.
+/// As [`poses_of`], but the recording may be without poses.
 ///
 /// # Errors
 /// The source cannot be read.
@@ -79,7 +79,7 @@ pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, 
     read_both(reader).map(|(poses, _, summary)| (poses, summary))
 }
 
-/// As [`read_all`], with the poses that the session itself used, ascending in host time.
+/// As [`read_all`], plus the poses that the session itself used, ascending in host time.
 ///
 /// # Errors
 /// The source cannot be read.

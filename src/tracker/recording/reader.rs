@@ -1,4 +1,4 @@
-//! Reads recordings, whole or not.
+//! Reader of recordings, complete or damaged.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::fs::File;
@@ -14,7 +14,7 @@ use super::{
     SessionSettings, attached, part_path, pose_json,
 };
 
-/// Longest accepted MCAP record, bytes: more is a damaged length.
+/// Longest accepted MCAP record, bytes. A larger value means a damaged length.
 const RECORD_LIMIT: usize = 64 << 20;
 
 /// Opcode and length before each MCAP record, bytes.
@@ -23,27 +23,27 @@ const RECORD_HEAD: u64 = 9;
 /// Most damaged places that are described; all are counted.
 const DESCRIBED: usize = 4;
 
-/// What could not be read of a recording.
+/// Unreadable parts of a recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Damage {
-    /// Why reading stopped before the end, with the byte offset; None for a file with its end.
+    /// Reason for stopping before the end, with the byte offset; `None` for a complete file.
     pub truncated: Option<String>,
-    /// Chunks and messages left out since they are damaged.
+    /// Number of damaged chunks and messages that were skipped.
     pub damaged: u64,
-    /// The first few of those, each with its byte offset.
+    /// Descriptions of the first few, each with its byte offset.
     pub damaged_first: Vec<String>,
 }
 
-/// Reads the messages of one recording in their order, a chunk at a time.
+/// Reads the messages of one recording in order, a chunk at a time.
 ///
-/// What is whole in a truncated or damaged file is used; [`damage`](Self::damage) says what was not. Messages of
-/// other channels are passed over.
+/// The intact parts of a truncated or damaged file are used; [`damage`](Self::damage) reports the rest. Messages of
+/// other channels are skipped.
 pub struct RecordingReader<R> {
     info: RecordingInfo,
     file: McapFile<R>,
 }
 
-/// A file on its way to messages.
+/// Splits a file into messages.
 struct McapFile<R> {
     source: Counting<R>,
     records: LinearReader,
@@ -86,10 +86,10 @@ impl RecordingReader<BufReader<File>> {
 }
 
 impl<R: Read> RecordingReader<R> {
-    /// Reads a recording from `source`; errors call it `path`.
+    /// Reads a recording from `source`; errors name it `path`.
     ///
     /// # Errors
-    /// It cannot be read, isn't MCAP, is compressed, or has no channel of tracker bytes whose metadata is understood.
+    /// The source cannot be read, isn't MCAP, is compressed, or has no channel of tracker bytes with valid metadata.
     pub fn from_source(source: R, path: &Path) -> Result<Self, RecordingError> {
         let mut file = McapFile::new(source, path);
         while file.info.is_none() && !file.ended {
@@ -105,22 +105,22 @@ impl<R: Read> RecordingReader<R> {
         }
     }
 
-    /// What the recording says about itself.
+    /// Description of the recording.
     pub fn info(&self) -> &RecordingInfo {
         &self.info
     }
 
-    /// What could not be read so far.
+    /// Unreadable parts so far.
     pub fn damage(&self) -> &Damage {
         &self.file.damage
     }
 
-    /// What the session was made with, as far as it was read so far; it lies before the first message.
+    /// Settings of the session, as far as read; they precede the first message.
     pub fn settings(&self) -> Option<&SessionSettings> {
         self.file.settings.as_ref()
     }
 
-    /// The next message; None at the end of what can be read.
+    /// Next message; `None` at the end of the readable part.
     ///
     /// # Errors
     /// The file cannot be read, or has compressed chunks.
@@ -207,7 +207,7 @@ impl<R: Read> McapFile<R> {
                 }
             }
             op::METADATA => self.metadata(offset, data),
-            // Behind the data, channels are only repeated.
+            // After the end of the data, channels are only repeated.
             _ if !self.data_ended => self.inner_record(offset, opcode, data)?,
             _ => {}
         }
@@ -225,7 +225,7 @@ impl<R: Read> McapFile<R> {
         }
     }
 
-    /// A record that may stand in a chunk or by itself.
+    /// Handles a record that may be inside a chunk or on its own.
     fn inner_record(&mut self, offset: u64, opcode: u8, data: &[u8]) -> Result<(), RecordingError> {
         if opcode != op::CHANNEL && opcode != op::MESSAGE {
             return Ok(());
@@ -241,7 +241,7 @@ impl<R: Read> McapFile<R> {
 
     fn channel(&mut self, channel: records::Channel) -> Result<(), RecordingError> {
         if channel.topic == RAW_TOPIC {
-            // One stream has one decoder: the first channel of raw bytes counts, others are passed over.
+            // One stream has one decoder: the first raw channel is used, others are skipped.
             if self.info.is_none() {
                 self.info = Some(parse_info(&self.path, &channel.metadata)?);
                 self.topics.insert(channel.id, Topic::Raw);
@@ -285,7 +285,7 @@ impl<R: Read> McapFile<R> {
     }
 }
 
-/// Counts the bytes that come from a source.
+/// Counts the bytes read from a source.
 struct Counting<R> {
     inner: R,
     count: u64,
@@ -325,7 +325,7 @@ enum ChunkError {
     Damaged(String),
 }
 
-/// Opcode and content of every record of a chunk whose checksum is right.
+/// Opcode and content of every record of a chunk, after checking its checksum.
 fn chunk(data: &[u8]) -> Result<Vec<(u8, Vec<u8>)>, ChunkError> {
     let damaged = |error: McapError| ChunkError::Damaged(error.to_string());
     let header = match mcap::parse_record(op::CHUNK, data).map_err(damaged)? {
@@ -340,7 +340,7 @@ fn chunk(data: &[u8]) -> Result<Vec<(u8, Vec<u8>)>, ChunkError> {
         }
         _ => return Err(ChunkError::Damaged("it is no chunk".to_owned())),
     };
-    // Header: three u64, u32, string, u64; the sizes were checked, so nothing may follow the records.
+    // Header: three u64, u32, string, u64. The sizes were checked, so nothing may follow the records.
     let header_length = 40 + header.compression.len() as u64;
     if header_length + header.compressed_size != data.len() as u64 {
         return Err(ChunkError::Damaged("bytes follow its records".to_owned()));

@@ -1,4 +1,4 @@
-//! Records beside a live station: on a thread of its own, behind a bounded queue that nobody waits for.
+//! Recorder of a live station: writes on a thread of its own, behind a bounded queue that never blocks the sender.
 
 use std::mem;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -9,13 +9,13 @@ use thiserror::Error;
 
 use super::{Event, RecordingError, RecordingWriter, SessionPose};
 
-/// What was written is brought to the operating system at least this often, also while nothing comes.
+/// Longest time between flushes to the operating system, even if nothing arrives.
 const FLUSH_AFTER: Duration = Duration::from_secs(1);
 
-/// Name of the event at the end of a recording that the disk could not follow.
+/// Name of the event at the end of a recording that the disk could not keep up with.
 const ENDED: &str = "recording-ended";
 
-/// How much may wait for the disk.
+/// Capacity of the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueLimits {
     /// Tracker bytes.
@@ -31,56 +31,56 @@ impl Default for QueueLimits {
     }
 }
 
-/// Why a recording ended before it was told to.
+/// Reason for an early end of a recording.
 #[derive(Debug, Error)]
 pub enum RecorderError {
-    /// The disk is full or gone. What was written before is in the `.part` file.
+    /// The disk is full or disconnected. Everything written before is in the `.part` file.
     #[error("the recording ended: {0}")]
     Disk(#[from] RecordingError),
-    /// The disk is too slow. The recording holds, without a hole, all until then.
+    /// The disk is too slow. The recording is complete up to that point.
     #[error("the recording ended since the disk does not follow: {messages} messages with {bytes} bytes waited for it")]
     Behind {
-        /// Messages that waited.
+        /// Queued messages.
         messages: usize,
         /// Tracker bytes in them.
         bytes: usize,
     },
-    /// No thread, or it panicked.
+    /// The thread could not be started, or it panicked.
     #[error("the recording ended: its thread {0}")]
     Thread(String),
 }
 
-/// What a [`Recorder`] did.
+/// Totals of a [`Recorder`].
 #[derive(Debug, Default)]
 #[must_use]
 pub struct Recorded {
-    /// Messages of tracker bytes that were taken.
+    /// Accepted messages of tracker bytes.
     pub messages: u64,
     /// Bytes in them.
     pub bytes: u64,
-    /// Poses that were taken.
+    /// Accepted poses.
     pub poses: u64,
-    /// Events that were taken.
+    /// Accepted events.
     pub events: u64,
-    /// Messages of any kind that came after the recording had ended.
+    /// Messages of any kind after the end of the recording.
     pub left_out: u64,
-    /// Why it ended early; None for a whole recording.
+    /// Reason for an early end; `None` for a complete recording.
     pub failure: Option<Arc<RecorderError>>,
 }
 
 /// Writes one recording on a thread of its own.
 ///
-/// Nothing is left out of the middle of a recording: if the disk is full or cannot follow, the recording ends there, an
-/// error is logged, [`RecorderHandle::failure`] says why, and everybody else goes on.
+/// A recording has no gaps: if the disk is full or too slow, the recording ends there, an error is logged,
+/// [`RecorderHandle::failure`] gives the reason, and the station continues.
 ///
-/// Only [`finish`](Self::finish) gives the file its name. One that is dropped leaves what was taken in the `.part`, and
-/// no `.part` where no byte and no pose was taken.
+/// Only [`finish`](Self::finish) gives the file its name. Dropping the recorder leaves the `.part`, or removes it if no
+/// byte and no pose was accepted.
 pub struct Recorder {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// Gives messages to a [`Recorder`], from any thread. No call waits for the disk, but that of
+/// Sends messages to a [`Recorder`], from any thread. No call waits for the disk, except
 /// [`raw_within`](Self::raw_within).
 #[derive(Clone)]
 pub struct RecorderHandle {
@@ -89,9 +89,9 @@ pub struct RecorderHandle {
 
 struct Shared {
     queue: Mutex<Queue>,
-    /// Told when the queue is no longer empty, or the recording shall end.
+    /// Notified when the queue is no longer empty, or the recording is to end.
     filled: Condvar,
-    /// Told when the thread has taken what waited, or the recording ended.
+    /// Notified when the thread has taken the queue, or the recording ended.
     drained: Condvar,
     limits: QueueLimits,
 }
@@ -100,16 +100,16 @@ struct Shared {
 struct Queue {
     batch: Batch,
     closing: bool,
-    /// It was dropped: the file keeps its `.part` name.
+    /// Whether the recorder was dropped: the file keeps its `.part` name.
     abandoned: bool,
     recorded: Recorded,
 }
 
-/// What waits; swapped whole with the thread's own, so that no memory is asked for in the long run.
+/// Queued messages; swapped as a whole with the thread's own, to reuse the memory.
 #[derive(Default)]
 struct Batch {
     messages: Vec<Message>,
-    /// Tracker bytes of all messages, one after the other.
+    /// Tracker bytes of all messages, concatenated.
     bytes: Vec<u8>,
 }
 
@@ -119,7 +119,7 @@ enum Message {
     Event(Event),
 }
 
-/// What a recorder writes to.
+/// Destination of a recorder.
 trait Store: Send + 'static {
     fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError>;
     fn pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError>;
@@ -178,12 +178,12 @@ impl Recorder {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    /// For whoever has something to record.
+    /// A handle for senders.
     pub fn handle(&self) -> RecorderHandle {
         RecorderHandle { shared: Arc::clone(&self.shared) }
     }
 
-    /// Writes what waits, and finishes the file. Messages that handles give later are left out.
+    /// Writes the queued messages and finishes the file. Later messages are dropped.
     pub fn finish(mut self) -> Recorded {
         self.close();
         mem::take(&mut self.shared.lock().recorded)
@@ -207,13 +207,13 @@ impl Drop for Recorder {
 }
 
 impl RecorderHandle {
-    /// Records bytes of the tracker, the first of which came at `host_time_ns`.
+    /// Records bytes of the tracker; the first arrived at `host_time_ns`.
     pub fn raw(&self, host_time_ns: u64, bytes: &[u8]) {
         self.raw_within(host_time_ns, bytes, Duration::ZERO);
     }
 
-    /// As [`raw`](Self::raw), but where the queue is full waits for the disk before it gives the recording up, for
-    /// `patience` at most: for sources that can wait and that nobody watches.
+    /// As [`raw`](Self::raw), but waits up to `patience` for a full queue to drain before giving the recording up. For
+    /// sources that can wait and that nobody watches.
     pub fn raw_within(&self, host_time_ns: u64, bytes: &[u8], patience: Duration) {
         self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes, patience);
     }
@@ -228,14 +228,14 @@ impl RecorderHandle {
         self.shared.push(Message::Event(event), &[], Duration::ZERO);
     }
 
-    /// Why the recording ended early; None while it goes on.
+    /// Reason for an early end of the recording; `None` while it continues.
     pub fn failure(&self) -> Option<Arc<RecorderError>> {
         self.shared.lock().recorded.failure.clone()
     }
 }
 
 impl Shared {
-    /// The queue is sound after every statement under its lock, so that a panic elsewhere does not matter.
+    /// The queue is consistent after every statement under its lock, so a panic elsewhere does not matter.
     fn lock(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -275,7 +275,7 @@ impl Shared {
 }
 
 impl Queue {
-    /// The first failure counts.
+    /// Keeps the first failure.
     fn fail(&mut self, error: RecorderError) {
         if self.recorded.failure.is_none() {
             tracing::error!("{error}");
@@ -288,7 +288,7 @@ impl Queue {
     }
 }
 
-/// The thread: writes batch after batch until it shall end and nothing waits.
+/// Body of the thread: writes batch after batch until told to end and nothing is queued.
 fn run(shared: &Shared, mut store: impl Store) {
     let mut batch = Batch::default();
     let mut last_ns = 0;
@@ -314,7 +314,7 @@ fn run(shared: &Shared, mut store: impl Store) {
         };
         unflushed = !idle;
         if let Err(error) = written {
-            // The store is dropped as it is: whole chunks that were written stay in its `.part`.
+            // The store is dropped unfinished: whole chunks that were written stay in its `.part`.
             shared.lock().fail(error.into());
             shared.drained.notify_all();
             return;
@@ -339,7 +339,7 @@ fn run(shared: &Shared, mut store: impl Store) {
 }
 
 impl Batch {
-    /// Writes all messages in their order, and empties itself.
+    /// Writes all messages in order and empties the batch.
     fn write(&mut self, store: &mut impl Store, last_ns: &mut u64) -> Result<(), RecordingError> {
         let mut start = 0;
         for message in self.messages.drain(..) {
@@ -372,7 +372,7 @@ mod tests {
     use super::*;
     use crate::tracker::Protocol;
 
-    /// What came to a store.
+    /// Call received by a store.
     #[derive(Debug, PartialEq)]
     enum Seen {
         Raw(u64, Vec<u8>),
@@ -382,7 +382,7 @@ mod tests {
         Discarded,
     }
 
-    /// A disk that takes one message for each word from `gate`, and fails where that word is false.
+    /// A disk that accepts one message for each value from `gate`, and fails if that value is false.
     struct Disk {
         gate: Receiver<bool>,
         seen: Sender<Seen>,
@@ -390,7 +390,7 @@ mod tests {
 
     impl Disk {
         fn take(&mut self, seen: Seen) -> Result<(), RecordingError> {
-            // A gate that is gone is open.
+            // A dropped gate is open.
             if self.gate.recv() == Ok(false) {
                 return Err(RecordingError::Write { path: "disk".into(), reason: "it is full".into() });
             }
@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_written_in_its_order() {
+    fn everything_is_written_in_order() {
         let (recorder, open, look) = recorder(QueueLimits::default());
         drop(open);
         let handle = recorder.handle();
@@ -457,16 +457,16 @@ mod tests {
     }
 
     #[test]
-    fn a_disk_that_hangs_ends_the_recording_and_holds_nobody_up() {
+    fn a_disk_that_hangs_ends_the_recording_and_blocks_nobody() {
         let (recorder, open, look) = recorder(QueueLimits { bytes: 100, messages: 1000 });
         let handle = recorder.handle();
-        // The disk takes nothing: each call returns all the same.
+        // The disk accepts nothing, yet each call returns.
         let taken = (0..1000_u64).take_while(|i| {
             handle.raw(*i, &[7; 10]);
             handle.failure().is_none()
         });
         let taken = taken.count() as u64;
-        // Ten in the queue, and as many with the thread as it found when it came first.
+        // Ten in the queue, and at most as many taken earlier by the thread.
         assert!((10..=20).contains(&taken), "{taken}");
         assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { bytes: 100, messages: 10 }));
         handle.raw(2000, b"later");
@@ -474,7 +474,7 @@ mod tests {
         let recorded = recorder.finish();
         assert_eq!((recorded.messages, recorded.left_out), (taken, 2));
         let seen: Vec<_> = look.iter().collect();
-        // All that was taken, without a hole, then why it ended, then a whole file.
+        // Everything accepted, without a gap, then the reason for the end, then a complete file.
         assert_eq!(seen.len() as u64, taken + 2);
         for (i, seen) in (0..taken).zip(&seen) {
             assert_eq!(*seen, Seen::Raw(i, vec![7; 10]));
@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_that_can_wait_loses_nothing_to_a_small_queue_and_is_not_held_for_ever() {
+    fn a_source_that_can_wait_loses_nothing_to_a_small_queue_and_is_not_blocked_forever() {
         let (recorder, open, look) = recorder(QueueLimits { bytes: 100, messages: 3 });
         let handle = recorder.handle();
         let patience = Duration::from_secs(600);
@@ -497,7 +497,7 @@ mod tests {
             assert_eq!(look.recv(), Ok(Seen::Raw(i, i.to_le_bytes().to_vec())));
         }
         let handle = writer.join().unwrap();
-        // Now the disk takes nothing any more.
+        // From here on the disk accepts nothing.
         (0..50).for_each(|i| handle.raw_within(i, b"x", Duration::from_millis(1)));
         assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { messages: 3, .. }));
         drop(open);

@@ -1,4 +1,4 @@
-//! What a recording held.
+//! Summary of a recording's content.
 
 use std::fmt;
 use std::time::Duration;
@@ -9,48 +9,48 @@ use crate::tracker::DecodeError;
 /// Most decode errors that are described; all are counted.
 const DESCRIBED: usize = 8;
 
-/// What a recording held, and what of it could not be used. [`Display`](fmt::Display) prints it for people.
+/// Content of a recording, and the parts that could not be used. [`Display`](fmt::Display) prints it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingSummary {
-    /// What the recording says about itself.
+    /// Description of the recording.
     pub info: RecordingInfo,
     /// Messages of tracker bytes.
     pub messages: u64,
     /// Bytes in them.
     pub bytes: u64,
-    /// Records that were decoded, with those that were then left out.
+    /// Decoded records, including those dropped afterwards.
     pub records: u64,
-    /// Pieces of the stream that were no record.
+    /// Pieces of the stream that are not records.
     pub decode_errors: u64,
-    /// The first few of those.
+    /// The first few of those errors.
     pub decode_errors_first: Vec<DecodeError>,
-    /// Records that the device's counter says are missing between others.
+    /// Records missing by the device's counter.
     pub missing_records: u64,
-    /// Records whose device counter stands still or runs backward: repeated, or the device started anew. Their poses
-    /// are used.
+    /// Records whose device counter stands still or runs backward: repeated, or the device restarted. Their poses are
+    /// used.
     pub sequence_reversals: u64,
-    /// Records that hold no pose: the sensor was out of view, or the device knows no position.
+    /// Records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,
-    /// Records of other sensors than the one that counts.
+    /// Records of sensors other than the selected one.
     pub other_sensors: u64,
-    /// The sensor that counts; None before any record.
+    /// Selected sensor; `None` before any record.
     pub sensor: Option<u16>,
-    /// Poses left out since their host time does not fit among those of the others: it runs backward, or is far off.
+    /// Poses dropped because their host time runs backward or is far off.
     pub time_reversals: u64,
     /// Events.
     pub events: Vec<Event>,
-    /// Poses that the session used, beside the tracker's bytes.
+    /// Poses that the session used, recorded beside the tracker's bytes.
     pub session_poses: u64,
-    /// What the session was made with; None in recordings without.
+    /// Settings of the session, if recorded.
     pub settings: Option<SessionSettings>,
-    /// What of the file could not be read.
+    /// Unreadable parts of the file.
     pub damage: Damage,
-    /// From the first pose to the last.
+    /// Time from the first pose to the last.
     pub duration: Duration,
 }
 
 impl RecordingSummary {
-    /// Before anything is read.
+    /// Summary before anything is read.
     pub(super) fn new(info: RecordingInfo) -> Self {
         Self {
             info,
@@ -73,7 +73,7 @@ impl RecordingSummary {
         }
     }
 
-    /// Counts bytes that are no record.
+    /// Counts bytes that are not a record.
     pub(super) fn decode_error(&mut self, error: DecodeError) {
         self.decode_errors += 1;
         if self.decode_errors_first.len() < DESCRIBED {

@@ -1,17 +1,17 @@
-//! How regularly poses came.
+//! Regularity of the arrival of poses.
 
 use serde::Serialize;
 
 use crate::pose::TimedPose;
 use crate::statistics::{mean_and_deviation, nearest_rank};
 
-/// A longer time between two poses is a gap, ns: what the probe did in it is not known.
+/// Shortest interval between two poses that counts as a gap, ns: the probe's motion in it is unknown.
 pub const GAP_NS: u64 = 250_000_000;
 
 /// Most gaps that are listed; all are counted.
 const LISTED: usize = 20;
 
-/// A time without a pose.
+/// An interval without poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gap {
     /// Start since the first pose, s.
@@ -20,7 +20,7 @@ pub struct Gap {
     pub length_s: f64,
 }
 
-/// How regularly poses came to the host. Intervals that are gaps count in `gaps` and `max_ms` only.
+/// Regularity of the arrival of poses at the host. Gaps enter only `gaps`, `gap_count` and `max_ms`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Timing {
     /// Poses a second.
@@ -29,7 +29,7 @@ pub struct Timing {
     pub p50_ms: f64,
     /// 95th percentile of the intervals, ms.
     pub p95_ms: f64,
-    /// Longest interval, gaps too, ms.
+    /// Longest interval, including gaps, ms.
     pub max_ms: f64,
     /// Standard deviation of the intervals, ms.
     pub jitter_ms: f64,
@@ -40,7 +40,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Of poses that ascend in host time; None of fewer than two.
+    /// Timing of poses in ascending host time; `None` for fewer than two.
     pub fn of(poses: &[TimedPose]) -> Option<Self> {
         let first = poses.first()?.host_time_ns;
         let (mut intervals, mut gaps, mut gap_count, mut max_ns) = (Vec::new(), Vec::new(), 0, 0);

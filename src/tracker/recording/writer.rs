@@ -1,4 +1,4 @@
-//! Writes recordings.
+//! Writer of recordings.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,30 +13,29 @@ use super::{
     SessionSettings, attached, part, part_path, pose_json,
 };
 
-/// A chunk is closed after this time, ns: what a killed recording loses at most.
+/// Longest duration of a chunk, ns: the most that a killed recording loses.
 const CHUNK_NS: u64 = 1_000_000_000;
 
-/// A chunk is closed at this size, bytes.
+/// Largest size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 64 * 1024;
 
 /// Writes one recording.
 ///
-/// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` in one step. A recording that
-/// was not finished can be read from its `.part`: all of it but the last second. Of a `.part` that is there already,
-/// one that another process is writing is an error; one that a killed process left is renamed to
-/// `NAME.recovered-1.mcap`.
+/// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` in one step. An unfinished
+/// recording can be read from its `.part`, except for the last second. An existing `.part` that another process is
+/// writing is an error; one left by a killed process is renamed to `NAME.recovered-1.mcap`.
 pub struct RecordingWriter {
     mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
     path: PathBuf,
     part: PathBuf,
     raw_channel: u16,
     event_channel: u16,
-    /// None before the first pose.
+    /// `None` before the first pose.
     pose_channel: Option<u16>,
     raw_count: u32,
     event_count: u32,
     pose_count: u32,
-    /// The message of a pose; kept for its memory.
+    /// Message of a pose; kept to reuse its memory.
     pose_json: String,
     chunk_start_ns: u64,
 }
@@ -49,7 +48,7 @@ impl RecordingWriter {
     pub fn create(path: &Path, info: &RecordingInfo) -> Result<Self, RecordingError> {
         let file = part::create(path)?;
         let part = part_path(path);
-        // Without seeking a chunk is one write: a kill leaves whole chunks.
+        // Without seeking, a chunk is one write: a kill leaves whole chunks.
         let options = mcap::WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
@@ -70,7 +69,7 @@ impl RecordingWriter {
         };
         let raw_channel = channel(RAW_TOPIC, "application/octet-stream", &metadata)?;
         let event_channel = channel(EVENT_TOPIC, "json", &BTreeMap::new())?;
-        // A chunk of their own, so that the channels are on the disk at once.
+        // A separate chunk, so that the channels are written at once.
         mcap.flush().map_err(|error| fail(&part, error))?;
         Ok(Self {
             mcap,
@@ -87,7 +86,7 @@ impl RecordingWriter {
         })
     }
 
-    /// Stores what the session is made with; before the first message, so that a reader knows it when it begins.
+    /// Stores the settings of the session, before the first message.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -100,7 +99,7 @@ impl RecordingWriter {
         written.map_err(|error| fail(&self.part, error))
     }
 
-    /// Appends bytes of the tracker, the first of which came at `host_time_ns`.
+    /// Appends bytes of the tracker; the first arrived at `host_time_ns`.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -146,7 +145,7 @@ impl RecordingWriter {
         written
     }
 
-    /// Brings what was appended to the operating system: a kill after it loses none of that.
+    /// Flushes to the operating system: a later kill loses nothing appended before.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -155,7 +154,7 @@ impl RecordingWriter {
     }
 
     fn message(&mut self, channel_id: u16, sequence: u32, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        // Either way: after one time far in the future chunks still have to end.
+        // In either direction: after a time far in the future, chunks still have to end.
         if time_ns.abs_diff(self.chunk_start_ns) >= CHUNK_NS {
             self.mcap.flush().map_err(|error| fail(&self.part, error))?;
             self.chunk_start_ns = time_ns;
@@ -164,10 +163,10 @@ impl RecordingWriter {
         self.mcap.write_to_known_channel(&header, bytes).map_err(|error| fail(&self.part, error))
     }
 
-    /// Writes the index, brings the file to the disk and gives it its name.
+    /// Writes the index, syncs the file to disk and renames it.
     ///
     /// # Errors
-    /// The file cannot be written, or not be renamed; the `.part` is left.
+    /// The file cannot be written or renamed; the `.part` is left.
     pub fn finish(mut self) -> Result<(), RecordingError> {
         self.mcap.finish().map_err(|error| fail(&self.part, error))?;
         let file = self.mcap.into_inner().into_inner().into_inner().map_err(io::Error::from);
@@ -175,19 +174,19 @@ impl RecordingWriter {
         std::fs::rename(&self.part, &self.path).map_err(|error| fail(&self.path, error))
     }
 
-    /// Removes what was written; a file that already has the recording's name stays.
+    /// Removes the partial file; an existing file with the recording's name stays.
     ///
     /// # Errors
     /// The `.part` cannot be removed.
     pub fn discard(self) -> Result<(), RecordingError> {
         let Self { mcap, part, .. } = self;
-        // Closed first: not every system removes an open file.
+        // Closed first: some systems cannot remove an open file.
         drop(mcap);
         std::fs::remove_file(&part).map_err(|error| fail(&part, error))
     }
 }
 
-/// With all causes: those of MCAP's errors name the system's reason only there.
+/// Error with all its causes: MCAP's errors name the system's reason only there.
 fn fail(path: &Path, error: impl std::error::Error) -> RecordingError {
     let mut reason = error.to_string();
     let mut cause = error.source();

@@ -1,5 +1,5 @@
-//! A session with one tracker, on a thread of its own: opens its port, runs its driver, stamps and decodes what it says,
-//! and goes on whatever the hardware does.
+//! Session with one tracker on a thread of its own: opens the port, runs the driver, time-stamps and decodes the bytes,
+//! and recovers from hardware faults.
 
 use std::io;
 use std::thread::JoinHandle;
@@ -22,74 +22,74 @@ use crate::tracker::{AxisMap, DecodeError, Protocol, Record};
 #[cfg(test)]
 mod tests;
 
-/// First and longest pause before a port is opened again; it doubles in between.
+/// First and longest pause before a port is reopened; it doubles in between.
 const RETRY: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(2)];
 
-/// A port that takes a command no faster than this is stuck.
+/// A port that takes longer than this to accept a command is stuck.
 const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How long the end of a session waits for its last bytes to be taken.
+/// Longest wait for the last bytes to be sent at the end of a session.
 const STOP_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// A silent device gets up to so many times its patience, since each restart may itself take long.
+/// Limit on the factor by which repeated restarts extend the silence limit: each restart may itself take long.
 const PATIENCE_LIMIT: u32 = 8;
 
-/// Longest rest of the loop, so that no time is beyond the clock's range.
+/// Longest sleep of the loop, so that no time exceeds the clock's range.
 const REST_LIMIT: Duration = Duration::from_secs(3600);
 
-/// Hears what one tracker says, on the tracker's own thread. It must not block.
+/// Receiver of one tracker's bytes, records and events, called on the tracker's thread. It must not block.
 pub trait Listener: Send {
-    /// Every received piece, before it is decoded, with the arrival of its first byte, ns since 1970 (UTC).
+    /// Receives each piece of the stream before it is decoded, with the arrival of its first byte, ns since 1970 (UTC).
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]);
 
-    /// A record, with the arrival of its first byte, ns since 1970 (UTC).
+    /// Receives a record, with the arrival of its first byte, ns since 1970 (UTC).
     fn record(&mut self, host_time_ns: u64, record: &Record);
 
-    /// Something that happened, ns since 1970 (UTC).
+    /// Receives an event, with its time, ns since 1970 (UTC).
     fn event(&mut self, host_time_ns: u64, event: &TrackerEvent);
 }
 
-/// Something that happened to a session.
+/// Event of a session.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum TrackerEvent {
     /// The port is open.
     Connected {
-        /// What it is called.
+        /// Name of the port.
         port: String,
     },
-    /// The port could not be opened, or is gone.
+    /// The port could not be opened, or was lost.
     Disconnected {
-        /// Why.
+        /// Cause.
         reason: String,
-        /// When it will be tried again.
+        /// Time until the next attempt.
         retry: Duration,
     },
-    /// No record came for longer than the device may be silent. It is started anew: at first on the open port, then on
-    /// one that is opened again, and reset where its driver can. A mock, a recording and datagrams are only waited for.
+    /// No record arrived within the silence limit. The device is restarted: first on the open port, then on a reopened
+    /// one, with a reset if its driver can. Mocks, recordings and datagrams are only waited for.
     Silent {
-        /// For how long.
+        /// Duration of the silence.
         for_: Duration,
-        /// How often it was started anew since its last record, this one included.
+        /// Restarts since the last record, including this one.
         attempt: u32,
     },
-    /// Bytes that are no record, or an error that the device reports.
+    /// Bytes that are not a record, or an error that the device reports.
     DecodeError(DecodeError),
-    /// Another sensor speaks, too; its records are left out. Told once a sensor and connection.
+    /// Records of another sensor arrive and are ignored. Reported once per sensor and connection.
     OtherSensor {
-        /// The other one.
+        /// The ignored sensor.
         sensor: u16,
-        /// The one that is used.
+        /// The selected sensor.
         used: u16,
     },
-    /// A recording is at its end; the session is over.
+    /// The recording is at its end; the session is over.
     Ended,
 }
 
-/// Why a session cannot be started.
+/// Reason why a session cannot be started.
 #[derive(Debug, Error)]
 pub enum TrackerError {
-    /// The transport doesn't fit the protocol.
+    /// The transport can't carry the protocol.
     #[error("trackers that speak `{protocol}` aren't reached by transport `{transport}`")]
     Mismatch {
         /// Name of the protocol.
@@ -106,7 +106,7 @@ pub enum TrackerError {
     /// A recording that can't be played.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The description of a wireless tool that can't be used.
+    /// The description file of a wireless tool is unusable.
     #[error(transparent)]
     Rom(#[from] RomError),
     /// The system has no thread or event queue left.
@@ -114,24 +114,24 @@ pub enum TrackerError {
     Thread(#[source] io::Error),
 }
 
-/// What a session did.
+/// Totals of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SessionSummary {
     /// Bytes received.
     pub bytes: u64,
-    /// Records handed to the listener.
+    /// Records passed to the listener.
     pub records: u64,
-    /// Pieces of the stream that were no record, and errors that the device reported.
+    /// Pieces of the stream that are not records, and errors that the device reported.
     pub decode_errors: u64,
-    /// Records of other sensors, left out.
+    /// Ignored records of other sensors.
     pub other_sensor: u64,
-    /// Times that the port was opened.
+    /// Number of times the port was opened.
     pub connections: u64,
-    /// Times that the device was too silent.
+    /// Number of silences beyond the limit.
     pub silences: u64,
 }
 
-/// A session that runs.
+/// Handle of a running session.
 #[derive(Debug)]
 pub struct SessionHandle {
     thread: JoinHandle<SessionSummary>,
@@ -143,17 +143,17 @@ impl SessionHandle {
         self.thread.is_finished()
     }
 
-    /// Waits until the session is over: until its token is cancelled, or its recording ends. A panic of the listener
-    /// goes on here.
+    /// Waits for the end of the session: cancellation of its token, or the end of its recording. A panic of the
+    /// listener is propagated.
     pub fn join(self) -> SessionSummary {
         self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 
-/// What the bytes of a tracker mean: the station's protocol, but a recording knows its own.
+/// Protocol of a tracker's bytes: the station's, or that of a recording.
 ///
 /// # Errors
-/// A recording that can't be read.
+/// An unreadable recording.
 pub fn stream_protocol(settings: &Settings) -> Result<Protocol, TrackerError> {
     match &settings.transport {
         Transport::Recording { path, .. } => Ok(RecordingReader::open(path)?.info().protocol),
@@ -161,11 +161,11 @@ pub fn stream_protocol(settings: &Settings) -> Result<Protocol, TrackerError> {
     }
 }
 
-/// The sensor that counts: the station's, else the one that a recording names or that the device's driver asks for; none
-/// for the first that is heard.
+/// Selected sensor: the station's, else the one named by a recording or requested by the driver; `None` takes the first
+/// one received.
 ///
 /// # Errors
-/// A recording that can't be read.
+/// An unreadable recording.
 pub fn stream_sensor(settings: &Settings) -> Result<Option<u16>, TrackerError> {
     match (&settings.transport, settings.device.sensor) {
         (_, Some(sensor)) => Ok(Some(sensor)),
@@ -176,10 +176,10 @@ pub fn stream_sensor(settings: &Settings) -> Result<Option<u16>, TrackerError> {
 
 /// Starts a session. It ends soon after `cancel`, in any state, or after the last byte of a recording.
 ///
-/// A device that isn't there yet is no error: it is waited for.
+/// A missing device is not an error: the session waits for it.
 ///
 /// # Errors
-/// A transport that doesn't fit the protocol or isn't built in; a recording that can't be read; no thread.
+/// A transport that can't carry the protocol or isn't built in; an unreadable recording; no thread available.
 pub fn spawn(
     settings: &Settings,
     listener: Box<dyn Listener>,
@@ -194,10 +194,10 @@ pub fn spawn(
     Ok(SessionHandle { thread })
 }
 
-/// Why a connection is over.
-enum Over {
+/// Reason for the end of a connection.
+enum ConnectionEnd {
     Cancelled,
-    /// The recording's end.
+    /// End of the recording.
     Ended,
     Lost(String),
 }
@@ -208,25 +208,25 @@ struct Session {
     listener: Box<dyn Listener>,
     cancel: CancellationToken,
     axis_map: AxisMap,
-    /// Whether the device's silence means nothing.
+    /// Whether silence of the device is normal.
     may_rest: bool,
-    /// The sensor of the station, or the first one heard.
+    /// Selected sensor: the station's, or the first one received.
     sensor: Option<u16>,
-    /// Others that were told of on this connection, a bit each.
-    told: u64,
-    /// Time 0 of the driver, and what the host's clock said then.
+    /// Bit set of ignored sensors already reported on this connection.
+    reported: u64,
+    /// Time 0 of the driver; `started_ns` is the host's clock at that time.
     started: Instant,
     started_ns: u64,
     /// Bytes not decoded yet.
     buffer: BytesMut,
     arrivals: ArrivalTimes,
-    /// When the last record came, or the port was opened.
+    /// Time of the last record, or of opening the port.
     heard: Duration,
-    /// From when on the device's silence counts: as `heard`, or when it was started anew.
+    /// Start of the silence being judged: `heard`, or the last restart.
     patient_from: Duration,
-    /// How long it was allowed to be silent when that was looked at last.
+    /// Silence limit at the last check.
     patient_for: Duration,
-    /// Whether the device had its time for a first record after it was set up.
+    /// Whether the device had its extra time for a first record after set-up.
     had_grace: bool,
     /// Restarts since the last record.
     attempt: u32,
@@ -242,7 +242,7 @@ impl Session {
         }
         let port = Port::new(transport)?;
         let mut sensor = settings.device.sensor;
-        // A recorded device can't be spoken to.
+        // A recorded device receives no commands.
         let driver: Box<dyn Driver> = if let Port::Recording(recording) = &port {
             protocol = recording.protocol();
             sensor = sensor.or(recording.sensor());
@@ -263,7 +263,7 @@ impl Session {
             axis_map: settings.axis_map,
             may_rest: Transport::may_rest(protocol),
             sensor,
-            told: 0,
+            reported: 0,
             started: Instant::now(),
             started_ns: host_time_ns(),
             buffer: BytesMut::with_capacity(8192),
@@ -280,32 +280,32 @@ impl Session {
 
     async fn run(mut self) -> SessionSummary {
         let cancel = self.cancel.clone();
-        // Times run from here, where there is a runtime with its clock.
+        // Times start here, inside the runtime that provides the clock.
         (self.started, self.started_ns) = (Instant::now(), host_time_ns());
         loop {
-            let over = tokio::select! {
+            let end = tokio::select! {
                 biased;
-                () = cancel.cancelled() => Over::Cancelled,
-                over = self.connection() => over,
+                () = cancel.cancelled() => ConnectionEnd::Cancelled,
+                end = self.connection() => end,
             };
-            if matches!(over, Over::Cancelled)
+            if matches!(end, ConnectionEnd::Cancelled)
                 && let Some(bytes) = self.driver.stop()
             {
-                // A device that can't be told any more goes on; that is no reason to stay.
+                // A device that can't be stopped is no reason to stay.
                 let _ = timeout(STOP_TIMEOUT, self.port.send(&bytes)).await;
             }
             self.port.close();
-            let reason = match over {
-                Over::Cancelled => break,
-                Over::Ended => {
+            let reason = match end {
+                ConnectionEnd::Cancelled => break,
+                ConnectionEnd::Ended => {
                     self.event(TrackerEvent::Ended);
                     break;
                 }
-                Over::Lost(reason) => reason,
+                ConnectionEnd::Lost(reason) => reason,
             };
             let retry = self.retry;
             self.event(TrackerEvent::Disconnected { reason, retry });
-            if !self.port.returns() {
+            if !self.port.may_recover() {
                 self.event(TrackerEvent::Ended);
                 break;
             }
@@ -319,27 +319,27 @@ impl Session {
         self.summary
     }
 
-    /// Opens the port and listens until it is lost.
-    async fn connection(&mut self) -> Over {
+    /// Opens the port and receives until it is lost.
+    async fn connection(&mut self) -> ConnectionEnd {
         let port = match self.port.open().await {
             Ok(port) => port,
-            Err(error) => return Over::Lost(error.to_string()),
+            Err(error) => return ConnectionEnd::Lost(error.to_string()),
         };
         self.summary.connections += 1;
-        self.told = 0;
+        self.reported = 0;
         self.event(TrackerEvent::Connected { port });
         self.heard = self.now();
         self.restart();
-        let over = self.listen().await.unwrap_or_else(|error| Over::Lost(error.to_string()));
+        let end = self.listen().await.unwrap_or_else(|error| ConnectionEnd::Lost(error.to_string()));
         self.finish();
-        over
+        end
     }
 
-    /// When the device has been silent for too long.
+    /// Time at which the device counts as silent.
     fn silent_at(&mut self) -> Duration {
         let patience = self.patience();
-        // A device that took its time to be set up has the whole of the shorter time for its first record. Once a start:
-        // one that is set up again and again and never answers is silent.
+        // A device whose set-up took long still gets the whole shorter limit for its first record. Only once per start:
+        // a device that is set up repeatedly and never answers is silent.
         if patience < self.patient_for && !self.had_grace {
             self.patient_from = self.now();
             self.had_grace = true;
@@ -348,17 +348,17 @@ impl Session {
         self.patient_from.saturating_add(patience)
     }
 
-    /// Starts the device; a part of a record that came before is of no use.
+    /// Restarts the device; an incomplete record is discarded.
     fn restart(&mut self) {
         self.finish();
         self.patient_from = self.now();
-        // The patience of the start before says nothing about this one.
+        // The previous start's limit does not apply to this one.
         self.patient_for = Duration::ZERO;
         self.had_grace = false;
         self.driver.start(self.patient_from, self.attempt);
     }
 
-    /// Ends a message, or the stream.
+    /// Ends a message or the stream.
     fn finish(&mut self) {
         let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
         if let Err(error) = self.driver.finish(&mut self.buffer) {
@@ -366,41 +366,42 @@ impl Session {
         }
     }
 
-    async fn listen(&mut self) -> io::Result<Over> {
+    async fn listen(&mut self) -> io::Result<ConnectionEnd> {
         let mut piece = BytesMut::new();
         loop {
-            // A recording that is taken at once never rests where the token would be looked at.
+            // A recording played at once never pauses where the token is polled.
             if self.cancel.is_cancelled() {
-                return Ok(Over::Cancelled);
+                return Ok(ConnectionEnd::Cancelled);
             }
-            self.speak().await?;
-            // A driver whose question was not answered says so although no byte has come.
+            self.send_pending().await?;
+            // A driver whose request timed out reports it even if no byte arrived.
             self.decode();
             let silent_at = self.silent_at();
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
             let wake_at = wake_at.min(self.now() + REST_LIMIT);
             piece.clear();
             tokio::select! {
-                // What has come counts before the clock: after a pause of the whole machine nobody was silent.
+                // Received bytes take precedence over the clock: after a pause of the whole machine no device was
+                // silent.
                 biased;
                 received = self.port.receive(&mut piece) => match received? {
                     Received::Bytes { time_ns } => self.take(&piece, time_ns),
-                    Received::Again => self.restart(),
-                    Received::Ended => return Ok(Over::Ended),
+                    Received::Restarted => self.restart(),
+                    Received::Ended => return Ok(ConnectionEnd::Ended),
                 },
                 () = sleep_until(self.started + wake_at) => {}
             }
             let now = self.now();
-            // A record that has just come has moved it.
+            // A record that has just arrived has moved the limit.
             if now >= self.silent_at() {
                 let for_ = now - self.heard;
                 self.attempt = self.attempt.saturating_add(1);
                 self.summary.silences += 1;
                 self.event(TrackerEvent::Silent { for_, attempt: self.attempt });
-                if self.attempt > 1 && self.port.wakes() {
-                    return Ok(Over::Lost(format!("nothing heard for {:.1} s", for_.as_secs_f64())));
+                if self.attempt > 1 && self.port.reopening_may_wake() {
+                    return Ok(ConnectionEnd::Lost(format!("nothing heard for {:.1} s", for_.as_secs_f64())));
                 }
-                if self.port.wakes() {
+                if self.port.reopening_may_wake() {
                     self.restart();
                 } else {
                     self.patient_from = now;
@@ -409,7 +410,7 @@ impl Session {
         }
     }
 
-    /// How long the device may be silent now.
+    /// Present silence limit.
     fn patience(&self) -> Duration {
         if self.may_rest {
             return Duration::MAX;
@@ -417,8 +418,8 @@ impl Session {
         self.driver.patience().saturating_mul(self.attempt.saturating_add(1).min(PATIENCE_LIMIT))
     }
 
-    /// Sends what the driver has to say.
-    async fn speak(&mut self) -> io::Result<()> {
+    /// Sends the driver's pending bytes.
+    async fn send_pending(&mut self) -> io::Result<()> {
         loop {
             let now = self.now();
             while let Some(line) = self.driver.line(now) {
@@ -442,7 +443,7 @@ impl Session {
         }
     }
 
-    /// Takes what the driver makes of the bytes so far, and of the time.
+    /// Passes on the records that the driver decodes from the bytes and the time so far.
     fn decode(&mut self) {
         loop {
             let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
@@ -484,8 +485,8 @@ impl Session {
         }
         self.summary.other_sensor += 1;
         let bit = 1 << (record.sensor & 63);
-        if self.told & bit == 0 {
-            self.told |= bit;
+        if self.reported & bit == 0 {
+            self.reported |= bit;
             self.listener.event(host_time_ns, &TrackerEvent::OtherSensor { sensor: record.sensor, used });
         }
     }
@@ -495,7 +496,7 @@ impl Session {
         self.listener.event(now, &event);
     }
 
-    /// Time of the driver.
+    /// Present time on the driver's clock.
     fn now(&self) -> Duration {
         self.started.elapsed()
     }

@@ -18,13 +18,13 @@ use crate::tracker::{Protocol, Speed, ascii_line, mock};
 mod polhemus;
 use polhemus::{Kind, Polhemus};
 
-/// What a session said.
+/// Calls that a listener received.
 #[derive(Debug, Default)]
 struct Heard {
     bytes: Vec<(u64, Vec<u8>)>,
     records: Vec<(u64, Record)>,
     events: Vec<(u64, TrackerEvent)>,
-    /// Cancelled at this number of records.
+    /// Number of records at which to cancel.
     enough: Option<(usize, CancellationToken)>,
 }
 
@@ -88,7 +88,7 @@ fn name(event: &TrackerEvent) -> &'static str {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_steady_mock_is_heard_at_its_times() {
+async fn a_steady_mock_delivers_records_at_its_times() {
     let (session, heard, cancel) = session(&mock("move 100"));
     let summary = run_for(session, cancel, Duration::from_millis(1005)).await;
     let heard = heard.lock().unwrap();
@@ -100,11 +100,11 @@ async fn a_steady_mock_is_heard_at_its_times() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_silent_mock_is_told_of_and_heard_again() {
+async fn a_silent_mock_is_reported_and_recovers() {
     let (session, heard, cancel) = session(&mock("move 1, drop 7"));
     run_for(session, cancel, Duration::from_millis(8495)).await;
     let heard = heard.lock().unwrap();
-    // 2 s of patience, then twice as much: the second silence would be told at 0.99 + 2 + 4 s.
+    // A limit of 2 s, then twice as much: the second silence would be reported at 0.99 + 2 + 4 s.
     assert_eq!(names(&heard), ["connected", "silent", "silent"]);
     let silent: Vec<_> = heard.events[1..].iter().map(|(_, event)| event.clone()).collect();
     let expected = [(2, 1), (6, 2)].map(|(s, attempt)| TrackerEvent::Silent { for_: Duration::from_secs(s), attempt });
@@ -115,11 +115,11 @@ async fn a_silent_mock_is_told_of_and_heard_again() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn an_unplugged_mock_is_opened_again_and_again() {
+async fn an_unplugged_mock_is_reopened_until_it_returns() {
     let (session, heard, cancel) = session(&mock("move 1, unplug 3, corrupt 1"));
     let summary = run_for(session, cancel, Duration::from_millis(4900)).await;
     let heard = heard.lock().unwrap();
-    // It goes at 1 s; it is tried at 1.25, 1.75, 2.75 and 4.75 s.
+    // It disappears at 1 s; reopening is tried at 1.25, 1.75, 2.75 and 4.75 s.
     assert_eq!(names(&heard)[..5], ["connected", "disconnected", "disconnected", "disconnected", "disconnected"]);
     assert_eq!(names(&heard)[5], "connected");
     let TrackerEvent::Disconnected { reason, retry } = &heard.events[4].1 else { panic!() };
@@ -132,7 +132,7 @@ fn line(n: u32) -> String {
     ascii_line::encode(n, u64::from(n) * 20_000, &pose)
 }
 
-/// A recording of 50 lines a second, each cut in two.
+/// A recording of 50 lines a second, each split in two.
 fn recording(lines: u32) -> (tempfile::TempDir, Settings) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
@@ -163,7 +163,7 @@ fn at(settings: &Settings, wanted: Speed, again: bool) -> Settings {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_recording_at_once_keeps_its_times() {
+async fn a_recording_played_at_once_keeps_its_times() {
     let (dir, settings) = recording(100);
     let (session, heard, _) = session(&settings);
     let summary = session.run().await;
@@ -177,7 +177,7 @@ async fn a_recording_at_once_keeps_its_times() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_recording_plays_at_a_factor_and_again() {
+async fn a_recording_plays_at_a_factor_and_repeats() {
     let (_dir, settings) = recording(100);
     let (session, heard, cancel) = session(&at(&settings, Speed::Factor(4.0), true));
     let started = Instant::now();
@@ -187,7 +187,7 @@ async fn a_recording_plays_at_a_factor_and_again() {
     let heard = heard.lock().unwrap();
     assert_eq!(heard.records.len(), 150);
     let times: Vec<_> = heard.records.iter().map(|(time, _)| time - heard.records[0].0).collect();
-    // Within a millisecond, which the timer's wheel is of.
+    // Within a millisecond, the resolution of the timer.
     for (i, time) in times[..100].iter().enumerate() {
         assert!(time.abs_diff(i as u64 * 5_000_000) <= 2_000_000, "record {i} at {time} ns");
     }
@@ -197,7 +197,7 @@ async fn a_recording_plays_at_a_factor_and_again() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn what_never_rests_can_be_cancelled() {
+async fn an_endless_recording_can_be_cancelled() {
     let (_dir, settings) = recording(10);
     let (session, heard, cancel) = session(&at(&settings, Speed::AtOnce, true));
     heard.lock().unwrap().enough = Some((1000, cancel));
@@ -206,7 +206,7 @@ async fn what_never_rests_can_be_cancelled() {
 
 #[tokio::test(start_paused = true)]
 async fn sessions_end_when_cancelled_in_any_state() {
-    // Nothing to hear; waiting to try again; nobody ever plugs in.
+    // No tracker; waiting to reopen; no device present.
     let port = crate::tracker::PortName::Path("/nonexistent/tty".into());
     let transports = [Transport::None, Transport::Serial { port, baud: 9600 }, Transport::Hid { device: None }];
     for transport in transports {
@@ -224,7 +224,7 @@ async fn sessions_end_when_cancelled_in_any_state() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn impossible_settings_are_refused() {
     let ear = || Box::new(Ear(Shared::default()));
     let settings = Settings { transport: Transport::Hid { device: None }, ..Settings::default() };
     let error = spawn(&settings, ear(), CancellationToken::new()).unwrap_err();
@@ -238,7 +238,7 @@ fn what_cannot_be_is_refused() {
 /// A device behind a pipe.
 type Device = Arc<Mutex<Polhemus>>;
 
-/// Plays the device's side of one connection, until the host hangs up.
+/// Plays the device's side of one connection, until the host disconnects.
 async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
     let mut input = [0; 256];
     loop {
@@ -253,7 +253,7 @@ async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
         loop {
             let record = device.lock().unwrap().say(epoch.elapsed());
             let Some(record) = record else { break };
-            // The host has hung up; what it said before is still to be read.
+            // The host has disconnected; its earlier bytes are still to be read.
             if stream.write_all(&record).await.is_err() {
                 break;
             }
@@ -284,7 +284,7 @@ const POLHEMUS: [(Kind, Protocol); 3] = [
 async fn a_polhemus_device_is_set_up_and_streams_millimetres() {
     for (kind, protocol) in POLHEMUS {
         let device = Device::new(Mutex::new(Polhemus::new(kind)));
-        // Somebody else left it streaming something else.
+        // An earlier program left it streaming something else.
         device.lock().unwrap().state.streaming = true;
         let (session, heard, cancel) = piped(&device, protocol, Duration::from_secs(20));
         run_for(session, cancel, Duration::from_secs(3)).await;
@@ -303,14 +303,14 @@ async fn a_polhemus_device_is_set_up_and_streams_millimetres() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_hung_device_is_started_anew_harder_and_harder_until_its_reset() {
+async fn a_hung_device_is_restarted_with_growing_force_until_its_reset() {
     for (kind, protocol) in POLHEMUS {
         let device = Device::new(Mutex::new(Polhemus::new(kind)));
         device.lock().unwrap().hung = true;
         let (session, heard, cancel) = piped(&device, protocol, Duration::from_secs(20));
         run_for(session, cancel, Duration::from_secs(60)).await;
         let (device, heard) = (device.lock().unwrap(), heard.lock().unwrap());
-        // Commands alone, with a carriage return before, and from then on a reset on a port that is opened anew.
+        // Commands alone, then with a carriage return first, then with a reset on a reopened port.
         assert_eq!(names(&heard), ["connected", "silent", "silent", "disconnected", "connected"], "{protocol:?}");
         assert_eq!((device.resets, device.lost), (1, 0), "{protocol:?}");
         assert!(heard.records.len() > 1000, "{protocol:?}: {}", heard.records.len());
@@ -318,17 +318,17 @@ async fn a_hung_device_is_started_anew_harder_and_harder_until_its_reset() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn commands_within_a_reset_are_lost() {
+async fn commands_during_a_reset_are_lost() {
     let device = Device::new(Mutex::new(Polhemus::new(Kind::Liberty)));
     device.lock().unwrap().hung = true;
-    // Less than the 15 s that the device takes.
+    // Less than the 15 s that the reset takes.
     let (session, heard, cancel) = piped(&device, Protocol::Liberty, Duration::from_secs(5));
     run_for(session, cancel, Duration::from_secs(20)).await;
     assert!(device.lock().unwrap().lost > 0 && heard.lock().unwrap().records.is_empty());
 }
 
 #[tokio::test(start_paused = true)]
-async fn another_sensor_is_left_out_and_told_of_once() {
+async fn another_sensor_is_ignored_and_reported_once() {
     let mut settings = Settings { protocol: Protocol::FastrakAscii, ..Settings::default() };
     settings.device.sensor = Some(1);
     let (mut session, heard, cancel) = session(&settings);
@@ -355,7 +355,7 @@ async fn another_sensor_is_left_out_and_told_of_once() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_device_that_may_rest_is_not_started_anew() {
+async fn a_device_with_normal_silence_is_not_restarted() {
     let (mut session, heard, cancel) = session(&mock("drop 86400"));
     session.may_rest = true;
     let summary = run_for(session, cancel, Duration::from_secs(3 * 3600)).await;
@@ -417,7 +417,7 @@ async fn a_device_that_is_set_up_and_never_answers_is_silent() {
     session.driver = Box::<NeverAnswers>::default();
     session.port = Port::Pipe(PipePort::new(Box::new(|| {
         let (host, far) = tokio::io::duplex(4096);
-        // Its end stays open until the test's runtime goes.
+        // The far end stays open until the test's runtime ends.
         tokio::spawn(async move {
             let _far = far;
             std::future::pending::<()>().await;
@@ -425,12 +425,12 @@ async fn a_device_that_is_set_up_and_never_answers_is_silent() {
         Ok(host)
     })));
     run_for(session, cancel, Duration::from_millis(21_200)).await;
-    // It is asked first at 3 s: silent when it is asked again at 8 s, and with twice the patience 13 s after that.
+    // First asked at 3 s: silent when asked again at 8 s, and with twice the limit 13 s after that.
     assert_eq!(names(&heard.lock().unwrap()), ["connected", "silent", "silent", "disconnected"]);
 }
 
 #[test]
-fn the_sensor_that_counts_is_the_stations_or_the_streams() {
+fn the_selected_sensor_is_the_stations_or_the_streams() {
     let (dir, mut settings) = recording(1);
     assert_eq!(stream_sensor(&settings).unwrap(), None);
     let path = dir.path().join("b.mcap");

@@ -1,4 +1,4 @@
-//! HID devices. hidapi blocks, so it has a thread of its own; each report is one message.
+//! HID transport. hidapi blocks, so it runs on a thread of its own; each report is one message.
 
 use std::io;
 use std::sync::Arc;
@@ -14,19 +14,19 @@ use crate::tracker::devices;
 use crate::tracker::settings::PortName;
 
 /// Longest report, bytes: that of a full-speed interrupt endpoint.
-const REPORT: usize = 64;
+const REPORT_BYTES: usize = 64;
 
-/// Reports that may wait for the session, half a second of them. They aren't dropped: the thread waits.
-const WAITING: usize = 64;
+/// Capacity of the report queue, half a second of reports. None is dropped: the thread waits.
+const QUEUE_CAPACITY: usize = 64;
 
-/// How often the thread looks whether it is still wanted, ms.
-const LOOK_MS: i32 = 50;
+/// Interval at which the thread checks whether it should end, ms.
+const POLL_MS: i32 = 50;
 
-/// A report and when it came.
+/// A report and its arrival time.
 struct Report {
     time_ns: u64,
     length: usize,
-    bytes: [u8; REPORT],
+    bytes: [u8; REPORT_BYTES],
 }
 
 /// A HID device.
@@ -37,7 +37,7 @@ pub(in crate::tracker) struct HidPort {
 
 struct Open {
     reports: mpsc::Receiver<io::Result<Report>>,
-    unwanted: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -48,15 +48,15 @@ impl HidPort {
 
     pub(super) async fn open(&mut self) -> io::Result<String> {
         self.close();
-        let (sender, reports) = mpsc::channel(WAITING);
+        let (sender, reports) = mpsc::channel(QUEUE_CAPACITY);
         let (opened, name) = oneshot::channel();
-        let unwanted = Arc::new(AtomicBool::new(false));
-        let (device, flag) = (self.device.clone(), unwanted.clone());
+        let stop = Arc::new(AtomicBool::new(false));
+        let (device, flag) = (self.device.clone(), stop.clone());
         let thread = std::thread::Builder::new()
             .name("hid".to_owned())
             .spawn(move || read(device.as_ref(), opened, &sender, &flag))?;
-        // From here on dropping it ends the thread, too.
-        let open = Open { reports, unwanted, thread: Some(thread) };
+        // From here on, dropping `open` ends the thread, too.
+        let open = Open { reports, stop, thread: Some(thread) };
         let name = name.await.map_err(|_| io::Error::other("the thread that reads the HID device ended"))??;
         self.open = Some(open);
         Ok(name)
@@ -76,7 +76,7 @@ impl HidPort {
 
 impl Drop for Open {
     fn drop(&mut self) {
-        self.unwanted.store(true, Ordering::Relaxed);
+        self.stop.store(true, Ordering::Relaxed);
         self.reports.close();
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
@@ -86,25 +86,25 @@ impl Drop for Open {
     }
 }
 
-/// The thread: opens the device, then hands each report on until nobody wants them.
+/// Body of the thread: opens the device, then forwards each report until told to stop.
 fn read(
     device: Option<&PortName>,
     opened: oneshot::Sender<io::Result<String>>,
     reports: &mpsc::Sender<io::Result<Report>>,
-    unwanted: &AtomicBool,
+    stop: &AtomicBool,
 ) {
     let (hid, name) = match devices::open_hid(device) {
         Ok(found) => found,
         Err(error) => {
-            // Where nobody listens any more, nobody wants to know.
+            // Nobody is left to receive the error.
             let _ = opened.send(Err(error));
             return;
         }
     };
     let _ = opened.send(Ok(name));
-    while !unwanted.load(Ordering::Relaxed) {
-        let mut bytes = [0; REPORT];
-        let report = match hid.read_timeout(&mut bytes, LOOK_MS) {
+    while !stop.load(Ordering::Relaxed) {
+        let mut bytes = [0; REPORT_BYTES];
+        let report = match hid.read_timeout(&mut bytes, POLL_MS) {
             Ok(0) => continue,
             Ok(length) => Ok(Report { time_ns: host_time_ns(), length, bytes }),
             Err(error) => Err(io::Error::other(format!("the HID device is gone (unplugged?): {error}"))),

@@ -1,4 +1,4 @@
-//! The board without hardware, in real time.
+//! Mock transport: the simulated board in real time.
 
 use std::io;
 
@@ -8,10 +8,10 @@ use tokio::time::{Instant, sleep_until};
 use super::Received;
 use crate::tracker::mock::{Board, Settings, Tick};
 
-/// A port with a simulated board behind it, which ticks whether the port is open or not.
+/// Port of a simulated board, which ticks whether the port is open or not.
 pub(in crate::tracker) struct MockPort {
     board: Board,
-    /// When the port was opened first.
+    /// Time of the first opening.
     started: Option<Instant>,
     plugged: bool,
 }
@@ -23,7 +23,7 @@ impl MockPort {
 
     pub(super) fn open(&mut self) -> io::Result<String> {
         let started = *self.started.get_or_insert_with(Instant::now);
-        // What the board said while nobody listened is gone.
+        // Lines sent while the port was closed are lost.
         while started + self.board.next_at() < Instant::now() {
             self.plugged = self.board.tick() != Tick::Unplugged;
         }

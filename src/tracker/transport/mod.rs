@@ -1,4 +1,4 @@
-//! Where the bytes of a tracker come from: one file a transport.
+//! Transports that deliver a tracker's bytes: one file each.
 
 use std::io;
 
@@ -19,26 +19,26 @@ mod serial;
 mod tcp;
 mod udp;
 
-/// Most bytes that are read at once.
+/// Most bytes read at once.
 const PIECE: usize = 4096;
 
-/// What a port had to say.
+/// Outcome of a read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Received {
-    /// Bytes, which were appended. Their time, ns since 1970 (UTC), where it isn't the present.
+    /// Bytes were appended.
     Bytes {
-        /// When the first of them came.
+        /// Arrival of the first byte, ns since 1970 (UTC); `None` for the present.
         time_ns: Option<u64>,
     },
-    /// The stream begins anew.
-    Again,
-    /// There won't be any more.
+    /// The stream starts over.
+    Restarted,
+    /// There are no more bytes.
     Ended,
 }
 
-/// A place that bytes come from. It can be opened and closed again and again.
+/// A source of bytes that can be opened and closed repeatedly.
 pub(super) enum Port {
-    /// A port that never says anything.
+    /// A port that never delivers anything.
     None,
     #[cfg(feature = "serial")]
     Serial(serial::SerialPort),
@@ -74,7 +74,7 @@ impl Port {
         })
     }
 
-    /// Opens the port and says what it is called.
+    /// Opens the port and returns its name.
     pub(super) async fn open(&mut self) -> io::Result<String> {
         match self {
             Self::None => Ok("none".to_owned()),
@@ -91,7 +91,7 @@ impl Port {
         }
     }
 
-    /// Waits for bytes and appends them to `piece`. Nothing is lost where the wait is given up.
+    /// Waits for bytes and appends them to `piece`. Cancelling the wait loses nothing.
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
         piece.reserve(PIECE);
         match self {
@@ -109,7 +109,7 @@ impl Port {
         }
     }
 
-    /// Sends all of `bytes`; what only listens drops them.
+    /// Sends all of `bytes`; receive-only transports ignore them.
     pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
             #[cfg(feature = "serial")]
@@ -121,7 +121,7 @@ impl Port {
         }
     }
 
-    /// Does something to a serial line.
+    /// Carries out an operation on a serial line; other transports ignore it.
     pub(super) async fn line(&mut self, line: Line) -> io::Result<()> {
         match self {
             #[cfg(feature = "serial")]
@@ -147,8 +147,8 @@ impl Port {
         }
     }
 
-    /// Whether opening it anew may wake a silent device.
-    pub(super) fn wakes(&self) -> bool {
+    /// Whether reopening the port may wake a silent device.
+    pub(super) fn reopening_may_wake(&self) -> bool {
         match self {
             #[cfg(feature = "serial")]
             Self::Serial(_) => true,
@@ -161,7 +161,7 @@ impl Port {
         }
     }
 
-    /// Whether what it receives at once is a message that stands by itself.
+    /// Whether each read delivers one complete message.
     pub(super) fn has_messages(&self) -> bool {
         match self {
             #[cfg(feature = "hid")]
@@ -171,13 +171,13 @@ impl Port {
         }
     }
 
-    /// Whether it may come back after an error.
-    pub(super) fn returns(&self) -> bool {
+    /// Whether the port may recover after an error.
+    pub(super) fn may_recover(&self) -> bool {
         !matches!(self, Self::Recording(_))
     }
 }
 
-/// An error of a port that isn't open, which the session rules out.
+/// Error of a port that isn't open, which the session rules out.
 fn not_open() -> io::Error {
     io::Error::new(io::ErrorKind::NotConnected, "the port is not open")
 }

@@ -1,4 +1,4 @@
-//! A port to a device that a test simulates within the same runtime, so that its clock can be a test's.
+//! Port of a device that a test simulates in the same runtime, under the test's clock.
 
 use std::io;
 
@@ -7,7 +7,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
 
 use super::{Received, not_open};
 
-/// What plugs a device in.
+/// Connects the simulated device.
 pub(in crate::tracker) type Plug = Box<dyn FnMut() -> io::Result<DuplexStream> + Send>;
 
 /// A port that is opened by a function.

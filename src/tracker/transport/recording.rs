@@ -1,4 +1,4 @@
-//! The raw bytes of a recording, as they came.
+//! Recording transport: plays the raw bytes of a recording.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -13,17 +13,17 @@ use crate::tracker::Protocol;
 use crate::tracker::recording::{Entry, RecordingError, RecordingReader};
 use crate::tracker::settings::Speed;
 
-/// A recording that plays.
+/// Playback of a recording.
 pub(in crate::tracker) struct RecordingPort {
     path: PathBuf,
     speed: Speed,
     repeat: bool,
     reader: RecordingReader<BufReader<File>>,
-    /// The present and the recorded time, ns, when this pass began: none before its first message.
+    /// Present time and recorded time, ns, at the start of this pass; `None` before its first message.
     began: Option<(Instant, u64)>,
-    /// The next message.
+    /// Time and bytes of the next message.
     next: Option<(u64, Vec<u8>)>,
-    /// Whether this pass had a message.
+    /// Whether this pass delivered a message.
     played: bool,
 }
 
@@ -33,12 +33,12 @@ impl RecordingPort {
         Ok(Self { path: path.to_owned(), speed, repeat, reader, began: None, next: None, played: false })
     }
 
-    /// Format of its bytes.
+    /// Protocol of the recorded bytes.
     pub(in crate::tracker) fn protocol(&self) -> Protocol {
         self.reader.info().protocol
     }
 
-    /// The sensor that counted when it was made.
+    /// Sensor selected when the recording was made.
     pub(in crate::tracker) fn sensor(&self) -> Option<u16> {
         self.reader.info().sensor
     }
@@ -48,7 +48,7 @@ impl RecordingPort {
     }
 
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
-        let Some(time_ns) = self.look().map_err(io::Error::other)? else {
+        let Some(time_ns) = self.peek().map_err(io::Error::other)? else {
             return self.end().map_err(io::Error::other);
         };
         let time_ns = match self.speed {
@@ -56,7 +56,7 @@ impl RecordingPort {
             Speed::Factor(factor) => {
                 let (start, first_ns) = *self.began.get_or_insert_with(|| (Instant::now(), time_ns));
                 let seconds = time_ns.saturating_sub(first_ns) as f64 * 1e-9 / factor;
-                // A recording with a wild time stands still rather than panics.
+                // A recording with an absurd time waits forever instead of panicking.
                 let wait = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
                 match start.checked_add(wait) {
                     Some(at) => sleep_until(at).await,
@@ -72,8 +72,8 @@ impl RecordingPort {
         Ok(Received::Bytes { time_ns })
     }
 
-    /// Time of the next message of the tracker.
-    fn look(&mut self) -> Result<Option<u64>, RecordingError> {
+    /// Time of the next tracker message.
+    fn peek(&mut self) -> Result<Option<u64>, RecordingError> {
         while self.next.is_none() {
             match self.reader.next_entry()? {
                 Some(Entry::Raw { host_time_ns, bytes }) if !bytes.is_empty() => {
@@ -93,12 +93,12 @@ impl RecordingPort {
         if self.reader.damage().damaged > 0 {
             tracing::warn!("{}: {} damaged parts left out", self.path.display(), self.reader.damage().damaged);
         }
-        // A recording without messages would repeat without end and without rest.
+        // A recording without messages would repeat endlessly without pausing.
         if !self.repeat || !std::mem::take(&mut self.played) {
             return Ok(Received::Ended);
         }
         self.reader = RecordingReader::open(&self.path)?;
         self.began = None;
-        Ok(Received::Again)
+        Ok(Received::Restarted)
     }
 }

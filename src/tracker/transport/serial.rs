@@ -1,4 +1,4 @@
-//! Serial ports.
+//! Serial transport.
 
 use std::io;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use crate::tracker::devices;
 use crate::tracker::driver::Line;
 use crate::tracker::settings::PortName;
 
-/// Longer than the longest character at the slowest speed.
+/// Longer than the longest character at the lowest speed.
 const BREAK: Duration = Duration::from_millis(250);
 
 /// A serial port, 8N1 without flow control.
@@ -28,7 +28,7 @@ impl SerialPort {
     }
 
     pub(super) fn open(&mut self) -> io::Result<String> {
-        // A USB device may come back under another path.
+        // A USB device may return under another path.
         let path = devices::serial_path(&self.name)?;
         let stream = tokio_serial::new(&path, self.baud).open_native_async().map_err(|error| {
             let error = io::Error::from(error);
@@ -38,7 +38,7 @@ impl SerialPort {
             };
             io::Error::new(error.kind(), format!("cannot open {path}: {error}{hint}"))
         })?;
-        // What lay in the driver is of another time.
+        // Bytes still buffered by the driver are outdated.
         stream.clear(ClearBuffer::Input)?;
         self.stream = Some(stream);
         Ok(format!("{path} at {} baud", self.baud))
@@ -47,14 +47,14 @@ impl SerialPort {
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
         let stream = self.stream.as_mut().ok_or_else(not_open)?;
         match stream.read_buf(piece).await? {
-            // An unplugged adapter reads as an end without end.
+            // An unplugged adapter reads as endless end-of-file.
             0 => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the port is gone (unplugged?)")),
             _ => Ok(Received::Bytes { time_ns: None }),
         }
     }
 
     pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        // Not flushed: that would block the thread until the last bit has left.
+        // Not flushed: flushing would block the thread until the last bit is sent.
         self.stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
     }
 

@@ -1,4 +1,4 @@
-//! Trackers that are TCP servers.
+//! TCP transport: the tracker is the server.
 
 use std::io;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! Trackers that send datagrams.
+//! UDP transport: the tracker sends datagrams.
 
 use std::io;
 use std::net::SocketAddr;
@@ -8,7 +8,7 @@ use tokio::net::UdpSocket;
 
 use super::{Received, not_open};
 
-/// A socket that listens.
+/// Listening socket.
 pub(in crate::tracker) struct UdpPort {
     address: SocketAddr,
     socket: Option<UdpSocket>,

@@ -1,4 +1,4 @@
-//! Liver, gall bladder, stomach, spleen, kidneys, adrenals, bowel and bladder.
+//! Liver, gall bladder, stomach, spleen, kidneys, adrenals, bowel and bladder of the fetus.
 
 use glam::Vec3;
 
@@ -7,15 +7,15 @@ use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{Isometry, Solid, catmull_rom, ellipsoid, smooth_union, sweep, union};
 
-/// Half axes of a kidney, mm as drawn: half its length follows the biometry.
+/// Semi-axes of a kidney, mm as drawn; half its length follows the biometry.
 const KIDNEY_SEMI: Vec3 = Vec3::new(5.4, 10.8, 5.6);
 
-/// `(level, centre)` of the kidney on `side`, mm as drawn: the right one lies lower.
+/// `(level, centre)` of the kidney on `side`, mm as drawn: the right one is lower.
 fn kidney_place(side: f32) -> (f32, Vec3) {
     (20.3 - 0.15 * side, Vec3::new(side * 10.0, 0.0, 4.0))
 }
 
-/// Organs of the belly.
+/// Abdominal organs.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let scale = attitude.biometry.trunk_scale();
     let cavity = thorax::belly(attitude, -0.2);
@@ -64,7 +64,7 @@ fn on_kidneys(attitude: &Attitude, part: impl Fn(f32) -> Solid) -> Solid {
     }))
 }
 
-/// Bean-shaped: a hilum towards the spine.
+/// Bean-shaped kidneys with a hilum towards the spine.
 fn kidneys(attitude: &Attitude) -> Solid {
     let length = 0.5 * attitude.biometry.kidney_mm / attitude.biometry.trunk_scale();
     on_kidneys(attitude, |side| {
@@ -86,7 +86,7 @@ fn pyramids(attitude: &Attitude) -> Solid {
     })
 }
 
-/// The renal pelvis, a little fluid in it, open to the hilum.
+/// Renal pelves with a little fluid, open to the hilum.
 fn pelves(attitude: &Attitude) -> Solid {
     on_kidneys(attitude, |side| {
         let body = ellipsoid(Vec3::new(-side * 1.6, 0.0, 0.4), Vec3::new(1.9, 4.4, 1.3));
@@ -98,17 +98,17 @@ fn pelves(attitude: &Attitude) -> Solid {
 const BLADDER_LEVEL: f32 = 27.2;
 const BLADDER_VENTRAL_MM: f32 = 18.0;
 
-/// Centre of the bladder, fetal frame.
+/// Centre of the bladder, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn bladder_centre(attitude: &Attitude) -> Vec3 {
     attitude.trunk(BLADDER_LEVEL, 0.0, BLADDER_VENTRAL_MM)
 }
 
-/// Middle of the stomach's body, fetal frame.
+/// Centre of the stomach's body, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn stomach_centre(attitude: &Attitude) -> Vec3 {
     attitude.trunk(18.0, 13.0, 17.0)
 }
 
-/// Middle, upper and lower pole of the left and right kidney, fetal frame.
+/// Centre, upper and lower pole of the left and right kidney, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn kidney_poles(attitude: &Attitude) -> [[Vec3; 3]; 2] {
     [1.0, -1.0].map(|side| {
         let (level, centre) = kidney_place(side);
@@ -119,7 +119,7 @@ pub(in crate::anatomy::phantom) fn kidney_poles(attitude: &Attitude) -> [[Vec3; 
     })
 }
 
-/// The bubble: fundus at the left back, body, and the bend to the pylorus.
+/// Stomach bubble: fundus at the left back, body, and the bend to the pylorus.
 fn stomach(attitude: &Attitude) -> Solid {
     let knots = [
         attitude.knot(17.4, 13.2, 12.5, 4.2),

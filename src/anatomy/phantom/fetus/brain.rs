@@ -1,5 +1,5 @@
-//! What the skull holds: fluid around the brain, falx, ventricles with choroid plexus, thalami, posterior fossa. In the
-//! head's frame, in mm as drawn.
+//! Content of the fetal skull: fluid around the brain, falx, ventricles with choroid plexus, thalami, posterior fossa.
+//! In the head's frame, in mm as drawn.
 
 use glam::Vec3;
 
@@ -12,14 +12,14 @@ use crate::anatomy::phantom::sdf::{
     union,
 };
 
-/// Fluid between the skull and the brain.
+/// Thickness of the fluid between the skull and the brain, mm.
 const SUBARACHNOID_MM: f32 = 1.6;
 
-/// Middle of the cavum septi pellucidi.
+/// Centre of the cavum septi pellucidi.
 const CAVUM: Vec3 = Vec3::new(0.0, 2.0, 13.5);
 const CAVUM_SEMI: Vec3 = Vec3::new(1.9, 3.4, 5.2);
 
-/// Fluid, brain, and what is in it.
+/// Subarachnoid fluid, brain, and the structures in it.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let biometry = &attitude.biometry;
     let scale = biometry.head_scale();
@@ -38,7 +38,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-/// The hemispheres: parted by a shallow fissure, an insula pressed in on each side, furrowed late in pregnancy.
+/// Hemispheres, separated by a shallow fissure, with an insula pressed in on each side; furrowed late in pregnancy.
 fn brain(biometry: &Biometry) -> Solid {
     let v = Vec3::new;
     let whole = head::cranium(biometry, -(head::table(biometry) + SUBARACHNOID_MM));
@@ -80,14 +80,14 @@ fn deep_brain() -> Solid {
     union([thalamus, callosum])
 }
 
-/// The midline plate: a crescent over the corpus callosum, and the tentorium between cerebrum and cerebellum.
+/// Midline plate: a crescent over the corpus callosum, and the tentorium between cerebrum and cerebellum.
 fn falx(inside: &Solid) -> Solid {
     let v = Vec3::new;
     let crescent = ellipsoid(v(0.0, -9.0, -1.0), v(40.0, 20.0, 21.5));
     let above = half_space(v(0.0, -9.0, 0.0), v(0.0, -0.96, 0.28));
     let within = inside.grown(-0.4);
     let falx = plate(Vec3::ZERO, Vec3::X, 0.5).intersect(within.clone()).intersect(above).subtract(crescent);
-    // Half a tent: falls to the side from the ridge, open in front for the brainstem.
+    // Half a tent: slopes down sideways from the ridge, open in front for the brainstem.
     let slope = v(0.42, 0.90, -0.12).normalize();
     let notch = ellipsoid(v(0.0, -9.0, -7.0), v(11.0, 14.0, 10.0));
     let behind = half_space(v(0.0, 0.0, -4.0), Vec3::Z);
@@ -101,7 +101,7 @@ fn falx(inside: &Solid) -> Solid {
     union([falx, tent.with_mirror_image()])
 }
 
-/// Width of the ventricles over that of the drawing, whose atrium measures 6.8 mm.
+/// Width of the ventricles relative to the drawing, whose atrium measures 6.8 mm.
 fn ventricle_width(biometry: &Biometry) -> f32 {
     biometry.atrium_mm / biometry.head_scale() / 6.8
 }
@@ -144,16 +144,16 @@ fn choroid_plexus(biometry: &Biometry) -> Solid {
     glomus.displaced(0.25, |p| 0.25 * (p.x * 2.9).sin() * (p.y * 2.5).sin() * (p.z * 2.7).sin()).with_mirror_image()
 }
 
-/// Cerebellum, brainstem and the fluid behind them.
+/// Posterior fossa: cerebellum, brainstem and the fluid behind them.
 struct PosteriorFossa {
-    /// Size of the cerebellum over the drawing's, 22.4 mm wide.
+    /// Size of the cerebellum relative to the drawing, 22.4 mm wide.
     size: f32,
-    /// Middle of the vermis.
+    /// Centre of the vermis.
     vermis: Vec3,
 }
 
 const VERMIS_SEMI: Vec3 = Vec3::new(2.6, 5.0, 4.2);
-/// From the vermis to the middle of the left hemisphere, and its half axes.
+/// Vector from the vermis to the centre of the left hemisphere, and the hemisphere's semi-axes.
 const LOBE: Vec3 = Vec3::new(5.8, -0.8, -1.0);
 const LOBE_SEMI: Vec3 = Vec3::new(5.4, 5.8, 5.2);
 
@@ -161,7 +161,7 @@ impl PosteriorFossa {
     fn of(biometry: &Biometry) -> Self {
         let scale = biometry.head_scale();
         let size = biometry.cerebellum_mm / scale / (2.0 * (LOBE.x + LOBE_SEMI.x));
-        // The cisterna's depth from the vermis to the inner table.
+        // Depth of the cisterna magna from the vermis to the inner table.
         let semi = head::semi(biometry) - head::table(biometry);
         let y = -14.7;
         let table = -semi.z * (1.0 - (y / semi.y).powi(2)).max(0.0).sqrt();
@@ -204,12 +204,13 @@ impl PosteriorFossa {
     }
 }
 
-/// Middle of the cavum septi pellucidi, fetal frame.
+/// Centre of the cavum septi pellucidi, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn cavum_centre(attitude: &Attitude) -> Vec3 {
     attitude.head_point(CAVUM)
 }
 
-/// Inner and outer wall of the atria of left and right ventricle, fetal frame: across the ventricle, in an axial plane.
+/// Inner and outer wall of the atria of left and right ventricle, fetal frame, mm: across the ventricle, in an axial
+/// plane.
 pub(in crate::anatomy::phantom) fn atrium_walls(attitude: &Attitude) -> [[Vec3; 2]; 2] {
     let radius = 3.4 * ventricle_width(&attitude.biometry);
     [1.0, -1.0].map(|side| {
@@ -217,7 +218,7 @@ pub(in crate::anatomy::phantom) fn atrium_walls(attitude: &Attitude) -> [[Vec3; 
     })
 }
 
-/// Left and right end of the cerebellum, fetal frame.
+/// Left and right end of the cerebellum, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn cerebellum_ends(attitude: &Attitude) -> [Vec3; 2] {
     let fossa = PosteriorFossa::of(&attitude.biometry);
     [1.0, -1.0].map(|side| {
@@ -226,7 +227,7 @@ pub(in crate::anatomy::phantom) fn cerebellum_ends(attitude: &Attitude) -> [Vec3
     })
 }
 
-/// Vermis and inner table at either end of the cisterna magna's depth, fetal frame.
+/// Vermis and inner table at both ends of the cisterna magna's depth, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn cisterna_magna(attitude: &Attitude) -> [Vec3; 2] {
     let fossa = PosteriorFossa::of(&attitude.biometry);
     let back = fossa.vermis - Vec3::Z * (VERMIS_SEMI.z * fossa.size);

@@ -1,4 +1,4 @@
-//! Eyes, nose, lips, jaws and the bones of face and skull base, in the head's frame, in mm as drawn.
+//! Eyes, nose, lips, jaws and the bones of the fetal face and skull base, in the head's frame, in mm as drawn.
 
 use glam::Vec3;
 
@@ -10,14 +10,14 @@ use crate::anatomy::phantom::sdf::{
     Solid, capsule, catmull_rom, ellipsoid, round_cone, smooth_union, sphere, sweep, union,
 };
 
-/// Centre of the left eye, and its radius.
+/// Centre and radius of the left eye.
 pub(super) fn eye(biometry: &Biometry) -> (Vec3, f32) {
     let scale = biometry.head_scale();
     let apart = 0.5 * (biometry.binocular_mm - biometry.ocular_mm) / scale;
     (Vec3::new(apart, -13.0, 25.0), 0.5 * biometry.ocular_mm / scale)
 }
 
-/// Centres of the left and right eye, fetal frame.
+/// Centres of the left and right eye, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn eye_centres(attitude: &Attitude) -> [Vec3; 2] {
     let (eye, _) = eye(&attitude.biometry);
     [1.0, -1.0].map(|side| attitude.head_point(eye * Vec3::new(side, 1.0, 1.0)))
@@ -26,17 +26,17 @@ pub(in crate::anatomy::phantom) fn eye_centres(attitude: &Attitude) -> [Vec3; 2]
 const NOSE_TIP: Vec3 = Vec3::new(0.0, -18.3, 36.0);
 const NOSE_TIP_RADIUS: f32 = 2.2;
 
-/// Skin over the tip of the nose, fetal frame.
+/// Skin over the tip of the nose, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn nose_tip(attitude: &Attitude) -> Vec3 {
     head::skin_along(attitude, NOSE_TIP, Vec3::Z)
 }
 
-/// Skin over the chin, fetal frame.
+/// Skin over the chin, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn chin(attitude: &Attitude) -> Vec3 {
     head::skin_along(attitude, Vec3::new(0.0, -34.0, 24.0), Vec3::Z)
 }
 
-/// Nose, lips and chin as they stand out of the face.
+/// Protruding nose, lips and chin.
 pub(super) fn features() -> Solid {
     let v = Vec3::new;
     let bridge = sweep(&[(v(0.0, -10.5, 31.5), 2.0), (v(0.0, -14.5, 33.6), 2.0), (NOSE_TIP, NOSE_TIP_RADIUS)]);
@@ -74,7 +74,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-/// Bones that are not the vault. Each side is built at x ≥ 0.
+/// Bones other than the vault. Each side is built at x ≥ 0.
 fn bones(eye: Vec3, radius: f32) -> Solid {
     let v = Vec3::new;
     let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
@@ -84,7 +84,7 @@ fn bones(eye: Vec3, radius: f32) -> Solid {
         .subtract(ellipsoid(eye + v(0.5, 0.0, 8.0), v(radius + 4.0, radius + 4.0, 8.5)));
     let cheek = eye.x + radius + 0.9;
     let zygoma = tube(&[(v(cheek, -14.5, 21.5), 1.0), (v(cheek + 0.6, -18.5, 17.0), 1.1), (v(21.5, -18.0, 6.0), 0.9)]);
-    // The upper jaw with its tooth buds' ridge.
+    // Upper jaw with the ridge of its tooth buds.
     let maxilla = tube(&[
         (v(0.0, -22.6, 27.6), 1.5),
         (v(4.5, -22.6, 26.4), 1.5),

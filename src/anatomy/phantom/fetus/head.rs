@@ -1,4 +1,5 @@
-//! Shape of the head: the cranium's ellipsoids and the outline of head and face, in the head's frame, in mm as drawn.
+//! Shape of the fetal head: the cranium's ellipsoids and the outline of head and face, in the head's frame, in mm as
+//! drawn.
 
 use glam::Vec3;
 
@@ -10,7 +11,7 @@ use crate::anatomy::phantom::sdf::{Solid, ellipsoid, smooth_union, sphere, sweep
 /// Skin and scalp over the skull, mm as drawn.
 const SCALP_MM: f32 = 2.6;
 
-/// Half axes of the skull's outer table, mm as drawn.
+/// Semi-axes of the skull's outer table, mm as drawn.
 pub(super) fn semi(biometry: &Biometry) -> Vec3 {
     biometry.skull_semi_mm() / biometry.head_scale()
 }
@@ -20,7 +21,7 @@ pub(super) fn table(biometry: &Biometry) -> f32 {
     biometry.skull_thickness_mm / biometry.head_scale()
 }
 
-/// The skull grown by `margin`: a little narrower in front than behind.
+/// Skull grown by `margin`, slightly narrower in front than behind.
 pub(super) fn cranium(biometry: &Biometry, margin: f32) -> Solid {
     let semi = semi(biometry);
     let whole = ellipsoid(Vec3::ZERO, semi + margin);
@@ -51,7 +52,7 @@ pub(super) fn outline(attitude: &Attitude) -> Solid {
     attitude.in_head(union([features, ear]))
 }
 
-/// Ends of the skull from the head's centre to the face and to the occiput, fetal frame.
+/// Ends of the skull towards the face and the occiput, seen from the head's centre; fetal frame, mm.
 pub(in crate::anatomy::phantom) fn occipitofrontal_ends(attitude: &Attitude) -> [Vec3; 2] {
     let skull = cranium(&attitude.biometry, 0.0);
     [Vec3::Z, Vec3::NEG_Z].map(|direction| {
@@ -64,7 +65,8 @@ pub(in crate::anatomy::phantom) fn occipitofrontal_ends(attitude: &Attitude) -> 
     })
 }
 
-/// Where the head's skin is met from `from` along the unit `direction`, head frame as drawn; fetal frame.
+/// Point of the head's skin from `from` along the unit `direction` (both in the head frame as drawn), in the fetal
+/// frame, mm.
 pub(super) fn skin_along(attitude: &Attitude, from: Vec3, direction: Vec3) -> Vec3 {
     let outline = outline(attitude);
     let (mut inside, mut outside) = (0.0f32, 20.0f32);

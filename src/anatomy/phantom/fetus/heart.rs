@@ -1,4 +1,4 @@
-//! Heart: four chambers, septa, valves and the moderator band. What leaves and enters it is in `vessels`.
+//! Fetal heart: four chambers, septa, valves and the moderator band. Its vessels are in `vessels`.
 
 use glam::Vec3;
 
@@ -10,8 +10,8 @@ use crate::anatomy::phantom::sdf::{Isometry, Solid, ellipsoid, round_cone, smoot
 /// Level of the four-chamber plane: T6 to T7.
 pub(in crate::anatomy::phantom) const LEVEL: f32 = 13.4;
 
-/// Size of the heart over its drawing: it fills a quarter of the chest's area (0.25 to 0.33; Paladini et al., Obstet
-/// Gynecol 75:1003, 1990).
+/// Size of the heart relative to the drawing: it fills a quarter of the chest's area (0.25 to 0.33; Paladini et al.,
+/// Obstet Gynecol 75:1003, 1990).
 const SIZE: f32 = 1.15;
 
 /// `fetus_from_heart`: origin at the heart's centre, y cranial (normal of the four-chamber plane), z ventral; in mm.
@@ -20,7 +20,7 @@ pub(in crate::anatomy::phantom) fn heart_frame(attitude: &Attitude) -> Isometry 
     Isometry { translation: attitude.trunk(LEVEL, 3.0, 20.5), ..frame }
 }
 
-/// The heart's own axes in the heart frame: to the apex (45° to the left), and from right to left heart.
+/// Axes of the heart in the heart frame: to the apex (45° to the left), and from right to left heart.
 fn axes() -> (Vec3, Vec3, Vec3) {
     let apex = Vec3::new(0.68, -0.16, 0.72).normalize();
     let leftward = Vec3::new(0.73, 0.0, -0.69);
@@ -28,25 +28,25 @@ fn axes() -> (Vec3, Vec3, Vec3) {
     (apex, leftward, leftward.cross(apex))
 }
 
-/// `(a, b, c)` to the apex, to the left heart and out of the four-chamber plane, in the heart frame.
+/// Point `(a, b, c)` in the heart frame: towards the apex, towards the left heart, and out of the four-chamber plane.
 fn at(a: f32, b: f32, c: f32) -> Vec3 {
     let (apex, leftward, out) = axes();
     apex * a + leftward * b + out * c
 }
 
-/// An ellipsoid at `(a, b)` of the four-chamber plane, its long axis along the heart's.
+/// Ellipsoid at `(a, b)` of the four-chamber plane, its long axis along the heart's.
 fn lobe(a: f32, b: f32, semi: Vec3) -> Solid {
     let (apex, leftward, _) = axes();
     // Local axes: y to the apex, z to the left heart.
     ellipsoid(Vec3::ZERO, semi).placed(Isometry::from_axes(at(a, b, 0.0), apex, leftward))
 }
 
-/// Middles of left and right ventricle, left and right atrium: (a, b), mm as drawn.
+/// Centres (a, b) of left and right ventricle, left and right atrium, mm as drawn.
 const CHAMBERS: [(f32, f32); 4] = [(3.0, 3.6), (2.4, -3.8), (-6.4, 3.8), (-6.4, -3.9)];
-/// Rings of the mitral and tricuspid valve; the tricuspid lies nearer to the apex.
+/// Rings of the mitral and tricuspid valve; the tricuspid is nearer to the apex.
 const RINGS: [(f32, f32); 2] = [(-3.2, 3.7), (-2.5, -3.8)];
 
-/// Middles of left and right ventricle, left and right atrium, and the crux between them, fetal frame, mm.
+/// Centres of left and right ventricle, left and right atrium, and the crux between them, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec3; 4], Vec3) {
     let frame = heart_frame(attitude);
     let scale = SIZE * attitude.biometry.trunk_scale();
@@ -54,7 +54,7 @@ pub(in crate::anatomy::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec
     (CHAMBERS.map(|(a, b)| place(a, b)), place(-2.9, 0.0))
 }
 
-/// Muscle, chambers, and what hangs in them.
+/// Muscle, chambers, and the structures in them.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let frame = heart_frame(attitude);
     let scale = attitude.biometry.trunk_scale();
@@ -79,8 +79,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-/// Both leaflets of the mitral and tricuspid valve as they stand half closed, the flap of the oval foramen and the
-/// moderator band.
+/// Both leaflets of the mitral and tricuspid valve, half closed, the flap of the oval foramen and the moderator band.
 fn leaflets() -> Solid {
     let leaflet = |from: Vec3, to: Vec3| {
         // A thin plate, as broad as the ring.

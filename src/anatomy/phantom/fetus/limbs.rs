@@ -1,4 +1,4 @@
-//! Arms and legs: outline, pose, shafts of the long bones with their cartilage ends, hands, feet and girdles.
+//! Fetal arms and legs: outline, pose, shafts of the long bones with their cartilage ends, hands, feet and girdles.
 
 use glam::Vec3;
 
@@ -57,7 +57,7 @@ pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     legs.chain(arms).collect()
 }
 
-/// Which bones of two limbs, or of a limb and the skull, cross, if any do. Parts count from the trunk: 0 to 2.
+/// Bones of two limbs, or of a limb and the skull, that cross, if any. Parts are numbered from the trunk: 0 to 2.
 pub(in crate::anatomy::phantom) fn crossing_bones(attitude: &Attitude) -> Option<String> {
     let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
     let v = Vec3::new;
@@ -102,8 +102,8 @@ pub(in crate::anatomy::phantom) fn crossing_bones(attitude: &Attitude) -> Option
 
 const LIMBS: [&str; 4] = ["left leg", "right leg", "left arm", "right arm"];
 
-/// Least distance between the segments from `a` to `b` and from `c` to `d` (C. Ericson, Real-Time Collision Detection,
-/// section 5.1.9).
+/// Smallest distance between the segments from `a` to `b` and from `c` to `d` (C. Ericson, Real-Time Collision
+/// Detection, section 5.1.9).
 fn segment_distance(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> f32 {
     let (u, v, w) = (b - a, d - c, a - c);
     let (uu, uv, vv, uw, vw) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));
@@ -114,13 +114,13 @@ fn segment_distance(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> f32 {
     (a + u * s).distance(c + v * t)
 }
 
-/// The sole's frame: origin at the ankle, y away from the sole, z to the toes.
+/// Frame of the sole: origin at the ankle, y away from the sole, z to the toes.
 fn sole(leg: &Leg) -> Isometry {
     let up = (leg.knee - leg.ankle).normalize();
     Isometry::from_axes(leg.ankle, up - leg.toes * up.dot(leg.toes), leg.toes)
 }
 
-/// A foot of 38 mm in the sole's frame.
+/// Foot 38 mm long, in the frame of the sole.
 fn foot() -> Solid {
     let v = Vec3::new;
     let core = sweep(&[(v(0.0, -4.0, -6.5), 4.6), (v(0.0, -3.5, 3.0), 4.9), (v(0.0, -6.5, 20.0), 3.2)]);
@@ -133,12 +133,12 @@ fn foot() -> Solid {
     smooth_union(std::iter::once(core).chain(toes), 1.0)
 }
 
-/// The palm's frame: origin at the wrist, y to the fingers, z out of the palm.
+/// Frame of the palm: origin at the wrist, y to the fingers, z out of the palm.
 fn palm(arm: &Arm) -> Isometry {
     Isometry::from_axes(arm.wrist, arm.fingers, (arm.elbow - arm.wrist).cross(Vec3::X))
 }
 
-/// Half-closed fingers as (root, knuckle, tip) in the palm's frame.
+/// Half-closed fingers as (root, knuckle, tip) in the frame of the palm.
 fn fingers() -> [[Vec3; 3]; 5] {
     let v = Vec3::new;
     std::array::from_fn(|i| {
@@ -153,42 +153,42 @@ fn fingers() -> [[Vec3; 3]; 5] {
     })
 }
 
-/// A hand at 22 weeks in the palm's frame.
+/// Hand at 22 weeks, in the frame of the palm.
 fn hand() -> Solid {
     let palm_pad = ellipsoid(Vec3::new(0.0, 6.0, 0.0), Vec3::new(5.0, 6.5, 3.0));
     let digits = fingers().map(|[a, b, c]| sweep(&[(a, 1.7), (b, 1.45), (c, 1.2)]));
     smooth_union(std::iter::once(palm_pad).chain(digits), 0.9)
 }
 
-/// The tips of a shaft of `length_mm` in the middle between two joints.
+/// Tips of a shaft of `length_mm`, centred between two joints.
 fn shaft_tips(from: Vec3, to: Vec3, length_mm: f32) -> [Vec3; 2] {
     let middle = 0.5 * (from + to);
     let half = 0.5 * length_mm * (to - from).normalize();
     [middle - half, middle + half]
 }
 
-/// Hip and knee tip of the ossified femur, fetal frame.
+/// Hip and knee tip of the ossified femur, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn femur_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
     let leg = &attitude.legs[side];
     shaft_tips(leg.hip, leg.knee, attitude.biometry.femur_mm)
 }
 
-/// Shoulder and elbow tip of the ossified humerus, fetal frame.
+/// Shoulder and elbow tip of the ossified humerus, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn humerus_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
     let arm = &attitude.arms[side];
     shaft_tips(arm.shoulder, arm.elbow, attitude.biometry.humerus_mm)
 }
 
-/// Knee and ankle tip of the ossified tibia, fetal frame.
+/// Knee and ankle tip of the ossified tibia, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn tibia_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
     let leg = &attitude.legs[side];
     shaft_tips(leg.knee, leg.ankle, attitude.biometry.tibia_mm)
 }
 
-/// A shaft from tip to tip, flared at its ends, slightly bowed towards `bow`.
+/// Shaft from tip to tip, flared at its ends, slightly bowed towards `bow`.
 fn shaft([a, b]: [Vec3; 2], middle_mm: f32, end_mm: f32, bow: Vec3) -> Solid {
     let along = (b - a).normalize();
-    // Ends are balls: their centres lie a radius inside the tips.
+    // The ends are balls with their centres one radius inside the tips.
     let (a, b) = (a + along * end_mm, b - along * end_mm);
     let knots = [
         (a, end_mm),
@@ -255,7 +255,7 @@ fn hand_bones() -> Solid {
     union(rods)
 }
 
-/// Metatarsals, phalanges and heel bone of a foot of 38 mm.
+/// Metatarsals, phalanges and heel bone of a foot 38 mm long.
 fn foot_bones() -> Solid {
     let v = Vec3::new;
     let rods = (0..5).map(|i| {

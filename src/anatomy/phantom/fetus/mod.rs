@@ -1,4 +1,4 @@
-//! The fetus: every organ in the fetal frame, placed in the scene at the end.
+//! The fetus: organs in the fetal frame, placed in the scene at the end.
 
 mod abdomen;
 mod brain;
@@ -29,7 +29,7 @@ pub(super) use spine::ossification_centres;
 pub(super) use trunk::{ABDOMEN_LEVEL, NAVEL_LEVEL, navel, skin_points, trunk_centre};
 pub(super) use vessels::{descending_aorta, portal_sinus};
 
-/// Every surface of the fetus, scene frame.
+/// All surfaces of the fetus, scene frame.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let parts = [
         skin::organs(attitude),

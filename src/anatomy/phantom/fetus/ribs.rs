@@ -1,4 +1,4 @@
-//! Twelve pairs of ribs and the sternum's ossification centres.
+//! Fetal ribs, twelve pairs, and the ossification centres of the sternum.
 
 use glam::Vec3;
 
@@ -8,12 +8,12 @@ use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{Isometry, catmull_rom, ellipsoid, sweep, union};
 
-/// Ribs below the skin, mm as drawn.
+/// Depth of the ribs below the skin, mm as drawn.
 const UNDER_SKIN_MM: f32 = 4.6;
 const RIB_RADIUS_MM: f32 = 0.85;
-/// How far round each rib reaches from the back, degrees.
+/// Angle from the back that each rib extends around the trunk, degrees.
 const REACH_DEG: [f32; 12] = [115.0, 122.0, 128.0, 130.0, 130.0, 128.0, 124.0, 118.0, 110.0, 100.0, 76.0, 52.0];
-/// Levels that a rib falls from its vertebra to the front.
+/// Number of levels that a rib descends from its vertebra to the front.
 const FALL_LEVELS: f32 = 2.4;
 
 /// Ribs and sternum.

@@ -1,4 +1,4 @@
-//! Skin of head, trunk and limbs, and the soft tissue under it.
+//! Fetal skin of head, trunk and limbs, and the soft tissue under it.
 
 use glam::Vec3;
 
@@ -20,7 +20,7 @@ pub(in crate::anatomy::phantom) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)
     trunk.into_iter().chain(head::balls(attitude)).chain(limbs::balls(attitude)).collect()
 }
 
-/// Skin, and soft tissue within.
+/// Skin, and the soft tissue inside.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let scale = attitude.biometry.trunk_scale();
     let outline = outline(attitude);

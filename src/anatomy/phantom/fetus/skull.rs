@@ -1,7 +1,7 @@
-//! The vault of the skull with its sutures and fontanelles.
+//! Vault of the fetal skull with its sutures and fontanelles.
 //!
-//! The skull is a solid with the brain's surfaces inside it. Sutures and fontanelles are membrane in place of bone: a
-//! surface of higher priority that cuts through the table where the bones leave gaps.
+//! The skull is a solid that contains the brain's surfaces. Sutures and fontanelles are membrane instead of bone: a
+//! surface of higher priority that cuts through the table at the gaps between the bones.
 
 use glam::Vec3;
 
@@ -24,7 +24,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
 /// Half widths of a suture and of the narrow metopic suture, mm as drawn.
 const SUTURE_MM: f32 = 0.95;
 const METOPIC_MM: f32 = 0.7;
-/// How far the membranes reach past the bone's outer and inner side, mm as drawn.
+/// Extent of the membranes beyond the bone's outer and inner side, mm as drawn.
 const PAST_MM: f32 = 0.35;
 
 fn gaps(biometry: &Biometry) -> Solid {
@@ -32,7 +32,7 @@ fn gaps(biometry: &Biometry) -> Solid {
     let semi = head::semi(biometry);
     let outer = head::cranium(biometry, PAST_MM);
     let inner = head::cranium(biometry, -(head::table(biometry) + PAST_MM));
-    // Where a ray from the head's centre meets the skull: the vault is drawn for half axes of 27.9, 29.75 and 35 mm.
+    // Point of the skull on a ray from the head's centre: the vault is drawn for semi-axes of 27.9, 29.75 and 35 mm.
     let on_skull = {
         let skull = head::cranium(biometry, 0.0);
         move |x: f32, y: f32, z: f32| {
@@ -75,7 +75,7 @@ fn gaps(biometry: &Biometry) -> Solid {
         ellipsoid(pterion, v(2.4, 2.6, 2.6)),
         ellipsoid(asterion, v(2.4, 2.6, 2.6)),
     ]);
-    // Parts that touch the midline reach past it.
+    // Parts that touch the midline extend beyond it.
     let sides = Solid::new(sides.bounds(), move |p| sides.distance_mm(p)).with_mirror_image();
     union(middle.into_iter().chain([sides])).intersect(outer).subtract(inner)
 }

@@ -1,4 +1,4 @@
-//! Vertebrae as three ossification centres each in their cartilage, spinal canal and cord.
+//! Fetal spine: vertebrae with three ossification centres each in their cartilage, spinal canal and cord.
 
 use glam::Vec3;
 
@@ -7,7 +7,7 @@ use crate::anatomy::phantom::attitude::{Attitude, VERTEBRAE};
 use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, ellipsoid, round_cone, smooth_union, sweep, union};
 
-/// The canal's centre behind the vertebral bodies' centres, mm as drawn.
+/// Position of the canal's centre relative to the vertebral bodies' centres, mm as drawn; negative is dorsal.
 const CANAL_MM: f32 = -4.0;
 
 /// Cartilage and discs, canal, cord and vertebrae.
@@ -20,9 +20,9 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
             .collect();
         sweep(&catmull_rom(&knots, 3))
     };
-    // What is not yet bone, and the discs.
+    // Unossified cartilage and discs.
     let cartilage = smooth_union([tube(0.4, 28.6, 0.0, 2.9), tube(0.4, 26.0, CANAL_MM, 3.1)], 1.5 * scale);
-    // At 22 weeks the cord ends at about L3; the sac goes on to the sacrum.
+    // At 22 weeks the cord ends at about L3; the sac continues to the sacrum.
     vec![
         organ("spinal_cartilage", "cartilage", 129, 0.95, 3.2 * scale, cartilage),
         organ("spinal_canal", "csf", 130, 0.75, 2.8 * scale, tube(0.2, 26.0, CANAL_MM, 2.5)),
@@ -40,7 +40,7 @@ fn vertebrae(attitude: &Attitude) -> Solid {
     let scale = attitude.biometry.trunk_scale();
     union((0..VERTEBRAE).map(|i| {
         let level = i as f32 + 0.5;
-        // Width grows to the loins and falls in the sacrum.
+        // Width grows down to the loins and decreases in the sacrum.
         let size = match i {
             0..7 => 0.82,
             7..19 => 0.88 + 0.012 * (i - 7) as f32,
@@ -62,7 +62,7 @@ fn vertebrae(attitude: &Attitude) -> Solid {
     }))
 }
 
-/// Middles of both arch centres and of the body at `level`, fetal frame: what the axial view of the spine shows.
+/// Centres of both arch centres and of the body at `level`, fetal frame, mm, as shown by the axial view of the spine.
 pub(in crate::anatomy::phantom) fn ossification_centres(attitude: &Attitude, level: f32) -> [Vec3; 3] {
     [attitude.trunk(level, 3.3, -4.6), attitude.trunk(level, -3.3, -4.6), attitude.trunk(level, 0.0, 0.0)]
 }

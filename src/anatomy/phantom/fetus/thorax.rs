@@ -1,4 +1,4 @@
-//! Lungs, airway, and the diaphragm with the muscular wall of the belly.
+//! Fetal lungs, airway, and the diaphragm with the muscular wall of the belly.
 
 use glam::Vec3;
 
@@ -10,7 +10,7 @@ use crate::anatomy::phantom::sdf::{Solid, smooth_union, sweep, union};
 /// Thickness of diaphragm and abdominal muscles, mm as drawn.
 const MUSCLE_MM: f32 = 1.0;
 
-/// What diaphragm and belly wall enclose, with `margin` (mm as drawn) more: two domes, the right one higher.
+/// Space enclosed by diaphragm and belly wall, enlarged by `margin` (mm as drawn): two domes, the right one higher.
 pub(super) fn belly(attitude: &Attitude, margin: f32) -> Solid {
     let v = Vec3::new;
     let m = Vec3::splat(margin);
@@ -25,7 +25,7 @@ pub(super) fn belly(attitude: &Attitude, margin: f32) -> Solid {
     domes.smooth_intersect(trunk::trunk(attitude, 5.0 - margin), 2.0)
 }
 
-/// Lungs, which heart, diaphragm and vessels press into by their priority, airway and diaphragm.
+/// Lungs, airway and diaphragm. By their priority, heart, diaphragm and vessels indent the lungs.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let v = Vec3::new;
     let scale = attitude.biometry.trunk_scale();
@@ -34,7 +34,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         let lower = attitude.in_trunk_ellipsoid(13.6, v(side * 10.5, 0.0, 14.0), v(9.5, 11.0, 16.5));
         smooth_union([upper, lower], 5.0 * scale)
     };
-    // The chest wall bounds the lungs, within the ribs.
+    // The chest wall bounds the lungs, inside the ribs.
     let cage = trunk::trunk(attitude, 6.0);
     let lungs = union([lung(1.0), lung(-1.0)]).smooth_intersect(cage, 2.0);
     let line = |level: f32, left: f32, ventral: f32, radius: f32| attitude.knot(level, left, ventral, radius);

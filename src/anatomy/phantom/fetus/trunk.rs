@@ -1,4 +1,4 @@
-//! Shape of the trunk: circles along a line in front of the spine.
+//! Shape of the fetal trunk: circles along a line in front of the spine.
 
 use glam::Vec3;
 
@@ -7,10 +7,10 @@ use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep};
 
 /// Level of the stomach and the umbilical vein, where the abdominal circumference is measured: between T11 and T12.
 pub(in crate::anatomy::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
-/// Level where the cord enters.
+/// Level of the umbilical cord's insertion.
 pub(in crate::anatomy::phantom) const NAVEL_LEVEL: f32 = 21.2;
 
-/// Level, radius at the skin relative to that of the abdomen.
+/// Level, and radius at the skin relative to that of the abdomen.
 const PROFILE: [(f32, f32); 11] = [
     (2.5, 0.42),
     (5.0, 0.46),
@@ -25,12 +25,12 @@ const PROFILE: [(f32, f32); 11] = [
     (28.0, 0.56),
 ];
 
-/// Radius of the drawn abdomen, mm: 175 mm about it.
+/// Radius of the drawn abdomen, mm: its circumference is 175 mm.
 const ABDOMEN_RADIUS_MM: f32 = 175.0 / std::f32::consts::TAU;
-/// Skin behind the centres of the vertebral bodies as drawn, mm.
+/// Distance of the skin behind the centres of the vertebral bodies, mm as drawn.
 const BACK_MM: f32 = 9.0;
 
-/// The knots of the trunk: centre and radius at the skin, mm.
+/// Knots of the trunk: centre and radius at the skin, mm.
 pub(super) fn knots(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     let knots = PROFILE.iter().map(|&(level, relative)| {
         let radius = relative * ABDOMEN_RADIUS_MM;
@@ -39,7 +39,7 @@ pub(super) fn knots(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     knots.collect()
 }
 
-/// The trunk and neck up to `under_skin` (mm as drawn) below the skin, fetal frame.
+/// Trunk and neck up to `under_skin` (mm as drawn) below the skin, fetal frame.
 pub(super) fn trunk(attitude: &Attitude, under_skin: f32) -> Solid {
     let under_skin = under_skin * attitude.biometry.trunk_scale();
     let line = catmull_rom(&knots(attitude), 8);
@@ -53,20 +53,20 @@ pub(super) fn drawn_radius(level: f32) -> f32 {
     ABDOMEN_RADIUS_MM * (ra + (rb - ra) * ((level - la) / (lb - la)).clamp(0.0, 1.0))
 }
 
-/// Centre of the trunk's circle at `level`, fetal frame.
+/// Centre of the trunk's circle at `level`, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn trunk_centre(attitude: &Attitude, level: f32) -> Vec3 {
     attitude.trunk(level, 0.0, drawn_radius(level) - BACK_MM)
 }
 
-/// The point `depth` (mm as drawn) under the trunk's skin at `level`, at `angle` from the back towards `side`.
+/// Point at `depth` (mm as drawn) under the trunk's skin at `level`, at `angle` from the back towards `side`.
 pub(super) fn under_skin(attitude: &Attitude, level: f32, side: f32, angle: f32, depth: f32) -> Vec3 {
     let radius = drawn_radius(level);
     let out = radius - depth;
     attitude.trunk(level, side * angle.sin() * out, radius - BACK_MM - angle.cos() * out)
 }
 
-/// Where the trunk's skin is met from its centre at `level` along each of the unit `directions` of the vertebra's frame,
-/// fetal frame.
+/// Points of the trunk's skin from its centre at `level` along each of the unit `directions` of the vertebra's frame;
+/// fetal frame, mm.
 pub(in crate::anatomy::phantom) fn skin_points<const N: usize>(
     attitude: &Attitude,
     level: f32,
@@ -84,7 +84,7 @@ pub(in crate::anatomy::phantom) fn skin_points<const N: usize>(
     })
 }
 
-/// Where the cord enters the belly's skin, fetal frame.
+/// Insertion of the umbilical cord in the belly's skin, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn navel(attitude: &Attitude) -> Vec3 {
     let [navel] = skin_points(attitude, NAVEL_LEVEL, [Vec3::Z]);
     navel

@@ -1,4 +1,4 @@
-//! Great arteries and veins, and the umbilical, portal and hepatic vessels in the belly.
+//! Fetal great arteries and veins, and the umbilical, portal and hepatic vessels in the belly.
 
 use glam::Vec3;
 
@@ -14,7 +14,7 @@ const WALL_MM: f32 = 0.4;
 /// Level, left, ventral and radius, mm as drawn.
 type Knot = (f32, f32, f32, f32);
 
-/// Ascending aorta from the left ventricle, arch, descending aorta to its fork.
+/// Ascending aorta from the left ventricle, arch, descending aorta to its bifurcation.
 const AORTA: &[Knot] = &[
     (13.3, 3.6, 21.5, 1.5),
     (12.4, 0.6, 19.6, 1.7),
@@ -26,7 +26,8 @@ const AORTA: &[Knot] = &[
     (18.0, 2.2, 5.4, 1.6),
     (22.3, 0.8, 5.4, 1.4),
 ];
-/// Pulmonary trunk from the right ventricle, crossing before the aorta, and the arterial duct to the descending aorta.
+/// Pulmonary trunk from the right ventricle, crossing in front of the aorta, and the arterial duct to the descending
+/// aorta.
 const PULMONARY: &[Knot] = &[
     (13.0, -1.0, 25.5, 1.6),
     (12.0, 2.2, 23.2, 1.8),
@@ -45,7 +46,8 @@ const PULMONARY_VEINS: [&[Knot]; 2] = [
 const SUPERIOR_CAVA: &[Knot] = &[(9.0, -4.5, 12.5, 1.3), (11.5, -5.0, 14.0, 1.45), (12.8, -4.4, 15.8, 1.5)];
 const INFERIOR_CAVA: &[Knot] =
     &[(13.9, -4.4, 15.2, 1.5), (15.5, -4.6, 13.0, 1.5), (18.0, -4.4, 8.4, 1.4), (22.3, -2.2, 5.6, 1.2)];
-/// In the plane of the circumference the vein runs backward and turns to the right like a hockey stick: the portal sinus.
+/// In the plane of the abdominal circumference the vein runs backward and turns right like a hockey stick: the portal
+/// sinus.
 const UMBILICAL_VEIN: &[Knot] = &[
     (NAVEL_LEVEL, 0.0, 41.5, 1.6),
     (19.6, 0.3, 38.5, 1.7),
@@ -67,15 +69,15 @@ const LIVER_VEINS: [&[Knot]; 7] = [
     &[(15.4, -4.6, 13.6, 0.9), (16.0, -5.0, 21.0, 0.8), (16.6, -6.0, 29.0, 0.6)],
     &[(15.4, -4.2, 13.6, 0.9), (15.9, 1.5, 21.0, 0.7), (16.4, 6.0, 27.0, 0.6)],
 ];
-/// The venous duct, narrow, from the portal sinus to the cava.
+/// Venous duct, narrow, from the portal sinus to the cava.
 const VENOUS_DUCT: &[Knot] = &[(17.7, -1.6, 23.0, 0.6), (16.6, -3.2, 18.0, 0.6), (15.6, -4.4, 14.0, 0.9)];
 
-/// Turn of the umbilical vein into the portal sinus, fetal frame.
+/// Turn of the umbilical vein into the portal sinus, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn portal_sinus(attitude: &Attitude) -> Vec3 {
     attitude.trunk(PORTAL_SINUS.0, PORTAL_SINUS.1, PORTAL_SINUS.2)
 }
 
-/// Middle of the descending aorta at `level`, fetal frame.
+/// Centre of the descending aorta at `level`, fetal frame, mm.
 pub(in crate::anatomy::phantom) fn descending_aorta(attitude: &Attitude, level: f32) -> Vec3 {
     let i = AORTA.iter().position(|k| k.0 >= level && k.2 < 7.0).unwrap_or(AORTA.len() - 1).max(1);
     let (a, b) = (AORTA[i - 1], AORTA[i]);
@@ -83,7 +85,7 @@ pub(in crate::anatomy::phantom) fn descending_aorta(attitude: &Attitude, level: 
     attitude.trunk(level, a.1 + (b.1 - a.1) * t, a.2 + (b.2 - a.2) * t)
 }
 
-/// Blood and the walls about it.
+/// Blood and vessel walls.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let scale = attitude.biometry.trunk_scale();
     vec![

@@ -1,6 +1,6 @@
 //! Skin, fat, fasciae, muscles and peritoneum of a pregnant belly, and the tissue inside.
 //!
-//! Thin layers are the difference of thick closed solids: each layer's solid reaches inward to where the next one, of
+//! Thin layers are the difference of thick closed solids. Each layer's solid extends inward to where the next one, of
 //! higher priority, hides it, so that a layer of half a millimetre needs no fine mesh.
 
 use glam::Vec3;
@@ -11,7 +11,7 @@ use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{Bounds, Solid, ellipsoid, half_space, rounded_box, smooth_union};
 
-/// Height of the belly's skin above the cavity of the reference at [`REFERENCE_FAT_MM`], mm.
+/// Height of the belly's skin above the reference cavity at [`REFERENCE_FAT_MM`], mm.
 const BELLY_ABOVE_CAVITY_MM: f32 = 33.0;
 
 pub(super) const SKIN_MM: f32 = 2.0;
@@ -22,16 +22,16 @@ const POSTERIOR_FASCIA_MM: f32 = 0.5;
 const PREPERITONEAL_FAT_MM: f32 = 0.8;
 const PERITONEUM_MM: f32 = 0.5;
 
-/// Depths under the deep fascia's outer side where flat muscles and the fasciae between them begin, mm: external
-/// oblique, fascia, internal oblique, fascia, transversus. They thin in pregnancy; their relative thicknesses are
-/// after Rankin et al., Muscle Nerve 34:320 (2006).
+/// Depths under the deep fascia's outer side at which flat muscles and the fasciae between them begin, mm: external
+/// oblique, fascia, internal oblique, fascia, transversus. They thin in pregnancy; their relative thicknesses are after
+/// Rankin et al., Muscle Nerve 34:320 (2006).
 const FLAT_MUSCLES_MM: [f32; 5] = [FASCIA_MM, 3.0, 3.4, 6.0, 6.4];
 
-/// The wall's layers, from the deep fascia outward and inward.
+/// Layers of the wall, outward and inward from the deep fascia.
 pub(super) struct AbdominalWall {
-    /// Everything under the fat, up to the deep fascia's outer side.
+    /// Everything inside the deep fascia's outer side.
     under_fat: Solid,
-    /// Subcutaneous fat, mm.
+    /// Thickness of the subcutaneous fat, mm.
     pub(super) fat_mm: f32,
     proportions: Proportions,
 }
@@ -50,12 +50,12 @@ impl AbdominalWall {
         Self { under_fat, fat_mm: parameters.maternal_fat_mm as f32, proportions }
     }
 
-    /// The torso up to `depth_mm` below the skin's outer side.
+    /// Torso up to `depth_mm` below the skin's outer side.
     pub(super) fn under_skin(&self, depth_mm: f32) -> Solid {
         self.under_fat.grown(self.fat_mm + SKIN_MM - depth_mm)
     }
 
-    /// What the abdominal wall encloses.
+    /// Space enclosed by the abdominal wall.
     pub(super) fn interior(&self) -> Solid {
         let inside = MUSCLE_MM + FASCIA_MM + POSTERIOR_FASCIA_MM + PREPERITONEAL_FAT_MM + PERITONEUM_MM;
         self.under_fat.grown(-inside)
@@ -114,15 +114,15 @@ impl AbdominalWall {
         organs
     }
 
-    /// Half the distance between the lineae semilunares, where recti and flat muscles meet.
+    /// Half the distance between the lineae semilunares, where recti and flat muscles meet, mm.
     fn semilunaris_mm(&self) -> f32 {
         76.0 + 0.5 * self.proportions.excess.x
     }
 
-    /// Both recti beside the linea alba, which is wide in pregnancy because they part.
+    /// Both recti beside the linea alba, which is wide in pregnancy because they separate.
     fn recti(&self) -> Solid {
         let sheath = self.under_fat.grown(-FASCIA_MM);
-        // As deep as a cell needs; what is below the posterior sheath is hidden.
+        // As deep as a mesh cell needs; the part below the posterior sheath is hidden.
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
         let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
         let alba = half_space(Vec3::X * (4.0 + 0.1 * self.proportions.excess.x.max(0.0)), Vec3::NEG_X);
@@ -133,8 +133,8 @@ impl AbdominalWall {
         Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
     }
 
-    /// What is deeper than `depth_mm` under the fat, or nearer to it behind the linea alba, which is thinner than the
-    /// muscles beside it.
+    /// Region deeper than `depth_mm` under the fat; shallower behind the linea alba, which is thinner than the muscles
+    /// beside it.
     fn behind_linea_alba(&self, depth_mm: f32) -> Solid {
         let half_width = 4.0 + 0.1 * self.proportions.excess.x.max(0.0);
         let thinner = MUSCLE_MM - 1.6;
@@ -156,12 +156,12 @@ impl AbdominalWall {
         Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
     }
 
-    /// Where the belly's front ends and its flanks begin.
+    /// Coordinate at which the belly's front ends and its flanks begin, mm.
     fn front_mm(&self) -> f32 {
         -20.0 + self.proportions.skeleton_shift().z
     }
 
-    /// The flanks from `depth_mm` under the fat inward, beyond the lineae semilunares and before the loins.
+    /// Flanks from `depth_mm` under the fat inward, beyond the lineae semilunares and in front of the loins.
     fn flat_muscle(&self, depth_mm: f32) -> Solid {
         let layer = self.under_fat.grown(-depth_mm);
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 12.0));
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn the_uterus_lies_within_the_wall() {
+    fn the_uterus_is_inside_the_wall() {
         for weeks in [16.0, 22.0, 34.0] {
             for lie in [crate::anatomy::phantom::parameters::Lie::Cephalic] {
                 let p = Parameters { gestational_weeks: weeks, lie, ..Parameters::default() };

@@ -9,10 +9,10 @@ use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{ellipsoid, smooth_union};
 
-/// Middle of the urine beside the reference's cavity, mm.
+/// Centre of the urine in the reference body, mm.
 const CENTRE_22_MM: Vec3 = Vec3::new(0.0, -118.0, 19.0);
 
-/// Middle of the bladder's urine, mm.
+/// Centre of the bladder's urine, mm.
 pub(in crate::anatomy::phantom) fn bladder_centre(parameters: &Parameters) -> Vec3 {
     let shift = Proportions::of(parameters).skeleton_shift();
     CENTRE_22_MM + shift
@@ -28,7 +28,7 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
         ],
         8.0,
     )
-    // The uterus presses its roof in; the wall of the belly bounds it.
+    // The uterus indents its roof; the wall of the belly bounds it.
     .smooth_intersect(wall.interior().grown(-4.0), 6.0);
     vec![
         organ("maternal_bladder_wall", "muscle", 24, 2.8, 8.0, urine.grown(3.0)),

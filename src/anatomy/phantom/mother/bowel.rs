@@ -1,4 +1,4 @@
-//! Loops of bowel beside and above the uterus, with gas in them.
+//! Loops of the mother's bowel beside and above the uterus, with gas in them.
 
 use glam::Vec3;
 
@@ -10,12 +10,12 @@ use crate::anatomy::phantom::organ::Organ;
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, smooth_union, sphere, sweep, union};
 
-/// Radius of a loop at its outer side, mm.
+/// Outer radius of a loop, mm.
 const RADIUS_MM: f32 = 10.0;
 /// Thickness of a loop's wall, mm.
 const WALL_MM: f32 = 2.0;
 
-/// Knots of the loops beside the reference's uterus: descending colon, transverse colon with small bowel under it,
+/// Knots of the loops beside the reference uterus: descending colon, transverse colon with small bowel under it,
 /// ascending colon; then small bowel beside the uterus.
 const LOOPS_22_MM: [&[[f32; 3]]; 5] = [
     &[[92.0, -36.0, -46.0], [94.0, -4.0, -40.0], [92.0, 30.0, -42.0], [90.0, 62.0, -30.0], [82.0, 94.0, -10.0]],
@@ -40,7 +40,7 @@ const LOOPS_22_MM: [&[[f32; 3]]; 5] = [
     &[[84.0, 14.0, -14.0], [92.0, 34.0, -12.0], [84.0, 54.0, -8.0], [78.0, 76.0, 4.0], [66.0, 88.0, 20.0]],
 ];
 
-/// The middle lines of the loops, each point with its outer radius.
+/// Centre lines of the loops, each point with its outer radius.
 fn lines(parameters: &Parameters) -> Vec<Vec<(Vec3, f32)>> {
     let proportions = Proportions::of(parameters);
     let seed = parameters.seed;
@@ -52,7 +52,7 @@ fn lines(parameters: &Parameters) -> Vec<Vec<(Vec3, f32)>> {
         };
         let knots: Vec<(Vec3, f32)> = knots.iter().enumerate().map(at).collect();
         let mut points = catmull_rom(&knots, 9);
-        // The colon's pouches, every 18 mm.
+        // Haustra of the colon, every 18 mm.
         let mut length = 0.0;
         for i in 0..points.len() {
             length += points[i].0.distance(points[i.saturating_sub(1)].0);
@@ -63,20 +63,20 @@ fn lines(parameters: &Parameters) -> Vec<Vec<(Vec3, f32)>> {
     LOOPS_22_MM.iter().enumerate().map(line).collect()
 }
 
-/// The loops shrunk by `inside_mm`, within the belly.
+/// Loops shrunk by `inside_mm`, inside the belly.
 fn loops(lines: &[Vec<(Vec3, f32)>], inside_mm: f32, interior: &Solid) -> Solid {
     let tube = |line: &Vec<(Vec3, f32)>| sweep(&line.iter().map(|&(p, r)| (p, r - inside_mm)).collect::<Vec<_>>());
     union(lines.iter().map(tube)).smooth_intersect(interior.grown(-1.0 - inside_mm), 3.0)
 }
 
-/// Pockets of gas, which rise to the front of the lumen; of uneven size.
+/// Pockets of gas of uneven size, which rise to the front of the lumen.
 fn gas(parameters: &Parameters, lines: &[Vec<(Vec3, f32)>]) -> Solid {
     let seed = parameters.seed;
     let mut pockets = Vec::new();
     for (n, line) in lines.iter().enumerate() {
         for (i, &(p, r)) in line.iter().enumerate().skip(2).step_by(3) {
             let key = 500 + 60 * n as u64 + i as u64;
-            // A third of the lumen holds none.
+            // A third of the lumen contains none.
             if random(seed, key) > 0.34 {
                 let radius = (r - WALL_MM) * (0.45 + 0.2 * random(seed, key + 3000));
                 let up = Vec3::Z * (r - WALL_MM - radius - 0.5);

@@ -1,4 +1,4 @@
-//! The umbilical cord: jelly about a vein and two arteries that wind around it.
+//! Umbilical cord: jelly about a vein and two arteries that wind around it.
 
 use std::f32::consts::TAU;
 
@@ -16,18 +16,18 @@ use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 /// Radius at 22 weeks, mm (Weissman et al., J Ultrasound Med 13:11, 1994: about 10 to 11 mm across).
 const CORD_RADIUS_22_MM: f32 = 5.2;
 const VESSEL_WALL_MM: f32 = 0.35;
-/// Vein's and arteries' radius and distance from the middle, in parts of the cord's radius.
+/// Radius and distance from the centre of vein and arteries, in units of the cord's radius.
 const VEIN: [f32; 2] = [0.345, 0.365];
 const ARTERY: [f32; 2] = [0.20, 0.615];
 /// Length of a turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils a cm (Predanic et al., J Ultrasound Med 24:271,
 /// 2005).
 const PITCH_22_MM: f32 = 28.0;
-/// How far the cord reaches into placenta and fetus, mm.
+/// Depth to which the cord extends into placenta and fetus, mm.
 const ROOTED_MM: f32 = 5.0;
 
-/// Where the cord lies.
+/// Course of the umbilical cord.
 pub(super) struct Cord {
-    /// Centre line from within the placenta to within the fetus, scene frame.
+    /// Centre line from inside the placenta to inside the fetus, scene frame, mm.
     pub(super) line: Vec<Vec3>,
     pub(super) radius_mm: f32,
     pitch_mm: f32,
@@ -35,7 +35,7 @@ pub(super) struct Cord {
 }
 
 impl Cord {
-    /// The cord from where it enters the placenta's `body` to the `navel` of a `fetus`.
+    /// Cord from its insertion in the placenta's `body` to the `navel` of a `fetus`.
     pub(super) fn of(
         parameters: &Parameters,
         placenta: &Placenta,
@@ -62,7 +62,7 @@ impl Cord {
         Self { line, radius_mm, pitch_mm, phase: TAU * random(seed, 2003) }
     }
 
-    /// The vessel `offset` from the middle and `radius` wide, in parts of the cord's radius, that starts at `phase`.
+    /// Vessel of `radius` at `offset` from the centre, both in units of the cord's radius, starting at `phase`.
     fn winding(&self, [radius, offset]: [f32; 2], phase: f32, grown_mm: f32) -> Solid {
         let line = &self.line;
         let mut across = (line[1] - line[0]).any_orthonormal_vector();
@@ -70,7 +70,7 @@ impl Cord {
         let points: Vec<(Vec3, f32)> = (0..line.len())
             .map(|i| {
                 let tangent = (line[(i + 1).min(line.len() - 1)] - line[i.saturating_sub(1)]).normalize_or(Vec3::Y);
-                // Carried along without twist of its own.
+                // Transported along the line without twist of its own.
                 across = (across - tangent * across.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
                 length += line[i].distance(line[i.saturating_sub(1)]);
                 let angle = self.phase + phase + TAU * length / self.pitch_mm;

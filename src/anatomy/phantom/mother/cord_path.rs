@@ -1,7 +1,7 @@
-//! The way of the umbilical cord through the fluid: from the placenta to the navel, past the fetus.
+//! Course of the umbilical cord through the fluid: from the placenta to the navel, past the fetus.
 //!
-//! A search over a grid finds a way with room on all sides, by way of two places with much fluid, so that the cord
-//! hangs in loops. Relaxation then straightens it, pushed off the fetus, the wall, the placenta and itself.
+//! A grid search finds a path with clearance on all sides, via two places with much fluid, so that the cord hangs in
+//! loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and itself.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -12,16 +12,16 @@ use rayon::prelude::*;
 use super::vary::random;
 use crate::anatomy::phantom::sdf::Solid;
 
-/// Least room beside the cord, mm.
+/// Smallest clearance beside the cord, mm.
 const ROOM_MM: f32 = 1.0;
 /// Nodes along the longest axis of the grid.
 const NODES: f32 = 56.0;
 /// Rounds of relaxation.
 const ROUNDS: usize = 90;
 
-/// What the cord runs between.
+/// Obstacles around the cord.
 pub(super) struct Surroundings<'a> {
-    /// The cavity, which it must not leave.
+    /// Uterine cavity, which the cord must not leave.
     pub(super) cavity: &'a Solid,
     /// The placenta, scene frame.
     pub(super) placenta: &'a Solid,
@@ -29,7 +29,7 @@ pub(super) struct Surroundings<'a> {
     pub(super) fetus: &'a Solid,
 }
 
-/// An end of the cord: where, and the direction into the fluid.
+/// End of the cord: its position and the direction into the fluid.
 #[derive(Clone, Copy)]
 pub(super) struct End {
     pub(super) at: Vec3,
@@ -37,12 +37,12 @@ pub(super) struct End {
 }
 
 impl Surroundings<'_> {
-    /// Room about `p`, mm; negative in an obstacle.
+    /// Clearance at `p`, mm; negative inside an obstacle.
     fn clearance_mm(&self, p: Vec3) -> f32 {
         (-self.cavity.distance_mm(p)).min(self.placenta.distance_mm(p)).min(self.fetus.distance_mm(p))
     }
 
-    /// Direction to more room.
+    /// Direction of increasing clearance.
     fn uphill(&self, p: Vec3) -> Vec3 {
         const STEP_MM: f32 = 0.5;
         let d = |e: Vec3| self.clearance_mm(p + e * STEP_MM) - self.clearance_mm(p - e * STEP_MM);
@@ -50,7 +50,7 @@ impl Surroundings<'_> {
     }
 }
 
-/// Points of the cord's centre line, some 3 mm apart, from the placenta to the navel.
+/// Points of the cord's centre line, about 3 mm apart, from the placenta to the navel.
 pub(super) fn route(around: &Surroundings, placenta: End, navel: End, radius_mm: f32, seed: u64) -> Vec<Vec3> {
     let grid = Grid::of(around, radius_mm);
     let lift = radius_mm + ROOM_MM;
@@ -76,7 +76,7 @@ struct Grid {
     size: IVec3,
     cell_mm: f32,
     clearance_mm: Vec<f32>,
-    /// Room that the cord asks for, from its middle.
+    /// Clearance required by the cord, from its centre, mm.
     need_mm: f32,
 }
 
@@ -108,7 +108,7 @@ impl Grid {
         self.index(at).unwrap_or(0)
     }
 
-    /// The 26 neighbours and how far they are.
+    /// The 26 neighbours and their distances.
     fn neighbours(&self, index: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
         let (x, y) = (self.size.x as usize, self.size.y as usize);
         let at = IVec3::new((index % x) as i32, (index / x % y) as i32, (index / (x * y)) as i32);
@@ -118,7 +118,7 @@ impl Grid {
         })
     }
 
-    /// Cost of a mm at a node: tight places are dear, obstacles a last resort.
+    /// Cost per mm at a node: narrow places are expensive, obstacles a last resort.
     fn price(&self, index: usize) -> f32 {
         let clearance = self.clearance_mm[index];
         let lack = ((self.need_mm - clearance) / self.need_mm).clamp(0.0, 1.0);
@@ -126,11 +126,11 @@ impl Grid {
         1.0 + comfort + 12.0 * lack * lack + if clearance < 0.5 { 60.0 - 4.0 * clearance.min(0.0) } else { 0.0 }
     }
 
-    /// Costs from `from` to every node and the node before each.
+    /// Dijkstra's algorithm: cost from `from` to every node, and the predecessor of each.
     fn spread(&self, from: usize, to: Option<usize>, price: &[f32]) -> (Vec<f32>, Vec<usize>) {
         let mut cost = vec![f32::MAX; price.len()];
         let mut before = vec![usize::MAX; price.len()];
-        // Costs are positive, so their bits sort as they do.
+        // Costs are positive, so their bits have the same order.
         let mut queue = BinaryHeap::from([(Reverse(0u32), from)]);
         cost[from] = 0.0;
         while let Some((Reverse(bits), node)) = queue.pop() {
@@ -152,7 +152,7 @@ impl Grid {
         (cost, before)
     }
 
-    /// Two places with much fluid, apart from the ends and from each other, that the cord can reach.
+    /// Two places with much fluid, distant from the ends and from each other, that the cord can reach.
     fn stops(&self, from: Vec3, to: Vec3, seed: u64) -> Vec<Vec3> {
         let price: Vec<f32> = (0..self.clearance_mm.len()).map(|i| self.price(i)).collect();
         let (cost, _) = self.spread(self.node(from), None, &price);
@@ -167,7 +167,7 @@ impl Grid {
                 apart + 2.0 * room + 1.5 * self.need_mm * random(seed, 5000 + 100_000 * stop + i as u64)
             };
             let free = (0..price.len()).filter(|&i| {
-                // Reached without an obstacle on the way.
+                // Reachable without an obstacle on the way.
                 self.clearance_mm[i] > 1.1 * self.need_mm
                     && cost[i] < 5.0 * self.place(i).distance(from) + 20.0 * self.need_mm
                     && self.place(i).distance(from) < 16.0 * self.need_mm
@@ -177,12 +177,12 @@ impl Grid {
                 taken.push(self.place(best));
             }
         }
-        // The one that is nearer to the placenta comes first.
+        // The one nearer to the placenta comes first.
         stops.sort_by(|a, b| a.distance(from).total_cmp(&b.distance(from)));
         stops
     }
 
-    /// The cheapest way between two points that keeps off `earlier` parts of the cord.
+    /// Cheapest path between two points that avoids `earlier` parts of the cord.
     fn path(&self, from: Vec3, to: Vec3, earlier: &[Vec3]) -> Vec<Vec3> {
         let joint = 2.5 * self.need_mm;
         let width = 2.0 * self.need_mm;
@@ -207,7 +207,7 @@ impl Grid {
     }
 }
 
-/// Points `step_mm` apart along `line`, its ends among them.
+/// Points `step_mm` apart along `line`, including its ends.
 fn resample(line: &[Vec3], step_mm: f32) -> Vec<Vec3> {
     let length: f32 = line.windows(2).map(|p| p[0].distance(p[1])).sum();
     let count = (length / step_mm).round().max(8.0) as usize;
@@ -226,8 +226,8 @@ fn resample(line: &[Vec3], step_mm: f32) -> Vec<Vec3> {
     points
 }
 
-/// Straightens `line` while it keeps off everything, held near `anchors` at first, leaving its ends along their
-/// directions.
+/// Straightens `line` while keeping clear of everything. Points stay near `anchors` at first, and the ends leave along
+/// their directions.
 fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2], radius_mm: f32) -> Vec<Vec3> {
     let need = radius_mm + ROOM_MM;
     let step_mm = 0.6 * radius_mm;
@@ -246,7 +246,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
                 }
             }
             moved += off_itself(&old, i, radius_mm);
-            // Loops are held until they have found their room.
+            // Loops are held in place until they have found their room.
             if round < ROUNDS * 2 / 3 {
                 for anchor in anchors {
                     let pull = (1.0 - here.distance(*anchor) / (2.0 * need)).max(0.0);
@@ -254,7 +254,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
                 }
             }
             *p = here + moved.clamp_length_max(0.5 * step_mm);
-            // At its ends the cord meets what it keeps off elsewhere.
+            // At its ends the cord touches the obstacles that it avoids elsewhere.
             let from_end = p.distance(ends[0].at).min(p.distance(ends[1].at));
             let need = need.min(0.9 * from_end);
             let lack = need - around.clearance_mm(*p);
@@ -279,10 +279,10 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
     line
 }
 
-/// What point `i` of `line` is moved by so that parts of the cord that are not neighbours keep apart.
+/// Displacement of point `i` of `line` that keeps non-adjacent parts of the cord apart.
 fn off_itself(line: &[Vec3], i: usize, radius_mm: f32) -> Vec3 {
     let least = 2.0 * radius_mm + 2.0 * ROOM_MM;
-    // The nearest stands for all: the others beside it push the same way.
+    // The nearest one suffices: its neighbours push the same way.
     let nearest = line
         .iter()
         .enumerate()

@@ -1,7 +1,8 @@
 //! Septa of the subcutaneous fat: a slab of connective tissue over the belly's front, filled with lobules of fat.
 //!
-//! What the lobules leave free are sheets half a millimetre thin. Lobules of a lattice are spread over eight surfaces
-//! by the parity of their place, so that two of a surface are a lobule apart and a coarse mesh keeps them apart.
+//! The gaps between lobules are sheets half a millimetre thin. Lobules of a lattice are distributed over eight surfaces
+//! by the parity of their indices. Two lobules of one surface are thus a lobule apart, and a coarse mesh keeps them
+//! separate.
 
 use glam::Vec3;
 
@@ -14,29 +15,31 @@ use crate::anatomy::phantom::sdf::{Bounds, Solid};
 
 /// Thickness of a septum, mm.
 const SEPTUM_MM: f32 = 0.5;
-/// Lobules across and along the belly.
+/// Number of lobules across and along the belly.
 const LOBULES: [i32; 2] = [7, 9];
-/// How deep a lobule is, about, mm.
+/// Approximate depth of a lobule, mm.
 const LOBULE_DEPTH_MM: f32 = 6.5;
 /// Most layers of lobules: thick fat has larger ones.
 const LAYERS_MAX: i32 = 3;
-/// The axis about which places across the belly are angles, above the origin, mm.
+/// Height above the origin of the axis about which positions across the belly are angles, mm.
 const AXIS_Z_MM: f32 = -40.0;
-/// Lobules of fat up to [`MODERATE_FAT_MM`] reach this far beyond their straight lattice at the most, mm.
+/// Largest deviation of the lobules from their straight lattice for fat up to [`MODERATE_FAT_MM`], mm.
 const BENT_MM: f32 = 24.0;
-/// A mm of fat above this makes oblique septa reach a mm farther along and beside, and as the belly's ends fall off, deeper.
+/// Fat thickness above which oblique septa extend farther, mm: each additional mm of fat adds a mm along and across the
+/// belly, and, as the belly's ends fall off, more depth.
 const MODERATE_FAT_MM: f32 = 14.0;
 const DEEPER: f32 = 2.5;
-/// The slab begins this far under the skin, the lobules a little above it: no septum lies along its outer side.
+/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum lies along that
+/// side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
-/// Places in the fat: across and along the belly, and depth under the skin's outer side.
+/// Coordinates in the fat: across and along the belly, and depth under the skin's outer side.
 #[derive(Clone)]
 struct Lattice {
     skin: Solid,
     /// Extent of the septa across and along the belly, from the middle, mm.
     half_mm: [f32; 2],
-    /// Radius that turns the angle about the axis into a length, mm.
+    /// Radius that converts the angle about the axis to a length, mm.
     radius_mm: f32,
     layers: i32,
     fat_mm: f32,
@@ -70,12 +73,12 @@ impl Lattice {
         }
     }
 
-    /// Across and along the belly and depth, mm.
+    /// Coordinates of a point: across and along the belly, and depth, mm.
     fn place(&self, p: Vec3) -> Vec3 {
         Vec3::new(self.radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y, -self.skin.distance_mm(p))
     }
 
-    /// The place in units of lobules, bent so that septa are wavy; oblique where they go deep.
+    /// Coordinates in units of lobules, bent so that septa are wavy; oblique at depth.
     fn bent(&self, q: Vec3) -> Vec3 {
         let f = &self.phases;
         let part = ((q.z - SKIN_MM) / self.fat_mm).clamp(0.0, 1.0);
@@ -93,28 +96,28 @@ impl Lattice {
         (self.fat_mm + 0.2) / self.layers as f32
     }
 
-    /// The slab in which the septa lie.
+    /// Slab that contains the septa.
     fn slab(&self) -> Solid {
         let lattice = self.clone();
-        // Within the outermost lobules, so that no side of the slab is bare.
+        // Inside the outermost lobules, so that no side of the slab is bare.
         let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
             let q = lattice.place(p);
-            // Down into the fascia, which hides it.
+            // Extends into the fascia, which hides it.
             let deep = q.z - (SKIN_MM + lattice.fat_mm + 3.0);
             let beside = (q.x.abs() - across).max(q.y.abs() - along);
             beside.max(deep).max(SKIN_MM + SLAB_UNDER_SKIN_MM - q.z)
         })
     }
 
-    /// The lobules of one parity.
+    /// Lobules of one parity.
     fn lobules(&self, parity: [i32; 3]) -> Solid {
         let lattice = self.clone();
         let [across, along] = self.half_mm;
         let size = Vec3::new(2.0 * across / LOBULES[0] as f32, 2.0 * along / LOBULES[1] as f32, self.layer_mm());
         let rounding = 0.2 * size.z.min(10.0);
         let core = 0.5 * (size - SEPTUM_MM) - rounding;
-        // The nearest of the lattice's numbers with the parity, within 0..count.
+        // Nearest lattice index of that parity, within 0..count.
         let nearest = |x: f32, parity: i32, count: i32| {
             let i = 2 * ((x - 0.5 - parity as f32) * 0.5).round() as i32 + parity;
             let last = (count - 1) - (count - 1 - parity).rem_euclid(2);
@@ -123,7 +126,7 @@ impl Lattice {
         Solid::new(self.bounds(), move |p| {
             let q = lattice.bent(lattice.place(p));
             let j = nearest((q.y + along) / size.y, parity[1], LOBULES[1]);
-            // Rows are set off like bricks.
+            // Rows are offset like bricks.
             let offset = if j % 2 == 0 { 0.25 } else { -0.25 };
             let i = nearest((q.x + across) / size.x - offset, parity[0], LOBULES[0]);
             let k = nearest((q.z - SKIN_MM - 0.2) / size.z, parity[2], lattice.layers);

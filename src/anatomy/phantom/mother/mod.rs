@@ -1,7 +1,7 @@
-//! The mother: abdominal wall, uterus with placenta and cord, and what lies around it.
+//! The mother: abdominal wall, uterus with placenta and cord, and surrounding organs.
 //!
-//! Sizes follow [`Parameters`]: [`proportions`] says how large the cavity is and where that moves everything else;
-//! [`vary`] gives the small differences from one individual to the next.
+//! Sizes follow [`Parameters`]: [`proportions`] gives the size of the cavity and the resulting displacement of
+//! everything else; [`vary`] gives the small differences between individuals.
 
 mod abdominal_wall;
 mod bladder;
@@ -51,7 +51,7 @@ pub(super) fn cavity(parameters: &Parameters) -> Solid {
     uterus::cavity(cavity_semi_mm(parameters))
 }
 
-/// Every surface of the mother, with placenta, cord and fluid.
+/// All surfaces of the mother, with placenta, cord and fluid.
 pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ> {
     let outline = fetus::outline(attitude).placed(attitude.scene_from_fetus);
     let ventral = attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z);
@@ -59,7 +59,7 @@ pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ>
     organs_around(parameters, &outline, navel)
 }
 
-/// Every surface of the mother of a fetus with the given skin and navel, scene frame.
+/// All surfaces of the mother of a fetus with the given skin and navel, scene frame.
 fn organs_around(parameters: &Parameters, fetus: &Solid, navel: End) -> Vec<Organ> {
     let wall = AbdominalWall::of(parameters);
     let placenta = Placenta::of(parameters);

@@ -21,7 +21,7 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     ]
 }
 
-/// The cartilage between the pubic bones, 5 mm wide and more in pregnancy.
+/// Cartilage between the pubic bones, 5 mm wide and more in pregnancy.
 fn symphysis() -> Solid {
     rounded_box(Vec3::new(0.0, -143.0, -2.0), Vec3::new(5.0, 16.0, 9.0), 3.0)
 }

@@ -1,4 +1,4 @@
-//! The placenta: its site, its body between basal and chorionic plate, its lobes and lakes of blood, and its bed.
+//! The placenta: its site, its body between basal and chorionic plate, its lobes and blood lakes, and its bed.
 
 use std::f32::consts::TAU;
 
@@ -13,31 +13,31 @@ use crate::anatomy::phantom::sdf::{Bounds, Solid, smooth_union, sphere};
 
 /// Radius at 22 weeks, mm.
 const RADIUS_22_MM: f32 = 72.0;
-/// Greatest thickness, mm.
+/// Largest thickness, mm.
 const THICKNESS_MAX_MM: f32 = 40.0;
-/// How far it reaches into the wall, so that no film of fluid is left between.
+/// Depth to which it extends into the wall, so that no film of fluid remains between, mm.
 const SEATED_MM: f32 = 1.0;
 /// Thickness of the chorionic and the basal plate, mm.
 const PLATE_MM: f32 = 0.8;
 /// Width of a lobe at 22 weeks, mm.
 const LOBE_22_MM: f32 = 29.0;
-/// By how much the lobes bulge on the fetal side, mm.
+/// Height of the lobes' bulges on the fetal side, mm.
 const LOBES_MM: f32 = 1.7;
-/// Least fluid between fetus and placenta, mm.
+/// Smallest layer of fluid between fetus and placenta, mm.
 const FETAL_GAP_MM: f32 = 2.5;
 /// Thickness of the hypoechoic zone of decidua and myometrium behind the placenta, mm.
 const BED_MM: f32 = 5.0;
 
-/// Where a placenta sits and how large it is.
+/// Site and size of a placenta.
 #[derive(Clone)]
 pub(super) struct Placenta {
     parameters: Parameters,
     cavity: Solid,
-    /// The point of the wall at its middle.
+    /// Point of the wall at its centre.
     wall: Vec3,
-    /// Outward normal there.
+    /// Outward normal at that point.
     outward: Vec3,
-    /// Middles of the lobes in the tangent plane.
+    /// Centres of the lobes in the tangent plane.
     lobes: std::sync::Arc<[Vec2]>,
 }
 
@@ -46,7 +46,7 @@ impl Placenta {
         let semi = cavity_semi_mm(parameters);
         let cavity = cavity(parameters);
         let seed = parameters.seed;
-        // In units of the cavity's half axes.
+        // In units of the cavity's semi-axes.
         let towards = match parameters.placenta {
             PlacentaSite::Anterior => Vec3::new(0.34, 0.44, 0.83),
             PlacentaSite::Posterior => Vec3::new(-0.22, 0.38, -0.90),
@@ -56,7 +56,7 @@ impl Placenta {
         };
         let about = Vec3::new(vary(seed, 701), vary(seed, 702), vary(seed, 703)) * 0.12;
         let direction = ((towards + about) * semi).normalize();
-        // The cavity is convex about the origin: bisect along the ray.
+        // The cavity is convex about the origin: bisection along the ray.
         let (mut inside, mut outside) = (0.0f32, 2.0 * semi.max_element());
         for _ in 0..40 {
             let middle = 0.5 * (inside + outside);
@@ -69,18 +69,18 @@ impl Placenta {
         placenta
     }
 
-    /// From its middle to its rim along the wall, mm. It grows less than the fetus.
+    /// Radius from centre to rim along the wall, mm. It grows less than the fetus.
     pub(super) fn radius_mm(&self) -> f32 {
         RADIUS_22_MM * growth(&self.parameters).powf(0.55) * (1.0 + 0.05 * vary(self.parameters.seed, 704))
     }
 
-    /// Thickness at its middle, mm: about that of the weeks in mm (Hoddick et al., J Ultrasound Med 4:479, 1985).
+    /// Thickness at its centre, mm: about as many mm as weeks (Hoddick et al., J Ultrasound Med 4:479, 1985).
     pub(super) fn thickness_mm(&self) -> f32 {
         let weeks = self.parameters.gestational_weeks as f32;
         (1.08 * weeks * (1.0 + 0.06 * vary(self.parameters.seed, 705))).min(THICKNESS_MAX_MM)
     }
 
-    /// Middle of its thickness, and the direction to the wall.
+    /// Centre in the middle of its thickness, and the direction to the wall.
     pub(super) fn centre(&self) -> (Vec3, Vec3) {
         (self.wall - self.outward * (0.5 * self.thickness_mm()), self.outward)
     }
@@ -97,13 +97,13 @@ impl Placenta {
         [across, self.outward.cross(across)]
     }
 
-    /// The point of the wall nearest to `(a, b)` of the tangent plane.
+    /// Point of the wall nearest to `(a, b)` of the tangent plane.
     pub(super) fn on_wall(&self, at: Vec2) -> Vec3 {
         let [a, b] = self.tangents();
         self.under_wall(self.wall + a * at.x + b * at.y, 0.0)
     }
 
-    /// The point near `p` that lies `depth_mm` under the wall.
+    /// Point near `p` at `depth_mm` under the wall.
     pub(super) fn under_wall(&self, p: Vec3, depth_mm: f32) -> Vec3 {
         (0..10).fold(p, |p, _| p - self.cavity.normal(p) * (self.cavity.distance_mm(p) + depth_mm))
     }
@@ -113,7 +113,7 @@ impl Placenta {
         -self.cavity.normal(on_wall)
     }
 
-    /// The fetal side of `body` under the point `on_wall`; none beyond the rim.
+    /// Point on the fetal side of `body` under the point `on_wall`; `None` beyond the rim.
     pub(super) fn fetal_side(&self, body: &Solid, on_wall: Vec3) -> Option<Vec3> {
         let inward = self.inward(on_wall);
         let (mut inside, mut outside) = (1.0f32, 1.6 * self.thickness_mm());
@@ -146,7 +146,7 @@ impl Placenta {
         centres
     }
 
-    /// How far `p` is from the border between two lobes, about, mm, seen from the wall.
+    /// Approximate distance of `p` from the border between two lobes, mm, seen from the wall.
     fn lobe_border_distance(&self, p: Vec3) -> f32 {
         let [a, b] = self.tangents();
         let at = Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b));
@@ -158,13 +158,13 @@ impl Placenta {
         0.5 * (second - nearest)
     }
 
-    /// Distance from the middle along the wall, about: the depth taken out of the straight distance.
+    /// Approximate distance from the centre along the wall, mm: the straight distance corrected for depth.
     fn along_mm(&self, p: Vec3) -> f32 {
         let depth = self.cavity.distance_mm(p);
         (p.distance_squared(self.wall) - depth * depth).max(0.0).sqrt()
     }
 
-    /// The whole organ, from just within the wall to its fetal side, pressed in where the `fetus` is near.
+    /// The whole organ, from just inside the wall to its fetal side, indented where the `fetus` is near.
     pub(super) fn body(&self, fetus: &Solid) -> Solid {
         let seated = self.cavity.grown(SEATED_MM);
         let reach = Vec3::splat(1.25 * self.radius_mm() + self.thickness_mm());
@@ -186,7 +186,7 @@ impl Placenta {
         lobed.smooth_intersect(seated, 3.0).smooth_subtract(fetus.grown(FETAL_GAP_MM), 5.0)
     }
 
-    /// What lies between the plates, cut part of the way by septa from the basal plate.
+    /// Parenchyma between the plates, partly divided by septa from the basal plate.
     fn parenchyma(&self, body: &Solid) -> Solid {
         let own = self.clone();
         let within = body.grown(-PLATE_MM);
@@ -203,7 +203,7 @@ impl Placenta {
         })
     }
 
-    /// Small lakes of blood between the villi, more of them later in pregnancy.
+    /// Small blood lakes between the villi, more of them later in pregnancy; `None` if there is no room.
     fn lakes(&self, body: &Solid) -> Option<Solid> {
         let seed = self.parameters.seed;
         let count = 5 + (0.4 * (self.parameters.gestational_weeks as f32 - 16.0)) as u64;
@@ -226,7 +226,7 @@ impl Placenta {
         (!lakes.is_empty()).then(|| smooth_union(lakes, 1.0).intersect(body.grown(-2.0)))
     }
 
-    /// Decidua and the myometrium next to it: a dark band within the wall.
+    /// Decidua and adjacent myometrium: a dark band within the wall.
     fn bed(&self) -> Solid {
         let own = self.clone();
         let radius = 0.92 * self.radius_mm();
@@ -234,7 +234,7 @@ impl Placenta {
         Solid::new(bounds, move |p| {
             let d = own.cavity.distance_mm(p);
             let u = own.along_mm(p) / radius;
-            // Thins to the rim; inward of the wall the placenta hides it.
+            // Thins towards the rim; inward of the wall the placenta hides it.
             (d - BED_MM * (1.0 - u * u * u * u)).max(-4.0 - d).max((u - 1.0) * radius)
         })
     }
@@ -257,8 +257,8 @@ impl Placenta {
         )
     }
 
-    /// Where the cord enters, on the fetal side of `body`, and the direction away from it: off the middle, where
-    /// `fetus` leaves most room.
+    /// Insertion of the cord on the fetal side of `body`, and the direction away from it: off the centre, where `fetus`
+    /// leaves most room.
     pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> (Vec3, Vec3) {
         let mut best = (f32::MIN, self.wall - self.outward * self.thickness_mm(), -self.outward);
         for ring in 0..7 {
@@ -269,7 +269,7 @@ impl Placenta {
                 let Some(fetal) = self.fetal_side(body, on_wall) else { continue };
                 let inward = self.inward(on_wall);
                 let thick = on_wall.distance(fetal);
-                // Room right before it and further on; a thin rim holds no cord.
+                // Room directly in front of it and further on; a thin rim can't hold a cord.
                 let room = |mm: f32| {
                     let p = fetal + inward * mm;
                     fetus.distance_mm(p).min(-self.cavity.distance_mm(p)).min(mm + 6.0)
@@ -285,7 +285,7 @@ impl Placenta {
         (best.1, best.2)
     }
 
-    /// Plates, parenchyma, lakes, bed and the vessels on the chorionic plate; `root` is where the cord enters.
+    /// Plates, parenchyma, lakes, bed and the vessels on the chorionic plate; `root` is the cord's insertion.
     pub(super) fn organs(&self, body: &Solid, root: Vec3) -> Vec<Organ> {
         let lakes = self.lakes(body).map(|lakes| organ("placental_lakes", "blood", 63, 1.0, 2.6, lakes));
         let parts = [
@@ -306,14 +306,14 @@ impl Placenta {
         self.parameters.seed
     }
 
-    /// `p` in the tangent plane.
+    /// Position of `p` in the tangent plane.
     pub(super) fn tangent_place(&self, p: Vec3) -> Vec2 {
         let [a, b] = self.tangents();
         Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b))
     }
 }
 
-/// Middle of the placenta's thickness, and the direction to the wall that bears it.
+/// Centre of the placenta in the middle of its thickness, and the direction to the wall that bears it.
 pub(in crate::anatomy::phantom) fn placenta_centre(parameters: &Parameters) -> (Vec3, Vec3) {
     Placenta::of(parameters).centre()
 }

@@ -1,4 +1,4 @@
-//! Vessels on the chorionic plate: from the cord's root to the rim, each forking twice.
+//! Vessels on the chorionic plate: from the cord's insertion to the rim, each branching twice.
 
 use std::f32::consts::TAU;
 
@@ -8,11 +8,11 @@ use super::placenta::Placenta;
 use super::vary::random;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 
-/// Main vessels at the root.
+/// Number of main vessels at the root.
 const TRUNKS: u64 = 5;
 /// Radius at the root, mm.
 const RADIUS_MM: f32 = 1.9;
-/// What covers a vessel on the fetal side, mm.
+/// Thickness of tissue over a vessel on the fetal side, mm.
 const COVER_MM: f32 = 0.9;
 
 /// All vessels, under the fetal side of the placenta's `body`.
@@ -24,7 +24,7 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
     for i in 0..TRUNKS {
         let r = |k: u64| random(seed, 1900 + 20 * i + k);
         let turn = TAU * (i as f32 + 0.7 * (r(0) - 0.5)) / TRUNKS as f32;
-        // To the rim, which is nearer on the root's side.
+        // Distance to the rim, which is shorter on the root's side.
         let toward = Vec2::from_angle(turn);
         let along = centre.dot(toward);
         let to_rim = -along + (along * along + reach * reach - centre.length_squared()).max(0.0).sqrt();
@@ -42,11 +42,11 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
             vessels.push(tube(placenta, body, &branch, 1.0, RADIUS_MM * (0.95 - 0.5 * from), 0.6));
         }
     }
-    // From the root to under the plate, all meet.
+    // From the root to below the plate, all meet.
     union(vessels)
 }
 
-/// A vessel under the fetal side along `line` of the tangent plane, thinning to `thin` of its radius.
+/// Vessel under the fetal side along `line` of the tangent plane, tapering to `thin` of its radius.
 fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, end: f32, radius_mm: f32, thin: f32) -> Solid {
     let knots: Vec<(Vec3, f32)> = (0..=7)
         .filter_map(|k| {

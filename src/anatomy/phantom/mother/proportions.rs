@@ -1,10 +1,10 @@
-//! How the mother's body makes room for the uterus as it grows.
+//! Size of the uterine cavity, and displacement of the mother's organs as it grows.
 
 use glam::Vec3;
 
 use crate::anatomy::phantom::parameters::{Lie, Parameters};
 
-/// Half axes of the cavity at 22 weeks with normal fluid, the fetus lying along the mother, mm.
+/// Semi-axes of the cavity at 22 weeks with normal fluid, the fetus lying along the mother, mm.
 const CAVITY_22_MM: Vec3 = Vec3::new(63.0, 103.0, 53.0);
 
 /// Thickness of the uterine wall, mm.
@@ -14,14 +14,17 @@ pub(super) const UTERINE_WALL_MM: f32 = 8.0;
 const FLUID_INDEX_22_MM: f32 = 140.0;
 
 /// Size of the fetus relative to 22 weeks: a parabola through Hadlock's biparietal diameter, abdominal circumference
-/// and femur length at 16, 22 and 34 weeks, each over its value at 22 (Radiology 152:497, 1984; means of the three).
+/// and femur length at 16, 22 and 34 weeks, each relative to its value at 22 (Radiology 152:497, 1984; means of the
+/// three).
 pub(super) fn growth(parameters: &Parameters) -> f32 {
     let weeks = parameters.gestational_weeks as f32 - 22.0;
     1.0 + 0.0583 * weeks - 0.000_28 * weeks * weeks
 }
 
-/// Half axes of the uterine cavity along x, y, z, mm: it grows with the fetus, is wide where that lies across, deep
-/// where its belly looks forward or back, and swells with the fluid.
+/// Semi-axes of the uterine cavity along x, y, z, mm.
+///
+/// It grows with the fetus and with the fluid. It is wide for a transverse lie, and deep for a fetus facing forward or
+/// back.
 pub(in crate::anatomy::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
     // A fetus is deeper from back to knees than from side to side.
     let turned = (parameters.roll_deg as f32).to_radians().sin().powi(2);
@@ -30,7 +33,7 @@ pub(in crate::anatomy::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Ve
     let long = CAVITY_22_MM.y;
     let stretched = 1.0 + 0.16 * (0.5 - parameters.flexion as f32).max(0.0);
     let fluid = (parameters.fluid_index_mm as f32 - FLUID_INDEX_22_MM) / 100.0;
-    // Little fluid leaves the fetus its room; much fluid swells the uterus.
+    // Little fluid still leaves the fetus its room; much fluid distends the uterus.
     let (aside, along) = if fluid < 0.0 { (0.05, 0.02) } else { (0.10, 0.06) };
     let (aside, along) = (1.0 + aside * fluid, stretched * (1.0 + along * fluid));
     let semi = match parameters.lie {
@@ -40,12 +43,12 @@ pub(in crate::anatomy::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Ve
     semi * growth(parameters)
 }
 
-/// Where the organs about the uterus are.
+/// Positions of the organs around the uterus.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Proportions {
-    /// Half axes of the cavity, mm.
+    /// Semi-axes of the cavity, mm.
     pub(super) cavity_semi: Vec3,
-    /// By how much these exceed those of the reference.
+    /// Excess of these over the reference, mm.
     pub(super) excess: Vec3,
 }
 
@@ -55,12 +58,12 @@ impl Proportions {
         Self { cavity_semi, excess: cavity_semi - CAVITY_22_MM }
     }
 
-    /// Where soft tissue at `reference` beside the cavity of the reference is pushed.
+    /// Displaced position of soft tissue at `reference` beside the reference cavity.
     pub(super) fn follow(&self, reference: Vec3) -> Vec3 {
         reference + self.excess * (reference / CAVITY_22_MM).clamp(Vec3::NEG_ONE, Vec3::ONE)
     }
 
-    /// What the skeleton is moved by: spine and pelvis stay behind and below the cavity.
+    /// Displacement of the skeleton: spine and pelvis stay behind and below the cavity.
     pub(super) fn skeleton_shift(&self) -> Vec3 {
         Vec3::new(0.0, -self.excess.y, -self.excess.z)
     }
@@ -95,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_beside_the_cavity_stays_beside_it() {
+    fn organs_beside_the_cavity_do_not_enter_it() {
         let p = Proportions::of(&Parameters { gestational_weeks: 34.0, ..Parameters::default() });
         let beside = Vec3::new(88.0, 20.0, -56.0);
         assert!((p.follow(beside).x - 88.0 - p.excess.x).abs() < 1e-4);

@@ -12,17 +12,17 @@ use crate::anatomy::phantom::sdf::{
 
 /// L5 to L1.
 const VERTEBRAE: usize = 5;
-/// From one body's middle to the next, mm: body 27, disc 9.
+/// Distance between the centres of adjacent bodies, mm: body 27, disc 9.
 const SPACING_MM: f32 = 36.0;
 /// Half of a body's height, mm.
 const HALF_BODY_MM: f32 = 13.5;
 
-/// Middle of the sacrum's upper end beside the reference's uterus, mm.
+/// Centre of the sacrum's upper end in the reference body, mm.
 pub(super) const SACRUM_TOP_22_MM: Vec3 = Vec3::new(0.0, -62.0, -93.0);
 
-/// The middle of vertebra `i`'s body, L5 first.
+/// Centre of vertebra `i`'s body, L5 first.
 fn body(i: usize) -> Vec3 {
-    // Lordosis: the middle lies further to the front.
+    // Lordosis: the middle is further to the front.
     Vec3::new(0.0, -40.0 + SPACING_MM * i as f32, -91.0 + 3.0 * (1.0 - (0.5 * i as f32 - 1.0).powi(2)))
 }
 
@@ -52,7 +52,7 @@ fn vertebrae() -> Solid {
             ],
             3.0,
         );
-        // Pedicle, lamina, joint processes: about the canal, which stays free.
+        // Pedicle, lamina, joint processes: around the canal, which stays free.
         let arch = union([
             capsule(v(13.0, 4.0, -11.0), v(13.5, 3.0, -19.0), 3.8),
             capsule(v(13.5, 2.0, -19.0), v(2.0, -2.0, -25.0), 3.6),
@@ -64,7 +64,7 @@ fn vertebrae() -> Solid {
     }))
 }
 
-/// Beside the bodies, then forward over the pelvic brim.
+/// Psoas: beside the vertebral bodies, then forward over the pelvic brim.
 fn psoas() -> Solid {
     let line = [
         (Vec3::new(24.0, 128.0, -98.0), 9.0),

@@ -1,4 +1,4 @@
-//! Tests over a grid of parameters.
+//! The mother's anatomy over a grid of parameters.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -14,12 +14,12 @@ use crate::anatomy::phantom::meshing;
 use crate::anatomy::phantom::parameters::{Lie, PlacentaSite};
 use crate::anatomy::phantom::sdf::sphere;
 
-/// A solid that is out of everyone's way.
+/// A solid far away from everything.
 fn nowhere() -> Solid {
     sphere(Vec3::splat(5000.0), 1.0)
 }
 
-/// The fetus up to its skin, scene frame, and its navel.
+/// The fetus up to its skin, and its navel, scene frame.
 fn fetus_of(parameters: &Parameters) -> (Solid, End) {
     let attitude = Attitude::of(parameters);
     let outline = fetus::outline(&attitude).placed(attitude.scene_from_fetus);
@@ -27,7 +27,7 @@ fn fetus_of(parameters: &Parameters) -> (Solid, End) {
     (outline, End { at: attitude.scene_point(fetus::navel(&attitude)), away })
 }
 
-/// Parameters that differ in every respect, one of each lie and site at least.
+/// Parameters that vary in every respect, with at least one of each lie and site.
 fn grid() -> Vec<Parameters> {
     use {Lie::*, PlacentaSite::*};
     let sets = [
@@ -55,7 +55,7 @@ fn grid() -> Vec<Parameters> {
     sets.into_iter().map(of).collect()
 }
 
-/// What is wrong with the cord of `parameters`; empty if nothing is.
+/// Faults of the cord of `parameters`; empty if there are none.
 fn faults(parameters: &Parameters) -> Vec<String> {
     let (fetus, navel) = fetus_of(parameters);
     let placenta = Placenta::of(parameters);
@@ -121,7 +121,7 @@ fn cords_find_their_way_through_the_fluid() {
 }
 
 #[test]
-fn the_cord_is_the_same_each_time_and_differs_by_seed() {
+fn the_cord_is_reproducible_and_differs_by_seed() {
     let line = |seed: u64| {
         let parameters = Parameters { seed, ..Parameters::default() };
         let (fetus, navel) = fetus_of(&parameters);
@@ -144,7 +144,7 @@ fn the_cord_has_two_arteries_and_a_vein_that_do_not_meet() {
         let meshes = [vein, arteries].map(|o| meshing::mesh(&o.solid, 0.35));
         assert_eq!(bodies(&meshes[0]), 1, "one vein");
         assert_eq!(bodies(&meshes[1]), 2, "two arteries of {parameters:?}");
-        // Tight bends bring them nearer than the walls are thick.
+        // In tight bends they are nearer to each other than the walls are thick.
         let wall_mm = 0.1;
         let apart = meshes[0].vertices_mm.iter().map(|&v| arteries.solid.distance_mm(v)).fold(f32::MAX, f32::min);
         assert!(apart > 2.0 * wall_mm, "{apart:.2} mm between vein and arteries of {parameters:?}");
@@ -154,7 +154,7 @@ fn the_cord_has_two_arteries_and_a_vein_that_do_not_meet() {
     }
 }
 
-/// Parts of a mesh that share no vertex.
+/// Number of parts of a mesh that share no vertex.
 fn bodies(mesh: &Mesh) -> usize {
     let mut parent: Vec<usize> = (0..mesh.vertices_mm.len()).collect();
     fn root(parent: &mut [usize], mut i: usize) -> usize {
@@ -172,7 +172,7 @@ fn bodies(mesh: &Mesh) -> usize {
     (0..parent.len()).filter(|&i| root(&mut parent, i) == i).count()
 }
 
-/// Where the ray from `from` along the unit `direction` first meets `mesh`, mm.
+/// Distance from `from` along the unit `direction` to the first crossing with `mesh`, mm.
 fn cast(mesh: &Mesh, from: Vec3, direction: Vec3) -> f32 {
     let hit = |[a, b, c]: [Vec3; 3]| {
         let (e, f, s) = (b - a, c - a, from - a);
@@ -185,7 +185,7 @@ fn cast(mesh: &Mesh, from: Vec3, direction: Vec3) -> f32 {
 }
 
 #[test]
-fn the_fat_is_as_thick_as_asked() {
+fn the_fat_has_the_requested_thickness() {
     for fat in [5.0, 13.5, 30.0, 60.0] {
         let parameters = Parameters { maternal_fat_mm: fat, ..Parameters::default() };
         let organs = AbdominalWall::of(&parameters).organs();
@@ -228,7 +228,7 @@ fn the_placenta_is_as_many_mm_thick_as_weeks_old() {
 }
 
 #[test]
-fn no_organ_is_empty_and_bones_lie_in_the_body() {
+fn no_organ_is_empty_and_bones_are_in_the_body() {
     for parameters in [grid()[4], grid()[6], grid()[8]] {
         let (fetus, navel) = fetus_of(&parameters);
         let organs = organs_around(&parameters, &fetus, navel);

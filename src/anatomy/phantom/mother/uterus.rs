@@ -14,11 +14,11 @@ const FULLNESS: f32 = 2.25;
 
 /// Thickness of amnion and chorion where they lie together, mm.
 const MEMBRANES_MM: f32 = 0.35;
-/// Fluid between amnion and chorion at the middle of where they part, mm.
+/// Thickness of the fluid between amnion and chorion at the centre of their separation, mm.
 const PARTED_MM: f32 = 2.6;
-/// The lens reaches this far into the cavity, hidden by the membranes, mm.
+/// Depth to which the lens extends into the cavity, hidden by the membranes, mm.
 const DEEP_MM: f32 = 5.0;
-/// Vernix floats in the fluid from about then on.
+/// Age from which vernix floats in the fluid, weeks.
 const VERNIX_WEEKS: f64 = 28.0;
 
 /// The uterine cavity.
@@ -39,13 +39,13 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     let proportions = Proportions::of(parameters);
     let cavity = cavity(proportions.cavity_semi);
     let shift = proportions.skeleton_shift();
-    // The neck's upper end hangs on the uterus, its lower end in the pelvis.
+    // The upper end of the neck is attached to the uterus, its lower end is in the pelvis.
     let bottom = Vec3::new(0.0, 3.0 - proportions.cavity_semi.y, -6.0 + 0.5 * shift.z);
     let os = bottom + Vec3::new(0.0, -30.0, -21.0);
     let along = |part: f32| bottom.lerp(os, part);
     let neck = round_cone(bottom, os, 17.0, 13.0);
     let wall = smooth_union([cavity.grown(UTERINE_WALL_MM), round_cone(bottom, along(0.3), 18.0, 14.0)], 12.0);
-    // A plug of mucus in a closed canal, spindle-shaped, within the glands of its lining.
+    // A plug of mucus in a closed canal, spindle-shaped, surrounded by the glands of its lining.
     let canal = sweep(&[(along(0.22), 1.0), (along(0.6), 1.5), (along(1.0), 1.1)]);
     let lining = sweep(&[(along(0.22), 2.8), (along(0.6), 4.2), (along(0.98), 3.2)]);
     let lips = smooth_union(
@@ -67,18 +67,18 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     ]
 }
 
-/// Fluid between the membranes where they have not fused: a lens beside the placenta.
+/// Fluid between unfused membranes: a lens beside the placenta.
 fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
     let middle = placenta.beside();
     let radius = 0.55 * placenta.radius_mm();
     let cavity = cavity.clone();
-    // The lens thins out to both sides of the membranes and ends DEEP_MM within them.
+    // The lens tapers to both sides of the membranes and ends DEEP_MM inside them.
     let reach = radius * (1.0 + (DEEP_MM + MEMBRANES_MM) / PARTED_MM).sqrt();
     let bounds = Bounds::around(middle, Vec3::splat(reach + 2.0));
     Solid::new(bounds, move |p| {
         let along = p.distance(middle) / radius;
         let outer = cavity.distance_mm(p) - MEMBRANES_MM - PARTED_MM * (1.0 - along * along);
-        // What lies within the membranes is hidden by them.
+        // The part inside the membranes is hidden by them.
         outer.max(-DEEP_MM - cavity.distance_mm(p))
     })
 }

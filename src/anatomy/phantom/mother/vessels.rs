@@ -1,4 +1,4 @@
-//! The mother's great vessels before the spine.
+//! The mother's great vessels in front of the spine.
 
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 /// Thickness of the walls, mm.
 const WALL_MM: f32 = 1.1;
 
-/// Aorta left and vena cava right of the middle, each with both common iliac branches and the external ones along the
+/// Aorta left and vena cava right of the midline, each with both common iliac branches and the external ones along the
 /// pelvic brim.
 fn vessels(shift: Vec3, top_mm: f32, grown_mm: f32) -> Solid {
     let v = Vec3::new;
@@ -19,7 +19,7 @@ fn vessels(shift: Vec3, top_mm: f32, grown_mm: f32) -> Solid {
         let knots: Vec<(Vec3, f32)> = knots.iter().map(|&(p, r)| (p + shift, r + grown_mm)).collect();
         sweep(&catmull_rom(&knots, 5))
     };
-    // Arteries run before the veins; the aorta ends higher than the vena cava begins.
+    // Arteries run in front of the veins; the aorta ends higher than the vena cava begins.
     let trunk = |x: f32, radius: f32, fork: Vec3| {
         tube(&[(v(x, top_mm - shift.y, -74.0), radius), (v(x, 30.0, -68.5), radius), (fork, 0.95 * radius)])
     };

@@ -12,33 +12,33 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The box with no point in it; its hull with any other is the other.
+    /// The empty box; its hull with any box is that box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// A box far larger than any scene, for half-spaces.
     pub const EVERYWHERE: Self = Self { min: Vec3::splat(-1.0e6), max: Vec3::splat(1.0e6) };
 
-    /// The box about `centre` that reaches `half` to each side.
+    /// Box about `centre` that extends by `half` to each side.
     pub fn around(centre: Vec3, half: Vec3) -> Self {
         Self { min: centre - half, max: centre + half }
     }
 
-    /// Grown by `margin` to every side.
+    /// The box grown by `margin` on every side.
     pub fn grown(self, margin: f32) -> Self {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
-    /// The least box that holds both.
+    /// Smallest box that contains both.
     pub fn hull(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// What both share, which may be empty.
+    /// Intersection of both, which may be empty.
     pub fn overlap(self, other: Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
-    /// Extent along the axes; not positive where the box is empty.
+    /// Extent along the axes; not positive if the box is empty.
     pub fn size(self) -> Vec3 {
         self.max - self.min
     }

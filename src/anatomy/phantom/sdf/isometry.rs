@@ -1,4 +1,4 @@
-//! Rotations with a translation.
+//! Rigid transforms.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -7,17 +7,17 @@ use super::Bounds;
 /// `outer_from_local`: a rotation, then a translation in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Isometry {
-    /// Turns local axes into outer axes.
+    /// Rotation from local to outer axes.
     pub rotation: Quat,
-    /// The local origin in outer coordinates, mm.
+    /// Local origin in outer coordinates, mm.
     pub translation: Vec3,
 }
 
 impl Isometry {
-    /// The isometry that changes nothing.
+    /// Identity transform.
     pub const IDENTITY: Self = Self { rotation: Quat::IDENTITY, translation: Vec3::ZERO };
 
-    /// The frame at `origin` whose `y` axis is along `y` and whose `z` axis is as near as possible to `z`.
+    /// Frame at `origin` whose `y` axis is along `y`, with its `z` axis as near as possible to `z`.
     pub fn from_axes(origin: Vec3, y: Vec3, z: Vec3) -> Self {
         let y = y.normalize_or(Vec3::Y);
         let z = (z - y * z.dot(y)).normalize_or(y.any_orthonormal_vector());
@@ -39,12 +39,12 @@ impl Isometry {
         self.rotation.conjugate() * (outer - self.translation)
     }
 
-    /// `outer_from_inner` of `self` = outer_from_middle and `inner` = middle_from_inner.
+    /// `outer_from_inner`, where `self` is outer_from_middle and `inner` is middle_from_inner.
     pub fn then(&self, inner: &Self) -> Self {
         Self { rotation: (self.rotation * inner.rotation).normalize(), translation: self.point(inner.translation) }
     }
 
-    /// The box that holds a local box.
+    /// Outer box that contains a local box.
     pub fn bounds(&self, local: Bounds) -> Bounds {
         local.corners().into_iter().fold(Bounds::EMPTY, |hull, corner| {
             let p = self.point(corner);

@@ -1,7 +1,7 @@
 //! Signed-distance modelling: closed solids as functions that are negative inside.
 //!
-//! A [`Solid`] pairs such a function with a box that holds the solid. Values need only be near the true distance
-//! close to the surface; operations use the box to skip what is far. Lengths are in mm.
+//! A [`Solid`] pairs such a function with a box that contains the solid. Values need to approximate the true distance
+//! only close to the surface; operations use the box to skip distant parts. Lengths are in mm.
 
 mod bounds;
 mod isometry;
@@ -19,7 +19,7 @@ pub use operations::{smooth_union, union};
 pub use primitives::{capsule, ellipsoid, half_space, plate, round_cone, rounded_box, sphere, torus};
 pub use sweep::{catmull_rom, sweep};
 
-/// The function of a solid: signed distance in mm at a point in mm, negative inside.
+/// Function of a solid: signed distance in mm at a point in mm, negative inside.
 type Field = dyn Fn(Vec3) -> f32 + Send + Sync;
 
 /// A closed solid.
@@ -30,17 +30,17 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// A solid that lies within `bounds` and is where `field` is negative.
+    /// Solid inside `bounds`, where `field` is negative.
     pub fn new(bounds: Bounds, field: impl Fn(Vec3) -> f32 + Send + Sync + 'static) -> Self {
         Self { field: Arc::new(field), bounds }
     }
 
-    /// Signed distance at `p`, mm, negative inside; near the surface right to first order.
+    /// Signed distance at `p`, mm, negative inside; accurate to first order near the surface.
     pub fn distance_mm(&self, p: Vec3) -> f32 {
         (self.field)(p)
     }
 
-    /// A box that holds the solid.
+    /// Box that contains the solid.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
@@ -62,7 +62,7 @@ impl Solid {
 mod tests {
     use super::*;
 
-    /// Largest departure of the slope from one on the surface, over rays from the middle.
+    /// Largest deviation of the slope from one on the surface, over rays from the middle.
     fn slope_error(solid: &Solid) -> f32 {
         let centre = 0.5 * (solid.bounds().min + solid.bounds().max);
         (0..200)
@@ -94,7 +94,7 @@ mod tests {
             sweep(&catmull_rom(&[(Vec3::ZERO, 3.0), (Vec3::X * 4.0, 4.0), (Vec3::X * 8.0, 2.0)], 4)),
         ];
         for (i, solid) in solids.iter().enumerate() {
-            // Edges between faces round off the central difference a little.
+            // Edges between faces round off the central difference slightly.
             assert!(slope_error(solid) < 0.02, "solid {i}: slope off by {}", slope_error(solid));
         }
     }
@@ -105,7 +105,7 @@ mod tests {
         assert!((rod.distance_mm(Vec3::new(5.0, 5.0, 0.0)) - 3.0).abs() < 1e-5);
         assert!((rod.distance_mm(Vec3::new(14.0, 0.0, 0.0)) - 2.0).abs() < 1e-5);
         assert!((rod.distance_mm(Vec3::new(5.0, 0.0, 0.0)) + 2.0).abs() < 1e-5);
-        // A ball within the other makes no cone.
+        // A ball inside the other makes no cone.
         let nested = round_cone(Vec3::ZERO, Vec3::X, 5.0, 2.0);
         assert!((nested.distance_mm(Vec3::Y * 7.0) - 2.0).abs() < 1e-5);
         let ring = torus(Vec3::ZERO, 10.0, 2.0);
@@ -113,8 +113,8 @@ mod tests {
     }
 
     #[test]
-    fn a_union_is_the_least_of_its_parts_everywhere() {
-        // Deep parts behind shallow ones, whose boxes overlap: boxes must not hide them.
+    fn a_union_is_the_minimum_of_its_parts_everywhere() {
+        // Deep parts behind shallow ones with overlapping boxes: boxes must not hide them.
         let parts = [
             capsule(Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), 1.0),
             sphere(Vec3::new(4.0, 4.0, 0.0), 5.0),
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn isometries_undo_and_chain() {
+    fn isometries_invert_and_compose() {
         let a = Isometry::from_axes(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, 1.0, 1.0), Vec3::X);
         let b = Isometry::from_axes(Vec3::new(-4.0, 0.0, 1.0), Vec3::new(1.0, 2.0, 0.3), Vec3::Z);
         let p = Vec3::new(0.3, -7.0, 2.0);

@@ -1,4 +1,4 @@
-//! Simple solids. Formulas after I. Quilez, "Distance functions" (iquilezles.org/articles/distfunctions).
+//! Primitive solids. Formulas after I. Quilez, "Distance functions" (iquilezles.org/articles/distfunctions).
 
 use glam::{Vec2, Vec3, Vec3Swizzles};
 
@@ -9,36 +9,36 @@ pub fn sphere(centre: Vec3, radius: f32) -> Solid {
     Solid::new(Bounds::around(centre, Vec3::splat(radius)), move |p| p.distance(centre) - radius)
 }
 
-/// An axis-aligned ellipsoid of half axes `semi`; right to first order near its surface.
+/// Axis-aligned ellipsoid with semi-axes `semi`; accurate to first order near its surface.
 pub fn ellipsoid(centre: Vec3, semi: Vec3) -> Solid {
     let least = semi.min_element();
     Solid::new(Bounds::around(centre, semi), move |p| {
         let q = (p - centre) / semi;
         let k0 = q.length();
         let k1 = (q / semi).length();
-        // At the centre the quotient is 0/0; the nearest surface is at the least half axis.
+        // At the centre the quotient is 0/0; the nearest surface is at the smallest semi-axis.
         if k1 < 1e-6 { -least } else { k0 * (k0 - 1.0) / k1 }
     })
 }
 
-/// The points within `radius` of the segment from `a` to `b`.
+/// Points within `radius` of the segment from `a` to `b`.
 pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Solid {
     round_cone(a, b, radius, radius)
 }
 
-/// The hull of two spheres.
+/// Convex hull of two spheres.
 pub fn round_cone(a: Vec3, b: Vec3, radius_a: f32, radius_b: f32) -> Solid {
     let bounds = Bounds::around(a, Vec3::splat(radius_a)).hull(Bounds::around(b, Vec3::splat(radius_b)));
     Solid::new(bounds, move |p| round_cone_distance(p, a, b, radius_a, radius_b))
 }
 
-/// Distance to the hull of two spheres, exact outside.
+/// Distance to the convex hull of two spheres, exact outside.
 pub(super) fn round_cone_distance(p: Vec3, a: Vec3, b: Vec3, ra: f32, rb: f32) -> f32 {
     let ba = b - a;
     let l2 = ba.length_squared();
     let rr = ra - rb;
     let a2 = l2 - rr * rr;
-    // One sphere holds the other.
+    // One sphere contains the other.
     if a2 <= 1e-9 {
         return (p.distance(a) - ra).min(p.distance(b) - rb);
     }
@@ -59,7 +59,7 @@ pub(super) fn round_cone_distance(p: Vec3, a: Vec3, b: Vec3, ra: f32, rb: f32) -
     }
 }
 
-/// A box of half extents `half` (rounding included) with edges rounded by `rounding`.
+/// Box of half extents `half` (rounding included) with edges rounded by `rounding`.
 pub fn rounded_box(centre: Vec3, half: Vec3, rounding: f32) -> Solid {
     let core = half - rounding;
     Solid::new(Bounds::around(centre, half), move |p| {
@@ -68,7 +68,7 @@ pub fn rounded_box(centre: Vec3, half: Vec3, rounding: f32) -> Solid {
     })
 }
 
-/// A ring about the `y` axis through `centre`: tube `minor`, centre line `major`.
+/// Torus about the `y` axis through `centre`: tube radius `minor`, centre-line radius `major`.
 pub fn torus(centre: Vec3, major: f32, minor: f32) -> Solid {
     let half = Vec3::new(major + minor, minor, major + minor);
     Solid::new(Bounds::around(centre, half), move |p| {
@@ -77,12 +77,12 @@ pub fn torus(centre: Vec3, major: f32, minor: f32) -> Solid {
     })
 }
 
-/// Everything behind the plane through `point` with outward `normal` (unit).
+/// Half-space behind the plane through `point` with outward `normal` (unit).
 pub fn half_space(point: Vec3, normal: Vec3) -> Solid {
     Solid::new(Bounds::EVERYWHERE, move |p| (p - point).dot(normal))
 }
 
-/// The slab within `half_thickness` of the plane through `point` with `normal` (unit).
+/// Slab within `half_thickness` of the plane through `point` with `normal` (unit).
 pub fn plate(point: Vec3, normal: Vec3, half_thickness: f32) -> Solid {
     Solid::new(Bounds::EVERYWHERE, move |p| (p - point).dot(normal).abs() - half_thickness)
 }

@@ -5,10 +5,10 @@ use glam::Vec3;
 use super::primitives::round_cone_distance;
 use super::{Bounds, Solid};
 
-/// Segments that share a box.
+/// Number of segments that share a box.
 const CHUNK: usize = 6;
 
-/// The tube through `points`, each a centre and a radius in mm, straight between neighbours.
+/// Tube through `points`, each a centre and a radius in mm, straight between neighbours.
 pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
     let ball = |&(c, r): &(Vec3, f32)| Bounds::around(c, Vec3::splat(r));
     let bounds = points.iter().fold(Bounds::EMPTY, |hull, point| hull.hull(ball(point)));
@@ -35,7 +35,8 @@ pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
     })
 }
 
-/// A smooth curve through `knots` (centre and radius), each gap cut into `steps` (centripetal ends, uniform inside).
+/// Smooth curve through `knots` (centre and radius), each interval divided into `steps` (centripetal ends, uniform
+/// inside).
 pub fn catmull_rom(knots: &[(Vec3, f32)], steps: usize) -> Vec<(Vec3, f32)> {
     let Some(&last) = knots.last() else { return Vec::new() };
     let mut points = Vec::with_capacity(knots.len() * steps + 1);
