@@ -96,7 +96,7 @@ fn present(
             demo.rebuild()?;
         }
         // A frozen picture is shown once more, as frozen, and then stands.
-        let frozen = demo.shown.settings.frozen;
+        let frozen = demo.shown.info.settings.frozen;
         if frozen && demo.live.frozen {
             std::thread::sleep(Duration::from_millis(20));
             continue;
@@ -145,7 +145,8 @@ impl Demo {
             frozen: false,
             enhance: false,
         };
-        let shown = PresentedFrame { tracking: TrackingState::Good, ..PresentedFrame::empty(live) };
+        let mut shown = PresentedFrame::empty(live);
+        shown.info.estimate.state = TrackingState::Good;
         let (frame, started) = (Frame::default(), Instant::now());
         Ok(Self { station, renderer, live, frame, shown, started })
     }
@@ -169,10 +170,10 @@ impl Demo {
 
     fn obey(&mut self, line: &str) -> anyhow::Result<()> {
         match line.split_once(' ').unwrap_or((line, "")) {
-            ("tracking", "good") => self.shown.tracking = TrackingState::Good,
-            ("tracking", "held") => self.shown.tracking = TrackingState::Held,
-            ("tracking", "stale") => self.shown.tracking = TrackingState::Stale,
-            ("tracking", "lost") => self.shown.tracking = TrackingState::Lost,
+            ("tracking", name) => {
+                let state = TrackingState::ALL.into_iter().find(|state| state.name() == name);
+                self.shown.info.estimate.state = state.with_context(|| format!("no state `{name}`"))?;
+            }
             ("source", "enhanced") => self.shown.source = FrameSource::Enhanced,
             ("source", "held") => self.shown.source = FrameSource::HeldEnhanced,
             ("source", "low") => self.shown.source = FrameSource::LowQuality,
@@ -195,10 +196,10 @@ impl Demo {
     /// Renders the next pose of the sweep into `shown`; the last one again where the picture is frozen.
     fn render(&mut self) -> anyhow::Result<()> {
         let sampled = self.started.elapsed();
-        if !self.live.frozen || self.shown.pose.is_none() {
-            self.shown.pose = Some(self.pose(sampled));
+        if !self.live.frozen || self.shown.info.pose().is_none() {
+            self.shown.info.estimate.scene_from_probe = Some(self.pose(sampled));
         }
-        let pose = self.shown.pose.context("no pose")?;
+        let pose = self.shown.info.pose().context("no pose")?;
         self.renderer.render(&pose, &mut self.frame)?;
         let (shown, frame) = (&mut self.shown, &mut self.frame);
         shown.number += 1;
@@ -209,8 +210,9 @@ impl Demo {
         std::mem::swap(&mut shown.attenuation, &mut frame.attenuation);
         std::mem::swap(&mut shown.mask, &mut frame.mask);
         let now = self.started.elapsed();
-        shown.timeline = FrameTimeline { sampled, submitted: sampled, rendered: now, presented: now, ..shown.timeline };
-        shown.settings = self.live;
+        let info = &mut shown.info;
+        info.timeline = FrameTimeline { sampled, submitted: sampled, rendered: now, presented: now, ..info.timeline };
+        info.settings = self.live;
         Ok(())
     }
 

@@ -11,11 +11,10 @@ use std::process::Command;
 use futures_util::{SinkExt as _, StreamExt as _};
 use insonify::anatomy::Axes;
 use insonify::anatomy::{TissueTable, analytic};
-use insonify::pose::TrackingState;
 use insonify::sink::SinkError;
 use insonify::sink::browser::wire::HEADER_BYTES;
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
-use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink as _, PresentedFrame};
+use insonify::sink::live::{Control, FrameInfo, FrameSource, LiveSink as _, PresentedFrame};
 use insonify::transducer::Probe;
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
@@ -33,6 +32,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
     let pixels = (width * height) as usize;
     PresentedFrame {
         number,
+        info: FrameInfo::default(),
         source: FrameSource::LowQuality,
         width,
         height,
@@ -41,10 +41,6 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         segmentation: vec![2; pixels],
         attenuation: vec![1.0; pixels],
         mask: vec![255; pixels],
-        pose: None,
-        tracking: TrackingState::Good,
-        timeline: FrameTimeline::default(),
-        settings: LiveSettings::default(),
         tier: None,
         notice: None,
     }
@@ -146,8 +142,9 @@ async fn frames_arrive_with_the_maps_that_were_asked_for() {
 #[tokio::test]
 async fn a_page_that_comes_late_sees_the_frozen_frame_and_its_maps() {
     let (mut sink, _controls) = serve(&any_port());
-    let settings = LiveSettings { frozen: true, ..LiveSettings::default() };
-    sink.present(&PresentedFrame { settings, ..frame(3, 8, 4) }).unwrap();
+    let mut frozen = frame(3, 8, 4);
+    frozen.info.settings.frozen = true;
+    sink.present(&frozen).unwrap();
     let mut page = connect(sink.local_address()).await;
     assert_eq!(binary(&mut page).await.1, 3);
     send(&mut page, &json!({"type": "overlays", "segmentation": true, "attenuation": false})).await;

@@ -132,7 +132,7 @@ function watch() {
   const silent = performance.now() - shownAt > SILENCE_MS;
   status.run(!shown ? "WAITING" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
   if (!frozen && silent) status.banner("silent");
-  else if (shown && (shown.tracking === "lost" || shown.tracking === "stale")) status.banner(shown.tracking);
+  else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking);
   else status.banner(null);
 }
 

@@ -11,11 +11,13 @@ const BANNERS = {
   silent: ["NO NEW FRAMES", "nothing new arrives; the picture is not live"],
   lost: ["TRACKING LOST", "the probe's pose is not known"],
   stale: ["STALE", "the picture no longer follows the probe"],
+  stuck: ["STUCK", "the sensor repeats one reading"],
 };
 
 const TRACKING = {
   good: ["TRACKING", "good"],
   held: ["POSE HELD", "warn"],
+  stuck: ["STUCK", "warn strong"],
   stale: ["STALE", "warn strong"],
   lost: ["LOST", "bad strong"],
 };

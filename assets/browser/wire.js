@@ -1,11 +1,11 @@
 // Binary messages of the station; src/sink/browser/wire.rs has the table of their layout.
 
 const HEADER_BYTES = 272;
-const VERSION = 1;
+const VERSION = 2;
 
 export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
 export const SOURCES = ["LOW QUALITY", "ENHANCED", "HELD"];
-export const TRACKING = ["good", "held", "stale", "lost"];
+export const TRACKING = ["good", "held", "stuck", "stale", "lost"];
 
 /** Reads one message. `data` is a view into `buffer`, not a copy. */
 export function decode(buffer) {

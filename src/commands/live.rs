@@ -8,7 +8,7 @@ use insonify::pipeline::{
     Clock, Enhancer, GpuRenderer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer,
 };
 use insonify::pose::{Counters, Pose};
-use insonify::sink::frame_line::{source_name, tracking_name};
+use insonify::sink::frame_line::source_name;
 use insonify::station::Station;
 
 use super::status_line::StatusLine;
@@ -98,7 +98,7 @@ fn status(status: &Status) -> String {
         "{:7.1} s  {:5.1} frames/s  latency {latency}  pose {}  {}{frozen}  {} presented, {} dropped",
         status.elapsed_s,
         status.frames_per_s,
-        tracking_name(status.tracking),
+        status.tracking.name(),
         source_name(status.source),
         status.presented,
         status.dropped,

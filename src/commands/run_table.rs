@@ -18,8 +18,8 @@ impl fmt::Display for SummaryTable<'_> {
         let [enhanced, held, low] = s.by_source;
         let ratio = 100.0 * s.enhanced_ratio;
         writeln!(f, "pictures           {ratio:.1} % enhanced ({enhanced} own, {held} held), {low} low quality")?;
-        let [good, held, stale, lost] = s.by_tracking;
-        writeln!(f, "poses              {good} good, {held} held, {stale} stale, {lost} lost")?;
+        let [good, held, stuck, stale, lost] = s.by_tracking;
+        writeln!(f, "poses              {good} good, {held} held, {stuck} stuck, {stale} stale, {lost} lost")?;
         writeln!(f, "\nms                       p50      p95      p99      max")?;
         row(f, "pose to present", s.pose_to_present)?;
         row(f, "sample to present", s.sample_to_present)?;

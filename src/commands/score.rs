@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let calibration = station.pose_settings()?.calibration;
         (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
     } else {
-        let shown = used.iter().filter(|p| matches!(p.state, TrackingState::Good | TrackingState::Held));
+        let shown = used.iter().filter(|p| p.state <= TrackingState::Stuck);
         let timed = shown.map(|p| TimedPose {
             host_time_ns: p.host_time_ns,
             device_time_us: p.host_time_ns / 1000,

@@ -62,8 +62,8 @@ impl Timeline {
     /// As a live session had known the poses, from `first_ns` to `last_ns` at `rate`. It begins with the first pose.
     pub(crate) fn replayed(poses: &mut ReplayedPoses, first_ns: u64, last_ns: u64, rate: FrameRate) -> Self {
         Self::sampled(first_ns, last_ns, rate, |time_ns| {
-            let (pose, state) = poses.at(time_ns);
-            (pose, state == TrackingState::Good)
+            let estimate = poses.at(time_ns);
+            (estimate.scene_from_probe, matches!(estimate.state, TrackingState::Good | TrackingState::Stuck))
         })
     }
 

@@ -15,6 +15,11 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// A time in ms, for logs.
+pub(super) fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
+
 /// Something that threads wait for. Each notification raises its generation, so that none is missed.
 #[derive(Debug, Default)]
 pub struct Signal {

@@ -1,28 +1,28 @@
-//! What happens beside frames: said to people, shown on the frames, told to whoever records.
+//! Events of a session: logged, shown on the frames, and recorded.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use super::PoseSample;
 use super::clock::{Clock, lock};
+use crate::pose::Estimate;
 use crate::sink::live::LiveSettings;
 
-/// How long a notice stays on the frames.
+/// Time for which a notice stays on the frames.
 const NOTICE_TIME: Duration = Duration::from_secs(5);
 
-/// Hears what a session does, on the threads of its stages. Must not block; what it can't keep it must count.
+/// Observer of a session, called on the threads of its stages. It must not block, and must count what it drops.
 pub trait Observer: Send + Sync {
     /// Something happened at `unix_ns`.
     fn event(&self, unix_ns: u64, text: &str);
 
-    /// A pose was sampled for a frame.
-    fn pose(&self, unix_ns: u64, sample: &PoseSample);
+    /// A pose was estimated for a frame.
+    fn pose(&self, unix_ns: u64, estimate: &Estimate);
 
     /// Settings hold from now on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
 }
 
-/// Where stages say what happened; clones say it in the same place.
+/// Destination of a session's events; clones share it.
 #[derive(Clone)]
 pub(super) struct Events {
     clock: Arc<dyn Clock>,
@@ -54,9 +54,9 @@ impl Events {
         }
     }
 
-    pub(super) fn pose(&self, sample: &PoseSample) {
+    pub(super) fn pose(&self, estimate: &Estimate) {
         if let Some(observer) = &self.observer {
-            observer.pose(self.clock.unix_ns(), sample);
+            observer.pose(self.clock.unix_ns(), estimate);
         }
     }
 

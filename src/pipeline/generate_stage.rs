@@ -3,15 +3,16 @@
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
-use super::clock::{Clock, NEVER, lock};
+use tracing::field::Empty;
+
+use super::clock::{Clock, NEVER, lock, ms};
 use super::events::Events;
 use super::frames::Pool;
 use super::generator_link::GeneratorLink;
 use super::parts::{Enhancer, Readiness};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
-use crate::pose::Pose;
-use crate::sink::live::LiveSettings;
+use crate::sink::live::FrameInfo;
 
 /// Generated frames: one held by the presenter, one in the slot, one to fill.
 const FRAMES: usize = 4;
@@ -23,13 +24,9 @@ const REST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(
 /// A generated picture.
 #[derive(Debug)]
 pub(super) struct Generated {
-    /// Number of the frame that it translates.
-    pub(super) number: u64,
-    /// Pose of that frame.
-    pub(super) pose: Option<Pose>,
-    /// Its settings.
-    pub(super) settings: LiveSettings,
-    /// Its size.
+    /// Number, pose and settings of the rendered frame.
+    pub(super) info: FrameInfo,
+    /// Width and height of that frame, pixels.
     pub(super) size: (u32, u32),
     /// Grey levels [height × width].
     pub(super) image: Vec<u8>,
@@ -61,13 +58,12 @@ struct Health {
 impl GenerateStage {
     /// Translates the newest frame again and again until the slot is closed.
     pub(super) fn run(mut self) {
-        let mut pool: Option<Pool<Generated>> = None;
+        let mut pool = Pool::new(FRAMES, Generated::empty);
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
-            let (number, settings) = (rendered.number, rendered.settings);
+            let number = rendered.info.number;
             if self.takes(&rendered, &health) {
-                let pool = pool.get_or_insert_with(|| Pool::new(FRAMES, move || Generated::empty(settings)));
-                self.translate(rendered, pool, &mut health);
+                self.translate(rendered, &mut pool, &mut health);
             } else {
                 lock(&self.link.state).counts.dropped += 1;
             }
@@ -91,9 +87,10 @@ impl GenerateStage {
     }
 
     fn translate(&mut self, rendered: Arc<Rendered>, pool: &mut Pool<Generated>, health: &mut Health) {
-        let _span = tracing::debug_span!("generate", number = rendered.number).entered();
         let started = self.clock.now();
-        self.link.begin(rendered.number, started);
+        let frame = rendered.info.number;
+        let span = tracing::debug_span!("infer", frame, started_ms = ms(started), ended_ms = Empty).entered();
+        self.link.begin(rendered.info.number, started);
         let filled = pool.fill(|generated| {
             let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
             generated.image.clear();
@@ -102,9 +99,7 @@ impl GenerateStage {
             if result.is_ok() && found != expected {
                 return Err(format!("it gave {found} pixels for a frame of {expected}"));
             }
-            generated.number = rendered.number;
-            generated.pose = rendered.pose;
-            generated.settings = rendered.settings;
+            generated.info = rendered.info;
             generated.size = (frame.width, frame.height);
             generated.deadline = rendered.deadline;
             generated.run = (started, self.clock.now());
@@ -115,6 +110,7 @@ impl GenerateStage {
         // The presenter, who may have the whole frame then, need not copy it.
         drop(rendered);
         let ended = self.clock.now();
+        span.record("ended_ms", ms(ended));
         let took = ended.saturating_sub(started);
         if self.link.end() {
             let after_s = took.as_secs_f64();
@@ -160,11 +156,9 @@ impl GenerateStage {
 }
 
 impl Generated {
-    fn empty(settings: LiveSettings) -> Self {
+    fn empty() -> Self {
         Self {
-            number: 0,
-            pose: None,
-            settings,
+            info: FrameInfo::default(),
             size: (0, 0),
             image: Vec::new(),
             run: (Duration::ZERO, Duration::ZERO),

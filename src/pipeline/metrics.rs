@@ -1,4 +1,4 @@
-//! What a session measured, in memory of a fixed size.
+//! Metrics of a session, in memory of a fixed size.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,7 +10,7 @@ use super::clock::lock;
 use super::histogram::Histogram;
 use super::quality_budget::QualitySummary;
 use crate::pose::TrackingState;
-use crate::sink::live::{FrameSource, PresentedFrame};
+use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
 
 /// Frames behind the live figures.
@@ -19,7 +19,7 @@ const RECENT: usize = 64;
 /// Weight of the latest frame in the expected time from sampling to presentation.
 const WEIGHT: f64 = 0.1;
 
-/// How a session goes right now.
+/// Present state of a session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Status {
     /// Since the session began, s.
@@ -30,7 +30,7 @@ pub struct Status {
     pub frames_per_s: f64,
     /// Median of the last frames' pose-to-present, ms.
     pub latency_ms: Option<f64>,
-    /// How far the pose can be trusted.
+    /// State of the shown pose.
     #[serde(skip)]
     pub tracking: TrackingState,
     /// Which picture is shown.
@@ -76,7 +76,7 @@ pub(super) struct Metrics {
 pub(super) struct Shown {
     pub(super) presented: u64,
     pub(super) by_source: [u64; 3],
-    pub(super) by_tracking: [u64; 4],
+    pub(super) by_tracking: [u64; 5],
     pub(super) pose_to_present: Histogram,
     pub(super) sample_to_present: Histogram,
     pub(super) render: Histogram,
@@ -140,12 +140,12 @@ impl Metrics {
     /// Records a frame that is handed to the sinks. Returns how many were.
     pub(super) fn presented(&self, frame: &PresentedFrame) -> u64 {
         let mut shown = lock(&self.shown);
-        let times = &frame.timeline;
+        let FrameInfo { estimate, timeline: times, settings, .. } = &frame.info;
         let total = times.presented.saturating_sub(times.sampled);
         // A pose that is held, or a picture that stands still, says nothing about how fast the station is.
-        let fresh = times.first_byte != shown.last_first_byte && frame.tracking == TrackingState::Good;
+        let fresh = times.first_byte != shown.last_first_byte && estimate.state == TrackingState::Good;
         let latency = match times.first_byte {
-            _ if frame.settings.frozen || frame.pose.is_none() => None,
+            _ if settings.frozen || estimate.scene_from_probe.is_none() => None,
             Some(first_byte) => fresh.then(|| times.presented.saturating_sub(first_byte)),
             None => Some(total),
         };
@@ -153,7 +153,7 @@ impl Metrics {
         if let Some(latency) = latency {
             shown.pose_to_present.push(latency);
         }
-        if frame.pose.is_some() {
+        if estimate.scene_from_probe.is_some() {
             shown.sample_to_present.push(total);
             shown.render.push(times.rendered.saturating_sub(times.submitted));
             let expected = Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed));
@@ -165,11 +165,11 @@ impl Metrics {
             shown.inference.push(end.saturating_sub(start));
         }
         shown.by_source[frame.source as usize] += 1;
-        shown.by_tracking[frame.tracking as usize] += 1;
+        shown.by_tracking[estimate.state as usize] += 1;
         shown.recent.push(times.presented, latency);
         shown.first.get_or_insert(times.presented);
         shown.last = times.presented;
-        (shown.tracking, shown.source, shown.frozen) = (frame.tracking, frame.source, frame.settings.frozen);
+        (shown.tracking, shown.source, shown.frozen) = (estimate.state, frame.source, settings.frozen);
         shown.presented += 1;
         shown.presented
     }

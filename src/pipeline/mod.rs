@@ -47,8 +47,7 @@ pub use gpu::{GpuFactory, GpuRenderer};
 pub use histogram::{Histogram, Percentiles};
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
-    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSample, PoseSource, Readiness, RenderFault, RendererFactory,
-    Terminator,
+    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, Readiness, RenderFault, RendererFactory, Terminator,
 };
 pub use quality_budget::{QualityBudget, QualityChange, QualitySummary};
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};

@@ -1,39 +1,26 @@
-//! What a pipeline is put together from: each a trait, so that tests put fakes in their place.
+//! Traits of the parts of a pipeline; tests implement them by fakes.
 
 use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::pose::{Pose, TrackingState};
+use crate::pose::{Estimate, Pose};
 use crate::render::{Frame, RenderSettings};
 use crate::transducer::Probe;
 
-/// Where the probe is.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PoseSample {
-    /// `scene_from_probe`; none before the first pose, and where the tracking is lost.
-    pub scene_from_probe: Option<Pose>,
-    /// How far it can be trusted.
-    pub state: TrackingState,
-    /// When the first byte of the newest record behind it came, ns since 1970 (UTC); none without a tracker.
-    pub first_byte_ns: Option<u64>,
-    /// How far it was predicted beyond that record, ms.
-    pub predicted_ms: f64,
-}
-
-/// Knows where the probe is.
+/// Source of probe poses.
 pub trait PoseSource: Send {
     /// The pose for a frame that is submitted now and shown at `display_ns`; both ns since 1970 (UTC). Must not block.
-    fn sample(&mut self, now_ns: u64, display_ns: u64) -> PoseSample;
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate;
 }
 
-/// Why a renderer can't go on.
+/// Faults of a renderer.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum RenderFault {
-    /// The device doesn't answer any more: another has to be opened.
+    /// The device does not answer: another has to be opened.
     #[error("{0}")]
     Lost(String),
-    /// It can't be as it was asked for; with other settings it may.
+    /// The settings are refused; others may work.
     #[error("{0}")]
     Refused(String),
 }
@@ -60,8 +47,8 @@ pub trait FrameRenderer: Send {
     /// A device that fails.
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault>;
 
-    /// Moves what moves in the scene to where it is at `time_s` of the session, for frames submitted from now on; one of
-    /// a scene at rest need not listen.
+    /// Moves the scene to `time_s` of the session, for frames submitted from now on. Renderers of a scene at rest
+    /// ignore it.
     fn set_time_s(&mut self, _time_s: f64) {}
 
     /// Waits for the oldest frame in flight and copies it into `frame`.
@@ -76,18 +63,18 @@ pub trait FrameRenderer: Send {
     /// A device that fails; settings that it refuses, after which it goes on with the ones before.
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault>;
 
-    /// Whether the machine's own processors make its frames, each within `submit`: a submitted frame is then done, and a
-    /// generator that runs on them takes turns with it.
+    /// Whether the CPU makes its frames, each within `submit`. A submitted frame is then done, and a generator on the
+    /// CPU takes turns with it.
     fn on_processors(&self) -> bool {
         false
     }
 
-    /// Whether somebody reads segmentation and attenuation of the frames that are submitted from now on. Those that
-    /// nobody reads may be empty; one that always makes them need not listen.
+    /// Whether somebody reads segmentation and attenuation of the frames submitted from now on. Maps that nobody reads
+    /// may be empty.
     fn set_maps(&mut self, _wanted: bool) {}
 }
 
-/// Makes renderers, after the first one's device was lost.
+/// Makes another renderer when the device is lost.
 pub trait RendererFactory: Send {
     /// Opens a device and makes a renderer on it.
     ///
@@ -96,37 +83,37 @@ pub trait RendererFactory: Send {
     fn build(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault>;
 }
 
-/// Why a frame could not be translated.
+/// Failure to translate a frame.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("{0}")]
 pub struct EnhanceError(pub String);
 
-/// Ends a run of an [`Enhancer`] from another thread, where its provider can.
+/// Function that ends a run of an [`Enhancer`] from another thread.
 pub type Terminator = Arc<dyn Fn() + Send + Sync>;
 
-/// What becomes of a frame that an [`Enhancer`] is offered.
+/// Outcome of offering a frame to an [`Enhancer`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Readiness {
-    /// It can be translated.
+    /// It is translated.
     Runs,
-    /// It can't be translated without its maps.
+    /// It lacks the maps that the generator reads.
     NeedsMaps,
-    /// Nothing may run now.
+    /// The generator rests.
     Rests,
 }
 
 /// Translates rendered frames to generated ones.
 pub trait Enhancer: Send {
-    /// Name of the tier at work.
+    /// Name of the active tier.
     fn tier(&self) -> &str;
 
-    /// Whether a run takes the machine's own processors, in place of a device of its own.
+    /// Whether a run takes the CPU instead of a device of its own.
     fn on_processors(&self) -> bool {
         false
     }
 
-    /// Whether the frame that is there can be translated: one with segmentation and attenuation, or without its `maps`.
-    /// Where not, it is left out, which is no failure.
+    /// Whether the next frame, which has its `maps` or not, can be translated. A frame that can't is left out, which is
+    /// no failure.
     fn ready(&mut self, maps: bool) -> Readiness {
         if maps || !self.reads_maps() { Readiness::Runs } else { Readiness::NeedsMaps }
     }
@@ -142,6 +129,6 @@ pub trait Enhancer: Send {
     /// A run that fails, is terminated, or gives numbers that are not finite.
     fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError>;
 
-    /// What ends a run that takes too long; none where the provider can't.
+    /// Function that ends a run that takes too long; none where the provider cannot be stopped.
     fn terminator(&self) -> Option<Terminator>;
 }

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, PoisonError};
 
-use super::clock::{Clock, NEVER, Signal};
+use tracing::field::Empty;
+
+use super::clock::{Clock, NEVER, Signal, ms};
 use super::deadline::{ChoiceSettings, Chooser, same_picture};
 use super::events::Events;
 use super::frames::Pool;
@@ -13,7 +15,7 @@ use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
 use crate::render::Frame;
-use crate::sink::live::{FrameSource, FrameTimeline, PresentedFrame};
+use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
 
 /// Frames that sinks may hold together; a frame for which none is left is dropped.
 const FRAMES: usize = 64;
@@ -77,7 +79,7 @@ impl Presenter {
             self.events.warn(text);
         }
         if let Taken::Item(generated) = self.generated.try_take() {
-            state.chooser.ready(generated.number, generated.run.1, generated.deadline);
+            state.chooser.ready(generated.info.number, generated.run.1, generated.deadline);
             state.held = Some(generated);
         }
     }
@@ -85,7 +87,7 @@ impl Presenter {
     /// Waits for the frame's own generated picture, as long as it can be expected before the deadline.
     fn await_own(&self, rendered: &Rendered, state: &mut State) {
         let Some(generator) = &self.generator else { return };
-        if !state.chooser.waits() || !rendered.settings.enhance || rendered.pose.is_none() {
+        if !state.chooser.waits() || !rendered.info.settings.enhance || rendered.info.pose().is_none() {
             return;
         }
         loop {
@@ -95,7 +97,7 @@ impl Presenter {
             let worthwhile = !state.is_own(rendered)
                 && now < rendered.deadline
                 && !self.stop.is_requested()
-                && generator.expected(rendered.number, now).is_some_and(|ready| ready <= rendered.deadline);
+                && generator.expected(rendered.info.number, now).is_some_and(|ready| ready <= rendered.deadline);
             if !worthwhile {
                 return;
             }
@@ -104,24 +106,34 @@ impl Presenter {
     }
 
     fn choose(&self, rendered: &Rendered, state: &mut State) -> FrameSource {
-        let Some(pose) = rendered.pose.filter(|_| rendered.settings.enhance && self.generator.is_some()) else {
+        let enhanced = rendered.info.settings.enhance && self.generator.is_some();
+        let Some(pose) = rendered.info.pose().filter(|_| enhanced) else {
             state.chooser.reset();
             return FrameSource::LowQuality;
         };
         let own = state.is_own(rendered);
         let near = state.held.as_ref().is_some_and(|held| {
             held.size == (rendered.shape.width, rendered.shape.height)
-                && same_picture(&held.settings, &rendered.settings)
-                && held.pose.is_some_and(|at| self.choice.near(&at, &pose))
+                && same_picture(&held.info.settings, &rendered.info.settings)
+                && held.info.pose().is_some_and(|at| self.choice.near(&at, &pose))
         });
         state.chooser.choose(own, near)
     }
 
     fn present(&self, rendered: Arc<Rendered>, source: FrameSource, state: &mut State) {
-        let _span = tracing::debug_span!("present", number = rendered.number, ?source).entered();
+        let FrameInfo { number: frame, timeline, .. } = rendered.info;
+        let span = tracing::debug_span!(
+            "present",
+            frame,
+            ?source,
+            sampled_ms = ms(timeline.sampled),
+            rendered_ms = ms(timeline.rendered),
+            presented_ms = Empty
+        )
+        .entered();
         let held = state.held.as_deref().filter(|_| source != FrameSource::LowQuality);
         let number = self.metrics.shown(|s| s.presented);
-        let settings = rendered.settings;
+        let settings = rendered.info.settings;
         let pool = state.pool.get_or_insert_with(|| Pool::new(FRAMES, move || PresentedFrame::empty(settings)));
         let filled = pool.fill(|frame| {
             frame.number = number;
@@ -133,16 +145,16 @@ impl Presenter {
                 frame.image.clear();
                 frame.image.extend_from_slice(&held.image);
             }
-            frame.pose = rendered.pose;
-            frame.tracking = rendered.tracking;
-            frame.settings = rendered.settings;
             match (held, &mut frame.tier) {
                 (Some(held), Some(tier)) => tier.clone_from(&held.tier),
                 (held, tier) => *tier = held.map(|held| held.tier.clone()),
             }
             self.events.notice_into(&mut frame.notice);
-            let inference = held.filter(|held| held.number == rendered.number).map(|held| held.run);
-            frame.timeline = FrameTimeline { inference, presented: self.clock.now(), ..rendered.timeline };
+            let inference = held.filter(|held| held.info.number == rendered.info.number).map(|held| held.run);
+            let presented = self.clock.now();
+            span.record("presented_ms", ms(presented));
+            let timeline = FrameTimeline { inference, presented, ..timeline };
+            frame.info = FrameInfo { timeline, ..rendered.info };
         });
         let Some((frame, ())) = filled else { return count(&self.metrics.frames_held) };
         self.metrics.presented(&frame);
@@ -162,7 +174,7 @@ struct State {
 impl State {
     /// Whether the last generated picture is this frame's.
     fn is_own(&self, rendered: &Rendered) -> bool {
-        self.held.as_ref().is_some_and(|held| held.number == rendered.number)
+        self.held.as_ref().is_some_and(|held| held.info.number == rendered.info.number)
     }
 }
 

@@ -6,15 +6,15 @@ use serde_json::Value;
 
 use super::clock::lock;
 use super::events::Observer;
-use super::parts::PoseSample;
 use super::shutdown::Part;
+use crate::pose::Estimate;
 use crate::sink::live::LiveSettings;
 use crate::tracker::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
 
 /// Name of the events at which settings change.
 pub(super) const SETTINGS_EVENT: &str = "settings";
 
-/// Hands what a session does to its recorder.
+/// Observer that records a session.
 pub struct RecordingObserver(pub RecorderHandle);
 
 impl Observer for RecordingObserver {
@@ -22,9 +22,9 @@ impl Observer for RecordingObserver {
         self.0.event(Event::new(unix_ns, "session").with(text));
     }
 
-    fn pose(&self, unix_ns: u64, sample: &PoseSample) {
-        if let Some(pose) = sample.scene_from_probe {
-            self.0.pose(SessionPose { host_time_ns: unix_ns, pose, state: sample.state });
+    fn pose(&self, unix_ns: u64, estimate: &Estimate) {
+        if let Some(pose) = estimate.scene_from_probe {
+            self.0.pose(SessionPose { host_time_ns: unix_ns, pose, state: estimate.state });
         }
     }
 
@@ -95,7 +95,7 @@ fn read<T: serde::de::DeserializeOwned>(value: &Value, into: &mut T) -> Result<(
     Ok(())
 }
 
-/// What a recorder recorded, once it has ended.
+/// Result of a recorder, once it has ended.
 pub type RecordedSlot = Arc<Mutex<Option<Recorded>>>;
 
 /// The recorder, as a part of a session: it is finished after everything that it records.

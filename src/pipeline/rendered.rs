@@ -4,45 +4,32 @@ use std::sync::RwLock;
 use std::time::Duration;
 
 use super::parts::ImageShape;
-use crate::pose::{Pose, TrackingState};
 use crate::render::Frame;
-use crate::sink::live::{FrameTimeline, LiveSettings};
+use crate::sink::live::FrameInfo;
 
 /// A frame that was begun: rendered, or without a picture.
 #[derive(Debug)]
 pub(super) struct Rendered {
-    /// Counts the begun frames from 0.
-    pub(super) number: u64,
+    /// Number, pose, times up to `rendered`, and settings.
+    pub(super) info: FrameInfo,
     /// Maps, all black in a frame without a picture. The generator reads them while the presenter does.
     pub(super) frame: RwLock<Frame>,
     /// Size and scale.
     pub(super) shape: ImageShape,
-    /// Its pose; none without a picture.
-    pub(super) pose: Option<Pose>,
-    /// State of the pose.
-    pub(super) tracking: TrackingState,
-    /// Times up to `rendered`.
-    pub(super) timeline: FrameTimeline,
-    /// When it is presented at the latest, whatever the generator does.
+    /// Latest time of its presentation, whatever the generator does.
     pub(super) deadline: Duration,
-    /// Settings it was made with.
-    pub(super) settings: LiveSettings,
     /// Whether it was rendered with its maps.
     pub(super) maps: bool,
 }
 
 impl Rendered {
-    /// An empty one, to be filled.
-    pub(super) fn empty(settings: LiveSettings) -> Self {
+    /// An empty frame, to be filled.
+    pub(super) fn empty() -> Self {
         Self {
-            number: 0,
+            info: FrameInfo::default(),
             frame: RwLock::default(),
             shape: ImageShape { width: 0, height: 0, pixel_mm: 0.0 },
-            pose: None,
-            tracking: TrackingState::Lost,
-            timeline: FrameTimeline::default(),
             deadline: Duration::ZERO,
-            settings,
             maps: false,
         }
     }

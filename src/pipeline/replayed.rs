@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::recorded::{SETTINGS_EVENT, settings_after, settings_value};
-use crate::pose::{Estimator, Measurement, Pose, Reading, TrackingState};
+use crate::pose::{Estimate, Estimator, Measurement, Reading};
 use crate::render::{Quality, RenderSettings};
 use crate::sink::live::LiveSettings;
 use crate::tracker::recording::{DISCONNECTED_EVENT, Event};
@@ -39,9 +39,8 @@ impl ReplayedPoses {
         Self { estimator, measurements, next: 0, disconnected, next_disconnected: 0 }
     }
 
-    /// The pose that a live session had known at `time_ns` for a frame that is shown at once, and how far it could be
-    /// trusted. Times must not fall from call to call.
-    pub fn at(&mut self, time_ns: u64) -> (Option<Pose>, TrackingState) {
+    /// Estimate of a live session at `time_ns` for a frame that is shown at once. Times must not fall from call to call.
+    pub fn at(&mut self, time_ns: u64) -> Estimate {
         loop {
             let measured = self.measurements.get(self.next).filter(|m| m.host_time_ns <= time_ns);
             let gone = self.disconnected.get(self.next_disconnected).filter(|t| **t <= time_ns);
@@ -57,8 +56,7 @@ impl ReplayedPoses {
                 _ => break,
             }
         }
-        let estimate = self.estimator.sample(time_ns, time_ns);
-        (estimate.scene_from_probe, estimate.state)
+        self.estimator.sample(time_ns, time_ns)
     }
 }
 
@@ -190,6 +188,7 @@ fn is_same(a: &Value, b: &Value) -> bool {
 mod tests {
     use super::*;
     use crate::pose::Settings;
+    use crate::pose::{Pose, TrackingState};
 
     const MS: u64 = 1_000_000;
     const START: u64 = 1_790_000_000_000_000_000;
@@ -215,10 +214,11 @@ mod tests {
         for ms in [0, 100, 333, 500] {
             assert_eq!(whole.at(START + ms * MS), cut.at(START + ms * MS), "{ms}");
         }
-        let (pose, state) = whole.at(START + 500 * MS);
+        let Estimate { scene_from_probe: pose, state, .. } = whole.at(START + 500 * MS);
         assert_eq!(state, TrackingState::Good);
         assert!((pose.unwrap().position_mm.x - 50.0).abs() < 3.0, "filtered, not far behind: {pose:?}");
-        assert_eq!(cut.at(START + 9000 * MS), (None, TrackingState::Lost));
+        let late = cut.at(START + 9000 * MS);
+        assert_eq!((late.scene_from_probe, late.state), (None, TrackingState::Lost));
     }
 
     #[test]
@@ -226,7 +226,7 @@ mod tests {
         let moving: Vec<_> = (0..20).map(|i| measured(i * 10, at_x(0.0))).collect();
         let gone = Event::new(START + 101 * MS, DISCONNECTED_EVENT);
         let mut poses = replayed(moving, &[gone]);
-        let states = [100, 105, 110, 140].map(|ms| poses.at(START + ms * MS).1);
+        let states = [100, 105, 110, 140].map(|ms| poses.at(START + ms * MS).state);
         assert_eq!(states, [TrackingState::Good, TrackingState::Held, TrackingState::Held, TrackingState::Good]);
     }
 
@@ -234,8 +234,7 @@ mod tests {
     fn a_puck_moves_the_probe() {
         let push = Reading::Rates { translation: DVec3::X, rotation: DVec3::ZERO };
         let mut poses = replayed((0..51).map(|i| measured(i * 20, push)).collect(), &[]);
-        let (pose, _) = poses.at(START + 1000 * MS);
-        let x = pose.unwrap().position_mm.x;
+        let x = poses.at(START + 1000 * MS).scene_from_probe.unwrap().position_mm.x;
         assert!((x - 80.0).abs() < 4.0, "a second at 80 mm/s: {x}");
     }
 

@@ -229,7 +229,6 @@ impl Pipeline {
             events: events.clone(),
             metrics: metrics.clone(),
             factory: parts.factory,
-            poses: parts.poses,
             controls: Controls::new(parts.controls, parts.probe, parts.render, has_generator),
             quality: parts.quality,
             to_presenter: to_presenter.clone(),
@@ -239,8 +238,8 @@ impl Pipeline {
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
             budget: seconds(settings.budget_ms),
         };
-        let renderer = parts.renderer;
-        let render = spawn(&clock, "renderer", move || RenderStage::new(render, renderer).run());
+        let (poses, renderer) = (parts.poses, parts.renderer);
+        let render = spawn(&clock, "renderer", move || RenderStage::new(render, poses, renderer).run());
         let render = render.map_err(refused("renderer"))?;
 
         Ok(Self {

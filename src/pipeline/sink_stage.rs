@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use super::clock::{Clock, NEVER, lock};
+use super::clock::{Clock, NEVER, lock, ms};
 use super::events::Events;
 use super::metrics::{count, counted};
 use super::shutdown::{Joined, Thread, spawn};
@@ -40,7 +40,7 @@ impl SinkStage {
         let name = sink.name().to_owned();
         let slot = Arc::new(Slot::new(name.clone(), clock));
         let counts = Arc::<Counts>::default();
-        let work = Work { slot: slot.clone(), counts: counts.clone(), events: events.clone() };
+        let work = Work { clock: clock.clone(), slot: slot.clone(), counts: counts.clone(), events: events.clone() };
         let thread = spawn(clock, &name, move || work.run(sink))?;
         Ok(Self { name, slot, counts, thread })
     }
@@ -79,6 +79,7 @@ impl SinkStage {
 }
 
 struct Work {
+    clock: Arc<dyn Clock>,
     slot: Arc<Slot<Arc<PresentedFrame>>>,
     counts: Arc<Counts>,
     events: Events,
@@ -88,7 +89,14 @@ impl Work {
     fn run(self, mut sink: Box<dyn LiveSink>) {
         let mut failures = 0;
         while let Taken::Item(frame) = self.slot.take(NEVER) {
-            let _span = tracing::debug_span!("sink", name = self.slot.name(), number = frame.number).entered();
+            let _span = tracing::debug_span!(
+                "sink",
+                name = self.slot.name(),
+                frame = frame.info.number,
+                presented_ms = ms(frame.info.timeline.presented),
+                taken_ms = ms(self.clock.now())
+            )
+            .entered();
             match sink.present(&frame) {
                 Ok(()) => {
                     count(&self.counts.taken);

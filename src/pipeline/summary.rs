@@ -66,8 +66,8 @@ pub struct Summary {
     pub enhanced_ratio: f64,
     /// Presented frames by picture: enhanced, held, low quality.
     pub by_source: [u64; 3],
-    /// Presented frames by the state of their pose: good, held, stale, lost.
-    pub by_tracking: [u64; 4],
+    /// Presented frames by the state of their pose: good, held, stuck, stale, lost.
+    pub by_tracking: [u64; 5],
     /// First byte of a new pose until the frame was handed to the sinks; from sampling where there is no tracker.
     pub pose_to_present: Option<Percentiles>,
     /// Pose sampled until handed to the sinks.

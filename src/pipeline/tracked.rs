@@ -1,14 +1,13 @@
-//! The tracker of a session: what it says goes into the estimator that frames take their poses from, and into the
-//! recording.
+//! The tracker of a session: its measurements go into the estimator and into the recording.
 
 use std::sync::{Arc, Mutex};
 
 use tokio_util::sync::CancellationToken;
 
 use super::clock::lock;
-use super::parts::{PoseSample, PoseSource};
+use super::parts::PoseSource;
 use super::shutdown::{Part, Stop};
-use crate::pose::{Counters, Estimator, Measurement, Reading};
+use crate::pose::{Counters, Estimate, Estimator, Measurement, Reading};
 use crate::tracker::recording::{self, RecorderHandle};
 use crate::tracker::{
     Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_protocol,
@@ -24,12 +23,12 @@ impl TrackedPoses {
         Self(Arc::new(Mutex::new(estimator)))
     }
 
-    /// What was used and left out so far.
+    /// Counts of used and dropped measurements so far.
     pub fn counters(&self) -> Counters {
         *lock(&self.0).counters()
     }
 
-    /// Starts the tracker's session. Its end, as of a recording that is over, ends the station's.
+    /// Starts the tracker's session. The end of a played recording ends the station's session, too.
     ///
     /// # Errors
     /// As [`spawn`].
@@ -41,21 +40,15 @@ impl TrackedPoses {
     ) -> Result<TrackerPart, TrackerError> {
         let cancel = CancellationToken::new();
         let rates = stream_protocol(settings)? == Protocol::SpaceMouse;
-        let ear = Ear { estimator: self.0.clone(), recorder, stop, rates };
-        let session = spawn(settings, Box::new(ear), cancel.clone())?;
+        let listener = TrackerListener { estimator: self.0.clone(), recorder, stop, rates };
+        let session = spawn(settings, Box::new(listener), cancel.clone())?;
         Ok(TrackerPart { session, cancel })
     }
 }
 
 impl PoseSource for TrackedPoses {
-    fn sample(&mut self, now_ns: u64, display_ns: u64) -> PoseSample {
-        let estimate = lock(&self.0).sample(now_ns, display_ns);
-        PoseSample {
-            scene_from_probe: estimate.scene_from_probe,
-            state: estimate.state,
-            first_byte_ns: estimate.first_byte_ns,
-            predicted_ms: estimate.predicted_ms,
-        }
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
+        lock(&self.0).sample(now_ns, display_ns)
     }
 }
 
@@ -79,16 +72,16 @@ impl Part for TrackerPart {
     }
 }
 
-/// Hears the tracker on its thread.
-struct Ear {
+/// Listener on the tracker's thread.
+struct TrackerListener {
     estimator: Arc<Mutex<Estimator>>,
     recorder: Option<RecorderHandle>,
     stop: Stop,
-    /// The device gives rates, and nothing at all while it is at rest.
+    /// Whether the device sends rates; it sends nothing while at rest.
     rates: bool,
 }
 
-impl Listener for Ear {
+impl Listener for TrackerListener {
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
         if let Some(recorder) = &self.recorder {
             recorder.raw(host_time_ns, bytes);

@@ -22,19 +22,17 @@ const FILTER_GAP_S: f64 = 0.5;
 /// Largest fall of `now` between two samples that does not count as a clock set back, ns.
 const NOW_JITTER_NS: u64 = 20_000_000;
 
-/// Estimate of the probe's pose.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Estimate of the probe's pose at a time of display. It travels with its frame as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
-    /// Filtered and predicted pose; `None` before the first measurement and once it is lost.
+    /// Filtered and predicted pose; none before the first measurement and while tracking is lost.
     pub scene_from_probe: Option<Pose>,
-    /// Trustworthiness of the pose.
+    /// State of the tracking behind it.
     pub state: TrackingState,
-    /// Arrival of the first byte of the newest measurement used, ns since 1970 (UTC).
+    /// Arrival of the first byte of the newest measurement, ns since 1970 (UTC); none without a tracker.
     pub first_byte_ns: Option<u64>,
     /// Prediction beyond the newest measurement, ms.
     pub predicted_ms: f64,
-    /// Whether the sensor's readings have been exactly equal for long although its clock runs.
-    pub stuck: bool,
 }
 
 /// Turns the measurements of one sensor into poses.
@@ -165,13 +163,15 @@ impl Estimator {
     /// [`FilterSettings::prediction_ms`](super::FilterSettings); an earlier one is interpolated.
     pub fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
         let now_ns = self.host_now(now_ns);
-        let state = self.tracking.at(now_ns);
+        let state = match self.tracking.at(now_ns) {
+            state if state.is_live() && self.stuck.is_stuck() => TrackingState::Stuck,
+            state => state,
+        };
         let mut estimate = Estimate {
             scene_from_probe: None,
             state,
             first_byte_ns: self.newest.map(|(_, raw_ns)| raw_ns),
             predicted_ms: 0.0,
-            stuck: self.stuck.is_stuck() && state <= TrackingState::Held,
         };
         let (Some((newest_ns, _)), Some(motion)) = (self.newest, &self.motion) else { return estimate };
         if state == TrackingState::Lost {

@@ -1,17 +1,40 @@
 //! Trustworthiness of a live pose.
 
-/// State of the probe's pose, shown to the user.
+/// State of the probe's pose, from best to worst; each is visible to the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
 pub enum TrackingState {
     /// Measured recently.
     Good,
     /// The last pose is held over a short gap, or measurements have only just returned.
     Held,
+    /// Measurements arrive, but have been exactly equal for so long that the sensor must have frozen.
+    Stuck,
     /// No measurement for so long that the picture does not follow the probe any more.
     Stale,
     /// No measurement for so long that there is no picture, or no measurement yet.
     #[default]
     Lost,
+}
+
+impl TrackingState {
+    /// Every state, from best to worst.
+    pub const ALL: [Self; 5] = [Self::Good, Self::Held, Self::Stuck, Self::Stale, Self::Lost];
+
+    /// Name in files and logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Held => "held",
+            Self::Stuck => "stuck",
+            Self::Stale => "stale",
+            Self::Lost => "lost",
+        }
+    }
+
+    /// Whether the picture follows the probe: the pose is measured, or held over a short gap.
+    pub fn is_live(self) -> bool {
+        self <= Self::Held
+    }
 }
 
 /// Consecutive measurements without a gap after which a pose is good again: a single one may be a flicker at the edge

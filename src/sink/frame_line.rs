@@ -5,7 +5,6 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::live::{FrameSource, PresentedFrame};
-use crate::pose::TrackingState;
 
 /// What a line says of a frame. Times are ms since the session began.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -17,7 +16,7 @@ pub struct FrameLine<'a> {
     pub file: Option<&'a str>,
     /// `enhanced`, `held_enhanced` or `low_quality`.
     pub source: &'static str,
-    /// `good`, `held`, `stale` or `lost`.
+    /// `good`, `held`, `stuck`, `stale` or `lost`.
     pub tracking: &'static str,
     /// `scene_from_probe` [x, y, z (mm), qw, qx, qy, qz]; none without a picture.
     pub pose: Option<[f64; 7]>,
@@ -44,14 +43,14 @@ pub struct FrameLine<'a> {
 impl<'a> FrameLine<'a> {
     /// Of a frame.
     pub fn new(frame: &'a PresentedFrame) -> Self {
-        let times = &frame.timeline;
+        let times = &frame.info.timeline;
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         Self {
             number: frame.number,
             file: None,
             source: source_name(frame.source),
-            tracking: tracking_name(frame.tracking),
-            pose: frame.pose.map(|pose| pose.components()),
+            tracking: frame.info.estimate.state.name(),
+            pose: frame.info.pose().map(|pose| pose.components()),
             first_byte_ms: times.first_byte.map(ms),
             sampled_ms: ms(times.sampled),
             submitted_ms: ms(times.submitted),
@@ -59,7 +58,7 @@ impl<'a> FrameLine<'a> {
             inference_ms: times.inference.map(|(start, end)| [ms(start), ms(end)]),
             presented_ms: ms(times.presented),
             tier: frame.tier.as_deref(),
-            frozen: frame.settings.frozen,
+            frozen: frame.info.settings.frozen,
             notice: frame.notice.as_deref(),
         }
     }
@@ -71,15 +70,5 @@ pub fn source_name(source: FrameSource) -> &'static str {
         FrameSource::Enhanced => "enhanced",
         FrameSource::HeldEnhanced => "held_enhanced",
         FrameSource::LowQuality => "low_quality",
-    }
-}
-
-/// Name of a pose's state.
-pub fn tracking_name(state: TrackingState) -> &'static str {
-    match state {
-        TrackingState::Good => "good",
-        TrackingState::Held => "held",
-        TrackingState::Stale => "stale",
-        TrackingState::Lost => "lost",
     }
 }

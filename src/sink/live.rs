@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::pose::{Pose, TrackingState};
+use crate::pose::{Estimate, Pose};
 use crate::render::ImageSettings;
 
 use super::SinkError;
@@ -66,11 +66,33 @@ impl Default for LiveSettings {
     }
 }
 
+/// Data of a frame beside its pixels: begun with the pose estimate, completed from stage to stage, passed on whole.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FrameInfo {
+    /// Number among all frames that were begun, from 0.
+    pub number: u64,
+    /// Estimate of the pose that the picture shows; its pose is none where there is no picture.
+    pub estimate: Estimate,
+    /// Times at which it passed each stage so far.
+    pub timeline: FrameTimeline,
+    /// Settings that it is made with.
+    pub settings: LiveSettings,
+}
+
+impl FrameInfo {
+    /// `scene_from_probe` of the picture; none before the first pose.
+    pub fn pose(&self) -> Option<Pose> {
+        self.estimate.scene_from_probe
+    }
+}
+
 /// One frame as it is shown. All maps are row-major, the first row nearest to the probe.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PresentedFrame {
-    /// Counts the presented frames from 0.
+    /// Number among the presented frames, from 0.
     pub number: u64,
+    /// Pose, times and settings.
+    pub info: FrameInfo,
     /// Which picture `image` is.
     pub source: FrameSource,
     /// Width, pixels.
@@ -87,14 +109,6 @@ pub struct PresentedFrame {
     pub attenuation: Vec<f32>,
     /// 255 inside the sector [height × width].
     pub mask: Vec<u8>,
-    /// `scene_from_probe`; none before the first pose.
-    pub pose: Option<Pose>,
-    /// How far the pose can be trusted.
-    pub tracking: TrackingState,
-    /// When it passed each stage.
-    pub timeline: FrameTimeline,
-    /// Settings it was made with.
-    pub settings: LiveSettings,
     /// Name of the generator tier at work; none on low quality.
     pub tier: Option<String>,
     /// What went wrong lately and should be told to whoever watches.
@@ -106,6 +120,7 @@ impl PresentedFrame {
     pub fn empty(settings: LiveSettings) -> Self {
         Self {
             number: 0,
+            info: FrameInfo { settings, ..FrameInfo::default() },
             source: FrameSource::LowQuality,
             width: 0,
             height: 0,
@@ -114,10 +129,6 @@ impl PresentedFrame {
             segmentation: Vec::new(),
             attenuation: Vec::new(),
             mask: Vec::new(),
-            pose: None,
-            tracking: TrackingState::Lost,
-            timeline: FrameTimeline::default(),
-            settings,
             tier: None,
             notice: None,
         }
@@ -133,8 +144,9 @@ impl PresentedFrame {
 
     /// From the tracker's first byte, or where there is none from the sampling of the pose, until the sinks had it.
     pub fn latency(&self) -> Duration {
-        let from = self.timeline.first_byte.unwrap_or(self.timeline.sampled);
-        self.timeline.presented.saturating_sub(from)
+        let timeline = &self.info.timeline;
+        let from = timeline.first_byte.unwrap_or(timeline.sampled);
+        timeline.presented.saturating_sub(from)
     }
 }
 

@@ -35,7 +35,7 @@ impl LiveSink for LiveVideo {
     }
 
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
-        let time = frame.timeline.presented;
+        let time = frame.info.timeline.presented;
         let Some(video) = &mut self.video else {
             self.video = Some(Video::create(&self.stem, frame.width, frame.height, self.rate)?);
             self.origin = time;
@@ -69,14 +69,16 @@ impl LiveSink for LiveVideo {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::pose::TrackingState;
-    use crate::render::ImageSettings;
-    use crate::sink::live::{FrameSource, FrameTimeline, LiveSettings};
+    use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline};
 
     /// A frame of 4 × 2 pixels, each its number.
     pub(crate) fn frame(number: u64, ms: u64) -> PresentedFrame {
         PresentedFrame {
             number,
+            info: FrameInfo {
+                timeline: FrameTimeline { presented: Duration::from_millis(ms), ..FrameTimeline::default() },
+                ..FrameInfo::default()
+            },
             source: FrameSource::LowQuality,
             width: 4,
             height: 2,
@@ -85,18 +87,6 @@ pub(super) mod tests {
             segmentation: vec![1; 8],
             attenuation: vec![0.5; 8],
             mask: vec![255; 8],
-            pose: None,
-            tracking: TrackingState::Good,
-            timeline: FrameTimeline { presented: Duration::from_millis(ms), ..FrameTimeline::default() },
-            settings: LiveSettings {
-                image: ImageSettings::default(),
-                depth_mm: 150.0,
-                focus_mm: 70.0,
-                rays: 1,
-                layers: 1,
-                frozen: false,
-                enhance: false,
-            },
             tier: None,
             notice: None,
         }
@@ -111,7 +101,7 @@ pub(super) mod tests {
         let first = frame(1, 5000);
         let mut sink = LiveVideo::new(&dir.path().join("v"), rate);
         sink.video = Some(Video::Y4m(writer));
-        (sink.origin, sink.shown) = (first.timeline.presented, first.image);
+        (sink.origin, sink.shown) = (first.info.timeline.presented, first.image);
         // Late by a little, two within one place, a gap of three, and a pause of an hour that is cut to ten seconds.
         for (number, ms) in [(2, 5110), (3, 5190), (4, 5210), (5, 5500), (6, 3_605_500)] {
             sink.present(&frame(number, ms)).unwrap();

@@ -4,8 +4,8 @@
 //!
 //! | message | device | content |
 //! |---|---|---|
-//! | `STATUS` | `Tracking` | 1 (all is well), or 13 (not ready) while the pose is stale or lost |
-//! | `TRANSFORM` | `ProbeToScene` | the probe's pose; left out while it is stale or lost |
+//! | `STATUS` | `Tracking` | 1 (all is well), or 13 (not ready) while the sensor is stuck, or the pose stale or lost |
+//! | `TRANSFORM` | `ProbeToScene` | the probe's pose; left out while the status is not 1 |
 //! | `IMAGE` | `Image` | the picture, u8, one slice, where it lies in the scene |
 //!
 //! # Frames
@@ -210,25 +210,26 @@ impl OpenIgtLink {
 
     fn encode(&self, frame: &PresentedFrame, out: &mut BytesMut) {
         let time_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
-        let is_tracked = matches!(frame.tracking, TrackingState::Good | TrackingState::Held);
-        let (name, text) = match frame.tracking {
+        let state = frame.info.estimate.state;
+        let (name, text) = match state {
             TrackingState::Good => ("GOOD", ""),
             TrackingState::Held => ("HELD", "the last pose is held over a short gap"),
+            TrackingState::Stuck => ("STUCK", "the sensor repeats one reading; the picture may not follow the probe"),
             TrackingState::Stale => ("STALE", "the picture doesn't follow the probe"),
             TrackingState::Lost => ("LOST", "there is no pose"),
         };
-        let code = if is_tracked { message::STATUS_OK } else { message::STATUS_NOT_READY };
+        let code = if state.is_live() { message::STATUS_OK } else { message::STATUS_NOT_READY };
         message::put_status(out, "Tracking", time_ns, code, name, text);
 
         let ras_from_scene = self.settings.scene_axes.ras_from_scene;
         let (orientation, position_mm) =
-            frame.pose.map_or((DQuat::IDENTITY, DVec3::ZERO), |pose| (pose.orientation, pose.position_mm));
+            frame.info.pose().map_or((DQuat::IDENTITY, DVec3::ZERO), |pose| (pose.orientation, pose.position_mm));
         let ras_from_probe = ras_from_scene * DMat3::from_quat(orientation);
         let probe_mm = ras_from_scene * position_mm;
-        if is_tracked && frame.pose.is_some() {
+        if state.is_live() && frame.info.pose().is_some() {
             message::put_transform(out, "ProbeToScene", time_ns, ras_from_probe, probe_mm);
         }
-        let probe = Probe { depth_mm: frame.settings.depth_mm, ..self.probe };
+        let probe = Probe { depth_mm: frame.info.settings.depth_mm, ..self.probe };
         let sector = Sector::fit(&probe, frame.width, frame.height);
         let half = 0.5 * sector.pixel_mm;
         let centre = sector.corner_mm + glam::DVec2::new(f64::from(frame.width), f64::from(frame.height)) * half;

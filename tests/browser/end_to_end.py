@@ -203,7 +203,7 @@ def the_scene_is_shown_beside_the_picture(page):
 
 
 def states_are_unmistakable(page, station):
-    for state, title in [("stale", "STALE"), ("lost", "TRACKING LOST")]:
+    for state, title in [("stuck", "STUCK"), ("stale", "STALE"), ("lost", "TRACKING LOST")]:
         station.say(f"tracking {state}")
         page.wait(title, lambda title=title: visible(page, "#banner") and title in text(page, "#banner"))
     station.say("tracking good")

@@ -117,8 +117,11 @@ def main():
         print("ok  keys change the picture", flush=True)
         if arguments.screenshot:
             display.save(arguments.screenshot)
-        say("tracking stale")
-        wait("the banner", lambda: display.colour(720, 227) == WARN)
+        for state in ("stuck", "stale"):
+            say(f"tracking {state}")
+            wait(f"the banner of {state}", lambda: display.colour(720, 227) == WARN)
+            say("tracking good")
+            wait("no banner", lambda: display.colour(720, 227) not in (WARN, BAD))
         say("tracking lost")
         wait("the banner", lambda: display.colour(720, 227) == BAD)
         say("tracking good")

@@ -7,10 +7,9 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use insonify::pose::{Pose, TrackingState};
-use insonify::render::ImageSettings;
+use insonify::pose::{Estimate, Pose, TrackingState};
 use insonify::sink::SinkError;
-use insonify::sink::live::{FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::live::{FrameInfo, FrameSource, LiveSettings, LiveSink, PresentedFrame};
 use insonify::sink::openigtlink::{OpenIgtLink, Settings};
 use insonify::transducer::{Probe, Sector};
 
@@ -26,13 +25,19 @@ fn pose() -> Pose {
     }
 }
 
+fn tracked(state: TrackingState) -> Estimate {
+    Estimate { scene_from_probe: Some(pose()), state, ..Estimate::default() }
+}
+
 fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
     let pixels = (width * height) as usize;
     let probe = Probe::default();
     let mut image: Vec<u8> = (0..pixels).map(|i| (i % 251) as u8).collect();
     image[0] = number as u8;
+    let settings = LiveSettings { depth_mm: probe.depth_mm, focus_mm: probe.focus_mm, ..LiveSettings::default() };
     PresentedFrame {
         number,
+        info: FrameInfo { estimate: tracked(TrackingState::Good), settings, ..FrameInfo::default() },
         source: FrameSource::LowQuality,
         width,
         height,
@@ -41,18 +46,6 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         segmentation: vec![0; pixels],
         attenuation: vec![0.0; pixels],
         mask: vec![255; pixels],
-        pose: Some(pose()),
-        tracking: TrackingState::Good,
-        timeline: FrameTimeline::default(),
-        settings: LiveSettings {
-            image: ImageSettings::default(),
-            depth_mm: probe.depth_mm,
-            focus_mm: probe.focus_mm,
-            rays: 1,
-            layers: 1,
-            frozen: false,
-            enhance: false,
-        },
         tier: None,
         notice: None,
     }
@@ -152,15 +145,22 @@ fn a_client_gets_the_image_where_it_lies() {
 fn a_stale_pose_is_never_sent_as_a_good_one() {
     let mut server = server(Settings::default());
     let mut client = Client::connect(&server);
-    for (tracking, code, has_transform) in
-        [(TrackingState::Held, 1, true), (TrackingState::Stale, 13, false), (TrackingState::Lost, 13, false)]
-    {
-        server.present(&PresentedFrame { tracking, ..frame(0, 16, 16) }).unwrap();
+    for (tracking, code, has_transform) in [
+        (TrackingState::Held, 1, true),
+        (TrackingState::Stuck, 13, false),
+        (TrackingState::Stale, 13, false),
+        (TrackingState::Lost, 13, false),
+    ] {
+        let mut frame = frame(0, 16, 16);
+        frame.info.estimate.state = tracking;
+        server.present(&frame).unwrap();
         let (_, others) = client.image();
         assert_eq!(others[0].body[..2], [0, code]);
         assert_eq!(others.len() == 2, has_transform, "{tracking:?}");
     }
-    server.present(&PresentedFrame { pose: None, tracking: TrackingState::Lost, ..frame(0, 16, 16) }).unwrap();
+    let mut without_pose = frame(0, 16, 16);
+    without_pose.info.estimate = Estimate::default();
+    server.present(&without_pose).unwrap();
     let (image, others) = client.image();
     assert_eq!(others.len(), 1);
     assert!(vectors(&image.body[12..60])[3].length() < 100.0);

@@ -29,7 +29,7 @@ impl LiveSink for Stills {
     }
 
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
-        let shown = frame.timeline.presented;
+        let shown = frame.info.timeline.presented;
         if shown < self.next || self.left == 0 {
             return Ok(());
         }

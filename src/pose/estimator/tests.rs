@@ -335,9 +335,13 @@ fn a_stuck_sensor_is_noted_while_its_clock_runs() {
     let mut estimator = estimator();
     (0..240).for_each(|i| estimator.push(&measurement(i, at(1.0))));
     let estimate = estimator.sample(time(239), time(239));
-    assert_eq!((estimate.stuck, estimate.state, estimator.counters().stuck), (true, TrackingState::Good, 1));
+    assert_eq!((estimate.state, estimator.counters().stuck), (TrackingState::Stuck, 1));
+    assert!(estimate.scene_from_probe.is_some());
     estimator.push(&measurement(240, at(1.001)));
-    assert!(!estimator.sample(time(240), time(240)).stuck);
+    assert_eq!(estimator.sample(time(240), time(240)).state, TrackingState::Good);
+    (241..481).for_each(|i| estimator.push(&measurement(i, at(1.0))));
+    let silent = estimator.sample(time(480) + 600 * MS, time(480) + 600 * MS);
+    assert_eq!(silent.state, TrackingState::Stale, "a stuck sensor that falls silent is stale");
 }
 
 #[test]

@@ -124,7 +124,7 @@ impl LiveSink for BrowserSink {
             (wanted && present).then(|| self.pool.fill(|out| wire::encode(frame, map, out)))
         };
         // Over a frozen picture an overlay may be asked for later, when no new frame comes.
-        let frozen = frame.settings.frozen;
+        let frozen = frame.info.settings.frozen;
         let segmentation = map(Map::Segmentation, wanted.segmentation || frozen, !frame.segmentation.is_empty());
         let attenuation = map(Map::Attenuation, wanted.attenuation || frozen, !frame.attenuation.is_empty());
         let image = self.pool.fill(|out| wire::encode(frame, Map::Image, out));

@@ -5,14 +5,14 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | u8 × 4 | `INSF` |
-//! | 4 | u16 | version of this layout, 1 |
+//! | 4 | u16 | version of this layout, 2 |
 //! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
 //! | 7 | u8 | source: 0 low quality, 1 enhanced, 2 held enhanced |
 //! | 8 | u64 | frame number |
 //! | 16 | u32 × 2 | width, height, pixels |
 //! | 24 | f64 | side of a pixel, mm |
 //! | 32 | f64 | row, in pixels, at which the middle of the probe's face lies |
-//! | 40 | u8 | tracking: 0 good, 1 held, 2 stale, 3 lost |
+//! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
 //! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 frozen, 16 generator may run |
 //! | 42 | u16 × 2 | bytes of the tier's name and of the notice |
 //! | 46 | u16 | 0 |
@@ -32,12 +32,11 @@ use std::time::Duration;
 use super::super::SinkError;
 use super::super::error::check_shape;
 use super::super::live::{FrameSource, PresentedFrame};
-use crate::pose::TrackingState;
 
 /// Bytes before the map.
 pub const HEADER_BYTES: usize = 272;
 
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 /// A longer tier name or notice is cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
@@ -79,28 +78,23 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
 }
 
 fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) {
-    let settings = &frame.settings;
-    let times = &frame.timeline;
+    let settings = &frame.info.settings;
+    let times = &frame.info.timeline;
     let source = match frame.source {
         FrameSource::LowQuality => 0,
         FrameSource::Enhanced => 1,
         FrameSource::HeldEnhanced => 2,
     };
-    let tracking = match frame.tracking {
-        TrackingState::Good => 0,
-        TrackingState::Held => 1,
-        TrackingState::Stale => 2,
-        TrackingState::Lost => 3,
-    };
+    let tracking = frame.info.estimate.state as u8;
     let flags = [
-        frame.pose.is_some(),
+        frame.info.pose().is_some(),
         times.first_byte.is_some(),
         times.inference.is_some(),
         settings.frozen,
         settings.enhance,
     ];
     let flags = flags.iter().enumerate().fold(0, |byte, (bit, &set)| byte | u8::from(set) << bit);
-    let pose = frame.pose.map_or([0.0; 7], |pose| pose.components());
+    let pose = frame.info.pose().map_or([0.0; 7], |pose| pose.components());
     let ms = |time: Duration| time.as_secs_f64() * 1e3;
     let (start, end) = times.inference.unwrap_or_default();
     let first_byte = times.first_byte.unwrap_or_default();
@@ -136,13 +130,28 @@ fn text(text: Option<&str>) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::Pose;
-    use crate::sink::live::{FrameTimeline, LiveSettings};
+    use crate::pose::{Estimate, Pose, TrackingState};
+    use crate::sink::live::{FrameInfo, FrameTimeline, LiveSettings};
 
     fn frame() -> PresentedFrame {
         let seconds = Duration::from_secs_f64;
         PresentedFrame {
             number: 7,
+            info: FrameInfo {
+                estimate: Estimate {
+                    scene_from_probe: Some(Pose::from_components([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]).unwrap()),
+                    state: TrackingState::Stuck,
+                    ..Estimate::default()
+                },
+                timeline: FrameTimeline {
+                    first_byte: Some(seconds(1.0)),
+                    inference: None,
+                    presented: seconds(1.05),
+                    ..FrameTimeline::default()
+                },
+                settings: LiveSettings { frozen: true, rays: 8, layers: 3, depth_mm: 150.0, ..LiveSettings::default() },
+                ..FrameInfo::default()
+            },
             source: FrameSource::HeldEnhanced,
             width: 3,
             height: 4,
@@ -151,15 +160,6 @@ mod tests {
             segmentation: (12..24).collect(),
             attenuation: vec![0.0, 0.5, 1.0, 2.0, -1.0, f32::NAN, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7],
             mask: vec![255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255],
-            pose: Some(Pose::from_components([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]).unwrap()),
-            tracking: TrackingState::Stale,
-            timeline: FrameTimeline {
-                first_byte: Some(seconds(1.0)),
-                inference: None,
-                presented: seconds(1.05),
-                ..FrameTimeline::default()
-            },
-            settings: LiveSettings { frozen: true, rays: 8, layers: 3, depth_mm: 150.0, ..LiveSettings::default() },
             tier: Some("MSA".into()),
             notice: Some("no generator µ".into()),
         }
@@ -173,7 +173,7 @@ mod tests {
     fn every_field_lies_where_the_table_says() {
         let mut out = Vec::new();
         encode(&frame(), Map::Image, &mut out);
-        assert_eq!(&out[..8], b"INSF\x01\x00\x01\x02");
+        assert_eq!(&out[..8], b"INSF\x02\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
         assert_eq!(out[40..48], [2, 0b11011, 3, 0, 15, 0, 0, 0]);

@@ -153,7 +153,7 @@ impl App {
         std::mem::swap(shown, &mut self.spare);
         (self.newest_at, self.arrivals) = (Instant::now(), self.arrivals + 1);
         if self.wanted_at.is_none_or(|at| at.elapsed() > HOLD) {
-            self.wanted = shown.settings;
+            self.wanted = shown.info.settings;
         }
         if let Some((window, graphics)) = &mut self.window {
             graphics.set_picture(shown.width, shown.height, &shown.image);
@@ -184,7 +184,7 @@ impl App {
         let brightness = match banner {
             Some(Banner::Waiting) => 0.0,
             Some(Banner::Silent | Banner::Lost) => 0.4,
-            Some(Banner::Stale) | None => 1.0,
+            Some(Banner::Stale | Banner::Stuck) | None => 1.0,
         };
         window.pre_present_notify();
         match graphics.draw(&Look { picture, brightness, marks_scale: scale }) {
@@ -266,9 +266,10 @@ fn labels_differ(shown: Option<&Shown>, drawn: Option<&Shown>) -> bool {
     match (shown, drawn) {
         (None, None) => false,
         (Some(a), Some(b)) => {
-            (a.width, a.height, a.source, a.tracking) != (b.width, b.height, b.source, b.tracking)
+            (a.width, a.height, a.source) != (b.width, b.height, b.source)
+                || a.info.estimate.state != b.info.estimate.state
                 || (a.pixel_mm, a.face_row) != (b.pixel_mm, b.face_row)
-                || a.settings != b.settings
+                || a.info.settings != b.info.settings
                 || a.tier != b.tier
                 || a.notice != b.notice
         }

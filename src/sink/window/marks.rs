@@ -55,15 +55,40 @@ pub(super) enum Banner {
     Silent,
     Lost,
     Stale,
+    Stuck,
+}
+
+impl Banner {
+    /// Title and detail.
+    fn texts(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Waiting => ("WAITING", "the station has shown nothing yet"),
+            Self::Silent => ("NO NEW FRAMES", "the picture is not live"),
+            Self::Lost => ("TRACKING LOST", "the probe's pose is not known"),
+            Self::Stale => ("STALE", "the picture no longer follows the probe"),
+            Self::Stuck => ("STUCK", "the sensor repeats one reading"),
+        }
+    }
+
+    /// Colours of ground and ink.
+    fn colours(self) -> (Rgb, Rgb) {
+        match self {
+            Self::Waiting => (PANEL, INK),
+            Self::Silent => (PANEL, [255, 90, 78]),
+            Self::Lost => (BAD, [255; 3]),
+            Self::Stale | Self::Stuck => (WARN, DARK),
+        }
+    }
 }
 
 /// Which banner a frame deserves. `silent`: no new one came for too long.
 pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
     let Some(shown) = shown else { return Some(Banner::Waiting) };
-    match shown.tracking {
-        _ if silent && !shown.settings.frozen => Some(Banner::Silent),
+    match shown.info.estimate.state {
+        _ if silent && !shown.info.settings.frozen => Some(Banner::Silent),
         TrackingState::Lost => Some(Banner::Lost),
         TrackingState::Stale => Some(Banner::Stale),
+        TrackingState::Stuck => Some(Banner::Stuck),
         TrackingState::Good | TrackingState::Held => None,
     }
 }
@@ -112,7 +137,7 @@ fn depth_scale(canvas: &mut Canvas, shown: &Shown, at: Placement) {
     let y_at = |depth_mm: f32| at.y + shown.face_row as f32 * scale + depth_mm * pixels_per_mm;
     let x = (at.x + at.width + 12.0) as u32;
     let step = tick_step_cm(10.0 * pixels_per_mm);
-    let depth_mm = shown.settings.depth_mm as f32;
+    let depth_mm = shown.info.settings.depth_mm as f32;
     for cm in 0..=(depth_mm / 10.0 + 1e-3) as u32 {
         let y = y_at(10.0 * cm as f32).round() as u32;
         if y > canvas.size().1 {
@@ -126,7 +151,7 @@ fn depth_scale(canvas: &mut Canvas, shown: &Shown, at: Placement) {
     }
     canvas.text(x + 12, (y_at(0.0).min(canvas.size().1 as f32) as u32).saturating_sub(30), "cm", Text::Small, FAINT);
     // The focus points at the scale from the picture's side.
-    let focus = y_at((shown.settings.focus_mm as f32).min(depth_mm)).round().min(canvas.size().1 as f32) as u32;
+    let focus = y_at((shown.info.settings.focus_mm as f32).min(depth_mm)).round().min(canvas.size().1 as f32) as u32;
     for column in 0..7 {
         canvas.fill(x - 9 + column, focus.saturating_sub(6 - column), 1, 2 * (6 - column) + 1, WARN);
     }
@@ -137,21 +162,26 @@ fn depth_scale(canvas: &mut Canvas, shown: &Shown, at: Placement) {
     canvas.fill(marker + 3, top + 3, 6, 6, DARK);
 }
 
+/// Word for the state of the pose, and its colour.
+fn tracking_badge(shown: &Shown) -> (&'static str, Rgb) {
+    match shown.info.estimate.state {
+        TrackingState::Good => ("TRACKING", ACCENT),
+        TrackingState::Held => ("POSE HELD", WARN),
+        TrackingState::Stuck => ("STUCK", WARN),
+        TrackingState::Stale => ("STALE", WARN),
+        TrackingState::Lost => ("LOST", BAD),
+    }
+}
+
 fn badges(canvas: &mut Canvas, shown: &Shown, figures: &Figures) {
-    let run = if shown.settings.frozen { ("FROZEN", COLD) } else { ("LIVE", ACCENT) };
+    let run = if shown.info.settings.frozen { ("FROZEN", COLD) } else { ("LIVE", ACCENT) };
     let source = match shown.source {
         FrameSource::Enhanced => ("ENHANCED", ACCENT),
         FrameSource::HeldEnhanced => ("HELD", WARN),
         FrameSource::LowQuality => ("LOW QUALITY", FAINT),
     };
-    let tracking = match shown.tracking {
-        TrackingState::Good => ("TRACKING", ACCENT),
-        TrackingState::Held => ("POSE HELD", WARN),
-        TrackingState::Stale => ("STALE", WARN),
-        TrackingState::Lost => ("LOST", BAD),
-    };
     let mut x = 14;
-    for (text, colour) in [run, source, tracking, (shown.tier.as_str(), FAINT)] {
+    for (text, colour) in [run, source, tracking_badge(shown), (shown.tier.as_str(), FAINT)] {
         canvas.text(x, 12, text, Text::Small, colour);
         x += Text::Small.width(text) + 22;
     }
@@ -161,7 +191,7 @@ fn badges(canvas: &mut Canvas, shown: &Shown, figures: &Figures) {
 }
 
 fn settings(canvas: &mut Canvas, shown: &Shown, at: Placement) {
-    let s = &shown.settings;
+    let s = &shown.info.settings;
     let text = format!(
         "Depth {:.1} cm   Gain {:.0} dB   DR {:.0} dB   TGC {:.1} dB/cm   Focus {:.1} cm   {}x{}   ? keys",
         s.depth_mm / 10.0,
@@ -177,12 +207,7 @@ fn settings(canvas: &mut Canvas, shown: &Shown, at: Placement) {
 }
 
 fn draw_banner(canvas: &mut Canvas, banner: Banner) {
-    let (title, detail, ground, ink) = match banner {
-        Banner::Waiting => ("WAITING", "the station has shown nothing yet", PANEL, INK),
-        Banner::Silent => ("NO NEW FRAMES", "the picture is not live", PANEL, [255, 90, 78]),
-        Banner::Lost => ("TRACKING LOST", "the probe's pose is not known", BAD, [255; 3]),
-        Banner::Stale => ("STALE", "the picture no longer follows the probe", WARN, DARK),
-    };
+    let ((title, detail), (ground, ink)) = (banner.texts(), banner.colours());
     const FACTOR: u32 = 2;
     let title_width = FACTOR * Text::Large.width(title);
     let detail_width = Text::Small.width(detail);
@@ -216,8 +241,14 @@ mod tests {
         Shown { width: 1386, height: 1000, pixel_mm: 0.157, face_row: 45.0, ..Shown::default() }
     }
 
+    fn in_state(state: TrackingState) -> Shown {
+        let mut shown = shown();
+        shown.info.estimate.state = state;
+        shown
+    }
+
     fn good() -> Shown {
-        Shown { tracking: TrackingState::Good, ..shown() }
+        in_state(TrackingState::Good)
     }
 
     #[test]
@@ -243,12 +274,16 @@ mod tests {
 
     #[test]
     fn the_worst_state_is_told() {
-        let lost = Shown { tracking: TrackingState::Lost, ..shown() };
-        let frozen = Shown { settings: LiveSettings { frozen: true, ..LiveSettings::default() }, ..good() };
+        let lost = in_state(TrackingState::Lost);
+        let mut frozen = good();
+        frozen.info.settings.frozen = true;
         assert_eq!(banner(None, true), Some(Banner::Waiting));
         assert_eq!(banner(Some(&lost), true), Some(Banner::Silent));
         assert_eq!(banner(Some(&lost), false), Some(Banner::Lost));
         assert_eq!(banner(Some(&good()), true), Some(Banner::Silent));
+        let stuck = in_state(TrackingState::Stuck);
+        assert_eq!(banner(Some(&stuck), false).map(|banner| banner.texts().0), Some("STUCK"));
+        assert_eq!(tracking_badge(&stuck).0, "STUCK");
         assert_eq!(banner(Some(&frozen), true), None);
         assert_eq!(banner(Some(&good()), false), None);
     }
@@ -274,7 +309,9 @@ mod tests {
         for size in [(1, 1), (60, 40), (300, 90)] {
             let mut canvas = Canvas::new(size.0, size.1, [0; 3]);
             let deep = LiveSettings { depth_mm: 500.0, focus_mm: 1000.0, ..LiveSettings::default() };
-            for odd in [Shown::default(), Shown { settings: deep, ..good() }, Shown { pixel_mm: 1e-9, ..good() }] {
+            let mut far = good();
+            far.info.settings = deep;
+            for odd in [Shown::default(), far, Shown { pixel_mm: 1e-9, ..good() }] {
                 draw(&mut canvas, Some(&odd), &figures);
             }
             draw(&mut canvas, None, &figures);

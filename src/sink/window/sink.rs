@@ -5,10 +5,9 @@ use std::time::Duration;
 
 use winit::event_loop::EventLoopProxy;
 
-use crate::pose::TrackingState;
 use crate::sink::SinkError;
 use crate::sink::error::check_shape;
-use crate::sink::live::{FrameSource, LiveSettings, LiveSink, PresentedFrame};
+use crate::sink::live::{FrameInfo, FrameSource, LiveSink, PresentedFrame};
 
 pub(super) const NAME: &str = "window";
 
@@ -25,9 +24,8 @@ pub(super) struct Shown {
     pub(super) face_row: f64,
     pub(super) image: Vec<u8>,
     pub(super) source: FrameSource,
-    pub(super) tracking: TrackingState,
+    pub(super) info: FrameInfo,
     pub(super) latency: Duration,
-    pub(super) settings: LiveSettings,
     pub(super) tier: String,
     pub(super) notice: String,
 }
@@ -37,8 +35,7 @@ impl Shown {
         (self.width, self.height) = (frame.width, frame.height);
         (self.pixel_mm, self.face_row) = (frame.pixel_mm, frame.face_row());
         self.image.clone_from(&frame.image);
-        (self.source, self.tracking) = (frame.source, frame.tracking);
-        (self.latency, self.settings) = (frame.latency(), frame.settings);
+        (self.source, self.info, self.latency) = (frame.source, frame.info, frame.latency());
         for (to, from) in [(&mut self.tier, &frame.tier), (&mut self.notice, &frame.notice)] {
             to.clear();
             to.push_str(from.as_deref().unwrap_or(""));
@@ -148,25 +145,17 @@ impl Drop for WindowSink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::live::FrameTimeline;
+    use crate::sink::live::LiveSettings;
 
     fn frame(number: u64) -> PresentedFrame {
         PresentedFrame {
             number,
-            source: FrameSource::Enhanced,
             width: 2,
             height: 2,
-            pixel_mm: 0.5,
             image: vec![number as u8; 4],
-            segmentation: vec![],
-            attenuation: vec![],
             mask: vec![255; 4],
-            pose: None,
-            tracking: TrackingState::Good,
-            timeline: FrameTimeline::default(),
-            settings: LiveSettings::default(),
             tier: Some("MS".into()),
-            notice: None,
+            ..PresentedFrame::empty(LiveSettings::default())
         }
     }
 

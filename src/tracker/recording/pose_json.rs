@@ -27,23 +27,16 @@ pub(super) const SCHEMA: &str = r#"{
         "orientation": {"title": "foxglove.Quaternion", "type": "object", "properties": {"x": {"type": "number"}, "y": {"type": "number"}, "z": {"type": "number"}, "w": {"type": "number"}}}
       }
     },
-    "state": {"type": "string", "enum": ["good", "held", "stale", "lost"], "description": "How far the pose could be trusted"}
+    "state": {"type": "string", "enum": ["good", "held", "stuck", "stale", "lost"], "description": "How far the pose could be trusted"}
   }
 }"#;
-
-const STATES: [(TrackingState, &str); 4] = [
-    (TrackingState::Good, "good"),
-    (TrackingState::Held, "held"),
-    (TrackingState::Stale, "stale"),
-    (TrackingState::Lost, "lost"),
-];
 
 /// Writes a message into `out`, replacing its content.
 pub(super) fn encode(pose: &SessionPose, out: &mut String) {
     out.clear();
     let (seconds, ns) = (pose.host_time_ns / 1_000_000_000, pose.host_time_ns % 1_000_000_000);
     let (p, q) = (pose.pose.position_mm * 1e-3, pose.pose.orientation);
-    let state = STATES.iter().find(|(state, _)| *state == pose.state).map_or("lost", |(_, name)| name);
+    let state = pose.state.name();
     // Writing to a string cannot fail. `Display` of a finite f64 is valid JSON and parses to the same number.
     let _ = write!(
         out,
@@ -81,9 +74,9 @@ pub(super) fn decode(host_time_ns: u64, json: &[u8]) -> Result<SessionPose, Stri
     let Wire { position: p, orientation: q } = message.pose;
     let mm = DVec3::new(p.x, p.y, p.z) * 1e3;
     let pose = Pose::from_components([mm.x, mm.y, mm.z, q.w, q.x, q.y, q.z]).map_err(|error| error.to_string())?;
-    let state = STATES.iter().find(|(_, name)| *name == message.state).map(|(state, _)| *state);
-    let state =
-        state.ok_or_else(|| format!("state `{}` is none of good, held, stale, lost", message.state.escape_debug()))?;
+    let state = TrackingState::ALL.into_iter().find(|state| state.name() == message.state);
+    let state = state
+        .ok_or_else(|| format!("state `{}` is none of good, held, stuck, stale, lost", message.state.escape_debug()))?;
     Ok(SessionPose { host_time_ns, pose, state })
 }
 
@@ -95,7 +88,8 @@ mod tests {
     fn a_pose_is_encoded_and_decoded() {
         let pose = Pose::from_components([1.25, -80.5, 1e-7, 0.5, 0.5, -0.5, 0.5]).unwrap();
         let mut text = "left over".to_owned();
-        for (state, name) in STATES {
+        for state in TrackingState::ALL {
+            let name = state.name();
             let sent = SessionPose { host_time_ns: 1_790_000_000_000_000_007, pose, state };
             encode(&sent, &mut text);
             let json: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -111,7 +105,7 @@ mod tests {
     #[test]
     fn the_schema_is_json_and_names_every_state() {
         let schema: serde_json::Value = serde_json::from_str(SCHEMA).unwrap();
-        let states = STATES.map(|(_, name)| name);
+        let states = TrackingState::ALL.map(TrackingState::name);
         assert_eq!(schema["properties"]["state"]["enum"], serde_json::json!(states));
     }
 

@@ -3,6 +3,9 @@
 // Helpers are outside of tests for clippy; a failing one fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod spans;
+mod stuck;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -14,10 +17,10 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use insonify::pipeline::{
     ChoiceSettings, Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts,
-    Pipeline, PoseSample, PoseSource, QualityBudget, QualitySummary, Readiness, RenderFault, RendererFactory, Settings,
+    Pipeline, PoseSource, QualityBudget, QualitySummary, Readiness, RenderFault, RendererFactory, Settings,
     SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
-use insonify::pose::{Pose, TrackingState};
+use insonify::pose::{Estimate, Pose, TrackingState};
 use insonify::render::{Frame, Quality, QualityPoint, RenderSettings, climb};
 use insonify::sink::SinkError;
 use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, MapsWanted, PresentedFrame};
@@ -196,8 +199,8 @@ impl RendererFactory for Factory {
 
 struct Poses<F>(F);
 
-impl<F: FnMut(Duration) -> PoseSample + Send> PoseSource for Poses<F> {
-    fn sample(&mut self, now_ns: u64, display_ns: u64) -> PoseSample {
+impl<F: FnMut(Duration) -> Estimate + Send> PoseSource for Poses<F> {
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
         assert!(display_ns >= now_ns);
         (self.0)(Duration::from_nanos(now_ns - START_NS))
     }
@@ -206,8 +209,8 @@ impl<F: FnMut(Duration) -> PoseSample + Send> PoseSource for Poses<F> {
 const START_NS: u64 = 1_767_225_600_000_000_000;
 
 /// A tracker whose newest record's first byte came 5 ms before the sample.
-fn tracked(now: Duration, x: f64) -> PoseSample {
-    PoseSample {
+fn tracked(now: Duration, x: f64) -> Estimate {
+    Estimate {
         scene_from_probe: Some(pose(x)),
         state: TrackingState::Good,
         first_byte_ns: Some((START_NS + now.as_nanos() as u64).saturating_sub(5_000_000)),
@@ -216,11 +219,11 @@ fn tracked(now: Duration, x: f64) -> PoseSample {
 }
 
 /// 20 mm/s.
-fn moving(now: Duration) -> PoseSample {
+fn moving(now: Duration) -> Estimate {
     tracked(now, 20.0 * now.as_secs_f64())
 }
 
-fn resting(now: Duration) -> PoseSample {
+fn resting(now: Duration) -> Estimate {
     tracked(now, 0.0)
 }
 
@@ -324,11 +327,11 @@ fn logger(log: &Log) -> Box<dyn LiveSink> {
             number: frame.number,
             source: frame.source,
             first_pixel: frame.image[0],
-            x: frame.pose.map(|p| p.position_mm.x),
-            tracking: frame.tracking,
-            presented: frame.timeline.presented,
-            age: frame.timeline.presented - frame.timeline.sampled,
-            frozen: frame.settings.frozen,
+            x: frame.info.pose().map(|p| p.position_mm.x),
+            tracking: frame.info.estimate.state,
+            presented: frame.info.timeline.presented,
+            age: frame.info.timeline.presented - frame.info.timeline.sampled,
+            frozen: frame.info.settings.frozen,
             scene_ds: frame.mask[0],
             notice: frame.notice.clone(),
             tier: frame.tier.clone(),
@@ -364,7 +367,7 @@ struct Session {
 }
 
 impl Session {
-    fn new(clock: &Arc<dyn Clock>, poses: impl FnMut(Duration) -> PoseSample + Send + 'static) -> Self {
+    fn new(clock: &Arc<dyn Clock>, poses: impl FnMut(Duration) -> Estimate + Send + 'static) -> Self {
         let choice = ChoiceSettings { hold_mm: 0.3, hold_deg: 0.3, steady_frames: 8 };
         Self {
             clock: clock.clone(),
@@ -489,7 +492,7 @@ fn frames_with_maps(
         assert_eq!(frame.segmentation.len(), frame.attenuation.len());
         assert_eq!([frame.image.len(), frame.mask.len()], [PIXELS; 2]);
         if !frame.segmentation.is_empty() {
-            let x = frame.pose.map(|pose| pose.position_mm.x as f32);
+            let x = frame.info.pose().map(|pose| pose.position_mm.x as f32);
             assert!(frame.attenuation.iter().all(|&a| Some(a) == x), "another frame's maps: {}", frame.number);
             kept.lock().unwrap().push(frame.number);
         }
@@ -838,10 +841,10 @@ fn a_sink_that_really_blocks_is_left_behind_on_the_machines_clock() {
         Ok(())
     });
     let log = Log::default();
-    let mut session = Session::new(&clock, |_| PoseSample {
+    let mut session = Session::new(&clock, |_| Estimate {
         scene_from_probe: Some(pose(0.0)),
         state: TrackingState::Good,
-        ..PoseSample::default()
+        ..Estimate::default()
     });
     session.poses = Box::new(insonify::pipeline::StandingPose(pose(0.0)));
     session.sinks = vec![dead, logger(&log)];
@@ -1041,16 +1044,17 @@ fn a_device_that_is_lost_at_once_each_time_is_not_opened_in_a_loop() {
 fn stale_and_lost_poses_are_shown_as_such() {
     let _guard = beside_others();
     let (clock, log) = (clock(), Log::default());
-    // Each second: 0.4 s good, 0.2 s held, 0.2 s stale, 0.2 s lost.
+    // Each second: 0.2 s in each state.
     let poses = |now: Duration| {
         let phase = now.as_secs_f64().fract();
         let state = match phase {
-            p if p < 0.4 => TrackingState::Good,
-            p if p < 0.6 => TrackingState::Held,
+            p if p < 0.2 => TrackingState::Good,
+            p if p < 0.4 => TrackingState::Held,
+            p if p < 0.6 => TrackingState::Stuck,
             p if p < 0.8 => TrackingState::Stale,
             _ => TrackingState::Lost,
         };
-        PoseSample { state, ..tracked(now, phase) }
+        Estimate { state, ..tracked(now, phase) }
     };
     let enhancer = Some(generator(&clock, 10 * MS));
     let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
@@ -1159,7 +1163,7 @@ fn every_state_ends_in_order_and_in_time() {
     };
     let states: [(&str, Prepare, &[&str]); 7] = [
         ("plain", |s| s, &[]),
-        ("no pose yet", |s| Session { poses: Box::new(Poses(|_| PoseSample::default())), ..s }, &[]),
+        ("no pose yet", |s| Session { poses: Box::new(Poses(|_| Estimate::default())), ..s }, &[]),
         ("generating", |s| Session { enhancer: Some(generator(&s.clock, 90 * MS)), ..s }, &[]),
         ("generator hangs", hang, &["generator"]),
         ("no device", |s| Session { faults: Arc::new(|_| true), build_failures: u32::MAX, ..s }, &[]),
@@ -1227,7 +1231,7 @@ impl Observer for Heard {
         self.0.lock().unwrap().events.push((unix_ns, text.to_owned()));
     }
 
-    fn pose(&self, _: u64, _: &PoseSample) {
+    fn pose(&self, _: u64, _: &Estimate) {
         self.0.lock().unwrap().poses += 1;
     }
 
@@ -1344,8 +1348,8 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
     // A tracker that drops out for three of ten seconds, a generator that is slow and fails, a sink that stalls, a
     // device that is lost every minute.
     let poses = |now: Duration| match now.as_secs() % 10 {
-        0..3 => PoseSample { state: TrackingState::Lost, ..PoseSample::default() },
-        3 => PoseSample { state: TrackingState::Stale, ..tracked(now, 0.0) },
+        0..3 => Estimate { state: TrackingState::Lost, ..Estimate::default() },
+        3 => Estimate { state: TrackingState::Stale, ..tracked(now, 0.0) },
         second if second < 7 => moving(now),
         _ => resting(now),
     };
@@ -1371,8 +1375,8 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
     let slowest_of = slowest.clone();
     let probe = sink("probe", move |frame| {
         received_of.fetch_add(1, Ordering::Relaxed);
-        let minute = (frame.timeline.presented.as_secs() / 60).min(9) as usize;
-        let age = frame.timeline.presented - frame.timeline.sampled;
+        let minute = (frame.info.timeline.presented.as_secs() / 60).min(9) as usize;
+        let age = frame.info.timeline.presented - frame.info.timeline.sampled;
         let mut slowest = slowest_of.lock().unwrap();
         slowest[minute] = slowest[minute].max(age);
         Ok(())
@@ -1436,7 +1440,7 @@ fn the_program_runs_a_station_on_the_real_renderer() {
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["presented"], 6);
-    assert_eq!(summary["by_tracking"], serde_json::json!([6, 0, 0, 0]));
+    assert_eq!(summary["by_tracking"], serde_json::json!([6, 0, 0, 0, 0]));
     let drops: u64 = summary["drops"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
     assert_eq!(summary["produced"], 6 + drops);
 

@@ -1,0 +1,64 @@
+//! Loss of the render stage's device, and attempts to open it again.
+
+use std::time::Duration;
+
+use super::RenderStage;
+use crate::pipeline::metrics::count;
+use crate::pipeline::parts::{FrameRenderer, RenderFault};
+
+/// Shortest and longest wait before a device that failed again is opened.
+const BACKOFF: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(5));
+
+/// State of the device.
+pub(super) enum Device {
+    /// It renders.
+    Ready(Box<dyn FrameRenderer>),
+    /// It is opened again at this time.
+    Lost { again: Duration },
+}
+
+impl RenderStage {
+    /// Gives up the device and all frames in flight.
+    pub(super) fn lose(&mut self, fault: &RenderFault) {
+        for _ in self.in_flight.drain(..) {
+            count(&self.parts.metrics.device_lost);
+        }
+        count(&self.parts.metrics.losses);
+        self.pace.begin_anew(self.parts.clock.now());
+        // A frame that says so comes first: building may take seconds.
+        let wait = self.back_off().max(self.parts.period);
+        self.device = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
+        self.parts.events.warn(format!("the renderer failed and is built anew: {fault}"));
+    }
+
+    /// Wait before the next attempt, longer each time.
+    fn back_off(&mut self) -> Duration {
+        let wait = self.backoff;
+        self.backoff = (2 * wait).clamp(BACKOFF.0, BACKOFF.1);
+        wait
+    }
+
+    /// Opens a lost device again when its time has come.
+    pub(super) fn reopen(&mut self) {
+        let Device::Lost { again } = self.device else { return };
+        if self.parts.clock.now() < again {
+            return;
+        }
+        let _span = tracing::info_span!("rebuild").entered();
+        match self.parts.factory.build(&self.parts.controls.probe, &self.parts.controls.settings) {
+            Ok(renderer) => {
+                self.shape = renderer.shape();
+                self.device = Device::Ready(renderer);
+                self.pace.begin_anew(self.parts.clock.now());
+                count(&self.parts.metrics.rebuilt);
+                self.parts.events.info("the renderer was built anew");
+            }
+            Err(fault) => {
+                let wait = self.back_off().max(BACKOFF.0);
+                self.device = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
+                let wait_s = wait.as_secs_f64();
+                self.parts.events.warn(format!("no renderer, next attempt in {wait_s:.2} s: {fault}"));
+            }
+        }
+    }
+}

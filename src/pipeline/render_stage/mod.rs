@@ -1,0 +1,295 @@
+//! Samples the pose at the last moment, renders, and hands frames on.
+
+mod device;
+mod pose;
+mod settings;
+
+use std::collections::VecDeque;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+use tracing::field::Empty;
+
+use self::device::Device;
+use self::pose::PoseSampler;
+use super::clock::{Clock, ms};
+use super::controls::Controls;
+use super::events::Events;
+use super::frames::Pool;
+use super::generator_link::GeneratorLink;
+use super::metrics::{Metrics, count};
+use super::pace::Pace;
+use super::parts::{FrameRenderer, ImageShape, PoseSource, RendererFactory};
+use super::quality_budget::QualityBudget;
+use super::rendered::{Rendered, blacken};
+use super::shutdown::Stop;
+use super::slot::Slot;
+use crate::render::{FRAMES_IN_FLIGHT, Frame, QualityPoint};
+use crate::sink::live::{FrameInfo, FrameTimeline, LiveSettings, MapsWanted};
+
+/// Rendered frames that stages may hold: in each slot, at work in the generator and the presenter, and one to fill.
+const FRAMES: usize = 8;
+
+/// A frame gives way to a generated picture for half a period, and no longer than this.
+const TURN: Duration = Duration::from_millis(250);
+
+/// A frame in flight.
+#[derive(Debug)]
+struct InFlight {
+    info: FrameInfo,
+    maps: bool,
+    /// When it is expected to be done.
+    expected: Duration,
+    /// Whether it is done.
+    done: bool,
+}
+
+/// Parts that the stage is made from.
+pub(super) struct RenderParts {
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) stop: Stop,
+    pub(super) events: Events,
+    pub(super) metrics: Arc<Metrics>,
+    pub(super) factory: Box<dyn RendererFactory>,
+    pub(super) controls: Controls,
+    /// Keeps the quality at what the machine affords; none: it stays as it is set.
+    pub(super) quality: Option<QualityBudget>,
+    pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
+    pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
+    pub(super) generator: Option<Arc<GeneratorLink>>,
+    /// Sinks that may read segmentation and attenuation.
+    pub(super) map_readers: Vec<MapsWanted>,
+    pub(super) period: Duration,
+    pub(super) budget: Duration,
+}
+
+impl RenderParts {
+    /// Whether the generator or a sink reads the maps of a frame that is submitted now.
+    fn maps_wanted(&self, settings: &LiveSettings) -> bool {
+        let generator = self.generator.as_ref().is_some_and(|link| link.reads_maps());
+        (generator && settings.enhance) || self.map_readers.iter().any(|wanted| wanted())
+    }
+}
+
+/// The stage.
+pub(super) struct RenderStage {
+    parts: RenderParts,
+    device: Device,
+    /// Wait before a device that fails again is opened; zero once it gave a frame.
+    backoff: Duration,
+    shape: ImageShape,
+    pace: Pace,
+    /// When the last frame was begun.
+    begun: Duration,
+    in_flight: VecDeque<InFlight>,
+    pool: Pool<Rendered>,
+    /// Takes a frame for which no memory is left.
+    scratch: Frame,
+    poses: PoseSampler,
+    /// Number of the next frame.
+    number: u64,
+}
+
+impl RenderStage {
+    /// A stage that begins with `renderer`.
+    pub(super) fn new(parts: RenderParts, poses: Box<dyn PoseSource>, renderer: Box<dyn FrameRenderer>) -> Self {
+        Self {
+            shape: renderer.shape(),
+            device: Device::Ready(renderer),
+            backoff: Duration::ZERO,
+            pace: Pace::new(parts.period, parts.clock.now()),
+            begun: Duration::ZERO,
+            in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            pool: Pool::new(FRAMES, Rendered::empty),
+            scratch: Frame::default(),
+            poses: PoseSampler::new(poses, parts.events.clone()),
+            number: 0,
+            parts,
+        }
+    }
+
+    /// Renders until the session is to stop, then closes the slots behind it.
+    pub(super) fn run(mut self) {
+        self.parts.events.settings(&self.parts.controls.live());
+        self.note_quality(false);
+        while !self.parts.stop.is_requested() {
+            let submit_at = self.pace.submit_at();
+            match self.in_flight.front() {
+                // The oldest is done by then, or there is no room for another.
+                Some(oldest)
+                    if oldest.done || oldest.expected <= submit_at || self.in_flight.len() == FRAMES_IN_FLIGHT =>
+                {
+                    self.receive();
+                }
+                _ if self.parts.clock.now() < submit_at => {
+                    self.parts.stop.wait(submit_at);
+                }
+                _ if self.gives_way(submit_at) => {}
+                _ => self.tick(),
+            }
+        }
+        self.end();
+    }
+
+    /// Waits for a generator that runs on the same processors, and returns whether it did. At once, both would take twice
+    /// as long, and the generated picture would miss its frame. A generator that is not about to end gets a turn now and
+    /// then only: the frame rate stays at two thirds at least.
+    fn gives_way(&self, submit_at: Duration) -> bool {
+        let RenderParts { clock, period, generator, .. } = &self.parts;
+        // Start of the frame at the cadence: where both take longer than a period, frames come later and later.
+        let due = submit_at.max(self.begun.saturating_add(*period));
+        let until = due.saturating_add((*period / 2).min(TURN));
+        let on_processors = matches!(&self.device, Device::Ready(renderer) if renderer.on_processors());
+        on_processors && generator.as_ref().is_some_and(|link| link.wait_for_turn(&**clock, until))
+    }
+
+    /// Begins a frame.
+    fn tick(&mut self) {
+        self.apply_controls();
+        self.keep_quality();
+        self.reopen();
+        let missed = self.pace.missed();
+        let info = self.sample();
+        count(&self.parts.metrics.produced);
+        let now = info.timeline.submitted;
+        let scene_time = self.poses.scene_time(now, info.settings.frozen);
+        let maps = self.parts.maps_wanted(&info.settings);
+        match (&mut self.device, info.pose()) {
+            (Device::Ready(renderer), Some(pose)) => {
+                let _span = tracing::debug_span!("submit", frame = info.number, submitted_ms = ms(now)).entered();
+                self.begun = now;
+                renderer.set_maps(maps);
+                renderer.set_time_s(scene_time.as_secs_f64());
+                match renderer.submit(&pose) {
+                    Ok(()) => {
+                        let expected = self.pace.submitted(now);
+                        let done = renderer.on_processors();
+                        self.in_flight.push_back(InFlight { info, maps, expected, done });
+                    }
+                    Err(fault) => {
+                        self.pace.ticked(now);
+                        count(&self.parts.metrics.device_lost);
+                        self.lose(&fault);
+                    }
+                }
+            }
+            _ => {
+                // Frames stay in order: what is in flight comes first.
+                while !self.in_flight.is_empty() {
+                    self.receive();
+                }
+                self.pace.ticked(now);
+                self.without_picture(info);
+            }
+        }
+        let missed = self.pace.missed() - missed;
+        self.parts.metrics.missed_ticks.fetch_add(missed, Ordering::Relaxed);
+    }
+
+    /// Samples the pose of the next frame.
+    fn sample(&mut self) -> FrameInfo {
+        let clock = &self.parts.clock;
+        let number = self.number;
+        self.number += 1;
+        let span = tracing::debug_span!("sample", frame = number, sampled_ms = Empty, first_byte_ms = Empty).entered();
+        let settings = self.parts.controls.live();
+        let now_ns = clock.unix_ns();
+        let ahead_ns = u64::try_from(self.parts.metrics.expected().as_nanos()).unwrap_or(0);
+        let estimate = self.poses.sample(now_ns, now_ns.saturating_add(ahead_ns), settings.frozen);
+        let now = clock.now();
+        let first_byte = estimate.first_byte_ns.map(|ns| clock.since_start(ns));
+        span.record("sampled_ms", ms(now));
+        first_byte.map(|time| span.record("first_byte_ms", ms(time)));
+        let timeline = FrameTimeline { first_byte, sampled: now, submitted: now, ..FrameTimeline::default() };
+        FrameInfo { number, estimate, timeline, settings }
+    }
+
+    /// Waits for the oldest frame in flight and hands it on.
+    fn receive(&mut self) {
+        let Device::Ready(renderer) = &mut self.device else { return };
+        let Some(oldest) = self.in_flight.pop_front() else { return };
+        let InFlight { info, maps, .. } = oldest;
+        let timeline = &info.timeline;
+        let span = tracing::debug_span!(
+            "receive",
+            frame = info.number,
+            submitted_ms = ms(timeline.submitted),
+            rendered_ms = Empty
+        )
+        .entered();
+        let filled = self.pool.fill(|rendered| {
+            let received = renderer.receive(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner));
+            describe(rendered, info, maps, &self.parts, self.shape);
+            received
+        });
+        let (rendered, received) = match filled {
+            Some((rendered, received)) => (Some(rendered), received),
+            None => (None, renderer.receive(&mut self.scratch)),
+        };
+        if let Err(fault) = received {
+            count(&self.parts.metrics.device_lost);
+            drop(rendered);
+            return self.lose(&fault);
+        }
+        self.backoff = Duration::ZERO;
+        let left = u32::try_from(self.in_flight.len()).unwrap_or(0);
+        let now = self.parts.clock.now();
+        span.record("rendered_ms", ms(now));
+        let took = self.pace.rendered(timeline.submitted, now, left);
+        if let Some(quality) = &mut self.parts.quality {
+            let point = QualityPoint::new(info.settings.rays, info.settings.layers);
+            quality.frame(now.as_secs_f64(), point, 1e3 * took.as_secs_f64());
+        }
+        match rendered {
+            Some(rendered) => self.hand_on(rendered),
+            None => count(&self.parts.metrics.frames_held),
+        }
+    }
+
+    /// Hands on a black frame, which says that there is no picture.
+    fn without_picture(&mut self, mut info: FrameInfo) {
+        info.estimate.scene_from_probe = None;
+        let filled = self.pool.fill(|rendered| {
+            blacken(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner), self.shape);
+            describe(rendered, info, true, &self.parts, self.shape);
+        });
+        match filled {
+            Some((rendered, ())) => self.hand_on(rendered),
+            None => count(&self.parts.metrics.frames_held),
+        }
+    }
+
+    fn hand_on(&self, rendered: Arc<Rendered>) {
+        if let (Some(generator), Some(link)) = (&self.parts.to_generator, &self.parts.generator)
+            && rendered.info.pose().is_some()
+            && rendered.info.settings.enhance
+        {
+            link.give(rendered.info.number);
+            generator.put(rendered.clone());
+        }
+        self.parts.to_presenter.put(rendered);
+    }
+
+    /// Lets the device finish, and says to the stages behind that nothing more comes.
+    fn end(mut self) {
+        if let Device::Ready(renderer) = &mut self.device {
+            for _ in self.in_flight.drain(..) {
+                // What it was given is finished before it is dropped; a fault now changes nothing any more.
+                let _ = renderer.receive(&mut self.scratch);
+                count(&self.parts.metrics.ended);
+            }
+        }
+        if let Some(generator) = &self.parts.to_generator {
+            generator.close();
+        }
+        self.parts.to_presenter.close();
+    }
+}
+
+fn describe(rendered: &mut Rendered, info: FrameInfo, maps: bool, parts: &RenderParts, shape: ImageShape) {
+    let timeline = FrameTimeline { rendered: parts.clock.now(), ..info.timeline };
+    rendered.info = FrameInfo { timeline, ..info };
+    rendered.deadline = timeline.sampled.saturating_add(parts.budget);
+    (rendered.shape, rendered.maps) = (shape, maps);
+}

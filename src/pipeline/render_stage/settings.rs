@@ -1,0 +1,93 @@
+//! Settings of the render stage: controls of watchers, and the quality that the budget chooses.
+
+use std::sync::atomic::Ordering;
+
+use super::{Device, RenderStage};
+use crate::pipeline::parts::RenderFault;
+use crate::render::RenderSettings;
+use crate::transducer::Probe;
+
+impl RenderStage {
+    /// Applies the controls that came since the last frame.
+    pub(super) fn apply_controls(&mut self) {
+        let events = &self.parts.events;
+        let before = (self.parts.controls.probe, self.parts.controls.settings);
+        let changes = self.parts.controls.apply_waiting(|text| events.warn(text));
+        let metrics = self.parts.metrics.clone();
+        metrics.controls.fetch_add(changes.applied, Ordering::Relaxed);
+        metrics.refused.fetch_add(changes.refused, Ordering::Relaxed);
+        if changes.quit {
+            self.parts.stop.request("asked by a watcher");
+        }
+        if changes.quality && self.parts.quality.is_some() {
+            self.note_quality(true);
+            self.parts.quality = None;
+            self.parts.events.info("quality: set by hand, the budget no longer chooses it");
+        }
+        if changes.picture {
+            self.reconfigure(before);
+            let now_s = self.parts.clock.now().as_secs_f64();
+            if let Some(quality) = &mut self.parts.quality {
+                quality.rest(now_s);
+            }
+        }
+        if changes.any {
+            self.parts.events.settings(&self.parts.controls.live());
+        }
+    }
+
+    /// Configures the renderer anew. If it refuses, the settings are as `before` again, and this returns false.
+    fn reconfigure(&mut self, before: (Probe, RenderSettings)) -> bool {
+        while !self.in_flight.is_empty() {
+            self.receive();
+        }
+        let (probe, settings) = (self.parts.controls.probe, self.parts.controls.settings);
+        let Device::Ready(renderer) = &mut self.device else { return true };
+        let _span = tracing::debug_span!("reconfigure").entered();
+        match renderer.reconfigure(&probe, &settings) {
+            Ok(()) => self.shape = renderer.shape(),
+            Err(RenderFault::Refused(reason)) => {
+                (self.parts.controls.probe, self.parts.controls.settings) = before;
+                self.parts.events.warn(format!("not set: {reason}"));
+                return false;
+            }
+            Err(fault) => self.lose(&fault),
+        }
+        true
+    }
+
+    /// Changes the quality where the budget asks for it. A frozen picture stays as it is.
+    pub(super) fn keep_quality(&mut self) {
+        if self.parts.controls.frozen || !matches!(self.device, Device::Ready(_)) {
+            return;
+        }
+        let now_s = self.parts.clock.now().as_secs_f64();
+        let Some(quality) = &mut self.parts.quality else { return };
+        let budget_ms = quality.budget_ms();
+        if let Some(frame_ms) = quality.over_at_least() {
+            let point = quality.point();
+            self.parts.events.warn(format!(
+                "quality: {point} is the least there is, and frames take {frame_ms:.0} ms of {budget_ms}"
+            ));
+        }
+        let Some(change) = quality.change(now_s) else { return };
+        let before = (self.parts.controls.probe, self.parts.controls.settings);
+        self.parts.controls.settings.quality = change.to.with_seed(before.1.quality.seed);
+        if self.reconfigure(before) {
+            self.pace.begin_anew(self.parts.clock.now());
+            let (from, to, ms) = (change.from, change.to, change.frame_ms);
+            self.parts.events.info(&format!("quality: {from} -> {to}: frames take {ms:.0} ms of {budget_ms}"));
+            self.parts.events.settings(&self.parts.controls.live());
+        } else if let Some(quality) = &mut self.parts.quality {
+            quality.refused(now_s);
+        }
+        self.note_quality(false);
+    }
+
+    /// Updates the summary of the budget.
+    pub(super) fn note_quality(&self, by_hand: bool) {
+        if let Some(quality) = &self.parts.quality {
+            self.parts.metrics.set_quality(quality.summary(by_hand));
+        }
+    }
+}
