@@ -5,29 +5,14 @@
 
 mod commands;
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
-use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
     quiet_the_driver();
     let cli = commands::Cli::parse();
-    let default = ["warn", "insonify=info", "insonify=debug"][usize::from(cli.verbose.min(2))];
-    let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into());
-    // An unreadable RUST_LOG must not silence anything.
-    let filter = std::env::var("RUST_LOG").ok().filter(|v| !v.is_empty()).map_or_else(
-        || filter.parse_lossy(default),
-        |wanted| filter.parse(&wanted).unwrap_or_else(|_| EnvFilter::new(default)),
-    );
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .without_time()
-        .init();
+    commands::start_log(cli.verbose);
     match cli.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),

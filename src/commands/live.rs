@@ -24,7 +24,7 @@ pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Opti
     let mut loaded = match load_tiers(&station.generator, station.tissues.names(), width, height) {
         Ok(loaded) => loaded,
         Err(error) => {
-            eprintln!("warning: no generator runs, the rendered image is shown: {error}");
+            tracing::warn!("no generator runs, the rendered image is shown: {error}");
             return Ok(None);
         }
     };
@@ -33,7 +33,7 @@ pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Opti
         if let GeneratorError::Provider { .. } = refused.error {
             return Err(Failure::Input(anyhow!("{}: {}", refused.path.display(), refused.error)));
         }
-        eprintln!("warning: {} is not used: {}", refused.path.display(), refused.error);
+        tracing::warn!("{} is not used: {}", refused.path.display(), refused.error);
     }
     say_tiers(&mut loaded, station.generator.budget_ms);
     Ok(TieredEnhancer::new(loaded, clock.clone()).map(|enhancer| Box::new(enhancer) as Box<dyn Enhancer>))

@@ -15,6 +15,8 @@ use super::Failure;
 /// The sinks of a session, with what watchers say through them.
 pub(crate) struct LiveSinks {
     pub(crate) sinks: Vec<Box<dyn LiveSink>>,
+    /// Log of all presented frames.
+    pub(crate) log: Option<FrameLog>,
     pub(crate) controls: mpsc::Receiver<Control>,
     /// Kept, so that the channel stays open where no sink takes input.
     pub(crate) control: mpsc::Sender<Control>,
@@ -53,6 +55,7 @@ pub(crate) fn open(
     let (control, controls) = mpsc::channel(CONTROLS_WAITING);
     let mut live = LiveSinks {
         sinks: Vec::new(),
+        log: None,
         controls,
         control,
         #[cfg(feature = "window")]
@@ -76,7 +79,7 @@ pub(crate) fn open(
         live.sinks.push(sink);
     }
     if let Some(path) = metrics {
-        live.sinks.push(Box::new(FrameLog::create(path)?));
+        live.log = Some(FrameLog::create(path)?);
     }
     Ok(live)
 }

@@ -36,6 +36,7 @@ mod selftest;
 mod session;
 mod station_keys;
 mod status_line;
+mod terminal;
 mod timeline;
 mod tissues;
 mod tracker_args;
@@ -46,6 +47,7 @@ mod view;
 use clap::{Parser, Subcommand};
 
 pub(crate) use failure::{Classify, Failure};
+pub(crate) use terminal::start_log;
 
 /// A real-time ultrasound simulator: the pose of a probe becomes B-mode frames with segmentation, attenuation and mask.
 #[derive(Debug, Parser)]

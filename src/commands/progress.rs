@@ -6,10 +6,12 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::terminal;
+
 /// Time between two lines where there is no terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
-/// Progress of one task; may be told from several threads.
+/// Progress of one task; several threads may report it.
 pub(crate) struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
@@ -28,7 +30,7 @@ impl Progress {
                 bar.set_style(style);
             }
             bar.set_message(label);
-            bar
+            terminal::show(bar)
         });
         Self { label, bar, last_line: Mutex::new(Instant::now()), began: OnceLock::new() }
     }

@@ -44,11 +44,11 @@ impl FromStr for RaysLayers {
 pub(crate) fn say_chosen(climbed: &Climbed) {
     let (point, budget_ms) = (climbed.point(), climbed.budget_ms);
     let Some(ms) = climbed.chosen_ms() else {
-        eprintln!("warning: quality: {point}, whose frames gave no time to hold against {budget_ms} ms");
+        tracing::warn!("quality: {point}, whose frames gave no time to hold against {budget_ms} ms");
         return;
     };
     if !climbed.fits() {
-        eprintln!("warning: quality: nothing keeps {budget_ms} ms here; {point} is the least, and takes {ms:.1} ms");
+        tracing::warn!("quality: nothing keeps {budget_ms} ms here; {point} is the least, and takes {ms:.1} ms");
         return;
     }
     let next = climbed.rung + 1;

@@ -182,9 +182,9 @@ fn finish(args: &Args, recorded: Recorded, records: u64) -> Result<(), Failure> 
     }
     let Recorded { messages, bytes, events, .. } = recorded;
     if bytes == 0 {
-        eprintln!("warning: the tracker sent nothing");
+        tracing::warn!("the tracker sent nothing");
     } else if records == 0 {
-        eprintln!("warning: no record was found in these bytes; is it another protocol?");
+        tracing::warn!("no record was found in these bytes; is it another protocol?");
     }
     if args.json {
         return output::json(&Report { path: &args.out, messages, bytes, records, events });

@@ -187,7 +187,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let left = earlier_frames(&args.out, start..end);
     if left > 0 {
         let out = args.out.display();
-        eprintln!("warning: {out} holds {left} frames of an earlier replay that this one does not replace");
+        tracing::warn!("{out} holds {left} frames of an earlier replay that this one does not replace");
     }
     let mut video = Video::create(&args.out.join("video"), width, height, *rate)?;
     let mut times = TimeTable::default();

@@ -126,7 +126,7 @@ impl ReplayArgs {
         let (timeline, summary) = self.timeline(&station, rate)?;
         let mut timeline = timeline.since(summary.info.start_time_ns);
         if !summary.is_clean() {
-            eprintln!("warning: {}: {summary}", self.recording.display());
+            tracing::warn!("{}: {summary}", self.recording.display());
         }
         let frames = self.frames.within(timeline.poses.len(), self.fps)?;
         let mut settings = station.settings;
@@ -139,7 +139,7 @@ impl ReplayArgs {
         }
         let mut controls = ReplayedControls::new(&station.probe, &settings, events);
         for reason in controls.refused() {
-            eprintln!("warning: {}: {reason}", self.recording.display());
+            tracing::warn!("{}: {reason}", self.recording.display());
         }
         self.say_others(&station, &controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();

@@ -68,7 +68,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "out/run")]
     out: PathBuf,
 
-    /// Write a line of JSON a frame to this file, and one with the summary
+    /// Write a line of JSON for every presented frame to this file, and one with the summary
     #[arg(long, value_name = "FILE")]
     metrics: Option<PathBuf>,
 
@@ -143,7 +143,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
     // The sender is kept: the channel must stay open where no sink takes input.
-    let (sinks, controls, control) = (opened.sinks, opened.controls, opened.control);
+    let (sinks, log, controls, control) = (opened.sinks, opened.log, opened.controls, opened.control);
     #[cfg(feature = "window")]
     let window = opened.window;
     let mut recorded: Option<RecordedSlot> = None;
@@ -173,6 +173,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         quality,
         enhancer,
         sinks,
+        log,
         controls,
         observer,
         before,

@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
     if !summary.is_clean() {
-        eprintln!("warning: {}: {summary}", args.recording.display());
+        tracing::warn!("{}: {summary}", args.recording.display());
     }
     // What the session showed counts; without it, what the tracker says by the station's calibration.
     let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let mut controls = ReplayedControls::new(&station.probe, &station.settings, &summary.events);
     for reason in controls.refused() {
-        eprintln!("warning: {}: {reason}", args.recording.display());
+        tracing::warn!("{}: {reason}", args.recording.display());
     }
     let depths_mm = shown(&mut poses, &mut controls);
     let scene = session::load_scene(&station)?;
@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let (score, track) = score::score(&poses, &summary.events, &reference);
     for refused in &score.calipers_refused {
-        eprintln!("warning: {}: {refused}", args.recording.display());
+        tracing::warn!("{}: {refused}", args.recording.display());
     }
     if let Some(out) = &args.out {
         let title = args.recording.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());

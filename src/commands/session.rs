@@ -41,7 +41,7 @@ pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
 /// Says in one line each which effects are left out though the scene calls for them.
 pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
     for warning in EffectPlan::new(scene, probe, settings).warnings() {
-        eprintln!("warning: {warning}");
+        tracing::warn!("{warning}");
     }
 }
 
@@ -49,7 +49,7 @@ pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSet
 pub(crate) fn warn_of_budget(station: &Station) {
     if let Some(budget_ms) = station.quality_budget_ms {
         let point = QualityPoint::from(station.settings.quality);
-        eprintln!("warning: quality.budget_ms = {budget_ms} chooses nothing here: the quality is {point}");
+        tracing::warn!("quality.budget_ms = {budget_ms} chooses nothing here: the quality is {point}");
     }
 }
 

@@ -1,8 +1,10 @@
-//! How something that runs until it is ended goes: a line that is overwritten on a terminal, else a line now and then.
+//! Status of a running session: a line that is overwritten on a terminal, else a line now and then.
 
 use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+use super::terminal;
 
 /// Time between two lines where there is no terminal, s.
 const LINE_INTERVAL_S: f64 = 5.0;
@@ -21,7 +23,7 @@ impl StatusLine {
             if let Ok(style) = ProgressStyle::with_template("{msg}") {
                 bar.set_style(style);
             }
-            bar
+            terminal::show(bar)
         });
         Self { bar, next_line_s: LINE_INTERVAL_S }
     }
@@ -40,10 +42,7 @@ impl StatusLine {
 
     /// Says something that stays, above the line.
     pub(crate) fn say(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
-        }
+        terminal::say(text);
     }
 
     /// Takes the line away.

@@ -15,6 +15,7 @@ use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
 use crate::render::Frame;
+use crate::sink::FrameLog;
 use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
 
 /// Frames that sinks may hold together; a frame for which none is left is dropped.
@@ -35,11 +36,15 @@ pub(super) struct Presenter {
     pub(super) sinks: Vec<Arc<Slot<Arc<PresentedFrame>>>>,
     /// Frames after which the session ends.
     pub(super) frames_max: Option<u64>,
+    /// Log of all presented frames.
+    pub(super) log: Option<FrameLog>,
+    /// Whether it was said that frames wait for the log.
+    pub(super) log_waited: bool,
 }
 
 impl Presenter {
-    /// Presents every rendered frame until there are no more.
-    pub(super) fn run(self) {
+    /// Presents every rendered frame until there are no more. Returns the log for its completion.
+    pub(super) fn run(mut self) -> Option<FrameLog> {
         let mut state = State { chooser: Chooser::new(self.choice), held: None, pool: None };
         while let Some(rendered) = self.next(&mut state) {
             if self.frames_max.is_some_and(|max| self.metrics.shown(|s| s.presented) >= max) {
@@ -53,6 +58,7 @@ impl Presenter {
                 self.stop.request("all frames are presented");
             }
         }
+        self.log
     }
 
     /// The next rendered frame; none at the end.
@@ -120,7 +126,7 @@ impl Presenter {
         state.chooser.choose(own, near)
     }
 
-    fn present(&self, rendered: Arc<Rendered>, source: FrameSource, state: &mut State) {
+    fn present(&mut self, rendered: Arc<Rendered>, source: FrameSource, state: &mut State) {
         let FrameInfo { number: frame, timeline, .. } = rendered.info;
         let span = tracing::debug_span!(
             "present",
@@ -158,8 +164,25 @@ impl Presenter {
         });
         let Some((frame, ())) = filled else { return count(&self.metrics.frames_held) };
         self.metrics.presented(&frame);
+        self.log(&frame);
         for sink in &self.sinks {
             sink.put(frame.clone());
+        }
+    }
+}
+
+impl Presenter {
+    /// Adds a frame to the log, which loses no line: where the disk is too slow for long, frames wait.
+    fn log(&mut self, frame: &PresentedFrame) {
+        let Some(log) = &mut self.log else { return };
+        match log.push(frame) {
+            Ok(false) => {}
+            Ok(true) if self.log_waited => {}
+            Ok(true) => {
+                self.log_waited = true;
+                self.events.warn("metrics: the disk is slower than the frames, which wait for it".to_owned());
+            }
+            Err(error) => self.events.warn(format!("metrics: {error}; no more lines are written")),
         }
     }
 }

@@ -71,6 +71,7 @@ impl SinkStage {
             offered: slot.offered(),
             taken: counted(&counts.taken),
             dropped: slot.dropped(),
+            waited: 0,
             failed: counted(&counts.failed) + u64::from(matches!(joined, Joined::Panicked)),
             error,
             stuck: matches!(joined, Joined::Stuck),

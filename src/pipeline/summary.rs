@@ -1,4 +1,4 @@
-//! What a session did, for its end.
+//! Summary of a session, for its end.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::histogram::Percentiles;
 use super::quality_budget::QualitySummary;
 
-/// What one sink did.
+/// Summary of one sink.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct SinkSummary {
     /// Its name.
@@ -18,15 +18,17 @@ pub struct SinkSummary {
     pub taken: u64,
     /// Frames that newer ones replaced, or that came after it was closed.
     pub dropped: u64,
+    /// Frames that the presenter held up for it; only the log of frames has any.
+    pub waited: u64,
     /// Frames that it failed on.
     pub failed: u64,
-    /// Why it was closed before the end, or what it could not finish.
+    /// Reason for closing it before the end, or for not finishing.
     pub error: Option<String>,
     /// Whether it had not come back when the session ended.
     pub stuck: bool,
 }
 
-/// What the generator did.
+/// Summary of the generator.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct GeneratorSummary {
     /// Frames that it was given.
@@ -47,7 +49,7 @@ pub struct GeneratorSummary {
     pub stuck: bool,
 }
 
-/// What a session did, for its end.
+/// Summary of a session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Length of the session, s.
@@ -84,7 +86,7 @@ pub struct Summary {
     pub controls: u64,
     /// Controls that were out of range.
     pub controls_refused: u64,
-    /// What the budget did to the quality, where there is one.
+    /// Changes of the quality by its budget; none without one.
     pub quality: Option<QualitySummary>,
     /// The generator, where there is one.
     pub generator: Option<GeneratorSummary>,

@@ -27,6 +27,7 @@ pub mod y4m;
 pub(crate) mod canvas;
 pub(crate) mod error;
 mod file;
+mod json_lines;
 mod live_kind;
 
 pub use error::SinkError;

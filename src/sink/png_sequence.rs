@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::frame_line::FrameLine;
-use super::frame_log::JsonLines;
+use super::json_lines::JsonLines;
 use super::live::{LiveSink, PresentedFrame};
 use super::png::{self, Effort};
 use super::{SinkError, create_dir};

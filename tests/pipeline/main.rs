@@ -3,6 +3,7 @@
 // Helpers are outside of tests for clippy; a failing one fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod frame_log;
 mod spans;
 mod stuck;
 
@@ -22,8 +23,8 @@ use insonify::pipeline::{
 };
 use insonify::pose::{Estimate, Pose, TrackingState};
 use insonify::render::{Frame, Quality, QualityPoint, RenderSettings, climb};
-use insonify::sink::SinkError;
 use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, MapsWanted, PresentedFrame};
+use insonify::sink::{FrameLog, SinkError};
 use insonify::transducer::Probe;
 use serde_json::Value;
 
@@ -360,6 +361,7 @@ struct Session {
     processors: Option<Arc<Processors>>,
     enhancer: Option<Box<dyn Enhancer>>,
     sinks: Vec<Box<dyn LiveSink>>,
+    log: Option<FrameLog>,
     controls: tokio::sync::mpsc::Receiver<Control>,
     observer: Option<Arc<dyn Observer>>,
     before: Vec<Box<dyn Part>>,
@@ -383,6 +385,7 @@ impl Session {
             processors: None,
             enhancer: None,
             sinks: Vec::new(),
+            log: None,
             controls: tokio::sync::mpsc::channel(1).1,
             observer: None,
             before: Vec::new(),
@@ -427,6 +430,7 @@ impl Session {
             quality: self.quality,
             enhancer: self.enhancer,
             sinks: self.sinks,
+            log: self.log,
             controls: self.controls,
             observer: self.observer,
             before: self.before,

@@ -76,8 +76,8 @@ fn fit(pairs: &[NamedPair], source: &Path, arguments: &OutputArgs) -> Result<(),
         return Err(Failure::Input(too_far(&found, &rows, source, arguments.max_rms)));
     }
     if found.coplanar {
-        eprintln!(
-            "warning: the landmarks lie near one plane: a tracker with a mirrored axis would not be noticed; add one well outside of it"
+        tracing::warn!(
+            "the landmarks lie near one plane: a tracker with a mirrored axis would not be noticed; add one well outside of it"
         );
     }
     if let Some(out) = &arguments.out {

@@ -100,9 +100,7 @@ fn set(calibration: &mut Calibration, of: Of, found: &Pivot) {
         Of::Probe => {
             let orientation = calibration.sensor_from_probe.map(|f| f.value.orientation);
             if orientation.is_none() {
-                eprintln!(
-                    "warning: a pivot doesn't show how the probe is turned: its axes are taken to be the sensor's"
-                );
+                tracing::warn!("a pivot doesn't show how the probe is turned: its axes are taken to be the sensor's");
             }
             let orientation = orientation.unwrap_or(Pose::IDENTITY.orientation);
             let value = Pose { position_mm: found.tip_mm, orientation };
@@ -119,7 +117,7 @@ fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
     if head == MCAP_MAGIC {
         let (poses, summary) = recording::poses(path)?;
         if !summary.is_clean() {
-            eprintln!("warning: {}: {summary}", path.display());
+            tracing::warn!("{}: {summary}", path.display());
         }
         return Ok(poses.into_iter().map(|p| p.pose).collect());
     }

@@ -123,8 +123,8 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
     if let Some(probe) = probe {
         return Ok((probe.position_mm, "the centre of the probe's face"));
     }
-    eprintln!(
-        "warning: neither the station's calibration nor {} knows the tip of a stylus or where the probe is at its sensor (`insonify calibrate pivot` finds both): the sensor itself must touch",
+    tracing::warn!(
+        "neither the station's calibration nor {} knows the tip of a stylus or where the probe is at its sensor (`insonify calibrate pivot` finds both): the sensor itself must touch",
         file.display()
     );
     Ok((DVec3::ZERO, "the sensor"))

@@ -92,13 +92,13 @@ impl Live<'_> {
                 watchers
             }
             Err(reason) => {
-                eprintln!("warning: no page is served: {reason}; the exam takes {seconds:.0} s");
+                tracing::warn!("no page is served: {reason}; the exam takes {seconds:.0} s");
                 Box::new(|| 0)
             }
         };
         let stills = u32::try_from(self.length.as_secs() / STILL_PERIOD.as_secs()).unwrap_or(0);
         sinks.push(Box::new(Stills::new(&directory, STILL_PERIOD, stills)));
-        sinks.push(Box::new(FrameLog::create(&directory.join("frames.jsonl"))?));
+        let log = Some(FrameLog::create(&directory.join("frames.jsonl"))?);
 
         let mut tracker = station.tracker.clone();
         if let Transport::Recording { repeat, speed, .. } = &mut tracker.transport {
@@ -118,6 +118,7 @@ impl Live<'_> {
             quality,
             enhancer,
             sinks,
+            log,
             controls,
             observer: None,
             before: vec![Box::new(tracker)],
@@ -144,7 +145,7 @@ impl Live<'_> {
         live::say_left_out(&tracked.counters());
         write_json(&directory.join("summary.json"), &summary)?;
         for error in summary.sinks.iter().filter_map(|sink| sink.error.as_deref()) {
-            eprintln!("warning: {error}");
+            tracing::warn!("{error}");
         }
         if self.interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
     }

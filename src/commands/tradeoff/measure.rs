@@ -73,7 +73,7 @@ impl Bench {
         let image = &station.settings.image;
         let loaded = load_tiers(&station.generator, &tissues, image.width, image.height).input()?;
         for refused in &loaded.refused {
-            eprintln!("warning: {} is left out: {}", refused.path.display(), refused.error);
+            tracing::warn!("{} is left out: {}", refused.path.display(), refused.error);
         }
         Ok(Self {
             renderer,

@@ -1,6 +1,7 @@
-//! Starts the stages, watches them, and ends them in their order.
+//! Starts the stages of a session and watches them.
 
-use std::collections::BTreeMap;
+mod ending;
+
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,47 +9,42 @@ use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::mpsc;
 
-use super::clock::{Clock, Signal, lock};
+use super::clock::{Clock, Signal};
 use super::controls::Controls;
 use super::deadline::ChoiceSettings;
 use super::events::{Events, Observer};
 use super::generate_stage::GenerateStage;
 use super::generator_link::GeneratorLink;
-use super::metrics::{Metrics, Status, counted, memory_bytes};
+use super::metrics::{Metrics, Status, counted};
 use super::parts::{Enhancer, FrameRenderer, PoseSource, RendererFactory};
 use super::presenter::Presenter;
 use super::quality_budget::QualityBudget;
 use super::render_stage::{RenderParts, RenderStage};
 use super::rendered::Rendered;
-use super::shutdown::{Joined, Part, Stop, Thread, spawn};
+use super::shutdown::{Part, Stop, Thread, spawn};
 use super::sink_stage::SinkStage;
 use super::slot::Slot;
-use super::summary::{GeneratorSummary, Summary};
+use super::summary::Summary;
 use crate::render::RenderSettings;
+use crate::sink::FrameLog;
 use crate::sink::live::{Control, LiveSink};
 use crate::transducer::Probe;
 
-/// How often the session looks at itself.
+/// Period of status reports.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
-
-/// How long each part may take to end.
-const PART_TIME: Duration = Duration::from_secs(3);
-
-/// How often a part is asked whether it has ended.
-const ASK_PERIOD: Duration = Duration::from_millis(5);
 
 /// The `[pipeline]` of a station.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Frames a second.
     pub frame_rate_hz: f64,
-    /// From the sampling of a frame's pose until it is presented at the latest, ms.
+    /// Longest time from the sampling of a frame's pose to its presentation, ms.
     pub budget_ms: f64,
-    /// When a held picture may stand for a frame, and how steady the generator must be.
+    /// Limits for held pictures, and the steadiness asked of the generator.
     pub choice: ChoiceSettings,
-    /// A generator run of this length hangs, ms.
+    /// Length from which on a generator run counts as hanging, ms.
     pub hang_ms: f64,
-    /// How long the sinks may take to finish at the end: a video has to be completed, ms.
+    /// Time for the sinks to finish at the end, ms: a video has to be completed.
     pub finish_ms: f64,
 }
 
@@ -59,16 +55,16 @@ impl Default for Settings {
     }
 }
 
-/// When a session ends by itself.
+/// Limits at which a session ends by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Limits {
-    /// After this time.
+    /// Duration.
     pub duration: Option<Duration>,
-    /// After this many presented frames.
+    /// Number of presented frames.
     pub frames: Option<u64>,
 }
 
-/// Why a session could not start.
+/// Errors at the start of a session.
 #[derive(Debug, Error)]
 pub enum PipelineError {
     /// The system refuses another thread.
@@ -81,31 +77,33 @@ pub enum PipelineError {
     },
 }
 
-/// What a session is put together from.
+/// Parts that a session is made from.
 pub struct Parts {
-    /// Its time.
+    /// Clock of the session.
     pub clock: Arc<dyn Clock>,
-    /// Ends it.
+    /// Request for the session's end.
     pub stop: Stop,
-    /// Knows where the probe is.
+    /// Source of the probe's poses.
     pub poses: Box<dyn PoseSource>,
-    /// Renders `probe` by `render`.
+    /// Renderer of `probe` with the settings `render`.
     pub renderer: Box<dyn FrameRenderer>,
-    /// Makes another renderer when its device is lost.
+    /// Factory for another renderer when the device is lost.
     pub factory: Box<dyn RendererFactory>,
     /// The probe to begin with.
     pub probe: Probe,
     /// The renderer's settings to begin with.
     pub render: RenderSettings,
-    /// Keeps the quality at what the machine affords, from the point that `render` begins with; none: it stays as set.
+    /// Control of the quality by a time budget, from the point of `render` on; none: the quality stays as set.
     pub quality: Option<QualityBudget>,
-    /// Translates frames; none: rendered frames are shown.
+    /// Generator; none: rendered frames are shown.
     pub enhancer: Option<Box<dyn Enhancer>>,
-    /// Where frames go.
+    /// Sinks of the presented frames.
     pub sinks: Vec<Box<dyn LiveSink>>,
-    /// What watchers ask for.
+    /// Log of all presented frames; none: nothing is logged.
+    pub log: Option<FrameLog>,
+    /// Controls from watchers.
     pub controls: mpsc::Receiver<Control>,
-    /// Hears events, poses and settings, for a recording.
+    /// Observer of events, poses and settings, for a recording.
     pub observer: Option<Arc<dyn Observer>>,
     /// Ended before all stages: the tracker.
     pub before: Vec<Box<dyn Part>>,
@@ -117,7 +115,7 @@ pub struct Parts {
 struct Stages {
     render: Thread<()>,
     generate: Option<Thread<()>>,
-    presenter: Thread<()>,
+    presenter: Thread<Option<FrameLog>>,
     sinks: Vec<SinkStage>,
 }
 
@@ -138,11 +136,11 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// Runs a session until its `stop` is requested or a limit is reached, and ends it. `watch` hears a few times a
-    /// second how it goes.
+    /// Runs a session until its `stop` is requested or a limit is reached, and ends it. `watch` gets the status a few
+    /// times a second.
     ///
     /// # Errors
-    /// The system refuses a thread. Whatever fails later is said, counted, and survived.
+    /// The system refuses a thread. Later faults are logged and counted, and the session goes on.
     pub fn run(
         settings: &Settings,
         limits: Limits,
@@ -165,7 +163,7 @@ impl Pipeline {
 
     /// Starts every stage, the last first, so that each finds the one behind it.
     fn start(settings: &Settings, limits: Limits, parts: Parts) -> Result<Self, PipelineError> {
-        let Parts { clock, stop, enhancer, .. } = parts;
+        let Parts { clock, stop, enhancer, log, .. } = parts;
         let events = Events::new(&clock, parts.observer);
         let metrics = Arc::<Metrics>::default();
         let refused = |name: &str| {
@@ -220,6 +218,8 @@ impl Pipeline {
             generator: generator.clone(),
             sinks: sinks.iter().map(|sink| sink.slot().clone()).collect(),
             frames_max: limits.frames,
+            log,
+            log_waited: false,
         };
         let presenter = spawn(&clock, "presenter", move || presenter.run()).map_err(refused("presenter"))?;
 
@@ -258,7 +258,7 @@ impl Pipeline {
         })
     }
 
-    /// How it goes.
+    /// Present status.
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
@@ -267,82 +267,6 @@ impl Pipeline {
             drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum(),
             notice,
         )
-    }
-
-    /// Ends every part in its order, none waited for without bound, and says what the session did.
-    fn end(mut self) -> Summary {
-        let reason = self.stop.reason().unwrap_or_default();
-        tracing::info!("the session ends: {reason}");
-        let mut stuck = Vec::new();
-        end_parts(&self.clock, &mut self.before, &mut stuck);
-        let elapsed_s = self.clock.now().as_secs_f64();
-        let Stages { render, generate, presenter, sinks } = self.stages;
-        join(&self.clock, render, &mut stuck);
-        // A renderer that is stuck didn't close its slots.
-        self.to_generator.iter().for_each(|slot| slot.close());
-        if let Some(generator) = &self.generator {
-            generator.terminate();
-        }
-        let generator_stuck = generate.is_some_and(|thread| join(&self.clock, thread, &mut stuck));
-        self.to_presenter.close();
-        join(&self.clock, presenter, &mut stuck);
-        sinks.iter().for_each(SinkStage::close);
-        let until = self.clock.now().saturating_add(self.finish);
-        let sinks: Vec<_> = sinks.into_iter().map(|sink| sink.join(until)).collect();
-        for sink in sinks.iter().filter(|sink| sink.stuck) {
-            self.events.warn(format!("{} doesn't come back and is left behind", sink.name));
-        }
-        stuck.extend(sinks.iter().filter(|sink| sink.stuck).map(|sink| sink.name.clone()));
-        end_parts(&self.clock, &mut self.after, &mut stuck);
-
-        if let Some(slot) = &self.to_generator {
-            slot.clear();
-        }
-        let generator = self.generator.as_ref().zip(self.to_generator.as_ref()).map(|(link, slot)| {
-            let counts = lock(&link.state).counts.clone();
-            GeneratorSummary {
-                offered: slot.offered(),
-                dropped: counts.dropped + slot.dropped(),
-                stuck: generator_stuck,
-                ..counts
-            }
-        });
-        self.to_presenter.clear();
-        let metrics = &self.metrics;
-        let mut drops = BTreeMap::from(drops(metrics, &self.to_presenter));
-        metrics.shown(|shown| {
-            if !stuck.is_empty() {
-                let known = shown.presented + drops.values().sum::<u64>();
-                drops.insert("left in a stuck stage", counted(&metrics.produced).saturating_sub(known));
-            }
-            let span_s = shown.first.map_or(0.0, |first| (shown.last - first).as_secs_f64());
-            let intervals = shown.presented.saturating_sub(1) as f64;
-            let enhanced = shown.by_source[0] + shown.by_source[1];
-            Summary {
-                elapsed_s,
-                produced: counted(&metrics.produced),
-                presented: shown.presented,
-                drops,
-                missed_ticks: counted(&metrics.missed_ticks),
-                frames_per_s: if span_s > 0.0 { intervals / span_s } else { 0.0 },
-                enhanced_ratio: if shown.presented > 0 { enhanced as f64 / shown.presented as f64 } else { 0.0 },
-                by_source: shown.by_source,
-                by_tracking: shown.by_tracking,
-                pose_to_present: shown.pose_to_present.percentiles(),
-                sample_to_present: shown.sample_to_present.percentiles(),
-                render: shown.render.percentiles(),
-                inference: shown.inference.percentiles(),
-                device_losses: counted(&metrics.losses),
-                device_rebuilt: counted(&metrics.rebuilt),
-                controls: counted(&metrics.controls),
-                controls_refused: counted(&metrics.refused),
-                quality: metrics.quality(),
-                generator,
-                sinks,
-                stuck,
-                memory_bytes: memory_bytes(),
-            }
-        })
     }
 }
 
@@ -354,42 +278,4 @@ fn drops(metrics: &Metrics, to_presenter: &Slot<Arc<Rendered>>) -> [(&'static st
         ("held by slow sinks", counted(&metrics.frames_held)),
         ("session ended", counted(&metrics.ended)),
     ]
-}
-
-/// Waits for a stage's end; true if it is left behind.
-fn join(clock: &Arc<dyn Clock>, thread: Thread<()>, stuck: &mut Vec<String>) -> bool {
-    let name = thread.name().to_owned();
-    let until = clock.now().saturating_add(PART_TIME);
-    match thread.join(until) {
-        Joined::Done(()) => false,
-        Joined::Panicked => {
-            tracing::error!("the thread `{name}` panicked");
-            stuck.push(format!("{name} (panicked)"));
-            false
-        }
-        Joined::Stuck => {
-            tracing::warn!("the thread `{name}` doesn't come back and is left behind");
-            stuck.push(name);
-            true
-        }
-    }
-}
-
-/// Asks parts to end and waits for each, not without bound.
-fn end_parts(clock: &Arc<dyn Clock>, parts: &mut Vec<Box<dyn Part>>, stuck: &mut Vec<String>) {
-    parts.iter_mut().for_each(|part| part.stop());
-    for mut part in parts.drain(..) {
-        let until = clock.now().saturating_add(PART_TIME);
-        loop {
-            if part.has_ended() {
-                break;
-            }
-            if clock.now() >= until {
-                tracing::warn!("`{}` doesn't come back and is left behind", part.name());
-                stuck.push(part.name().to_owned());
-                break;
-            }
-            clock.sleep_until(clock.now().saturating_add(ASK_PERIOD));
-        }
-    }
 }

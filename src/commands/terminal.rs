@@ -1,0 +1,122 @@
+//! Text on stderr: warnings of one format, and progress bars that they don't tear.
+
+use std::fmt;
+use std::io::{self, Write};
+use std::sync::LazyLock;
+
+use indicatif::{MultiProgress, ProgressBar};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
+
+/// All progress bars of the process.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+/// Shows a bar; text that is written by [`say`] or logged stays above it.
+pub(crate) fn show(bar: ProgressBar) -> ProgressBar {
+    BARS.add(bar)
+}
+
+/// Writes a line above the bars.
+pub(crate) fn say(text: &str) {
+    BARS.suspend(|| eprintln!("{text}"));
+}
+
+/// Logs to stderr what `RUST_LOG` asks for; without it warnings, and more with each `verbose`.
+pub(crate) fn start_log(verbose: u8) {
+    let default = ["warn", "insonify=info", "insonify=debug"][usize::from(verbose.min(2))];
+    let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into());
+    // An unreadable RUST_LOG must not silence anything.
+    let filter = std::env::var("RUST_LOG").ok().filter(|v| !v.is_empty()).map_or_else(
+        || filter.parse_lossy(default),
+        |wanted| filter.parse(&wanted).unwrap_or_else(|_| EnvFilter::new(default)),
+    );
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| AboveBars).event_format(Line).init();
+}
+
+/// Stderr, above the bars.
+struct AboveBars;
+
+impl Write for AboveBars {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        BARS.suspend(|| io::stderr().write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
+
+/// `warning: text`; debug events name their spans, too.
+struct Line;
+
+impl<S, N> FormatEvent<S, N> for Line
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(&self, context: &FmtContext<'_, S, N>, mut writer: Writer<'_>, event: &Event<'_>) -> fmt::Result {
+        let level = *event.metadata().level();
+        let word = match level {
+            Level::ERROR => "error",
+            Level::WARN => "warning",
+            Level::INFO => "info",
+            Level::DEBUG => "debug",
+            Level::TRACE => "trace",
+        };
+        write!(writer, "{word}: ")?;
+        if level >= Level::DEBUG {
+            for span in context.event_scope().into_iter().flat_map(|scope| scope.from_root()) {
+                write!(writer, "{}: ", span.name())?;
+            }
+        }
+        context.field_format().format_fields(writer.by_ref(), event)?;
+        writeln!(writer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+
+    #[derive(Clone, Default)]
+    struct Kept(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Kept {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_warning_is_a_line_for_people() {
+        let kept = Kept::default();
+        let writer = kept.clone();
+        let log = tracing_subscriber::fmt()
+            .with_max_level(Level::DEBUG)
+            .with_ansi(false)
+            .with_writer(move || writer.clone())
+            .event_format(Line)
+            .finish();
+        tracing::subscriber::with_default(log, || {
+            let _span = tracing::debug_span!("receive", frame = 7).entered();
+            tracing::warn!("the tracker sent {}", "nothing");
+            tracing::warn!(scene = "a.glb", "a hole");
+            tracing::debug!("detail");
+        });
+        let text = String::from_utf8(kept.0.lock().unwrap().clone()).unwrap();
+        assert_eq!(
+            text,
+            "warning: the tracker sent nothing\nwarning: a hole scene=\"a.glb\"\ndebug: receive: detail\n"
+        );
+    }
+}

@@ -1,0 +1,160 @@
+//! Ends the stages of a session in their order, and sums up what it did.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::{Pipeline, Stages, drops};
+use crate::pipeline::clock::{Clock, lock};
+use crate::pipeline::metrics::{counted, memory_bytes};
+use crate::pipeline::shutdown::{Joined, Part, Thread};
+use crate::pipeline::sink_stage::SinkStage;
+use crate::pipeline::summary::{GeneratorSummary, SinkSummary, Summary};
+use crate::sink::FrameLog;
+use crate::sink::frame_log::LogEnd;
+
+/// Time for each part to end.
+const PART_TIME: Duration = Duration::from_secs(3);
+
+/// Period at which a part is asked whether it has ended.
+const ASK_PERIOD: Duration = Duration::from_millis(5);
+
+impl Pipeline {
+    /// Ends every part in its order, waiting for none without bound, and returns the summary.
+    pub(super) fn end(mut self) -> Summary {
+        let reason = self.stop.reason().unwrap_or_default();
+        tracing::info!("the session ends: {reason}");
+        let mut stuck = Vec::new();
+        end_parts(&self.clock, &mut self.before, &mut stuck);
+        let elapsed_s = self.clock.now().as_secs_f64();
+        let Stages { render, generate, presenter, sinks } = self.stages;
+        // A panic or a hang is noted in `stuck`.
+        let _ = join(&self.clock, render, &mut stuck);
+        // A renderer that is stuck didn't close its slots.
+        self.to_generator.iter().for_each(|slot| slot.close());
+        if let Some(generator) = &self.generator {
+            generator.terminate();
+        }
+        let generator_stuck =
+            generate.is_some_and(|thread| join(&self.clock, thread, &mut stuck).is_err_and(|left| left));
+        self.to_presenter.close();
+        let log = join(&self.clock, presenter, &mut stuck).ok().flatten();
+        sinks.iter().for_each(SinkStage::close);
+        let until = self.clock.now().saturating_add(self.finish);
+        let mut sinks: Vec<_> = sinks.into_iter().map(|sink| sink.join(until)).collect();
+        sinks.extend(log.map(|log| log_summary(log, self.finish)));
+        for sink in sinks.iter().filter(|sink| sink.stuck) {
+            self.events.warn(format!("{} doesn't come back and is left behind", sink.name));
+        }
+        stuck.extend(sinks.iter().filter(|sink| sink.stuck).map(|sink| sink.name.clone()));
+        end_parts(&self.clock, &mut self.after, &mut stuck);
+
+        if let Some(slot) = &self.to_generator {
+            slot.clear();
+        }
+        let generator = self.generator.as_ref().zip(self.to_generator.as_ref()).map(|(link, slot)| {
+            let counts = lock(&link.state).counts.clone();
+            GeneratorSummary {
+                offered: slot.offered(),
+                dropped: counts.dropped + slot.dropped(),
+                stuck: generator_stuck,
+                ..counts
+            }
+        });
+        self.to_presenter.clear();
+        let metrics = &self.metrics;
+        let mut drops = BTreeMap::from(drops(metrics, &self.to_presenter));
+        metrics.shown(|shown| {
+            if !stuck.is_empty() {
+                let known = shown.presented + drops.values().sum::<u64>();
+                drops.insert("left in a stuck stage", counted(&metrics.produced).saturating_sub(known));
+            }
+            let span_s = shown.first.map_or(0.0, |first| (shown.last - first).as_secs_f64());
+            let intervals = shown.presented.saturating_sub(1) as f64;
+            let enhanced = shown.by_source[0] + shown.by_source[1];
+            Summary {
+                elapsed_s,
+                produced: counted(&metrics.produced),
+                presented: shown.presented,
+                drops,
+                missed_ticks: counted(&metrics.missed_ticks),
+                frames_per_s: if span_s > 0.0 { intervals / span_s } else { 0.0 },
+                enhanced_ratio: if shown.presented > 0 { enhanced as f64 / shown.presented as f64 } else { 0.0 },
+                by_source: shown.by_source,
+                by_tracking: shown.by_tracking,
+                pose_to_present: shown.pose_to_present.percentiles(),
+                sample_to_present: shown.sample_to_present.percentiles(),
+                render: shown.render.percentiles(),
+                inference: shown.inference.percentiles(),
+                device_losses: counted(&metrics.losses),
+                device_rebuilt: counted(&metrics.rebuilt),
+                controls: counted(&metrics.controls),
+                controls_refused: counted(&metrics.refused),
+                quality: metrics.quality(),
+                generator,
+                sinks,
+                stuck,
+                memory_bytes: memory_bytes(),
+            }
+        })
+    }
+}
+/// Waits for a stage's end and returns its result; the error says whether the stage is left behind.
+fn join<T>(clock: &Arc<dyn Clock>, thread: Thread<T>, stuck: &mut Vec<String>) -> Result<T, bool> {
+    let name = thread.name().to_owned();
+    let until = clock.now().saturating_add(PART_TIME);
+    match thread.join(until) {
+        Joined::Done(result) => Ok(result),
+        Joined::Panicked => {
+            tracing::error!("the thread `{name}` panicked");
+            stuck.push(format!("{name} (panicked)"));
+            Err(false)
+        }
+        Joined::Stuck => {
+            tracing::warn!("the thread `{name}` doesn't come back and is left behind");
+            stuck.push(name);
+            Err(true)
+        }
+    }
+}
+
+/// Asks parts to end and waits for each, not without bound.
+fn end_parts(clock: &Arc<dyn Clock>, parts: &mut Vec<Box<dyn Part>>, stuck: &mut Vec<String>) {
+    parts.iter_mut().for_each(|part| part.stop());
+    for mut part in parts.drain(..) {
+        let until = clock.now().saturating_add(PART_TIME);
+        loop {
+            if part.has_ended() {
+                break;
+            }
+            if clock.now() >= until {
+                tracing::warn!("`{}` doesn't come back and is left behind", part.name());
+                stuck.push(part.name().to_owned());
+                break;
+            }
+            clock.sleep_until(clock.now().saturating_add(ASK_PERIOD));
+        }
+    }
+}
+
+/// Completes the log of frames within `patience`.
+fn log_summary(log: FrameLog, patience: Duration) -> SinkSummary {
+    let (counts, end) = log.finish(patience);
+    SinkSummary {
+        name: "metrics".to_owned(),
+        offered: counts.pushed,
+        taken: counts.pushed - counts.failed,
+        waited: counts.waited,
+        failed: counts.failed,
+        stuck: matches!(end, LogEnd::Stuck),
+        error: match end {
+            LogEnd::Complete if counts.failed > 0 => {
+                Some("metrics: lines are missing, the file cannot be written".to_owned())
+            }
+            LogEnd::Complete => None,
+            LogEnd::Failed(error) => Some(format!("metrics: {error}")),
+            LogEnd::Stuck => Some("metrics: the disk did not take all lines in time".to_owned()),
+        },
+        ..SinkSummary::default()
+    }
+}
