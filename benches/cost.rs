@@ -1,10 +1,10 @@
-//! Cost curves: the time of a frame against triangles, rays, layers, axial samples, scanlines and image size, each alone,
+//! Cost curves: frame time against triangles, rays, layers, axial samples, scanlines and image size, each varied alone,
 //! with the exponent of the best power law.
 //!
-//! `cargo bench --bench cost` (about three minutes on two cores); `cargo bench --bench cost -- rays layers` measures those
-//! alone. Triangles are those of 32 spheres that fill the view, the same places at each count; everything else is over the
-//! obstetric phantom. A number is the median over poses of the passes' times. `out/cost/cost.md` and `cost.svg` hold what is
-//! printed.
+//! `cargo bench --bench cost` (about three minutes on two cores); `cargo bench --bench cost -- rays layers` measures
+//! only those. Triangles are those of 32 spheres that fill the view, at the same places for each count; all other
+//! curves use the obstetric phantom. Each number is the median over poses of the passes' times. The output is also
+//! written to `out/cost/cost.md` and `cost.svg`.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
@@ -26,19 +26,19 @@ use insonify::statistics::{slope, sorted, upper_median};
 use insonify::tracker::recording;
 use insonify::transducer::Probe;
 
-/// Each point is warmed up for so long.
+/// Warm-up time of each point.
 const WARM_UP: Duration = Duration::from_secs(1);
-/// Frames for each point, after that.
+/// Frames measured for each point.
 const FRAMES: usize = 7;
 
-/// One point of a curve: what was varied, and the device's time of a frame and of its most expensive passes, ms.
+/// One point of a curve: the varied value, and the time of a frame and of its most expensive passes, ms.
 struct Point {
     x: f64,
     total_ms: f64,
     passes: Vec<(&'static str, f64)>,
 }
 
-/// What was varied, whether the host made the frames, and the points.
+/// A curve: the varied quantity, whether the host made the frames, and the points.
 struct Curve {
     name: &'static str,
     on_host: bool,
@@ -137,7 +137,7 @@ fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
 
 fn measure(x: f64, renderer: &mut Renderer, poses: &[Pose]) -> Point {
     let mut frame = Frame::default();
-    // Software drivers go on compiling on the same cores after a change.
+    // Software drivers continue compiling on the same cores after a change.
     let warm = Instant::now();
     while warm.elapsed() < WARM_UP {
         renderer.render(&poses[0], &mut frame).expect("a frame");
@@ -159,7 +159,7 @@ fn middle(values: Vec<f64>) -> f64 {
     upper_median(&sorted(values)).expect("a frame")
 }
 
-/// A table of one curve: Markdown.
+/// Markdown table of one curve.
 fn table(Curve { name, points, .. }: &Curve) -> String {
     let Some(last) = points.last() else { return String::new() };
     let names: Vec<_> = last.passes.iter().map(|p| p.0).collect();

@@ -1,8 +1,9 @@
-//! Every shipped generator at the paper's field of view, 1386 × 1000, on 2 threads of the CPU: what the tiers' budgets
-//! (30 and 60 ms) are of. A run is all that a frame takes: filling the tensor, padding, inference, checking and rounding.
+//! Every shipped generator at the paper's field of view, 1386 × 1000, on 2 CPU threads; the tiers' budgets (30 and 60
+//! ms) refer to these times. A run is the complete work on a frame: filling the tensor, padding, inference, checking
+//! and rounding.
 //!
-//! `cargo bench --bench generator`, or with models: `GENERATORS=a.onnx:b.onnx cargo bench --bench generator`; with other
-//! threads: `THREADS=4`. Needs ONNX Runtime's library (scripts/setup).
+//! `cargo bench --bench generator`, or with models: `GENERATORS=a.onnx:b.onnx cargo bench --bench generator`; with
+//! other threads: `THREADS=4`. Needs ONNX Runtime's library (scripts/setup).
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
@@ -21,7 +22,7 @@ fn main() {
     let runtime = Runtime::get().expect("ONNX Runtime");
     let pixels = (WIDTH * HEIGHT) as usize;
     let image: Vec<u8> = (0..pixels).map(|i| (i * 7919 % 251) as u8).collect();
-    // Classes in blocks: a channel that is 0 throughout would be no frame's.
+    // Classes in blocks: a real frame has no channel of zeros only.
     let segmentation: Vec<u8> = (0..pixels).map(|i| 1 + (i / 40 % 7) as u8).collect();
     let (attenuation, mask) = (vec![0.5; pixels], vec![255; pixels]);
     let tissues = TissueTable::builtin().expect("the built-in tissues").names().to_vec();
@@ -49,7 +50,8 @@ fn main() {
     criterion.final_summary();
 }
 
-/// The models named by the environment, else those of `assets/generators`, and the identity, which is all overhead.
+/// The models named by the environment, else those of `assets/generators`, and the identity, which measures the
+/// overhead.
 fn models() -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os("GENERATORS") {
         return std::env::split_paths(&named).collect();

@@ -1,7 +1,7 @@
-//! What the effect plan saves: frames of the sample scenes as planned and with every effect, at the stations' settings.
+//! Savings by the effect plan: frames of the sample scenes as planned and with every effect, at the stations' settings.
 //!
-//! `cargo bench --bench plan`. After each scene the plan's effects are printed. The obstetric phantom comes from the cache
-//! that the program uses.
+//! `cargo bench --bench plan`. After each scene the plan's effects are printed. The obstetric phantom is taken from the
+//! program's cache.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
@@ -40,7 +40,7 @@ fn main() {
         let scene = support::scene(&station);
         let bvh = Arc::new(Bvh::build(&scene).expect("a scene that can be traced"));
         let pose = station.default_pose.expect("a pose");
-        // High quality takes seconds a frame in software: what it costs beyond these is proportional.
+        // High quality takes seconds per frame in software: its cost beyond these is proportional.
         let Quality { rays, layers, seed } = station.settings.quality;
         let quality = Quality { rays: rays.min(4), layers: layers.min(2), seed };
         let planned = RenderSettings { maps, quality, ..station.settings };

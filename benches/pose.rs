@@ -1,4 +1,4 @@
-//! What a measurement and a sampled frame cost the estimator, and what calibrations cost.
+//! Cost of measurements, sampled frames and calibrations.
 //!
 //! `cargo bench --bench pose`
 
@@ -12,7 +12,7 @@ use insonify::pose::{Estimator, Measurement, Pose, Reading, Settings};
 
 const START_NS: u64 = 1_790_000_000_000_000_000;
 
-/// 240 measurements a second.
+/// Interval of 240 measurements a second, ns.
 const PERIOD_NS: u64 = 4_166_667;
 
 fn pose_at(time_s: f64) -> Pose {

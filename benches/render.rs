@@ -1,7 +1,8 @@
-//! Whole frames at the paper's parameters over the obstetric phantom, at low and high quality, and the time of each pass.
+//! Complete frames with the paper's parameters over the obstetric phantom, at low and high quality, and the time of
+//! each pass.
 //!
-//! `cargo bench --bench render`. The poses are those of the recorded exam, so that no single view decides. After each
-//! benchmark the passes are printed from the device's timestamps.
+//! `cargo bench --bench render`. The poses are those of the recorded exam, so that no single view dominates. After each
+//! benchmark the passes' times are printed.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
@@ -21,7 +22,7 @@ use insonify::station::Station;
 use insonify::tracker::recording;
 use insonify::transducer::Probe;
 
-/// Poses, spread over the exam.
+/// Number of poses, spread over the exam.
 const POSES: usize = 12;
 
 fn main() {
@@ -45,7 +46,7 @@ fn main() {
     criterion.final_summary();
 }
 
-/// Measures what a change of each kind takes, there and back, beside a renderer that is built.
+/// Measures the duration of each kind of change, there and back, of an existing renderer.
 fn reconfigurations(criterion: &mut Criterion, gpu: &Gpu, scene: &Scene, station: &Station) {
     type Change = fn(&mut Probe, &mut RenderSettings);
     let changes: [(&str, Change); 6] = [
@@ -68,7 +69,7 @@ fn reconfigurations(criterion: &mut Criterion, gpu: &Gpu, scene: &Scene, station
         let mut renderer = built();
         let (mut probe, mut settings) = (station.probe, station.settings);
         change(&mut probe, &mut settings);
-        // Compiles what the change alone needs.
+        // Compiles what only the change needs.
         renderer.reconfigure(&probe, &settings).expect("a change");
         group.bench_function(name, |bencher| {
             bencher.iter(|| {
@@ -81,7 +82,7 @@ fn reconfigurations(criterion: &mut Criterion, gpu: &Gpu, scene: &Scene, station
     group.finish();
 }
 
-/// Measures frames from the call until all maps lie in memory.
+/// Measures frames from the call until all maps are in memory.
 fn whole_frames(criterion: &mut Criterion, name: &str, renderer: &mut Renderer, poses: &[Pose]) {
     let mut frame = Frame::default();
     let mut times = TimeTable::default();

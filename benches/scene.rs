@@ -1,4 +1,4 @@
-//! What happens before the first frame: the phantom at a quarter of its triangles, its file, and the tree over it.
+//! Preparation of the first frame: the phantom at a quarter of its triangles, its file, and its BVH.
 //!
 //! `cargo bench --bench scene`
 
@@ -13,7 +13,7 @@ use insonify::anatomy::export::write_glb;
 use insonify::anatomy::phantom::{PhantomOptions, build};
 use insonify::anatomy::{Bvh, TissueTable, import};
 
-/// Triangles over those of the full phantom.
+/// Fraction of the full phantom's triangles.
 const SCALE: f64 = 0.25;
 
 fn main() {

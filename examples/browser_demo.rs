@@ -1,8 +1,8 @@
-//! A rendered probe sweep in the browser, and in a window if wanted, without tracker or pipeline:
-//! `cargo run --release --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
+//! Probe sweep rendered in the browser, and optionally in a window, without tracker or pipeline: `cargo run --release
+//! --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
 //!
-//! Prints the page's address. Lines on the standard input change what no page can: `tracking good|held|stale|lost`,
-//! `source enhanced|held|low`, `notice TEXT`, `quit`.
+//! Prints the page's address. Lines on the standard input set the rest: `tracking good|held|stale|lost`, `source
+//! enhanced|held|low`, `notice TEXT`, `quit`.
 
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
@@ -68,7 +68,7 @@ fn main() -> anyhow::Result<()> {
     presenter.join().map_err(|_| anyhow::anyhow!("the presenter panicked"))?
 }
 
-/// Renders and shows until a line or a window says to quit.
+/// Renders and shows frames until a line or a window requests the end.
 fn present(
     mut demo: Demo,
     mut sinks: Vec<Box<dyn LiveSink>>,
@@ -95,7 +95,7 @@ fn present(
         if changed {
             demo.rebuild()?;
         }
-        // A frozen picture is shown once more, as frozen, and then stands.
+        // A frozen picture is shown once more, marked as frozen, and then stands.
         let frozen = demo.shown.info.settings.frozen;
         if frozen && demo.live.frozen {
             std::thread::sleep(Duration::from_millis(20));
@@ -151,7 +151,7 @@ impl Demo {
         Ok(Self { station, renderer, live, frame, shown, started })
     }
 
-    /// Follows a control. Returns whether the renderer must be built anew.
+    /// Applies a control. Returns whether the renderer must be rebuilt.
     fn follow(&mut self, control: &Control) -> bool {
         match *control {
             Control::Freeze(on) => self.live.frozen = on,
@@ -193,7 +193,7 @@ impl Demo {
         Ok(())
     }
 
-    /// Renders the next pose of the sweep into `shown`; the last one again where the picture is frozen.
+    /// Renders the next pose of the sweep into `shown`; if frozen, the last pose again.
     fn render(&mut self) -> anyhow::Result<()> {
         let sampled = self.started.elapsed();
         if !self.live.frozen || self.shown.info.pose().is_none() {

@@ -1,6 +1,6 @@
-//! The straight rays that a high-quality frame traces, written for `scripts/embree-bench`, with the time of the pass.
+//! Exports the straight rays of a high-quality frame for `scripts/embree-bench`, with the time of the pass.
 //!
-//!     cargo run --release --example embree_rays -- configs/obstetric.toml PHANTOM.glb OUT
+//! cargo run --release --example embree_rays -- configs/obstetric.toml PHANTOM.glb OUT
 
 use std::path::Path;
 
@@ -13,11 +13,11 @@ use insonify::station::Station;
 use insonify::statistics::{sorted, upper_median};
 use insonify::tracker::recording;
 
-/// Poses, spread over the exam.
+/// Number of poses, spread over the exam.
 const POSES: usize = 3;
-/// Frames at each pose that are timed.
+/// Number of timed frames per pose.
 const FRAMES: usize = 5;
-/// ln of the amplitude of a stretch that no ray was traced for.
+/// ln of the amplitude of a segment for which no ray was traced.
 const GIVEN_UP_LN: f64 = -100.0;
 
 fn main() -> anyhow::Result<()> {
@@ -30,7 +30,7 @@ fn main() -> anyhow::Result<()> {
     let (recorded, _) = recording::poses(Path::new("assets/exams/obstetric_sweep.mcap"))?;
     let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
 
-    // The device counts from the middle of the scene.
+    // Coordinates on the device are relative to the middle of the scene.
     let centre_mm = Bvh::build(&scene)?.centre_mm;
     let gpu = Gpu::new(&GpuOptions::default())?;
     let settings = RenderSettings { quality: Quality::HQ, ..station.settings };
@@ -50,7 +50,7 @@ fn main() -> anyhow::Result<()> {
         let snapshot = renderer.snapshot(pose)?;
         let inputs = &snapshot.inputs;
         for (index, path) in snapshot.paths.iter().enumerate() {
-            // Segments say where scatterers are read: on the scanline's axis, not on the ray.
+            // Segments give the positions of scatterers: on the scanline's axis, not on the ray.
             let line_ray = index % inputs.rays.len();
             let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
             let shift = inputs.scene_from_probe * (axis.origin_mm - ray.origin_mm);
@@ -72,7 +72,7 @@ fn main() -> anyhow::Result<()> {
     let (mut vertices, mut faces, mut first) = (Vec::new(), Vec::new(), 0);
     for surface in &scene.surfaces {
         vertices.extend(surface.mesh.vertices_mm.iter().flat_map(|v| v.to_array()));
-        // Below 2²⁴, whole numbers are exact as f32.
+        // Below 2²⁴, integers are exact in f32.
         faces.extend(surface.mesh.triangles.iter().flatten().map(|i| (i + first) as f32));
         first += u32::try_from(surface.mesh.vertices_mm.len()).context("too many vertices")?;
     }

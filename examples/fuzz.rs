@@ -1,11 +1,10 @@
-//! Fuzzes decoders, drivers and importers on stable Rust: seeded, for a limited time, no tools needed.
+//! Fuzzes decoders, drivers and importers on stable Rust: seeded, for a limited time, without further tools.
 //!
 //! `cargo run --release --example fuzz -- [--seconds N] [--seed N] [--corpus DIR] [TARGET]...`
 //!
-//! It changes inputs at random and keeps those that make something else happen. An input that breaks a promise is written
-//! to `out/fuzz/` and named, and the run fails. With `--corpus DIR` it starts from the files in `DIR/TARGET`, too, and
-//! leaves there what it keeps: the same folders serve `cargo +nightly fuzz run TARGET` in `fuzz/corpus`, which finds
-//! more, as it sees which code an input reaches.
+//! It mutates inputs and keeps those with a new outcome. An input that breaks a promise is written to `out/fuzz/` and
+//! named, and the run fails. `--corpus DIR` adds the inputs in `DIR/TARGET`, and stores kept inputs there. The same
+//! folders serve `cargo +nightly fuzz run TARGET` in `fuzz/corpus`, which is guided by coverage and finds more.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -24,25 +23,25 @@ use bodies::{TARGETS, Target};
 /// Longest input, bytes.
 const INPUT_LIMIT: usize = 16 << 10;
 
-/// Most inputs that are kept.
+/// Largest number of kept inputs.
 const CORPUS_LIMIT: usize = 4000;
 
-/// An input that takes longer is reported.
+/// Duration from which an input is reported as slow.
 const SLOW: Duration = Duration::from_secs(2);
 
 /// Fuzzes decoders, drivers and importers.
 #[derive(Parser)]
 struct Args {
-    /// Time for each target.
+    /// Time for each target, s.
     #[arg(long, default_value_t = 10)]
     seconds: u64,
-    /// Seed of every random choice.
+    /// Seed of all random choices.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder of inputs, one folder a target.
+    /// Folder of inputs, with one subfolder per target.
     #[arg(long)]
     corpus: Option<PathBuf>,
-    /// What to fuzz; all without.
+    /// Targets; all by default.
     targets: Vec<String>,
 }
 
@@ -57,7 +56,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// Below `end`, 0 where that is 0.
+    /// A number below `end`; 0 if `end` is 0.
     fn below(&mut self, end: usize) -> usize {
         ((self.next() >> 33) as usize) % end.max(1)
     }
@@ -82,7 +81,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Fuzzes one target; gives the number of inputs that break a promise.
+/// Fuzzes one target; returns the number of inputs that break a promise.
 fn fuzz(target: &Target, args: &Args) -> anyhow::Result<usize> {
     let folder = args.corpus.as_ref().map(|dir| dir.join(target.name));
     let mut corpus = (target.seeds)();
@@ -96,7 +95,7 @@ fn fuzz(target: &Target, args: &Args) -> anyhow::Result<usize> {
     let ends = Duration::from_secs(args.seconds);
     let mut fresh = corpus.len();
     while started.elapsed() < ends || fresh > 0 {
-        // What is there first runs as it is.
+        // Existing inputs run unchanged first.
         let input = if fresh > 0 {
             fresh -= 1;
             corpus[fresh].clone()
@@ -202,7 +201,7 @@ fn read(folder: &Path) -> anyhow::Result<Vec<Vec<u8>>> {
     entries.map(|entry| Ok(std::fs::read(entry?.path())?)).collect()
 }
 
-/// Writes `input` into `folder` under a name that its content decides.
+/// Writes `input` into `folder` under a name derived from its content.
 fn save(folder: &Path, input: &[u8]) -> anyhow::Result<PathBuf> {
     use std::hash::{DefaultHasher, Hash, Hasher};
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;

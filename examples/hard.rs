@@ -1,11 +1,12 @@
-//! A million random frames' worth of rays through the real passes, and no value that is not finite.
+//! Stress test: the rays of a million random frames through the real passes, without any non-finite value.
 //!
-//! `make hard ARGS="--frames N --seconds S --state FILE --station STATION"`. A frame's worth is 256 rays. Each chunk is a scene by chance (or
-//! the station's) that 24 random poses look at, 32 rays a scanline; every word that the device wrote for the frame is checked
-//! by its bits. Chunks are numbered and depend on their number alone: the state file says how far earlier runs came, and
-//! the next run goes on. Ends with 1 at the first word that is not finite, and names its chunk and pose.
+//! `make hard ARGS="--frames N --seconds S --state FILE --station STATION"`. A frame counts as 256 rays. Each chunk is
+//! a random scene (or the station's) seen from 24 random poses with 32 rays a scanline; every word that the device
+//! wrote for the frame is checked by its bits. Chunks are numbered and depend only on their number: the state file
+//! records the progress of earlier runs, and the next run continues there. Exits with 1 at the first non-finite word,
+//! and names its chunk and pose.
 
-// What cannot be set up has nothing to show.
+// A test that cannot be set up has nothing to show.
 #![allow(clippy::expect_used)]
 
 use std::path::PathBuf;
@@ -24,28 +25,28 @@ use insonify::transducer::{Probe, ProbeKind};
 
 /// Rays of a frame at low quality.
 const FRAME_RAYS: u64 = 256;
-/// Poses of a chunk.
+/// Poses per chunk.
 const POSES: u64 = 24;
 const SCANLINES: u32 = 256;
 const RAYS: u32 = 32;
 
 #[derive(Parser)]
 struct Args {
-    /// Stop at this many frames' worth of rays, those of earlier runs counted
+    /// Stop at this many frames' worth of rays, including those of earlier runs
     #[arg(long, default_value_t = 1_000_000)]
     frames: u64,
-    /// Stop after so many seconds, at the end of a chunk
+    /// Stop after this many seconds, at the end of a chunk
     #[arg(long)]
     seconds: Option<u64>,
-    /// Where the count is kept
+    /// File that stores the count
     #[arg(long, default_value = "out/hard.json")]
     state: PathBuf,
-    /// Station whose scene every fourth chunk looks at, such as configs/obstetric.toml with its scene exported to a file
+    /// Station whose scene every fourth chunk renders, such as configs/obstetric.toml with its scene exported to a file
     #[arg(long)]
     station: Option<PathBuf>,
 }
 
-/// How far earlier runs came.
+/// Progress of earlier runs.
 #[derive(serde::Serialize, serde::Deserialize, Default)]
 struct State {
     chunks: u64,
@@ -59,7 +60,7 @@ fn vector(random: &mut SplitMix64) -> DVec3 {
     DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))
 }
 
-/// Every value of a tissue anywhere in its range, the ends included.
+/// A tissue with every value anywhere in its range, the ends included.
 fn tissue(random: &mut SplitMix64) -> Tissue {
     let mut end = |low: f64, high: f64| match random.unit() {
         u if u < 0.1 => low,
@@ -78,7 +79,7 @@ fn tissue(random: &mut SplitMix64) -> Tissue {
     }
 }
 
-/// Bodies of any size, turn and kind: whole, flat, inverted, torn, without area.
+/// Bodies of any size, orientation and kind: sound, flat, inverted, torn, without area.
 fn scene(random: &mut SplitMix64) -> Scene {
     let filled = tissue(random);
     let mut bench = Bench::new(Tissue { density_kg_m3: filled.density_kg_m3.clamp(0.1, 25_000.0), ..filled });
@@ -130,9 +131,9 @@ fn settings() -> RenderSettings {
     settings
 }
 
-/// The first number of a frame that is not finite, or out of its range; and how many were looked at.
+/// Number of values checked, and the first value that is not finite or out of range.
 fn check(frame: &Frame) -> (u64, Option<String>) {
-    // By bits: a compiler may assume that there are no others.
+    // By bits: a compiler may assume that all values are finite.
     let finite = |v: f32| v.to_bits() & 0x7f80_0000 != 0x7f80_0000;
     let lines = frame.lines.iter().flatten();
     let words = 2 * frame.lines.len() + frame.attenuation.len() + 1;

@@ -15,7 +15,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes `parts` as a binary glTF file in metres, a node each.
+/// Writes `parts` as a binary glTF file in metres, one node each.
 fn write(parts: &[Part], path: &Path) -> anyhow::Result<()> {
     let mut bin = Vec::new();
     let (mut accessors, mut views, mut meshes, mut nodes) = (vec![], vec![], vec![], vec![]);

@@ -196,7 +196,7 @@ fn slice(organs: &[Organ], cut: &Cut) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| rows[y as usize][x as usize])
 }
 
-/// Colour of the tissue at `p`: of the last organ, by priority, that holds it.
+/// Colour of the tissue at `p`: that of the containing organ of highest priority.
 fn colour(organs: &[Organ], p: Vec3) -> Rgb<u8> {
     let inside = |o: &&Organ| o.solid.bounds().distance_mm(p) <= 0.0 && o.solid.distance_mm(p) < 0.0;
     let Some(organ) = organs.iter().rev().find(inside) else { return Rgb([0, 0, 0]) };

@@ -1,7 +1,7 @@
-//! What is fuzzed, for `cargo fuzz` (coverage-guided) and `examples/fuzz.rs` (stable Rust) alike.
+//! Fuzz targets, shared by `cargo fuzz` (coverage-guided) and `examples/fuzz.rs` (stable Rust).
 //!
-//! A body panics where a promise is broken. It gives a number that differs where something else happened, by which a
-//! fuzzer without coverage finds what is worth keeping.
+//! A body panics if a promise is broken. It returns a number that distinguishes outcomes, by which a fuzzer without
+//! coverage recognises inputs worth keeping.
 
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
@@ -19,18 +19,18 @@ use insonify::tracker::openigtlink::message;
 use insonify::tracker::recording::{RecordingReader, poses_of};
 use insonify::tracker::{Decoder, Protocol, Record};
 
-/// Something that is fuzzed.
+/// A fuzz target.
 #[derive(Clone, Copy)]
 pub struct Target {
-    /// Its name, that of its file in `fuzz_targets`, too.
+    /// Name, also that of its file in `fuzz_targets`.
     pub name: &'static str,
-    /// Takes any bytes.
+    /// Function that accepts any bytes.
     pub body: fn(&[u8]) -> u64,
-    /// Inputs to start from.
+    /// Initial inputs.
     pub seeds: fn() -> Vec<Vec<u8>>,
 }
 
-/// Everything that is fuzzed.
+/// All fuzz targets.
 pub const TARGETS: [Target; 5] = [
     Target { name: "decoders", body: decoders, seeds: decoder_seeds },
     Target { name: "ndi_driver", body: ndi_driver, seeds: ndi_driver_seeds },
@@ -39,19 +39,19 @@ pub const TARGETS: [Target; 5] = [
     Target { name: "station", body: station, seeds: station_seeds },
 ];
 
-/// The first letters of a message, without numbers: its kind.
+/// Hashes the kind of a message: its first letters, without numbers.
 fn kind(text: &str, hasher: &mut DefaultHasher) {
     text.chars().filter(|c| !c.is_ascii_digit()).take(60).for_each(|c| c.hash(hasher));
 }
 
-/// First byte: protocol. Second: how the stream is cut. Third: whether checksums are put right. Then the stream.
+/// First byte: protocol. Second: split of the stream. Third: whether checksums are corrected. Then the stream.
 pub fn decoders(data: &[u8]) -> u64 {
     let [protocol, cut, is_repaired, stream @ ..] = data else { return 0 };
     let by_letters = Protocol::ALL.into_iter().find(|known| letters(*known) == *protocol);
     let protocol = by_letters.unwrap_or(Protocol::ALL[usize::from(*protocol) % Protocol::ALL.len()]);
     let repaired = if is_repaired % 2 == 1 { repaired(protocol, stream) } else { None };
     let stream = repaired.as_deref().unwrap_or(stream);
-    // A report or datagram stands by itself: to cut it makes others of it.
+    // A report or datagram is one message: splitting it makes different messages.
     let is_message = matches!(protocol, Protocol::SpaceMouse | Protocol::OpenTrack);
     let piece = 1 + usize::from(*cut);
     let (records, errors) = decode(protocol.decoder(), stream, piece);
@@ -68,7 +68,7 @@ pub fn decoders(data: &[u8]) -> u64 {
     hasher.finish()
 }
 
-/// A number that a protocol keeps when others come: inputs that were kept stay inputs of its.
+/// Stable number of a protocol, so that kept inputs remain valid when protocols are added.
 fn letters(protocol: Protocol) -> u8 {
     protocol.name().bytes().fold(0x35, |sum: u8, byte| sum.rotate_left(3) ^ byte)
 }
@@ -98,7 +98,7 @@ fn decode(mut decoder: Decoder, stream: &[u8], piece: usize) -> (Vec<Record>, Ve
     (records, errors)
 }
 
-/// No decoder gives numbers that a pipeline could not live with.
+/// Checks that a record contains only numbers that the pipeline can handle.
 fn check(record: &Record) {
     match record.reading {
         Reading::Pose(pose) => {
@@ -112,7 +112,7 @@ fn check(record: &Record) {
     }
 }
 
-/// The stream as one message whose checksum fits, so that what lies behind the checksum is reached, too.
+/// The stream as one message with a correct checksum, so that the code behind the checksum is reached.
 fn repaired(protocol: Protocol, stream: &[u8]) -> Option<Vec<u8>> {
     match protocol {
         Protocol::AsciiLine => {
@@ -217,8 +217,8 @@ fn decoder_seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// First byte: options. Then a script: a byte of time, a byte of what the device says (one of its usual replies, or that
-/// many bytes of the script).
+/// First byte: options. Then a script: a byte of time, and a byte that selects the device's reply (one of its usual
+/// replies, or that many bytes of the script).
 pub fn ndi_driver(data: &[u8]) -> u64 {
     const REPLIES: [&str; 10] =
         ["OKAY", "RESET", "00", "0101001", "0201001002001", "ERROR0C", "ERROR01", "0A", "000000", "ERROR10"];
@@ -237,7 +237,7 @@ pub fn ndi_driver(data: &[u8]) -> u64 {
             Some(text) => buffer.extend_from_slice(&ndi::framed(text)),
             None => buffer.extend(script.by_ref().take(usize::from(reply) - REPLIES.len())),
         }
-        // From a millisecond to longer than any patience, in steps of a factor.
+        // From a millisecond to longer than any timeout, in steps of a factor.
         now += Duration::from_micros(1000 << (time % 16));
         let mut turns = 0;
         loop {
@@ -353,7 +353,7 @@ pub fn station(data: &[u8]) -> u64 {
             assert!(station.probe.validate().is_ok() && station.settings.validate().is_ok());
             "station".hash(&mut hasher);
         }
-        // What follows is the station's own text.
+        // The rest of the message is the station's own text.
         Err(error) => kind(error.to_string().get(..24).unwrap_or_default(), &mut hasher),
     }
     hasher.finish()

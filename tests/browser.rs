@@ -1,6 +1,6 @@
-//! The live page: its WebSocket, who may read it, and the page itself in a headless browser.
+//! The live page: its WebSocket, its access control, and the page itself in a headless browser.
 #![cfg(feature = "browser")]
-// clippy.toml allows these in test functions only, not in what they share.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::io::{Read as _, Write as _};
@@ -69,7 +69,7 @@ async fn connect_with(address: SocketAddr, headers: &[(&'static str, &str)]) -> 
     Ok(connect_async(request).await?.0)
 }
 
-/// A page that has read the greeting.
+/// A connected page that has read the greeting.
 async fn connect(address: SocketAddr) -> Socket {
     let mut socket = connect_with(address, &[]).await.unwrap();
     assert_eq!(text(&mut socket, "hello").await["tissues"][1]["name"], "liver");
@@ -87,7 +87,7 @@ async fn send(socket: &mut Socket, message: &Value) {
     socket.send(Message::text(message.to_string())).await.unwrap();
 }
 
-/// The next text of this type; others and frames are passed over.
+/// Next text of this type; others and frames are skipped.
 async fn text(socket: &mut Socket, kind: &str) -> Value {
     loop {
         if let Message::Text(text) = socket.next().await.unwrap().unwrap() {
@@ -99,7 +99,7 @@ async fn text(socket: &mut Socket, kind: &str) -> Value {
     }
 }
 
-/// The next binary message: map, frame number, bytes after the header.
+/// Next binary message: map, frame number, bytes after the header.
 async fn binary(socket: &mut Socket) -> (u8, u64, Vec<u8>) {
     loop {
         if let Message::Binary(bytes) = socket.next().await.unwrap().unwrap() {
@@ -113,7 +113,7 @@ async fn drawn(socket: &mut Socket, number: u64) {
     send(socket, &json!({"type": "drawn", "number": number})).await;
 }
 
-/// Status line, headers and body of a plain request.
+/// Status line, headers and body of a plain HTTP request.
 fn http(address: SocketAddr, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
     write!(stream, "GET {path} HTTP/1.1\r\n{headers}connection: close\r\n\r\n").unwrap();
@@ -123,7 +123,7 @@ fn http(address: SocketAddr, path: &str, headers: &str) -> String {
 }
 
 #[tokio::test]
-async fn frames_arrive_with_the_maps_that_were_asked_for() {
+async fn frames_arrive_with_the_requested_maps() {
     let (mut sink, _controls) = serve(&any_port());
     let mut page = connect(sink.local_address()).await;
     sink.present(&frame(7, 20, 10)).unwrap();
@@ -131,7 +131,7 @@ async fn frames_arrive_with_the_maps_that_were_asked_for() {
     drawn(&mut page, 7).await;
 
     send(&mut page, &json!({"type": "overlays", "segmentation": true, "attenuation": true})).await;
-    // The frame on the page comes once more; then the wish is known to the sink.
+    // The present frame arrives once more; after that the sink knows the request.
     assert_eq!(binary(&mut page).await.1, 7);
     sink.present(&frame(8, 20, 10)).unwrap();
     assert_eq!(binary(&mut page).await, (2, 8, vec![2; 200]));
@@ -140,7 +140,7 @@ async fn frames_arrive_with_the_maps_that_were_asked_for() {
 }
 
 #[tokio::test]
-async fn a_page_that_comes_late_sees_the_frozen_frame_and_its_maps() {
+async fn a_late_page_gets_the_frozen_frame_and_its_maps() {
     let (mut sink, _controls) = serve(&any_port());
     let mut frozen = frame(3, 8, 4);
     frozen.info.settings.frozen = true;
@@ -161,7 +161,7 @@ async fn the_newest_frame_wins_at_a_slow_page_and_no_other_page_waits() {
         sink.present(&frame(number, 16, 16)).unwrap();
         assert_eq!(binary(&mut fast).await.1, number);
         drawn(&mut fast, number).await;
-        // The slow page gets two frames, and says of none that it is drawn.
+        // The slow page gets two frames and acknowledges none.
         if number < 2 {
             assert_eq!(binary(&mut slow).await.1, number);
         }
@@ -181,11 +181,11 @@ async fn the_newest_frame_wins_at_a_slow_page_and_no_other_page_waits() {
 }
 
 #[tokio::test]
-async fn a_page_that_reads_nothing_holds_nobody_up() {
+async fn a_page_that_reads_nothing_blocks_nobody() {
     let (mut sink, _controls) = serve(&any_port());
     let mut stuck = connect(sink.local_address()).await;
     let mut other = connect(sink.local_address()).await;
-    // It says that it has drawn all, and takes nothing from its socket.
+    // It acknowledges every frame, but reads nothing from its socket.
     for number in 0..40 {
         drawn(&mut stuck, u64::MAX).await;
         sink.present(&frame(number, 1386, 1000)).unwrap();
@@ -198,7 +198,7 @@ async fn a_page_that_reads_nothing_holds_nobody_up() {
 }
 
 #[tokio::test]
-async fn foreign_pages_and_rebound_names_are_refused() {
+async fn foreign_pages_and_rebound_host_names_are_refused() {
     let (sink, _controls) = serve(&any_port());
     let address = sink.local_address();
     let port = address.port();
@@ -267,13 +267,13 @@ async fn without_the_token_nothing_is_served() {
     let cookie = line.split(';').next().unwrap();
     assert!(http(address, "/app.js", &format!("{host}cookie: {cookie}\r\n")).starts_with("HTTP/1.1 200 "));
     connect_with(address, &[("cookie", cookie)]).await.unwrap();
-    // A token does not make a foreign page welcome.
+    // A token doesn't admit a foreign page.
     let foreign = [("cookie", cookie), ("origin", "http://evil.example")];
     assert_eq!(refusal(connect_with(address, &foreign).await), 403);
 }
 
 #[test]
-fn beyond_loopback_a_token_is_demanded_by_itself() {
+fn beyond_loopback_a_token_is_always_required() {
     let everywhere = Settings { address: [0, 0, 0, 0].into(), ..any_port() };
     let [(one, _c1), (other, _c2)] = [0, 1].map(|_| serve(&everywhere));
     let token = |sink: &BrowserSink| sink.address().split_once("/?token=").unwrap().1.to_owned();
@@ -284,7 +284,7 @@ fn beyond_loopback_a_token_is_demanded_by_itself() {
 }
 
 #[tokio::test]
-async fn mistakes_are_answered_and_the_page_stays() {
+async fn mistakes_are_answered_and_the_page_stays_connected() {
     let (sink, mut controls) = serve(&any_port());
     let mut page = connect(sink.local_address()).await;
     for (message, part) in [
@@ -304,7 +304,7 @@ async fn mistakes_are_answered_and_the_page_stays() {
 
     send(&mut page, &json!({"type": "tgc_slider", "index": 2, "db": -6})).await;
     assert_eq!(controls.recv().await, Some(Control::TgcSlider { index: 2, db: -6.0 }));
-    // The channel holds four; nobody reads it.
+    // The channel has a capacity of four; nobody reads it.
     for _ in 0..5 {
         send(&mut page, &json!({"type": "freeze", "on": true})).await;
     }
@@ -318,7 +318,7 @@ async fn mistakes_are_answered_and_the_page_stays() {
 async fn an_endless_message_ends_the_connection() {
     let (sink, _controls) = serve(&any_port());
     let mut page = connect(sink.local_address()).await;
-    // The server may close before all of it is written.
+    // The server may close before everything is written.
     let _ = page.send(Message::text("x".repeat(1 << 20))).await;
     while let Some(Ok(message)) = page.next().await {
         assert!(!matches!(message, Message::Binary(_)));
@@ -327,7 +327,7 @@ async fn an_endless_message_ends_the_connection() {
 }
 
 #[tokio::test]
-async fn pages_beyond_the_limit_are_told_why() {
+async fn pages_beyond_the_limit_are_refused_with_the_reason() {
     let (sink, _controls) = serve(&Settings { clients_max: 1, ..any_port() });
     let first = connect(sink.local_address()).await;
     let mut second = connect_with(sink.local_address(), &[]).await.unwrap();

@@ -1,6 +1,6 @@
-//! The program as a shell sees it: exit codes, messages, files.
+//! The program as seen by a shell: exit codes, messages, files.
 
-// Helpers are outside of tests for clippy; a failing one fails its test.
+// clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Asserts that a command was refused: exit code 2, no panic, and a message that holds every one of `words`.
+/// Asserts that a command was refused: exit code 2, no panic, and a message that contains all of `words`.
 #[track_caller]
 fn refused(output: &Output, words: &[&str]) {
     let message = stderr(output);
@@ -168,7 +168,7 @@ fn the_sphere_of_configs_renders_without_further_arguments() {
 }
 
 #[test]
-fn stations_that_cannot_be_used_are_refused() {
+fn unusable_stations_are_refused() {
     let dir = directory();
     refused(&insonify(&["render", "no/such/station.toml"]), &["no/such/station.toml"]);
     let wrong = [
@@ -202,7 +202,7 @@ fn stations_that_cannot_be_used_are_refused() {
 }
 
 #[test]
-fn scenes_that_cannot_be_used_are_refused() {
+fn unusable_scenes_are_refused() {
     let dir = directory();
     let path = dir.path().join("scene.glb");
     let station = station(&dir, SMALL);
@@ -220,7 +220,7 @@ fn scenes_that_cannot_be_used_are_refused() {
 }
 
 #[test]
-fn poses_and_arguments_that_cannot_be_used_are_refused() {
+fn unusable_poses_and_arguments_are_refused() {
     let dir = directory();
     let station = station(&dir, SMALL);
     let pose = |pose: &str| render(&dir, &station, &["--pose", pose]);
@@ -257,7 +257,7 @@ fn a_missing_driver_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn a_directory_that_cannot_be_written_is_another_failure() {
+fn an_unwritable_directory_is_another_failure() {
     let dir = directory();
     let station = station(&dir, SMALL);
     let file = dir.path().join("out");
@@ -293,7 +293,7 @@ fn a_recording_becomes_frames_and_a_video() {
     let file: Value = serde_json::from_slice(&std::fs::read(out.join("replay.json")).unwrap()).unwrap();
     assert_eq!(file["frames"][0]["index"], 3);
     assert!((file["frames"][0]["pose"]["position_mm"][0].as_f64().unwrap() - 1.8).abs() < 1e-3);
-    // Uncompressed video holds the very frames; an ffmpeg on the PATH makes an MP4 instead.
+    // Uncompressed video contains the exact frames; with ffmpeg on the PATH it would be an MP4.
     let video = PathBuf::from(report["video"].as_str().unwrap());
     if video.extension().is_some_and(|e| e == "y4m") {
         let mut decoder = y4m::decode(std::fs::File::open(&video).unwrap()).unwrap();
@@ -303,13 +303,13 @@ fn a_recording_becomes_frames_and_a_video() {
         assert!(std::fs::metadata(&video).unwrap().len() > 0);
     }
 
-    // What an earlier replay left behind is said.
+    // Files left by an earlier replay are reported.
     let (_, warning) = replay(&["--fps", "10", "--frames", "..2"]);
     assert!(warning.contains("15 frames of an earlier replay"), "{warning}");
 }
 
 #[test]
-fn a_truncated_recording_is_used_as_far_as_it_is_whole() {
+fn a_truncated_recording_is_used_up_to_its_end() {
     let dir = directory();
     let (station, exam, out) = (station(&dir, SMALL), dir.path().join("exam.mcap"), dir.path().join("frames"));
     recording(&exam);
@@ -326,7 +326,7 @@ fn a_truncated_recording_is_used_as_far_as_it_is_whole() {
 }
 
 #[test]
-fn recordings_that_cannot_be_used_are_refused() {
+fn unusable_recordings_are_refused() {
     let dir = directory();
     let (station, exam) = (station(&dir, SMALL), dir.path().join("exam.mcap"));
     let out = dir.path().join("frames");
@@ -348,7 +348,7 @@ fn recordings_that_cannot_be_used_are_refused() {
 }
 
 #[test]
-fn tables_are_printed_for_people_and_machines() {
+fn tables_are_printed_as_text_and_json() {
     let tissues = insonify(&["tissues", "--json"]);
     succeeded(&tissues);
     let json: Value = serde_json::from_slice(&tissues.stdout).unwrap();
@@ -360,7 +360,7 @@ fn tables_are_printed_for_people_and_machines() {
 }
 
 #[test]
-fn help_suffices() {
+fn help_is_complete() {
     for (command, words) in [
         ("demo", ["contact_sheet.png", "--no-live", "--once"]),
         ("record", ["--stdin", "--protocol", "FILE.part"]),
@@ -382,7 +382,7 @@ fn help_suffices() {
 
 #[test]
 #[cfg(unix)]
-fn a_reader_that_leaves_early_is_no_panic() {
+fn a_closed_output_pipe_is_not_a_panic() {
     use std::process::Stdio;
     let mut child = Command::new(env!("CARGO_BIN_EXE_insonify"))
         .args(["tissues", "--json"])
@@ -396,7 +396,7 @@ fn a_reader_that_leaves_early_is_no_panic() {
     assert_eq!(output.status.code(), Some(0));
 }
 
-/// A box in gel with a file of standard planes beside it, a station, and a recording of an expert who looks for them.
+/// A box in gel with a file of standard planes, a station, and a recording of an expert who finds them.
 fn planes_station(dir: &TempDir) -> PathBuf {
     let mesh = cuboid(Vec3::new(-44.0, -60.0, 10.0), Vec3::new(44.0, 60.0, 90.0));
     let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
@@ -418,7 +418,7 @@ fn planes_station(dir: &TempDir) -> PathBuf {
 }
 
 #[test]
-fn a_scene_of_ones_own_can_be_trained_on() {
+fn a_users_own_scene_can_be_trained_on() {
     let dir = tempfile::tempdir().unwrap();
     let station = planes_station(&dir);
     let planes = insonify(&["planes", text(&station), "--json"]);
@@ -457,7 +457,7 @@ fn a_scene_of_ones_own_can_be_trained_on() {
 }
 
 #[test]
-fn what_cannot_be_scored_is_refused() {
+fn faulty_scores_and_exams_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let station = planes_station(&dir);
     let session = dir.path().join("session.mcap");
@@ -487,7 +487,7 @@ fn what_cannot_be_scored_is_refused() {
 }
 
 #[test]
-fn view_pictures_a_scene_and_refuses_what_it_cannot_show() {
+fn view_renders_a_scene_and_refuses_unusable_ones() {
     let dir = directory();
     let scene = dir.path().join("scene.glb");
     let out = dir.path().join("view.png");
@@ -515,7 +515,7 @@ fn view_pictures_a_scene_and_refuses_what_it_cannot_show() {
 }
 
 #[test]
-fn doctor_tells_by_its_exit_code_whether_anything_is_wrong() {
+fn the_doctors_exit_code_reports_defects() {
     let dir = directory();
     let station = station(&dir, SMALL);
     let sound = insonify(&["doctor", text(&station)]);
@@ -553,7 +553,7 @@ fn grey_image(path: &Path, width: u32, height: u32, seed: u32) {
 }
 
 #[test]
-fn folders_of_images_are_evaluated_by_their_names() {
+fn folders_of_images_are_evaluated_by_file_name() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     for folder in ["a", "b", "m"] {
@@ -582,7 +582,7 @@ fn folders_of_images_are_evaluated_by_their_names() {
     assert!(rows.starts_with("image,psnr_db,ssim,pkl\none.png,"), "{rows}");
     assert!(rows.contains("\ntwo.png,inf,") && rows.contains("\n\"x,y.png\","), "{rows}");
 
-    // Of one pair alone, its mask is one image.
+    // For a single pair, the mask is a single image.
     let one = |p: &Path| p.join("one.png");
     let pair = [one(&a), one(&b), one(&m)];
     succeeded(&insonify(&["evaluate", text(&pair[0]), text(&pair[1]), "--mask", text(&pair[2])]));
@@ -631,7 +631,7 @@ fn a_feature_extractor_gives_a_frechet_distance() {
 }
 
 #[test]
-fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
+fn a_tradeoff_is_measured_and_can_be_resumed() {
     let dir = directory();
     let pose = "[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
     let station = station(&dir, &format!("{SMALL}{pose}"));
@@ -659,7 +659,7 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
     assert!(read("tradeoff.md").contains("1x1 (LQ)") && read("tradeoff.svg").starts_with("<svg"));
     assert_eq!(image::open(out.join("tradeoff.png")).unwrap().width(), 1200);
 
-    // What is there is not measured again: the same figures come out; one that is missing is.
+    // Existing points are not measured again and give the same figures; a missing one is measured.
     let mut kept = std::fs::read_dir(out.join("points")).unwrap().map(|entry| entry.unwrap().path());
     std::fs::remove_file(kept.find(|path| text(path).ends_with("_8x3.json")).unwrap()).unwrap();
     tradeoff(&["--resume"]);
@@ -674,7 +674,7 @@ fn a_tradeoff_is_measured_and_goes_on_where_it_stopped() {
 }
 
 #[test]
-fn a_tradeoff_of_black_images_goes_on_too() {
+fn a_tradeoff_of_black_images_can_be_resumed() {
     let dir = directory();
     let pose = "gain_db = -200.0\ntgc_db_per_cm = 0.0\n[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
     let station = station(&dir, &format!("{SMALL}{pose}"));
@@ -690,7 +690,7 @@ fn a_tradeoff_of_black_images_goes_on_too() {
 }
 
 #[test]
-fn a_selftest_passes_here_and_leaves_its_reports() {
+fn a_selftest_passes_and_leaves_its_reports() {
     let dir = tempfile::tempdir().unwrap();
     let (json, html) = (dir.path().join("selftest.json"), dir.path().join("selftest.html"));
     let output = insonify(&["selftest", "--json", text(&json), "--html", text(&html)]);
@@ -711,7 +711,7 @@ fn a_selftest_passes_here_and_leaves_its_reports() {
 }
 
 #[test]
-fn a_plan_says_what_a_scene_calls_for() {
+fn a_plan_lists_the_effects_of_a_scene() {
     let plan = |arguments: &[&str]| insonify(&[&["plan", "configs/speckle.toml"], arguments].concat());
     let decided = plan(&["--no-measure", "--json"]);
     succeeded(&decided);
@@ -736,7 +736,7 @@ fn a_plan_says_what_a_scene_calls_for() {
 }
 
 #[test]
-fn a_plan_measures_what_effects_cost() {
+fn a_plan_measures_the_cost_of_effects() {
     let dir = directory();
     let station = station(&dir, SMALL);
     let measured = insonify(&["plan", text(&station), "--pose", "0,0,0,1,0,0,0", "--json"]);

@@ -1,5 +1,5 @@
-//! Data sets as a shell sees them: what is made, what goes on, what is refused.
-// Helpers are outside of tests for clippy; a failing one fails its test.
+//! Data sets as seen by a shell: creation, resumption, refusals.
+// clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeMap;
@@ -24,7 +24,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A station over a box of liver, and where its data set goes.
+/// A station over a box of liver, and the directory of its data set.
 fn studio() -> (TempDir, PathBuf, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let mesh = cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 90.0));
@@ -59,7 +59,7 @@ fn sums(out: &Path) -> BTreeMap<usize, String> {
 }
 
 #[test]
-fn a_data_set_holds_what_its_rows_say_and_renders_again() {
+fn a_data_set_matches_its_rows_and_renders_again() {
     let (dir, station, out) = studio();
     let output = make(&station, &out, &["--json"]);
     made(&output);
@@ -83,7 +83,7 @@ fn a_data_set_holds_what_its_rows_say_and_renders_again() {
         differ += usize::from(tuple.lq != tuple.hq);
     }
     assert_eq!(differ, 6, "four rays differ from one");
-    // The attenuation is that of a frame rendered at the row's pose, to half a step of its fourth root.
+    // The attenuation equals that of a frame rendered at the row's pose, within half a step of its fourth root.
     let row = &data.rows[0];
     let tuple = data.tuple(row).unwrap();
     let numbers: Vec<String> =
@@ -99,7 +99,7 @@ fn a_data_set_holds_what_its_rows_say_and_renders_again() {
     }
 
     made(&insonify(&["dataset", "--verify", text(&out), "--tuples", "0"]));
-    // Damage is seen.
+    // Damage is detected.
     let manifest = out.join("manifest.jsonl");
     let rows = std::fs::read_to_string(&manifest).unwrap();
     let seed = format!("\"seed\":{}", data.rows[3].seed);
@@ -109,7 +109,7 @@ fn a_data_set_holds_what_its_rows_say_and_renders_again() {
 }
 
 #[test]
-fn a_killed_run_goes_on_and_shards_make_the_same_tuples() {
+fn a_killed_run_is_resumed_and_shards_make_the_same_tuples() {
     let (dir, station, out) = studio();
     made(&make(&station, &out, &[]));
     let whole = sums(&out);
@@ -135,7 +135,7 @@ fn a_killed_run_goes_on_and_shards_make_the_same_tuples() {
 }
 
 #[test]
-fn what_other_shards_have_made_is_not_made_again() {
+fn tuples_of_other_shards_are_not_made_again() {
     let (_dir, station, out) = studio();
     made(&make(&station, &out, &["--shard", "1/3"]));
     let output = make(&station, &out, &["--json"]);
@@ -150,7 +150,7 @@ fn what_other_shards_have_made_is_not_made_again() {
 }
 
 #[test]
-fn a_run_does_not_go_on_with_other_frames_or_beside_another_run() {
+fn a_run_does_not_resume_with_other_frames_or_beside_another_run() {
     let (_dir, station, out) = studio();
     made(&make(&station, &out, &[]));
     let manifest = out.join("manifest.jsonl");
@@ -162,21 +162,21 @@ fn a_run_does_not_go_on_with_other_frames_or_beside_another_run() {
     drop(held);
     made(&make(&station, &out, &[]));
 
-    // As another build, device or driver would leave it: the last row that is kept is of another frame.
+    // As another build, device or driver would leave it: the last row kept is that of another frame.
     let data = Dataset::open(&out).unwrap();
     let rows = std::fs::read_to_string(&manifest).unwrap();
     let first_five: String = rows.split_inclusive('\n').take(5).collect();
     std::fs::write(&manifest, first_five.replace(&data.rows[4].sha256, &"0".repeat(64))).unwrap();
     failed(&make(&station, &out, &[]), 2, &["tuple 4", "another version, driver or device"]);
     assert_eq!(Dataset::open(&out).unwrap().rows.len(), 5, "nothing was added");
-    // Another shard looks at it, too.
+    // Another shard checks it, too.
     failed(&make(&station, &out, &["--shard", "3/3"]), 2, &["tuple 4"]);
     std::fs::write(&manifest, first_five.repeat(2)).unwrap();
     failed(&make(&station, &out, &[]), 2, &["tuple 0", "twice"]);
 }
 
 #[test]
-fn wrong_wishes_and_foreign_directories_are_refused() {
+fn wrong_options_and_foreign_directories_are_refused() {
     let (_dir, station, out) = studio();
     for (more, word) in [
         (&["--shard", "3/2"][..], "i from 1 to n"),
@@ -214,7 +214,7 @@ fn damaged_files_are_named() {
     assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Io { path, .. }) if path == file));
     std::fs::copy(out.join(&data.rows[0].mask), &file).unwrap();
     assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Array { path, .. }) if path == file));
-    // Of a class that the header doesn't name.
+    // A class that the header doesn't name.
     let mut wrong = bytes;
     let at = wrong.len() - 80 * 60 - 1;
     wrong[at] = 255;
@@ -232,7 +232,7 @@ fn damaged_files_are_named() {
 }
 
 #[test]
-fn what_chance_leaves_of_the_target_is_judged() {
+fn random_noise_in_the_target_is_measured() {
     let (dir, station, out) = studio();
     made(&make(&station, &out, &[]));
     let file = dir.path().join("report.json");
@@ -251,11 +251,11 @@ fn what_chance_leaves_of_the_target_is_judged() {
     };
     let (psnr, ssim, output) = judge();
     assert!(!String::from_utf8_lossy(&output.stdout).contains("its own seed"));
-    // Chance leaves a little; of squares the mean leaves less.
+    // Chance leaves a small error; averaging squares leaves less.
     assert!(psnr[1] > 25.0 && psnr[1] + 1.0 < psnr[2] && psnr[2] < 80.0, "{psnr:?}");
     assert!(ssim[1] > 0.8 && ssim[1] < ssim[2] && ssim[2] < 1.0, "{ssim:?}");
 
-    // A target that this program doesn't make is told of.
+    // A target that this program can't render is reported.
     let row = Dataset::open(&out).unwrap().of(Split::Test).next().unwrap().file.clone();
     let mut bytes = std::fs::read(out.join(&row)).unwrap();
     let high = bytes.len() - 2 * 80 * 60 - 1;

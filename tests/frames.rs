@@ -1,6 +1,6 @@
 //! Frames of shipped scenes against committed SHA-256 sums: a change that is not meant to alter pictures alters no bit.
 //!
-//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test frames` writes the sums anew, after a change that is meant to.
+//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test frames` rewrites the sums after a change that is meant to.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -32,7 +32,7 @@ const SCENES: [&str; 9] = [
 /// Time of scenes that move, s.
 const TIME_S: f64 = 3.2;
 
-/// Name, rays, layers, and what is said of effects.
+/// Name, rays, layers, and effect choices.
 type Variant = (&'static str, u32, u32, &'static [(Effect, Choice)]);
 
 const VARIANTS: [Variant; 4] = [
@@ -87,7 +87,7 @@ fn station_and_scene(name: &str) -> (Station, Scene) {
     (station, scene)
 }
 
-/// The sum of all that a frame holds but its times.
+/// Sum of all of a frame except its times.
 fn sum(frame: &Frame) -> String {
     let mut sha = Sha256::new();
     sha.update(frame.width.to_le_bytes());
@@ -105,7 +105,7 @@ fn sum(frame: &Frame) -> String {
     })
 }
 
-/// Sums of all scenes and variants that `gpu` renders, by name.
+/// Sums of all scenes and variants rendered by `gpu`, by name.
 fn sums(place: &str, gpu: &Gpu) -> BTreeMap<String, String> {
     let mut sums = BTreeMap::new();
     let mut frame = Frame::default();
@@ -156,7 +156,7 @@ fn check(place: &str, found: &BTreeMap<String, String>, device: &str) {
 }
 
 #[test]
-fn frames_are_the_committed_ones_bit_for_bit() {
+fn frames_equal_the_committed_ones_bit_for_bit() {
     let host = Gpu::new(&GpuOptions { trace: TraceOn::Host, image: ImageOn::Auto, ..GpuOptions::default() }).unwrap();
     let device =
         Gpu::new(&GpuOptions { trace: TraceOn::Device, image: ImageOn::Device, ..GpuOptions::default() }).unwrap();

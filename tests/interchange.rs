@@ -1,5 +1,5 @@
-//! Recordings and other programs' sequences: import, export, what the commands make of them.
-// clippy.toml allows these in test functions only, not in what they share.
+//! Recordings and other programs' sequences: import, export, and the commands that use them.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fs;
@@ -25,7 +25,7 @@ use sha2::{Digest, Sha256};
 
 const PROBE: &str = "ProbeToTrackerTransform";
 
-/// A head as PLUS 2.9 writes it; the first matrix is one of a real sweep.
+/// A header as PLUS 2.9 writes it; the first matrix is from a real sweep.
 const PLUS: &str = "\
 ObjectType = Image
 NDims = 3
@@ -85,7 +85,7 @@ fn deflated(bytes: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn a_sequence_of_plus_is_understood() {
+fn a_sequence_of_plus_is_parsed() {
     let rows = rows(PLUS).unwrap();
     assert_eq!(rows.iter().map(|row| row.time_s).collect::<Vec<_>>(), [12.5, 12.55, 12.6]);
     let first = rows[0].pose.unwrap();
@@ -112,7 +112,7 @@ fn compressed_pixels_are_read_with_and_without_their_size() {
     let size = format!("CompressedData = True\nCompressedDataSize = {}        ", packed.len());
     for flag in [&size, "CompressedData = True"] {
         let head = PLUS.replace("CompressedData = False", flag);
-        // What follows the pixels is not theirs.
+        // Bytes behind the pixels are ignored.
         let file = [head.as_bytes(), &packed, b"more"].concat();
         assert_eq!(images(&file).unwrap().concat(), pixels());
     }
@@ -160,7 +160,7 @@ fn every_mistake_of_a_sequence_is_named() {
 }
 
 #[test]
-fn pixels_that_are_not_all_there_are_an_error_with_their_place() {
+fn incomplete_pixels_are_an_error_with_their_place() {
     let short = [PLUS.as_bytes(), &pixels()[..13]].concat();
     let error = images(&short).unwrap_err().to_string();
     assert_eq!(error, "memory.mha, image 1, at byte 13 of the pixels: they end early; 2 images of 8 bytes are missing");
@@ -169,12 +169,12 @@ fn pixels_that_are_not_all_there_are_an_error_with_their_place() {
     assert!(error.contains("image 0, at byte 0 of the pixels: they are no zlib stream"), "{error}");
     let cut = [packed.as_bytes(), &deflated(&pixels())[..9]].concat();
     assert!(images(&cut).is_err());
-    // The poses are there all the same, and so are they where the pixels are in another file.
+    // The poses are readable nevertheless, as they are if the pixels are in another file.
     assert_eq!(rows(&packed).unwrap().len(), 3);
     let apart = PLUS.replace("= LOCAL", "= sweep.raw");
     assert_eq!(rows(&apart).unwrap().len(), 3);
     assert!(images(apart.as_bytes()).unwrap_err().to_string().contains("its pixels are in sweep.raw"));
-    // A head may claim the largest image: no memory is asked for before its bytes come.
+    // A header may claim the largest image: no memory is allocated before its bytes arrive.
     let huge = PLUS.replace("4 2 3", "16384 16384 3");
     let error = images(&[huge.as_bytes(), &pixels()].concat()).unwrap_err().to_string();
     assert!(error.contains("at byte 24 of the pixels: they end early"), "{error}");
@@ -194,7 +194,7 @@ fn table(text: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
 }
 
 #[test]
-fn a_table_is_understood() {
+fn a_table_is_parsed() {
     let rows = table(TABLE).unwrap();
     assert_eq!(rows.len(), 3);
     assert_eq!(rows[0].pose, Some(Pose::from_components([1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]).unwrap()));
@@ -232,7 +232,7 @@ fn insonify(arguments: &[&str]) -> Output {
     command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
 }
 
-/// What a command that succeeds prints as JSON.
+/// JSON printed by a successful command.
 #[track_caller]
 fn json(arguments: &[&str]) -> Value {
     let output = insonify(&[arguments, &["--json"]].concat());
@@ -240,7 +240,7 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// What a command that is refused says.
+/// Message of a refused command.
 #[track_caller]
 fn refused(arguments: &[&str]) -> String {
     let output = insonify(arguments);
@@ -307,7 +307,7 @@ fn tracking(i: u32) -> ImageTracking {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_sequences_are_read_back() {
     let dir = tempfile::tempdir().unwrap();
     let sector = small_sector();
     let tracking: Vec<_> = (0..5).map(tracking).collect();
@@ -331,7 +331,7 @@ fn what_is_written_is_read_back() {
             assert_eq!(pose.position_mm, sent.pose.position_mm);
             assert!(pose.orientation.angle_between(sent.pose.orientation) < 1e-7);
         }
-        // A pixel's way into the probe's frame is the sector's.
+        // The transform from pixels to the probe frame is the sector's.
         let numbers: Vec<f64> =
             head.images[0]["ImageToProbeTransform"].value.split(' ').map(|n| n.parse().unwrap()).collect();
         let matrix = DMat4::from_cols_slice(&numbers).transpose();
@@ -405,10 +405,10 @@ fn the_same_recording_seed_and_settings_give_the_same_frames_at_any_speed() {
 }
 
 #[test]
-fn a_replay_does_what_the_recorded_session_did_and_each_part_can_be_left_out() {
+fn a_replay_repeats_the_recorded_session_and_each_part_can_be_left_out() {
     let (dir, station, recording) = station();
     let text_of = fs::read_to_string(&station).unwrap();
-    // The tracker's frame lies 5 mm beside the scene's.
+    // The tracker's frame is 5 mm beside the scene's.
     let calibration = dir.path().join("calibrated.toml");
     fs::write(&calibration, format!("{text_of}[calibration]\nsensor_from_probe_mm = [0, 0, 5]\n")).unwrap();
     let start_ns = 1_790_000_000_000_000_000;
@@ -446,7 +446,7 @@ fn a_replay_does_what_the_recorded_session_did_and_each_part_can_be_left_out() {
     assert_eq!(parts.iter().map(|part| part["first"].as_u64().unwrap()).collect::<Vec<_>>(), [0, 3, 5, 8]);
     assert_eq!((&parts[1]["gain_db"], &parts[2]["probe"]["depth_mm"]), (&6.0.into(), &60.0.into()));
     assert_eq!((&parts[2]["quality"]["rays"], &parts[3]["probe"]["focus_mm"]), (&2.into(), &30.0.into()));
-    // Frozen from 250 to 750 ms at the pose of 200 ms, then on with the probe.
+    // Frozen from 250 to 750 ms at the pose of 200 ms; after that it follows the probe.
     assert!(xs[3..8].iter().all(|x| *x == xs[2]) && xs[8] > xs[2] + 5.0, "{xs:?}");
     for (name, speed) in [("again", "max"), ("paced", "30")] {
         assert_eq!(replay(&set, &station, name, &["--speed", speed]).0, whole, "{name}");
@@ -455,7 +455,7 @@ fn a_replay_does_what_the_recorded_session_did_and_each_part_can_be_left_out() {
     assert!(ignored != whole && changes == 0 && xs.windows(2).all(|x| x[1] > x[0]), "{xs:?}");
     let (raw, _, raw_xs, zs) = replay(&set, &calibration, "raw", &["--raw-poses", "--ignore-controls"]);
     assert!(raw != ignored && (raw_xs[5] - 9.0).abs() < 1e-3 && zs[5] == 0.0, "{raw_xs:?}");
-    // The filter is a little behind, and the calibration is the station's.
+    // The filter lags slightly, and the calibration is the station's.
     assert!(xs[5] != raw_xs[5] && (xs[5] - raw_xs[5]).abs() < 2.0, "{xs:?}");
     let (_, _, _, zs) = replay(&set, &calibration, "calibrated", &[]);
     assert!((zs[5] - 5.0).abs() < 1e-3, "{zs:?}");
@@ -466,7 +466,7 @@ fn a_replay_does_what_the_recorded_session_did_and_each_part_can_be_left_out() {
 }
 
 #[test]
-fn an_exported_sequence_holds_the_replays_frames() {
+fn an_exported_sequence_contains_the_replays_frames() {
     let (dir, station, recording) = station();
     let out = dir.path().join("replay");
     json(&["replay", text(&recording), text(&station), "--fps", "10", "--maps", "--out", text(&out)]);
@@ -481,12 +481,12 @@ fn an_exported_sequence_holds_the_replays_frames() {
         assert_eq!((&report["images"], &report["invalid"], &report["width"]), (&11.into(), &3.into(), &160.into()));
         assert_eq!(images(&fs::read(&file).unwrap()).unwrap(), frames(map), "{more:?}");
     }
-    // And back into a recording: the gap stays one.
+    // Imported as a recording again: the gap remains one.
     let back = dir.path().join("back.mcap");
     let report = json(&["import", text(&file), "--out", text(&back)]);
     assert_eq!((&report["poses"], &report["without_pose"]), (&8.into(), &3.into()));
     let (found, _) = poses(&back).unwrap();
-    // The filter is a little behind the probe at 18 mm.
+    // The filter lags slightly behind the probe at 18 mm.
     assert!((found[7].pose.position_mm.x - 18.0).abs() < 0.5, "{:?}", found[7]);
 }
 
@@ -545,7 +545,7 @@ fn a_recording_is_inspected() {
     for part in ["43 records", "rate       60.00 poses a second", "gaps       1 of more", "1.000 s  gain_db = 6.0"] {
         assert!(people.contains(part), "`{part}` is missing: {people}");
     }
-    // What a kill leaves is inspected, too, even before any pose.
+    // The file left by a kill can be inspected, too, even before any pose.
     let whole = fs::read(&recording).unwrap();
     let cut = dir.path().join("cut.mcap.part");
     fs::write(&cut, &whole[..600]).unwrap();
@@ -563,7 +563,7 @@ fn record_takes_a_tracker_from_tcp_and_keeps_the_station() {
     let address = server.local_addr().unwrap().to_string();
     let lines: String = (0..50).map(|i| ascii_line::encode(i, u64::from(i) * 10_000, &tracking(i).pose)).collect();
     let sent = lines.clone();
-    // The tracker goes away when it has said all; whoever records waits for it to come back.
+    // The tracker disconnects after its last record; the recorder waits for its return.
     let sender = std::thread::spawn(move || server.accept().unwrap().0.write_all(sent.as_bytes()).unwrap());
     let from = ["record", text(&station), "--address", &address, "--protocol", "ascii-line", "--out", text(&out)];
     let report = json(&[&from[..], &["--duration", "1"]].concat());
@@ -620,7 +620,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn arbitrary_bytes_are_no_sequence_and_no_table(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+    fn arbitrary_bytes_are_neither_a_sequence_nor_a_table(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         prop_assert!(sequence(&bytes).is_err());
         prop_assert!(csv::read(&bytes[..], Path::new("x.csv")).is_err());
     }

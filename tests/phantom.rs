@@ -1,4 +1,4 @@
-//! The obstetric phantom as others see it: meshes, sizes, fit, file.
+//! The obstetric phantom's output: meshes, sizes, fit, file.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -15,7 +15,7 @@ use insonify::anatomy::phantom::{
 };
 use rayon::prelude::*;
 
-/// Small enough to be quick; fine parts are then at their coarsest.
+/// Small enough to be fast; fine parts are then at their coarsest.
 const SMALL: f64 = 0.3;
 
 fn at_scale(scale: f64) -> PhantomOptions {
@@ -40,7 +40,7 @@ fn mesh_of(name: &str) -> &'static Mesh {
     &full().iter().find(|s| s.name == name).unwrap().mesh
 }
 
-/// Directed edges without exactly one opposite.
+/// Number of directed edges without exactly one opposite.
 fn faulty_edges(mesh: &Mesh) -> usize {
     let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -51,7 +51,7 @@ fn faulty_edges(mesh: &Mesh) -> usize {
     edges.iter().filter(|&(&[a, b], &count)| count != 1 || edges.get(&[b, a]) != Some(&1)).count()
 }
 
-/// Phantoms at the ends of what parameters allow.
+/// Phantoms at the limits of the parameters.
 fn extremes() -> Vec<Parameters> {
     let plain = Parameters::default();
     let lies = [Lie::Cephalic, Lie::Breech, Lie::TransverseHeadLeft, Lie::TransverseHeadRight];
@@ -71,7 +71,7 @@ fn extremes() -> Vec<Parameters> {
     all
 }
 
-/// The least distance to `solid` on the sides of `room`, mm, on a grid of about `step_mm`, and where.
+/// Smallest distance to `solid` on the sides of `room`, mm, on a grid of about `step_mm`, and its place.
 fn least_distance_mm(solid: &Solid, room: Bounds, step_mm: f32) -> (f32, Vec3) {
     let size = room.size();
     let side = |axis: usize, end: usize| {
@@ -92,11 +92,11 @@ fn least_distance_mm(solid: &Solid, room: Bounds, step_mm: f32) -> (f32, Vec3) {
 }
 
 #[test]
-fn no_solid_reaches_out_of_its_box() {
+fn no_solid_extends_out_of_its_box() {
     let mut out = Vec::new();
     for parameters in extremes() {
         for organ in organs(&parameters) {
-            // The grid goes on for two cells and a half: where it ends, a surface would be cut open.
+            // The grid extends two and a half cells further: at its end, a surface would be cut open.
             let (least_mm, at) = least_distance_mm(&organ.solid, organ.solid.bounds().grown(1.5), 2.0);
             if least_mm <= 0.0 {
                 out.push(format!("{} is {least_mm} mm at {at}: {parameters:?}", organ.name));
@@ -119,7 +119,7 @@ fn every_surface_is_closed_and_faces_outward() {
 }
 
 #[test]
-fn vertices_lie_on_the_modelled_surfaces() {
+fn vertices_are_on_the_modelled_surfaces() {
     let solids: HashMap<&str, Organ> = organs(&Parameters::default()).into_iter().map(|o| (o.name, o)).collect();
     for surface in full() {
         let solid = &solids[surface.name.as_str()].solid;
@@ -134,7 +134,7 @@ fn volumes_of_meshes_match_solids_at_both_scales() {
     for (fine, coarse) in full().iter().zip(small()) {
         assert_eq!(fine.name, coarse.name);
         let (a, b) = (fine.mesh.signed_volume_mm3(), coarse.mesh.signed_volume_mm3());
-        // Coarse meshes cut corners, most where an organ is about a cell thick.
+        // Coarse meshes cut corners, mostly where an organ is about a cell thick.
         if !(0.55..1.15).contains(&(b / a)) {
             off.push(format!("{}: {a:.0} mm³ fine, {b:.0} mm³ coarse", fine.name));
         }
@@ -204,7 +204,7 @@ fn scales_that_cannot_be_built_are_refused() {
     assert!(least > 0.02 && least < SMALL, "least scale {least}");
 }
 
-/// Where the ray from `from` along `direction` first leaves or meets `mesh`, mm.
+/// Distance from `from` along `direction` to the first crossing with `mesh`, mm.
 fn cast(mesh: &Mesh, from: Vec3, direction: Vec3) -> f64 {
     let (o, d) = (from.as_dvec3(), direction.as_dvec3().normalize());
     let hit = |[a, b, c]: [Vec3; 3]| {
@@ -225,7 +225,7 @@ fn cast(mesh: &Mesh, from: Vec3, direction: Vec3) -> f64 {
     mesh.corners_mm().filter_map(hit).fold(f64::INFINITY, f64::min)
 }
 
-/// Length of the line that rays in the plane of `u` and `v` meet first, mm.
+/// Length of the outline first met by rays in the plane of `u` and `v`, mm.
 fn circumference(mesh: &Mesh, centre: Vec3, u: Vec3, v: Vec3) -> f64 {
     const RAYS: usize = 180;
     let points: Vec<DVec3> = (0..RAYS)
@@ -245,7 +245,7 @@ fn assert_within(what: &str, measured: f64, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn the_head_measures_as_at_22_weeks() {
+fn the_head_has_the_sizes_of_22_weeks() {
     let l = landmarks(&Parameters::default());
     let biometry = Biometry::default();
     let (skull, inner) = (mesh_of("skull"), mesh_of("subarachnoid_space"));
@@ -260,7 +260,7 @@ fn the_head_measures_as_at_22_weeks() {
 }
 
 #[test]
-fn the_abdomen_measures_as_at_22_weeks() {
+fn the_abdomen_has_the_size_of_22_weeks() {
     let l = landmarks(&Parameters::default());
     let across = l.abdomen_cranial.cross(l.abdomen_ventral);
     let around = circumference(mesh_of("fetal_skin"), l.abdomen_centre_mm, l.abdomen_ventral, across);
@@ -268,12 +268,12 @@ fn the_abdomen_measures_as_at_22_weeks() {
 }
 
 #[test]
-fn the_femurs_measure_as_at_22_weeks() {
+fn the_femurs_have_the_length_of_22_weeks() {
     let l = landmarks(&Parameters::default());
     let bones = mesh_of("long_bones");
     for [hip, knee] in [l.left_femur_mm, l.right_femur_mm] {
         let axis = (knee - hip).normalize();
-        // Vertices about the shaft's line, to a margin past the tips that no other bone reaches.
+        // Vertices about the shaft's line, up to a margin past the tips that no other bone reaches.
         let along = bones.vertices_mm.iter().filter_map(|&v| {
             let t = (v - hip).dot(axis);
             let aside = (v - hip - axis * t).length();
@@ -285,7 +285,7 @@ fn the_femurs_measure_as_at_22_weeks() {
 }
 
 #[test]
-fn the_fetus_floats_free_in_the_cavity() {
+fn the_fetus_floats_freely_in_the_cavity() {
     let (cavity, placenta) = (organ_of("amniotic_cavity"), organ_of("placenta"));
     for &v in &mesh_of("fetal_skin").vertices_mm {
         let to_wall = -cavity.solid.distance_mm(v);
@@ -296,7 +296,7 @@ fn the_fetus_floats_free_in_the_cavity() {
 }
 
 #[test]
-fn fetal_organs_lie_under_the_skin() {
+fn fetal_organs_are_under_the_skin() {
     let skin = organ_of("fetal_skin").solid;
     let fetal: HashMap<&str, Body> = organs(&Parameters::default()).iter().map(|o| (o.name, o.body)).collect();
     let own = full().iter().filter(|s| fetal[s.name.as_str()] == Body::Fetus && s.name != "fetal_skin");
@@ -309,7 +309,7 @@ fn fetal_organs_lie_under_the_skin() {
 }
 
 #[test]
-fn the_cord_reaches_from_the_placenta_to_the_navel_and_touches_little_else() {
+fn the_cord_runs_from_the_placenta_to_the_navel_and_touches_little_else() {
     let (cavity, placenta, skin) =
         (organ_of("amniotic_cavity").solid, organ_of("placenta").solid, organ_of("fetal_skin").solid);
     let cord = mesh_of("cord");
@@ -319,7 +319,7 @@ fn the_cord_reaches_from_the_placenta_to_the_navel_and_touches_little_else() {
     assert!(cord.vertices_mm.iter().all(|&v| cavity.distance_mm(v) < 0.0), "the cord leaves the cavity");
     assert!((0.002..0.1).contains(&inside(&placenta)), "{} of the cord is in the placenta", inside(&placenta));
     assert!((0.002..0.1).contains(&inside(&skin)), "{} of the cord is in the fetus", inside(&skin));
-    // The belly alone has the cord in it, not the limbs: every vertex inside is near the navel's entry.
+    // The belly contains the cord, the limbs don't: every vertex inside is near the navel.
     let l = landmarks(&Parameters::default());
     for &v in cord.vertices_mm.iter().filter(|&&v| skin.distance_mm(v) < -1.5) {
         let reach = v.distance(l.abdomen_centre_mm);
@@ -339,7 +339,7 @@ fn the_media_at_the_landmarks_are_the_organs_they_name() {
     assert_eq!(tissue(l.placenta_centre_mm), Some("placenta"));
     assert!(matches!(tissue(l.heart_centre_mm), Some("heart" | "blood")));
     assert_eq!(tissue(0.5 * (l.left_femur_mm[0] + l.left_femur_mm[1])), Some("bone_fetal"));
-    // The uppermost vertebra lies against the skull's base, which wins there.
+    // The uppermost vertebra touches the skull's base, which has priority there.
     let spine = l.spine_mm.map(tissue);
     assert!(matches!(spine[0], Some("bone_fetal" | "calvaria_fetal")), "{spine:?}");
     assert!(spine[1..].iter().all(|&t| t == Some("bone_fetal")), "{spine:?}");
@@ -359,7 +359,7 @@ fn the_media_at_the_landmarks_are_the_organs_they_name() {
 }
 
 #[test]
-fn the_fat_of_the_belly_measures_as_asked() {
+fn the_fat_of_the_belly_has_the_requested_thickness() {
     let asked = insonify::anatomy::phantom::Parameters::default().maternal_fat_mm;
     let (fat, fascia) = (mesh_of("subcutaneous_fat"), mesh_of("abdominal_fascia"));
     let normal = organ_of("abdominal_fascia").solid;

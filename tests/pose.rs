@@ -1,6 +1,6 @@
 //! From a recorded stream to poses, and calibrations by the command line.
 
-// Helpers are outside of tests for clippy; a failing one fails its test.
+// clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -21,7 +21,7 @@ use serde_json::Value;
 const START_NS: u64 = 1_790_000_000_000_000_000;
 const PERIOD_NS: u64 = 16_666_667;
 
-/// Counts what the calling thread allocates.
+/// Counts allocations of the calling thread.
 struct Counting;
 
 thread_local! {
@@ -50,7 +50,7 @@ fn pose_at(time_s: f64) -> Pose {
     Pose { position_mm: DVec3::new(40.0 * (0.8 * time_s).sin(), 5.0 * time_s, 80.0), orientation }
 }
 
-/// A recording of `count` poses, 60 a second, less those that `lost` names.
+/// A recording of `count` poses, 60 a second, without those that `lost` selects.
 fn record(path: &Path, count: u32, pose: impl Fn(f64) -> Pose, lost: impl Fn(u32) -> bool) {
     let info = RecordingInfo {
         protocol: Protocol::AsciiLine,
@@ -67,7 +67,7 @@ fn record(path: &Path, count: u32, pose: impl Fn(f64) -> Pose, lost: impl Fn(u32
     writer.finish().unwrap();
 }
 
-/// The measurements of a recording, through the decoder that its protocol names.
+/// Measurements of a recording, by the decoder of its protocol.
 fn measurements(path: &Path) -> Vec<Measurement> {
     let mut reader = RecordingReader::open(path).unwrap();
     let mut decoder = reader.info().protocol.decoder();
@@ -115,7 +115,7 @@ fn a_recorded_stream_with_dropouts_is_followed_and_its_gaps_are_shown() {
     let counters = estimator.counters();
     assert_eq!((counters.used, counters.missing, counters.measurements), (648, 252, 648), "{counters:?}");
     println!("worst error of a good pose: {worst_mm:.2} mm");
-    // A good pose may be 0.1 s old: 32 mm/s at most, less what 30 ms of prediction give.
+    // A good pose may be 0.1 s old: at most 32 mm/s, less the compensation by 30 ms of prediction.
     assert!(worst_mm < 4.0, "{worst_mm}");
 }
 
@@ -205,7 +205,7 @@ fn scene_from_tracker() -> Pose {
     }
 }
 
-/// A file of landmarks whose measurements `change` disturbs.
+/// A landmark file with measurements modified by `change`.
 fn landmarks(dir: &Path, change: impl Fn(usize, DVec3) -> DVec3) -> PathBuf {
     let mut text = "x,y,z,tx,ty,tz,name\n".to_owned();
     for (i, (name, scene)) in LANDMARKS.into_iter().enumerate() {
@@ -226,7 +226,7 @@ fn pivoting(time_s: f64) -> Pose {
 }
 
 #[test]
-fn landmarks_and_a_pivot_make_one_file_that_a_station_uses() {
+fn landmarks_and_a_pivot_share_one_file_that_a_station_uses() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("cal.toml");
     let out_text = out.to_str().unwrap();
@@ -247,7 +247,7 @@ fn landmarks_and_a_pivot_make_one_file_that_a_station_uses() {
     assert_eq!(report["landmarks"][1]["name"], "left side");
     assert_eq!(report["scene_from_tracker"]["quaternion"].as_array().unwrap().len(), 4);
 
-    // The tip is still there, and a station reads all.
+    // The tip is kept, and a station reads everything.
     let found = Calibration::load(&out).unwrap();
     assert!(found.stylus_tip_mm.unwrap().value.distance(DVec3::new(2.0, -1.0, 140.0)) < 0.01);
     assert!(found.scene_from_tracker.unwrap().value.position_mm.distance(scene_from_tracker().position_mm) < 1e-6);
@@ -279,7 +279,7 @@ fn a_probe_is_pivoted_about_its_face() {
 }
 
 #[test]
-fn wrong_landmarks_are_refused_by_what_is_wrong() {
+fn wrong_landmarks_are_refused_with_the_reason() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("cal.toml");
     let run = |path: &Path| calibrate("landmarks", path, &["--out", out.to_str().unwrap()]);
@@ -314,7 +314,7 @@ fn wrong_landmarks_are_refused_by_what_is_wrong() {
 }
 
 #[test]
-fn wrong_pivots_are_refused_by_what_is_wrong() {
+fn wrong_pivots_are_refused_with_the_reason() {
     let dir = tempfile::tempdir().unwrap();
     let run = |path: &Path| calibrate("pivot", path, &[]);
     let path = dir.path().join("pivot.mcap");

@@ -1,5 +1,5 @@
 //! From raw tracker bytes, through a recording and back, to poses.
-// clippy.toml allows these in test functions only, not in what they share.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fs;
@@ -47,12 +47,12 @@ fn pose_of(record: &Record) -> Pose {
     }
 }
 
-/// The line of a record that has a counter, a clock and a pose.
+/// Line of a record with a counter, a clock and a pose.
 fn line(record: &Record) -> String {
     ascii_line::encode(record.sequence.unwrap(), record.device_time_us.unwrap(), &pose_of(record))
 }
 
-/// A recording of `lines`, one message each, 60 a second.
+/// Writes a recording of `lines`, one message each, 60 a second.
 fn write(path: &Path, lines: &[String]) {
     let mut writer = RecordingWriter::create(path, &info()).unwrap();
     writer.event(&Event::new(START_NS, "start")).unwrap();
@@ -75,7 +75,7 @@ fn read_bytes(bytes: &[u8]) -> Result<(Vec<TimedPose>, RecordingSummary), Record
 }
 
 #[test]
-fn a_recording_gives_back_its_poses_times_and_events() {
+fn a_recording_returns_its_poses_times_and_events() {
     let (_dir, path) = recording(150);
     assert!(!path.with_extension("mcap.part").exists());
     let (found, summary) = poses(&path).unwrap();
@@ -109,7 +109,7 @@ fn an_unfinished_recording_keeps_all_but_its_last_second() {
     for i in 0..150_u32 {
         writer.raw(START_NS + u64::from(i) * PERIOD_NS, line(&record(i)).as_bytes()).unwrap();
     }
-    // What lies on the disk while the writer still runs is what a kill would leave.
+    // The file on disk while the writer still runs is what a kill would leave.
     let left = fs::read(dir.path().join("exam.mcap.part")).unwrap();
     let (found, summary) = read_bytes(&left).unwrap();
     assert_eq!(found.len(), 120);
@@ -119,7 +119,7 @@ fn an_unfinished_recording_keeps_all_but_its_last_second() {
 }
 
 #[test]
-fn a_cut_recording_is_used_as_far_as_it_is_whole_and_says_so() {
+fn a_truncated_recording_is_used_up_to_its_end_and_reported() {
     let (_dir, path) = recording(300);
     let bytes = fs::read(&path).unwrap();
     let (found, summary) = read_bytes(&bytes[..bytes.len() / 2]).unwrap();
@@ -134,7 +134,7 @@ fn a_cut_recording_is_used_as_far_as_it_is_whole_and_says_so() {
 }
 
 #[test]
-fn every_cut_is_an_error_or_says_that_it_is_cut() {
+fn every_truncation_is_an_error_or_reported() {
     let (_dir, path) = recording(70);
     let bytes = fs::read(&path).unwrap();
     let mut most = 0;
@@ -154,7 +154,7 @@ fn every_cut_is_an_error_or_says_that_it_is_cut() {
 }
 
 #[test]
-fn a_damaged_chunk_is_left_out_and_counted() {
+fn a_damaged_chunk_is_skipped_and_counted() {
     let (_dir, path) = recording(180);
     let mut bytes = fs::read(&path).unwrap();
     let at = bytes.windows(5).position(|w| w == b"P,90,").unwrap();
@@ -205,7 +205,7 @@ fn a_record_has_the_time_of_its_first_byte_and_time_never_runs_backward() {
 }
 
 #[test]
-fn what_is_no_recording_gets_a_clear_error() {
+fn other_files_get_a_clear_error() {
     let missing = poses(Path::new("/nonexistent/exam.mcap")).unwrap_err().to_string();
     assert!(missing.contains("cannot read the recording /nonexistent/exam.mcap"), "{missing}");
     for bytes in [&b""[..], b"\x89MCAP", b"time,x,y,z\n0,1,2,3\n"] {
@@ -215,7 +215,7 @@ fn what_is_no_recording_gets_a_clear_error() {
     }
 }
 
-/// An MCAP file by other hands: `topic` with `metadata`, and one message.
+/// An MCAP file of another program: `topic` with `metadata`, and one message.
 fn foreign(topic: &str, metadata: &[(&str, &str)], message: &[u8]) -> Vec<u8> {
     let metadata = metadata.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let options = mcap::WriteOptions::new().compression(None).use_chunks(false);
@@ -266,7 +266,7 @@ fn session_pose(i: u32, state: TrackingState) -> SessionPose {
     SessionPose { host_time_ns: START_NS + u64::from(i) * PERIOD_NS, pose: pose_of(&record(i)), state }
 }
 
-/// A whole session, written through a recorder.
+/// Writes a complete session through a recorder.
 fn session(path: &Path, info: &RecordingInfo) {
     let mut writer = RecordingWriter::create(path, info).unwrap();
     writer.settings(&settings()).unwrap();
@@ -288,7 +288,7 @@ fn session(path: &Path, info: &RecordingInfo) {
 }
 
 #[test]
-fn a_session_gives_back_its_poses_settings_and_values() {
+fn a_session_returns_its_poses_settings_and_values() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("session.mcap");
     session(&path, &RecordingInfo { sensor: Some(0), ..info() });
@@ -304,7 +304,7 @@ fn a_session_gives_back_its_poses_settings_and_values() {
     while let Some(item) = decoded.next_item().unwrap() {
         match item {
             Item::Measurement(m) => {
-                // Things come in the order in which the session had them.
+                // Items come in the order of the session.
                 assert_eq!(session_poses.len(), measurements);
                 assert_eq!(m.sequence, Some(measurements as u32));
                 measurements += 1;
@@ -322,7 +322,7 @@ fn a_session_gives_back_its_poses_settings_and_values() {
 }
 
 #[test]
-fn one_wrong_host_time_costs_one_pose() {
+fn one_wrong_host_time_loses_one_pose() {
     let dir = tempfile::tempdir().unwrap();
     for (wrong_ns, at) in
         [(u64::MAX, 0), (u64::MAX, 40), (u64::MAX, 149), (0, 0), (0, 40), (START_NS + 3_600_000_000_000, 10)]
@@ -333,7 +333,7 @@ fn one_wrong_host_time_costs_one_pose() {
             let time_ns = if i == at { wrong_ns } else { START_NS + u64::from(i) * PERIOD_NS };
             writer.raw(time_ns, line(&record(i)).as_bytes()).unwrap();
         }
-        // What a kill would leave: one wrong time does not keep chunks from ending.
+        // As left by a kill: one wrong time does not keep chunks from ending.
         let left = fs::read(part_path(&path)).unwrap();
         let on_disk = read_bytes(&left).map_or(0, |(poses, _)| poses.len());
         assert!(on_disk >= 60, "{on_disk} poses on the disk with {wrong_ns} at {at}");
@@ -360,7 +360,7 @@ fn an_unfinished_recording_is_named_kept_and_never_written_by_two() {
         unfinished.contains("was not finished; what was written of it is") && unfinished.ends_with("exam.mcap.part")
     );
     let left = fs::read(part_path(&path)).unwrap();
-    // As a kill would: the lock goes, the file stays as it is.
+    // As after a kill: the lock is released, the file stays.
     drop(writer);
     for number in 1..3 {
         fs::write(part_path(&path), &left).unwrap();
@@ -385,7 +385,7 @@ fn damaged_settings_are_counted_and_the_poses_are_used() {
         bytes[at + 2] = b'!';
         let (found, summary) = read_bytes(&bytes).unwrap();
         assert_eq!(found.len(), 150);
-        // Another name is another's attachment.
+        // An attachment with another name is ignored.
         let station = summary.settings.as_ref().map(|s| s.station.as_str());
         assert!(summary.damage.damaged == 1 || station == Some(""), "{summary}");
     }
@@ -414,7 +414,7 @@ fn many_lines() -> (Vec<u8>, Vec<Pose>) {
     (text.into_bytes(), poses)
 }
 
-/// Asserts that the recording holds the first of `sent`, without a hole, and returns how many.
+/// Asserts that the recording is a prefix of `sent`, and returns its length.
 fn is_a_prefix(recording: &Path, sent: &[Pose]) -> usize {
     let (found, summary) = poses(recording).unwrap();
     assert!(summary.damage.truncated.is_some() && summary.missing_records == 0, "{summary}");
@@ -427,7 +427,7 @@ fn is_a_prefix(recording: &Path, sent: &[Pose]) -> usize {
 
 #[cfg(unix)]
 #[test]
-fn a_killed_recording_replays_up_to_its_last_whole_chunk() {
+fn a_killed_recording_replays_up_to_its_last_complete_chunk() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("killed.mcap");
     let (text, sent) = many_lines();
@@ -435,7 +435,7 @@ fn a_killed_recording_replays_up_to_its_last_whole_chunk() {
     let mut stdin = child.stdin.take().unwrap();
     stdin.write_all(&text).unwrap();
     stdin.flush().unwrap();
-    // Chunks of 64 KiB: four of them are whole before 300 kB lie there.
+    // Chunks of 64 KiB: four of them are complete once the file has 300 kB.
     let part = part_path(&path);
     let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
     while fs::metadata(&part).map_or(0, |file| file.len()) < 300_000 {
@@ -451,11 +451,11 @@ fn a_killed_recording_replays_up_to_its_last_whole_chunk() {
 
 #[cfg(unix)]
 #[test]
-fn a_full_disk_ends_the_recording_loudly_and_keeps_what_was_written() {
+fn a_full_disk_ends_the_recording_with_an_error_and_keeps_the_written_part() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("full.mcap");
     let (text, sent) = many_lines();
-    // Files end at 200 kB or 400 kB, by what the shell takes for a block, and going on is an error in place of a signal.
+    // Files end at 200 kB or 400 kB, depending on the shell's block size. Writing more is an error instead of a signal.
     let mut child = record_stdin(&path, "trap '' XFSZ; ulimit -f 400;");
     // The pipe breaks when the recording has ended.
     let _ = child.stdin.take().unwrap().write_all(&text);
@@ -520,7 +520,7 @@ fn any_record() -> impl Strategy<Value = Record> {
     )
 }
 
-/// Everything that comes out of `bytes`, fed in pieces that end at `cuts`.
+/// Records and errors of `bytes`, received in pieces that end at `cuts`.
 fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, ascii_line::DecodeError>> {
     let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
     ends.push(bytes.len());
@@ -546,7 +546,7 @@ fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, ascii_li
     out
 }
 
-/// A piece of a stream: a line, or noise of every kind that a serial line has.
+/// A piece of a stream: a line, or any kind of noise of a serial line.
 fn any_piece() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         4 => any_record().prop_map(|r| line(&r).into_bytes()),
@@ -561,7 +561,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_line_gives_back_its_record(record in any_record()) {
+    fn a_line_returns_its_record(record in any_record()) {
         let line = line(&record);
         prop_assert!(line.len() <= LINE_LIMIT);
         let found = Decoder::new(Checksum::Required).decode(&mut BytesMut::from(line.as_str())).unwrap().unwrap();
@@ -598,14 +598,14 @@ proptest! {
     }
 
     #[test]
-    fn arbitrary_bytes_are_no_recording(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+    fn arbitrary_bytes_are_not_a_recording(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         prop_assert!(read_bytes(&bytes).is_err());
         let behind_magic = [mcap::MAGIC, &bytes].concat();
         prop_assert!(read_bytes(&behind_magic).is_err());
     }
 
     #[test]
-    fn a_chunk_of_anything_without_checksum_never_panics(
+    fn an_arbitrary_chunk_without_checksum_never_panics(
         head in prop::collection::vec(prop_oneof![Just(0_u8), Just(4), Just(5), Just(6), Just(9), Just(0xff), any::<u8>()], 0..60),
         size in prop_oneof![Just(None), any::<u64>().prop_map(Some)],
     ) {
@@ -618,7 +618,7 @@ proptest! {
     }
 
     #[test]
-    fn a_damaged_recording_never_panics_nor_invents_poses(
+    fn a_damaged_recording_never_panics_or_invents_poses(
         flips in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6),
     ) {
         static RECORDING: std::sync::OnceLock<Vec<u8>> = std::sync::OnceLock::new();

@@ -1,4 +1,4 @@
-//! The figure of the cost curves: a panel for each, time against what was varied, both axes logarithmic.
+//! Figure of the cost curves: a panel for each, time against the varied quantity, both axes logarithmic.
 
 use plotters::prelude::*;
 
@@ -32,7 +32,7 @@ where
         let (first, last) = (frames().next().unwrap_or((1.0, 1.0)).0, frames().next_back().unwrap_or((2.0, 1.0)).0);
         let most_ms = frames().map(|(_, ms)| ms).fold(1.0, f64::max);
         let exponent = exponent(&curve.points, |p| p.total_ms);
-        // The labels lie above the curves.
+        // The labels are above the curves.
         let mut chart = ChartBuilder::on(&panel)
             .caption(format!("{}: ms ~ n^{exponent:.2}", curve.name), ("sans-serif", 15))
             .margin(8)

@@ -1,4 +1,4 @@
-//! What benches over the phantom share.
+//! Shared helpers of the phantom's benchmarks.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use etcetera::BaseStrategy;
 use insonify::anatomy::{Scene, phantom};
 use insonify::station::{SceneSource, Station};
 
-/// The station's scene; a phantom from the cache that the program uses.
+/// The station's scene; a phantom is taken from the program's cache.
 pub(crate) fn scene(station: &Station) -> Scene {
     let path = match &station.scene {
         SceneSource::File(path) => path.clone(),

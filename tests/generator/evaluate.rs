@@ -1,4 +1,4 @@
-//! `insonify evaluate --dataset` on a data set whose figures are known.
+//! `insonify evaluate --dataset` on a data set with known figures.
 
 use super::*;
 use serde_json::{Value, json};
@@ -24,8 +24,8 @@ fn write_npy(path: &Path, shape: &[usize], values: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Two tuples whose high quality is what `maps_only` makes of their maps, and whose low quality is 10 above it in the first
-/// and 20 below in the second.
+/// Two tuples. High quality is the output of `maps_only`; low quality is 10 above it in the first and 20 below it in
+/// the second.
 fn data_set(directory: &Path) {
     let [width, height] = SIZE;
     for folder in ["tuples", "masks", "stations"] {
@@ -48,7 +48,7 @@ fn data_set(directory: &Path) {
         _ => 3,
     };
     let segmentation: Vec<u8> = (0..width * height).map(number).collect();
-    // Fluid is its second class of 0.2 each, the others its third.
+    // Fluid is the second class, at steps of 0.2; the others are the third.
     let hq: Vec<u8> = segmentation.iter().map(|&n| if n == 1 { 51 } else { 102 }).collect();
     let mut manifest = String::new();
     for (index, difference) in [10i16, -20].into_iter().enumerate() {
@@ -64,7 +64,7 @@ fn data_set(directory: &Path) {
         });
         manifest += &format!("{row}\n");
     }
-    // As a killed run leaves it.
+    // An incomplete row, as a killed run leaves it.
     manifest += "{\"index\": 2, \"spl";
     std::fs::write(directory.join("manifest.jsonl"), manifest).unwrap();
 }
@@ -121,7 +121,7 @@ fn a_data_sets_figures_are_right() {
             distance(&rows[1])
         );
     }
-    // 10 above and 20 below are 5 below and 15 off, everywhere.
+    // 10 above and 20 below average to 5 below and 15 off, everywhere.
     let region = |value: &Value, pixels: usize, level: f64| {
         assert_eq!(value["pixels"], 2 * pixels);
         close(&value["reference_grey"], level);
@@ -137,7 +137,7 @@ fn a_data_sets_figures_are_right() {
     region(&tissues[1], fluid, 51.0);
     region(&tissues[2], bone, 102.0);
     close(&tissues[2]["share"], bone as f64 / (width * height) as f64);
-    // A pixel is 0.2 mm: 2 mm behind the first row of bone all of it is over, but for rounding in the last.
+    // A pixel is 0.2 mm: from 2 mm behind the first row of bone, every pixel counts, except for rounding in the last.
     let behind = rows[0]["behind_bone"]["pixels"].as_u64().unwrap() as usize / 2;
     let most = (height - BONE.end) * MIDDLE.len();
     assert!((most - MIDDLE.len()..=most).contains(&behind), "{behind} of {most}");

@@ -1,7 +1,7 @@
-//! Generators whose effect is known (training/make_test_models.py), through ONNX Runtime.
+//! Generators of known effect (training/make_test_models.py), run by ONNX Runtime.
 //!
-//! These need ONNX Runtime's library: without it they fail, and say to run scripts/setup.
-// clippy.toml allows these in test functions only, not in what they share.
+//! They need ONNX Runtime's library: without it they fail with the advice to run scripts/setup.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod evaluate;
@@ -26,7 +26,7 @@ use insonify::sink::png::{self, Effort};
 use insonify::sink::{npy, write_json};
 use sha2::{Digest, Sha256};
 
-/// Tissues of the station, in another order than the models' classes.
+/// Tissues of the station, in a different order than the models' classes.
 const TISSUES: [&str; 3] = ["placenta", "skull", "amniotic_fluid"];
 /// Class of each tissue number in the models.
 const CLASSES: [u8; 4] = [0, 2, 3, 1];
@@ -57,7 +57,7 @@ fn assert_says(error: &GeneratorError, words: &[&str]) {
     }
 }
 
-/// Maps of a frame: speckle, tissues in blocks, a shadow, and a sector that leaves out two corners.
+/// Maps of a frame: speckle, tissues in blocks, a shadow, and a sector that excludes two corners.
 struct Maps {
     width: u32,
     height: u32,
@@ -126,7 +126,7 @@ fn check(name: &str, expected: impl Fn(&Maps, usize, usize) -> f64) {
 }
 
 #[test]
-fn the_identity_gives_every_level_back() {
+fn the_identity_returns_every_level() {
     let mut generator = load("identity");
     let mut out = Vec::new();
     for size in SIZES {
@@ -148,12 +148,12 @@ fn mean_of_nine(maps: &Maps, x: usize, y: usize) -> f64 {
 }
 
 #[test]
-fn a_blur_sees_the_frame_and_nothing_else() {
+fn a_blur_reads_only_the_frame() {
     check("blur", mean_of_nine);
 }
 
 #[test]
-fn a_blur_sees_zeros_where_the_frame_is_padded() {
+fn a_blur_reads_zeros_where_the_frame_is_padded() {
     check("blur_padded", mean_of_nine);
 }
 
@@ -162,9 +162,9 @@ fn sizes_are_padded_to_the_models_multiple_and_cropped_back() {
     let means = RefCell::new(HashMap::new());
     check("block_mean", |maps, x, y| {
         let (w, h) = (maps.width as usize, maps.height as usize);
-        // Half of what is missing lies before the picture, the odd pixel behind.
+        // Half of the padding precedes the picture; an odd pixel follows it.
         let before = |n: usize| (n.next_multiple_of(64) - n) / 2;
-        // The block's first pixel, counted from the padding's.
+        // First pixel of the block, counted from the start of the padding.
         let (left, top) = ((x + before(w)) / 64 * 64, (y + before(h)) / 64 * 64);
         let mean = || {
             let within =
@@ -177,13 +177,13 @@ fn sizes_are_padded_to_the_models_multiple_and_cropped_back() {
 }
 
 #[test]
-fn tissues_become_classes_by_their_names() {
+fn tissues_are_mapped_to_classes_by_name() {
     check("inverted_class", |maps, x, y| if maps.class(x, y) == 2 { 1.0 - maps.unit(x, y) } else { maps.unit(x, y) });
     check("class_levels", |maps, x, y| [0.1, 0.3, 0.5, 0.7][usize::from(maps.class(x, y))] + 0.1 * maps.unit(x, y));
 }
 
 #[test]
-fn channels_come_in_the_manifests_order() {
+fn channels_have_the_manifests_order() {
     check("weighted_maps", |maps, x, y| {
         let attenuation = f64::from(maps.attenuation[y * maps.width as usize + x]);
         0.5 * maps.unit(x, y) + 0.1 * f64::from(maps.class(x, y)) + 0.2 * attenuation
@@ -191,8 +191,8 @@ fn channels_come_in_the_manifests_order() {
 }
 
 #[test]
-fn a_generator_of_maps_needs_no_image_and_tissues_go_by_groups() {
-    // Of placenta, skull, amniotic fluid: other, two tissues' group, one's.
+fn a_generator_of_maps_needs_no_image_and_accepts_tissue_groups() {
+    // Classes of placenta, skull, amniotic fluid: other, a group of two tissues, a group of one.
     check("maps_only", |maps, x, y| {
         let attenuation = f64::from(maps.attenuation[y * maps.width as usize + x]);
         0.2 * f64::from(maps.class(x, y)) + 0.2 * attenuation
@@ -215,7 +215,7 @@ fn a_generator_of_maps_needs_no_image_and_tissues_go_by_groups() {
 }
 
 #[test]
-fn only_the_maps_that_a_model_takes_are_asked_for() {
+fn only_the_maps_that_a_model_reads_are_requested() {
     let maps = Maps::new((20, 10));
     let of = |name: &str, input: Input<'_>| load(name).run(&input, &mut Vec::new()).map_err(|e| e.to_string());
     let no_maps = Input { segmentation: &[], attenuation: &[], ..maps.input() };
@@ -228,7 +228,7 @@ fn only_the_maps_that_a_model_takes_are_asked_for() {
 }
 
 #[test]
-fn a_tissue_without_a_class_refuses_the_model() {
+fn a_model_without_a_class_for_a_tissue_is_refused() {
     let tissues = ["placenta", "titanium"].map(str::to_owned);
     let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };
     let error = Generator::load(&model("class_levels"), runtime(), &options).unwrap_err();
@@ -237,7 +237,7 @@ fn a_tissue_without_a_class_refuses_the_model() {
 }
 
 #[test]
-fn maps_that_are_not_a_frames_are_errors() {
+fn maps_of_the_wrong_size_are_errors() {
     let mut generator = load("weighted_maps");
     let maps = Maps::new((20, 10));
     let mut out = vec![1, 2, 3];
@@ -284,7 +284,7 @@ fn every_other_model_meets_its_parity_pair() {
 }
 
 #[test]
-fn not_a_number_is_never_shown() {
+fn nan_outputs_are_never_shown() {
     let mut generator = load("not_a_number");
     let mut maps = Maps::new((50, 40));
     maps.image.iter_mut().for_each(|level| *level = (*level).min(200));
@@ -301,7 +301,7 @@ fn not_a_number_is_never_shown() {
 }
 
 #[test]
-fn a_run_that_does_not_end_is_stopped_and_the_next_one_works() {
+fn a_run_that_hangs_is_stopped_and_the_next_one_works() {
     let mut generator = load("endless");
     let terminator = generator.terminator();
     assert!(!terminator.terminate(), "nothing runs");
@@ -332,7 +332,7 @@ fn a_run_that_does_not_end_is_stopped_and_the_next_one_works() {
 }
 
 #[test]
-fn a_provider_that_is_not_there_is_an_error() {
+fn an_unavailable_provider_is_an_error() {
     for (provider, name) in [(Provider::Cuda, "`cuda`"), (Provider::TensorRt, "`tensorrt`")] {
         let error = load_path(&model("identity"), provider).unwrap_err();
         assert!(matches!(error, GeneratorError::Provider { .. }), "{error}");
@@ -340,7 +340,7 @@ fn a_provider_that_is_not_there_is_an_error() {
     }
 }
 
-/// A copy of a model with its files in a directory of its own, the manifest changed.
+/// Copy of a model and its files in a separate directory, with a changed manifest.
 fn changed(name: &str, change: impl Fn(&str, &Path) -> String) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let source = model(name);
@@ -355,7 +355,7 @@ fn changed(name: &str, change: impl Fn(&str, &Path) -> String) -> (tempfile::Tem
 }
 
 #[test]
-fn files_that_contradict_each_other_are_refused() {
+fn contradictory_files_are_refused() {
     let refused = |change: &dyn Fn(&str, &Path) -> String, words: &[&str]| {
         let (_dir, path) = changed("identity", change);
         assert_says(&load_path(&path, Provider::Cpu).unwrap_err(), words);
@@ -408,7 +408,7 @@ fn files_that_contradict_each_other_are_refused() {
     assert_says(&load_path(&model("nothing"), Provider::Cpu).unwrap_err(), &["cannot read", "nothing.toml"]);
 }
 
-/// The hash in the manifest's text replaced by that of `model`, which is written to `path`.
+/// Manifest text with the hash of `model`, which is written to `path`.
 fn with_model(text: &str, path: &Path, model: &[u8]) -> String {
     std::fs::write(path, model).unwrap();
     let hash: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -417,7 +417,7 @@ fn with_model(text: &str, path: &Path, model: &[u8]) -> String {
 }
 
 #[test]
-fn broken_weights_truncated_and_foreign_models_are_refused_and_the_rest_goes_on() {
+fn broken_truncated_and_foreign_models_are_refused_and_the_others_are_used() {
     let not_numbers = changed("blur", |text, path| {
         let mut model = std::fs::read(path).unwrap();
         let ninth = (1.0f32 / 9.0).to_le_bytes();
@@ -452,23 +452,23 @@ fn broken_weights_truncated_and_foreign_models_are_refused_and_the_rest_goes_on(
     let mut out = Vec::new();
     loaded.generators[0].run(&maps.input(), &mut out).unwrap();
     assert_eq!((loaded.tiers.current(), out), (Some(0), maps.image));
-    // Without a sound one the station has none, and shows what it renders.
+    // Without a valid model the station has none, and shows its rendered frames.
     let none = Settings { models: models[..4].to_vec(), ..settings };
     let loaded = load_tiers(&none, &tissues, 40, 30).unwrap();
     assert!(loaded.generators.is_empty() && loaded.tiers.current().is_none() && loaded.refused.len() == 4);
 }
 
 #[test]
-fn the_texture_network_tells_textures_apart() {
+fn the_texture_network_distinguishes_textures() {
     let mut network = OnnxFeatures::texture64(runtime()).unwrap();
     assert_eq!((network.name(), network.crop()), ("texture64", 256));
-    // Black and white have no texture; sums and logarithms of nothing stay numbers.
+    // Black and white have no texture; sums and logarithms of zero stay finite.
     for level in [0, 255] {
         let features = network.features(&[level; 65_536]).unwrap();
         assert_eq!(features.len(), 64);
         assert!(features.iter().all(|f| f.is_finite()) && (features[0] - f64::from(level) / 63.75).abs() < 1e-4);
     }
-    // Waves of 8 pixels along rows: most in the second octave at 0 degrees.
+    // Waves of 8 pixels along rows: strongest in the second octave at 0 degrees.
     let wave = |x: usize, y: usize, turned: bool| {
         let along = if turned { y } else { x };
         (127.5 + 100.0 * (std::f64::consts::TAU * along as f64 / 8.0).sin()) as u8
@@ -479,7 +479,7 @@ fn the_texture_network_tells_textures_apart() {
         let strongest = (4..20).max_by(|&a, &b| features[a].total_cmp(&features[b])).unwrap();
         assert_eq!(strongest, 4 + 4 + if turned { 2 } else { 0 }, "{features:?}");
     }
-    // Grain of other size is further away than other grain of the same size.
+    // Grain of a different size is further away than different grain of the same size.
     let grain = |size: usize, seed: u32| -> Vec<u8> {
         let hash = |x: usize, y: usize| {
             let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ seed;
@@ -496,7 +496,7 @@ fn the_texture_network_tells_textures_apart() {
 }
 
 #[test]
-fn a_station_goes_on_with_the_models_that_are_sound_and_fast() {
+fn a_station_uses_the_valid_and_fast_models() {
     let models = ["wrong_parity", "slow", "identity"].map(model).to_vec();
     let settings = Settings { models, threads: 1, budget_ms: 1.0, ..Settings::default() };
     let mut loaded = load_tiers(&settings, &[], 320, 320).unwrap();
@@ -505,7 +505,7 @@ fn a_station_goes_on_with_the_models_that_are_sound_and_fast() {
     let names: Vec<_> = loaded.generators.iter().map(|g| g.manifest().name.as_str()).collect();
     assert_eq!(names, ["slow", "identity"]);
     let report = loaded.tiers.report();
-    // 2.3 thousand million operations take any processor's core more than a millisecond.
+    // 2.3 billion operations take any processor core more than a millisecond.
     assert_eq!((report[0].name.as_str(), &report[0].state), ("slow", &TierState::TooSlow));
     assert_ne!(loaded.tiers.current(), Some(0));
 
@@ -515,11 +515,11 @@ fn a_station_goes_on_with_the_models_that_are_sound_and_fast() {
 }
 
 #[test]
-fn the_demos_filter_calms_speckle_and_keeps_edges() {
+fn the_demos_filter_smooths_speckle_and_keeps_edges() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/generators/demo_smooth/demo_smooth.onnx");
     let mut generator = load_path(&path, Provider::Cpu).unwrap();
     let (width, height) = (161usize, 90usize);
-    // Dark at left, bright at right, with a scatter of 60 levels.
+    // Dark at left, bright at right, with a spread of 60 levels.
     let level = |x: usize, y: usize| {
         let scatter = (x * 7919 + y * 104_729 + x * x * y * 31) % 61;
         (if x < 80 { 20 } else { 170 }) + scatter as u8
@@ -562,7 +562,7 @@ fn insonify(arguments: &[&str], library: Option<&str>) -> Output {
 }
 
 #[test]
-fn without_the_library_the_program_says_what_to_do() {
+fn without_the_library_the_program_gives_advice() {
     let identity = model("identity");
     for library in ["/nowhere/libonnxruntime.so", "Cargo.toml"] {
         let output = insonify(&["generator", identity.to_str().unwrap()], Some(library));
@@ -611,7 +611,7 @@ fn the_command_checks_measures_and_applies_a_model() {
 }
 
 #[test]
-fn a_feature_extractor_gives_its_features() {
+fn a_feature_extractor_returns_its_features() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/quality/block_means.onnx");
     let crop: Vec<u8> = (0..256).map(|i| if i % 16 < 8 { 51 } else { (i / 16) as u8 }).collect();
     for (scale, of) in [
@@ -629,13 +629,13 @@ fn a_feature_extractor_gives_its_features() {
         }
         assert!(extractor.features(&crop[1..]).is_err());
     }
-    // A generator is none: two channels in.
+    // A generator isn't one: it has two input channels.
     let error = OnnxFeatures::load(&model("identity"), runtime(), FeatureScale::Unit).unwrap_err();
     assert_says(&error, &["identity.onnx", "1 or 3"]);
 }
 
 #[test]
-fn a_tier_that_reads_maps_begins_with_a_frame_that_has_them() {
+fn a_tier_that_reads_maps_starts_with_a_frame_that_has_them() {
     let (better, fast) = (load("weighted_maps"), load("blur"));
     let budget = Budget::new(Duration::from_millis(20));
     let mut tiers = Tiers::new(budget);
@@ -662,7 +662,7 @@ fn a_tier_that_reads_maps_begins_with_a_frame_that_has_them() {
         enhancer.enhance(&without, &mut out).unwrap();
     }
     clock.sleep_until(budget.hold);
-    // Its time has come: frames with maps are asked for, and those without go on as before.
+    // It is due: frames with maps are requested, and frames without them continue as before.
     assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::Runs, true));
     enhancer.enhance(&without, &mut out).unwrap();
     assert_eq!(enhancer.tier(), "blur");

@@ -1,10 +1,10 @@
-//! Every shipped generator on the full field of view: nothing outside the sector, no seams, no padding that shows.
+//! Every shipped generator on the full field of view: nothing outside the sector, no seams, no visible padding.
 
 use super::*;
 
-/// Grey levels that rounding, and sums in another order, may make.
+/// Grey levels of difference from rounding and summation order.
 const ROUNDING: u8 = 1;
-/// Side beyond which a model's own multiple says that it sees the whole field of view: pix2pix of 8 levels.
+/// Padding multiple from which a model's receptive field is the whole frame: pix2pix of 8 levels.
 const DEEP: u32 = 256;
 
 /// All of `assets/generators`.
@@ -18,14 +18,14 @@ pub(super) fn shipped() -> Vec<PathBuf> {
     models
 }
 
-/// With the tissues of the built-in table.
+/// Loads a generator with the tissues of the built-in table.
 fn load_shipped(path: &Path) -> Generator {
     let tissues = TissueTable::builtin().unwrap().names().to_vec();
     let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };
     Generator::load(path, runtime(), &options).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A scene: speckle over tissues in blobs, and a shadow; another one for another seed.
+/// A scene: speckle over blobs of tissue, and a shadow, all determined by the seed.
 fn scene(width: usize, height: usize, mask: impl Fn(usize, usize) -> bool, seed: u32) -> Maps {
     let hash = |x: usize, y: usize, salt: u32| {
         let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ (seed + salt);
@@ -42,7 +42,7 @@ fn scene(width: usize, height: usize, mask: impl Fn(usize, usize) -> bool, seed:
     for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
         let inside = mask(x, y);
         let tissue = 1 + hash(x / 40, y / 24, 1) % 40;
-        // A mean of four is between speckle of one and of many looks.
+        // A mean of four is between single-look and multi-look speckle.
         let speckle = (0..4).map(|salt| hash(x / 2, y, 7 + salt)).sum::<u32>() / 4;
         let level = (speckle * (tissue % 7 + 1) / 5).min(255) as u8;
         maps.image.push(if inside { level } else { 0 });
@@ -101,7 +101,7 @@ fn run(generator: &mut Generator, maps: &Maps) -> Vec<u8> {
     out
 }
 
-/// Greatest column at which two images of that width differ by more than rounding.
+/// Last column in which two images of that width differ by more than rounding.
 fn last_difference(a: &[u8], b: &[u8], width: usize) -> Option<usize> {
     let differs = |column: &usize| {
         (0..a.len() / width).any(|row| a[row * width + column].abs_diff(b[row * width + column]) > ROUNDING)
@@ -110,13 +110,13 @@ fn last_difference(a: &[u8], b: &[u8], width: usize) -> Option<usize> {
 }
 
 #[test]
-fn a_crops_output_is_the_full_field_of_views_inside_a_margin() {
+fn a_crops_output_equals_the_full_frames_inside_a_margin() {
     let (width, height, from) = (1024, 256, 512);
     for path in shipped() {
         let mut generator = load_shipped(&path);
         let name = generator.manifest().name.clone();
         if generator.manifest().padding_multiple >= DEEP {
-            // Its receptive field is the whole frame: there is no margin to be inside of.
+            // Its receptive field is the whole frame: no margin is wide enough.
             continue;
         }
         let all = scene(width, height, |_, _| true, 1);
@@ -128,7 +128,7 @@ fn a_crops_output_is_the_full_field_of_views_inside_a_margin() {
             changed.attenuation[kept.clone()].copy_from_slice(&all.attenuation[kept]);
         }
         let full = run(&mut generator, &all);
-        // How far what is left of `from` is seen at its right. Statistics of the whole frame would be seen everywhere.
+        // Reach of changes left of `from` to the right. Statistics of the whole frame would reach everywhere.
         let other = run(&mut generator, &changed);
         let reach = last_difference(&full, &other, width).map_or(0, |column| (column + 1).saturating_sub(from));
         assert!(reach <= 200, "{name}: {reach} columns beyond the change differ: are its statistics frozen?");
@@ -156,7 +156,7 @@ fn nothing_is_outside_the_sector_and_its_edge_shows_no_padding() {
         assert!(maps.mask[301] > 0 && maps.mask[(height - 1) * width + 301] > 0);
         let alone = run(&mut generator, &maps);
         assert!(alone.iter().zip(&maps.mask).all(|(&level, &mask)| mask > 0 || level == 0), "{name}: outside");
-        // On a larger canvas no edge of the tensor touches the sector: what differs is what padding does.
+        // On a larger canvas no edge of the tensor touches the sector: any difference comes from padding.
         let border = 64usize.next_multiple_of(generator.manifest().padding_multiple as usize);
         let canvas = run(&mut generator, &bordered(&maps, border));
         let outer = width + 2 * border;
@@ -174,7 +174,7 @@ fn nothing_is_outside_the_sector_and_its_edge_shows_no_padding() {
         let [near, far] = [0, 1].map(|zone| sums[zone] as f64 / counts[zone].max(1) as f64);
         eprintln!("{name}: {near:.2} grey levels within 16 pixels of the frame's edge, {far:.3} elsewhere");
         assert!(counts[0] > 2000, "{counts:?}");
-        // Without an image a model guesses levels from maps far away, and patches like these it has never seen.
+        // Without an image a model infers levels from distant maps, and it has never seen patches like these.
         let [near_max, far_max] =
             if generator.manifest().takes(insonify::generator::Channel::Image) { [8.0, 1.0] } else { [20.0, 3.0] };
         assert!(near < near_max && far < far_max, "{name}: {near} levels at the frame's edge, {far} elsewhere");

@@ -17,7 +17,7 @@ fn ball() -> Scene {
     bench.scene().unwrap()
 }
 
-/// Poses whose only ray passes through a point of an edge, or through a vertex, of the ball.
+/// Poses whose only ray passes through an edge point or a vertex of the ball.
 fn aimed(scene: &Scene) -> Vec<Pose> {
     let mut random = SplitMix64::new(11);
     let mesh = &scene.surfaces[0].mesh;
@@ -36,14 +36,14 @@ fn aimed(scene: &Scene) -> Vec<Pose> {
         .collect()
 }
 
-/// Rays that end in another medium than they must: the ball is entered and left again.
+/// Number of rays that end in the wrong medium: the ball is entered and left again.
 fn wrong(shaders: &ShaderSet) -> usize {
     let scene = ball();
     let mut renderer = renderer(&scene, &linear(1, 0.5, 16, 400.0), &small(1, 1), shaders);
     let wrong = |pose: &Pose| {
         let snapshot = renderer.snapshot(pose).unwrap();
         let tissues: Vec<_> = snapshot.sections.runs.iter().map(|run| run.last().map(|r| r.tissue)).collect();
-        // Two changes of medium, and all rays that see the far side outside.
+        // Two changes of medium, and all rays that reach the far side are outside.
         snapshot.paths[0].segments.len() != 3 || tissues.iter().any(|t| *t != Some(0))
     };
     aimed(&scene)
@@ -71,8 +71,8 @@ fn rays_through_shared_edges_are_never_lost() {
     );
 }
 
-/// A box, or two that share a face, turned so that no face lies in a plane of coordinates. Box i's tissue has scatterers
-/// of mean i + 1, none of them there, so that segments tell their medium.
+/// A box, or two that share a face, rotated so that no face is in a coordinate plane. The tissue of box i has
+/// scatterers of mean i + 1 and density 0, so that segments identify their medium.
 fn boxes(count: usize, turned: Quat) -> Scene {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     for (i, impedance) in [1.6, 1.7].into_iter().take(count).enumerate() {
@@ -83,7 +83,8 @@ fn boxes(count: usize, turned: Quat) -> Scene {
     bench.scene().unwrap()
 }
 
-/// Scanlines that don't pass through the background, each of `count` boxes in turn, and the background again.
+/// Number of scanlines that don't pass through the background, each of `count` boxes in turn, and the background again;
+/// and their total.
 fn torn(count: usize, shaders: &ShaderSet) -> (usize, usize) {
     let media: Vec<f64> = (0..=count).map(|i| i as f64).chain([0.0]).collect();
     let (mut torn, mut all) = (0, 0);
@@ -92,7 +93,7 @@ fn torn(count: usize, shaders: &ShaderSet) -> (usize, usize) {
         let probe = linear(128, 0.25, 512, 80.0);
         let mut renderer = renderer(&boxes(count, turned), &probe, &small(1, 1), shaders);
         let pose = Pose { position_mm: DVec3::new(0.02, 0.03, 0.0), orientation: turned.as_dquat() };
-        // Leaning, so that each ray meets the common face at an angle of its own.
+        // Tilted, so that each ray meets the common face at a different angle.
         let lean = Pose { orientation: pose.orientation * DQuat::from_rotation_y(0.09), ..pose };
         for pose in [pose, lean] {
             let snapshot = renderer.snapshot(&pose).unwrap();
@@ -106,7 +107,7 @@ fn torn(count: usize, shaders: &ShaderSet) -> (usize, usize) {
 
 #[test]
 fn touching_surfaces_are_one_interface() {
-    // One hit at a time, going on 1 µm behind it: what lies within that is never crossed.
+    // Single hits, continuing 1 µm behind each: surfaces within that distance are never crossed.
     let grouped = "nearest_crowded = select(nearest_crowded, !(first || hit.t < best - TOUCH_MM), met);";
     let naive = patched("trace", grouped, "");
     assert_eq!(torn(1, &naive).0, 0, "a lone box needs no grouping");
@@ -124,16 +125,16 @@ fn touching_surfaces_are_one_interface() {
 }
 
 #[test]
-fn rays_along_and_through_walls_and_corners_are_the_twins() {
+fn rays_along_walls_and_through_corners_match_the_twin() {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let body = bench.tissue(silent(1540.0, 1.6));
     bench.add(body, 1, analytic::cuboid(Vec3::new(-10.0, -10.0, 10.0), Vec3::new(10.0, 10.0, 30.0)));
     let scene = bench.scene().unwrap();
     let mut renderer = renderer(&scene, &linear(9, 1.25, 256, 60.0), &small(1, 1), &ShaderSet::default());
-    // Within a pixel of a wall the tissue is a tie.
+    // Within a pixel of a wall the tissue is ambiguous.
     let tie = Tolerance { grey: 25.0, other: 0.06 };
-    // What lies in the wall itself is a tie: a third of the image along the whole of it, a sixth up to an edge. The rest
-    // is not, but for a pixel's width about it.
+    // Rays in the wall itself are ambiguous: a third of the image along all of it, a sixth up to an edge. The rest is
+    // not, except for a pixel's width about the wall.
     let (in_wall, up_to_edge) = (Tolerance { grey: 60.0, other: 0.37 }, Tolerance { grey: 60.0, other: 0.21 });
     // Through the diagonal of the faces, along a wall, along an edge, through corners at 45°.
     holds("through the diagonal", &mut renderer, &at(0.0, 0.0, 0.0), ROUNDING);

@@ -8,7 +8,7 @@ use insonify::selftest::bench::{Bench, at, grainy, linear, silent, small};
 
 use super::common::{ROUNDING, frame, holds, renderer, row, words};
 
-/// Corners on multiples of 1/64 mm, so that f32 holds them 98 m away, too.
+/// Corners on multiples of 1/64 mm, which f32 represents exactly even 98 m away.
 fn moved(offset: Vec3, scale: f32) -> Scene {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let (grain, plate) = (bench.tissue(grainy(0.0, 0.01)), bench.tissue(silent(1450.0, 1.8)));
@@ -19,25 +19,25 @@ fn moved(offset: Vec3, scale: f32) -> Scene {
     bench.scene().unwrap()
 }
 
-/// Off the faces of the scatterer lattice, where rounding chooses the cell.
+/// Off the faces of the scatterer lattice, where rounding decides the cell.
 fn near() -> Pose {
     at(0.1337, 0.2171, 0.0)
 }
 
 #[test]
-fn a_scene_100_metres_off_is_the_same_scene() {
+fn a_scene_moved_by_100_metres_gives_the_same_frame() {
     let probe = linear(65, 0.5, 512, 55.0);
     let offset = Vec3::new(98_304.0, -65_536.0, 81_920.0);
     let here = frame(&mut renderer(&moved(Vec3::ZERO, 1.0), &probe, &small(1, 1), &ShaderSet::default()), &near());
     let pose = Pose { position_mm: near().position_mm + offset.as_dvec3(), ..at(0.0, 0.0, 0.0) };
     let mut there = renderer(&moved(offset, 1.0), &probe, &small(1, 1), &ShaderSet::default());
     holds("100 m from the origin", &mut there, &pose, ROUNDING);
-    // Poses are f64: 0.1 mm survives the offset to 10⁻¹¹ mm, which f32 rounds away or not.
+    // Poses are f64: at this offset 0.1 mm is exact to 10⁻¹¹ mm, which f32 may or may not round away.
     let there = frame(&mut there, &pose);
     let differ = words(&here).iter().zip(words(&there)).filter(|(a, b)| **a != *b).count();
     assert_eq!((&here.segmentation, differ), (&there.segmentation, 0));
 
-    // The same distance from absolute coordinates in f32.
+    // The same distance from absolute f32 coordinates.
     let mut naive = 0.0_f64;
     for i in 0..1000 {
         let z = f64::from(i) * 0.0537;
@@ -55,7 +55,7 @@ fn a_scene_100_metres_off_is_the_same_scene() {
 }
 
 #[test]
-fn a_wrong_unit_makes_a_wrong_picture_but_no_nonsense() {
+fn a_wrong_unit_gives_a_wrong_but_finite_picture() {
     let probe = linear(33, 0.5, 256, 55.0);
     // Metres read as mm: a grain of sand. Micrometres read as mm: walls a hundred metres apart.
     for (what, scale) in [("a thousandth of the size", 1e-3), ("a thousand times the size", 1e3)] {

@@ -7,12 +7,12 @@ use insonify::selftest::bench::{Bench, at, facing, linear, silent, small};
 
 use super::common::{ROUNDING, Tolerance, holds, renderer, row, stands_in};
 
-/// cosθₜ as it stands in a textbook.
+/// cosθₜ by the textbook formula.
 fn naive(ratio: f32, cos: f32) -> f32 {
     (1.0 - ratio * ratio * (1.0 - cos * cos)).sqrt()
 }
 
-/// `shipped` as it stands in the shader.
+/// Lines of the shader that `shipped` copies.
 const SHIPPED: [&str; 5] = [
     "let sin2_incident = max((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);",
     "let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;",
@@ -29,7 +29,7 @@ fn shipped(ratio: f32, cos: f32) -> f32 {
 }
 
 #[test]
-fn beyond_the_critical_angle_a_cosine_is_no_number() {
+fn beyond_the_critical_angle_the_cosine_is_nan() {
     stands_in("trace", &SHIPPED);
     let ratio = 4080.0 / 1480.0;
     let cosines: Vec<f32> = (0..=1000).map(|i| i as f32 / 1000.0).collect();
@@ -51,11 +51,11 @@ fn beyond_the_critical_angle_a_cosine_is_no_number() {
 }
 
 #[test]
-fn near_normal_incidence_one_less_a_square_loses_its_digits() {
+fn near_normal_incidence_one_minus_a_square_loses_its_digits() {
     stands_in("trace", &SHIPPED);
     let (mut naive, mut shipped) = (0.0_f64, 0.0_f64);
     for i in 1..=1000 {
-        // Hundredths of a degree.
+        // Steps of a hundredth of a degree.
         let cos = (f64::from(i) * 1e-4).cos() as f32;
         let exact = (1.0 - f64::from(cos)) * (1.0 + f64::from(cos));
         if exact > 0.0 {
@@ -73,8 +73,8 @@ fn near_normal_incidence_one_less_a_square_loses_its_digits() {
 }
 
 #[test]
-fn plates_at_any_angle_are_the_twins() {
-    // Water to bone is total from 21.2672°; then grazing, and a ray within the plate's face.
+fn plates_at_any_angle_match_the_twin() {
+    // Water to bone is total from 21.2672°; then grazing, and a ray in the plate's face.
     let critical = (1480.0_f64 / 4080.0).asin().to_degrees();
     let angles = [
         0.0,
@@ -100,7 +100,7 @@ fn plates_at_any_angle_are_the_twins() {
     let scene = bench.scene().unwrap();
     let mut renderer = renderer(&scene, &linear(9, 0.5, 256, 60.0), &small(2, 1), &ShaderSet::default());
     for (i, degrees) in angles.into_iter().enumerate() {
-        // At 90° the face is a line of pixels that rounding gives to either side; at the critical angle so does chance.
+        // At 90° the face is a line of pixels that rounding assigns to either side; at the critical angle chance does.
         let tie = degrees == 90.0 || (degrees - critical).abs() < 1e-5;
         let tolerance = if tie { Tolerance { grey: 20.0, other: 0.15 } } else { ROUNDING };
         holds(&format!("plate under {degrees}°"), &mut renderer, &at(place(i).x, place(i).y, 0.0), tolerance);

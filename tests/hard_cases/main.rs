@@ -1,8 +1,9 @@
-//! Hard cases: inputs at which single precision, a missing guard or a plain formula gives nonsense.
+//! Hard cases: inputs at which single precision, a missing guard or a naive formula fails.
 //!
-//! One file a family. Each case says what must hold: finite, in range, within tolerance of the f64 twin or of the exact
-//! answer, bit-identical on repeat. Where f32 needs help, the naive variant stands beside the remedy and is shown failing.
-//! `cargo test --release --test hard_cases -- --nocapture --test-threads 1 | grep '^|'` prints ARCHITECTURE.md's table.
+//! One file per family. Each case states what must hold: finite, in range, within tolerance of the f64 twin or of the
+//! exact answer, bit-identical on repetition. Where f32 needs a remedy, the naive variant is shown failing beside it.
+//! `cargo test --release --test hard_cases -- --nocapture --test-threads 1 | grep '^|'` prints the table of the
+//! documentation.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 

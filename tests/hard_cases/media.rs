@@ -1,4 +1,4 @@
-//! Impedances of 0.0004 against 7.8 MRayl, and attenuation beyond what f32 holds.
+//! Impedances of 0.0004 next to 7.8 MRayl, and attenuation beyond the range of f32.
 
 use insonify::acoustics::decibel::NEPER_PER_DB;
 use insonify::acoustics::interface::interface;
@@ -37,8 +37,8 @@ fn air_against_bone_is_a_mirror_from_both_sides() {
 }
 
 #[test]
-fn levels_below_what_f32_holds_are_kept_as_logarithms() {
-    // 20 dB/cm at 8 MHz in steps of a mm, two-way, over 60 mm; then the TGC brings it back.
+fn levels_below_the_range_of_f32_are_kept_as_logarithms() {
+    // 20 dB/cm at 8 MHz in steps of a mm, two-way, over 60 mm; then the TGC compensates it.
     let rate_db_mm = 2.0 * 20.0 * 8.0 / 10.0;
     let (mut product, mut sum) = (1.0_f32, 0.0_f32);
     let (mut first_lost, mut worst) = (None, 0.0_f64);
@@ -62,7 +62,7 @@ fn levels_below_what_f32_holds_are_kept_as_logarithms() {
 }
 
 #[test]
-fn a_medium_that_swallows_everything_is_black_and_finite() {
+fn a_totally_absorbing_medium_is_black_and_finite() {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let black = Tissue { attenuation_db_cm_mhz: 100.0, attenuation_exponent: 2.0, ..grainy(0.01, 0.1) };
     let black = bench.tissue(black);

@@ -21,7 +21,7 @@ fn images() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// Σ p·ln(p/q) of two histograms as it stands in a textbook.
+/// Σ p·ln(p/q) of two histograms by the textbook formula.
 fn naive_divergence(a: &[u8], b: &[u8]) -> f64 {
     let histogram = |image: &[u8]| {
         let mut bins = [0.0; 50];
@@ -31,7 +31,7 @@ fn naive_divergence(a: &[u8], b: &[u8]) -> f64 {
     histogram(a).iter().zip(&histogram(b)).map(|(p, q): (&f64, &f64)| p * (p / q).ln()).sum()
 }
 
-/// Similarity of two images as a whole without the constants that keep its denominators from 0.
+/// Similarity of two whole images without the constants that keep its denominators from 0.
 fn naive_similarity(a: &[u8], b: &[u8]) -> f64 {
     let n = a.len() as f64;
     let mean = |v: &[u8]| v.iter().map(|&x| f64::from(x)).sum::<f64>() / n;
@@ -44,7 +44,7 @@ fn naive_similarity(a: &[u8], b: &[u8]) -> f64 {
 }
 
 #[test]
-fn every_metric_of_every_flat_image_has_a_value() {
+fn every_metric_is_finite_for_every_flat_image() {
     let images = images();
     let (mut divergences, mut similarities, mut pairs) = (0, 0, 0);
     let half: Vec<u8> = (0..SIDE * SIDE).map(|i| u8::from(i % SIDE < SIDE / 2)).collect();
@@ -88,9 +88,9 @@ fn every_metric_of_every_flat_image_has_a_value() {
 }
 
 #[test]
-fn covariances_without_full_rank_have_a_distance() {
+fn singular_covariances_have_a_distance() {
     let mut random = SplitMix64::new(8);
-    // Fewer vectors than dimensions, constant ones, and ones that differ in a part in 10⁹.
+    // Fewer vectors than dimensions, constant ones, and ones that differ by one part in 10⁹.
     let noise: Vec<Vec<f64>> = (0..5).map(|_| (0..40).map(|_| random.between(-1.0, 1.0)).collect()).collect();
     let constant = vec![vec![0.25; 40]; 5];
     let nearly: Vec<Vec<f64>> = (0..5).map(|i| vec![1.0 + 1e-9 * f64::from(i); 40]).collect();

@@ -1,11 +1,11 @@
-//! The phase of deep echoes, and small angles of a fan.
+//! Phase of deep echoes, and small angles of a fan.
 
 use std::f64::consts::TAU;
 
 use super::common::{row, stands_in};
 use insonify::random::SplitMix64;
 
-/// `shipped` as it stands in the shader.
+/// Lines of the shader that `shipped` copies.
 const SHIPPED: [&str; 7] = [
     "let within = turns - round(turns);",
     "let halves = round(2.0 * within);",
@@ -55,7 +55,7 @@ fn a_carrier_of_thousands_of_turns_keeps_its_phase() {
 }
 
 #[test]
-fn small_angles_keep_the_face_s_curvature() {
+fn small_angles_keep_the_faces_curvature() {
     let (mut naive, mut kept) = (0.0_f64, 0.0_f64);
     for i in 1..=1024 {
         // Half of a field of view of 0.1°.

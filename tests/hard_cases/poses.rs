@@ -1,4 +1,4 @@
-//! Quaternions that are not of unit length, negated or no numbers; time that stands still or runs backward.
+//! Quaternions that are not normalised, negated or NaN; time that stands still or runs backward.
 
 use glam::{DQuat, DVec3};
 use insonify::pose::{
@@ -11,7 +11,7 @@ use super::common::{frame, renderer, row, vector, words};
 use insonify::random::SplitMix64;
 
 #[test]
-fn quaternions_that_are_no_rotation_are_refused_by_name() {
+fn invalid_quaternions_are_refused_with_the_reason() {
     for (value, name) in [(f64::NAN, "qy"), (f64::INFINITY, "qy"), (f64::NEG_INFINITY, "qy")] {
         let error = Pose::from_components([0.0, 0.0, 0.0, 1.0, 0.0, value, 0.0]).unwrap_err();
         assert!(matches!(error, PoseError::NotFinite { name: n, .. } if n == name), "{error}");
@@ -36,7 +36,7 @@ fn a_negated_quaternion_is_the_same_rotation() {
     let negated = Pose { orientation: -orientation, ..pose };
     assert!(words(&frame(&mut renderer, &pose)) == words(&frame(&mut renderer, &negated)));
 
-    // Between two poses, the one of them negated: the components' mean goes the long way or vanishes.
+    // Between two poses, one of them negated: the mean of the components takes the long arc or vanishes.
     let mut random = SplitMix64::new(4);
     let (mut naive, mut kept) = (0.0_f64, 0.0_f64);
     for _ in 0..200 {
@@ -92,10 +92,10 @@ fn measured(host_time_ns: u64, x: f64) -> Measurement {
 }
 
 #[test]
-fn time_that_stands_still_or_runs_backward_makes_no_velocity() {
+fn time_that_does_not_advance_gives_no_velocity() {
     const START: u64 = 1_700_000_000_000_000_000;
     const STEP: u64 = 16_666_667;
-    // The difference quotient at one time.
+    // Difference quotient at a single time.
     let naive: f64 = (0.01 - 0.0) / ((START - START) as f64 * 1e-9);
     assert!(!naive.is_finite());
     let mut estimator = Estimator::new(Settings::default());
@@ -112,7 +112,7 @@ fn time_that_stands_still_or_runs_backward_makes_no_velocity() {
         }
     };
     let last = START + 29 * STEP;
-    // Still.
+    // At rest.
     for i in 0..10 {
         estimator.push(&measured(last, 3.0 + 0.01 * f64::from(i)));
         sound(&mut estimator, last, "still");
@@ -124,7 +124,7 @@ fn time_that_stands_still_or_runs_backward_makes_no_velocity() {
         sound(&mut estimator, last + STEP, "backward");
         sound(&mut estimator, time, "backward, seen from there");
     }
-    // It goes on as if nothing had been.
+    // It continues as if nothing had happened.
     let mut state = TrackingState::Lost;
     for i in 1..200 {
         let now = last + i * STEP;
@@ -142,7 +142,7 @@ fn time_that_stands_still_or_runs_backward_makes_no_velocity() {
 }
 
 #[test]
-fn readings_that_are_no_numbers_are_counted_and_change_nothing() {
+fn nan_readings_are_counted_and_change_nothing() {
     let mut estimator = Estimator::new(Settings::default());
     for i in 0..30 {
         estimator.push(&measured(1_000_000_000 + i * 16_666_667, 1.0));

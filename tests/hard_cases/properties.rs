@@ -1,4 +1,4 @@
-//! What holds for any scene, on scenes made by chance. A failure names the seed that makes its scene again.
+//! Properties of any scene, on random scenes. A failure names the seed that reproduces its scene.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::acoustics::interface::{interface, refracted};
@@ -11,7 +11,7 @@ use insonify::transducer::{Probe, ProbeKind};
 use super::common::{Tolerance, frame, holds, renderer, vector};
 use insonify::random::SplitMix64;
 
-/// A tissue by chance: from air to bone, anything between fluid and grit.
+/// A random tissue: from air to bone, from fluid to gravel.
 fn tissue(random: &mut SplitMix64) -> Tissue {
     Tissue {
         attenuation_db_cm_mhz: random.between(0.0, 3.0),
@@ -23,7 +23,7 @@ fn tissue(random: &mut SplitMix64) -> Tissue {
     }
 }
 
-/// Bodies of any size and turn, overlapping as they come.
+/// Random bodies of any size and orientation, which may overlap.
 fn scene(random: &mut SplitMix64, tissue: impl Fn(&mut SplitMix64) -> Tissue) -> Scene {
     let mut bench = Bench::new(tissue(random));
     for i in 0..6 {
@@ -39,7 +39,7 @@ fn scene(random: &mut SplitMix64, tissue: impl Fn(&mut SplitMix64) -> Tissue) ->
         };
         bench.add(filled, i, mesh);
     }
-    // Something that faces every probe.
+    // A surface in front of every probe.
     bench.add(1, 0, analytic::cuboid(Vec3::new(-99.0, -99.0, 55.03), Vec3::new(99.0, 99.0, 61.07)));
     bench.scene().unwrap()
 }
@@ -66,14 +66,14 @@ fn pose(random: &mut SplitMix64) -> Pose {
     Pose::looking(8.0 * vector(random), target, vector(random))
 }
 
-/// The amplitude never rises along a path, and no echo is stronger than what absorption has left.
+/// Asserts that the amplitude never rises along a path, and no echo exceeds the absorption limit.
 fn assert_energy_falls(what: &str, s: &Snapshot) {
     for path in &s.paths {
         let (mut level, mut left) = (0.0, 0.0);
         for (i, segment) in path.segments.iter().enumerate() {
             let end_mm = path.segments.get(i + 1).map_or(s.inputs.depth_mm, |next| next.start_mm);
             let (first, last) = (segment.ln_amplitude(segment.start_mm), segment.ln_amplitude(end_mm));
-            // A rounding of 10⁻⁴ nepers.
+            // Rounding of 10⁻⁴ nepers.
             assert!(end_mm >= segment.start_mm, "{what}: {path:?}");
             assert!(first <= level + 1e-3 && last <= first + 1e-3, "{what}: {level} {first} {last} in {path:?}");
             assert!(segment.echo.abs() <= f64::exp(left) * 1.001, "{what}: echo of {segment:?} above {left}");
@@ -83,7 +83,7 @@ fn assert_energy_falls(what: &str, s: &Snapshot) {
     }
 }
 
-/// Σμ never falls along a map ray, nor the map from row to row of a linear probe's column.
+/// Asserts that Σμ never falls along a map ray, nor the map from row to row in a linear probe's column.
 fn assert_attenuation_falls(what: &str, s: &Snapshot, frame: &insonify::render::Frame) {
     for ray in s.sections.raster.chunks_exact(s.inputs.map_depths) {
         assert!(ray.windows(2).all(|w| w[1].sum_np >= w[0].sum_np * (1.0 - 1e-4) - 1e-6), "{what}");
@@ -105,7 +105,7 @@ fn assert_attenuation_falls(what: &str, s: &Snapshot, frame: &insonify::render::
 }
 
 #[test]
-fn on_any_scene_frames_hold_energy_falls_and_so_does_attenuation() {
+fn on_any_scene_frames_are_valid_and_energy_and_attenuation_are_monotonic() {
     for seed in 0..9 {
         let mut random = SplitMix64::new(1000 + seed);
         let scene = scene(&mut random, tissue);
@@ -114,7 +114,8 @@ fn on_any_scene_frames_hold_energy_falls_and_so_does_attenuation() {
         for i in 0..4 {
             let what = format!("seed {seed}, pose {i}");
             let pose = pose(&mut random);
-            // Paths of chance that fall the other way in f64 are other paths: more than a rounding, less than an image.
+            // Random paths that branch differently in f64 are different paths: more than rounding, less than a
+            // different image.
             let s = holds(&what, &mut renderer, &pose, Tolerance { grey: 8.0, other: 0.02 });
             assert_energy_falls(&what, &s);
             assert_attenuation_falls(&what, &s, &frame(&mut renderer, &pose));
@@ -122,7 +123,7 @@ fn on_any_scene_frames_hold_energy_falls_and_so_does_attenuation() {
     }
 }
 
-/// A scene of which every vertex is moved.
+/// A scene with every vertex moved.
 fn moved(scene: &Scene, to: impl Fn(Vec3) -> Vec3, flip: bool) -> Scene {
     let mut scene = scene.clone();
     for surface in &mut scene.surfaces {
@@ -136,7 +137,7 @@ fn moved(scene: &Scene, to: impl Fn(Vec3) -> Vec3, flip: bool) -> Scene {
 }
 
 #[test]
-fn segmentation_is_that_of_the_scene_and_not_of_its_coordinates() {
+fn segmentation_does_not_depend_on_the_coordinates() {
     for seed in 0..4 {
         let mut random = SplitMix64::new(2000 + seed);
         let scene = scene(&mut random, tissue);
@@ -153,7 +154,7 @@ fn segmentation_is_that_of_the_scene_and_not_of_its_coordinates() {
             let (one, other) = (frame(&mut a, &pose), frame(&mut b, &(rigid * pose)));
             let inside = one.mask.iter().filter(|&&m| m == 255).count();
             let differ = one.segmentation.iter().zip(&other.segmentation).filter(|(a, b)| a != b).count();
-            // Vertices 500 mm away are rounded to 3·10⁻⁵ mm: pixels that a boundary halves.
+            // Vertices 500 mm away are rounded to 3·10⁻⁵ mm, which matters for pixels that a boundary bisects.
             println!("seed {seed}: {differ} of {inside} pixels");
             assert!(differ * 200 <= inside, "seed {seed}: {differ} of {inside} pixels");
         }
@@ -162,7 +163,7 @@ fn segmentation_is_that_of_the_scene_and_not_of_its_coordinates() {
 
 #[test]
 fn a_mirrored_scene_gives_the_mirrored_image() {
-    // Without grain and chance: the lattice is not mirrored, nor are random numbers.
+    // Without grain and chance: neither the lattice nor random numbers are mirrored.
     let quiet = |random: &mut SplitMix64| Tissue {
         attenuation_db_cm_mhz: random.between(0.0, 1.0),
         ..silent(random.between(1450.0, 1600.0), random.between(1.4, 1.8))
@@ -192,7 +193,7 @@ fn a_mirrored_scene_gives_the_mirrored_image() {
 }
 
 #[test]
-fn what_passes_an_interface_passes_it_the_other_way() {
+fn an_interface_transmits_equally_both_ways() {
     let mut random = SplitMix64::new(7);
     for _ in 0..10_000 {
         let [z1, z2] = [(); 2].map(|()| 10f64.powf(random.between(-3.4, 0.9)));
@@ -212,11 +213,11 @@ fn what_passes_an_interface_passes_it_the_other_way() {
 }
 
 #[test]
-fn a_stack_of_layers_passes_as_much_from_either_side() {
+fn a_stack_of_layers_transmits_equally_from_either_side() {
     for seed in 0..3 {
         let mut random = SplitMix64::new(4000 + seed);
         let mut bench = Bench::new(silent(1540.0, 1.5));
-        // Weak interfaces: nothing is left to chance.
+        // Weak interfaces: no random branching.
         for i in 0..5 {
             let layer = Tissue {
                 attenuation_db_cm_mhz: random.between(0.0, 1.0),

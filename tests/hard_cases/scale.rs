@@ -1,4 +1,4 @@
-//! 10⁶ : 1 between the largest and the smallest of a scene.
+//! Ratio of 10⁶ : 1 between the largest and the smallest dimension of a scene.
 
 use glam::Vec3;
 use insonify::anatomy::analytic;
@@ -9,14 +9,14 @@ use super::common::{Tolerance, holds, renderer, row, stands_in, vector};
 use super::triangles::{SHIPPED, shipped};
 use insonify::random::SplitMix64;
 
-/// Distance of the plane of a triangle, as Möller and Trumbore published it: about the ray's origin.
+/// Distance to the plane of a triangle as Möller and Trumbore published it: relative to the ray's origin.
 fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> f32 {
     let s = origin - corner;
     edge2.dot(s.cross(edge1)) / edge1.dot(direction.cross(edge2))
 }
 
 #[test]
-fn small_triangles_far_from_the_ray_s_origin_keep_their_place() {
+fn small_triangles_far_from_the_rays_origin_keep_their_place() {
     stands_in("trace", &SHIPPED);
     let mut random = SplitMix64::new(9);
     let (mut naive_worst, mut shipped_worst, mut missed) = (0.0_f64, 0.0_f64, 0);
@@ -55,7 +55,7 @@ fn small_triangles_far_from_the_ray_s_origin_keep_their_place() {
 fn ten_micrometres_and_twenty_metres_in_one_scene() {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let (wide, fine) = (bench.tissue(silent(1540.0, 1.6)), bench.tissue(silent(1540.0, 1.9)));
-    // A box of 20 m, and in it bodies of 0.2, 2 and 20 mm and a film of 20 µm.
+    // A box of 20 m that contains bodies of 0.2, 2 and 20 mm and a film of 20 µm.
     bench.add(wide, 1, analytic::cuboid(Vec3::new(-1e4, -1e4, 5.03), Vec3::splat(1e4)));
     for (i, radius) in [0.1, 1.0, 10.0].into_iter().enumerate() {
         bench.add(fine, 2, analytic::sphere(Vec3::new(30.0 * i as f32, 0.0, 25.0), radius, 3));
@@ -63,7 +63,7 @@ fn ten_micrometres_and_twenty_metres_in_one_scene() {
     bench.add(fine, 2, analytic::cuboid(Vec3::new(80.0, -10.0, 25.0), Vec3::new(100.0, 10.0, 25.02)));
     let scene = bench.scene().unwrap();
     let mut renderer = renderer(&scene, &linear(33, 0.3, 512, 50.0), &small(1, 1), &ShaderSet::default());
-    // f32 holds places 5 m from the scene's centre to half a micrometre.
+    // Five metres from the scene's centre, f32 resolves half a micrometre.
     let loose = Tolerance { grey: 6.0, other: 0.02 };
     for x in [0.0, 30.0, 60.0, 90.0] {
         holds(&format!("at {x} mm in a box of 20 m"), &mut renderer, &at(x + 0.01, 0.02, 0.0), loose);

@@ -1,4 +1,4 @@
-//! One sample, one scanline, the narrowest and the widest fields of view, images of a pixel's width.
+//! One sample, one scanline, the narrowest and the widest fields of view, images one pixel wide.
 
 use glam::Vec3;
 use insonify::anatomy::analytic;
@@ -9,7 +9,7 @@ use insonify::transducer::{Probe, ProbeKind};
 use super::common::{ROUNDING, Tolerance, holds, renderer};
 
 #[test]
-fn the_smallest_and_widest_probes_are_the_twins() {
+fn the_smallest_and_widest_probes_match_the_twin() {
     let mut bench = Bench::new(grainy(0.0, 0.01));
     let plate = bench.tissue(silent(1540.0, 1.7));
     bench.add(plate, 1, slab(glam::DVec2::ZERO, 40.0, 20.03, 30.04));
@@ -35,7 +35,7 @@ fn the_smallest_and_widest_probes_are_the_twins() {
         (settings.image.width, settings.image.height) = (width, height);
         renderer.reconfigure(&probe, &settings).unwrap();
         for z in [0.0, 22.0, 45.0] {
-            // With few samples one cell of the lattice that rounding chooses is much of the image.
+            // With few samples, one lattice cell chosen by rounding is a large part of the image.
             let tolerance = if probe.samples < 100 || probe.scanlines < 3 {
                 Tolerance { grey: 8.0, other: 0.02 }
             } else {

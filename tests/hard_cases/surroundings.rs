@@ -1,4 +1,4 @@
-//! A probe inside bone, in air, outside everything.
+//! Probes inside bone, in air, and outside everything.
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::analytic::Part;
@@ -21,7 +21,7 @@ fn a_probe_may_be_anywhere() {
     let mut renderer = renderer(&scene, &linear(33, 0.9, 256, 80.0), &small(2, 3), &ShaderSet::default());
     let looking =
         |from: [f64; 3], to: [f64; 3]| Pose::looking(DVec3::from(from), DVec3::from(to), DVec3::new(1.0, 0.1, 0.03));
-    // Strong interfaces are a matter of chance: a path that falls the other way is another path.
+    // Strong interfaces branch randomly: a path that branches differently is a different path.
     let chance = Tolerance { grey: 3.0, other: 0.01 };
     holds("inside bone", &mut renderer, &at(-20.0, 0.3, 40.0), chance);
     holds("inside air", &mut renderer, &at(25.0, 0.3, 40.0), chance);

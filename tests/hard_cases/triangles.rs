@@ -16,11 +16,11 @@ fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) 
     let u = s.dot(p) * inverse;
     let q = s.cross(edge1);
     let v = direction.dot(q) * inverse;
-    // Written so that what can't be compared counts as a hit, as compilers that assume no NaN may do.
+    // Written so that NaN counts as a hit, as compilers that assume no NaN may do.
     (!(u < 0.0 || v < 0.0 || u + v > 1.0)).then_some(edge2.dot(q) * inverse)
 }
 
-/// `shipped` as it stands in the shader.
+/// Lines of the shader that `shipped` copies.
 pub(crate) const SHIPPED: [&str; 13] = [
     "let to_corner = w0 - origin;",
     "let t0 = dot(to_corner, direction);",
@@ -55,7 +55,7 @@ pub(crate) fn shipped(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, 
 }
 
 #[test]
-fn triangles_without_area_divide_by_nothing() {
+fn zero_area_triangles_do_not_divide_by_zero() {
     for pass in ["locate", "trace", "section"] {
         stands_in(pass, &SHIPPED);
     }
@@ -64,7 +64,7 @@ fn triangles_without_area_divide_by_nothing() {
     for i in 0..1000 {
         let corner = (30.0 * vector(&mut random)).as_vec3();
         let edge = (10.0 * vector(&mut random)).as_vec3();
-        // A point, a line there and back, a line twice as long.
+        // A point, a line there and back, and a line of double length.
         let (edge1, edge2) = [(Vec3::ZERO, Vec3::ZERO), (edge, edge), (edge, 2.0 * edge)][i % 3];
         let (origin, direction) = (Vec3::new(0.0, 0.0, -200.0), Vec3::Z);
         not_finite += usize::from(naive(origin, direction, corner, edge1, edge2).is_some_and(|t| !t.is_finite()));
@@ -104,7 +104,7 @@ fn slivers(mesh: &Mesh, count: usize) -> Mesh {
     mesh
 }
 
-/// Bodies of one shape, each broken in its way: name, mesh.
+/// Bodies of one shape, each with a different defect: name, mesh.
 fn bodies() -> Vec<(&'static str, Mesh)> {
     let whole = |i: usize| slab(place(i), 20.0, 12.03, 30.04);
     let mut zero_area = whole(1);
@@ -150,12 +150,12 @@ fn scene() -> Scene {
 }
 
 #[test]
-fn broken_meshes_give_frames_that_hold_and_mended_ones_the_whole_image() {
+fn broken_meshes_give_valid_frames_and_mended_ones_the_whole_image() {
     let mut renderer = renderer(&scene(), &linear(31, 0.7, 256, 50.0), &small(1, 1), &ShaderSet::default());
     let mut whole = None;
     for (i, (name, _)) in bodies().into_iter().enumerate() {
         let pose = at(place(i).x + 0.013, place(i).y + 0.017, 0.0);
-        // Where triangles disagree about inside and outside, ties at their edges fall either way.
+        // Where triangles disagree about inside and outside, ambiguous edges may fall either way.
         let tolerance = if i < 5 { ROUNDING } else { Tolerance { grey: 3.0, other: 0.02 } };
         holds(name, &mut renderer, &pose, tolerance);
         let frame = frame(&mut renderer, &pose);
@@ -167,8 +167,9 @@ fn broken_meshes_give_frames_that_hold_and_mended_ones_the_whole_image() {
 }
 
 #[test]
-fn a_parity_of_crossings_is_turned_by_duplicates() {
-    // One point, inside by an odd count of crossings in any direction, against entering and leaving by the side of each triangle.
+fn duplicates_reverse_a_parity_of_crossings() {
+    // A point inside by an odd count of crossings in any direction, compared with entering and leaving by the side of
+    // each triangle.
     let mesh = &bodies()[2].1;
     let centre = place(2).extend(20.0);
     let mut random = SplitMix64::new(3);

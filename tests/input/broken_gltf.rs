@@ -1,4 +1,4 @@
-//! Files that are no sound scenes: an error that says what and where, never a panic.
+//! Files that are not valid scenes: an error with the fault and its place, never a panic.
 
 use std::path::Path;
 
@@ -8,14 +8,14 @@ use serde_json::{Value, json};
 
 use crate::builder::*;
 
-/// The message of the error that `bytes` give, without the file's directory.
+/// Message of the error for `bytes`, without the file's directory.
 fn message(name: &str, bytes: &[u8]) -> String {
     let (dir, path) = file(name, bytes);
     let error = import::load(&path, &TissueTable::builtin().unwrap(), 0).unwrap_err();
     error.to_string().replace(&format!("{}/", dir.path().display()), "")
 }
 
-/// The message for the tetrahedron after `change`.
+/// Message for the tetrahedron after `change`.
 fn message_after(change: impl FnOnce(&mut Builder)) -> String {
     let mut b = Builder::tetrahedron();
     change(&mut b);
@@ -23,7 +23,7 @@ fn message_after(change: impl FnOnce(&mut Builder)) -> String {
 }
 
 #[test]
-fn files_that_are_not_there_or_not_gltf() {
+fn missing_files_and_other_formats_are_refused() {
     let table = TissueTable::builtin().unwrap();
     let load = |path: &Path| import::load(path, &table, 0).unwrap_err().to_string();
     assert!(load(Path::new("/no/such.glb")).starts_with("cannot read the scene /no/such.glb: No such file"));
@@ -34,7 +34,7 @@ fn files_that_are_not_there_or_not_gltf() {
 }
 
 #[test]
-fn truncated_files() {
+fn truncated_files_are_refused() {
     let glb = Builder::tetrahedron().glb();
     for length in 1..glb.len() {
         assert!(matches!(load_bytes("a.glb", &glb[..length]), Err(SceneError::Format { .. })), "{length} bytes");
@@ -47,7 +47,7 @@ fn truncated_files() {
 }
 
 #[test]
-fn buffers_that_cannot_be_read() {
+fn unreadable_buffers_are_refused() {
     let b = Builder::tetrahedron();
     let message = |uri| message("a.gltf", &b.json(uri));
     assert!(message(Some("none.bin")).starts_with("cannot read none.bin, a buffer of the scene a.gltf: No such file"));
@@ -60,7 +60,7 @@ fn buffers_that_cannot_be_read() {
 }
 
 #[test]
-fn accessors_that_reach_too_far_or_have_another_shape() {
+fn accessors_out_of_bounds_or_of_another_shape_are_refused() {
     let accessor = |i: usize, key: &'static str, value: Value| {
         message_after(|b| {
             b.root["accessors"][i][key] = value;
@@ -90,7 +90,7 @@ fn accessors_that_reach_too_far_or_have_another_shape() {
 }
 
 #[test]
-fn sparse_accessors_that_do_not_ascend_or_have_no_end() {
+fn sparse_accessors_must_ascend_and_end() {
     let message = |indices: &[u8], count: u64| {
         message_after(|b| {
             let (view, values) = (b.view(indices), b.view(&[0; 24]));
@@ -108,7 +108,7 @@ fn sparse_accessors_that_do_not_ascend_or_have_no_end() {
 }
 
 #[test]
-fn surfaces_that_cannot_be_used() {
+fn unusable_surfaces_are_refused() {
     let text = message_after(|b| b.root["nodes"][0]["extras"] = json!({"tissue": "livr"}));
     assert_eq!(text, "surface `organ` of a.glb names the unknown tissue `livr` (did you mean `liver`?)");
     let text = message_after(|b| b.root["nodes"][0] = json!({"mesh": 0}));
@@ -131,7 +131,7 @@ fn surfaces_that_cannot_be_used() {
 }
 
 #[test]
-fn nodes_that_form_no_tree_and_transforms_that_are_none() {
+fn cyclic_nodes_and_invalid_transforms_are_refused() {
     let text = message_after(|b| {
         b.root["nodes"][0]["children"] = json!([0]);
         b.root["scenes"] = json!([{"nodes": [0]}]);
@@ -148,7 +148,7 @@ fn nodes_that_form_no_tree_and_transforms_that_are_none() {
 }
 
 #[test]
-fn a_chain_of_nodes_is_followed_to_its_end() {
+fn a_long_chain_of_nodes_is_followed_to_its_end() {
     let mut b = Builder::tetrahedron();
     for child in 0..20_000 {
         b.node(json!({"children": [child]}));
@@ -156,7 +156,7 @@ fn a_chain_of_nodes_is_followed_to_its_end() {
     assert_eq!(b.load_mesh().triangles.len(), 4);
 }
 
-/// The tetrahedron with a sparse and an interleaved accessor, so that flipped bytes reach those, too.
+/// Tetrahedron with a sparse and an interleaved accessor, so that flipped bytes reach those, too.
 fn varied() -> Vec<u8> {
     let mut b = Builder::tetrahedron();
     let (indices, values) = (b.view(&[1, 3]), b.view(bytemuck::cast_slice(&[[0.02f32, 0.0, 0.0], [0.0, 0.0, 0.03]])));
@@ -168,7 +168,7 @@ fn varied() -> Vec<u8> {
 }
 
 #[test]
-fn the_varied_file_is_sound() {
+fn the_varied_file_is_valid() {
     assert_eq!(load_bytes("a.glb", &varied()).unwrap().0.surfaces.len(), 2);
 }
 

@@ -1,4 +1,4 @@
-//! glTF files made by hand.
+//! Builder of glTF files for tests.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ pub(crate) const F32: u32 = 5126;
 /// A tetrahedron of edge 10 mm along the axes, in metres, outward.
 pub(crate) const TETRAHEDRON: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]];
 pub(crate) const TETRAHEDRON_FACES: [u32; 12] = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
-/// Its volume, mm³.
+/// Volume of the tetrahedron, mm³.
 pub(crate) const TETRAHEDRON_MM3: f64 = 1000.0 / 6.0;
 
 /// A document and its binary buffer.
@@ -25,7 +25,7 @@ pub(crate) struct Builder {
 }
 
 impl Builder {
-    /// A document without anything in it.
+    /// An empty document.
     pub(crate) fn empty() -> Self {
         let root = json!({"asset": {"version": "2.0"}, "nodes": [], "meshes": [], "materials": [], "accessors": [],
             "bufferViews": []});
@@ -48,7 +48,7 @@ impl Builder {
         list.len() - 1
     }
 
-    /// A buffer view of `bytes`.
+    /// Adds a buffer view of `bytes`.
     pub(crate) fn view(&mut self, bytes: &[u8]) -> usize {
         let view = json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()});
         self.bin.extend(bytes);
@@ -102,12 +102,12 @@ impl Builder {
         [b"glTF", &2u32.to_le_bytes()[..], &(chunks.len() as u32 + 12).to_le_bytes(), &chunks].concat()
     }
 
-    /// The scene of the document as a .glb, with what was noticed.
+    /// Scene of the document as a .glb, with the findings.
     pub(crate) fn load(&self) -> Result<(Scene, Vec<Finding>), SceneError> {
         load_bytes("scene.glb", &self.glb())
     }
 
-    /// The only mesh.
+    /// Mesh of the only surface.
     pub(crate) fn load_mesh(&self) -> Mesh {
         let (scene, findings) = self.load().unwrap();
         assert_eq!((scene.surfaces.len(), findings.as_slice()), (1, [].as_slice()));
@@ -130,7 +130,7 @@ pub(crate) fn load_bytes(name: &str, bytes: &[u8]) -> Result<(Scene, Vec<Finding
     load_with_findings(&path, &TissueTable::builtin().unwrap(), 0)
 }
 
-/// A file in a directory that lives as long as the first result.
+/// A file in a temporary directory that lives as long as the first result.
 pub(crate) fn file(name: &str, bytes: &[u8]) -> (TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);

@@ -1,4 +1,4 @@
-//! Scenes with one defect each: the doctor names it, at its surface and place, and says nothing about sound ones.
+//! Scenes with one defect each: the doctor names it with its surface and place. Sound scenes have no findings.
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::analytic::{cuboid, joined, sphere};
@@ -33,7 +33,7 @@ fn examined_from(b: &Builder, start: Option<(Pose, f64)>) -> Report {
     examine(&path, &Settings { tissues: &tissues, own_tissues: &[], background: None, start }, &|_, _| {}).unwrap()
 }
 
-/// The only finding, of `defect`, about a ball of liver called `organ` beside a sound one.
+/// The only finding, a `defect` of a ball of liver called `organ` beside a sound one.
 fn only(report: &Report, defect: Defect) -> Finding {
     let found: Vec<_> = report.findings.iter().map(|f| (f.defect, f.to_string())).collect();
     assert_eq!(found.len(), 1, "{defect:?}: {found:?}");
@@ -43,7 +43,7 @@ fn only(report: &Report, defect: Defect) -> Finding {
     finding
 }
 
-/// The finding about `organ`, broken by `mesh`, beside a sound ball.
+/// Finding about `organ`, a defective `mesh` beside a sound ball.
 fn of_organ(mesh: &Mesh, defect: Defect) -> Finding {
     let sound = sphere(Vec3::new(200.0, 0.0, 0.0), 20.0, 2);
     let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, mesh)]));
@@ -61,7 +61,7 @@ fn near(finding: &Finding, place: [f32; 3], within_mm: f32) {
     assert!(at.distance(place.into()) <= within_mm, "{finding}");
 }
 
-/// Triangles whose three corners are within `radius_mm` of a point, taken out.
+/// The mesh without triangles whose three corners are within `radius_mm` of a point.
 fn holed(mesh: &Mesh, at: Vec3, radius_mm: f32) -> Mesh {
     let mut mesh = mesh.clone();
     let vertices = mesh.vertices_mm.clone();
@@ -70,9 +70,9 @@ fn holed(mesh: &Mesh, at: Vec3, radius_mm: f32) -> Mesh {
 }
 
 #[test]
-fn sound_scenes_get_nothing() {
+fn sound_scenes_have_no_findings() {
     let outer = cuboid(Vec3::splat(-50.0), Vec3::splat(50.0));
-    // A shell: a cavity faces into itself. And an island in it.
+    // A shell: a cavity faces into itself. It contains an island.
     let mut cavity = sphere(Vec3::ZERO, 20.0, 3);
     cavity.flip();
     let shell = joined([sphere(Vec3::ZERO, 30.0, 3), cavity, sphere(Vec3::ZERO, 8.0, 2)]);
@@ -111,7 +111,7 @@ fn a_hole_is_named_with_its_place_and_size() {
 
 #[test]
 fn rims_that_only_nearly_meet_are_not_welded() {
-    // The upper half a µm off: Blender's and CAD programs' seams.
+    // The upper half is displaced by a µm: seams of Blender and CAD programs.
     let mut mesh = ball();
     let count = mesh.vertices_mm.len() as u32;
     let copies: Vec<Vec3> = mesh.vertices_mm.iter().map(|v| *v + Vec3::splat(0.001)).collect();
@@ -127,10 +127,10 @@ fn rims_that_only_nearly_meet_are_not_welded() {
 }
 
 #[test]
-fn edges_of_three_triangles_are_no_border() {
+fn edges_of_three_triangles_are_named() {
     let mut mesh = ball();
     let [a, b, _] = mesh.triangles[0];
-    // A fin, back and front, so that only its root is odd.
+    // A fin with front and back, so that only its root is non-manifold.
     let tip = mesh.vertices_mm.len() as u32;
     let at = mesh.vertices_mm[a as usize];
     mesh.vertices_mm.push(Vec3::new(10.0, 20.0, 30.0) + (at - Vec3::new(10.0, 20.0, 30.0)) * 1.3);
@@ -151,7 +151,7 @@ fn edges_of_three_triangles_are_no_border() {
 }
 
 #[test]
-fn orientation_is_told_of_the_whole_of_parts_and_of_triangles() {
+fn wrong_orientation_is_named_for_surfaces_parts_and_triangles() {
     let mut inward = ball();
     inward.flip();
     of_organ(&inward, Defect::Inverted);
@@ -171,7 +171,7 @@ fn orientation_is_told_of_the_whole_of_parts_and_of_triangles() {
 }
 
 #[test]
-fn triangles_without_area_copies_and_sheets() {
+fn zero_area_triangles_copies_and_sheets_are_named() {
     let mut mesh = ball();
     let [a, b, _] = mesh.triangles[5];
     mesh.triangles.push([a, b, b]);
@@ -210,7 +210,7 @@ fn slivers_are_noted() {
 }
 
 #[test]
-fn parts_that_pass_through_each_other() {
+fn parts_that_intersect_are_named() {
     let two = joined([ball(), sphere(Vec3::new(35.0, 20.0, 30.0), 15.0, 3)]);
     let sound = sphere(Vec3::new(200.0, 0.0, 0.0), 20.0, 2);
     let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, &two)]));
@@ -222,7 +222,7 @@ fn parts_that_pass_through_each_other() {
 }
 
 #[test]
-fn coordinates_that_are_no_places() {
+fn unusable_coordinates_are_named() {
     let nan = |value: f32| {
         let mut mesh = ball();
         mesh.vertices_mm[3].y = value;
@@ -234,7 +234,7 @@ fn coordinates_that_are_no_places() {
 }
 
 #[test]
-fn wrong_units_and_places() {
+fn wrong_units_and_distant_scenes_are_named() {
     let scaled = |factor: f32, by: Vec3| {
         let mut mesh = ball();
         mesh.vertices_mm.iter_mut().for_each(|v| *v = *v * factor + by);
@@ -254,7 +254,7 @@ fn wrong_units_and_places() {
 }
 
 #[test]
-fn tissues_that_are_missing_or_misspelt() {
+fn missing_and_misspelt_tissues_are_named() {
     let sound = ball();
     let mut b = scene(&[("organ", "livr", 0, &sound)]);
     let finding = only(&examined(&b), Defect::UnknownTissue);
@@ -269,7 +269,7 @@ fn tissues_that_are_missing_or_misspelt() {
 }
 
 #[test]
-fn overlaps_of_one_priority_and_what_is_hidden() {
+fn overlaps_of_equal_priority_and_hidden_surfaces_are_named() {
     let (low, high) = (cuboid(Vec3::ZERO, Vec3::splat(40.0)), cuboid(Vec3::splat(20.0), Vec3::splat(60.0)));
     let finding = only(&examined(&scene(&[("a", "liver", 3, &low), ("b", "fat", 3, &high)])), Defect::PriorityTie);
     assert!(finding.surface.as_deref() == Some("a") && finding.what.contains("overlaps `b`"), "{finding}");
@@ -286,7 +286,7 @@ fn overlaps_of_one_priority_and_what_is_hidden() {
 }
 
 #[test]
-fn what_the_importer_leaves_out_or_refuses_is_told_all_at_once() {
+fn skipped_and_refused_content_is_listed_completely() {
     let mut b = scene(&[("organ", "liver", 0, &ball()), ("wire", "steel", 0, &ball()), ("bad", "fat", 0, &ball())]);
     b.root["meshes"][1]["primitives"][0]["mode"] = json!(1);
     b.root["nodes"][2]["extras"] = json!({"tissue": 3, "priority": "high"});
@@ -315,7 +315,7 @@ fn what_the_importer_leaves_out_or_refuses_is_told_all_at_once() {
 }
 
 #[test]
-fn where_the_probe_starts() {
+fn the_probes_start_in_bone_or_far_away_is_named() {
     let bone = scene(&[("rib", "bone_adult", 0, &ball())]);
     let at = |x: f64| {
         let pose = Pose { position_mm: DVec3::new(x, 20.0, 30.0), orientation: glam::DQuat::IDENTITY };
@@ -328,7 +328,7 @@ fn where_the_probe_starts() {
 }
 
 #[test]
-fn where_the_probe_starts_in_the_background() {
+fn a_start_in_a_gas_background_is_named() {
     let (_dir, path) = file("scene.glb", &scene(&[("organ", "liver", 0, &ball())]).glb());
     let tissues = TissueTable::builtin().unwrap();
     let pose = Pose { position_mm: DVec3::new(-30.0, 20.0, 30.0), orientation: glam::DQuat::IDENTITY };
@@ -343,7 +343,7 @@ fn where_the_probe_starts_in_the_background() {
 }
 
 #[test]
-fn finely_meshed_parts_overlap_however_shallow_their_triangles_cross() {
+fn finely_meshed_parts_overlap_however_shallow_their_crossings() {
     let two = joined([sphere(Vec3::ZERO, 2.5, 5), sphere(Vec3::new(2.5, 0.1, 0.05), 2.5, 5)]);
     let finding = of_organ(&two, Defect::SelfIntersection);
     near(&finding, [1.25, 0.05, 0.025], 0.2);
@@ -351,7 +351,7 @@ fn finely_meshed_parts_overlap_however_shallow_their_triangles_cross() {
 }
 
 #[test]
-fn triangles_without_area_close_t_junctions() {
+fn zero_area_triangles_close_t_junctions() {
     let mut mesh = cuboid(Vec3::ZERO, Vec3::splat(20.0));
     let [a, b, c] = mesh.triangles[0];
     let middle = 0.5 * (mesh.vertices_mm[a as usize] + mesh.vertices_mm[b as usize]);
@@ -391,7 +391,7 @@ fn an_inverted_surface_is_examined_as_it_will_be_loaded() {
     assert_eq!(found, [(Defect::Inverted, Some("cyst")), (Defect::Hidden, Some("cyst"))]);
 }
 
-/// A scene with a ball of liver, above `from_z_mm` of one material and below of another.
+/// Report on a ball of liver with one material above `from_z_mm` and another below.
 fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> Report {
     let mut b = Builder::empty();
     let metres: Vec<_> = mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
@@ -409,7 +409,7 @@ fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> Report {
 }
 
 #[test]
-fn an_object_of_two_materials_is_no_hole() {
+fn an_object_of_two_materials_is_not_a_hole() {
     let found = |report: &Report| -> Vec<_> {
         report.findings.iter().map(|f| (f.defect, f.surface.clone().unwrap())).collect()
     };
@@ -418,17 +418,17 @@ fn an_object_of_two_materials_is_no_hole() {
     let split = Defect::SplitByMaterial;
     assert_eq!(found(&report), [(split, upper.clone()), (split, lower.clone())], "{:#?}", report.findings);
     assert!(report.findings[0].remedy.contains("one material"));
-    // With a hole besides, in the lower half.
+    // With an additional hole in the lower half.
     let report = of_two_materials(&holed(&ball(), Vec3::new(10.0, 20.0, 10.0), 6.0), 30.0);
     assert_eq!(found(&report), [(split, upper), (Defect::Open, lower.clone()), (split, lower)]);
 }
 
 #[test]
-fn a_graze_of_two_surfaces_is_no_tie() {
+fn a_slight_contact_of_two_surfaces_is_not_a_tie() {
     let a = sphere(Vec3::ZERO, 20.0, 4);
     let corners = a.triangles[0].map(|i| a.vertices_mm[i as usize]);
     let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
-    // The other one, mirrored in a point 0.015 mm below the first's triangle: they overlap by 0.03 mm there.
+    // The other one is mirrored at a point 0.015 mm below the first's triangle: they overlap by 0.03 mm there.
     let point = centroid - centroid.normalize() * 0.015;
     let mut b = a.clone();
     b.vertices_mm.iter_mut().for_each(|v| *v = 2.0 * point - *v);
@@ -437,7 +437,7 @@ fn a_graze_of_two_surfaces_is_no_tie() {
 }
 
 #[test]
-fn a_wall_between_joined_boxes_is_no_sheet() {
+fn a_wall_between_joined_boxes_is_not_a_sheet() {
     let left = cuboid(Vec3::ZERO, Vec3::splat(10.0));
     let mut right = left.clone();
     right.vertices_mm.iter_mut().for_each(|v| v.x = 20.0 - v.x);
@@ -449,7 +449,7 @@ fn a_wall_between_joined_boxes_is_no_sheet() {
 }
 
 #[test]
-fn crumbs_that_face_the_wrong_way_are_no_error() {
+fn crumbs_that_face_the_wrong_way_are_not_an_error() {
     let mut crumb = sphere(Vec3::new(10.0, 20.0, 60.0), 0.3, 1);
     crumb.flip();
     let inside = sphere(Vec3::new(10.0, 20.0, 30.0), 0.3, 1);
@@ -462,7 +462,7 @@ fn crumbs_that_face_the_wrong_way_are_no_error() {
 }
 
 #[test]
-fn what_is_no_gltf_is_an_error() {
+fn files_that_are_not_gltf_are_errors() {
     let (_dir, path) = file("scene.glb", b"glTF");
     let tissues = TissueTable::builtin().unwrap();
     let settings = Settings { tissues: &tissues, own_tissues: &[], background: None, start: None };

@@ -1,4 +1,4 @@
-//! Conventions of other programs' exporters.
+//! Conventions of exporters in other programs.
 
 use insonify::anatomy::import::{FindingKind, load_with_findings};
 use insonify::anatomy::{Scene, TissueTable};
@@ -29,8 +29,8 @@ fn a_file_of_trimesh_is_read() {
     }
 }
 
-/// A box as Blender writes it: each face has vertices of its own, positions and normals in one buffer, 16-bit indices,
-/// a material named after the tissue, custom properties as extras.
+/// A box as Blender writes it: separate vertices for each face, positions and normals in one buffer, 16-bit indices, a
+/// material named after the tissue, custom properties as extras.
 fn blender(material: &str) -> Builder {
     let mut b = Builder::empty();
     let corners: Vec<[f32; 3]> =
@@ -77,8 +77,8 @@ fn a_box_of_blender_is_read() {
 }
 
 #[test]
-fn what_an_objects_data_says_is_not_of_its_children() {
-    // Blender: an object `skin`, whose mesh has custom properties, with the child `rib`, which has a material alone.
+fn an_objects_data_does_not_apply_to_its_children() {
+    // Blender: an object `skin` whose mesh has custom properties, with the child `rib`, which has only a material.
     let mut b = Builder::tetrahedron();
     let rib = json!({"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]});
     b.root["materials"] = json!([{"name": "bone_adult"}]);
@@ -88,14 +88,14 @@ fn what_an_objects_data_says_is_not_of_its_children() {
     let mut found = b.load().map(|(scene, _)| scene).unwrap();
     found.surfaces.sort_by_key(|s| s.priority);
     assert_eq!(tissues_of(&found), [("rib", "bone_adult", 0), ("skin", "skin", 7)]);
-    // What the object itself says is.
+    // Extras of the object itself apply.
     b.root["nodes"][0]["extras"] = json!({"tissue": "fat", "priority": 3});
     let (scene, _) = b.load().unwrap();
     assert_eq!(tissues_of(&scene), [("skin", "fat", 3), ("rib", "fat", 3)]);
 }
 
 #[test]
-fn an_accessor_of_zeros_that_no_surface_needs_is_not_blamed_on_an_extension() {
+fn an_unused_accessor_of_zeros_is_not_blamed_on_an_extension() {
     let mut b = Builder::tetrahedron();
     let zeros = b.push("accessors", json!({"componentType": F32, "type": "VEC3", "count": 4}));
     b.root["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(zeros);
@@ -106,7 +106,7 @@ fn an_accessor_of_zeros_that_no_surface_needs_is_not_blamed_on_an_extension() {
 }
 
 #[test]
-fn extensions_of_looks_are_ignored_and_those_of_geometry_refused_with_a_remedy() {
+fn extensions_of_appearance_are_ignored_and_those_of_geometry_refused_with_a_remedy() {
     let required = |name: &str| {
         let mut b = blender("liver");
         b.root["extensionsUsed"] = json!([name]);
@@ -129,7 +129,7 @@ fn extensions_of_looks_are_ignored_and_those_of_geometry_refused_with_a_remedy()
 }
 
 #[test]
-fn whole_number_positions_and_compressed_fallbacks_are_refused_with_a_remedy() {
+fn integer_positions_and_compressed_fallbacks_are_refused_with_a_remedy() {
     let mut b = Builder::tetrahedron();
     let bytes: Vec<u8> = TETRAHEDRON.iter().flatten().flat_map(|c| ((c * 3e6) as i16).to_le_bytes()).collect();
     let view = b.view(&bytes);
@@ -143,7 +143,7 @@ fn whole_number_positions_and_compressed_fallbacks_are_refused_with_a_remedy() {
         "{error}"
     );
 
-    // Draco, used but not required, with no copy for readers without it.
+    // Draco, used but not required, without a copy for readers without it.
     let mut b = Builder::tetrahedron();
     b.root["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     b.root["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
@@ -153,7 +153,7 @@ fn whole_number_positions_and_compressed_fallbacks_are_refused_with_a_remedy() {
 }
 
 #[test]
-fn meshes_outside_of_the_scene_are_told() {
+fn meshes_outside_the_scene_are_reported() {
     let mut b = Builder::tetrahedron();
     b.root["nodes"] = json!(["liver", "brain"].map(|t| json!({"name": t, "mesh": 0, "extras": {"tissue": t}})));
     b.root["scenes"] = json!([{"nodes": [0]}, {"name": "spare", "nodes": [1]}]);
@@ -167,7 +167,7 @@ fn meshes_outside_of_the_scene_are_told() {
 }
 
 #[test]
-fn one_mesh_may_be_placed_many_times_and_unnamed() {
+fn one_mesh_may_be_placed_many_times_without_names() {
     let mut b = Builder::tetrahedron();
     let at = |x: f64, mirror: f64| json!({"mesh": 0, "translation": [x, 0, 0], "scale": [mirror, 1, 1]});
     b.root["meshes"][0]["extras"] = json!({"tissue": "kidney", "priority": 2});
@@ -182,7 +182,7 @@ fn one_mesh_may_be_placed_many_times_and_unnamed() {
 }
 
 #[test]
-fn a_matrix_and_its_parts_place_alike() {
+fn a_matrix_and_its_components_give_the_same_placement() {
     let half = std::f32::consts::FRAC_1_SQRT_2;
     let placed = |node: Value| {
         let mut b = Builder::tetrahedron();
@@ -190,7 +190,7 @@ fn a_matrix_and_its_parts_place_alike() {
         own.extend(node.as_object().unwrap().clone());
         b.load_mesh().bounds_mm().unwrap()
     };
-    // Scaled, turned by 90° about x (y → z, z → −y), moved.
+    // Scaled, rotated by 90° about x (y → z, z → −y), moved.
     let parts = placed(json!({"scale": [2, 3, 1], "rotation": [half, 0, 0, half], "translation": [0.1, 0.2, 0.3]}));
     let matrix = placed(json!({"matrix": [2,0,0,0, 0,0,3,0, 0,-1,0,0, 0.1,0.2,0.3,1]}));
     assert!(parts.0.distance(matrix.0) < 1e-3 && parts.1.distance(matrix.1) < 1e-3, "{parts:?} {matrix:?}");

@@ -1,4 +1,4 @@
-//! Every convention of a sound glTF file.
+//! Conventions of valid glTF files.
 
 use insonify::anatomy::import::{FindingKind, load_with_findings};
 use insonify::anatomy::{Mesh, Scene, TissueTable};
@@ -39,7 +39,7 @@ fn indices_of_any_width_or_none_give_the_same_triangles() {
 }
 
 #[test]
-fn strips_and_fans_are_wound_as_gltf_says() {
+fn strips_and_fans_are_wound_as_gltf_prescribes() {
     let mut b = Builder::tetrahedron();
     let indices = b.indices(&[1, 0, 2, 3, 1, 0], U8);
     b.root["meshes"][0]["primitives"][0]["indices"] = json!(indices);
@@ -69,7 +69,7 @@ fn interleaved_and_sparse_accessors_are_read() {
     b.root["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(positions);
     assert_tetrahedron(&b.load_mesh());
 
-    // Zeros but for three sparse vertices; then the tetrahedron with its last vertex ten times as high.
+    // Zeros except for three sparse vertices; then the tetrahedron with its last vertex ten times as high.
     for (backed, volume) in [(false, TETRAHEDRON_MM3), (true, 10.0 * TETRAHEDRON_MM3)] {
         let mut b = Builder::tetrahedron();
         let (which, values) =
@@ -101,7 +101,7 @@ fn node_transforms_are_chained_and_mirrors_stay_outward() {
     assert_eq!(mesh.unpaired_edges(), 0);
     assert!((mesh.signed_volume_mm3() / (6.0 * TETRAHEDRON_MM3) - 1.0).abs() < 1e-3);
     let (low, high) = mesh.bounds_mm().unwrap();
-    // Turned by 90° about z: x → y, y → −x.
+    // Rotated by 90° about z: x → y, y → −x.
     for (found, expected) in [(low, [1090.0, 0.0, -30.0]), (high, [1100.0, 20.0, 0.0])] {
         assert!((found - glam::Vec3::from(expected)).length() < 1e-3, "{found}");
     }
@@ -125,7 +125,7 @@ fn tissue_comes_from_extras_then_ancestors_then_material() {
 }
 
 #[test]
-fn each_primitive_of_a_node_is_a_surface_and_uses_its_part_of_shared_vertices() {
+fn each_primitive_of_a_node_is_a_surface_and_uses_part_of_shared_vertices() {
     let mut b = Builder::empty();
     let far = TETRAHEDRON.map(|[x, y, z]| [x + 1.0, y, z]);
     let positions = b.positions(&[TETRAHEDRON, far].concat());
@@ -144,7 +144,7 @@ fn each_primitive_of_a_node_is_a_surface_and_uses_its_part_of_shared_vertices() 
 }
 
 #[test]
-fn the_default_scene_counts_then_the_first_then_all_roots() {
+fn the_default_scene_is_used_then_the_first_then_all_roots() {
     let mut b = Builder::tetrahedron();
     b.root["nodes"] =
         json!(["liver", "brain"].map(|tissue| json!({"name": tissue, "mesh": 0, "extras": {"tissue": tissue}})));
@@ -186,7 +186,7 @@ fn base64(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn what_is_mended_or_left_out_is_told() {
+fn mended_and_skipped_content_is_reported() {
     let with_indices = |indices: &[u32]| {
         let mut b = Builder::tetrahedron();
         let indices = b.indices(indices, U16);

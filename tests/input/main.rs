@@ -1,4 +1,4 @@
-//! What comes in from files: glTF scenes and station files, sound and broken.
+//! Input files: glTF scenes and station files, valid and broken.
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts test functions, but not the helpers they share")]
 

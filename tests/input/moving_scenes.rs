@@ -1,4 +1,4 @@
-//! What moves in a scene file: `extras.motion` of the glTF scene.
+//! Motion in a scene file: `extras.motion` of the glTF scene.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use insonify::anatomy::export::{LabelledSurface, write_moving_glb};
 use insonify::anatomy::motion::{Drift, Field, Motion, Rhythm, Shape};
 use insonify::anatomy::{Scene, SceneError, TissueTable, analytic, import};
 
-/// Writes a ball that moves, and reads it again.
+/// Writes a moving ball, and reads it back.
 fn written_and_read(motion: &Motion) -> Result<Scene, SceneError> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("moving.glb");
@@ -39,7 +39,7 @@ fn heart() -> Field {
 }
 
 #[test]
-fn what_moves_is_the_same_through_a_file() {
+fn motion_is_unchanged_by_writing_and_reading() {
     let rhythm = Rhythm::Breath { breaths_per_min: 14.0, bout_s: 1.0, pause_s: 0.0, seed: 3 };
     let drift = Some(Drift { way_mm: Vec3::new(0.0, -2.0, 0.0), rhythm });
     let motion = Motion { fields: vec![heart()], drift };
@@ -48,7 +48,7 @@ fn what_moves_is_the_same_through_a_file() {
 }
 
 #[test]
-fn motion_that_cannot_be_is_refused_by_name() {
+fn invalid_motion_is_refused_by_name() {
     let fast = Field { rhythm: Rhythm::Heart { beats_per_min: 1000.0 }, ..heart() };
     let nowhere = Field { surfaces: vec!["liver".into()], ..heart() };
     for (fields, words) in [

@@ -20,7 +20,7 @@ fn files(dir: &str, extension: &str) -> Vec<PathBuf> {
 }
 
 #[test]
-fn every_committed_scene_is_closed_and_outward_and_as_its_function_makes_it() {
+fn every_committed_scene_is_closed_and_outward_and_equals_its_function() {
     let table = TissueTable::builtin().unwrap();
     assert_eq!(files("assets/scenes", "glb").len(), SCENES.len());
     for (name, parts) in SCENES {
@@ -41,7 +41,7 @@ fn every_committed_scene_is_closed_and_outward_and_as_its_function_makes_it() {
 }
 
 #[test]
-fn every_station_file_of_configs_is_sound() {
+fn every_station_file_of_configs_is_valid() {
     let paths = files("configs", "toml");
     assert!(paths.len() >= 5);
     for path in paths {
@@ -59,10 +59,10 @@ fn every_station_file_of_configs_is_sound() {
 }
 
 #[test]
-fn the_obstetric_station_is_the_papers() {
+fn the_obstetric_station_has_the_papers_parameters() {
     let station = Station::load(&repository().join("configs/obstetric.toml")).unwrap();
     let minimal = Station::parse("[scene]\nphantom = \"obstetric\"", Path::new("")).unwrap();
-    // Gain, sliders and dynamic range are set for the eye; the rest is the paper's.
+    // Gain, sliders and dynamic range are set for appearance; the rest is the paper's.
     let size = |s: &Station| (s.settings.image.width, s.settings.image.height, s.settings.quality);
     assert_eq!((station.probe, size(&station)), (minimal.probe, size(&minimal)));
     let into_body = station.default_pose.unwrap().transform_vector(glam::DVec3::Z);

@@ -1,4 +1,4 @@
-//! Station files, sound and wrong.
+//! Station files, valid and wrong.
 
 use std::path::Path;
 
@@ -39,7 +39,7 @@ fn only_the_scene_is_required() {
 }
 
 #[test]
-fn values_arrive_where_they_belong() {
+fn values_have_their_effect() {
     let station = parse(
         "background = 'water'\n[probe]\nkind = 'linear'\nwidth_mm = 38\nfrequency_mhz = 7.5\nscanlines = 128\n\
          [image]\nheight = 500\ngain_db = -3\n[quality]\nrays = 32\nlayers = 3\nseed = 4294967295\n\
@@ -120,7 +120,7 @@ fn wrong_types_and_values_name_the_key_the_value_and_the_range() {
 }
 
 #[test]
-fn keys_that_do_not_apply_say_so() {
+fn keys_that_do_not_apply_are_refused() {
     for (rest, expected) in [
         ("[probe]\nwidth_mm = 40", "`probe.width_mm` does not apply: a convex probe has `radius_mm` and `fov_deg`"),
         ("[probe]\nkind = 'linear'\nfov_deg = 40", "`probe.fov_deg` does not apply: a linear probe has `width_mm`"),
@@ -136,7 +136,7 @@ fn keys_that_do_not_apply_say_so() {
 }
 
 #[test]
-fn files_that_cannot_be_read_are_named() {
+fn unreadable_files_are_named() {
     let text = Station::load(Path::new("/no/such.toml")).unwrap_err().to_string();
     assert!(text.starts_with("cannot read the station file /no/such.toml: No such file"), "{text}");
     let dir = tempfile::tempdir().unwrap();
@@ -199,7 +199,7 @@ fn accepted(doc: &KeyDoc, value: &str) -> Result<Station, String> {
 }
 
 #[test]
-fn documented_ranges_are_those_of_the_parser() {
+fn documented_ranges_equal_the_parsers() {
     for doc in KEYS {
         let (inside, outside) = match doc.range {
             Accepts::Number { min, max } => {
@@ -226,7 +226,7 @@ fn documented_ranges_are_those_of_the_parser() {
 }
 
 #[test]
-fn the_types_behind_the_keys_are_no_wider() {
+fn field_types_are_no_wider_than_the_ranges() {
     let mut checked = 0;
     for doc in KEYS {
         let (below, above) = match doc.range {
@@ -295,9 +295,9 @@ fn refused_tissue(key: &str, value: f64) -> bool {
 }
 
 #[test]
-fn documented_defaults_are_those_of_the_parser() {
+fn documented_defaults_equal_the_parsers() {
     let default = parse("").unwrap();
-    // Words in place of a value say what happens without the key.
+    // Words instead of a value describe the behaviour without the key.
     let is_value = |doc: &&KeyDoc| !["required", "none", "built-in"].iter().any(|word| doc.default.starts_with(word));
     for doc in KEYS.iter().filter(is_value) {
         let found = accepted(doc, doc.default).unwrap_or_else(|e| panic!("{}.{}: {e}", doc.table, doc.key));

@@ -1,4 +1,4 @@
-//! The bench: one device, the specimens of the self-test, and checks of every frame.
+//! Shared test bench: one device, the specimens of the self-test, and checks of every frame.
 
 use std::sync::{Mutex, OnceLock};
 
@@ -13,7 +13,7 @@ use insonify::transducer::Probe;
 pub(crate) use insonify::selftest::bench::{Bench, at, facing, grainy, linear, post, silent, small};
 pub(crate) use insonify::selftest::measure::{half_width, magnitude, mean_square};
 
-/// The device that all tests share.
+/// The device shared by all tests.
 pub(crate) fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| Gpu::new(&GpuOptions::default()).unwrap())
@@ -24,7 +24,7 @@ pub(crate) fn slab(x: f64, half_width: f64, top: f64, bottom: f64) -> Mesh {
     bench::slab(DVec2::new(x, 0.0), half_width, top, bottom)
 }
 
-/// A renderer, and frames of it that are checked.
+/// A renderer whose frames are checked.
 pub(crate) struct Rig {
     renderer: Renderer,
     /// Its probe.
@@ -45,7 +45,7 @@ impl Rig {
         Self { renderer, probe: *probe, settings: *settings, tissues: scene.tissues.tissues().len() }
     }
 
-    /// A frame, after the checks that every frame must pass.
+    /// A frame, after the general checks.
     pub(crate) fn frame(&mut self, pose: &Pose) -> Frame {
         let mut frame = Frame::default();
         self.renderer.render(pose, &mut frame).unwrap();
@@ -53,12 +53,12 @@ impl Rig {
         frame
     }
 
-    /// The sector in the image.
+    /// Sector of the image.
     pub(crate) fn sector(&self) -> insonify::transducer::Sector {
         *self.renderer.sector()
     }
 
-    /// Sizes, ranges, finiteness, and that nothing overflowed.
+    /// Checks sizes, ranges, finiteness, and that nothing overflowed.
     fn check(&self, frame: &Frame) {
         let (width, height) = (self.settings.image.width, self.settings.image.height);
         let pixels = (width * height) as usize;
@@ -80,7 +80,7 @@ impl Rig {
         assert!(frame.lines.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3));
     }
 
-    /// The samples of a scanline.
+    /// Samples of a scanline.
     pub(crate) fn line<'a>(&self, frame: &'a Frame, line: u32) -> &'a [[f32; 2]] {
         measure::line(&self.probe, frame, line)
     }

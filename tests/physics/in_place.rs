@@ -1,4 +1,4 @@
-//! Speckle belongs to the tissue: it stays where it is while the probe moves, and comes back with it.
+//! Speckle is fixed in the tissue: it stays in place while the probe moves, and returns with it.
 
 use insonify::render::Frame;
 use insonify::transducer::Probe;
@@ -6,7 +6,7 @@ use insonify::transducer::Probe;
 use super::bench::{Rig, at, grainy, linear, magnitude, small};
 use super::speckle::block;
 
-/// Correlation of two sets of envelopes about their means.
+/// Correlation of pairs of envelope values.
 fn correlation(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
@@ -19,7 +19,8 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     ab / (aa * bb).sqrt()
 }
 
-/// Envelopes of `a` against those of `b`, `lines` lines and `samples` samples further on, away from the edges.
+/// Correlation of envelopes of `a` with those of `b`, `lines` lines and `samples` samples further on, away from the
+/// edges.
 fn overlap(probe: &Probe, a: &Frame, b: &Frame, lines: u32, samples: u32) -> f64 {
     let at = |frame: &Frame, line: u32, sample: u32| magnitude(frame.lines[(line * probe.samples + sample) as usize]);
     let mut pairs = Vec::new();
@@ -45,10 +46,10 @@ fn speckle_stays_in_the_tissue_and_returns_with_the_probe() {
             let stays = overlap(&probe, &first, &moved, lines, 0);
             println!("{rays}×{layers}, {lines} lines aside: {stays:.4}");
             assert!(stays > 0.9, "{lines} lines: {stays}");
-            // Without following the move there is another pattern in its place.
+            // At the same place in the image there is another pattern.
             assert!(lines < 8 || overlap(&probe, &first, &moved, 0, 0).abs() < 0.1);
         }
-        // The outer elevational layers lean, so that they sweep the tissue while the probe goes deeper.
+        // The outer elevational layers are tilted, so they sweep through the tissue while the probe moves deeper.
         for samples in if layers == 1 { [1, 16, 200] } else { [1, 4, 8] } {
             let moved = rig.frame(&at(0.0, 0.0, spacing * f64::from(samples)));
             let stays = overlap(&probe, &first, &moved, 0, samples);
@@ -56,7 +57,7 @@ fn speckle_stays_in_the_tissue_and_returns_with_the_probe() {
             let least = if layers == 1 { 0.95 } else { 0.9 };
             assert!(stays > least, "{samples} samples: {stays}");
         }
-        // Out of the plane the pattern changes for good.
+        // Out of the plane the pattern is another one.
         let beside = rig.frame(&at(0.0, 9.0, 0.0));
         let control = overlap(&probe, &first, &beside, 0, 0);
         assert!(control.abs() < 0.05, "{control}");

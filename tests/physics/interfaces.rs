@@ -1,4 +1,4 @@
-//! Echoes of plane interfaces: amplitude against Fresnel, range against the time of flight, loss against α.
+//! Echoes of plane interfaces: Fresnel amplitudes, ranges by time of flight, losses by α.
 
 use glam::{Quat, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
@@ -10,7 +10,7 @@ use insonify::pose::Pose;
 
 use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
 
-/// Distance between specimens, mm: each lies under its own pose.
+/// Distance between specimens, mm: each is below its own pose.
 const PITCH: f64 = 60.0;
 
 fn pose(i: usize) -> Pose {
@@ -22,8 +22,8 @@ fn energy(z1: f64, z2: f64) -> f64 {
 }
 
 #[test]
-fn amplitudes_at_normal_incidence_are_fresnels() {
-    // MRayl: water | bone, fat | muscle, muscle | liver, tissue | air, one that is hardly there, and some the other way.
+fn amplitudes_at_normal_incidence_follow_fresnel() {
+    // MRayl: water | bone, fat | muscle, muscle | liver, tissue | air, a very weak one, and some reversed.
     let pairs = [(1.48, 7.8), (1.38, 1.65), (1.65, 1.62), (1.65, 0.0004), (1.66, 1.659), (0.0004, 1.65), (7.8, 1.48)];
     let mut bench = Bench::new(silent(1540.0, 1.0));
     for (i, (z1, z2)) in pairs.into_iter().enumerate() {
@@ -47,7 +47,7 @@ fn amplitudes_at_normal_incidence_are_fresnels() {
 }
 
 #[test]
-fn oblique_layers_see_a_smooth_face_at_its_depth_and_in_phase() {
+fn oblique_layers_show_a_smooth_face_at_its_depth_and_in_phase() {
     let depths = [10.3, 21.7, 44.1, 70.0, 93.9, 118.4, 139.6];
     let mut bench = Bench::new(silent(1540.0, 1.6));
     let plate = bench.tissue(silent(1540.0, 1.7));
@@ -63,13 +63,13 @@ fn oblique_layers_see_a_smooth_face_at_its_depth_and_in_phase() {
         let part = all[0].amplitude / alone[0].amplitude;
         println!("{depth} mm: {} echoes, {part:.3} of a layer's", all.len());
         assert!((all[0].peak_mm - depth).abs() <= probe.sample_spacing_mm());
-        // Out of phase the outer two would leave a third; so oblique a mirror sends them partly past the aperture.
+        // Out of phase, the outer two would leave a third. A mirror this oblique sends part of them past the aperture.
         assert!((0.85..1.01).contains(&part), "{depth} mm: {part}");
     }
 }
 
 #[test]
-fn an_echo_from_beyond_interfaces_has_passed_each_twice() {
+fn an_echo_from_behind_interfaces_has_passed_each_twice() {
     let impedances = [1.50, 1.62, 1.75, 1.55, 1.60];
     let mut bench = Bench::new(silent(1540.0, impedances[0]));
     for (i, &z) in impedances.iter().enumerate().skip(1) {
@@ -91,8 +91,8 @@ fn an_echo_from_beyond_interfaces_has_passed_each_twice() {
 }
 
 #[test]
-fn strong_interfaces_pass_and_return_their_parts_of_many_paths() {
-    // Water, a plate, water: followed by chance, so the mean over rays and scanlines counts.
+fn strong_interfaces_transmit_and_reflect_their_shares_of_many_paths() {
+    // Water, a plate, water: paths branch randomly, so the mean over rays and scanlines is tested.
     let plates = [2.6, 3.5, 7.8];
     let water = 1.48;
     let mut bench = Bench::new(silent(1480.0, water));
@@ -103,7 +103,7 @@ fn strong_interfaces_pass_and_return_their_parts_of_many_paths() {
     let mut rig = Rig::new(&bench.scene().unwrap(), &linear(32, 0.5, 1024, 50.0), &small(128, 1));
     for (i, z) in plates.into_iter().enumerate() {
         let frame = rig.frame(&pose(i));
-        // Range of the front, of the back, and of one more time through the plate.
+        // Range of the front, of the back, and of one more round trip through the plate.
         let (to_front, through) = (20.0 * 1540.0 / 1480.0, 20.0 * 1540.0 / 3000.0);
         let reflected = energy(water, z);
         let once = 1.0 - reflected;
@@ -122,7 +122,7 @@ fn strong_interfaces_pass_and_return_their_parts_of_many_paths() {
 
 #[test]
 fn oblique_amplitudes_follow_both_cosines() {
-    // Two plates of one impedance under one angle differ only in cosθₜ: the aperture's share of the echo cancels.
+    // Two plates of equal impedance at equal angles differ only in cosθₜ: the aperture's share of the echo cancels.
     let (z1, c1) = (1.48, 1480.0);
     let cases = [
         (10.0, 1.65, 1700.0),
@@ -137,7 +137,7 @@ fn oblique_amplitudes_follow_both_cosines() {
     let mut bench = Bench::new(silent(c1, z1));
     for (i, (degrees, z2, c2)) in cases.into_iter().enumerate() {
         for (k, c) in [c1, c2].into_iter().enumerate() {
-            // A plate of the background's own impedance gives no echo to compare with: then of another one.
+            // A plate of the background's impedance gives no echo to compare with: another impedance is used.
             let z = if k == 0 && z2 == z1 { 2.0 } else { z2 };
             let tissue = bench.tissue(silent(c, z));
             let rotation = Quat::from_rotation_y((degrees as f32).to_radians());
@@ -164,8 +164,8 @@ fn oblique_amplitudes_follow_both_cosines() {
 }
 
 #[test]
-fn layers_displace_what_lies_behind_by_the_time_of_flight() {
-    // Layer speeds from fat to bone, 12 mm thick, in water; the plate behind lies at 35 mm.
+fn layers_displace_echoes_behind_them_by_the_time_of_flight() {
+    // Layer speeds from fat to bone, 12 mm thick, in water; the plate behind is at 35 mm.
     let speeds = [1450.0, 1480.0, 1540.0, 1590.0, 4080.0, 1100.0];
     let mut bench = Bench::new(silent(1480.0, 1.48));
     let wall = bench.tissue(silent(1480.0, 1.7));
@@ -188,8 +188,8 @@ fn layers_displace_what_lies_behind_by_the_time_of_flight() {
 }
 
 #[test]
-fn echoes_decay_on_both_ways() {
-    // dB/cm/MHz and its exponent: liver, muscle with a steeper frequency, fluid, bone.
+fn echoes_decay_in_both_directions() {
+    // dB/cm/MHz and its exponent: liver, muscle with a steeper frequency dependence, fluid, bone.
     let media = [(0.5, 1.0), (0.6, 1.2), (0.002, 2.0), (6.9, 0.7)];
     let depths = [5.0, 20.0, 41.0];
     for frequency_mhz in [3.0, 8.0] {
@@ -212,7 +212,7 @@ fn echoes_decay_on_both_ways() {
             for (k, &depth) in depths.iter().enumerate() {
                 let frame = rig.frame(&pose(depths.len() * i + k));
                 let want = r * amplitude_from_db(-2.0 * attenuation_db_mm(alpha, exponent, frequency_mhz) * depth);
-                // The peak, wherever it is: very weak ones as well.
+                // The peak, wherever it is; also for very weak ones.
                 let peak = rig.line(&frame, 4).iter().map(|&s| magnitude(s)).fold(0.0, f64::max);
                 assert_part(peak, want, 1e-3, &format!("{alpha} dB/cm at {frequency_mhz} MHz, {depth} mm"));
             }

@@ -1,6 +1,6 @@
-//! The renderer against closed forms of acoustics, on scenes whose geometry is known exactly.
+//! The renderer against closed formulas of acoustics, on scenes of exactly known geometry.
 //!
-//! Everything is measured on frames: lines, maps and grey levels. Nothing inside the renderer is read.
+//! Everything is measured on frames: lines, maps and grey levels. The renderer's internals are not read.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 

@@ -10,7 +10,7 @@ use super::bench::{Bench, Rig, at, silent};
 
 const FREQUENCY_MHZ: f64 = 8.0;
 
-/// The paper's image and a small one, each of a convex, a linear and a phased probe.
+/// The paper's image and a small one, each with a convex, a linear and a phased probe.
 fn rigs(scene: &Scene) -> Vec<Rig> {
     let kinds = [
         ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 },
@@ -29,7 +29,7 @@ fn rigs(scene: &Scene) -> Vec<Rig> {
     rigs
 }
 
-/// A tissue that loses `alpha` dB/cm/MHz.
+/// A tissue with an attenuation of `alpha` dB/cm/MHz.
 fn lossy(alpha: f64) -> Tissue {
     Tissue { attenuation_db_cm_mhz: alpha, ..silent(1540.0, 1.6) }
 }
@@ -39,7 +39,7 @@ fn poses() -> Vec<Pose> {
     vec![
         at(0.0, 0.0, 0.0),
         at(21.3, 4.0, -7.7),
-        // The sphere's middle on the face, and the face within it.
+        // The sphere's centre on the face, and the face inside the sphere.
         at(0.0, 0.0, 70.0),
         Pose { position_mm: DVec3::new(-11.0, 13.0, 9.0), orientation: tilt },
     ]
@@ -47,7 +47,7 @@ fn poses() -> Vec<Pose> {
 
 #[test]
 fn a_sphere_is_segmented_within_a_pixel() {
-    // Fluid in tissue, alike in loss, hardly different after a long way, and much stronger.
+    // Fluid in tissue, equal attenuation, almost equal over a long path, and much stronger.
     for (around, within) in [(0.5, 0.0), (0.5, 0.5), (2.0, 2.05), (0.1, 4.0)] {
         let (radius, centre) = (20.0, DVec3::new(0.0, 0.0, 70.0));
         let mut bench = Bench::new(lossy(around));
@@ -83,14 +83,14 @@ fn pixel(sector: &Sector, index: usize) -> DVec2 {
     sector.pixel_centre_mm(column, row)
 }
 
-/// Half-spaces `normal · p ≥ offset`, each of a tissue, the later on top of the earlier, in the scene.
+/// Half-spaces `normal · p ≥ offset` with their tissues, the later on top of the earlier, in the scene.
 struct Layers {
     layers: Vec<(DVec3, f64, f64)>,
     background: f64,
 }
 
 impl Layers {
-    /// Nepers one way between two points in the scene, mm.
+    /// One-way attenuation between two points of the scene, nepers.
     fn nepers(&self, from: DVec3, to: DVec3) -> f64 {
         let length = (to - from).length();
         let mut cuts = vec![0.0, 1.0];
@@ -119,17 +119,17 @@ impl Layers {
     }
 }
 
-/// A box so large that it fills `normal · p ≥ offset` as far as any probe here sees.
+/// A box so large that it fills `normal · p ≥ offset` within the range of any probe here.
 fn half_space(normal: DVec3, offset: f64) -> Mesh {
     let size = 800.0;
     let rotation = DQuat::from_rotation_arc(DVec3::Z, normal);
     analytic::plate((normal * (offset + 0.5 * size)).as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
 }
 
-/// One-way level at every pixel of the sector, by its straight ray.
+/// One-way level at every pixel of the sector, along its straight ray.
 fn exact(layers: &Layers, probe: &Probe, sector: &Sector, pose: &Pose, frame: &Frame) -> Vec<(usize, f64)> {
     let inside = (0..frame.mask.len()).filter(|&i| frame.mask[i] == 255);
-    // Every seventh of a large image.
+    // Every seventh pixel of a large image.
     inside
         .step_by(if sector.width > 1000 { 7 } else { 1 })
         .filter_map(|i| {
@@ -141,7 +141,7 @@ fn exact(layers: &Layers, probe: &Probe, sector: &Sector, pose: &Pose, frame: &F
         .collect()
 }
 
-/// The level that 2 % of the sector's area exceed: strips of equal angle, or width, cut into equal steps of depth.
+/// Level exceeded by 2 % of the sector's area: strips of equal angle, or width, divided into equal steps of depth.
 fn percentile_98(layers: &Layers, probe: &Probe, pose: &Pose) -> f64 {
     let (strips, steps) = (160, 1500);
     let mut levels = Vec::with_capacity(strips * steps);
@@ -164,17 +164,17 @@ fn percentile_98(layers: &Layers, probe: &Probe, pose: &Pose) -> f64 {
 }
 
 #[test]
-fn attenuation_of_slabs_is_beer_and_lambert() {
+fn attenuation_of_slabs_follows_beer_and_lambert() {
     let tilted = |degrees: f64| DQuat::from_rotation_y(degrees.to_radians()) * DVec3::Z;
     let scenes = [
-        // One slab in fluid without loss.
+        // One slab in lossless fluid.
         Layers { layers: vec![(DVec3::Z, 40.0, 0.5), (DVec3::Z, 90.0, 0.0)], background: 0.0 },
-        // Several.
+        // Several slabs.
         Layers {
             layers: vec![(DVec3::Z, 10.0, 0.48), (DVec3::Z, 35.0, 0.7), (DVec3::Z, 70.0, 0.35), (DVec3::Z, 95.0, 0.6)],
             background: 0.1,
         },
-        // An oblique one.
+        // An oblique slab.
         Layers { layers: vec![(tilted(20.0), 45.0, 0.45), (tilted(-8.0), 100.0, 0.2)], background: 0.3 },
     ];
     for layers in &scenes {

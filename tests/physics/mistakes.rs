@@ -1,4 +1,4 @@
-//! What other simulators got wrong. Each of these fails on the mistake that it is named after.
+//! Known mistakes of other simulators. Each test fails on the mistake that it is named after.
 
 use insonify::anatomy::{Scene, Tissue};
 use insonify::render::Frame;
@@ -19,7 +19,7 @@ fn layered(deviation: f64, impedance_mrayl: f64) -> Scene {
 }
 
 #[test]
-fn an_interfaces_echo_adds_to_what_is_there() {
+fn an_interface_echo_adds_to_its_sample() {
     let probe = linear(32, 0.5, 1024, 40.0);
     let frame = |deviation, z| Rig::new(&layered(deviation, z), &probe, &small(1, 1)).frame(&at(0.0, 0.0, 0.0));
     let (both, grain, plate) = (frame(0.05, 1.7), frame(0.05, 1.6), frame(0.0, 1.7));
@@ -33,8 +33,8 @@ fn an_interfaces_echo_adds_to_what_is_there() {
 
 #[test]
 fn two_interfaces_within_a_sample_both_count() {
-    // A film a quarter of a wavelength thick: its faces have opposite signs, and half a period between them turns the
-    // second one round.
+    // A film a quarter of a wavelength thick: its faces have opposite signs, and half a period between them inverts the
+    // second.
     let quarter = 0.25 * 1.54 / 8.0;
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let film = bench.tissue(silent(1540.0, 1.7));
@@ -49,8 +49,8 @@ fn two_interfaces_within_a_sample_both_count() {
 }
 
 #[test]
-fn the_carrier_turns_twice_a_wavelength() {
-    // Phase between poses 10 µm apart: 2·2π·f/c₀ a mm of depth.
+fn the_carrier_turns_twice_per_wavelength() {
+    // Phase between poses 10 µm apart: 2·2π·f/c₀ per mm of depth.
     let mut rig = Rig::new(&layered(0.0, 1.7), &linear(8, 0.5, 2048, 40.0), &small(1, 1));
     let peak_turns = |frame: &Frame| {
         let sample = (20.0 / (40.0 / 2048.0)) as usize - 3;
@@ -60,13 +60,13 @@ fn the_carrier_turns_twice_a_wavelength() {
     let a = peak_turns(&rig.frame(&at(0.0, 0.0, 0.0)));
     let b = peak_turns(&rig.frame(&at(0.0, 0.0, 0.01)));
     let turned = (b - a).rem_euclid(1.0);
-    // The plate comes nearer: phase −2·f/c₀·z rises.
+    // The plate comes nearer: the phase −2·f/c₀·z rises.
     assert_part(turned, 2.0 * 8.0 / 1.54 * 0.01, 2e-3, "turns");
 }
 
 #[test]
-fn grey_levels_do_not_depend_on_what_else_is_there() {
-    // A grainy block with and without a perfect reflector beside it: no exposure of the whole frame.
+fn grey_levels_do_not_depend_on_other_objects() {
+    // A grainy block with and without a perfect reflector beside it: there is no automatic exposure.
     let grey = |reflector: bool| {
         let grain = Tissue { scatterer_density: 1.0, scatterer_deviation: 0.01, ..silent(1540.0, 1.6) };
         let mut bench = Bench::new(grain);

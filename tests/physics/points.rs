@@ -1,4 +1,4 @@
-//! Point targets: −6 dB widths against the pulse's and the beam's, whatever the buffers' steps.
+//! Point targets: −6 dB widths of pulse and beam at any buffer spacing.
 
 use glam::DVec3;
 use insonify::acoustics::pulse::FWHM_PER_SIGMA;
@@ -7,7 +7,7 @@ use insonify::transducer::{Probe, ProbeKind};
 use super::bench::{Bench, Rig, assert_part, at, half_width, linear, magnitude, post, silent, small};
 
 #[test]
-fn widths_of_points_are_the_pulses_and_the_beams_at_every_sampling() {
+fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
     let convex = Probe { scanlines: 1024, ..Probe::default() };
     let fine = linear(256, 0.1, 3072, 150.0);
     let coarse = linear(128, 0.2, 1024, 150.0);

@@ -1,4 +1,4 @@
-//! The QA phantom measured as on a scanner: on the image, by what a person would read off it.
+//! Measurements on the image of the QA phantom, as on a scanner.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ fn report(tgc_db_per_cm: Option<f64>) -> QaReport {
 }
 
 #[test]
-fn the_qa_phantom_measures_as_it_is_built() {
+fn measurements_of_the_qa_phantom_match_its_design() {
     let report = report(None);
 
     assert_eq!(report.distances.len(), 12 + 2 * 4);
@@ -38,7 +38,7 @@ fn the_qa_phantom_measures_as_it_is_built() {
         assert!((c.measured_db - c.true_db).abs() <= 1.0, "{c:?}");
     }
 
-    // Cysts: dark in the middle, the larger the darker.
+    // Cysts: dark in the middle; larger ones are darker.
     assert_eq!(report.cysts.len(), 10);
     for c in &report.cysts {
         println!("cyst of {:.1} mm at {} mm: {:.1} dB below the background", c.diameter_mm, c.depth_mm, c.void_db);
@@ -50,7 +50,7 @@ fn the_qa_phantom_measures_as_it_is_built() {
         assert!(c.void_db > least, "{c:?}");
     }
 
-    // -6 dB widths against the beam's and the pulse's.
+    // −6 dB widths compared with those of beam and pulse.
     assert!(report.widths.len() >= 11);
     for w in report.widths.iter().filter(|w| [20.0, 40.0, 70.0, 90.0].contains(&w.depth_mm)) {
         println!("{w:?}");
@@ -58,7 +58,7 @@ fn the_qa_phantom_measures_as_it_is_built() {
         assert_part(w.axial_mm, w.axial_expected_mm, 0.15, "axial width");
     }
 
-    // Wires far apart are two; wires closer than the beam or the pulse are one.
+    // Distant wires are resolved; wires closer than beam or pulse are not.
     for p in &report.pairs {
         println!("{} at {} mm, {} mm apart: dip {:.1} dB", p.direction, p.depth_mm, p.apart_mm, p.dip_db);
         if p.apart_mm >= 3.0 {
@@ -67,12 +67,12 @@ fn the_qa_phantom_measures_as_it_is_built() {
     }
     let axial = |apart: f64| report.pairs.iter().find(|p| p.direction == "axial" && p.apart_mm == apart).unwrap();
     assert!(axial(1.0).is_resolved() && !axial(0.25).is_resolved());
-    // The time gain is what the phantom takes, so the background is level to the bottom.
+    // The time gain matches the phantom's attenuation, so the background is level to the bottom.
     assert!(report.penetration.whole_depth && report.penetration.slope_db_cm.abs() < 0.5, "{:?}", report.penetration);
 }
 
 #[test]
-fn without_time_gain_the_qa_phantom_fades_as_its_attenuation_says() {
+fn without_time_gain_the_qa_phantom_fades_by_its_attenuation() {
     let penetration = report(Some(0.0)).penetration;
     println!("{penetration:?}");
     // 2 × 0.5 dB/cm/MHz × 5 MHz.

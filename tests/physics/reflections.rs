@@ -1,4 +1,4 @@
-//! Mirrors, critical angles, and which surface is the medium where several lie in one place.
+//! Mirrors, critical angles, and the choice of the medium where surfaces overlap.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
@@ -7,8 +7,8 @@ use insonify::anatomy::{Scene, analytic};
 use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
 
 #[test]
-fn a_mirror_shows_what_faces_it_at_the_folded_range() {
-    // A sheet of air at 45° turns the beam sideways, a plate stands across it; all behind the mirror is dark.
+fn a_mirror_shows_its_target_at_the_folded_range() {
+    // A sheet of air at 45° deflects the beam sideways to a plate; everything behind the mirror is dark.
     let mut bench = Bench::new(silent(1480.0, 1.5));
     let air = bench.tissue(silent(343.0, 0.0004));
     let wall = bench.tissue(silent(1480.0, 1.7));
@@ -42,7 +42,7 @@ fn a_mirror_shows_what_faces_it_at_the_folded_range() {
 
 #[test]
 fn reverberation_between_plates_repeats_at_their_distance() {
-    // Two plates 10 mm apart: probe → far → near → far → probe comes 10 mm behind the far one.
+    // Two plates 10 mm apart: probe → far → near → far → probe arrives 10 mm behind the far one.
     let (water, metal) = (1.5, 12.0);
     let mut bench = Bench::new(silent(1540.0, water));
     let plate = bench.tissue(silent(1540.0, metal));
@@ -67,8 +67,8 @@ fn reverberation_between_plates_repeats_at_their_distance() {
 }
 
 #[test]
-fn nothing_passes_beyond_the_critical_angle() {
-    // Water to bone: total from 21.27°. A plate lies behind, under either angle.
+fn nothing_is_transmitted_beyond_the_critical_angle() {
+    // Water to bone: total from 21.27°. A plate is behind it, at either angle.
     let mut bench = Bench::new(silent(1480.0, 1.48));
     let bone = bench.tissue(silent(4080.0, 3.0));
     let wall = bench.tissue(silent(4080.0, 3.4));
@@ -87,7 +87,7 @@ fn nothing_passes_beyond_the_critical_angle() {
             line[from..].iter().map(|&s| magnitude(s)).fold(0.0, f64::max)
         };
         assert!(strongest(0.0) > 0.0);
-        // The interface lies at 20.8 mm of range.
+        // The interface is at 20.8 mm of range.
         assert_eq!(strongest(22.5) > 0.0, i == 0, "{i}: {}", strongest(22.5));
     }
 }
@@ -143,18 +143,18 @@ fn bench() -> Bench {
 }
 
 #[test]
-fn overlapping_surfaces_give_the_medium_to_the_highest_priority() {
+fn overlapping_surfaces_give_the_medium_of_the_highest_priority() {
     let mut b = bench();
     b.add(1, 1, slab(0.0, 20.0, 10.0, 30.0));
     b.add(2, 3, slab(0.0, 19.0, 20.0, 40.0));
-    // Lower than both: seen only where it sticks out.
+    // Lower than both: visible only where it protrudes.
     b.add(3, 0, slab(0.0, 18.0, 15.0, 45.0));
-    // Wholly within a higher one: never seen.
+    // Completely inside a higher one: never visible.
     b.add(4, 2, slab(0.0, 17.0, 25.0, 35.0));
     let mut rig = rig(&b.scene().unwrap());
     let media = [(0, 0.0), (1, 10.0), (2, 20.0), (3, 40.0), (0, 45.0)];
     assert_media(&mut rig, 0.0, &media);
-    // A probe that starts inside one, two, three and four of them.
+    // Probes that start inside one, two, three and four of them.
     assert_media(&mut rig, 12.0, &media[1..]);
     assert_media(&mut rig, 17.0, &media[1..]);
     assert_media(&mut rig, 22.0, &media[2..]);
@@ -176,7 +176,7 @@ fn nested_spheres_show_shell_after_shell() {
 
 #[test]
 fn touching_surfaces_make_one_interface_or_none() {
-    // The lower priority first and the other way round; equal tissues; a third face in the same plane.
+    // The lower priority first, then reversed; equal tissues; a third face in the same plane.
     for (first, second) in [(1, 2), (2, 1)] {
         let mut b = bench();
         b.add(1, first, slab(0.0, 20.0, 10.0, 20.0));

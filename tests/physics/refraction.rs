@@ -8,10 +8,10 @@ use insonify::pose::Pose;
 
 use super::bench::{Bench, Rig, at, facing, linear, silent, small};
 
-/// Specimens stand on a grid, so that none is far from the scene's centre.
+/// Specimens are on a grid, so that none is far from the scene's centre.
 const PITCH: f64 = 90.0;
 const ROW: usize = 6;
-/// Where a ray enters the second medium.
+/// Depth at which a ray enters the second medium, mm.
 const ENTRY_MM: f64 = 20.0;
 
 fn pose(specimen: usize) -> Pose {
@@ -20,7 +20,7 @@ fn pose(specimen: usize) -> Pose {
 
 #[test]
 fn refracted_paths_follow_snell_within_0_05_degrees() {
-    // Speeds in m/s, angle of incidence in degrees, and where the plane falls away to, about the beam.
+    // Speeds in m/s, angle of incidence in degrees, and azimuth of the plane's tilt about the beam.
     let cases = [
         (1450.0, 1578.0, 20.0, 0.0),
         (1450.0, 1578.0, 45.0, 30.0),
@@ -31,7 +31,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
         (1600.0, 343.0, 40.0, 120.0),
         (1480.0, 1600.0, 60.0, 300.0),
     ];
-    // Three planes in different directions, met by the same path.
+    // Three planes of different orientation, met by the same path.
     let tilts = [(35.0, 20.0), (30.0, 140.0), (40.0, 260.0)];
     let turned = |(tilt, about): (f64, f64)| {
         DQuat::from_rotation_z(f64::to_radians(about)) * DQuat::from_rotation_y(f64::to_radians(tilt))
@@ -42,7 +42,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
     for (i, (c1, c2, incidence, azimuth)) in cases.into_iter().enumerate() {
         let rotation = turned((incidence, azimuth));
         let direction = snell(c1, c2, rotation);
-        // Impedances near intromission: every path goes on.
+        // Impedances near intromission: every path is transmitted.
         let cos_t = -direction.dot(rotation * DVec3::NEG_Z);
         let z2 = 1.1 * 1.5 * cos_t / incidence.to_radians().cos();
         let first = bench.tissue(silent(c1, 1.5));
@@ -57,7 +57,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
                 analytic::plate((foot + 10.0 * DVec3::Z).as_vec3(), Vec3::splat(60.0), glam::Quat::IDENTITY),
             );
             bench.add(second, 1, facing(entry, 45.0, rotation));
-            // A plane some 12 mm on, tilted against the path.
+            // A plane about 12 mm further on, tilted against the path.
             let about_path = DQuat::from_rotation_arc(DVec3::Z, direction) * turned(tilt);
             let point = entry + 12.0 * direction;
             bench.add(plane, 2, facing(point, 20.0, about_path));

@@ -1,4 +1,4 @@
-//! The self-test passes on this device, and names what is wrong with damaged shaders.
+//! The self-test passes on this device, and identifies damaged shaders.
 
 use insonify::render::ShaderSet;
 use insonify::selftest::{self, Report};
@@ -28,7 +28,7 @@ fn a_sound_device_passes() {
     assert!(!report.device.is_empty() && report.date.ends_with('Z'));
 }
 
-/// What is wrong, the pass, its source and what replaces it, and the group of checks that must fail.
+/// Damage: its name, the pass, the source text and its replacement, and the group of checks that must fail.
 type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 const DAMAGES: [Damage; 19] = [
@@ -108,7 +108,7 @@ const DAMAGES: [Damage; 19] = [
 ];
 
 #[test]
-fn each_damage_is_named() {
+fn each_damage_is_identified() {
     let mut missed = Vec::new();
     for (what, pass, from, to, group) in DAMAGES {
         let mut shaders = ShaderSet::default();

@@ -1,4 +1,4 @@
-//! Odd sizes, extreme sectors, and settings that are refused.
+//! Odd sizes, extreme sectors, and refused settings.
 
 use insonify::anatomy::{Bvh, BvhError, analytic};
 use insonify::render::{Frame, RenderError, RenderSettings, Renderer};
@@ -15,7 +15,7 @@ fn scene() -> insonify::anatomy::Scene {
 }
 
 #[test]
-fn buffers_of_any_size_give_whole_frames() {
+fn buffers_of_any_size_give_complete_frames() {
     let scene = scene();
     let phased = |fov_deg| ProbeKind::Phased { fov_deg };
     let convex = |fov_deg| ProbeKind::Convex { radius_mm: 40.0, fov_deg };

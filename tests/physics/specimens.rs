@@ -1,4 +1,4 @@
-//! The small scenes show what they are made for.
+//! The small scenes show the effects they are made for.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ struct Shot {
     names: Vec<String>,
 }
 
-/// The station's image, of its own scene or of `parts`.
+/// Image of the station `name`, of its own scene or of `parts`.
 fn shot(name: &str, parts: Option<Vec<Part>>, quality: Quality) -> Shot {
     let mut station = Station::load(Path::new(&format!("configs/{name}.toml"))).unwrap();
     station.settings.quality = quality;
@@ -62,9 +62,9 @@ impl Shot {
 }
 
 #[test]
-fn stones_shadow_and_bile_enhances() {
+fn stones_cast_shadows_and_bile_enhances() {
     let shot = shot("gallbladder_stones", None, Quality { rays: 8, layers: 1, seed: 0 });
-    // Beams leave the apex 60 mm above the face.
+    // Beams start at the apex 60 mm above the face.
     let (mut shadow, mut behind_bile, mut beside) = (vec![], vec![], vec![]);
     for i in -240..=240_i32 {
         let angle = f64::from(i) * 0.1_f64.to_radians();
@@ -88,13 +88,13 @@ fn stones_shadow_and_bile_enhances() {
     assert!(shadow.len() > 10 && behind_bile.len() > 10 && beside.len() > 10);
     let (shadow, bile, beside) = (mean(&shadow), mean(&behind_bile), mean(&beside));
     println!("shadow {shadow:.1} dB, behind bile {bile:.1} dB, beside {beside:.1} dB");
-    // 18 mm of bile for liver: 2 × 1.8 cm × (0.55 − 0.03) dB/cm/MHz × 4 MHz = 7.5 dB.
+    // 18 mm of bile instead of liver: 2 × 1.8 cm × (0.55 − 0.03) dB/cm/MHz × 4 MHz = 7.5 dB.
     assert!(beside - shadow > 15.0, "shadow {shadow} dB, beside {beside} dB");
     assert!(bile - beside > 3.0, "behind bile {bile} dB, beside {beside} dB");
 }
 
 #[test]
-fn a_lines_come_from_the_probes_face_at_multiples_of_the_pleuras_depth() {
+fn a_lines_are_at_multiples_of_the_pleuras_depth() {
     let quality = Quality { rays: 64, layers: 1, seed: 0 };
     let with_face = shot("lung_air", None, quality);
     let without = lung_air().into_iter().filter(|part| part.name != "probe face").collect();
@@ -125,12 +125,12 @@ fn a_lines_come_from_the_probes_face_at_multiples_of_the_pleuras_depth() {
 }
 
 #[test]
-fn a_steeper_needle_is_fainter_and_a_wire_across_the_beam_rings() {
+fn a_steeper_needle_is_fainter_and_a_perpendicular_wire_reverberates() {
     let quality = Quality { rays: 16, layers: 1, seed: 0 };
     let needle_db = |degrees: f32| {
         let shot = shot("vessel_needle", Some(vessel_needle_at(degrees)), quality);
         let angle = f64::from(degrees).to_radians();
-        // The needle's upper side in the vessel and above, 3 to 9 mm from the tip at (−2, 20).
+        // Upper side of the needle inside the vessel and above it, 3 to 9 mm from the tip at (−2, 20).
         let along = (0..40).map(|i| 3.0 + 0.15 * f64::from(i)).map(|s| {
             let (x, z) = (-2.0 - s * angle.cos() + 0.63 * angle.sin(), 20.0 - s * angle.sin() - 0.63 * angle.cos());
             (-8..=8).map(|i| shot.db(x, z + 0.06 * f64::from(i))).fold(0.0, f64::max)
@@ -141,7 +141,8 @@ fn a_steeper_needle_is_fainter_and_a_wire_across_the_beam_rings() {
     let levels = [shallow, needle_db(32.0).0, needle_db(60.0).0];
     println!("needle at 15, 32, 60 degrees: {levels:.1?} dB");
     assert!(levels[0] > levels[1] + 2.0 && levels[1] > levels[2] + 2.0, "{levels:?}");
-    // The wire's upper side is seen at 21.55 mm and its lower at 21.79, for steel is fast; what comes later has rung.
+    // The wire's upper side appears at 21.55 mm and its lower at 21.79, because steel is fast; later echoes are
+    // reverberation.
     let (ringing, blood) = (shot.mean_db((12.0, 18.0), (21.95, 22.3)), shot.mean_db((12.0, 18.0), (17.5, 20.5)));
     println!("behind the wire {ringing:.1} dB, blood {blood:.1} dB");
     assert!(ringing > blood + 8.0, "{ringing} {blood}");

@@ -1,4 +1,4 @@
-//! Speckle of a homogeneous block: its statistics, its level, its decay, and that it never repeats.
+//! Speckle of a homogeneous block: its statistics, level and decay, and that it never repeats.
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::acoustics::attenuation::attenuation_db_mm;
@@ -10,7 +10,7 @@ use insonify::transducer::Probe;
 
 use super::bench::{Bench, Rig, at, grainy, linear, magnitude, mean_square, silent, small};
 
-/// A block of `tissue` that the probe stands in, so that no face is seen.
+/// A block of `tissue` around the probe, so that no face is visible.
 pub(crate) fn block(tissue: Tissue) -> Scene {
     let mut bench = Bench::new(tissue);
     bench.add(0, 1, analytic::cuboid(Vec3::splat(-300.0), Vec3::splat(300.0)));
@@ -21,7 +21,7 @@ fn tilted() -> Pose {
     Pose { position_mm: DVec3::new(3.0, 4.0, 5.0), orientation: DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.9) }
 }
 
-/// Envelope of the scanlines, without those whose beam the sector's edge cuts.
+/// Envelopes of the scanlines, without those whose beam is cut by the sector's edge.
 fn envelope(rig: &Rig, frame: &Frame, bands: usize) -> Vec<Vec<Vec<f64>>> {
     let length = rig.probe.samples as usize / bands;
     let lines = 4..rig.probe.scanlines - 4;
@@ -31,8 +31,8 @@ fn envelope(rig: &Rig, frame: &Frame, bands: usize) -> Vec<Vec<Vec<f64>>> {
     (0..bands).map(|band| lines.clone().map(|line| part(band, line)).collect()).collect()
 }
 
-/// Largest distance between the distribution of `sample` and a Rayleigh distribution of its own power, times √n:
-/// 1.358 is the limit at a significance of 0.05 (Kolmogorov and Smirnov).
+/// Kolmogorov–Smirnov distance of `sample` from a Rayleigh distribution of equal power, times √n: the limit at a
+/// significance of 0.05 is 1.358.
 fn kolmogorov_smirnov(mut sample: Vec<f64>) -> f64 {
     let power = mean_square(sample.iter().copied());
     sample.sort_by(f64::total_cmp);
@@ -45,7 +45,7 @@ fn kolmogorov_smirnov(mut sample: Vec<f64>) -> f64 {
 }
 
 #[test]
-fn speckle_is_fully_developed_and_of_the_tissues_level() {
+fn speckle_is_fully_developed_at_the_tissues_level() {
     let tissue = grainy(0.0, 0.01);
     let scene = block(tissue);
     for (rays, layers) in [(1, 1), (32, 3)] {
@@ -62,7 +62,7 @@ fn speckle_is_fully_developed_and_of_the_tissues_level() {
                 println!("{rays}×{layers}, band {band}: {level_db:+.2} dB, SNR {snr:.3}");
                 assert!(level_db.abs() <= 0.5, "{level_db} dB off");
                 assert!((snr - 1.913).abs() <= 0.05, "SNR {snr}");
-                // A millimetre of depth and ten lines apart, samples are independent.
+                // Samples a millimetre of depth and ten lines apart are independent.
                 let few = lines.iter().skip(band % 10).step_by(10).flat_map(|l| l.iter().step_by(20));
                 sample.extend(few.map(|v| v / power.sqrt()));
             }
@@ -73,7 +73,7 @@ fn speckle_is_fully_developed_and_of_the_tissues_level() {
     }
 }
 
-/// All rays and layers that are asked for, also where the plan finds that they show nothing more.
+/// All requested rays and layers, even if the plan finds that they change nothing.
 fn all_paths(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = small(rays, layers);
     settings.effects = settings.effects.with(Effect::Rays, Choice::On).with(Effect::Layers, Choice::On);
@@ -81,8 +81,8 @@ fn all_paths(rays: u32, layers: u32) -> RenderSettings {
 }
 
 #[test]
-fn layers_count_by_their_weight_in_power() {
-    // Half a space that scatters, beside one of the same medium that doesn't: its face echoes nothing.
+fn layers_are_weighted_in_power() {
+    // A scattering half-space beside a silent one of the same medium: its face has no echo.
     let scene = |min: Vec3| {
         let mut bench = Bench::new(grainy(0.0, 0.0));
         let half = bench.tissue(grainy(0.0, 0.01));
@@ -96,7 +96,7 @@ fn layers_count_by_their_weight_in_power() {
         let values = (4..probe.scanlines - 4).flat_map(|line| rig.line(&frame, line).to_vec());
         10.0 * (mean_square(values.map(magnitude)) / 1e-4).log10()
     };
-    // Of three layers the outer ones weigh a sixth each; over all of the depth they lie more than 0.2 mm from the middle one.
+    // Of three layers, the outer ones weigh a sixth each; they are more than 0.2 mm from the middle one at all depths.
     let beyond = |y_mm: f32| level_db(Vec3::new(-300.0, y_mm, -300.0));
     let all_db = beyond(-300.0);
     for (y_mm, part) in [(-0.2, 5.0f64 / 6.0), (0.2, 1.0 / 6.0)] {
@@ -107,11 +107,11 @@ fn layers_count_by_their_weight_in_power() {
 }
 
 #[test]
-fn layers_add_in_power_also_where_they_meet() {
+fn layers_add_in_power_even_where_they_meet() {
     let probe = linear(160, 0.25, 2048, 100.0);
     let mut rig = Rig::new(&block(grainy(0.0, 0.01)), &probe, &all_paths(1, 3));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
-    // A millimetre about the elevational focus, where one speckle for all three would be 4 dB louder.
+    // A millimetre about the elevational focus, where one speckle for all three would be 4 dB stronger.
     let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
     let focus = sample(probe.elevational_focus_mm - 1.0)..sample(probe.elevational_focus_mm + 1.0);
     let values = (4..probe.scanlines - 4).flat_map(|line| rig.line(&frame, line)[focus.clone()].to_vec());
@@ -121,8 +121,8 @@ fn layers_add_in_power_also_where_they_meet() {
 }
 
 #[test]
-fn the_statistics_above_tell_other_textures_apart() {
-    // One cell in twenty holds a scatterer: far from fully developed.
+fn these_statistics_distinguish_other_textures() {
+    // One cell in twenty contains a scatterer: far from fully developed.
     let sparse = Tissue { scatterer_density: 0.05, ..grainy(0.0, 0.01) };
     let mut rig = Rig::new(&block(sparse), &Probe::default(), &small(1, 1));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
@@ -147,7 +147,7 @@ fn the_level_follows_density_mean_and_deviation() {
 
 #[test]
 fn speckle_behind_a_strong_interface_has_passed_it_twice() {
-    // Followed by chance: the power of all paths together is that of the part that passes, on both ways.
+    // Random branching: the power of all paths together is the share transmitted in both directions.
     for impedance in [1.9, 3.0, 7.8] {
         let grain = Tissue { density_kg_m3: impedance * 1e6 / 1540.0, ..grainy(0.0, 0.01) };
         let mut bench = Bench::new(silent(1540.0, 1.5));
@@ -168,7 +168,7 @@ fn speckle_decays_at_twice_the_one_way_loss() {
     for (alpha, exponent) in [(0.5, 1.0), (0.3, 1.1)] {
         let lossy = Tissue { attenuation_db_cm_mhz: alpha, attenuation_exponent: exponent, ..grainy(0.0, 0.01) };
         let mut rig = Rig::new(&block(lossy), &Probe::default(), &small(1, 1));
-        // Four places a frame each: more independent grains.
+        // Four places per frame: more independent grains.
         let bands = 96;
         let mut power = vec![0.0; bands];
         for place in 0..4 {
@@ -210,7 +210,7 @@ fn speckle_never_repeats() {
         f64::hypot(sum.0, sum.1) / (power.0 * power.1).sqrt()
     };
     assert!(correlation(&mut lines.iter().map(|l| (&l[..samples - 1], &l[1..]))) > 0.8);
-    // Beyond 0.8 mm of depth, twice the pulse and a cell together, and half of the block at most.
+    // Beyond 0.8 mm of depth, twice the pulse plus a cell, and at most half of the block.
     let along = (16..samples / 2)
         .map(|lag| correlation(&mut lines.iter().step_by(4).map(|l| (&l[..samples - lag], &l[lag..]))))
         .fold(0.0, f64::max);
@@ -223,8 +223,8 @@ fn speckle_never_repeats() {
 }
 
 #[test]
-fn speckle_behind_what_bends_is_the_scanlines_own() {
-    // Balls that sound crosses faster or slower, of the same impedance.
+fn speckle_behind_refraction_is_the_scanlines_own() {
+    // Balls of equal impedance but different speed.
     let mut bench = Bench::new(grainy(0.0, 0.01));
     for (x, speed_m_s) in [(-12.0, 1450.0), (12.0, 1640.0)] {
         let ball = bench.tissue(Tissue { scatterer_density: 1.0, scatterer_deviation: 0.01, ..silent(speed_m_s, 1.6) });

@@ -1,4 +1,4 @@
-//! Scenes that need an effect for a reason easy to miss: the plan keeps it, and the image shows why.
+//! Scenes that need an effect for an inconspicuous reason: the plan keeps it, and the image shows why.
 
 use glam::{DVec3, Quat, Vec3};
 use insonify::anatomy::analytic::{Part, plate, sphere};
@@ -10,7 +10,7 @@ use insonify::station::Station;
 
 use crate::bench::{Case, difference, part, silent, slab, speckled};
 
-/// The plan keeps `effect`, and the image without it is another one.
+/// Asserts that the plan keeps `effect`, and that the image changes without it.
 fn assert_needed(case: &Case, effect: Effect) {
     assert!(case.plan().has(effect), "{}", case.plan());
     let (planned, without) = case.planned_and_without(effect);
@@ -19,7 +19,7 @@ fn assert_needed(case: &Case, effect: Effect) {
     assert!(off.most > 40 && off.part > 0.01, "{effect}: {off:?}");
 }
 
-/// The probe at a point, its axis turned by `angle_deg` from +z to +x.
+/// The probe at a point, its axis tilted by `angle_deg` from +z to +x.
 fn tilted(x: f64, z: f64, angle_deg: f64) -> Pose {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     Pose::looking(DVec3::new(x, 0.0, z), DVec3::new(sin, 0.0, cos), DVec3::new(cos, 0.0, -sin))
@@ -27,7 +27,7 @@ fn tilted(x: f64, z: f64, angle_deg: f64) -> Pose {
 
 #[test]
 fn a_weak_interface_at_critical_incidence() {
-    // One impedance: nothing returns at normal incidence. From 1500 to 1600 m/s all returns beyond 69.6°.
+    // Equal impedances: no echo at normal incidence. From 1500 to 1600 m/s, reflection is total beyond 69.6°.
     let tissues = [("slow", speckled(1500.0, 1.6, 0.01)), ("fast", speckled(1600.0, 1.6, 0.01))];
     let mut case = Case::of(vec![part("deep", "fast", slab(12.04, 80.0))], &tissues, "slow");
     for effect in [Effect::Refraction, Effect::InterfaceEchoes, Effect::Reflections, Effect::SpeedDisplacement] {
@@ -40,21 +40,21 @@ fn a_weak_interface_at_critical_incidence() {
 
 #[test]
 fn a_thin_slow_layer() {
-    // 0.4 mm of one impedance, oblique: it neither echoes nor takes anything.
+    // 0.4 mm of equal impedance, oblique: it neither echoes nor attenuates.
     let tissues = [("slow", speckled(1350.0, 1.6, 0.01)), ("all", speckled(1540.0, 1.6, 0.01))];
     let layer = plate(Vec3::new(0.0, 0.0, 10.0), Vec3::new(80.0, 80.0, 0.4), Quat::from_rotation_y(0.9));
     let case = Case::of(vec![part("layer", "slow", layer)], &tissues, "all");
     for effect in [Effect::Refraction, Effect::SpeedDisplacement, Effect::InterfaceEchoes, Effect::Reflections] {
         assert!(case.plan().has(effect), "{}", case.plan());
     }
-    // What lies behind it is displaced sideways and in depth, by more than a wavelength: another speckle.
+    // Tissue behind it is displaced sideways and in depth by more than a wavelength: different speckle.
     assert_needed(&case, Effect::Refraction);
     assert_needed(&case, Effect::SpeedDisplacement);
 }
 
 #[test]
-fn a_rough_surface_outside_the_fan_that_mirrors_into_it() {
-    // A smooth plate at 45° below the probe shows a rough one that lies to the side, outside of every scanline.
+fn a_rough_surface_outside_the_fan_mirrored_into_it() {
+    // A smooth plate at 45° below the probe mirrors a rough one to the side, outside every scanline.
     let mirror = plate(Vec3::new(0.0, 0.0, 14.0), Vec3::new(40.0, 30.0, 1.0), Quat::from_rotation_y(-0.785));
     let beside = plate(Vec3::new(22.0, 0.0, 14.0), Vec3::new(1.0, 30.0, 16.0), Quat::IDENTITY);
     let rough = Tissue { roughness: 0.3, thickness_mm: 0.2, ..silent(1540.0, 6.0) };
@@ -71,7 +71,7 @@ fn a_rough_surface_outside_the_fan_that_mirrors_into_it() {
 
 #[test]
 fn an_attenuating_tissue_only_in_the_near_field() {
-    // Half a millimetre in 40; one impedance and one speed.
+    // Half a millimetre of 40; equal impedance and speed.
     let lossy = Tissue { attenuation_db_cm_mhz: 30.0, ..speckled(1540.0, 1.6, 0.01) };
     let tissues = [("lossy", lossy), ("all", speckled(1540.0, 1.6, 0.01))];
     let case = Case::of(vec![part("film", "lossy", slab(0.52, 1.02))], &tissues, "all");
@@ -92,13 +92,13 @@ fn a_tissue_whose_speed_the_station_overrides() {
         let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
         insonify::render::EffectPlan::new(&scene, &station.probe, &station.settings)
     };
-    // The wires, made as fast as all else.
+    // The wires, given the speed of everything else.
     assert!(!plan("").has(Effect::Refraction) && !plan("").has(Effect::SpeedDisplacement), "{}", plan(""));
     let overridden = plan("[tissues.tmm_plus_6_db]\nspeed_m_s = 1541");
     for effect in [Effect::Refraction, Effect::SpeedDisplacement, Effect::Reflections] {
         assert!(overridden.has(effect), "{overridden}");
     }
-    // A tissue that the scene doesn't hold changes nothing.
+    // A tissue that is not in the scene changes nothing.
     assert_eq!(plan("[tissues.liver]\nspeed_m_s = 1700"), plan(""));
 }
 
@@ -114,7 +114,7 @@ fn a_tissue_present_only_as_the_background() {
 }
 
 #[test]
-fn a_part_that_moves() {
+fn a_moving_part() {
     let tissues = [("part", speckled(1540.0, 1.6, 0.05)), ("all", speckled(1540.0, 1.6, 0.01))];
     let centre_mm = Vec3::new(0.7, 0.3, 20.0);
     let mut case = Case::of(vec![part("part", "part", sphere(centre_mm, 7.0, 4))], &tissues, "all");
@@ -124,7 +124,7 @@ fn a_part_that_moves() {
     let field = Field { name: "heart".into(), surfaces: vec!["part".into()], shape, rhythm };
     case.scene.motion = Motion { fields: vec![field], drift: None };
     assert_needed(&case, Effect::Motion);
-    // A drift of the whole scene, too.
+    // Also a drift of the whole scene.
     let drift = Some(Drift { way_mm: Vec3::new(0.0, 0.0, 4.0), rhythm });
     case.scene.motion = Motion { fields: Vec::new(), drift };
     assert_needed(&case, Effect::Motion);

@@ -1,4 +1,4 @@
-//! One device, small stations and scenes, and how far two frames differ.
+//! Shared test bench: one device, small stations and scenes, and differences of frames.
 
 use std::path::Path;
 use std::sync::{LazyLock, Mutex};
@@ -30,7 +30,7 @@ pub(crate) fn station(name: &str) -> Station {
 }
 
 impl Case {
-    /// The station of `configs/NAME.toml` with few scanlines, samples and pixels, and at the most 4 rays.
+    /// The station of `configs/NAME.toml` with few scanlines, samples and pixels, and at most 4 rays.
     pub(crate) fn station(name: &str) -> Self {
         let station = station(name);
         let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
@@ -57,7 +57,7 @@ impl Case {
             ImageSettings { width: 160, height: 320, tgc_db_per_cm: 0.0, gain_db: 20.0, ..ImageSettings::default() };
         let settings = RenderSettings { image, ..RenderSettings::default() };
         let scene = analytic::scene(parts, &table, background).unwrap();
-        // No scanline runs in a face of the scatterer lattice, where rounding chooses the cell.
+        // No scanline is in a face of the scatterer lattice, where rounding decides the cell.
         let pose = Pose { position_mm: DVec3::new(0.0, 0.07, 0.0), ..Pose::IDENTITY };
         Self { scene, probe, settings, pose }
     }
@@ -76,7 +76,7 @@ impl Case {
         EffectPlan::new(&self.scene, &self.probe, &self.settings)
     }
 
-    /// Names of the effects that are on.
+    /// Names of the active effects.
     pub(crate) fn on(&self) -> Vec<&'static str> {
         self.plan().effects().iter().map(Effect::name).collect()
     }
@@ -125,14 +125,14 @@ pub(crate) fn slab(from_mm: f32, to_mm: f32) -> Mesh {
     cuboid(Vec3::new(-50.05, -40.05, from_mm), Vec3::new(50.05, 40.05, to_mm))
 }
 
-/// How far two images differ inside the sector.
+/// Difference of two images inside the sector.
 #[derive(Debug)]
 pub(crate) struct Difference {
-    /// Most, grey levels.
+    /// Largest difference, grey levels.
     pub(crate) most: u8,
-    /// Part of the pixels that differ by more than one level.
+    /// Fraction of the pixels that differ by more than one level.
     pub(crate) part: f64,
-    /// Mean level of the first, and what the second's mean is more.
+    /// Mean level of the first image; `mean_off` is the second's mean minus it.
     pub(crate) mean: f64,
     pub(crate) mean_off: f64,
 }

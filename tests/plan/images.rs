@@ -1,4 +1,4 @@
-//! A planned frame is the frame with all effects, within the bound that the plan states.
+//! A planned frame equals the frame with all effects, within the bound stated by the plan.
 
 use glam::{Quat, Vec3};
 use insonify::anatomy::Tissue;
@@ -12,13 +12,13 @@ fn bound_of(case: &Case, effect: Effect) -> Bound {
     case.plan().decisions().iter().find(|d| d.effect == effect).unwrap().bound.clone()
 }
 
-/// The image is the same but for rounding: half a grey level decides which way a level goes.
+/// Asserts equality except for rounding of grey levels.
 fn assert_exact(name: &str, case: &Case) {
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
     println!("{name}: {off:?}");
     assert!(off.mean > 2.0, "{name}: a black image proves nothing: {off:?}");
-    // Where an f32 puts a point into the next cell of the scatterer lattice, a sample is another one.
+    // Where f32 moves a point into the next lattice cell, a sample differs.
     assert!(off.part < 3e-3 && off.mean_off.abs() < 0.01, "{name}: {off:?}");
     assert_eq!(planned.segmentation, whole.segmentation, "{name}");
     let maps_off = planned.attenuation.iter().zip(&whole.attenuation).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -43,26 +43,26 @@ fn speckle_alone(speed_m_s: f64) -> Case {
 }
 
 #[test]
-fn rays_that_show_nothing_more_are_left_out() {
+fn rays_without_effect_are_left_out() {
     let case = speckle_alone(1540.0);
     assert_eq!(case.on(), ["scatterers", "maps"]);
     assert_eq!(bound_of(&case, Effect::Rays), Bound::Exact);
     assert_exact("6 rays at 1540 m/s", &case);
 
-    // At any speed: all rays read the scatterers of the scanline's axis.
+    // At any speed: all rays read the scatterers on the scanline's axis.
     let case = speckle_alone(1580.0);
     assert_eq!(bound_of(&case, Effect::Rays), Bound::Exact);
     assert_exact("6 rays at 1580 m/s", &case);
 }
 
 #[test]
-fn layers_are_left_out_where_nothing_differs_across_the_slice() {
+fn layers_are_left_out_where_the_slice_is_uniform() {
     let of = |tissue: Tissue| Case::of(vec![part("slab", "a", slab(10.04, 20.0))], &[("a", tissue)], "a").asking(1, 3);
     assert!(!of(silent(1540.0, 1.6)).plan().has(Effect::Layers));
     let case = of(speckled(1540.0, 1.6, 0.01));
     assert_eq!(bound_of(&case, Effect::Layers), Bound::Exact);
     assert_exact("3 layers of one medium", &case);
-    // Oblique layers are longer, and lose more.
+    // Oblique layers are longer and attenuate more.
     let lossy = |loss| of(Tissue { attenuation_db_cm_mhz: loss, ..speckled(1540.0, 1.6, 0.01) });
     let case = lossy(0.7);
     let Bound::Level { grey, .. } = bound_of(&case, Effect::Layers) else { panic!("{}", case.plan()) };
@@ -78,7 +78,7 @@ fn layers_are_left_out_where_nothing_differs_across_the_slice() {
 }
 
 #[test]
-fn edges_of_silent_targets_stay_within_a_scanlines_share() {
+fn edges_of_silent_targets_stay_within_a_scanlines_width() {
     let louder = speckled(1540.0, 1.6, 0.05);
     let tissues = [("target", louder), ("all about", speckled(1540.0, 1.6, 0.01))];
     let target = || vec![part("target", "target", sphere(Vec3::new(0.7, 0.3, 20.0), 5.0, 4))];
@@ -91,7 +91,7 @@ fn edges_of_silent_targets_stay_within_a_scanlines_share() {
     assert!((mm - 0.5 * 20.0 / 192.0).abs() < 1e-9);
     assert_eq!(case.on(), ["scatterers", "maps"]);
     let (planned, whole) = case.planned_and_whole();
-    // Pixels whose level depends on an edge: the point-spread function reaches beyond the bound.
+    // Pixels whose level depends on an edge: the point-spread function extends beyond the bound.
     let (width, pixel_mm) = (planned.width as usize, 40.0 / 320.0);
     let reach_mm = mm + 2.5 * case.probe.lateral_sigma_mm(20.0) + 4.0 * case.probe.axial_sigma_mm();
     let (mut inner, mut beyond) = (0, 0);
@@ -111,8 +111,8 @@ fn edges_of_silent_targets_stay_within_a_scanlines_share() {
 }
 
 #[test]
-fn what_lies_below_black_adds_half_a_level_at_most() {
-    // One speed, and an impedance 4·10⁻⁷ more: −135 dB.
+fn echoes_below_black_add_half_a_level_at_most() {
+    // Equal speed, and an impedance higher by 4·10⁻⁷: −135 dB.
     let tissues = [("a", speckled(1540.0, 1.6, 0.01)), ("b", speckled(1540.0, 1.600_000_6, 0.01))];
     let mut case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &tissues, "a");
     case.settings.image.gain_db = 0.0;
@@ -120,14 +120,14 @@ fn what_lies_below_black_adds_half_a_level_at_most() {
     assert!(grey > 0.0 && grey <= 0.5, "{grey}");
     assert!(!case.plan().has(Effect::InterfaceEchoes));
     assert_exact("an echo below black", &case);
-    // With all the gain there is, it is seen.
+    // At maximum gain it is visible.
     let mut loud = case;
     loud.settings.image.gain_db = 120.0;
     assert!(loud.plan().has(Effect::InterfaceEchoes), "{}", loud.plan());
 }
 
 #[test]
-fn a_plan_that_turns_with_the_gain_is_that_of_a_new_renderer() {
+fn a_plan_that_changes_with_the_gain_equals_a_new_renderers() {
     let tissues = [("a", speckled(1540.0, 1.6, 0.01)), ("b", speckled(1540.0, 1.600_000_6, 0.01))];
     let case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &tissues, "a");
     let with_gain = |gain_db| {
@@ -148,7 +148,7 @@ fn a_plan_that_turns_with_the_gain_is_that_of_a_new_renderer() {
 }
 
 #[test]
-fn media_of_one_speed_and_one_impedance_never_reflect() {
+fn media_of_equal_speed_and_impedance_never_reflect() {
     // A scanline meets a face at 10⁻⁴ rad, 20 mm deep: 1 − cos² rounds to 1.
     let rough = Tissue { roughness: 0.3, ..speckled(1540.0, 1.6, 0.01) };
     let line_x = 0.5 * 20.0 / 64.0;
@@ -160,7 +160,7 @@ fn media_of_one_speed_and_one_impedance_never_reflect() {
 }
 
 #[test]
-fn attenuation_that_no_level_shows_is_left_out() {
+fn invisible_attenuation_is_left_out() {
     let lossy = Tissue { attenuation_db_cm_mhz: 0.0004, ..speckled(1540.0, 1.6, 0.01) };
     let case = Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &[("a", lossy.clone()), ("b", lossy)], "a");
     let Bound::Level { db, grey } = bound_of(&case, Effect::Attenuation) else { panic!("{}", case.plan()) };
@@ -170,14 +170,14 @@ fn attenuation_that_no_level_shows_is_left_out() {
     let off = difference(&planned, &whole);
     println!("weak attenuation: {off:?}");
     assert!(off.mean > 20.0 && off.most <= 1 && off.mean_off.abs() <= grey, "{off:?}");
-    // The map: e^(−Σμ) of one way.
+    // The map: one-way e^(−Σμ).
     let least = 10f64.powf(-0.5 * db / 20.0);
     for (a, b) in planned.attenuation.iter().zip(&whole.attenuation) {
         assert!(f64::from((a - b).abs()) <= 1.0 - least + 1e-6, "{a} {b}");
     }
 }
 
-/// Parts of several tissues of one speed: nothing bends and little reflects.
+/// Parts of several tissues of equal speed: no refraction and little reflection.
 fn one_speed() -> (Vec<Part>, [(&'static str, Tissue); 3]) {
     let parts = vec![
         part("slab", "b", slab(8.04, 30.0)),
@@ -189,7 +189,7 @@ fn one_speed() -> (Vec<Part>, [(&'static str, Tissue); 3]) {
 }
 
 #[test]
-fn one_speed_and_weak_interfaces_need_neither_bends_nor_reflections() {
+fn equal_speed_and_weak_interfaces_need_neither_refraction_nor_reflections() {
     let (parts, tissues) = one_speed();
     let case = Case::of(parts, &tissues, "a");
     assert_eq!(case.on(), ["interface_echoes", "scatterers", "maps"], "{}", case.plan());
@@ -197,7 +197,7 @@ fn one_speed_and_weak_interfaces_need_neither_bends_nor_reflections() {
 }
 
 #[test]
-fn a_scene_that_is_anechoic_has_no_march() {
+fn an_anechoic_scene_has_no_march_pass() {
     let (parts, tissues) = one_speed();
     let still = tissues.map(|(name, t)| (name, Tissue { scatterer_density: 0.0, ..t }));
     let mut case = Case::of(parts, &still, "a");
@@ -214,7 +214,7 @@ fn a_scene_that_is_anechoic_has_no_march() {
 }
 
 #[test]
-fn a_plan_follows_settings_while_it_renders() {
+fn a_plan_follows_changed_settings() {
     use insonify::render::{EffectChoices, RenderSettings};
     let case = Case::station("speckle").asking(4, 1);
     let all = RenderSettings { effects: EffectChoices::ALL_ON, ..case.settings };
@@ -226,7 +226,7 @@ fn a_plan_follows_settings_while_it_renders() {
         renderer.render(&case.pose, &mut frame).unwrap();
         assert!(frame.bmode == expected.bmode);
     }
-    // A forced effect does what it says: without scatterers the speckle block is black.
+    // A forced effect acts: without scatterers the speckle block is black.
     let dark = RenderSettings { effects: case.settings.effects.with(Effect::Scatterers, Choice::Off), ..case.settings };
     renderer.reconfigure(&case.probe, &dark).unwrap();
     renderer.render(&case.pose, &mut frame).unwrap();

@@ -1,5 +1,5 @@
-//! The effect plan: what it is for each scene, that a planned frame is the frame with all effects within the plan's bound,
-//! and that effects which are easily missed are not.
+//! The effect plan: its choice for each scene, the equality of planned and complete frames within its bound, and
+//! effects that are easily missed.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 

@@ -1,4 +1,4 @@
-//! What decides: forced effects, loss, lines and roughness in the rules of others.
+//! Rules of the plan: forced effects, attenuation, lines, and roughness in the rules of other effects.
 
 use insonify::anatomy::Tissue;
 use insonify::render::plan::{Bound, Choice, Decision, Effect};
@@ -19,9 +19,9 @@ fn lossy(attenuation_db_cm_mhz: f64) -> Tissue {
 }
 
 #[test]
-fn a_little_loss_is_left_out_where_all_media_have_it() {
+fn a_weak_attenuation_common_to_all_media_is_left_out() {
     assert!(!two(lossy(0.0004), lossy(0.0004)).plan().has(Effect::Attenuation));
-    // Of two losses, echoes that cancel in a null of the speckle no longer do so.
+    // With two attenuations, echoes that cancel in a null of the speckle cease to do so.
     let case = two(lossy(0.0), lossy(0.0004));
     let Bound::Level { db, .. } = decision(&case, Effect::Attenuation).bound else { panic!("{}", case.plan()) };
     assert!(db > 10.0 * 0.016 && case.plan().has(Effect::Attenuation), "{db}");
@@ -29,15 +29,15 @@ fn a_little_loss_is_left_out_where_all_media_have_it() {
 }
 
 #[test]
-fn the_attenuation_map_is_as_true_as_the_image() {
-    // 0.08 dB to and fro are a third of a level; 1 % of the map.
+fn the_attenuation_map_is_as_accurate_as_the_image() {
+    // 0.08 dB two-way are a third of a level; 1 % of the map.
     let case = two(lossy(0.002), lossy(0.002));
     assert!(case.plan().has(Effect::Attenuation), "{}", case.plan());
     assert!(decision(&case, Effect::Attenuation).bound.to_string().contains("map"));
 }
 
 #[test]
-fn kept_lines_hold_what_no_level_shows() {
+fn kept_lines_hold_invisible_echoes() {
     let mut faint = two(speckled(1540.0, 1.6, 0.01), speckled(1540.0, 1.600_000_6, 0.01));
     faint.settings.image.gain_db = 0.0;
     let mut weak = two(lossy(0.0004), lossy(0.0004));
@@ -46,15 +46,15 @@ fn kept_lines_hold_what_no_level_shows() {
         case.settings.lines = true;
         assert!(case.plan().has(effect), "{}", case.plan());
     }
-    // What is exactly nothing stays out.
+    // Effects that change nothing at all are still left out.
     let mut none = two(lossy(0.0), lossy(0.0));
     none.settings.lines = true;
     assert_eq!(none.on(), ["scatterers", "maps"]);
 }
 
 #[test]
-fn an_echo_is_as_loud_as_the_loss_that_is_simulated_lets_it_be() {
-    // 40 dB over the depth, made up for by TGC: without the loss the gain is there all the same.
+fn echo_bounds_follow_the_simulated_attenuation() {
+    // 40 dB over the depth, compensated by TGC: without the attenuation the gain still applies.
     let of = |impedance| Tissue { attenuation_db_cm_mhz: 1.0, ..speckled(1540.0, impedance, 0.01) };
     let mut case = two(of(1.6), of(1.600_000_6));
     (case.settings.image.gain_db, case.settings.image.tgc_db_per_cm) = (0.0, 10.0);
@@ -65,13 +65,14 @@ fn an_echo_is_as_loud_as_the_loss_that_is_simulated_lets_it_be() {
 
 #[test]
 fn smooth_faces_reflect_what_rough_ones_scatter() {
-    // 7 % of the energy, of which a face of slopes of 0.5 returns at most half within the aperture: less than is followed.
+    // 7 % of the energy. A face of slope 0.5 returns at most half of it within the aperture: below the threshold for
+    // reflections.
     let rough = |impedance| Tissue { roughness: 0.5, ..silent(1540.0, impedance) };
     let case = two(rough(1.6), rough(2.8));
     assert!(case.plan().has(Effect::Roughness) && !case.plan().has(Effect::Reflections), "{}", case.plan());
     let smooth = case.with(Effect::Roughness, Choice::Off);
     assert!(smooth.plan().has(Effect::Reflections), "{}", smooth.plan());
-    // Without echoes, too, roughness is what keeps them from being followed.
+    // Without echoes, too, it is roughness that keeps them from being followed.
     let unechoed = two(rough(1.6), rough(2.8)).with(Effect::InterfaceEchoes, Choice::Off);
     assert!(unechoed.plan().has(Effect::Roughness), "{}", unechoed.plan());
     let neither = unechoed.with(Effect::Reflections, Choice::Off);
@@ -105,14 +106,14 @@ fn fast_media_are_read_far_aside() {
         case
     };
     assert!(!many(1560.0).plan().has(Effect::Rays), "{}", many(1560.0).plan());
-    // Without displacement by speed shares are as wide as they look.
+    // Without speed displacement, widths are nominal.
     let at_scale = fast(4000.0).with(Effect::SpeedDisplacement, Choice::Off);
     let Bound::Aside { mm, .. } = decision(&at_scale, Effect::Rays).bound else { panic!("{}", at_scale.plan()) };
     assert!((mm - share_mm(1540.0)).abs() < 1e-9, "{mm}");
 }
 
 #[test]
-fn thick_faces_change_grain_where_paths_are_several() {
+fn thick_faces_change_grain_with_several_paths() {
     let thick = |impedance| Tissue { thickness_mm: 0.4, ..speckled(1540.0, impedance, 0.01) };
     let bound = |rays| decision(&two(thick(1.6), thick(1.8)).asking(rays, 1), Effect::Thickness).bound;
     assert_eq!(bound(1), Bound::Displacement { mm: 0.2 });
@@ -128,7 +129,7 @@ fn reasons_are_true() {
     let mut case = two(squared(0.5), squared(0.5));
     case.probe.frequency_mhz = 1.0;
     assert_eq!(decision(&case, Effect::FrequencyExponent).reason, "every power of 1 MHz is 1");
-    // Water takes nothing, whatever its exponent.
+    // Lossless water has no effect, whatever its exponent.
     let case = two(lossy(0.5), squared(0.0));
     assert!(decision(&case, Effect::FrequencyExponent).reason.contains("that attenuates"), "{}", case.plan());
 }

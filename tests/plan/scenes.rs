@@ -1,4 +1,4 @@
-//! The plan of every scene of `configs/`.
+//! Plans of all scenes of `configs/`.
 
 use glam::Vec3;
 use insonify::anatomy::TissueTable;
@@ -9,16 +9,16 @@ use insonify::render::plan::{Bound, Choice, Effect, GREY_ALLOWED};
 
 use crate::bench::{Case, station};
 
-/// What any scene of interfaces between tissues calls for.
+/// Effects called for by any scene with interfaces between tissues.
 const TISSUES: [&str; 7] =
     ["refraction", "speed_displacement", "interface_echoes", "roughness", "thickness", "reflections", "attenuation"];
 
-/// The effects of tissues and of `more`, in their order.
+/// The effects of tissues and of `more`, in canonical order.
 fn tissues_and(more: &[&'static str]) -> Vec<&'static str> {
     Effect::NAMES.into_iter().filter(|name| TISSUES.contains(name) || more.contains(name)).collect()
 }
 
-/// The obstetric station, its phantom's organs as boxes: a plan reads their tissues and what moves.
+/// The obstetric station with its phantom's organs as boxes: a plan reads only their tissues and motion.
 fn obstetric() -> Case {
     let station = station("obstetric");
     let parameters = Parameters::default();
@@ -35,23 +35,23 @@ fn obstetric() -> Case {
 }
 
 #[test]
-fn each_scene_calls_for_what_it_should() {
+fn each_scene_calls_for_its_effects() {
     let usual = ["scatterers", "maps"];
     let and = |more: &[&'static str]| tissues_and(&[&usual[..], more].concat());
     let table = [
-        // Hearts beat, the mother breathes; low quality asks for one ray and one layer.
+        // Heartbeat and maternal breathing; low quality asks for one ray and one layer.
         ("obstetric", and(&["frequency_exponent", "motion"])),
         ("slabs", and(&["frequency_exponent"])),
         ("speckle_block", and(&["frequency_exponent"])),
         ("sphere", and(&["frequency_exponent"])),
-        // Here and below all attenuates in proportion to the frequency.
+        // Here and below, attenuation is proportional to the frequency.
         ("bone_plate", and(&[])),
-        // Wires of nylon: 2600 m/s among 1540.
+        // Nylon wires: 2600 m/s among 1540.
         ("qa_phantom", and(&["rays"])),
         ("lung_air", and(&["rays"])),
         ("vessel_needle", and(&["rays", "layers", "frequency_exponent"])),
         ("gallbladder_stones", and(&["rays", "layers"])),
-        // Liver alone: 1575 m/s displaces; nothing bends, echoes or reflects; speckle differs across the slice.
+        // Liver alone: 1575 m/s displaces; no refraction, echoes or reflections; speckle differs across the slice.
         ("speckle", vec!["speed_displacement", "layers", "attenuation", "scatterers", "maps"]),
     ];
     for (name, expected) in &table {
@@ -66,7 +66,7 @@ fn each_scene_calls_for_what_it_should() {
 }
 
 #[test]
-fn every_decision_says_why_and_how_far() {
+fn every_decision_has_a_reason_and_a_bound() {
     for case in [obstetric(), Case::station("speckle"), Case::station("vessel_needle")] {
         let plan = case.plan();
         assert_eq!(plan.decisions().len(), Effect::COUNT);
@@ -86,7 +86,7 @@ fn every_decision_says_why_and_how_far() {
 }
 
 #[test]
-fn what_is_forced_is_done_and_told() {
+fn forced_choices_are_carried_out_and_reported() {
     let case = Case::station("slabs").with(Effect::Refraction, Choice::Off).with(Effect::Motion, Choice::On);
     let plan = case.plan();
     assert!(!plan.has(Effect::Refraction) && plan.has(Effect::Motion));
@@ -95,13 +95,13 @@ fn what_is_forced_is_done_and_told() {
     for words in ["refraction is off", "fat has 1450 m/s", "muscle has 1580 m/s", "total reflection"] {
         assert!(warnings[0].contains(words), "{}", warnings[0]);
     }
-    // What the scene doesn't call for may be off without a word.
+    // Effects that the scene doesn't call for may be switched off silently.
     let case = Case::station("speckle").with(Effect::Refraction, Choice::Off);
     assert_eq!(case.plan().warnings().count(), 0);
 }
 
 #[test]
-fn maps_are_made_for_who_reads_them() {
+fn maps_are_made_only_for_readers() {
     let mut case = Case::station("slabs");
     assert!(case.plan().has(Effect::Maps));
     let mut renderer = case.renderer(&case.settings);

@@ -1,4 +1,4 @@
-//! Inputs that fuzzing found worth keeping, and those it starts from: `tests/fuzzed/TARGET/*`.
+//! Kept fuzzing inputs and seeds: `tests/fuzzed/TARGET/*`.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use std::path::Path;
 mod bodies;
 
 #[test]
-fn inputs_that_were_kept_keep_their_promises() {
+fn kept_inputs_keep_their_promises() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzzed");
     let mut kept = 0;
     for target in bodies::TARGETS {

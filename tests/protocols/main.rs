@@ -1,5 +1,5 @@
-//! Wire formats: an NDI device emulated, streams cut, damaged and made up, and the OpenIGTLink server with its clients.
-// clippy.toml allows these in test functions only, not in what they share.
+//! Wire formats: an emulated NDI device; split, damaged and arbitrary streams; the OpenIGTLink server and its clients.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod fuzzed;

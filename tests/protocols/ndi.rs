@@ -1,4 +1,4 @@
-//! The NDI driver against an emulated device, in memory, with a clock of its own.
+//! The NDI driver with an emulated device, in memory, on a simulated clock.
 
 use std::time::Duration;
 
@@ -11,10 +11,10 @@ use proptest::prelude::*;
 
 use crate::ndi_device::{Device, Port, Tool, framed, pose};
 
-/// From a question to its answer.
+/// Time from a command to its answer.
 const ROUND_TRIP: Duration = Duration::from_millis(5);
 
-/// Changes the reply of a number on its way.
+/// Modifies the reply of a given number in transmission.
 type Fault<'a> = Box<dyn FnMut(usize, &mut Vec<u8>) + 'a>;
 
 /// A driver and a device on one line.
@@ -25,11 +25,11 @@ struct Session<'a> {
     buffer: BytesMut,
     records: Vec<Record>,
     errors: Vec<Reason>,
-    /// All that the host received, as a recording holds it.
+    /// All bytes that the host received, as in a recording.
     received: Vec<u8>,
     replies: usize,
     fault: Fault<'a>,
-    /// Bytes that arrive at once.
+    /// Number of bytes that arrive at once.
     piece: usize,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Lets `time` pass.
+    /// Advances the time.
     fn run(&mut self, time: Duration) {
         let end = self.now + time;
         let mut turns = 0;
@@ -111,7 +111,7 @@ impl<'a> Session<'a> {
         self
     }
 
-    /// The records since the last call are right, and there are some of `sensors`.
+    /// Checks the records since the last call, and that there are some of `sensors`.
     fn check(&mut self, sensors: &[u16]) -> Vec<Record> {
         assert!(self.driver.is_tracking() && self.device.is_tracking(), "{:?} {:?}", self.errors, self.device.log);
         let records = std::mem::take(&mut self.records);
@@ -128,7 +128,7 @@ impl<'a> Session<'a> {
         records
     }
 
-    /// What was answered, decoded as a replay does.
+    /// Received replies, decoded as in a replay.
     fn replayed(&self) -> (Vec<Record>, usize) {
         let mut decoder = Protocol::Ndi.decoder();
         let mut buffer = BytesMut::from(&self.received[..]);
@@ -211,13 +211,13 @@ fn wireless_tools_get_their_description() {
 }
 
 #[test]
-fn the_line_is_switched_to_the_speed_asked_for() {
+fn the_line_is_switched_to_the_requested_speed() {
     let mut session = Session::new(serial(115_200), Device::new(&[1]));
     session.seconds(1.0).check(&[1]);
     assert_eq!((session.device.baud, session.device.line_baud), (115_200, 115_200));
     assert!(session.device.log.contains(&"COMM:50000".to_owned()));
     assert_eq!(session.errors, []);
-    // At the speed of power-on nothing is switched.
+    // At the power-on speed nothing is switched.
     let mut session = Session::new(serial(9600), Device::new(&[1]));
     session.seconds(1.0).check(&[1]);
     assert!(!session.device.log.iter().any(|command| command.starts_with("COMM")));
@@ -231,7 +231,7 @@ fn a_device_left_tracking_at_another_speed_is_taken_over() {
     assert_eq!(log[..5], ["INIT:", "TSTOP:", "INIT:", "PHSR:01", "PHF:01"], "{log:?}");
     assert!(matches!(&session.errors[..], [Reason::NoReply { .. }]), "{:?}", session.errors);
 
-    // At a speed that nobody knows only a break helps.
+    // At an unknown speed only a break helps.
     let mut session = Session::new(serial(115_200), Device::left_tracking(&[1], 19_200));
     session.seconds(20.0).check(&[1]);
     assert_eq!(session.device.baud, 115_200);
@@ -258,7 +258,7 @@ fn a_broken_tool_does_not_stop_the_others() {
 }
 
 #[test]
-fn without_a_tool_it_says_so_and_takes_one_that_comes() {
+fn a_missing_tool_is_reported_and_a_new_one_is_used() {
     let mut session = Session::new(Options::default(), Device::new(&[]));
     session.seconds(5.0);
     assert_eq!(session.errors, [Reason::NoTool]);
@@ -267,7 +267,7 @@ fn without_a_tool_it_says_so_and_takes_one_that_comes() {
 }
 
 #[test]
-fn tools_that_come_and_go_are_set_up_again() {
+fn added_and_removed_tools_are_set_up_again() {
     let mut session = Session::new(Options::default(), Device::new(&[1]));
     session.seconds(3.0).check(&[1]);
     session.device.tools.push(Tool::wired(2));
@@ -275,7 +275,7 @@ fn tools_that_come_and_go_are_set_up_again() {
     session.seconds(1.0).check(&[1, 2]);
     session.device.system_status = 0;
     session.seconds(3.0);
-    // As after a short in its cable: the device has disabled it.
+    // As after a short circuit in its cable: the device has disabled it.
     session.device.tools[1].port = Port::Disabled;
     session.seconds(0.1);
     assert!(session.device.log.iter().rev().take(40).any(|command| command == "TSTOP:"));
@@ -286,7 +286,7 @@ fn tools_that_come_and_go_are_set_up_again() {
 }
 
 #[test]
-fn a_restart_of_the_device_is_noticed_whether_it_says_so_or_not() {
+fn a_restart_of_the_device_is_noticed_even_if_unannounced() {
     for (options, says_so) in [(Options::default(), true), (Options::default(), false), (serial(115_200), true)] {
         let mut session = Session::new(options, Device::new(&[1]));
         session.seconds(1.0).check(&[1]);
@@ -310,7 +310,7 @@ fn a_device_that_is_switched_off_and_on_again_is_found() {
 }
 
 #[test]
-fn half_a_reply_before_a_restart_does_not_swallow_what_follows() {
+fn an_incomplete_reply_before_a_restart_does_not_swallow_the_next() {
     let mut session = Session::new(Options::default(), Device::new(&[1]));
     session.fault = Box::new(|number, reply| {
         if number == 40 {
@@ -326,7 +326,7 @@ fn half_a_reply_before_a_restart_does_not_swallow_what_follows() {
 }
 
 #[test]
-fn a_reply_polled_twice_gives_one_record() {
+fn a_frame_polled_twice_gives_one_record() {
     let tools = [Tool { port: Port::Enabled, ..Tool::wired(1) }];
     let reply = crate::ndi_device::binary_reply(9, &tools, 0);
     let mut decoder = ndi::Decoder::new();
@@ -356,7 +356,7 @@ fn fault() -> impl Strategy<Value = Damage> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Whatever happens to a few replies, at any time, the device tracks in the end and no wrong pose comes out.
+    /// With faults in a few replies at any time, the device finally tracks and no wrong pose is reported.
     #[test]
     fn faults_are_overcome(
         faults in prop::collection::vec((0..60_usize, fault()), 0..6),

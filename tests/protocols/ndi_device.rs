@@ -1,4 +1,4 @@
-//! The device's side of the Combined API, as strict as the real one.
+//! Emulated NDI device: the device's side of the Combined API, as strict as a real one.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 pub(crate) const POWER_ON_BAUD: u32 = 9600;
 const BAUDS: [u32; 8] = [9600, 14_400, 19_200, 38_400, 57_600, 115_200, 921_600, 1_228_739];
 
-/// CRC-16/ARC, bit by bit: not the code under test.
+/// CRC-16/ARC, bit by bit, independent of the code under test.
 pub(crate) fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc, &byte| {
         (0..8).fold(crc ^ u16::from(byte), |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xA001 } else { crc >> 1 })
@@ -39,9 +39,9 @@ pub(crate) struct Tool {
     pub(crate) handle: u8,
     pub(crate) port: Port,
     pub(crate) in_view: bool,
-    /// Its initialisation fails.
+    /// Whether its initialisation fails.
     pub(crate) broken: bool,
-    /// Bytes written, of a wireless tool.
+    /// Bytes written to a wireless tool.
     pub(crate) rom: Option<Vec<Option<u8>>>,
     pub(crate) switches: u8,
 }
@@ -52,7 +52,7 @@ impl Tool {
     }
 }
 
-/// Where the tool of `handle` is at `frame`, as exactly as both reply formats say it.
+/// Pose of the tool `handle` at `frame`, exactly representable in both reply formats.
 pub(crate) fn pose(handle: u8, frame: u32) -> (DQuat, DVec3) {
     let q = [DQuat::from_xyzw(0.5, -0.5, 0.5, 0.5), DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8)][usize::from(handle % 2)];
     (q, DVec3::new(f64::from(frame % 1000) * 0.25, -f64::from(handle) * 0.5, -1200.25))
@@ -66,11 +66,11 @@ pub(crate) struct Device {
     pub(crate) baud: u32,
     pub(crate) line_baud: u32,
     pub(crate) system_status: u16,
-    /// Refuses `TSTART:80`, as older ones do.
+    /// Whether it refuses `TSTART:80`, as older devices do.
     pub(crate) is_old: bool,
-    /// Neither hears nor speaks.
+    /// Whether it is switched off.
     pub(crate) is_off: bool,
-    /// Commands carried out or refused, without arguments that are long.
+    /// Commands accepted or refused, without long arguments.
     pub(crate) log: Vec<String>,
     input: Vec<u8>,
     output: Vec<u8>,
@@ -93,7 +93,7 @@ impl Device {
         }
     }
 
-    /// As an earlier session that was killed left it.
+    /// A device left behind by an earlier session that was killed.
     pub(crate) fn left_tracking(handles: &[u8], baud: u32) -> Self {
         let mut device = Self::new(handles);
         device.mode = Mode::Tracking;
@@ -106,7 +106,7 @@ impl Device {
         self.mode == Mode::Tracking
     }
 
-    /// A reset, by a break or by the power switch.
+    /// Resets the device, as by a break or the power switch.
     pub(crate) fn reset(&mut self, says_so: bool) {
         self.mode = Mode::PoweredOn;
         self.baud = POWER_ON_BAUD;
@@ -125,7 +125,7 @@ impl Device {
     }
 
     pub(crate) fn receive(&mut self, bytes: &[u8]) {
-        // At the wrong speed it hears noise.
+        // At the wrong speed it receives noise.
         if self.is_off || self.line_baud != self.baud {
             return;
         }
@@ -172,7 +172,7 @@ impl Device {
             ("INIT", _) => {
                 self.mode = Mode::SetUp;
                 for tool in &mut self.tools {
-                    // Handles of an earlier session are nobody's.
+                    // Handles of an earlier session are unused.
                     tool.port = if tool.port == Port::Occupied { Port::Occupied } else { Port::Stale };
                 }
                 return okay;
@@ -289,7 +289,7 @@ fn port_status(tool: &Tool) -> u32 {
     0x31 | (u32::from(tool.switches) << 1)
 }
 
-/// A whole `BX` reply.
+/// A complete `BX` reply.
 pub(crate) fn binary_reply(frame: u32, tools: &[Tool], system_status: u16) -> Vec<u8> {
     let tools = reported(tools);
     let mut data = vec![tools.len() as u8];

@@ -1,4 +1,4 @@
-//! The OpenIGTLink server and those who receive from it.
+//! The OpenIGTLink server and its clients.
 
 use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
@@ -15,7 +15,7 @@ use insonify::transducer::{Probe, Sector};
 
 use crate::messages::crc;
 
-/// Far longer than anything here takes: a test that hangs ends.
+/// Limit for tests that hang; far longer than any step takes.
 const LIMIT: Duration = Duration::from_secs(20);
 
 fn pose() -> Pose {
@@ -87,7 +87,7 @@ impl Client {
         Message { kind: text(&head[2..14]), device: text(&head[14..34]), body }
     }
 
-    /// The next image, and what came before it.
+    /// The next image, and the messages before it.
     fn image(&mut self) -> (Message, Vec<Message>) {
         let mut others = Vec::new();
         loop {
@@ -109,7 +109,7 @@ fn vectors(bytes: &[u8]) -> [DVec3; 4] {
 }
 
 #[test]
-fn a_client_gets_the_image_where_it_lies() {
+fn a_client_gets_the_image_at_its_place() {
     let mut server = server(Settings { slice_mm: 2.0, ..Settings::default() });
     let mut client = Client::connect(&server);
     let sent = frame(7, 130, 100);
@@ -120,7 +120,7 @@ fn a_client_gets_the_image_where_it_lies() {
     assert_eq!(image.body[60..72], [0, 0, 0, 0, 0, 0, 0, 130, 0, 100, 0, 1]);
     assert_eq!(image.body[72..], sent.image);
 
-    // Each pixel lies where the sector has it.
+    // Each pixel is at its position in the sector.
     let [column, row, slice, centre] = vectors(&image.body[12..60]);
     let sector = Sector::fit(&Probe::default(), 130, 100);
     for (x, y) in [(0, 0), (129, 0), (17, 80), (129, 99)] {
@@ -167,7 +167,7 @@ fn a_stale_pose_is_never_sent_as_a_good_one() {
 }
 
 #[test]
-fn scene_axes_turn_what_clients_see() {
+fn scene_axes_are_converted_for_clients() {
     let lps = server(Settings { scene_axes: "LPS".parse().unwrap(), ..Settings::default() });
     let ras = server(Settings::default());
     let images = [lps, ras].map(|mut server| {
@@ -204,14 +204,14 @@ fn a_blocked_client_delays_nobody_and_gets_the_newest_when_it_reads() {
     assert!(received.len() < FRAMES as usize / 2, "{received:?}");
     assert!(received.is_sorted());
     assert_eq!(counters.dropped.load(Ordering::Relaxed), FRAMES - received.len() as u64);
-    // Newcomers see the picture that stands.
+    // New clients get the present picture.
     let mut late = Client::connect(&server);
     assert_eq!(late.image().0.body[72], FRAMES as u8 - 1);
     assert_eq!(counters.connected.load(Ordering::Relaxed), 3);
 }
 
 #[test]
-fn the_end_comes_although_a_client_is_blocked() {
+fn the_server_ends_although_a_client_is_blocked() {
     let mut server = server(Settings::default());
     let _blocked = Client::connect(&server);
     for number in 0..10 {
@@ -221,7 +221,7 @@ fn the_end_comes_although_a_client_is_blocked() {
 }
 
 #[test]
-fn more_clients_than_allowed_are_turned_away() {
+fn clients_beyond_the_limit_are_refused() {
     let mut server = server(Settings { clients_max: 1, ..Settings::default() });
     let mut first = Client::connect(&server);
     let mut second = TcpStream::connect(server.address()).unwrap();
@@ -266,7 +266,7 @@ fn pyigtl_receives_image_and_transform() {
     let mut child = Command::new(python).args([script, &port]).stdout(Stdio::piped()).spawn().unwrap();
     let sent = frame(7, 130, 100);
     let ended = std::time::Instant::now() + LIMIT;
-    // At the pace of a display, until the receiver has what it wants.
+    // At the pace of a display, until the receiver has everything.
     while child.try_wait().unwrap().is_none() && std::time::Instant::now() < ended {
         server.present(&sent).unwrap();
         std::thread::sleep(Duration::from_millis(20));

@@ -1,5 +1,5 @@
-//! What every decoder promises: the same records however the stream is cut, progress whatever comes, and a way back
-//! after damage.
+//! Promises of every decoder: the same records for any split of the stream, progress on any input, and recovery after
+//! damage.
 
 use bytes::BytesMut;
 use glam::{DMat3, DQuat, DVec3};
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use crate::messages::{floats, matrix, message, tool};
 use crate::ndi_device::{Port, Tool, binary_reply, framed, text_reply};
 
-/// Streams that can be cut anywhere.
+/// Streams that can be split anywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Stream {
     NdiBinary,
@@ -33,7 +33,7 @@ impl Stream {
         }
     }
 
-    /// The bytes of record `n`.
+    /// Bytes of record `n`.
     fn record(self, n: u32) -> Vec<u8> {
         let tools = [Tool { port: Port::Enabled, in_view: !n.is_multiple_of(7), ..Tool::wired(1) }];
         match self {
@@ -74,7 +74,7 @@ impl Stream {
     }
 }
 
-/// Records and errors of a stream that comes in pieces; each step must remove bytes.
+/// Records and errors of a stream received in pieces; each step must remove bytes.
 fn decode(mut decoder: Decoder, pieces: &[&[u8]]) -> (Vec<Record>, Vec<String>) {
     let mut buffer = BytesMut::new();
     let (mut records, mut errors) = (Vec::new(), Vec::new());
@@ -106,7 +106,7 @@ fn cut<'a>(bytes: &'a [u8], cuts: &[usize]) -> Vec<&'a [u8]> {
     cuts.windows(2).map(|pair| &bytes[pair[0]..pair[1]]).collect()
 }
 
-/// How many of `a` are in `b`, too, in the same order.
+/// Length of the longest common subsequence of `a` and `b`.
 fn longest_common(a: &[String], b: &[String]) -> usize {
     let mut row = vec![0; b.len() + 1];
     for x in a {
@@ -180,7 +180,7 @@ fn openigtlink_numbers_can_be_fixed_and_end() {
 }
 
 #[test]
-fn openigtlink_refuses_what_is_no_pose() {
+fn openigtlink_refuses_messages_without_a_valid_pose() {
     let refused = |kind: &str, content: &[u8]| {
         let bytes = message(1, kind, "D", 0, content);
         let (records, errors) = decode(Protocol::OpenIgtLink.decoder(), &[&bytes]);
@@ -200,7 +200,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn any_cut_of_a_stream_gives_the_same(
+    fn any_split_of_a_stream_gives_the_same(
         stream in stream(),
         cuts in prop::collection::vec(any::<usize>(), 0..30),
         noise in prop::collection::vec(any::<u8>(), 0..30),
@@ -221,7 +221,7 @@ proptest! {
         cuts in prop::collection::vec(any::<usize>(), 0..10),
     ) {
         decode(stream.protocol().decoder(), &cut(&bytes, &cuts));
-        // As records that have a sound start.
+        // As records with a valid start.
         let mut bytes = [stream.record(1), bytes].concat();
         let start = stream.record(2).len() / 2;
         bytes.extend(&stream.record(2)[..start]);
@@ -249,16 +249,16 @@ proptest! {
         bytes.splice(at..end, replacement);
         let (all, _) = decode(stream.protocol().decoder(), &[&sound]);
         let (records, errors) = decode(stream.protocol().decoder(), &[&bytes]);
-        // An OpenIGTLink head has no checksum: with a damaged type it is another message, with a damaged name another
-        // tool. A record that is missing as a whole leaves no trace but in its counter.
+        // An OpenIGTLink head has no checksum: a damaged type makes it another message, a damaged name another tool. A
+        // completely lost record shows only in its counter.
         let may_be_silent = stream == Stream::OpenIgtLink || removed > 1;
         prop_assert!(!errors.is_empty() || may_be_silent);
-        // By what they say, not by their device's number, which a damaged name or index may shift.
+        // Compared by content, not by device number, which a damaged name or index may shift.
         let key = |record: &Record| format!("{:?}", record.reading);
         let (sent, found): (Vec<_>, Vec<_>) = (all.iter().map(key).collect(), records.iter().map(key).collect());
         let same = longest_common(&sent, &found);
         let (lost, wrong) = (sent.len() - same, found.len() - same);
-        // One in 256 shifted frames has the right sum, and a line without two equal digits has it.
+        // One in 256 shifted frames has the right sum, as has a line without two equal digits.
         let may_be_wrong = matches!(stream, Stream::Bno08x | Stream::AsciiLine) && bits.is_empty();
         prop_assert!(wrong <= usize::from(may_be_wrong), "{wrong} records that were never sent: {records:?} {errors:?}");
         // A false record ends within a third one.
@@ -266,7 +266,7 @@ proptest! {
     }
 
     #[test]
-    fn messages_of_datagrams_and_hid_stand_by_themselves(
+    fn datagrams_and_hid_reports_are_independent(
         protocol in prop::sample::select(&[Protocol::OpenTrack, Protocol::SpaceMouse][..]),
         messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..100), 0..20),
     ) {

@@ -13,14 +13,14 @@ fn lines(output: &Output) -> Vec<serde_json::Value> {
 }
 
 #[test]
-fn lists_what_is_plugged_in() {
+fn connected_devices_are_listed() {
     let output = run(&["--json"]);
     let listed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(output.status.success() && listed["serial"].is_array() && listed["hid"].is_array(), "{listed}");
 }
 
 #[test]
-fn prints_what_a_stations_tracker_says() {
+fn records_of_a_stations_tracker_are_printed() {
     let dir = tempfile::tempdir().unwrap();
     let station = dir.path().join("mock.toml");
     let text = "[scene]\npath = \"none.glb\"\n[pose]\nposition_mm = [100, 0, 0]\n[tracker]\ntransport = \"mock\"\n\
@@ -51,7 +51,7 @@ fn a_recording_is_printed_to_its_end() {
 }
 
 #[test]
-fn says_what_is_missing_or_wrong() {
+fn missing_and_wrong_arguments_are_explained() {
     let station = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/sphere.toml");
     for (args, message) in [
         (&[station][..], "has no tracker: its [tracker] has no `transport`"),

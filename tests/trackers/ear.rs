@@ -6,7 +6,7 @@ use std::time::Duration;
 use insonify::tracker::{Listener, Record, SessionHandle, Settings, TrackerEvent, spawn};
 use tokio_util::sync::CancellationToken;
 
-/// Longest wait for what must come; only a test that fails waits so long.
+/// Longest wait for an expected event; only failing tests reach it.
 const LIMIT: Duration = Duration::from_secs(30);
 
 #[derive(Debug, Default)]
@@ -25,7 +25,7 @@ impl Ear {
         self.0.1.notify_all();
     }
 
-    /// Waits until `done`, and gives what it gives.
+    /// Waits until `done` returns a value, and returns it.
     pub fn wait<T>(&self, what: &str, mut done: impl FnMut(&Heard) -> Option<T>) -> T {
         let heard = self.0.0.lock().unwrap();
         let (heard, timed_out) = self.0.1.wait_timeout_while(heard, LIMIT, |heard| done(heard).is_none()).unwrap();
@@ -35,13 +35,13 @@ impl Ear {
         })
     }
 
-    /// Waits for `count` more records and gives the last of them.
+    /// Waits for `count` more records and returns the last of them.
     pub fn more_records(&self, count: usize) -> Record {
         let before = self.0.0.lock().unwrap().records.len();
         self.wait("records", |heard| heard.records.get(before + count - 1).map(|(_, record)| *record))
     }
 
-    /// Waits for the `n`th event, from 1, of a kind.
+    /// Waits for the `n`th event of a kind, counted from 1.
     pub fn nth_event(&self, n: usize, kind: impl Fn(&TrackerEvent) -> bool) -> TrackerEvent {
         self.wait("an event", |heard| heard.events.iter().filter(|event| kind(event)).nth(n - 1).cloned())
     }

@@ -25,18 +25,18 @@ fn scene_from_tracker() -> Pose {
     }
 }
 
-/// Where the tracker sees the sensor while its tip is at a point of the scene, tilted by the `n`th hand.
+/// Sensor pose seen by the tracker while the tip is at a point of the scene, with the `n`th tilt.
 fn touching(scene_mm: DVec3, n: usize) -> Pose {
     let tip_mm = scene_from_tracker().inverse().transform_point(scene_mm);
     let orientation = DQuat::from_rotation_x(0.3 * n as f64) * DQuat::from_rotation_y(0.2);
     Pose { position_mm: tip_mm - orientation * TIP_MM, orientation }
 }
 
-/// What the hand does.
+/// Behaviour of the simulated hand.
 #[derive(Clone, Copy)]
 enum Hand {
     Still(Pose),
-    /// Slides on and on from there.
+    /// Slides continuously from there.
     Moving(Pose),
     /// The tracker sees nothing.
     Gone,
@@ -89,7 +89,7 @@ impl Drop for Tracker {
     }
 }
 
-/// A station in `dir` whose stylus is known, and the program that asks for its landmarks.
+/// A station in `dir` with a known stylus, and the program that requests its landmarks.
 struct Asked {
     child: Child,
     input: Option<ChildStdin>,
@@ -120,7 +120,7 @@ impl Asked {
         Self { child, input, said }
     }
 
-    /// Reads on until a line that contains `part`.
+    /// Reads up to a line that contains `part`.
     #[track_caller]
     fn until(&mut self, part: &str) -> String {
         let mut all = String::new();
@@ -138,7 +138,7 @@ impl Asked {
         writeln!(self.input.as_mut().unwrap(), "{line}").unwrap();
     }
 
-    /// Touches the point that is asked for.
+    /// Touches the requested point.
     #[track_caller]
     fn take(&mut self, tracker: &Tracker, point: &NamedPoint, at_mm: DVec3, n: usize) {
         self.until(&format!("touch {} with the tip of the stylus", point.name));
@@ -148,7 +148,7 @@ impl Asked {
         assert!(said.contains("spread"), "{said}");
     }
 
-    /// Closes the input; the exit code, what is on stdout, and the rest of what is said.
+    /// Closes the input; returns the exit code, stdout, and the remaining stderr.
     fn end(mut self) -> (Option<i32>, String, String) {
         drop(self.input.take());
         let mut said = String::new();
@@ -159,11 +159,11 @@ impl Asked {
 }
 
 #[test]
-fn landmarks_are_touched_one_by_one_and_the_stations_file_is_written() {
+fn landmarks_are_touched_one_by_one_and_the_calibration_file_is_written() {
     let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
     let mut asked = Asked::start(dir.path(), &tracker, &["--json"]);
     let points = fiducials::of_phantom(&Default::default());
-    // At first the hand slides, and then the tracker is lost: neither gives a landmark.
+    // First the hand slides, and then the tracker is lost: neither gives a landmark.
     asked.until(&points[0].name);
     tracker.does(Hand::Moving(touching(points[0].point_mm, 0)));
     asked.answer("");
@@ -189,7 +189,7 @@ fn landmarks_are_touched_one_by_one_and_the_stations_file_is_written() {
 }
 
 #[test]
-fn wrong_landmarks_leave_the_file_as_it_is() {
+fn wrong_landmarks_leave_the_file_unchanged() {
     type Place = fn(DVec3) -> DVec3;
     let cases: [(usize, Place, &str); 4] = [
         (2, |p| p, "2 landmarks are too few"),
@@ -213,7 +213,7 @@ fn wrong_landmarks_leave_the_file_as_it_is() {
 }
 
 #[test]
-fn an_input_that_ends_early_is_named() {
+fn an_early_end_of_input_is_named() {
     let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
     let points = dir.path().join("points.csv");
     std::fs::write(&points, "x,y,z,name\n0,0,80,NAVEL\n100,0,20,LEFT\n-100,0,20,RIGHT\n").unwrap();

@@ -1,5 +1,5 @@
 //! Sessions with emulated devices on pseudo-terminals and sockets, and properties of the Polhemus decoders.
-// clippy.toml allows these in test functions only, not in what they share.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, unreachable_pub)]
 
 #[cfg(all(feature = "serial", feature = "hid"))]

@@ -1,7 +1,7 @@
-//! NDI devices on a pseudo-terminal and on a socket, through whole sessions.
+//! NDI devices on a pseudo-terminal and on a socket, through complete sessions.
 //!
-//! The emulator refuses wrong checksums and commands out of order, and hears only noise at another speed than its own. A
-//! pseudo-terminal carries no break: resets by it are tested in memory (`tests/protocols/ndi.rs`).
+//! The emulator refuses wrong checksums and commands out of order, and receives only noise at another line speed. A
+//! pseudo-terminal carries no break: resets by break are tested in memory (`tests/protocols/ndi.rs`).
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -18,14 +18,14 @@ use crate::ear::{Live, connected, decode_error, disconnected};
 use crate::ndi_device::{Device, pose};
 use crate::ports::{Board, Order, Terminal, place, serial};
 
-/// A device that a test looks at while it is used.
+/// A device that a test inspects while it is used.
 type Shared = Arc<Mutex<Device>>;
 
 fn shared(device: Device) -> Shared {
     Arc::new(Mutex::new(device))
 }
 
-/// It on a serial line; so many of the next commands reach it damaged.
+/// The device on a serial line; this many of the next commands reach it damaged.
 struct OnLine(Shared, Arc<AtomicUsize>);
 
 impl Board for OnLine {
@@ -59,7 +59,7 @@ fn on_serial(link: &std::path::Path) -> Settings {
     settings
 }
 
-/// The record is what the device measured.
+/// Checks that the record is what the device measured.
 #[track_caller]
 fn check(record: &Record) {
     let Reading::Pose(found) = record.reading else { panic!("{record:?}") };
@@ -102,7 +102,7 @@ fn a_device_is_set_up_over_a_serial_line_at_its_new_speed_and_stopped_at_the_end
             assert_eq!(device.log[..8], order, "{format:?}");
         }
         drop(live);
-        // It is told to stop; the terminal needs a moment to carry that.
+        // It is commanded to stop; the terminal needs a moment to deliver that.
         let stopped = (0..2000).any(|_| {
             std::thread::sleep(Duration::from_millis(1));
             !device.lock().unwrap().is_tracking()
@@ -112,7 +112,7 @@ fn a_device_is_set_up_over_a_serial_line_at_its_new_speed_and_stopped_at_the_end
 }
 
 #[test]
-fn a_wireless_tool_gets_the_file_that_the_station_names() {
+fn a_wireless_tool_gets_the_file_named_by_the_station() {
     let (dir, link) = place();
     let rom: Vec<u8> = (0..752_u32).map(|i| (i * 7) as u8).collect();
     let path = dir.path().join("probe.rom");
@@ -134,7 +134,7 @@ fn a_wireless_tool_gets_the_file_that_the_station_names() {
 }
 
 #[test]
-fn damaged_commands_and_replies_are_asked_again() {
+fn damaged_commands_and_replies_are_repeated() {
     let (_dir, link) = place();
     let device = shared(Device::new(&[1]));
     let (terminal, damaged_commands) = plug_in(&link, &device);
@@ -174,7 +174,7 @@ fn a_device_unplugged_within_a_reply_is_set_up_again_when_it_comes_back() {
 }
 
 #[test]
-fn questions_without_an_answer_are_told_of_while_the_device_is_silent() {
+fn unanswered_commands_are_reported_while_the_device_is_silent() {
     let (_dir, link) = place();
     let device = shared(Device::new(&[1]));
     let (_terminal, _) = plug_in(&link, &device);
@@ -185,14 +185,14 @@ fn questions_without_an_answer_are_told_of_while_the_device_is_silent() {
     assert!(event.to_string().contains("no reply to `BX:0801` within 500 ms"), "{event}");
     device.lock().unwrap().is_off = false;
     check(&live.ear.more_records(20));
-    // Power fails for a moment: it has lost its set-up and its speed.
+    // A short power failure: the device has lost its set-up and its speed.
     device.lock().unwrap().reset(false);
     check(&live.ear.more_records(20));
     let starts = device.lock().unwrap().log.iter().filter(|command| *command == "TSTART:80").count();
     assert_eq!(starts, 2);
 }
 
-/// The device as a TCP server; closes a connection after the first bytes of the next reply where it is told to.
+/// The device as a TCP server; on request, closes a connection after the first bytes of the next reply.
 struct Server {
     address: String,
     cut: Arc<Mutex<Option<usize>>>,
@@ -259,14 +259,14 @@ fn serve(mut stream: TcpStream, device: &Shared, cut: &Mutex<Option<usize>>, ove
 }
 
 #[test]
-fn a_device_is_set_up_over_tcp_and_taken_over_as_the_connection_left_it() {
+fn a_device_is_set_up_over_tcp_and_taken_over_after_a_lost_connection() {
     let device = shared(Device::new(&[1]));
     let server = Server::start(&device);
     let live = Live::start(&server.settings());
     check(&live.ear.more_records(20));
     assert!(!device.lock().unwrap().log.iter().any(|command| command.starts_with("COMM")));
     assert_eq!(reasons(&live), []);
-    // The connection ends within a reply; the device tracks on.
+    // The connection ends within a reply; the device continues tracking.
     *server.cut.lock().unwrap() = Some(21);
     live.ear.nth_event(1, disconnected);
     assert_eq!(reasons(&live), [Reason::Incomplete { length: 21 }]);

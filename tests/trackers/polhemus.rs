@@ -1,11 +1,11 @@
-//! The device's side of a Polhemus tracker: it does what its manual says to the commands that it gets, in the units,
-//! format and output list that it was told, and nothing while it resets.
+//! Emulated Polhemus tracker. It obeys commands as its manual says, in the configured units, format and output list,
+//! and ignores them during a reset.
 //!
-//! It does no input or output and knows no clock, so that it serves on pseudo-terminals and in simulated time.
+//! It does no input or output and reads no clock, so it serves on pseudo-terminals and in simulated time.
 
 use std::time::Duration;
 
-/// Which device.
+/// Device model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// FASTRAK.
@@ -14,7 +14,7 @@ pub enum Kind {
     Liberty,
 }
 
-/// Settings of a device, as it has them when it is switched on.
+/// Settings of a device, with their power-on values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     pub binary: bool,
@@ -30,19 +30,19 @@ pub struct State {
 pub struct Polhemus {
     pub kind: Kind,
     pub state: State,
-    /// How long a reset takes.
+    /// Duration of a reset.
     pub reset_time: Duration,
-    /// Until when it resets.
+    /// End of the present reset.
     resetting: Option<Duration>,
     /// Whether it hangs: it does nothing until it is reset.
     pub hung: bool,
-    /// Resets so far.
+    /// Number of resets.
     pub resets: u32,
     /// Commands that it did not understand.
     pub refused: Vec<String>,
-    /// Commands that came while it reset, and were lost.
+    /// Number of commands lost because they arrived during a reset.
     pub lost: usize,
-    /// A command that isn't whole.
+    /// An incomplete command.
     partial: Vec<u8>,
     period: Duration,
     next: Duration,
@@ -69,12 +69,12 @@ impl Polhemus {
         }
     }
 
-    /// Where the sensor is at record `n`: centimetres.
+    /// Position of the sensor at record `n`, cm.
     pub fn position_cm(n: u32) -> [f32; 3] {
         [10.0 + 0.01 * (n % 1000) as f32, -20.0, 30.0]
     }
 
-    /// Bytes come from the host.
+    /// Receives bytes from the host.
     pub fn hear(&mut self, now: Duration, bytes: &[u8]) {
         self.pass(now);
         for &byte in bytes {
@@ -149,12 +149,12 @@ impl Polhemus {
         }
     }
 
-    /// When it next has something to say.
+    /// Time of its next output.
     pub fn next_at(&self) -> Option<Duration> {
         (self.state.streaming && self.resetting.is_none() && !self.hung).then_some(self.next)
     }
 
-    /// The records that are due, one at a time.
+    /// The next due record.
     pub fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
         self.pass(now);
         let at = self.next_at().filter(|at| *at <= now)?;
@@ -163,7 +163,7 @@ impl Polhemus {
         Some(self.record(self.records - 1, at))
     }
 
-    /// A record by the present settings.
+    /// A record with the present settings.
     fn record(&self, n: u32, at: Duration) -> Vec<u8> {
         let scale = if self.state.centimetres { 1.0 } else { 1.0 / 2.54 };
         let position = Self::position_cm(n).map(|cm| cm * scale);

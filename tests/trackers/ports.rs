@@ -18,9 +18,9 @@ use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use crate::ear::{Live, connected, decode_error, disconnected};
 use crate::polhemus::{Kind, Polhemus};
 
-/// What speaks at the far end of a terminal.
+/// Device at the far end of a terminal.
 pub trait Board: Send + 'static {
-    /// The speed that the host gave the line, baud.
+    /// Reports the speed that the host gave the line, baud.
     fn at_speed(&mut self, _baud: u32) {}
     fn hear(&mut self, now: Duration, bytes: &[u8]);
     fn say(&mut self, now: Duration) -> Option<Vec<u8>>;
@@ -36,7 +36,7 @@ impl Board for Polhemus {
     }
 }
 
-/// A hobby board: a line each 5 ms.
+/// A hobby board: a line every 5 ms.
 struct Lines(u32);
 
 pub fn line(n: u32) -> String {
@@ -57,17 +57,17 @@ impl Board for Lines {
 }
 
 pub enum Order {
-    /// Sends only the first bytes of the next record and then no more; answers with the bytes sent in all.
+    /// Sends only the first bytes of the next record and then nothing; answers with the total of bytes sent.
     Cut(usize, mpsc::Sender<usize>),
-    /// Is gone.
+    /// Disappears.
     Unplug,
     /// Flips bits of one byte in each of the next records.
     Damage(usize),
-    /// Says nothing for a while; what would have been said is gone.
+    /// Silent for a while; its output in that time is lost.
     Mute(Duration),
 }
 
-/// A board on a pseudo-terminal behind a link, as udev makes them by id.
+/// A board on a pseudo-terminal behind a link, as udev creates them by id.
 pub struct Terminal {
     orders: mpsc::Sender<Order>,
     thread: Option<JoinHandle<()>>,
@@ -94,13 +94,13 @@ impl Terminal {
         self.orders.send(order).unwrap();
     }
 
-    /// Waits until it is gone.
+    /// Waits until it has ended.
     pub fn join(mut self) {
         self.thread.take().unwrap().join().unwrap();
     }
 }
 
-/// The speed of a terminal, whatever number it is, baud.
+/// Speed of a terminal, baud, including non-standard ones.
 #[cfg(target_os = "linux")]
 fn speed(terminal: &File) -> Option<u32> {
     use std::os::fd::AsRawFd;
@@ -118,7 +118,7 @@ fn speed(_: &File) -> Option<u32> {
     None
 }
 
-/// The board's loop. It holds the near end open, too, as a terminal without readers would report errors.
+/// The board's loop. It also holds the near end open, because a terminal without readers reports errors.
 fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::Receiver<Order>) {
     let (mut far, start) = (File::from(master), Instant::now());
     let (mut cut, mut damage, mut mute_until, mut sent) = (None, 0, Duration::ZERO, 0);
@@ -133,7 +133,7 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
         }
         let mut input = [0; 256];
         if let Ok(length) = far.read(&mut input) {
-            // The host changes it before it writes, so that it is looked at after what was written.
+            // The host changes the speed before it writes, so it is checked after each write.
             if let Some(baud) = speed(&far) {
                 board.at_speed(baud);
             }
@@ -163,7 +163,7 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        // Without orders to come the thread ends.
+        // Without a sender of orders the thread ends.
         self.orders = mpsc::channel().0;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -218,7 +218,7 @@ fn polhemus_devices_stream_over_a_serial_line() {
 }
 
 #[test]
-fn damaged_records_cost_no_more_than_themselves() {
+fn damaged_records_lose_only_themselves() {
     for (kind, protocol) in [
         (Kind::Fastrak, Protocol::FastrakAscii),
         (Kind::Fastrak, Protocol::FastrakBinary),
@@ -239,7 +239,7 @@ fn damaged_records_cost_no_more_than_themselves() {
 }
 
 #[test]
-fn a_device_unplugged_within_a_record_is_found_again_where_it_comes_back() {
+fn a_device_unplugged_within_a_record_is_found_again_where_it_returns() {
     let (_dir, link) = place();
     let terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
     let live = Live::start(&serial(&link, Protocol::Liberty));
@@ -251,11 +251,11 @@ fn a_device_unplugged_within_a_record_is_found_again_where_it_comes_back() {
     terminal.order(Order::Unplug);
     terminal.join();
     let reason = live.ear.nth_event(1, disconnected);
-    // The half record is told of before the port is.
+    // The incomplete record is reported before the lost port.
     let TrackerEvent::DecodeError(error) = live.ear.nth_event(1, decode_error) else { panic!() };
     assert!(error.to_string().contains("ends after 17 bytes"), "{error}");
     assert!(!reason.to_string().is_empty());
-    // It comes back as another terminal, in the state of one that was switched on.
+    // It returns as another terminal, in its power-on state.
     let _terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
     live.ear.nth_event(2, connected);
     live.ear.more_records(20);
@@ -275,7 +275,7 @@ fn a_tracker_that_is_plugged_in_late_is_found() {
 }
 
 #[test]
-fn a_silent_line_is_told_of_and_opened_again() {
+fn a_silent_line_is_reported_and_reopened() {
     let (_dir, link) = place();
     let terminal = Terminal::plug_in(&link, Lines(0));
     let mut settings = serial(&link, Protocol::AsciiLine);

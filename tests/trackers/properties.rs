@@ -1,4 +1,4 @@
-//! What must hold for any stream of a Polhemus device.
+//! Properties of any stream of a Polhemus device.
 
 use bytes::BytesMut;
 use insonify::tracker::{DecodeError, Protocol, Record};
@@ -13,7 +13,7 @@ const PROTOCOLS: [(Kind, Protocol); 4] = [
     (Kind::Liberty, Protocol::Patriot),
 ];
 
-/// Everything that comes out of `bytes`, fed in pieces that end at `cuts`.
+/// Records and errors of `bytes`, received in pieces that end at `cuts`.
 fn decode(protocol: Protocol, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, DecodeError>> {
     let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
     ends.push(bytes.len());
@@ -52,7 +52,7 @@ fn stream(kind: Kind, protocol: Protocol, count: usize) -> Vec<u8> {
     let record = |_| {
         let mut record = device.say(later).unwrap();
         if protocol == Protocol::Patriot {
-            // Its frames differ in their tag.
+            // Its frames differ only in their tag.
             record[..2].copy_from_slice(b"PA");
         }
         record
@@ -61,7 +61,7 @@ fn stream(kind: Kind, protocol: Protocol, count: usize) -> Vec<u8> {
 }
 
 #[test]
-fn whole_streams_are_decoded_whole() {
+fn sound_streams_are_decoded_completely() {
     for (kind, protocol) in PROTOCOLS {
         let found = decode(protocol, &stream(kind, protocol, 300), &[]);
         assert_eq!(found.iter().filter(|record| record.is_ok()).count(), 300, "{protocol:?}");
@@ -93,7 +93,7 @@ proptest! {
             let at = at % bytes.len();
             bytes.splice(at..at, noise);
         }
-        // Compared as text: an error may hold the NaN that it found, which equals nothing.
+        // Compared as text: an error may contain NaN, which equals nothing.
         let text = |cuts: &[usize]| format!("{:?}", decode(protocol, &bytes, cuts));
         let whole = text(&[]);
         prop_assert_eq!(&text(&cuts), &whole);
@@ -117,7 +117,7 @@ proptest! {
     }
 
     #[test]
-    fn one_damaged_byte_costs_two_records_at_most(which in 0..PROTOCOLS.len(), at in any::<usize>(), value in any::<u8>()) {
+    fn one_damaged_byte_loses_two_records_at_most(which in 0..PROTOCOLS.len(), at in any::<usize>(), value in any::<u8>()) {
         let (kind, protocol) = PROTOCOLS[which];
         let mut bytes = stream(kind, protocol, 10);
         let at = at % bytes.len();

@@ -25,7 +25,7 @@ fn a_tcp_server_is_read_and_found_again() {
     let live = Live::start(&settings(Transport::Tcp { address: address.clone() }));
     let (mut first, _) = server.accept().unwrap();
     for n in 0..10 {
-        // Cut anywhere.
+        // Split anywhere.
         let line = line(n);
         first.write_all(&line.as_bytes()[..7]).unwrap();
         first.write_all(&line.as_bytes()[7..]).unwrap();
@@ -45,7 +45,7 @@ fn a_tcp_server_is_read_and_found_again() {
 }
 
 #[test]
-fn nobody_at_an_address_is_no_end() {
+fn an_unreachable_address_is_retried() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap();
     drop(server);
@@ -56,7 +56,7 @@ fn nobody_at_an_address_is_no_end() {
 }
 
 #[test]
-fn each_datagram_stands_by_itself() {
+fn datagrams_are_independent() {
     let live = Live::start(&settings(Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 0)) }));
     let TrackerEvent::Connected { port } = live.ear.nth_event(1, connected) else { panic!() };
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
