@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Writes assets/quality/texture64.onnx: 64 fixed statistics of the texture of a crop, for a Frechet distance.
+"""Writes assets/quality/texture64.onnx: 64 fixed texture statistics of a crop, for a Frechet distance.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install onnx==1.23.2 numpy
     /tmp/venv/bin/python training/make_features.py
 
-Nothing is trained and nothing is random: a bank of Gabor filters in quadrature (Daugman 1985) at 4 octaves and 4
-orientations, and the statistics of its magnitudes by which Portilla and Simoncelli (IJCV 2000) describe a texture.
-Distances over these features are called `FD texture64`; they are no FID and don't compare with one.
+Nothing is trained or random: a bank of Gabor filters in quadrature (Daugman 1985) at 4 octaves and 4 orientations,
+and the statistics of its magnitudes by which Portilla and Simoncelli (IJCV 2000) describe a texture. Distances over
+these features are called `FD texture64`; they are not FID and can't be compared with it.
 
 Input float32 [1, 1, 256, 256], grey level / 255; output float32 [1, 64]:
 
@@ -15,7 +15,7 @@ Input float32 [1, 1, 256, 256], grey level / 255; output float32 [1, 64]:
     2, 3    skewness and kurtosis / 8, both damped where there is no contrast
     4..20   ln (mean magnitude + 0.001) of each filter: octave by octave, wavelengths 4, 8, 16, 32 pixels,
             in each 0, 45, 90, 135 degrees
-    20..36  ln (deviation of the magnitude + 0.001) likewise: speckle's is about half of its mean, an edge's is more
+    20..36  ln (deviation of the magnitude + 0.001) likewise; about half of the mean for speckle, more for edges
     36..48  correlation of magnitudes with those of the same orientation one octave coarser
     48..64  correlation of magnitudes within an octave: between neighbouring orientations (0-45, 45-90, 90-135, 135-0)
 
@@ -31,12 +31,12 @@ from onnx import TensorProto, helper, numpy_helper
 ROOT = Path(__file__).resolve().parent.parent
 TARGET = ROOT / "assets/quality/texture64.onnx"
 SIDE, OCTAVES, ORIENTATIONS = 256, 4, 4
-# Wavelength and deviation of the envelope, pixels of the octave; taps of a filter.
+# Wavelength and standard deviation of the envelope, pixels of the octave; number of taps of a filter.
 WAVELENGTH, SIGMA, TAPS = 4.0, 2.0, 11
 
 
 class Graph:
-    """Nodes and constants."""
+    """Nodes and constants of an ONNX graph."""
 
     def __init__(self):
         self.nodes, self.constants = [], {}
@@ -51,7 +51,7 @@ class Graph:
 
 
 def gabor_bank():
-    """Even and odd filters of each orientation [2 x orientations, 1, taps, taps], even first, without mean."""
+    """Even and odd filters of each orientation [2 x orientations, 1, taps, taps], even first, zero mean."""
     half = TAPS // 2
     y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
     envelope = np.exp(-(x**2 + y**2) / (2 * SIGMA**2))
@@ -130,7 +130,7 @@ def build():
         return g.op("Div", [square_mean(f"{name}_covariance", a, b), divisor], name)
 
     for octave in range(OCTAVES - 1):
-        # The finer magnitudes on the coarser grid.
+        # The finer magnitudes, resampled to the coarser grid.
         finer = g.op("AveragePool", [magnitudes[octave]], f"finer_{octave}", kernel_shape=[2, 2], strides=[2, 2])
         finer = centred(finer, finer)
         own = g.op("Sqrt", [square_mean(f"finer_variance_{octave}", finer, finer)], f"finer_deviation_{octave}")

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Builds the ONNX models whose effect is known: those of the tests, and the fixed filter of the demo.
+"""Builds ONNX models of known effect: those of the tests, and the fixed filter of the demo.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install onnx==1.23.2 numpy
     /tmp/venv/bin/python training/make_test_models.py
 
-Writes tests/data/generators/*.onnx and assets/generators/demo_smooth/, each with its manifest and parity pair. Nothing
-here is trained. Expected outputs come from ONNX's reference evaluator, not from the runtime that will be checked.
+Writes tests/data/generators/*.onnx and assets/generators/demo_smooth/, each with its manifest and parity pair.
+Nothing here is trained. Expected outputs come from ONNX's reference evaluator, not from the runtime under test.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TESTS = ROOT / "tests/data/generators"
 DEMO = ROOT / "assets/generators/demo_smooth"
 CLASSES = ["outside", "amniotic_fluid", "placenta", "skull"]
-# 8-bit channels to -1..=1 and back, as pix2pix has them.
+# 8-bit channels to -1..=1 and back, as in pix2pix.
 SIGNED = {"scale": 2.0, "offset": -1.0}
 SIGNED_OUTPUT = {"scale": 0.5, "offset": 0.5}
 UNIT = {"scale": 1.0, "offset": 0.0}
@@ -47,7 +47,7 @@ class Graph:
         return outputs[0]
 
     def channel(self, index, name):
-        """The input's channel `index`."""
+        """Channel `index` of the input."""
         start, end = self.integers(f"{name}_start", [index]), self.integers(f"{name}_end", [index + 1])
         axis = self.integers(f"{name}_axis", [1])
         return self.node("Slice", ["input", start, end, axis], name)
@@ -68,7 +68,7 @@ class Graph:
 
 @dataclass
 class Generator:
-    """A model and what its manifest says."""
+    """A model and the content of its manifest."""
 
     name: str
     description: str
@@ -78,7 +78,7 @@ class Generator:
     multiple: int = 1
     encoding: str = "map"
     classes: list = field(default_factory=lambda: list(CLASSES))
-    # Class of tissues that are none of their own, and that of all others.
+    # Class of each tissue that has none of its own, and the class of all others.
     of: dict = field(default_factory=dict)
     other: str = ""
     parity: np.ndarray = None
@@ -118,7 +118,7 @@ def blur():
 
 
 def block_mean():
-    """Half of each pixel and half of the mean of its block of 64 x 64: other sizes do not fit."""
+    """Half of each pixel plus half of the mean of its 64 x 64 block; other sizes are errors."""
     g = Graph()
     image = g.channel(0, "image")
     g.node("AveragePool", [image], "means", kernel_shape=[64, 64], strides=[64, 64])
@@ -149,7 +149,7 @@ def weighted_maps():
 
 
 def class_levels():
-    """Channels mask, one a class, image: a level for each class, 0.2 apart, and a tenth of the image."""
+    """Channels mask, one per class, image: a level for each class, 0.2 apart, plus a tenth of the image."""
     g = Graph()
     weights = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.1]).reshape(1, 6, 1, 1)
     g.node("Conv", ["input", g.floats("weights", weights)], "output", kernel_shape=[1, 1])
@@ -157,7 +157,7 @@ def class_levels():
 
 
 def maps_only():
-    """Channels one a class, attenuation, mask: a level for each class, 0.2 apart, and 0.2 of the attenuation."""
+    """Channels one per class, attenuation, mask: a level for each class, 0.2 apart, plus 0.2 of the attenuation."""
     g = Graph()
     weights = np.array([0.0, 0.2, 0.4, 0.6, 0.2, 0.0]).reshape(1, 6, 1, 1)
     g.node("Conv", ["input", g.floats("weights", weights)], "output", kernel_shape=[1, 1])
@@ -165,7 +165,7 @@ def maps_only():
 
 
 def not_a_number():
-    """The square root of 0.9 less the image: NaN where the image is brighter."""
+    """Square root of 0.9 minus the image: NaN where the image is brighter."""
     g = Graph()
     image = g.channel(0, "image")
     g.node("Sub", [g.floats("limit", 0.9), image], "rest")
@@ -174,7 +174,7 @@ def not_a_number():
 
 
 def endless():
-    """The image, after as many turns of a loop as the cube of its first pixel's level: none for 0, 16 million for 255."""
+    """The image, after a loop whose count is the cube of its first pixel's level: 0 for 0, 16 million for 255."""
     g = Graph()
     image = g.channel(0, "image")
     g.integers("corner_start", [0, 0, 0, 0])
@@ -200,14 +200,14 @@ def endless():
 
 
 def slow():
-    """The image, after convolutions of 16 channels that change nothing: some hundred milliseconds at 1386 x 1000."""
+    """The image, after convolutions of 16 channels without effect: some hundred milliseconds at 1386 x 1000."""
     g = Graph()
     rng = np.random.default_rng(1)
     first = np.zeros((16, 2, 3, 3))
     first[:, 0, 1, 1] = 1.0
     previous = g.node("Conv", ["input", g.floats("w0", first)], "c0", kernel_shape=[3, 3], pads=[1] * 4)
     for i in range(1, 5):
-        # Rows sum to one at the centre, and every other tap cancels over equal channels.
+        # Rows sum to one at the centre, and all other taps cancel over equal channels.
         weights = rng.normal(scale=0.01, size=(16, 16, 3, 3))
         weights -= weights.mean(axis=1, keepdims=True)
         weights[:, :, 1, 1] += 1 / 16
@@ -217,11 +217,11 @@ def slow():
 
 
 def demo_smooth():
-    """A self-guided edge-preserving filter whose statistics are taken at a quarter of the resolution.
+    """Self-guided edge-preserving filter with statistics at a quarter of the resolution.
 
-    He and Sun, Fast Guided Filter (arXiv:1505.00996), with means over the sector only: output = a image + b, where in
-    each neighbourhood of mean u and variance v, a = v / (v + 0.01) and b = (1 - a) u, both smoothed and brought to full
-    resolution by bilinear interpolation.
+    He and Sun, Fast Guided Filter (arXiv:1505.00996), with means over the sector only: output = a image + b. In each
+    neighbourhood of mean u and variance v, a = v / (v + 0.01) and b = (1 - a) u. Both are smoothed and brought to
+    full resolution by bilinear interpolation.
     """
     g = Graph()
     image = g.channel(0, "image")
@@ -287,13 +287,13 @@ def parity_planes(height=40, width=36, brightest=255):
 
 
 def margins(n, multiple):
-    """What `n` pixels are padded by, before and behind, to a multiple: half and half, the odd one behind."""
+    """Padding of `n` pixels to a multiple, before and behind: equal halves, an odd pixel behind."""
     missing = -n % multiple
     return missing // 2, missing - missing // 2
 
 
 def tensor(generator, planes):
-    """The model's input: normalised, amid what is outside the sector: zeros before that."""
+    """Normalised input of the model, surrounded by the values of outside; these are zeros before normalisation."""
     padding = ((0, 0), *(margins(n, generator.multiple) for n in planes.shape[1:]))
     # The class `outside` is the first.
     image, classes, attenuation, mask = np.pad(planes.astype(np.float64), padding)
@@ -308,7 +308,7 @@ def tensor(generator, planes):
 
 
 def levels(generator, planes):
-    """The grey levels expected of the generator, not rounded, 0 outside of the mask."""
+    """Grey levels expected of the generator, not rounded; 0 outside the mask."""
     (output,) = ReferenceEvaluator(generator.model).run(None, {"input": tensor(generator, planes)})
     top, left = (margins(n, generator.multiple)[0] for n in planes.shape[1:])
     height, width = planes.shape[1:]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Builds a feature extractor whose features are known: means of blocks of 8 x 8, channel c times c + 1.
+"""Builds a feature extractor of known features: means of 8 x 8 blocks, channel c times c + 1.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install onnx==1.23.2 numpy
     /tmp/venv/bin/python tests/python/feature_model.py tests/data/quality/block_means.onnx

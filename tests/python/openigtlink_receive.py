@@ -1,4 +1,4 @@
-"""Receives one image and one transform from insonify's OpenIGTLink server by pyigtl, and prints what they say.
+"""Receives one image and one transform from insonify's OpenIGTLink server by pyigtl, and prints their content.
 
 Usage: openigtlink_receive.py PORT
 """

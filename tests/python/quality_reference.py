@@ -5,9 +5,9 @@
     /tmp/quality/bin/python tests/python/quality_reference.py tests/data/quality
 
 Writes small grey images (.png), images.json (PSNR, SSIM, pKL) and frechet.json (feature vectors and their distance).
-Nothing here is shared with the Rust code: PSNR and the inner SSIM are scikit-image's, the SSIM with MATLAB's replicated
-edges is filtered by scipy.ndimage, pKL sums numpy.histogram's bins with scipy.stats.entropy, the Frechet distance
-takes scipy.linalg.sqrtm, or for singular covariances the eigenvalues of their product.
+Nothing is shared with the Rust code. PSNR and the inner SSIM are scikit-image's; the SSIM with MATLAB's replicated
+edges is filtered by scipy.ndimage. pKL sums numpy.histogram's bins with scipy.stats.entropy. The Frechet distance
+uses scipy.linalg.sqrtm, or for singular covariances the eigenvalues of their product.
 """
 
 import json
@@ -38,7 +38,7 @@ def versions():
 
 
 def images(rng):
-    """Name -> (image, reference), like ultrasound: log-compressed speckle over a few structures."""
+    """Dictionary from name to (image, reference), like ultrasound: log-compressed speckle over a few structures."""
     height, width = 101, 139
     y, x = np.mgrid[:height, :width]
     tissue = 0.02 + 0.08 * (np.hypot(x - 60, y - 50) < 30) + 0.5 * (abs(y - 80 - x / 20) < 1.5)
@@ -68,7 +68,7 @@ def images(rng):
 
 
 def sector(shape):
-    """A fan, as a mask."""
+    """Fan-shaped mask."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     angle = np.arctan2(x - shape[1] / 2, y + 15)
     radius = np.hypot(x - shape[1] / 2, y + 15)
@@ -76,7 +76,7 @@ def sector(shape):
 
 
 def matlab_map(a, b):
-    """MATLAB's ssim: as structural_similarity, edges replicated."""
+    """SSIM map as in MATLAB: structural_similarity with replicated edges."""
     a, b = a.astype(float), b.astype(float)
     f = lambda v: gaussian_filter(v, 1.5, radius=5, mode="nearest")
     ma, mb = f(a), f(b)
@@ -133,7 +133,7 @@ def frechet(a, b):
 def features(rng):
     mix = rng.normal(size=(12, 12))
     shifted = rng.normal(size=(60, 12)) @ (mix + 0.3 * rng.normal(size=(12, 12))) + rng.normal(size=12)
-    # Multiples of 1/32, so that their products are exact and the covariances truly singular.
+    # Multiples of 1/32, so that products are exact and the covariances truly singular.
     coarse = lambda *size: (rng.normal(size=size) * 32).round() / 32
     low = coarse(30, 3) @ coarse(3, 10)
     low2 = coarse(30, 2) @ coarse(2, 10) + 0.5

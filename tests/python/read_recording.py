@@ -1,4 +1,4 @@
-"""Reads a recording with MCAP's own reader (PyPI: mcap) and prints what it sees as JSON.
+"""Reads a recording with MCAP's own reader (PyPI: mcap) and prints its content as JSON.
 
 Usage: python3 read_recording.py RECORDING.mcap
 """

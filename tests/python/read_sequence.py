@@ -1,4 +1,4 @@
-"""Reads a tracked sequence with SimpleITK (PyPI: SimpleITK and numpy) and prints what it sees as JSON.
+"""Reads a tracked sequence with SimpleITK (PyPI: SimpleITK and numpy) and prints its content as JSON.
 
 Usage: python3 read_sequence.py SEQUENCE.igs.mha
 """

@@ -1,1 +1,1 @@
-"""Trains insonify's generators: G: {image, mask, segmentation, attenuation} -> high-quality image."""
+"""Training of insonify's generators: {image, mask, segmentation, attenuation} -> high-quality image."""

@@ -1,4 +1,4 @@
-"""Times models at the full field of view: ONNX Runtime beside PyTorch and, where installed, OpenVINO, same weights.
+"""Times models at the full field of view: ONNX Runtime, PyTorch and, if installed, OpenVINO, with equal weights.
 
 `python -m insonify_training.bench --data DIR RUN...` times trained networks by their runs' folders;
 `python -m insonify_training.bench MODEL.onnx...` times exported models, for which there is no PyTorch;
@@ -21,7 +21,7 @@ from .networks import fold, make
 
 
 def times_ms(run, runs):
-    """Milliseconds of each of `runs` calls after two to warm up."""
+    """Milliseconds of each of `runs` calls, after two warm-up calls."""
     times = []
     for i in range(runs + 2):
         begun = time.perf_counter()
@@ -32,13 +32,13 @@ def times_ms(run, runs):
 
 
 def in_ort(path, x, threads):
-    """A call of the model in ONNX Runtime."""
+    """Function that runs the model in ONNX Runtime."""
     ort = session(path, threads)
     return lambda: ort.run(None, {"input": x})
 
 
 def in_openvino(path, x, threads):
-    """A call of the model in OpenVINO; None where it isn't installed."""
+    """Function that runs the model in OpenVINO; None if that isn't installed."""
     try:
         import openvino
     except ImportError:
@@ -52,7 +52,7 @@ def in_openvino(path, x, threads):
 
 
 def in_torch(network, x, threads):
-    """A call of the network in PyTorch, channels_last."""
+    """Function that runs the network in PyTorch, channels_last."""
     torch.set_num_threads(threads)
     network = network.to(memory_format=torch.channels_last)
     tensor = torch.from_numpy(x).to(memory_format=torch.channels_last)
@@ -65,7 +65,7 @@ def in_torch(network, x, threads):
 
 
 def main(argv=None):
-    """The command."""
+    """Entry point of the command."""
     p = argparse.ArgumentParser(prog="insonify-generator-bench", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("models", nargs="*", type=Path, help="folders of runs, and exported models with their manifests beside them")
     p.add_argument("--data", type=Path, help="data set that the runs were trained on")

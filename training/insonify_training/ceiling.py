@@ -1,8 +1,8 @@
-"""About how much a generator can gain: `python -m insonify_training.ceiling DATA`.
+"""Estimates the largest gain of a generator: `python -m insonify_training.ceiling DATA`.
 
-A generator can't know the part of the HQ speckle that LQ doesn't show. So an oracle is asked that knows the structure, HQ blurred by
-sigma pixels, and adds the fine detail of LQ times the gain that fits HQ best, for each hundred rows. Full field of view.
-An estimate, no bound: another oracle may use the same knowledge better.
+A generator can't know the part of the HQ speckle that LQ doesn't show. The estimate is that of an oracle which knows
+the structure: HQ blurred by sigma pixels. It adds the fine detail of LQ times the gain that fits HQ best, for every
+hundred rows. Full field of view. This is an estimate and no bound: another oracle may use the same knowledge better.
 """
 
 import argparse
@@ -16,12 +16,12 @@ from .dataset import HQ, LQ, Dataset, DatasetError
 from .quality import blur_matrix, psnr_db, ssim
 
 SIGMAS = (2, 4, 8, 16)
-# Rows that share a gain: how alike the speckle is depends on depth.
+# Rows that share a gain: the similarity of the speckle depends on depth.
 ROWS = 100
 
 
 def oracle(lq, hq, mask, sigma):
-    """What the oracle of `sigma` makes of pictures [1, 1, h, w] within 0..1."""
+    """Estimate by the oracle of `sigma` for pictures [1, 1, h, w] within 0..=1."""
     down, across = (blur_matrix(n, sigma, 3 * sigma) for n in hq.shape[-2:])
     output = (down @ hq @ across.T) * mask
     detail, missing = (lq - down @ lq @ across.T) * mask, hq - output
@@ -33,7 +33,7 @@ def oracle(lq, hq, mask, sigma):
 
 
 def main(argv=None):
-    """The command."""
+    """Entry point of the command."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("data", type=Path, help="data set that `insonify dataset` wrote")
     p.add_argument("--limit", type=int, default=10, help="test tuples to look at, evenly spread [default: 10]")

@@ -1,10 +1,10 @@
-"""From bytes of a tuple to the tensor of a network: what the station does by the model's manifest."""
+"""Encoding of a tuple's bytes as a network's input tensor, like the station's by the model's manifest."""
 
 import torch
 
 from .dataset import ATTENUATION, HQ, LQ, SEGMENTATION
 
-# Channels of each variant, as fed (Zhang et al. 2020; Maps: Zhang et al., IJCARS 2021).
+# Channels of each variant, in input order (Zhang et al. 2020; Maps: Zhang et al., IJCARS 2021).
 VARIANTS = {
     "M": ("image", "mask"),
     "MS": ("image", "mask", "segmentation"),
@@ -21,7 +21,7 @@ class Encoder:
         self.segmentation = segmentation
         self.device = torch.device(device)
         self.values = torch.from_numpy(segmentation.values(data.classes)).to(self.device)
-        # The attenuation falls by orders of magnitude with depth: a root of it shows shadows there as well.
+        # Attenuation falls by orders of magnitude with depth: a root of it shows deep shadows as well.
         levels = torch.arange(256, dtype=torch.float64) / 255
         self.attenuation = (levels ** (attenuation_power / data.attenuation_power)).float().to(self.device)
 
@@ -32,12 +32,12 @@ class Encoder:
 
     @property
     def image(self):
-        """Which channel the LQ image is, if it is one."""
+        """Index of the LQ image among the channels, if it is one."""
         return self.names.index("image") if self.names[0] == "image" else None
 
     @property
     def outside(self):
-        """Input [1, channels, 1, 1] of what is outside the sector: zeros in every map."""
+        """Input [1, channels, 1, 1] of a pixel outside the sector: zeros in every map."""
         planes, mask = (torch.zeros(1, count, 1, 1, dtype=torch.uint8, device=self.device) for count in (4, 1))
         return self.input(planes, mask)
 

@@ -1,10 +1,10 @@
-"""From tissues to the classes that a generator sees.
+"""Mapping from tissues to the classes that a generator sees.
 
-Tissues go by name, since their numbers differ from data set to data set and from station to station. Two encodings:
+Tissues are identified by name, since their numbers differ between data sets and stations. Two encodings:
 
-- ``map``: one channel, the class's index over the greatest index. Each tissue of ``assets/tissues.toml`` is a class, in
-  the order of `order`: neighbours look alike, so a value in between means something.
-- ``classes``: one channel a group of tissues (`GROUPS`), 0 or 1.
+- ``map``: one channel, the class's index over the greatest index. Each tissue of ``assets/tissues.toml`` is a class,
+  in the order of `order`: neighbours look alike, so intermediate values are meaningful.
+- ``classes``: one channel per group of tissues (`GROUPS`), 0 or 1.
 """
 
 import math
@@ -17,19 +17,19 @@ import numpy as np
 TISSUES = Path(__file__).resolve().parents[2] / "assets/tissues.toml"
 
 OUTSIDE = "outside"
-# What a tissue is taken for that the table doesn't name.
+# Class of a tissue that is not in the table.
 OTHER = "soft_tissue"
-# Groups, dark to bright between the two that cast shadows.
+# Groups, from dark to bright between the two that cast shadows.
 GROUPS = (OUTSIDE, "gas", "fluid", "dark", "mid", "iso", "bright", "hard")
 # Upper limits of the speckle's amplitude (deviation x sqrt(density)) in the groups fluid, dark, mid, iso.
 LIMITS = (0.0006, 0.0045, 0.0075, 0.0125)
-# Impedance, MRayl, below which it is gas, and above which it is hard.
+# Impedances, MRayl, below which a tissue is gas, and above which it is hard.
 GAS_MRAYL, HARD_MRAYL = 1.0, 2.5
 
 
 @dataclass(frozen=True)
 class Tissue:
-    """What of a tissue decides how it looks."""
+    """Properties of a tissue that determine its appearance."""
 
     name: str
     impedance_mrayl: float
@@ -37,7 +37,7 @@ class Tissue:
 
     @property
     def group(self):
-        """Which of `GROUPS` it belongs to."""
+        """Group of `GROUPS` that the tissue belongs to."""
         if self.impedance_mrayl < GAS_MRAYL:
             return "gas"
         if self.impedance_mrayl > HARD_MRAYL:
@@ -59,30 +59,30 @@ def read_tissues(path=TISSUES):
 
 
 def order(tissues):
-    """Names of `tissues` in the order of their look: gas, then by speckle from fluids on, then what is hard."""
+    """Names of `tissues` by appearance: gas, then by speckle from fluids upwards, then hard tissues."""
     key = lambda t: (GROUPS.index(t.group), t.impedance_mrayl if t.group == "hard" else t.speckle, t.name)
     return [t.name for t in sorted(tissues.values(), key=key)]
 
 
-# How the segmentation may become channels.
+# Encodings of the segmentation as channels.
 ENCODINGS = ("map", "classes")
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """How the segmentation becomes channels."""
+    """Conversion of the segmentation to channels."""
 
     encoding: str
     # Names of the classes in the order of their indices.
     classes: tuple
-    # Class of each tissue whose name isn't its class.
+    # Class of each tissue whose name differs from its class.
     of: dict
-    # Class of tissues that are nowhere named.
+    # Class of all other tissues.
     other: str
 
     @classmethod
     def make(cls, encoding, tissues=None):
-        """The segmentation of insonify's table of tissues in the encoding `map` or `classes`."""
+        """Segmentation of insonify's tissue table in the encoding `map` or `classes`."""
         tissues = tissues or read_tissues()
         if encoding == "map":
             return cls("map", (OUTSIDE, *order(tissues)), {}, OTHER)
@@ -93,7 +93,7 @@ class Segmentation:
 
     @property
     def channels(self):
-        """How many channels it takes."""
+        """Number of channels."""
         return 1 if self.encoding == "map" else len(self.classes)
 
     @property
@@ -107,7 +107,7 @@ class Segmentation:
         return self.classes.index(name if name in self.classes else self.other)
 
     def unknown(self, names):
-        """Those of `names` that only `other` stands for."""
+        """Those of `names` without a class of their own, which become `other`."""
         return [n for n in names if n not in self.of and n not in self.classes]
 
     def indices(self, names):
@@ -124,6 +124,6 @@ class Segmentation:
         return np.eye(len(self.classes), dtype=np.float32)[indices]
 
     def manifest(self):
-        """The table ``[segmentation]`` of a model's manifest."""
+        """Table ``[segmentation]`` of a model's manifest."""
         table = {"encoding": self.encoding, "classes": list(self.classes), "other": self.other}
         return {**table, "of": dict(self.of)} if self.of else table

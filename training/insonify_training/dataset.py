@@ -1,7 +1,8 @@
-"""The data set that `insonify dataset` writes, and seeded crops of it.
+"""Reader of the data sets written by `insonify dataset`, and of seeded crops.
 
-A tuple is a `.npy` of uint8 [4, height, width]: LQ grey level, HQ grey level, class number, attenuation x 255 (or its
-power that `attenuation_power` in dataset.json says). It is read through a memory map, so that a crop costs its own pages only.
+A tuple is a `.npy` of uint8 [4, height, width]: LQ grey level, HQ grey level, class number, attenuation x 255 (or
+its power `attenuation_power` of dataset.json). It is read through a memory map, so that a crop reads only its own
+pages.
 """
 
 import hashlib
@@ -14,17 +15,17 @@ from pathlib import Path
 import numpy as np
 
 LQ, HQ, SEGMENTATION, ATTENUATION = range(4)
-# Crop origins are drawn from a grid of this step, px, and moved by less than it.
+# Crop origins are drawn from a grid of this step, px, and shifted by less than it.
 GRID_PX = 8
 
 
 class DatasetError(Exception):
-    """What is wrong with a data set; names the file."""
+    """Fault of a data set; names the file."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A tuple: a row of the manifest."""
+    """A row of the manifest, for one tuple."""
 
     index: int
     split: str
@@ -44,7 +45,7 @@ def _parse_rows(path):
         try:
             row = json.loads(line)
         except json.JSONDecodeError as error:
-            # A killed run leaves half a line at the end.
+            # A killed run leaves an incomplete line at the end.
             if number == len(lines):
                 return
             raise DatasetError(f"{path}:{number}: no JSON: {error}") from None
@@ -94,7 +95,7 @@ class Dataset:
         return [row for row in self.rows if row.split == name]
 
     def sha256(self, split="train"):
-        """SHA-256 of the rows' `sha256` of one split, sorted, each on a line: what a model was trained on."""
+        """SHA-256 of the `sha256` of one split's rows, sorted, one per line: identifies the training data of a model."""
         lines = "".join(f"{digest}\n" for digest in sorted(row.sha256 for row in self.split(split)))
         return hashlib.sha256(lines.encode()).hexdigest()
 
@@ -124,8 +125,10 @@ def _mask(path, shape):
 
 @lru_cache(maxsize=64)
 def _origins(path, shape, crop, min_inside, border):
-    """Origins [n, 2] (row, column) on the grid at which enough of a crop is inside the sector; in a picture with `border` pixels of
-    outside on every side."""
+    """Origins [n, 2] (row, column) of crops with enough of the sector inside, on the grid.
+
+    The picture has `border` pixels of outside on every side.
+    """
     inside = np.pad(_mask(path, shape) > 0, border).astype(np.float64)
     table = np.pad(inside.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
     rows, columns = np.subtract(inside.shape, crop)
@@ -144,7 +147,7 @@ class Batch:
 
 
 def _cut(picture, y, x, side):
-    """`side` x `side` pixels of `picture` [..., h, w] from (y, x) on, 0 where that is beyond it."""
+    """`side` x `side` pixels of `picture` [..., h, w] from (y, x), 0 beyond the picture."""
     out = np.zeros((*picture.shape[:-2], side, side), dtype=picture.dtype)
     top, left = max(y, 0), max(x, 0)
     part = picture[..., top : max(y + side, 0), left : max(x + side, 0)]
@@ -153,9 +156,10 @@ def _cut(picture, y, x, side):
 
 
 class Crops:
-    """Square crops of one split. What batch `step` holds depends on seed and step only, whatever was drawn before.
+    """Square crops of one split. Batch `step` depends only on seed and step.
 
-    They reach up to `border` pixels beyond the picture: what lies there is outside, as the station pads a field of view.
+    Crops may extend up to `border` pixels beyond the picture, into the outside by which the station pads a field of
+    view.
     """
 
     def __init__(self, dataset, split, crop, batch, seed, flip=True, min_inside=0.25, border=0):
@@ -169,7 +173,7 @@ class Crops:
             raise DatasetError(f"{dataset.directory}: a crop of {crop} px doesn't fit {smallest} px")
 
     def at(self, step):
-        """The batch of `step`."""
+        """Batch number `step`."""
         random = np.random.default_rng([self.seed, step])
         planes = np.empty((self.batch, 4, self.crop, self.crop), dtype=np.uint8)
         mask = np.empty((self.batch, 1, self.crop, self.crop), dtype=np.uint8)
@@ -179,14 +183,14 @@ class Crops:
             origins = _origins(self.dataset.directory / row.mask, size, self.crop, self.min_inside, self.border)
             origin = origins[random.integers(len(origins))] + random.integers(GRID_PX, size=2)
             y, x = np.minimum(origin, np.subtract(size, self.crop) + 2 * self.border) - self.border
-            # Mirroring left and right swaps the ends of the fan: as good a frame of the mirrored body.
+            # Mirroring left and right swaps the ends of the fan: an equally valid frame of the mirrored body.
             mirror = np.s_[..., ::-1] if self.flip and random.random() < 0.5 else np.s_[...]
             planes[i] = _cut(self.dataset.planes(row), y, x, self.crop)[mirror]
             mask[i, 0] = _cut(self.dataset.mask(row), y, x, self.crop)[mirror]
         return Batch(planes, mask)
 
     def stream(self, start, end, threads=1, ahead=4):
-        """Batches of the steps `start` to `end`, in order, made ahead by threads."""
+        """Batches of the steps `start` to `end`, in order, prepared by threads."""
         with ThreadPoolExecutor(threads) as pool:
             waiting = [pool.submit(self.at, step) for step in range(start, min(start + ahead, end))]
             for step in range(start, end):

@@ -1,4 +1,4 @@
-"""patchGAN of four convolutions: which patches of a picture are rendered, given the input they belong to."""
+"""patchGAN of four convolutions: judges which patches of a picture are rendered, given their input."""
 
 import torch
 import torch.nn.functional as F

@@ -1,4 +1,4 @@
-"""Says how long the training of tiers will take here: times a few steps of each phase, in which other terms of the loss are on."""
+"""Estimates the training time of tiers on this machine from a few steps of each phase of the loss."""
 
 import argparse
 import sys
@@ -17,14 +17,14 @@ STEPS = 3
 
 
 class NoData:
-    """Classes of no data set: enough to feed a network with."""
+    """Classes without a data set: enough to feed a network."""
 
     classes = ("outside", "soft_tissue")
     attenuation_power = 1.0
 
 
 def phases(config):
-    """Steps of each phase, and its first step: where a term of the loss comes or goes."""
+    """Number of steps and first step of each phase; a phase ends when a term of the loss is added or removed."""
 
     def terms(step):
         return tuple(weight > 0 for weight in astuple(config.weights_at(step)))
@@ -35,7 +35,7 @@ def phases(config):
 
 
 def step_seconds(config, first, device, bf16):
-    """Least seconds of a step of the phase that begins with step `first`."""
+    """Shortest time of a step, s, in the phase that begins with step `first`."""
     trainer = Trainer(config, NoData, device, bf16)
     shape = (config.batch, 4, config.crop, config.crop)
     batch = Batch(np.random.default_rng(1).integers(0, 2, shape, dtype=np.uint8), np.full((shape[0], 1, *shape[2:]), 255, np.uint8))
@@ -49,7 +49,7 @@ def step_seconds(config, first, device, bf16):
 
 
 def main(argv=None):
-    """The command."""
+    """Entry point of the command."""
     p = argparse.ArgumentParser(description=__doc__)
     p.add_argument("tiers", nargs="*", default=list(SHIPPED), metavar="TIER", help="[default: those that are shipped]")
     p.add_argument("--threads", type=int, default=2)

@@ -1,4 +1,4 @@
-"""Losses of the generator and the discriminator, and how they are weighed over the steps."""
+"""Losses of the generator and the discriminator, and their weights over the steps."""
 
 import torch
 import torch.nn.functional as F
@@ -11,7 +11,7 @@ LEAK = 0.05
 
 
 def soft_clip(y):
-    """`y` clipped to 0..=1 but for a slight slope outside."""
+    """`y` clipped to 0..=1, with a slight slope outside."""
     inside = y.clamp(0.0, 1.0)
     return inside + LEAK * (y - inside)
 
@@ -22,11 +22,11 @@ def l1(output, target):
 
 
 def patch_histogram(output, target, offset, side=PATCH):
-    """Mean distance between the grey levels that patches of `side` pixels hold, wherever in the patch they are: the
-    1-Wasserstein distance of their histograms, by sorting. What L1 smooths away, this asks for.
+    """Mean 1-Wasserstein distance of the grey-level histograms of patches of `side` pixels, by sorting.
 
-    Patches begin `offset` pixels from the upper left corner; what is left over at the edges isn't looked at. Pictures are
-    `side` + `offset` pixels high and wide at least.
+    It depends on levels and not on their places, and so rewards the grain that L1 smooths away. Patches begin
+    `offset` pixels from the upper left corner; incomplete ones at the edges are ignored. Pictures are at least
+    `side` + `offset` pixels high and wide.
     """
 
     output, target = (patches(picture, offset, side).sort(1).values for picture in (output, target))
@@ -34,8 +34,10 @@ def patch_histogram(output, target, offset, side=PATCH):
 
 
 def soft_histogram(levels, bins=BINS):
-    """Parts of the levels [patches, n] within 0..=1 in each bin [patches, bins]. A level belongs to the two bins whose centres it
-    lies between, by nearness, so that there is a gradient."""
+    """Fractions of the levels [patches, n] within 0..=1 in each bin [patches, bins].
+
+    A level is divided between the two bins with the nearest centres, by distance, so that there is a gradient.
+    """
     place = (levels * bins - 0.5).clamp(0.0, bins - 1.0)
     lower = place.detach().floor().clamp(max=bins - 2)
     above = place - lower
@@ -45,8 +47,10 @@ def soft_histogram(levels, bins=BINS):
 
 
 def patch_divergence(output, target, offset, side=PATCH):
-    """Mean Kullback-Leibler divergence of the grey levels' histograms of patches, D(target || output): pKL with soft bins. Patches as
-    in `patch_histogram`; those whose target is black are not looked at."""
+    """Mean Kullback-Leibler divergence D(target || output) of patches' grey-level histograms: pKL with soft bins.
+
+    Patches as in `patch_histogram`; those with a black target are ignored.
+    """
     output, target = (patches(picture, offset, side) for picture in (output, target))
     seen = target.amax(1) > 0
     p, q = (soft_histogram(levels[seen]) for levels in (target, output))
@@ -54,8 +58,10 @@ def patch_divergence(output, target, offset, side=PATCH):
 
 
 def grid(output, target, period=8, tile=64):
-    """Root mean square of what differs at the same place of each `period` x `period` pixels of a tile: a pattern that stands still on
-    the screen, as networks of that stride would make grain of. Pictures are whole tiles high and wide; what is left over isn't looked at.
+    """Root mean square of the error common to the same place of all `period` x `period` blocks of a tile.
+
+    This is a pattern that stands still on the screen, which networks of that stride would use as grain. Pictures
+    should be whole tiles; the remainder is ignored.
     """
     error = (output - target)[:, 0]
     rows, columns = (error.shape[1] // tile, error.shape[2] // tile)
@@ -66,7 +72,7 @@ def grid(output, target, period=8, tile=64):
 
 
 def dissimilarity(output, target):
-    """1 less the mean structural similarity of pictures within 0..=1."""
+    """1 minus the mean structural similarity of pictures within 0..=1."""
     return 1 - similarity(255 * output, 255 * target).mean()
 
 
@@ -78,7 +84,7 @@ def discriminator_loss(real, fake):
 
 
 def generator_gan_loss(fake):
-    """Cross-entropy of generated patches taken for rendered."""
+    """Cross-entropy of generated patches labelled as rendered."""
     return F.binary_cross_entropy_with_logits(fake.float(), torch.ones_like(fake, dtype=torch.float32))
 
 
@@ -90,7 +96,7 @@ def gan_weight(step, weight, warmup, ramp):
 
 
 def falling(step, steps, rate, decay_from):
-    """`rate` up to the part `decay_from` of the steps, then linear towards 0 (at least a hundredth)."""
+    """`rate` up to the fraction `decay_from` of the steps, then falling linearly towards 0 (at least a hundredth)."""
     start = decay_from * steps
     if step <= start:
         return rate

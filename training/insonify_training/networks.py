@@ -1,7 +1,7 @@
 """Networks: from the channels of a frame to its grey levels / 255.
 
-All are convolutional, take sides that are a multiple of `padding_multiple`, and have their norm directly behind a
-convolution, into which `fold` puts it once its statistics are frozen.
+All are convolutional and take sides that are a multiple of `padding_multiple`. Each norm directly follows a
+convolution, into which `fold` merges it once its statistics are frozen.
 """
 
 import copy
@@ -11,14 +11,15 @@ import torch.nn.functional as F
 from torch import nn
 
 EPS = 1e-5
-# `none` makes no norm at all.
+# `none` omits the norm.
 NORMS = ("none", "instance", "batch")
-# Statistics are followed on every so many training passes, by this part: they change slowly, and reading them costs.
+# Statistics are updated on every n-th training pass, by this fraction: they change slowly, and reading them is
+# expensive.
 FOLLOW_EVERY, MOMENTUM = 4, 0.02
 
 
 class Norm(nn.Module):
-    """Instance or batch norm that follows its statistics, and can be frozen to them.
+    """Instance or batch norm that tracks its statistics, and can be frozen to them.
 
     Live instance statistics differ between a crop and the full field of view; frozen ones are the same everywhere.
     """
@@ -46,12 +47,12 @@ class Norm(nn.Module):
             if not self.training:
                 return F.batch_norm(x, self.mean, self.variance, self.weight, self.bias, False, 0.0, EPS)
             return F.batch_norm(x, None, None, self.weight, self.bias, True, 0.0, EPS)
-        # One group a channel is instance norm, and keeps channels_last.
+        # One group per channel is instance norm, and keeps channels_last.
         return F.group_norm(x, x.shape[1], self.weight, self.bias, EPS)
 
     @torch.no_grad()
     def follow(self, x):
-        """Moves the statistics towards those of `x`; at first it is their mean."""
+        """Moves the statistics towards those of `x`; in the beginning they are the mean."""
         x = x.detach().float()
         if self.kind == "batch":
             variance, mean = torch.var_mean(x, (0, 2, 3), unbiased=False)
@@ -63,7 +64,7 @@ class Norm(nn.Module):
 
 
 def freeze(network, frozen=True):
-    """Freezes the norms of `network` to the statistics they have followed."""
+    """Freezes the norms of `network` to their tracked statistics."""
     for module in network.modules():
         if isinstance(module, Norm):
             module.frozen = frozen
@@ -78,7 +79,7 @@ class Conv(nn.Sequential):
         super().__init__(*parts, *([Norm(outputs, norm)] if norm != "none" else []))
 
     def folded(self):
-        """The convolution that does what convolution and frozen norm do."""
+        """Single convolution equivalent to convolution and frozen norm."""
         layer = copy.deepcopy(self[0])
         if len(self) == 2:
             norm = self[1]
@@ -90,7 +91,7 @@ class Conv(nn.Sequential):
 
 
 def fold(network):
-    """A copy of `network` for the runtime: its norms frozen and folded into the convolutions."""
+    """Copy of `network` for the runtime: its norms frozen and folded into the convolutions."""
     network = copy.deepcopy(network).float().eval()
     freeze(network)
 
@@ -108,11 +109,11 @@ def fold(network):
 class StemNet(nn.Module):
     """A strided convolution as the stem, a small U-Net at the coarse scales, a pixel shuffle as the head.
 
-    `widths` are the channels of its scales, each half as fine as the one before. At the finest scale convolutions take
-    most of the time: there is one behind the stem's skip, and the head only mixes its channels.
+    `widths` are the channels of its scales, each half as fine as the previous one. Convolutions at the finest scale
+    take most of the time: only one follows the stem's skip, and the head only mixes its channels.
 
-    With an `image` among the channels the output is b + g * image: LQ and HQ frames have one speckle, and the gain g, one for
-    each `GAIN_PX` x `GAIN_PX` pixels, says how much of the image to keep.
+    With an `image` among the channels the output is b + g * image: LQ and HQ frames have the same speckle, and the
+    gain g, one for each `GAIN_PX` x `GAIN_PX` pixels, sets how much of the image is kept.
     """
 
     GAIN_PX = 2
@@ -129,7 +130,7 @@ class StemNet(nn.Module):
         self.shapes = [stride * stride] if image is None else [stride * stride, (stride // self.GAIN_PX) ** 2]
         self.head = Conv(widths[0], sum(self.shapes), 1, padding=0, norm="none")
         if image is not None:
-            # At first half of the image: a training that began at the image itself never left it.
+            # Starts at half of the image: a training started at the image itself never left it.
             with torch.no_grad():
                 self.head[0].bias[self.shapes[0] :] = 0.5
 
@@ -186,9 +187,10 @@ class UNet(nn.Module):
 
 
 def make(network, channels, norm="instance", image=None):
-    """The network by its name: stride8, stride4, unet16, unet64 (any ngf); weights from torch's own seed.
+    """Network by name: stride8, stride4, unet16, unet64 (any ngf); weights from torch's own seed.
 
-    `image` is the channel of the LQ image, if it is one of them."""
+    `image` is the index of the LQ image, if it is one of the channels.
+    """
     if network == "stride8":
         made = StemNet(channels, 8, (48, 96, 128), norm, image)
     elif network == "stride4":

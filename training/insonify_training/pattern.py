@@ -1,8 +1,8 @@
-"""How much fine detail stands still on the screen: `python -m insonify_training.pattern DATA RUN...`.
+"""Measures how much fine detail stands still on the screen: `python -m insonify_training.pattern DATA RUN...`.
 
-A network of stride 8 may make grain as a pattern that is the same in each 8 x 8 pixels. Of each tile of 64 x 64 inside the sector, the
-fine detail is averaged over its blocks of 8 x 8; the variance of that mean over the variance of the detail is the pattern's part. Detail
-that has no such pattern leaves some, too: LQ and HQ show how much.
+A network of stride 8 may make grain as a pattern that repeats every 8 x 8 pixels. In each tile of 64 x 64 inside the
+sector, the fine detail is averaged over its blocks of 8 x 8. The pattern's share is the variance of that mean over
+the variance of the detail. Detail without such a pattern also leaves some: LQ and HQ show how much.
 """
 
 import argparse
@@ -17,14 +17,14 @@ from .export import ExportError, load_run, padded, place
 from .quality import blur_matrix
 
 PERIOD, TILE = 8, 64
-# Detail finer than this is looked at, px; tiles with less than so many grey levels of it are not.
+# Scale of the fine detail, px; tiles with less detail than this, grey levels, are ignored.
 SIGMA, LEVELS = 4.0, 1.0
 
 
 def variances(picture, inside, period=PERIOD, tile=TILE):
-    """Variance of the pattern and of the fine detail, each summed over the tiles that are wholly `inside`.
+    """Variance of the pattern and of the fine detail, each summed over the tiles that are completely `inside`.
 
-    `picture` holds levels 0..=255 [h, w], `inside` is bool [h, w]; what is left over at right and bottom isn't looked at.
+    `picture` holds levels 0..=255 [h, w], `inside` is bool [h, w]; the remainder at right and bottom is ignored.
     """
     down, across = (blur_matrix(n, SIGMA, int(3 * SIGMA)) for n in picture.shape)
     rows, columns = (n // tile for n in picture.shape)
@@ -43,7 +43,7 @@ def variances(picture, inside, period=PERIOD, tile=TILE):
 
 
 def main(argv=None):
-    """The command."""
+    """Entry point of the command."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("data", type=Path, help="data set that `insonify dataset` wrote")
     p.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of training runs: their averaged weights are asked")

@@ -1,4 +1,4 @@
-"""PSNR, SSIM and pKL of grey levels, for the training's log and the manifest. The table is `insonify evaluate`'s."""
+"""PSNR, SSIM and pKL of grey levels, for the training log and the manifest. The table is that of `insonify evaluate`."""
 
 import torch
 
@@ -6,7 +6,7 @@ from .patches import BINS, divergence, parts, patches
 
 
 def psnr_db(output, target, mask):
-    """Peak signal-to-noise ratio of each picture [n, 1, h, w] within 0..=1 inside `mask`, after rounding to grey levels: dB."""
+    """Peak signal-to-noise ratio, dB, of each picture [n, 1, h, w] within 0..=1 inside `mask`, after rounding."""
     output, target = (torch.round(x.float().clamp(0, 1) * 255) for x in (output, target))
     error = inside((output - target).square(), mask).clamp_min(1e-10)
     return 10 * torch.log10(255.0**2 / error)
@@ -18,8 +18,10 @@ def inside(values, mask):
 
 
 def pkl(output, target, mask):
-    """pKL of each picture in nats, as `src/quality/pkl.rs` has it, but for patches at the sector's edge: of those that are half
-    inside, what is outside counts, too."""
+    """pKL of each picture in nats, as in `src/quality/pkl.rs`, except at the sector's edge.
+
+    There, patches that are half inside count with their outside part.
+    """
 
     def histograms(picture):
         levels = patches(torch.round(picture.float().clamp(0, 1) * 255), 0)
@@ -39,8 +41,10 @@ def ssim(output, target, mask):
 
 
 def blur_matrix(n, sigma, reach, device="cpu"):
-    """What blurs `n` pixels by a Gaussian cut at `reach`, edges repeated, as a matrix: with one channel, PyTorch multiplies 20
-    times faster than it convolves."""
+    """Matrix that blurs `n` pixels by a Gaussian cut at `reach`, with repeated edges.
+
+    With one channel, PyTorch multiplies 20 times faster than it convolves.
+    """
     offsets = torch.arange(-reach, reach + 1, device=device)
     weights = torch.exp(-offsets.square() / (2 * sigma**2))
     weights = weights / weights.sum()
@@ -54,7 +58,7 @@ def similarity(x, y):
 
 
 def similarity_map(x, y):
-    """Structural similarity about each pixel of pictures of levels 0..=255, with a gradient."""
+    """Structural similarity around each pixel of pictures of levels 0..=255, with a gradient."""
     down, across = (blur_matrix(n, 1.5, 5, x.device) for n in x.shape[-2:])
     mean_x, mean_y, xx, yy, xy = (down @ torch.cat((x, y, x * x, y * y, x * y)) @ across.T).chunk(5)
     variance_x, variance_y = xx - mean_x.square(), yy - mean_y.square()

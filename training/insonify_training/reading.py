@@ -1,6 +1,6 @@
 """Measures how fast random crops are read from .npy by memory map, compressed .npz and PNG.
 
-`python -m insonify_training.reading DATA` re-writes a few tuples of a data set in each format and reads 256² crops.
+`python -m insonify_training.reading DATA` rewrites a few tuples of a data set in each format and reads 256² crops.
 """
 
 import argparse
@@ -17,17 +17,17 @@ from .dataset import Dataset
 
 
 def write(folder, name, planes):
-    """Writes one tuple in each format; paths by format."""
+    """Writes one tuple in each format; returns paths by format."""
     paths = {kind: folder / f"{name}.{kind}" for kind in ("npy", "npz", "png")}
     np.save(paths["npy"], planes)
     np.savez_compressed(paths["npz"], planes=planes)
-    # One grey PNG of the planes on top of each other.
+    # One grey PNG of all planes, stacked vertically.
     Image.fromarray(planes.reshape(-1, planes.shape[2])).save(paths["png"])
     return paths
 
 
 def read(path, at):
-    """A crop of all planes."""
+    """Reads a crop of all planes."""
     if path.suffix == ".npy":
         return np.array(np.load(path, mmap_mode="r")[(slice(None), *at)])
     if path.suffix == ".npz":
@@ -37,7 +37,7 @@ def read(path, at):
 
 
 def main(argv=None):
-    """The command."""
+    """Entry point of the command."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("data", type=Path)
     p.add_argument("--tuples", type=int, default=8)

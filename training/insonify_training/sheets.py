@@ -1,4 +1,4 @@
-"""Pictures for people: what a generator makes of samples, and how its losses went."""
+"""Pictures of a training run: generated samples, and the course of the losses."""
 
 import json
 import os
@@ -14,7 +14,8 @@ def _save(image, path):
 
 
 def sample_sheet(path, columns, title=""):
-    """Writes a picture: one column a name of `columns` {name: levels within 0..=1 [n, 1, h, w]}, one row a sample."""
+    """Writes a picture with one column per name of `columns` {name: levels within 0..=1 [n, 1, h, w]}, one row per
+    sample."""
     arrays = {n: np.clip(np.asarray(c)[:, 0] * 255 + 0.5, 0, 255).astype(np.uint8) for n, c in columns.items()}
     count, height, width = next(iter(arrays.values())).shape
     gap, top = 4, 18
@@ -29,7 +30,7 @@ def sample_sheet(path, columns, title=""):
 
 
 def read_log(path):
-    """Rows of a log by step; of a step that ran again after a resume, the last one."""
+    """Rows of a log by step; of a step repeated after a resume, the last one."""
     rows = {}
     for line in path.read_text(encoding="utf-8").splitlines():
         try:

@@ -1,4 +1,4 @@
-"""What is trained, and how: each tier that insonify ships, and the paper's own schedule for a GPU."""
+"""Configurations of trained tiers: those that insonify ships, and the paper's own schedule for a GPU."""
 
 from dataclasses import asdict, dataclass, fields, replace
 
@@ -7,7 +7,7 @@ from .losses import falling, gan_weight
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the loss's terms at a step; `gan` is beside L1's own, the others beside an L1 of 1."""
+    """Weights of the loss's terms at a step. `gan` is relative to L1's own weight, the others to an L1 weight of 1."""
 
     gan: float
     divergence: float
@@ -17,59 +17,63 @@ class Weights:
 
 @dataclass(frozen=True)
 class Config:
-    """How one generator is trained. A run's folder keeps it."""
+    """Configuration of a generator's training, stored in the run's folder."""
 
     network: str = "stride8"
     variant: str = "MSA"
     segmentation: str = "map"
-    # The attenuation's power that the network sees: 1 is the map itself.
+    # Exponent of the attenuation that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
     steps: int = 12000
     batch: int = 4
     crop: int = 256
-    # Pixels of outside around a picture that crops may hold: a station pads so, and a sector may end at the picture's edge.
+    # Pixels of outside around a picture that crops may contain: a station pads so, and a sector may end at the
+    # picture's edge.
     border: int = 32
     rate: float = 7e-4
-    # Longest gradient of the generator; 0: as it comes. One crop in a thousand would throw a network without norm back.
+    # Limit on the norm of the generator's gradient; 0 for none. One crop in a thousand would set a network without norm
+    # back.
     clip: float = 100.0
-    # Last steps, with a rate that falls anew and other weights: what the GAN term cost in SSIM comes back, the grain stays.
+    # Final steps, with a restarted falling rate and other weights: they regain the SSIM that the GAN term cost, and
+    # keep the grain.
     polish: int = 5000
     polish_rate: float = 6e-4
     polish_gan_weight: float = 0.0
     polish_divergence_weight: float = 0.6
     polish_ssim_weight: float = 2.5
-    # Part of the steps before those after which the rate falls towards 0; part of all steps after which the norms' statistics stay.
+    # Fraction of the steps before the polish from which the rate falls towards 0; fraction of all steps from which the
+    # norms' statistics are frozen.
     decay_from: float = 0.6
     freeze_from: float = 0.7
     gan_weight: float = 0.5
-    # The paper's 100 is for levels within -1..=1; ours are within 0..=1.
+    # The paper's 100 is for levels within -1..=1; here they are within 0..=1.
     l1_weight: float = 200.0
-    # Of the patches' histograms, beside an L1 weight of 1.
+    # Weight of the patches' histogram distance, relative to an L1 weight of 1.
     histogram_weight: float = 1.0
-    # Of the patches' divergence, likewise: pKL; and the step from which on it counts.
+    # Likewise of the patches' divergence, pKL; and the step from which on it applies.
     divergence_weight: float = 0.6
     divergence_from: int = 5500
-    # Of a pattern of the network's stride, likewise, from the same step on.
+    # Likewise of a pattern with the network's stride, from the same step on.
     grid_weight: float = 4.0
-    # Of 1 less the structural similarity, likewise.
+    # Likewise of 1 minus the structural similarity.
     ssim_weight: float = 0.3
-    # Steps without the GAN term, and steps in which it grows to its weight.
+    # Steps without the GAN term, and steps in which it rises to its weight.
     warmup: int = 4000
     ramp: int = 400
     ndf: int = 8
-    # Decay of the running mean of the weights, which is what is exported.
+    # Decay of the running mean of the weights, which is exported.
     ema: float = 0.999
     flip: bool = True
     seed: int = 1
 
     def to_dict(self):
-        """For JSON."""
+        """Dictionary for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values):
-        """From `to_dict`; keys it doesn't know are an error."""
+        """Inverse of `to_dict`; unknown keys are an error."""
         unknown = set(values) - {f.name for f in fields(cls)}
         if unknown:
             raise ValueError(f"unknown keys {sorted(unknown)}")
@@ -77,20 +81,20 @@ class Config:
 
     @property
     def main_steps(self):
-        """Steps before the polish, which is half of all at the most."""
+        """Steps before the polish, which takes at most half of all steps."""
         return self.steps - min(self.polish, self.steps // 2)
 
     def rate_at(self, step):
-        """The rate of Adam at a step."""
+        """Learning rate of Adam at a step."""
         if step < self.main_steps:
             return falling(step, self.main_steps, self.rate, self.decay_from)
         return falling(step - self.main_steps, self.steps - self.main_steps, self.polish_rate, 0.0)
 
     def weights_at(self, step):
-        """Weights of what comes and goes at a step."""
+        """Weights of the scheduled terms at a step."""
 
         def now(weight, polish):
-            # What is off stays off.
+            # A term that is switched off stays off.
             return polish if weight > 0 and step >= self.main_steps else weight
 
         late = step >= self.divergence_from
@@ -103,7 +107,10 @@ class Config:
         )
 
     def trial(self, steps):
-        """The same in so few steps that it only shows that it runs: the second half has the late terms, the last quarter the polish."""
+        """The same in so few steps that it only shows that everything runs.
+
+        The second half has the late terms, the last quarter the polish.
+        """
         if steps < 4:
             raise SystemExit(f"a trial of {steps} steps: all phases take 4 at least")
         polish = min(self.polish, steps // 4)
@@ -128,7 +135,7 @@ PIX2PIX = Config(
     warmup=6000,
     ramp=600,
 )
-# As the paper has it, but small.
+# As in the paper, but small.
 CLASSIC = replace(PIX2PIX, network="unet16", ndf=16)
 # For a GPU: the paper's network and schedule.
 PAPER = replace(
@@ -147,7 +154,7 @@ TIERS = {
     **_variants("classic", CLASSIC, ("M", "MS", "MSA", "Maps")),
     **_variants("paper", PAPER, ("M", "MS", "MSA", "Maps")),
 }
-# Those that `make train` trains, in this order.
+# Tiers that `make train` trains, in this order.
 SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_maps", "middle_msa")
 
 if __name__ == "__main__":

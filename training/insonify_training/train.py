@@ -1,7 +1,7 @@
 """Trains one generator: `python -m insonify_training.train TIER --data DIR --out RUN`.
 
-The run's folder holds config.json, checkpoint.pt, log.jsonl, loss.png and sheet.png. The same command goes on where a
-run was stopped. Ctrl-C or SIGTERM saves first; the exit code is then 130.
+The run's folder contains config.json, checkpoint.pt, log.jsonl, loss.png and sheet.png. The same command resumes a
+stopped run. Ctrl-C or SIGTERM saves first; the exit code is then 130.
 """
 
 import argparse
@@ -24,13 +24,13 @@ from .sheets import loss_plot, sample_sheet
 from .tiers import TIERS, Config
 from .trainer import Trainer, read_checkpoint, save_checkpoint
 
-# Seed and number of the test crops that the log is about, the same for every run.
+# Seed and number of the test crops of the log, the same for every run.
 TEST_SEED, TEST_CROPS = 20260, 16
 STOPPED = 130
 
 
 def parser():
-    """The command line: a tier, and flags that change it."""
+    """Command line: a tier, and flags that override its values."""
     p = argparse.ArgumentParser(prog="insonify-train", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("tier", nargs="?", default="fast_msa", choices=sorted(TIERS), metavar="TIER", help=", ".join(TIERS))
     p.add_argument("--data", type=Path, required=True, help="data set that `insonify dataset` wrote")
@@ -52,7 +52,7 @@ def parser():
 
 
 def configure(args):
-    """The tier's config with the flags' values in it."""
+    """The tier's configuration with the flags' values."""
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     tier = TIERS[args.tier] if args.trial is None else TIERS[args.tier].trial(args.trial)
     config = replace(tier, **{k: v for k, v in given.items() if v is not None})
@@ -61,7 +61,7 @@ def configure(args):
         if getattr(config, name) not in known:
             raise SystemExit(f"--{name} {getattr(config, name)}: it must be one of {', '.join(known)}")
     try:
-        # Its shape alone: ngf 64 has 54 million weights.
+        # Only its shape: ngf 64 has 54 million weights.
         with torch.device("meta"):
             multiple = make(config.network, 1).padding_multiple
     except ValueError as error:
@@ -84,7 +84,7 @@ def configure(args):
 
 
 class Run:
-    """The files of a run."""
+    """Files of a run."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -92,7 +92,7 @@ class Run:
         self.checkpoint, self.log_path = folder / "checkpoint.pt", folder / "log.jsonl"
 
     def keep_config(self, config, data):
-        """Writes what is trained, and on what."""
+        """Stores the configuration and the data set's identity."""
         text = json.dumps({"config": config.to_dict(), "data": str(data.directory.resolve())}, indent=2)
         (self.folder / "config.json").write_text(text + "\n", encoding="utf-8")
 
@@ -103,7 +103,7 @@ class Run:
 
 
 def resume(trainer, run, config, data_sha256):
-    """Goes on from the run's checkpoint, if there is one."""
+    """Resumes from the run's checkpoint, if there is one."""
     if not run.checkpoint.exists():
         run.log(event="start", data_sha256=data_sha256, config=config.to_dict())
         return
@@ -111,14 +111,14 @@ def resume(trainer, run, config, data_sha256):
     kept = Config.from_dict(state["config"])
     if state["step"] > config.steps:
         raise SystemExit(f"{run.checkpoint}: at step {state['step']}, beyond the {config.steps} of this training: name another --out")
-    # More steps are no other training; what a network is made of is.
+    # More steps continue the same training; another network structure doesn't.
     for name in ("network", "variant", "segmentation", "attenuation_power", "norm", "ndf"):
         if getattr(kept, name) != getattr(config, name):
             raise SystemExit(
                 f"{run.checkpoint}: {name} is {getattr(kept, name)}, not {getattr(config, name)}: name another --out"
             )
     trainer.load(state)
-    # What an older checkpoint doesn't name was not there.
+    # Settings that an older checkpoint doesn't name did not exist.
     changed = {k: v for k, v in config.to_dict().items() if state["config"].get(k) != v}
     if changed:
         print(f"goes on with other settings than before: {changed}", file=sys.stderr)
@@ -128,7 +128,7 @@ def resume(trainer, run, config, data_sha256):
 
 
 def examine(trainer, batch, run):
-    """PSNR, SSIM and pKL on the test crops, and the sheet."""
+    """PSNR, SSIM and pKL on the test crops, and the sample sheet."""
     output, target, mask = trainer.generate(batch)
     lq = torch.from_numpy(batch.planes[:, LQ : LQ + 1]).to(target).mul(1 / 255) * mask
     row = {
@@ -155,7 +155,7 @@ def hours(seconds):
 
 
 def loop(trainer, crops, test, run, args, data_sha256):
-    """Trains to the end, or until told to stop. Whether it came to the end."""
+    """Trains to the end, or until told to stop. Returns whether it reached the end."""
     config = trainer.config
     stop = []
     previous = {s: signal.signal(s, lambda number, _: stop.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
@@ -219,7 +219,7 @@ def loop(trainer, crops, test, run, args, data_sha256):
 
 
 def main(argv=None):
-    """The command."""
+    """Entry point of the command."""
     args = parser().parse_args(argv)
     config = configure(args)
     torch.set_num_threads(args.threads)

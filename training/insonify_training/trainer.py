@@ -1,4 +1,4 @@
-"""One generator in training: networks, optimisers, a step, and all that a resume needs."""
+"""A generator in training: networks, optimisers, one step, and the state for a resume."""
 
 import copy
 import os
@@ -33,14 +33,14 @@ class Trainer:
 
     @property
     def frozen(self):
-        """Whether the norms' statistics stay as they are from here on."""
+        """Whether the norms' statistics are frozen from here on."""
         return self.step >= self.config.freeze_from * self.config.steps
 
     def _autocast(self):
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16)
 
     def train(self, batch):
-        """One step on a batch; losses as tensors."""
+        """One step on a batch; returns the losses as tensors."""
         config = self.config
         inputs, target, mask = self.encode(batch.planes, batch.mask)
         rate = config.rate_at(self.step)
@@ -56,7 +56,7 @@ class Trainer:
         loss = losses.l1(output, target)
         seen["l1"] = loss.detach()
         if config.histogram_weight > 0:
-            # From step to step the patches lie elsewhere, so that their edges leave no trace.
+            # Patch positions change from step to step, so that their edges leave no trace.
             histogram = losses.patch_histogram(output, target, self.step * 7 % losses.PATCH)
             seen["histogram"] = histogram.detach()
             loss = loss + config.histogram_weight * histogram
@@ -69,7 +69,7 @@ class Trainer:
             seen["grid"] = grid.detach()
             loss = loss + weights.grid * grid
         if weights.ssim > 0:
-            # Of every other picture: all would cost as much as the network.
+            # For every other picture: all would cost as much as the network.
             dissimilarity = losses.dissimilarity(output[::2], target[::2])
             seen["dissimilarity"] = dissimilarity.detach()
             loss = loss + weights.ssim * dissimilarity
@@ -101,7 +101,7 @@ class Trainer:
 
     @torch.no_grad()
     def _follow(self):
-        """Moves the averaged weights towards the present ones; early on it is their mean."""
+        """Moves the averaged weights towards the present ones; in the beginning they are their mean."""
         part = max(1.0 - self.config.ema, 1.0 / (self.step + 2))
         averaged, present = list(self.average.parameters()), list(self.generator.parameters())
         torch._foreach_lerp_(averaged, present, part)
@@ -130,7 +130,7 @@ class Trainer:
         freeze(self.average)
 
     def state(self):
-        """All that `load` needs to go on as if nothing had been."""
+        """State from which `load` resumes exactly."""
         parts = ("generator", "discriminator", "average", "generator_adam", "discriminator_adam")
         return {
             "format": 1,
@@ -141,7 +141,7 @@ class Trainer:
         }
 
     def load(self, state):
-        """Goes on from `state`."""
+        """Resumes from `state`."""
         for part in ("generator", "discriminator", "average", "generator_adam", "discriminator_adam"):
             try:
                 getattr(self, part).load_state_dict(state[part])
@@ -151,7 +151,7 @@ class Trainer:
 
 
 def save_checkpoint(path, state):
-    """Writes a checkpoint; a killed run leaves the last one whole."""
+    """Writes a checkpoint; a killed run leaves the last one complete."""
     partial = path.with_suffix(".part")
     with open(partial, "wb") as file:
         torch.save(state, file)
@@ -161,5 +161,5 @@ def save_checkpoint(path, state):
 
 
 def read_checkpoint(path):
-    """What `save_checkpoint` wrote; nothing in it is run."""
+    """Reads a checkpoint of `save_checkpoint`, without running any code in it."""
     return torch.load(path, map_location="cpu", weights_only=True)

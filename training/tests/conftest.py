@@ -1,4 +1,4 @@
-"""What tests share."""
+"""Shared fixtures."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A data set in miniature: speckle over shapes, its LQ frame noisy and its shadows patchy."""
+"""Miniature data set: speckle over shapes, with a noisy LQ frame and patchy shadows."""
 
 import hashlib
 import json
@@ -42,7 +42,7 @@ def frame(seed, size):
 
 
 def write(directory, frames=8, tests=2, size=(160, 128)):
-    """Writes a data set as `insonify dataset` does; its directory."""
+    """Writes a data set like `insonify dataset`; returns its directory."""
     directory = Path(directory)
     (directory / "tuples").mkdir(parents=True)
     (directory / "masks").mkdir()

@@ -17,18 +17,18 @@ def test_batches_depend_on_seed_and_step_only(data):
     assert (Crops(data, "train", 64, 3, seed=8).at(4).planes != ahead[0].planes).any()
 
 
-def test_crops_hold_enough_of_the_sector_and_stay_aligned(data):
+def test_crops_contain_enough_of_the_sector_and_stay_aligned(data):
     crops = Crops(data, "train", 48, 4, seed=1, min_inside=0.5)
     for step in range(20):
         batch = crops.at(step)
         inside = batch.mask[:, 0] > 0
-        # Origins are moved by less than the grid's step, so that a little less may be inside.
+        # Origins are shifted by less than the grid's step, so that slightly less may be inside.
         assert inside.mean((1, 2)).min() > 0.25
         # Outside the sector every plane is 0, whichever way a crop was mirrored.
         assert not batch.planes.transpose(1, 0, 2, 3)[:, ~inside].any()
 
 
-def test_crops_may_hold_what_lies_beyond_the_picture(data):
+def test_crops_may_extend_beyond_the_picture(data):
     rows = data.split("train")
     height, width = data.mask(rows[0]).shape
     crops = Crops(data, "train", 48, 4, seed=1, flip=False, min_inside=0.05, border=20)
@@ -48,7 +48,7 @@ def test_crops_may_hold_what_lies_beyond_the_picture(data):
     assert beyond > 3
 
 
-def test_half_a_last_line_is_ignored_and_any_other_is_an_error(data_dir, tmp_path):
+def test_an_incomplete_last_line_is_ignored_and_any_other_is_an_error(data_dir, tmp_path):
     copy = shutil.copytree(data_dir, tmp_path / "set")
     manifest = copy / "manifest.jsonl"
     whole = manifest.read_text()
@@ -69,7 +69,7 @@ def test_shards_are_read_together(data_dir, tmp_path):
     assert Dataset(copy).sha256() == Dataset(data_dir).sha256()
 
 
-def test_a_tuple_that_comes_twice_and_a_broken_header_are_errors(data_dir, tmp_path):
+def test_repeated_tuples_and_broken_headers_are_errors(data_dir, tmp_path):
     copy = shutil.copytree(data_dir, tmp_path / "set")
     first = (copy / "manifest.jsonl").read_text().splitlines(keepends=True)[0]
     (copy / "manifest.00001-of-00002.jsonl").write_text(first)
@@ -91,7 +91,7 @@ def test_an_exam_in_both_splits_is_refused(data_dir, tmp_path):
 
 @pytest.mark.parametrize("encoding", ["map", "classes"])
 @pytest.mark.parametrize("variant", list(VARIANTS))
-def test_channels_are_what_the_manifest_says(data, variant, encoding):
+def test_channels_follow_the_manifest(data, variant, encoding):
     segmentation = Segmentation.make(encoding)
     encode = Encoder(variant, segmentation, data, attenuation_power=0.25)
     batch = Crops(data, "train", 64, 2, seed=3).at(0)

@@ -1,4 +1,4 @@
-"""Losses and measures of patches, against NumPy."""
+"""Losses and patch measures, compared with NumPy."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def picture(seed, side=2 * PATCH, spread=1.0):
     return 0.5 + spread * (torch.rand(2, 1, side, side, generator=generator) - 0.5)
 
 
-def test_patches_hold_what_numpy_cuts_out():
+def test_patches_equal_numpy_slices():
     of = picture(1, 3 * PATCH)
     cut = patches(of, 5)
     assert cut.shape == (2 * 2 * 2, PATCH * PATCH)
@@ -22,7 +22,7 @@ def test_patches_hold_what_numpy_cuts_out():
     assert torch.equal(cut[4 + 2].view(PATCH, PATCH), expected)
 
 
-def test_levels_elsewhere_in_a_patch_cost_nothing():
+def test_moved_levels_within_a_patch_cost_nothing():
     a = picture(1)
     b = a.clone()
     b[..., :PATCH, :PATCH] = b[..., :PATCH, :PATCH].flip(-1)
@@ -31,7 +31,7 @@ def test_levels_elsewhere_in_a_patch_cost_nothing():
     assert patch_histogram(a, a + 0.25, 0) == pytest.approx(0.25, abs=1e-6)
 
 
-def test_a_level_belongs_to_the_two_bins_about_it():
+def test_a_level_is_divided_between_the_two_nearest_bins():
     levels = torch.tensor([[0.0, 0.5 / BINS, 0.75 / BINS, 1.0]])
     counts = soft_histogram(levels)[0] * (4 + BINS * PSEUDO_COUNT) - PSEUDO_COUNT
     expected = torch.zeros(BINS)
@@ -39,7 +39,7 @@ def test_a_level_belongs_to_the_two_bins_about_it():
     assert torch.allclose(counts, expected, atol=1e-5)
 
 
-def test_divergence_falls_along_its_gradient_and_knows_what_was_smoothed_away():
+def test_divergence_falls_along_its_gradient_and_detects_smoothing():
     target, output = picture(1), picture(2, spread=0.3).requires_grad_()
     before = patch_divergence(output, target, 3)
     assert before > 4 * patch_divergence(picture(2), target, 3)
@@ -48,7 +48,7 @@ def test_divergence_falls_along_its_gradient_and_knows_what_was_smoothed_away():
     assert after < 0.98 * before
 
 
-def test_patches_that_are_black_are_not_looked_at():
+def test_black_patches_are_ignored():
     target = picture(1)
     target[..., :PATCH] = 0
     assert patch_divergence(target, target, 0) == pytest.approx(0, abs=1e-7)
@@ -57,7 +57,7 @@ def test_patches_that_are_black_are_not_looked_at():
     assert half == pytest.approx(float(patch_divergence(picture(2, spread=0.5)[..., PATCH:], target[..., PATCH:], 0)))
 
 
-def test_pkl_is_what_numpy_makes_of_it():
+def test_pkl_equals_numpys():
     output, target = picture(3, spread=0.6), picture(4)
     mask = torch.ones_like(target)
     mask[..., :PATCH, :PATCH] = 0
@@ -76,14 +76,14 @@ def test_pkl_is_what_numpy_makes_of_it():
     assert pkl(output, target, mask).numpy() == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_pattern_that_stands_still_is_found_and_grain_is_not():
+def test_a_static_pattern_is_detected_and_grain_is_not():
     target = picture(1, 128)
     pattern = torch.zeros(1, 1, 8, 8)
     pattern[..., 2, 3] = 1.0
     still = target + 0.1 * pattern.repeat(1, 1, 16, 16)
-    # One pixel of 64 stands out by 0.1.
+    # One pixel of 64 is brighter by 0.1.
     assert grid(still, target) == pytest.approx(0.1 * (1 / 64 * 63 / 64) ** 0.5, rel=1e-3)
     assert grid(target + 0.1, target) == pytest.approx(0, abs=2e-5)
-    # As much noise, a 64th of which stands still by chance.
+    # Equal noise, of which a 64th stands still by chance.
     noise = 0.1 * (picture(2, 128) - 0.5)
     assert grid(target + noise, target) < 0.15 * noise.std()

@@ -1,4 +1,4 @@
-"""The part of fine detail that stands still, and the phases of an estimate."""
+"""Share of fine detail that stands still, and the phases of an estimate."""
 
 from dataclasses import astuple, replace
 
@@ -10,7 +10,7 @@ from insonify_training.tiers import TIERS
 
 
 def part(picture, inside=None):
-    """Of a picture, what `variances` finds."""
+    """Share of the pattern that `variances` finds in a picture."""
     pattern, detail = variances(picture, torch.ones_like(picture, dtype=torch.bool) if inside is None else inside)
     return pattern / detail if detail else None
 
@@ -18,7 +18,7 @@ def part(picture, inside=None):
 def test_independent_detail_leaves_one_over_the_number_of_blocks():
     torch.manual_seed(3)
     noise = 128 + 20 * torch.randn(512, 512)
-    # The blur takes a little of each pixel along, and of what is left 64 blocks a tile are averaged.
+    # The blur removes a part of each pixel; the remainder is averaged over 64 blocks per tile.
     assert abs(part(noise) - (PERIOD / TILE) ** 2) < 0.003
 
 
@@ -30,7 +30,7 @@ def test_a_pattern_counts_by_its_variance():
     pattern = block.repeat(512 // PERIOD, 512 // PERIOD)
     found = part(noise + pattern)
     assert abs(found - (100 + 400 / 64) / 500) < 0.03, found
-    # A pattern of another period is none.
+    # A pattern of another period is not counted.
     other = torch.randn(11, 11).repeat(47, 47)[:512, :512] * 10
     assert part(noise + other) < 0.03
 
@@ -61,11 +61,11 @@ def test_phases_cover_all_steps():
     assert phases(fast) == [(4000, 0), (1500, 4000), (1500, 5500), (5000, 7000)]
     assert phases(TIERS["classic_msa"]) == [(6000, 0), (4500, 6000)]
     assert phases(fast.trial(12)) == [(6, 0), (3, 6), (3, 9)]
-    # Where the polish changes weights alone, nothing comes or goes.
+    # If the polish changes only weights, no term is added or removed.
     assert phases(replace(fast, polish_gan_weight=0.2)) == [(4000, 0), (1500, 4000), (6500, 5500)]
 
 
-def test_the_polish_has_a_rate_and_weights_of_its_own():
+def test_the_polish_has_its_own_rate_and_weights():
     fast = TIERS["fast_msa"]
     assert [fast.rate_at(step) for step in (0, 4200)] == [7e-4, 7e-4]
     assert fast.rate_at(6999) < 1e-5
@@ -77,6 +77,6 @@ def test_the_polish_has_a_rate_and_weights_of_its_own():
     assert astuple(TIERS["paper_msa"].weights_at(49_999)) == (1.0, 0.0, 0.0, 0.0)
     off = replace(fast, gan_weight=0.0, divergence_weight=0.0, grid_weight=0.0, ssim_weight=0.0, polish_gan_weight=0.2)
     assert [astuple(off.weights_at(step)) for step in (6000, 8000)] == [(0.0,) * 4] * 2
-    # A trial has one, too.
+    # A trial has a polish, too.
     assert [fast.trial(12).main_steps, TIERS["classic_m"].main_steps] == [9, 10500]
     assert astuple(fast.trial(12).weights_at(11)) == (0.0, 0.6, 4.0, 2.5)

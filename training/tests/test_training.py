@@ -26,7 +26,7 @@ def trained(data_dir, tmp_path_factory):
     return out
 
 
-def test_it_learns(trained):
+def test_training_raises_the_psnr(trained):
     rows = read_log(trained / "log.jsonl")
     last = rows[-1]
     assert last["step"] == 150 and any(row.get("gan_weight", 0) > 0 and row["gan"] > 0 for row in rows)
@@ -34,7 +34,7 @@ def test_it_learns(trained):
     assert (trained / "loss.png").stat().st_size > 1000 and (trained / "sheet.png").stat().st_size > 1000
 
 
-def test_a_resumed_run_is_the_run(data_dir, tmp_path):
+def test_a_resumed_run_equals_an_uninterrupted_one(data_dir, tmp_path):
     flags = ["--steps", "8", "--warmup", "3", "--norm", "instance"]
     assert run(data_dir, tmp_path / "whole", *flags) == 0
     assert run(data_dir, tmp_path / "parts", *flags, "--stop-after", "5") == train.STOPPED
@@ -64,7 +64,7 @@ def test_a_refused_run_keeps_its_config(data_dir, trained):
         (["--border", "-1"], "--border -1"),
     ],
 )
-def test_wrong_flags_say_what_would_be_right(data_dir, tmp_path, flags, word):
+def test_wrong_flags_name_the_accepted_values(data_dir, tmp_path, flags, word):
     with pytest.raises(SystemExit, match=word):
         run(data_dir, tmp_path / "run", *flags)
     assert not (tmp_path / "run").exists()
@@ -75,11 +75,11 @@ def test_bfloat16_trains(data_dir, tmp_path):
     assert run(data_dir, tmp_path / "half", *flags, "--bf16") == 0
     assert run(data_dir, tmp_path / "whole", *flags) == 0
     half, whole = (read_log(tmp_path / name / "log.jsonl")[-1]["l1"] for name in ("half", "whole"))
-    # Other rounding, much the same training.
+    # Different rounding, much the same training.
     assert half != whole and half == pytest.approx(whole, rel=0.1)
 
 
-def test_an_export_without_a_run_or_test_rows_says_so(data, data_dir, trained, tmp_path):
+def test_an_export_without_a_run_or_test_rows_is_explained(data, data_dir, trained, tmp_path):
     with pytest.raises(SystemExit, match="checkpoint.pt must be there"):
         export.main([str(tmp_path), "--data", str(data_dir), "--out", str(tmp_path / "none")])
     only = shutil.copytree(data_dir, tmp_path / "set")
@@ -89,7 +89,7 @@ def test_an_export_without_a_run_or_test_rows_says_so(data, data_dir, trained, t
         export.main([str(trained), "--data", str(only), "--out", str(tmp_path / "none")])
 
 
-def test_a_longer_training_is_not_taken_for_this_one(data_dir, trained):
+def test_a_longer_training_is_not_resumed(data_dir, trained):
     with pytest.raises(SystemExit, match="at step 150, beyond the 149"):
         run(data_dir, trained, "--steps", "149")
 
@@ -100,14 +100,14 @@ def test_another_network_is_not_resumed(data_dir, trained):
 
 
 @pytest.mark.parametrize("flags", [[], ["--norm", "instance", "--freeze-from", "1", "--segmentation", "classes"]])
-def test_an_export_is_what_the_manifest_says(data, data_dir, tmp_path, flags):
+def test_an_export_matches_its_manifest(data, data_dir, tmp_path, flags):
     run(data_dir, tmp_path / "run", "--steps", "6", *flags)
     found = export.export(tmp_path / "run", data, tmp_path / "tiny_msa", frames=1)
     assert found["onnxruntime_levels"] < export.AGREES and found["folded_levels"] < export.AGREES
     manifest = tomllib.loads((tmp_path / "tiny_msa/tiny_msa.toml").read_text())
     assert manifest["variant"] == "MSA" and manifest["training"] == {"data_sha256": data.sha256(), "iterations": 6}
 
-    # As the station does it: from the parity pair's planes by the manifest alone.
+    # As in the station: from the parity pair's planes by the manifest alone.
     planes = np.load(tmp_path / "tiny_msa/tiny_msa.parity_input.npy")
     expected = np.load(tmp_path / "tiny_msa/tiny_msa.parity_output.npy")
     image, classes, attenuation, mask = planes
@@ -130,22 +130,22 @@ def test_an_export_is_what_the_manifest_says(data, data_dir, tmp_path, flags):
     assert np.abs(levels - expected).max() < manifest["parity"]["tolerance"]
 
 
-def test_a_field_of_view_lies_amid_what_is_outside(data):
+def test_a_field_of_view_is_surrounded_by_outside(data):
     for encoding in ("map", "classes"):
         encode = Encoder("MSA", Segmentation.make(encoding), data)
-        # A frame that is all outside goes on as it is.
+        # A frame completely outside is passed through.
         inputs = encode.input(np.zeros((2, 4, 3, 5), np.uint8), np.zeros((2, 1, 3, 5), np.uint8))
         whole = export.padded(inputs, 4, encode.outside)
         assert whole.shape == (2, encode.channels, 4, 8)
         assert (whole == whole[..., :1, :1]).all()
         inputs += 1
-        # Half of what is missing before, the odd pixel behind.
+        # Half of the padding before, an odd pixel behind.
         whole = export.padded(inputs, 4, encode.outside)
         assert (whole[..., 0:3, 1:6] == inputs).all()
         assert (whole[..., 3, :] == encode.outside[..., 0]).all() and (whole[..., 0] == encode.outside[..., 0]).all()
 
 
-def test_the_log_keeps_the_last_of_a_step(tmp_path):
+def test_the_log_keeps_the_last_row_of_a_step(tmp_path):
     log = tmp_path / "log.jsonl"
     rows = [{"step": 1, "l1": 0.5}, {"event": "resume"}, {"step": 1, "l1": 0.4}, {"step": 1, "psnr_db": 20.0}]
     log.write_text("\n".join(map(json.dumps, rows)) + '\n{"step": 2, "l')
