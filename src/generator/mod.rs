@@ -11,6 +11,7 @@ mod error;
 mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
 mod generator;
+mod input;
 mod load;
 mod manifest;
 mod maps;
@@ -24,7 +25,8 @@ mod tiers;
 pub use budget::{Budget, RunTimes};
 pub use error::GeneratorError;
 pub use features::{FeatureScale, OnnxFeatures};
-pub use generator::{Generator, Input, LoadOptions};
+pub use generator::{Generator, LoadOptions};
+pub use input::Input;
 pub use load::{LoadedTiers, RefusedModel, load_tiers};
 pub use manifest::{
     Affine, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,

@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::StationError;
 use super::values::Values;
 use crate::pose::Pose;
-use crate::tracker::driver::DeviceOptions;
+use crate::tracker::DeviceOptions;
 use crate::tracker::ndi::{ReplyFormat, USUAL_BAUD};
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 

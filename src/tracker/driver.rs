@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use super::{DecodeError, Decoder, Protocol, Record, ndi, spacemouse};
+use super::{DecodeError, Protocol, Record};
 
 /// Conversation with one device.
 ///
@@ -64,89 +64,4 @@ pub enum Line {
     Break,
     /// Changes the speed, baud.
     Speed(u32),
-}
-
-/// Device options of a station file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DeviceOptions {
-    /// Sensor to use. `None` takes the first one received, or the device's first if the protocol needs a number.
-    pub sensor: Option<u16>,
-    /// Axis [x, y, z] of the source that points to the half space of the sensor (Polhemus).
-    pub hemisphere: [f64; 3],
-    /// Start-up time of a device after a reset.
-    pub reset_delay: Duration,
-    /// Longest accepted silence of a streaming device.
-    pub silence: Duration,
-    /// Options of NDI devices.
-    pub ndi: ndi::Options,
-    /// Report value of a puck at full deflection, at least 1 (SpaceMouse).
-    pub puck_range: f64,
-}
-
-impl Default for DeviceOptions {
-    fn default() -> Self {
-        Self {
-            sensor: None,
-            hemisphere: [0.0, 0.0, 1.0],
-            reset_delay: Duration::from_secs(20),
-            silence: Duration::from_secs(2),
-            ndi: ndi::Options::default(),
-            puck_range: spacemouse::RANGE,
-        }
-    }
-}
-
-/// Longest accepted silence of a device that has just been opened: opening its port restarts an Arduino, which takes
-/// two seconds.
-const START_PATIENCE: Duration = Duration::from_secs(5);
-
-/// Driver of a device that streams by itself; only listens.
-pub struct Passive {
-    protocol: Protocol,
-    /// Decoder at the start of a stream.
-    fresh: Decoder,
-    decoder: Decoder,
-    silence: Duration,
-    heard: bool,
-}
-
-impl Passive {
-    /// Driver of a device that speaks `protocol`.
-    pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
-        let fresh = protocol.decoder_of(options);
-        Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, heard: false }
-    }
-}
-
-impl Driver for Passive {
-    fn protocol(&self) -> Protocol {
-        self.protocol
-    }
-
-    fn start(&mut self, _: Duration, _: u32) {
-        self.decoder = self.fresh.clone();
-        self.heard = false;
-    }
-
-    fn transmit(&mut self, _: Duration) -> Option<Bytes> {
-        None
-    }
-
-    fn wake_at(&self) -> Option<Duration> {
-        None
-    }
-
-    fn patience(&self) -> Duration {
-        if self.heard { self.silence } else { self.silence.max(START_PATIENCE) }
-    }
-
-    fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        let record = self.decoder.decode(buffer)?;
-        self.heard |= record.is_some();
-        Ok(record)
-    }
-
-    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        self.decoder.finish(buffer)
-    }
 }

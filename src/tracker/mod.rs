@@ -10,7 +10,7 @@
 //!    keeps the promises of [`Decoder::decode`]. Its error type names the byte offset, the fault and the correct form.
 //! 2. Add a variant to [`Protocol`] (with its name in [`Protocol::ALL`] and [`Protocol::name`]), to [`Decoder`] and to
 //!    [`DecodeError`]; the compiler then shows each `match` to extend.
-//! 3. Let [`Protocol::driver`] make its driver: [`driver::Passive`] if the device streams by itself.
+//! 3. Let [`Protocol::driver`] make its driver: [`Passive`] if the device streams by itself.
 //! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames; any split of the stream gives the
 //!    same records; arbitrary bytes never panic and always make progress.
 
@@ -20,7 +20,7 @@ use bytes::BytesMut;
 use thiserror::Error;
 
 use crate::pose::{Pose, Reading};
-use driver::{DeviceOptions, Driver, Passive};
+use driver::Driver;
 use ndi::NdiDriver;
 use polhemus::{Model, PolhemusDriver};
 
@@ -29,17 +29,21 @@ pub mod ascii_line;
 mod axis_map;
 pub mod bno08x;
 mod clock;
+mod device_options;
 pub mod devices;
 pub mod driver;
+mod error;
 pub mod fastrak;
 mod framing;
 pub mod interchange;
 pub mod liberty;
+mod listener;
 pub mod mock;
 mod monitor;
 pub mod ndi;
 pub mod openigtlink;
 pub mod opentrack;
+mod passive;
 pub mod polhemus;
 mod pose_tap;
 pub mod recording;
@@ -50,11 +54,13 @@ mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
 pub use clock::host_time_ns;
+pub use device_options::DeviceOptions;
+pub use error::TrackerError;
+pub use listener::{Listener, TrackerEvent};
 pub use monitor::{Monitor, Report, SessionState};
+pub use passive::Passive;
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
-pub use session::{
-    Listener, SessionHandle, SessionSummary, TrackerError, TrackerEvent, spawn, stream_protocol, stream_sensor,
-};
+pub use session::{SessionHandle, SessionSummary, spawn, stream_protocol, stream_sensor};
 pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.
@@ -173,7 +179,7 @@ impl Protocol {
     }
 
     /// Decoder at the start of the stream of a device with `options`.
-    pub fn decoder_of(self, options: &driver::DeviceOptions) -> Decoder {
+    pub fn decoder_of(self, options: &DeviceOptions) -> Decoder {
         match self {
             Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(options.puck_range)),
             _ => self.decoder(),

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use super::driver::{DeviceOptions, Driver};
-use super::{DecodeError, Decoder, Protocol, Record, fastrak, liberty};
+use super::driver::Driver;
+use super::{DecodeError, Decoder, DeviceOptions, Protocol, Record, fastrak, liberty};
 
 /// Pause after each command: the devices lose commands that follow faster.
 const COMMAND_PAUSE: Duration = Duration::from_millis(50);

@@ -7,8 +7,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::driver::DeviceOptions;
-use super::{AxisMap, Protocol, mock};
+use super::{AxisMap, DeviceOptions, Protocol, mock};
 
 /// A station's tracker.
 #[derive(Debug, Clone, PartialEq)]

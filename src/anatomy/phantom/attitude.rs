@@ -7,11 +7,9 @@
 use glam::{Quat, Vec3};
 
 use super::biometry::Biometry;
-use super::parameters::Parameters;
 use super::sdf::{Isometry, Solid, ellipsoid};
 use super::spine::Spine;
 use super::vary::vary;
-use super::{fetus, placement};
 
 pub use super::spine::VERTEBRAE;
 
@@ -102,47 +100,9 @@ fn between(keys: &[[f32; 3]; 3], flexion: f32, side: f32) -> Vec3 {
 const LIMB_VARIATION_RAD: f32 = 0.16;
 
 impl Attitude {
-    /// Attitude of the fetus of `parameters`.
-    ///
-    /// A fetus too stretched for the cavity is curled as far as necessary.
-    pub fn of(parameters: &Parameters) -> Self {
-        let biometry = Biometry::at_weeks(parameters.gestational_weeks);
-        let room = placement::Room::of(parameters);
-        let mut best: Option<(f32, Self)> = None;
-        for step in 0..=5 {
-            let flexion = parameters.flexion as f32;
-            let curled = flexion + (1.0 - flexion) * 0.2 * step as f32;
-            let mut attitude = Self::varied(&biometry, curled, parameters.seed);
-            let (scene_from_fetus, overlap_mm) = room.place(&attitude);
-            attitude.scene_from_fetus = scene_from_fetus;
-            if best.as_ref().is_none_or(|(least, _)| overlap_mm < *least) {
-                best = Some((overlap_mm, attitude));
-            }
-            if overlap_mm < placement::ACCEPTED_MM {
-                break;
-            }
-        }
-        // The loop runs at least once.
-        best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0, 0.0), |(_, attitude)| attitude)
-    }
-
-    /// Individual `seed`. Its limbs vary as far as they can without crossing; if even the mean's limbs cross, they are
-    /// spread.
-    fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
-        let variations = [1.0, 0.5, 0.25].into_iter().filter(|_| seed != 0).map(|variation| (variation, 0.0));
-        let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));
-        for (variation, spread) in variations.chain(spreads) {
-            let attitude = Self::posed(biometry, flexion, seed, variation, spread);
-            if fetus::crossing_bones(&attitude).is_none() {
-                return attitude;
-            }
-        }
-        Self::posed(biometry, flexion, seed, 0.0, 0.0)
-    }
-
     /// Attitude in the fetal frame, not placed in the scene. `variation` of the individual is 0 to 1; limbs are rotated
     /// apart and away from the face by `spread` radians.
-    fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32, spread: f32) -> Self {
+    pub(super) fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32, spread: f32) -> Self {
         let drawn = Spine::drawn();
         let bend = 1.0 + 0.5 * (flexion - 0.5);
         let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
@@ -265,7 +225,7 @@ impl Attitude {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anatomy::phantom::parameters::Lie;
+    use crate::anatomy::phantom::parameters::{Lie, Parameters};
 
     #[test]
     fn frames_are_right_handed_and_descend_along_the_back() {
@@ -296,20 +256,5 @@ mod tests {
         // A quarter turn brings the back or the belly up.
         let rolled = Attitude::of(&Parameters { roll_deg: 90.0, ..Parameters::default() });
         assert!(rolled.scene_vector(Vec3::Z).z.abs() > 0.85);
-    }
-
-    #[test]
-    fn bones_of_no_two_limbs_cross() {
-        for seed in 0..40 {
-            for flexion in [0.0, 0.25, 0.5, 0.75, 1.0] {
-                for weeks in [16.0, 22.0, 34.0] {
-                    let attitude = Attitude::varied(&Biometry::at_weeks(weeks), flexion, seed);
-                    let crossing = fetus::crossing_bones(&attitude);
-                    assert_eq!(crossing, None, "seed {seed}, flexion {flexion}, {weeks} weeks");
-                }
-            }
-        }
-        let [a, b] = [1, 2].map(|seed| Attitude::varied(&Biometry::default(), 0.5, seed));
-        assert_ne!(a.legs, b.legs);
     }
 }

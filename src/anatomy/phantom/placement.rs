@@ -14,14 +14,14 @@ use super::{fetus, mother};
 /// Fluid layer between the fetus and its surroundings, mm.
 const CLEARANCE_MM: f32 = 3.0;
 /// Accepted shortfall of that clearance, mm.
-pub(super) const ACCEPTED_MM: f32 = 0.6;
+const ACCEPTED_MM: f32 = 0.6;
 /// Semi-axes of the disc that represents the placenta, its thickness along y, mm at 22 weeks.
 const PLACENTA_SEMI_MM: Vec3 = Vec3::new(60.0, 13.0, 60.0);
 /// Number of pushing steps.
 const STEPS: usize = 240;
 
 /// Obstacles around the fetus.
-pub(super) struct Room {
+struct Room {
     cavity: Solid,
     /// Approximate placenta; it yields to the fetus if there is no room for both.
     placenta: Solid,
@@ -29,7 +29,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    pub(super) fn of(parameters: &Parameters) -> Self {
+    fn of(parameters: &Parameters) -> Self {
         let (centre, outward) = mother::placenta_centre(parameters);
         let size = Biometry::at_weeks(parameters.gestational_weeks).trunk_scale();
         let disc = ellipsoid(Vec3::ZERO, PLACENTA_SEMI_MM * size);
@@ -38,7 +38,7 @@ impl Room {
     }
 
     /// `scene_from_fetus`, and the remaining shortfall of clearance, mm.
-    pub(super) fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
+    fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
         let balls = fetus::balls(attitude);
         let scale = attitude.biometry.trunk_scale();
         let mut place = Isometry { translation: self.start.translation * scale, ..self.start };
@@ -104,4 +104,64 @@ fn start(parameters: &Parameters) -> Isometry {
         PlacentaSite::Fundal | PlacentaSite::Left | PlacentaSite::Right => 2.0,
     };
     Isometry { rotation, translation: roll * ventral * -5.0 - Vec3::Z * behind }
+}
+
+impl Attitude {
+    /// Attitude and place of the fetus of `parameters`.
+    ///
+    /// A fetus too stretched for the cavity is curled as far as necessary.
+    pub fn of(parameters: &Parameters) -> Self {
+        let biometry = Biometry::at_weeks(parameters.gestational_weeks);
+        let room = Room::of(parameters);
+        let mut best: Option<(f32, Self)> = None;
+        for step in 0..=5 {
+            let flexion = parameters.flexion as f32;
+            let curled = flexion + (1.0 - flexion) * 0.2 * step as f32;
+            let mut attitude = Self::varied(&biometry, curled, parameters.seed);
+            let (scene_from_fetus, overlap_mm) = room.place(&attitude);
+            attitude.scene_from_fetus = scene_from_fetus;
+            if best.as_ref().is_none_or(|(least, _)| overlap_mm < *least) {
+                best = Some((overlap_mm, attitude));
+            }
+            if overlap_mm < ACCEPTED_MM {
+                break;
+            }
+        }
+        // The loop runs at least once.
+        best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0, 0.0), |(_, attitude)| attitude)
+    }
+
+    /// Individual `seed`. Its limbs vary as far as they can without crossing; if even the mean's limbs cross, they are
+    /// spread.
+    fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
+        let variations = [1.0, 0.5, 0.25].into_iter().filter(|_| seed != 0).map(|variation| (variation, 0.0));
+        let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));
+        for (variation, spread) in variations.chain(spreads) {
+            let attitude = Self::posed(biometry, flexion, seed, variation, spread);
+            if fetus::crossing_bones(&attitude).is_none() {
+                return attitude;
+            }
+        }
+        Self::posed(biometry, flexion, seed, 0.0, 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bones_of_no_two_limbs_cross() {
+        for seed in 0..40 {
+            for flexion in [0.0, 0.25, 0.5, 0.75, 1.0] {
+                for weeks in [16.0, 22.0, 34.0] {
+                    let attitude = Attitude::varied(&Biometry::at_weeks(weeks), flexion, seed);
+                    let crossing = fetus::crossing_bones(&attitude);
+                    assert_eq!(crossing, None, "seed {seed}, flexion {flexion}, {weeks} weeks");
+                }
+            }
+        }
+        let [a, b] = [1, 2].map(|seed| Attitude::varied(&Biometry::default(), 0.5, seed));
+        assert_ne!(a.legs, b.legs);
+    }
 }

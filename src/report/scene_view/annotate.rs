@@ -3,7 +3,7 @@
 use glam::DVec3;
 use image::RgbImage;
 
-use super::paint::{Panel, Picture};
+use super::panel::{Panel, Picture};
 use crate::anatomy::Axes;
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::{self, Rgb};

@@ -9,16 +9,19 @@ mod camera;
 mod caster;
 mod fan;
 mod paint;
+mod panel;
 mod selection;
+mod shading;
 
 use thiserror::Error;
 
 pub use camera::{Cut, Direction, Orbit};
 pub use fan::{BmodeImage, Fan};
-pub use paint::{PIXELS_MAX, Picture, PictureSettings, SceneView};
+pub use paint::{PIXELS_MAX, PictureSettings, SceneView};
+pub use panel::Picture;
 pub use selection::Selection;
 
-/// Why no picture could be made.
+/// Errors of scene pictures.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum ViewError {
     /// A name that no surface and no tissue of the scene bears.

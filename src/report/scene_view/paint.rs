@@ -1,31 +1,21 @@
-//! Colours of pixels.
+//! Pictures and sheets of a scene.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::camera::Camera;
-use super::caster::{Caster, Hit};
+use super::caster::Caster;
+use super::panel::{Panel, Picture};
+use super::shading::{BEAD, GROUND, HOUSING, Look, Plane, Sample, Scenery, colour_of};
 use super::{Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
 use crate::anatomy::{Axes, Mesh, Scene};
-use crate::sink::colour;
+use crate::sink::colour::opacities;
 use crate::transducer::housing;
-
-/// Less light than this part of what lies behind is not looked for.
-const DARK: f32 = 0.02;
-const GROUND: Vec3 = Vec3::new(0.055, 0.068, 0.085);
-const HOUSING: Vec3 = Vec3::new(0.62, 0.66, 0.72);
-const BEAD: Vec3 = Vec3::new(1.0, 0.62, 0.1);
-/// The fan where it bears no image.
-const FAN: Vec3 = Vec3::new(1.0, 0.80, 0.30);
-const FAN_OPACITY: f32 = 0.30;
-const IMAGE_OPACITY: f32 = 0.93;
-/// The fan is drawn on a cut through its own plane, mm.
-const BEFORE_MM: f32 = 0.02;
 
 /// Most pixels of a picture: each takes some 70 bytes while it is painted.
 pub const PIXELS_MAX: u32 = 1 << 24;
 
-/// What is pictured, and how.
+/// Size, direction and cut of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureSettings {
     /// Width, pixels, 64..=8192; width times height at most [`PIXELS_MAX`].
@@ -40,50 +30,13 @@ pub struct PictureSettings {
     pub cut: Option<Cut>,
 }
 
-/// A colour picture.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
-    /// Width, pixels.
-    pub width: u32,
-    /// Height, pixels.
-    pub height: u32,
-    /// Red, green, blue [height × width × 3].
-    pub rgb: Vec<u8>,
-}
-
-/// How a surface looks.
-struct Look {
-    colour: Vec3,
-    opacity: f32,
-    /// Its tissue; none for the probe.
-    tissue: Option<usize>,
-}
-
 /// A scene made ready for pictures.
 pub struct SceneView {
-    caster: Caster,
-    looks: Vec<Look>,
+    scenery: Scenery,
     tissue_names: Vec<String>,
     /// Corners of the bounds of what is shown, mm.
     corners_mm: Vec<DVec3>,
-    fan: Option<Fan>,
     axes: Axes,
-}
-
-/// A cut that holds for a camera.
-struct Plane {
-    point_mm: DVec3,
-    normal: DVec3,
-}
-
-/// A place in the picture.
-#[derive(Clone, Copy)]
-struct Sample {
-    colour: Vec3,
-    /// Tissues that are seen, a bit each.
-    seen: [u64; 4],
-    /// Tells apart which layers are seen in which order.
-    layers: u32,
 }
 
 impl SceneView {
@@ -93,7 +46,7 @@ impl SceneView {
         let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
         let mut looks = Vec::new();
         let mut corners_mm = Vec::new();
-        for (&index, opacity) in shown.iter().zip(colour::opacities(&meshes)) {
+        for (&index, opacity) in shown.iter().zip(opacities(&meshes)) {
             let Some(surface) = scene.surfaces.get(index) else { continue };
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
@@ -114,7 +67,8 @@ impl SceneView {
             looks.push(Look { colour: BEAD, opacity: 1.0, tissue: None });
         }
         let caster = Caster::new((0u32..).zip(meshes.iter().copied().chain(housing.iter().flatten())));
-        Self { caster, looks, tissue_names: scene.tissues.names().to_vec(), corners_mm, fan, axes }
+        let scenery = Scenery { caster, looks, fan };
+        Self { scenery, tissue_names: scene.tissues.names().to_vec(), corners_mm, axes }
     }
 
     /// A picture with a legend, a scale and axes.
@@ -141,7 +95,7 @@ impl SceneView {
         check_size(width, height)?;
         let legend = annotate::legend_width(width);
         let (w, h) = ((width - legend) / 2, height / 2);
-        let last = if self.fan.is_some() { Direction::Fan } else { Direction::Back };
+        let last = if self.scenery.fan.is_some() { Direction::Fan } else { Direction::Back };
         let titles = match self.axes {
             Axes::Depth => ["front", "from +x", "from above", "onto the fan"],
             Axes::Anatomical => ["anterior", "left", "cranial", "onto the fan"],
@@ -154,7 +108,7 @@ impl SceneView {
             let cut = if from == Direction::Fan { settings.cut.or(Some(Cut::Fan)) } else { settings.cut };
             let one = PictureSettings { from, orbit: Orbit::default(), cut, ..*settings };
             let panel = self.panel(&one, (w - 4, h - 4), from == Direction::Fan)?;
-            let title = if i == 3 && self.fan.is_none() { "from behind" } else { title };
+            let title = if i == 3 && self.scenery.fan.is_none() { "from behind" } else { title };
             seen.iter_mut().zip(panel.seen).for_each(|(all, one)| *all |= one);
             let at = (i % 2 * w + 2, i / 2 * h + 2);
             annotate::place(&mut canvas, at, &panel, self.axes);
@@ -172,12 +126,13 @@ impl SceneView {
 
     /// One projection of `size` pixels; `close` frames the fan alone.
     fn panel(&self, settings: &PictureSettings, size: (u32, u32), close: bool) -> Result<Panel, ViewError> {
-        let pose = self.fan.as_ref().map(|fan| fan.scene_from_probe);
+        let pose = self.scenery.fan.as_ref().map(|fan| fan.scene_from_probe);
         let what = if settings.from == Direction::Probe { "--from probe" } else { "--from fan" };
         let camera = Camera::new(settings.from, settings.orbit, self.axes, pose);
         let mut camera = camera.ok_or(ViewError::NoFan { what })?;
-        let outline = self.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
+        let outline = self.scenery.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
         let probe = self
+            .scenery
             .fan
             .iter()
             .flat_map(|fan| housing(&fan.probe, &fan.scene_from_probe))
@@ -194,7 +149,8 @@ impl SceneView {
         let row = |(row, out): (usize, &mut [Sample])| {
             let mut hits = Vec::new();
             for (column, sample) in out.iter_mut().enumerate() {
-                *sample = self.sample(&camera, plane.as_ref(), column as f64 + 0.5, row as f64 + 0.5, &mut hits);
+                *sample =
+                    self.scenery.sample(&camera, plane.as_ref(), column as f64 + 0.5, row as f64 + 0.5, &mut hits);
             }
         };
         let mut first: Vec<Sample> = vec![Sample { colour: GROUND, seen: [0; 4], layers: 0 }; width * height];
@@ -214,7 +170,9 @@ impl SceneView {
                 let offsets = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
                 let sum: Vec3 = offsets
                     .map(|(x, y)| {
-                        self.sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits).colour
+                        self.scenery
+                            .sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits)
+                            .colour
                     })
                     .into_iter()
                     .sum();
@@ -237,7 +195,7 @@ impl SceneView {
         let (point_mm, normal) = match cut {
             None => return Ok(None),
             Some(Cut::Fan) => {
-                let fan = self.fan.as_ref().ok_or(ViewError::NoFan { what: "--cut fan" })?;
+                let fan = self.scenery.fan.as_ref().ok_or(ViewError::NoFan { what: "--cut fan" })?;
                 (fan.scene_from_probe.position_mm, fan.scene_from_probe.orientation * DVec3::Y)
             }
             Some(Cut::Axis(axis, place)) => {
@@ -251,118 +209,6 @@ impl SceneView {
         }
         Ok(Some(Plane { point_mm, normal: if slope > 0.0 { -normal } else { normal } }))
     }
-
-    /// Colour of a place in the picture.
-    fn sample(&self, camera: &Camera, plane: Option<&Plane>, column: f64, row: f64, hits: &mut Vec<Hit>) -> Sample {
-        let (point, forward) = (camera.point(column, row), camera.forward);
-        self.caster.crossings(point, forward, hits);
-        let mut light = Vec3::ZERO;
-        let mut left = 1.0_f32;
-        let mut seen = [0u64; 4];
-        let mut layers = 0_u32;
-        let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>, layer: u32| {
-            // What hardly shows makes no edge.
-            if left * opacity > 0.04 {
-                layers = (layers.rotate_left(5) ^ (layer + 1)).wrapping_mul(0x9e37_79b9);
-            }
-            light += left * opacity * colour;
-            if let Some(i) = tissue.filter(|_| left * opacity > 0.08)
-                && let Some(word) = seen.get_mut(i >> 6)
-            {
-                *word |= 1 << (i & 63);
-            }
-            left *= 1.0 - opacity;
-            left > DARK
-        };
-        let mut fan = self.fan.as_ref().and_then(|fan| {
-            let t = fan.meets(point, forward)?;
-            let grey = fan.at(point + forward * t)?;
-            let (colour, opacity) = match grey {
-                Some(grey) => (Vec3::splat(f32::from(grey) / 255.0), IMAGE_OPACITY),
-                None => (FAN, FAN_OPACITY),
-            };
-            Some((t as f32 - BEFORE_MM, colour, opacity))
-        });
-        let mut cut = plane.map(|plane| {
-            let t = plane.normal.dot(plane.point_mm - point) / plane.normal.dot(forward);
-            (t as f32, self.medium_beyond(hits, t as f32))
-        });
-        let from = cut.map_or(f32::NEG_INFINITY, |(t, _)| t);
-        let probe = self.looks.len().saturating_sub(if self.fan.is_some() { 2 } else { 0 });
-        let mut next = hits.iter().filter(|hit| hit.t_mm >= from || hit.surface as usize >= probe).peekable();
-        loop {
-            let t_hit = next.peek().map_or(f32::INFINITY, |hit| hit.t_mm);
-            let t_cut = cut.map_or(f32::INFINITY, |(t, _)| t);
-            let t_fan = fan.map_or(f32::INFINITY, |(t, ..)| t);
-            if t_fan <= t_cut && t_fan <= t_hit && t_fan.is_finite() {
-                if let Some((_, colour, opacity)) = fan.take()
-                    && !add(colour, opacity, None, 0)
-                {
-                    break;
-                }
-            } else if t_cut <= t_hit && t_cut.is_finite() {
-                let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.looks.get(m));
-                // A section is opaque.
-                if let Some(look) = medium
-                    && !add(0.92 * look.colour, 1.0, look.tissue, 1 + look.tissue.unwrap_or(0) as u32)
-                {
-                    break;
-                }
-            } else if let Some(hit) = next.next() {
-                let Some(look) = self.looks.get(hit.surface as usize) else { continue };
-                let facing = hit.cosine.abs().min(1.0);
-                let opacity = look.opacity + (1.0 - look.opacity) * 0.6 * (1.0 - facing).powi(3);
-                if !add(shade(look.colour, hit, camera), opacity, look.tissue, 1000 + hit.surface) {
-                    break;
-                }
-            } else {
-                break;
-            }
-        }
-        Sample { colour: light + left * GROUND, seen, layers }
-    }
-
-    /// The highest surface that the line is inside of at `t_mm`, of those that are shown; the probe is none of them.
-    fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
-        let mut met = [0u64; 4];
-        let mut highest = None;
-        for hit in hits.iter().filter(|hit| hit.t_mm > t_mm) {
-            let index = hit.surface as usize;
-            let tissue = self.looks.get(index).is_some_and(|look| look.tissue.is_some());
-            let Some(word) = met.get_mut(index >> 6).filter(|_| tissue) else { continue };
-            let bit = 1 << (index & 63);
-            // The first crossing beyond tells: outward from within.
-            if *word & bit == 0 && hit.cosine > 0.0 {
-                highest = highest.max(Some(index));
-            }
-            *word |= bit;
-        }
-        highest
-    }
-}
-
-/// A projection before it is captioned.
-pub(super) struct Panel {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) rgb: Vec<u8>,
-    /// Tissues in it, a bit each.
-    seen: [u64; 4],
-    pub(super) camera: Camera,
-    pub(super) outline: Vec<DVec3>,
-}
-
-/// Light from the upper left behind the viewer; both faces of a surface are lit.
-fn shade(colour: Vec3, hit: &Hit, camera: &Camera) -> Vec3 {
-    let toward = (-0.8 * camera.forward + 0.5 * camera.up - 0.35 * camera.right).normalize().as_vec3();
-    let normal = if hit.cosine > 0.0 { -hit.normal } else { hit.normal };
-    let diffuse = normal.dot(toward).max(0.0);
-    let gloss = 0.12 * diffuse.powi(24);
-    colour * (0.28 + 0.72 * diffuse) + Vec3::splat(gloss)
-}
-
-fn colour_of(tissue: &str) -> Vec3 {
-    Vec3::from(colour::tissue(tissue).map(|v| f32::from(v) / 255.0))
 }
 
 fn check_size(width: u32, height: u32) -> Result<(), ViewError> {

@@ -1,9 +1,8 @@
-//! One page: what is sent to it and what it says.
+//! One page: frames to it, requests from it.
 
 use std::collections::VecDeque;
-use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
@@ -15,8 +14,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::messages::{self, Request, ToPage};
-use super::server::{Seat, Shared};
-use super::sink::FrameSet;
+use super::shared::{Client, ClientCounters, ClientSlot, FrameSet, Shared};
 
 /// Frames sent and not yet drawn: one on its way while one is drawn.
 const FRAMES_UNDER_WAY: usize = 2;
@@ -29,72 +27,7 @@ const STATS_PERIOD: Duration = Duration::from_secs(1);
 /// Answers that wait to be sent; then the page's messages wait, too.
 const ANSWERS: usize = 16;
 
-/// Maps beside the image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Overlays {
-    pub(super) segmentation: bool,
-    pub(super) attenuation: bool,
-}
-
-impl Overlays {
-    pub(super) fn or(self, other: Self) -> Self {
-        Self {
-            segmentation: self.segmentation || other.segmentation,
-            attenuation: self.attenuation || other.attenuation,
-        }
-    }
-}
-
-/// What a page got, since it connected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ClientCounters {
-    /// Counts the pages from 1.
-    pub id: u64,
-    /// Its address.
-    pub address: SocketAddr,
-    /// Frames sent to it.
-    pub sent: u64,
-    /// Frames that it was too slow for.
-    pub dropped: u64,
-}
-
-/// A page's state, seen by the sink, too.
-#[derive(Debug)]
-pub(super) struct Client {
-    pub(super) id: u64,
-    address: SocketAddr,
-    segmentation: AtomicBool,
-    attenuation: AtomicBool,
-    sent: AtomicU64,
-    dropped: AtomicU64,
-}
-
-impl Client {
-    pub(super) fn new(id: u64, address: SocketAddr) -> Self {
-        Self {
-            id,
-            address,
-            segmentation: AtomicBool::new(false),
-            attenuation: AtomicBool::new(false),
-            sent: AtomicU64::new(0),
-            dropped: AtomicU64::new(0),
-        }
-    }
-
-    pub(super) fn overlays(&self) -> Overlays {
-        Overlays {
-            segmentation: self.segmentation.load(Ordering::Relaxed),
-            attenuation: self.attenuation.load(Ordering::Relaxed),
-        }
-    }
-
-    pub(super) fn counters(&self) -> ClientCounters {
-        let [sent, dropped] = [&self.sent, &self.dropped].map(|counter| counter.load(Ordering::Relaxed));
-        ClientCounters { id: self.id, address: self.address, sent, dropped }
-    }
-}
-
-/// What the reading half tells the writing half.
+/// Messages from the reading half to the writing half.
 enum Heard {
     Drawn(u64),
     Overlays,
@@ -109,8 +42,8 @@ pub(super) async fn turn_away(mut socket: WebSocket, reason: String) {
 }
 
 /// Serves a page until it leaves or the station ends.
-pub(super) async fn run(socket: WebSocket, seat: Seat) {
-    let (shared, client) = (&seat.shared, &seat.client);
+pub(super) async fn run(socket: WebSocket, slot: ClientSlot) {
+    let (shared, client) = (&slot.shared, &slot.client);
     tracing::info!("page {} watches from {}", client.id, client.address);
     let (sender, receiver) = socket.split();
     let (heard, hears) = mpsc::channel(ANSWERS);

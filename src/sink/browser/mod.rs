@@ -21,6 +21,8 @@ mod pool;
 #[cfg(feature = "browser")]
 mod server;
 #[cfg(feature = "browser")]
+mod shared;
+#[cfg(feature = "browser")]
 mod sink;
 #[cfg(feature = "browser")]
 pub mod wire;
@@ -29,11 +31,11 @@ pub use scene::{ScenePacket, TRIANGLES_MAX};
 pub use settings::{Settings, TOKEN_CHARS_MIN};
 
 #[cfg(feature = "browser")]
-pub use client::ClientCounters;
+pub use shared::ClientCounters;
 #[cfg(feature = "browser")]
 pub use sink::{BrowserMonitor, BrowserSink};
 
-/// What a page must know of the scene.
+/// Tissues and surfaces of the scene, for pages.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SceneInfo {
     /// Names of the tissues; number n of a segmentation is `tissues[n - 1]`.

@@ -1,10 +1,8 @@
 //! The HTTP side: every request is checked before anything is served.
 
-use std::collections::BTreeMap;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -20,15 +18,12 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::sync::{Notify, Semaphore, mpsc, watch};
-use tokio_util::sync::CancellationToken;
+use tokio::sync::Semaphore;
 
 use super::access::Access;
 use super::assets::{ASSETS, Asset};
-use super::client::{self, Client, ClientCounters, Overlays};
-use super::scene::ScenePacket;
-use super::sink::FrameSet;
-use crate::sink::live::Control;
+use super::client;
+use super::shared::Shared;
 
 /// A page's messages are far smaller.
 const MESSAGE_BYTES_MAX: usize = 4096;
@@ -42,87 +37,6 @@ const GOODBYE: Duration = Duration::from_secs(1);
 /// No script, style, frame or connection but the page's own.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-/// What the sink, its requests and its clients share.
-#[derive(Debug)]
-pub(super) struct Shared {
-    access: Access,
-    pub(super) hello: String,
-    surfaces: Option<ScenePacket>,
-    pub(super) controls: mpsc::Sender<Control>,
-    pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
-    pub(super) cancel: CancellationToken,
-    clients: Mutex<BTreeMap<u64, Arc<Client>>>,
-    clients_max: usize,
-    next_client: AtomicU64,
-    client_left: Notify,
-}
-
-impl Shared {
-    pub(super) fn new(
-        access: Access,
-        hello: String,
-        surfaces: Option<ScenePacket>,
-        controls: mpsc::Sender<Control>,
-        frames: watch::Receiver<Option<Arc<FrameSet>>>,
-        clients_max: usize,
-    ) -> Self {
-        Self {
-            access,
-            hello,
-            surfaces,
-            controls,
-            frames,
-            cancel: CancellationToken::new(),
-            clients: Mutex::default(),
-            clients_max,
-            next_client: AtomicU64::new(1),
-            client_left: Notify::new(),
-        }
-    }
-
-    fn clients(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Client>>> {
-        self.clients.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(super) fn client_count(&self) -> usize {
-        self.clients().len()
-    }
-
-    pub(super) fn counters(&self) -> Vec<ClientCounters> {
-        self.clients().values().map(|client| client.counters()).collect()
-    }
-
-    /// Maps that any client wants.
-    pub(super) fn wanted(&self) -> Overlays {
-        let none = Overlays::default();
-        self.clients().values().fold(none, |all, client| all.or(client.overlays()))
-    }
-
-    /// A place for one more client; none where all are taken.
-    fn enter(self: &Arc<Self>, address: SocketAddr) -> Option<Seat> {
-        let mut clients = self.clients();
-        if clients.len() >= self.clients_max {
-            return None;
-        }
-        let client = Arc::new(Client::new(self.next_client.fetch_add(1, Ordering::Relaxed), address));
-        clients.insert(client.id, client.clone());
-        Some(Seat { shared: self.clone(), client })
-    }
-}
-
-/// A client's place, free again when it is dropped.
-pub(super) struct Seat {
-    pub(super) shared: Arc<Shared>,
-    pub(super) client: Arc<Client>,
-}
-
-impl Drop for Seat {
-    fn drop(&mut self) {
-        self.shared.clients().remove(&self.client.id);
-        self.shared.client_left.notify_one();
-    }
-}
 
 /// Serves until cancelled.
 pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Result<()> {
@@ -215,7 +129,7 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
     response
 }
 
-/// What is answered in place of what was asked for; none to a request that may pass.
+/// Answer to a refused request; none if the request may pass.
 fn instead(access: &Access, request: &Request) -> Option<Response> {
     let headers = request.headers();
     if !access.accepts_host(headers) {
@@ -253,7 +167,7 @@ async fn stream(
     }
     let upgrade = upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX);
     match shared.enter(address) {
-        Some(seat) => upgrade.on_upgrade(move |socket| client::run(socket, seat)),
+        Some(slot) => upgrade.on_upgrade(move |socket| client::run(socket, slot)),
         None => {
             let reason = format!("{} pages are watching already, which is browser.clients_max", shared.clients_max);
             tracing::warn!("{address} turned away: {reason}");

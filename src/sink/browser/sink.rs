@@ -1,33 +1,21 @@
-//! The sink's end that the station holds.
+//! The sink of the station: makes the messages of each frame and starts the server.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use bytes::Bytes;
 use tokio::sync::{mpsc, watch};
 
 use super::access::Access;
-use super::client::ClientCounters;
 use super::pool::Pool;
-use super::server::{self, Shared};
+use super::server;
+use super::shared::{ClientCounters, FrameSet, Shared};
 use super::wire::{self, Map};
 use super::{SceneInfo, Settings, messages};
 use crate::sink::SinkError;
 use crate::sink::live::{Control, LiveSink, MapsWanted, PresentedFrame};
 
 const NAME: &str = "browser";
-
-/// The messages of one frame.
-#[derive(Debug)]
-pub(super) struct FrameSet {
-    /// Counts the sets from 1, to see what a client missed.
-    pub(super) sequence: u64,
-    pub(super) number: u64,
-    pub(super) image: Bytes,
-    pub(super) segmentation: Option<Bytes>,
-    pub(super) attenuation: Option<Bytes>,
-}
 
 /// Serves the page.
 #[derive(Debug)]
@@ -41,7 +29,7 @@ pub struct BrowserSink {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Tells who is watching, after the sink has gone to its thread.
+/// Counts of the connected pages, for use after the sink has moved to its thread.
 #[derive(Debug, Clone)]
 pub struct BrowserMonitor {
     shared: Arc<Shared>,

@@ -6,18 +6,17 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use thiserror::Error;
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 use tokio_util::sync::CancellationToken;
 
 use crate::tracker::arrival::ArrivalTimes;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
-use crate::tracker::driver::{Driver, Passive};
-use crate::tracker::ndi::RomError;
-use crate::tracker::recording::{RecordingError, RecordingReader};
+use crate::tracker::driver::Driver;
+use crate::tracker::passive::Passive;
+use crate::tracker::recording::RecordingReader;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
-use crate::tracker::{AxisMap, DecodeError, Protocol, Record};
+use crate::tracker::{AxisMap, DecodeError, Listener, Protocol, Record, TrackerError, TrackerEvent};
 
 #[cfg(test)]
 mod tests;
@@ -36,83 +35,6 @@ const PATIENCE_LIMIT: u32 = 8;
 
 /// Longest sleep of the loop, so that no time exceeds the clock's range.
 const REST_LIMIT: Duration = Duration::from_secs(3600);
-
-/// Receiver of one tracker's bytes, records and events, called on the tracker's thread. It must not block.
-pub trait Listener: Send {
-    /// Receives each piece of the stream before it is decoded, with the arrival of its first byte, ns since 1970 (UTC).
-    fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]);
-
-    /// Receives a record, with the arrival of its first byte, ns since 1970 (UTC).
-    fn record(&mut self, host_time_ns: u64, record: &Record);
-
-    /// Receives an event, with its time, ns since 1970 (UTC).
-    fn event(&mut self, host_time_ns: u64, event: &TrackerEvent);
-}
-
-/// Event of a session.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum TrackerEvent {
-    /// The port is open.
-    Connected {
-        /// Name of the port.
-        port: String,
-    },
-    /// The port could not be opened, or was lost.
-    Disconnected {
-        /// Cause.
-        reason: String,
-        /// Time until the next attempt.
-        retry: Duration,
-    },
-    /// No record arrived within the silence limit. The device is restarted: first on the open port, then on a reopened
-    /// one, with a reset if its driver can. Mocks, recordings and datagrams are only waited for.
-    Silent {
-        /// Duration of the silence.
-        for_: Duration,
-        /// Restarts since the last record, including this one.
-        attempt: u32,
-    },
-    /// Bytes that are not a record, or an error that the device reports.
-    DecodeError(DecodeError),
-    /// Records of another sensor arrive and are ignored. Reported once per sensor and connection.
-    OtherSensor {
-        /// The ignored sensor.
-        sensor: u16,
-        /// The selected sensor.
-        used: u16,
-    },
-    /// The recording is at its end; the session is over.
-    Ended,
-}
-
-/// Reason why a session cannot be started.
-#[derive(Debug, Error)]
-pub enum TrackerError {
-    /// The transport can't carry the protocol.
-    #[error("trackers that speak `{protocol}` aren't reached by transport `{transport}`")]
-    Mismatch {
-        /// Name of the protocol.
-        protocol: &'static str,
-        /// Name of the transport.
-        transport: &'static str,
-    },
-    /// The transport was left out of this build.
-    #[error("this insonify was built without the feature `{feature}`, which the transport needs")]
-    NotBuilt {
-        /// Cargo feature.
-        feature: &'static str,
-    },
-    /// A recording that can't be played.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// The description file of a wireless tool is unusable.
-    #[error(transparent)]
-    Rom(#[from] RomError),
-    /// The system has no thread or event queue left.
-    #[error("cannot start the tracker's thread: {0}")]
-    Thread(#[source] io::Error),
-}
 
 /// Totals of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -4,8 +4,8 @@ use std::io;
 
 use bytes::BytesMut;
 
+use super::TrackerError;
 use super::driver::Line;
-use super::session::TrackerError;
 use super::settings::Transport;
 
 #[cfg(feature = "hid")]

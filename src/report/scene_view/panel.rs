@@ -1,0 +1,27 @@
+//! Pictures: one projection, and the finished image.
+
+use glam::DVec3;
+
+use super::camera::Camera;
+
+/// A colour picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Red, green, blue [height × width × 3].
+    pub rgb: Vec<u8>,
+}
+
+/// A projection before it is captioned.
+pub(super) struct Panel {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) rgb: Vec<u8>,
+    /// Tissues in it, a bit each.
+    pub(super) seen: [u64; 4],
+    pub(super) camera: Camera,
+    pub(super) outline: Vec<DVec3>,
+}

@@ -1,0 +1,170 @@
+//! State that the sink, its server and its clients share.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use bytes::Bytes;
+use tokio::sync::{Notify, mpsc, watch};
+use tokio_util::sync::CancellationToken;
+
+use super::access::Access;
+use super::scene::ScenePacket;
+use crate::sink::live::Control;
+
+/// The messages of one frame.
+#[derive(Debug)]
+pub(super) struct FrameSet {
+    /// Counts the sets from 1, to see what a client missed.
+    pub(super) sequence: u64,
+    pub(super) number: u64,
+    pub(super) image: Bytes,
+    pub(super) segmentation: Option<Bytes>,
+    pub(super) attenuation: Option<Bytes>,
+}
+
+/// Maps beside the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Overlays {
+    pub(super) segmentation: bool,
+    pub(super) attenuation: bool,
+}
+
+impl Overlays {
+    pub(super) fn or(self, other: Self) -> Self {
+        Self {
+            segmentation: self.segmentation || other.segmentation,
+            attenuation: self.attenuation || other.attenuation,
+        }
+    }
+}
+
+/// Counters of a page since it connected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClientCounters {
+    /// Counts the pages from 1.
+    pub id: u64,
+    /// Its address.
+    pub address: SocketAddr,
+    /// Frames sent to it.
+    pub sent: u64,
+    /// Frames that it was too slow for.
+    pub dropped: u64,
+}
+
+/// A page's state, seen by the sink, too.
+#[derive(Debug)]
+pub(super) struct Client {
+    pub(super) id: u64,
+    pub(super) address: SocketAddr,
+    pub(super) segmentation: AtomicBool,
+    pub(super) attenuation: AtomicBool,
+    pub(super) sent: AtomicU64,
+    pub(super) dropped: AtomicU64,
+}
+
+impl Client {
+    pub(super) fn new(id: u64, address: SocketAddr) -> Self {
+        Self {
+            id,
+            address,
+            segmentation: AtomicBool::new(false),
+            attenuation: AtomicBool::new(false),
+            sent: AtomicU64::new(0),
+            dropped: AtomicU64::new(0),
+        }
+    }
+
+    pub(super) fn overlays(&self) -> Overlays {
+        Overlays {
+            segmentation: self.segmentation.load(Ordering::Relaxed),
+            attenuation: self.attenuation.load(Ordering::Relaxed),
+        }
+    }
+
+    pub(super) fn counters(&self) -> ClientCounters {
+        let [sent, dropped] = [&self.sent, &self.dropped].map(|counter| counter.load(Ordering::Relaxed));
+        ClientCounters { id: self.id, address: self.address, sent, dropped }
+    }
+}
+
+/// State that the sink, its requests and its clients share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub(super) access: Access,
+    pub(super) hello: String,
+    pub(super) surfaces: Option<ScenePacket>,
+    pub(super) controls: mpsc::Sender<Control>,
+    pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
+    pub(super) cancel: CancellationToken,
+    clients: Mutex<BTreeMap<u64, Arc<Client>>>,
+    pub(super) clients_max: usize,
+    next_client: AtomicU64,
+    pub(super) client_left: Notify,
+}
+
+impl Shared {
+    pub(super) fn new(
+        access: Access,
+        hello: String,
+        surfaces: Option<ScenePacket>,
+        controls: mpsc::Sender<Control>,
+        frames: watch::Receiver<Option<Arc<FrameSet>>>,
+        clients_max: usize,
+    ) -> Self {
+        Self {
+            access,
+            hello,
+            surfaces,
+            controls,
+            frames,
+            cancel: CancellationToken::new(),
+            clients: Mutex::default(),
+            clients_max,
+            next_client: AtomicU64::new(1),
+            client_left: Notify::new(),
+        }
+    }
+
+    fn clients(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Client>>> {
+        self.clients.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn client_count(&self) -> usize {
+        self.clients().len()
+    }
+
+    pub(super) fn counters(&self) -> Vec<ClientCounters> {
+        self.clients().values().map(|client| client.counters()).collect()
+    }
+
+    /// Maps that any client wants.
+    pub(super) fn wanted(&self) -> Overlays {
+        self.clients().values().fold(Overlays::default(), |all, client| all.or(client.overlays()))
+    }
+
+    /// A slot for one more client; none where all are taken.
+    pub(super) fn enter(self: &Arc<Self>, address: SocketAddr) -> Option<ClientSlot> {
+        let mut clients = self.clients();
+        if clients.len() >= self.clients_max {
+            return None;
+        }
+        let client = Arc::new(Client::new(self.next_client.fetch_add(1, Ordering::Relaxed), address));
+        clients.insert(client.id, client.clone());
+        Some(ClientSlot { shared: self.clone(), client })
+    }
+}
+
+/// Slot of a client, free again when it is dropped.
+pub(super) struct ClientSlot {
+    pub(super) shared: Arc<Shared>,
+    pub(super) client: Arc<Client>,
+}
+
+impl Drop for ClientSlot {
+    fn drop(&mut self) {
+        self.shared.clients().remove(&self.client.id);
+        self.shared.client_left.notify_one();
+    }
+}

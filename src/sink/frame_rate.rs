@@ -1,0 +1,35 @@
+//! Frame rates of videos.
+
+use super::SinkError;
+
+/// Frames a second, as the fraction that video containers hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRate {
+    /// Frames ...
+    pub numerator: u32,
+    /// ... in this many seconds.
+    pub denominator: u32,
+}
+
+impl FrameRate {
+    /// The rate nearest to `fps`, in thousandths, in lowest terms.
+    ///
+    /// # Errors
+    /// `fps` outside 0.1..=1000, NaN included.
+    pub fn new(fps: f64) -> Result<Self, SinkError> {
+        if !(0.1..=1000.0).contains(&fps) {
+            return Err(SinkError::FrameRate { fps });
+        }
+        let thousandths = (fps * 1000.0).round() as u32;
+        let (mut a, mut b) = (thousandths, 1000);
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        Ok(Self { numerator: thousandths / a, denominator: 1000 / a })
+    }
+
+    /// Frames a second.
+    pub fn fps(self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.denominator)
+    }
+}

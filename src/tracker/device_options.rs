@@ -1,0 +1,35 @@
+//! Options of a tracking device.
+
+use std::time::Duration;
+
+use super::{ndi, spacemouse};
+
+/// Device options of a station file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceOptions {
+    /// Sensor to use. `None` takes the first one received, or the device's first if the protocol needs a number.
+    pub sensor: Option<u16>,
+    /// Axis [x, y, z] of the source that points to the half space of the sensor (Polhemus).
+    pub hemisphere: [f64; 3],
+    /// Start-up time of a device after a reset.
+    pub reset_delay: Duration,
+    /// Longest accepted silence of a streaming device.
+    pub silence: Duration,
+    /// Options of NDI devices.
+    pub ndi: ndi::Options,
+    /// Report value of a puck at full deflection, at least 1 (SpaceMouse).
+    pub puck_range: f64,
+}
+
+impl Default for DeviceOptions {
+    fn default() -> Self {
+        Self {
+            sensor: None,
+            hemisphere: [0.0, 0.0, 1.0],
+            reset_delay: Duration::from_secs(20),
+            silence: Duration::from_secs(2),
+            ndi: ndi::Options::default(),
+            puck_range: spacemouse::RANGE,
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Errors in starting a tracker session.
+
+use std::io;
+
+use thiserror::Error;
+
+use super::ndi::RomError;
+use super::recording::RecordingError;
+
+/// Reason why a session cannot be started.
+#[derive(Debug, Error)]
+pub enum TrackerError {
+    /// The transport can't carry the protocol.
+    #[error("trackers that speak `{protocol}` aren't reached by transport `{transport}`")]
+    Mismatch {
+        /// Name of the protocol.
+        protocol: &'static str,
+        /// Name of the transport.
+        transport: &'static str,
+    },
+    /// The transport was left out of this build.
+    #[error("this insonify was built without the feature `{feature}`, which the transport needs")]
+    NotBuilt {
+        /// Cargo feature.
+        feature: &'static str,
+    },
+    /// A recording that can't be played.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The description file of a wireless tool is unusable.
+    #[error(transparent)]
+    Rom(#[from] RomError),
+    /// The system has no thread or event queue left.
+    #[error("cannot start the tracker's thread: {0}")]
+    Thread(#[source] io::Error),
+}

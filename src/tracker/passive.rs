@@ -1,0 +1,63 @@
+//! Driver of devices that stream by themselves.
+
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+
+use super::driver::Driver;
+use super::{DecodeError, Decoder, DeviceOptions, Protocol, Record};
+
+/// Longest accepted silence of a device that has just been opened: opening its port restarts an Arduino, which takes
+/// two seconds.
+const START_PATIENCE: Duration = Duration::from_secs(5);
+
+/// Driver of a device that streams by itself; only listens.
+pub struct Passive {
+    protocol: Protocol,
+    /// Decoder at the start of a stream.
+    fresh: Decoder,
+    decoder: Decoder,
+    silence: Duration,
+    heard: bool,
+}
+
+impl Passive {
+    /// Driver of a device that speaks `protocol`.
+    pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
+        let fresh = protocol.decoder_of(options);
+        Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, heard: false }
+    }
+}
+
+impl Driver for Passive {
+    fn protocol(&self) -> Protocol {
+        self.protocol
+    }
+
+    fn start(&mut self, _: Duration, _: u32) {
+        self.decoder = self.fresh.clone();
+        self.heard = false;
+    }
+
+    fn transmit(&mut self, _: Duration) -> Option<Bytes> {
+        None
+    }
+
+    fn wake_at(&self) -> Option<Duration> {
+        None
+    }
+
+    fn patience(&self) -> Duration {
+        if self.heard { self.silence } else { self.silence.max(START_PATIENCE) }
+    }
+
+    fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        let record = self.decoder.decode(buffer)?;
+        self.heard |= record.is_some();
+        Ok(record)
+    }
+
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.decoder.finish(buffer)
+    }
+}

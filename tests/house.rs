@@ -1,0 +1,395 @@
+//! Order of the modules: each knows only those below it, and files of a folder do not import each other in a circle.
+//!
+//! The source text is read, not compiled: `use` trees and inline paths that begin with `crate`, `super`, `self` or the name
+//! of a submodule. A name that a module re-exports counts for the file that it comes from. Code under `#[cfg(test)]` is
+//! left out. A folder's `mod.rs` stands for no file: it holds the folder's list of modules and what all of them share.
+
+// clippy.toml allows these in test functions only, not in what they share.
+#![allow(clippy::unwrap_used)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+/// Modules from the highest to the lowest. Those of one line do not know each other.
+const ORDER: [&[&str]; 16] = [
+    &["station"],
+    &["pipeline"],
+    &["report"],
+    &["sink"],
+    &["generator"],
+    &["tradeoff"],
+    &["selftest", "quality", "dataset"],
+    &["exam"],
+    &["render"],
+    &["transducer"],
+    &["anatomy"],
+    &["tracker"],
+    &["pose"],
+    &["acoustics"],
+    &["settings"],
+    &["statistics", "random", "suggest"],
+];
+
+/// Folders in which files may import each other in a circle, subfolders as one. In all others they may not.
+const WITH_CIRCLES: [&str; 7] = [
+    "render",
+    "render::host",
+    "station",
+    "anatomy",
+    "anatomy::phantom::fetus",
+    "anatomy::phantom::mother",
+    "tracker::interchange",
+];
+
+type Module = Vec<String>;
+
+/// Modules of a crate and the paths that each names.
+#[derive(Default)]
+struct House {
+    /// Paths named by a module, absolute.
+    named: BTreeMap<Module, BTreeSet<Module>>,
+    /// Names that a module re-exports, and the paths behind them.
+    exported: BTreeMap<Module, BTreeMap<String, Module>>,
+}
+
+impl House {
+    fn add(&mut self, module: &[&str], source: &str) {
+        let module: Module = module.iter().map(|s| (*s).to_owned()).collect();
+        let file = File::read(&module, &tokens(source));
+        self.named.insert(module.clone(), file.named);
+        self.exported.insert(module, file.exported);
+    }
+
+    /// The module that holds what `path` names: the longest prefix that is a module, re-exports followed.
+    fn holder(&self, path: &[String], depth: usize) -> Module {
+        let mut module = Module::new();
+        for name in path {
+            let mut child = module.clone();
+            child.push(name.clone());
+            if self.named.contains_key(&child) {
+                module = child;
+                continue;
+            }
+            let exported = self.exported.get(&module).and_then(|names| names.get(name));
+            return match exported {
+                Some(target) if depth < 8 => self.holder(target, depth + 1),
+                _ => module,
+            };
+        }
+        module
+    }
+
+    /// Pairs (who, whom) of modules of which the first names the second, without what lies in `tests`.
+    fn edges(&self) -> impl Iterator<Item = (&Module, Module)> {
+        let code = self.named.iter().filter(|(module, _)| !module.iter().any(|m| m.contains("tests")));
+        code.flat_map(move |(module, paths)| paths.iter().map(move |path| (module, self.holder(path, 0))))
+    }
+
+    /// Edges that point upward or sideways in `ORDER`.
+    fn upward(&self) -> BTreeSet<String> {
+        let rank = |module: &[String]| {
+            let top = module.first()?.as_str();
+            ORDER.iter().position(|line| line.contains(&top))
+        };
+        let known = |module: &Module| module.is_empty() || rank(module).is_some();
+        let mut wrong: BTreeSet<String> = self
+            .named
+            .keys()
+            .filter(|m| !known(m))
+            .map(|m| format!("{} has no place in ORDER", m.join("::")))
+            .collect();
+        for (who, whom) in self.edges() {
+            let (Some(from), Some(to)) = (rank(who), rank(&whom)) else { continue };
+            if to < from || (to == from && who.first() != whom.first()) {
+                wrong.insert(format!("{} knows {}", who.join("::"), whom.join("::")));
+            }
+        }
+        wrong
+    }
+
+    /// Circles among the files and folders directly in `folder`: each file in a circle with its way back to itself.
+    fn circles(&self, folder: &str) -> Vec<String> {
+        let folder: Module = folder.split("::").map(str::to_owned).collect();
+        let child = |module: &[String]| module.strip_prefix(&folder[..]).and_then(|rest| rest.first().cloned());
+        let mut graph: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for (who, whom) in self.edges() {
+            if let (Some(a), Some(b)) = (child(who), child(&whom))
+                && a != b
+            {
+                graph.entry(a).or_default().insert(b);
+            }
+        }
+        graph.keys().filter_map(|start| way_back(&graph, start)).map(|way| way.join(" -> ")).collect()
+    }
+}
+
+/// Shortest way from `start` to itself.
+fn way_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<Vec<String>> {
+    let mut ways = vec![vec![start.to_owned()]];
+    let mut seen = BTreeSet::new();
+    while let Some(way) = (!ways.is_empty()).then(|| ways.remove(0)) {
+        for next in graph.get(way.last()?).into_iter().flatten() {
+            let mut longer = way.clone();
+            longer.push(next.clone());
+            if next == start {
+                return Some(longer);
+            }
+            if seen.insert(next.clone()) {
+                ways.push(longer);
+            }
+        }
+    }
+    None
+}
+
+/// What one file names.
+#[derive(Default)]
+struct File {
+    named: BTreeSet<Module>,
+    exported: BTreeMap<String, Module>,
+}
+
+impl File {
+    fn read(module: &[String], tokens: &[String]) -> Self {
+        let mut file = Self::default();
+        let token = |i: usize| tokens.get(i).map_or("", String::as_str);
+        let children: BTreeSet<&str> =
+            (0..tokens.len()).filter(|&i| token(i) == "mod" && token(i + 2) == ";").map(|i| token(i + 1)).collect();
+        let absolute = |path: &[String]| -> Option<Module> {
+            let mut at = module.to_vec();
+            let mut rest = path;
+            match path.first()?.as_str() {
+                "crate" => (at, rest) = (Module::new(), &path[1..]),
+                "self" => rest = &path[1..],
+                "super" => {}
+                name if children.contains(name) => {}
+                _ => return None,
+            }
+            while rest.first().is_some_and(|s| s == "super") {
+                at.pop()?;
+                rest = &rest[1..];
+            }
+            at.extend_from_slice(rest);
+            Some(at)
+        };
+        let mut i = 0;
+        while i < tokens.len() {
+            if token(i) == "#" && (i + 2..i + 6).map(token).eq(["cfg", "(", "test", ")"]) {
+                i = end_of_item(tokens, i + 7);
+                continue;
+            }
+            if token(i) == "use" {
+                let public = i > 0 && (token(i - 1) == "pub" || token(i - 1) == ")");
+                let end = (i..tokens.len()).find(|&j| token(j) == ";").unwrap_or(tokens.len());
+                for (path, name) in leaves(&tokens[i + 1..end]) {
+                    let Some(path) = absolute(&path) else { continue };
+                    if public {
+                        file.exported.insert(name, path);
+                    } else {
+                        file.named.insert(path);
+                    }
+                }
+                i = end;
+            } else if token(i + 1) == "::" && token(i.wrapping_sub(1)) != "::" {
+                let mut path = vec![token(i).to_owned()];
+                while token(i + 1) == "::" {
+                    path.push(token(i + 2).to_owned());
+                    i += 2;
+                }
+                file.named.extend(absolute(&path));
+            }
+            i += 1;
+        }
+        file
+    }
+}
+
+/// Index behind the item that begins at `start`: behind its `;`, or its last brace.
+fn end_of_item(tokens: &[String], start: usize) -> usize {
+    let mut depth = 0_usize;
+    for (i, token) in tokens.iter().enumerate().skip(start) {
+        match token.as_str() {
+            "{" => depth += 1,
+            "}" => {
+                depth = depth.saturating_sub(1);
+                if depth == 0 {
+                    return i + 1;
+                }
+            }
+            ";" if depth == 0 => return i + 1,
+            _ => {}
+        }
+    }
+    tokens.len()
+}
+
+/// Paths of a `use` tree, each with the name that it brings in.
+fn leaves(tree: &[String]) -> Vec<(Module, String)> {
+    let mut found = Vec::new();
+    let mut prefixes: Vec<Module> = vec![Module::new()];
+    let mut path = Module::new();
+    let mut name = None;
+    for (i, token) in tree.iter().enumerate() {
+        match token.as_str() {
+            "::" => {}
+            "{" => prefixes.push(std::mem::take(&mut path)),
+            "," | "}" => {
+                push_leaf(&mut found, &prefixes, &mut path, &mut name);
+                if token == "}" {
+                    prefixes.pop();
+                }
+            }
+            "as" => name = tree.get(i + 1).cloned(),
+            _ if name.is_some() => {}
+            _ => path.push(token.clone()),
+        }
+    }
+    push_leaf(&mut found, &prefixes, &mut path, &mut name);
+    found
+}
+
+fn push_leaf(found: &mut Vec<(Module, String)>, prefixes: &[Module], path: &mut Module, name: &mut Option<String>) {
+    if let Some(last) = path.last().cloned() {
+        let mut whole = prefixes.concat();
+        whole.append(path);
+        if last == "self" || last == "*" {
+            whole.pop();
+        }
+        let name = name.take().or_else(|| whole.last().cloned()).unwrap_or_default();
+        found.push((whole, name));
+    }
+}
+
+/// Identifiers, `::` and single characters of punctuation, without comments, strings and character literals.
+fn tokens(source: &str) -> Vec<String> {
+    let mut tokens = Vec::new();
+    let chars: Vec<char> = source.chars().collect();
+    let at = |i: usize| chars.get(i).copied().unwrap_or('\0');
+    let mut i = 0;
+    while i < chars.len() {
+        let c = at(i);
+        if c == '/' && at(i + 1) == '/' {
+            while i < chars.len() && at(i) != '\n' {
+                i += 1;
+            }
+        } else if c == 'r' && (at(i + 1) == '"' || at(i + 1) == '#' && matches!(at(i + 2), '"' | '#')) {
+            let hashes = (i + 1..).take_while(|&j| at(j) == '#').count();
+            let close: Vec<char> = std::iter::once('"').chain(std::iter::repeat_n('#', hashes)).collect();
+            i += hashes + 2;
+            while i < chars.len() && !chars[i..].starts_with(&close) {
+                i += 1;
+            }
+            i += close.len();
+        } else if c == '"' {
+            i += 1;
+            while i < chars.len() && at(i) != '"' {
+                i += if at(i) == '\\' { 2 } else { 1 };
+            }
+            i += 1;
+        } else if c == '\'' && (at(i + 2) == '\'' || at(i + 1) == '\\') {
+            i += 2;
+            while i < chars.len() && at(i) != '\'' {
+                i += 1;
+            }
+            i += 1;
+        } else if c.is_alphanumeric() || c == '_' {
+            let start = i;
+            while at(i).is_alphanumeric() || at(i) == '_' {
+                i += 1;
+            }
+            tokens.push(chars[start..i].iter().collect());
+        } else if c == ':' && at(i + 1) == ':' {
+            tokens.push("::".to_owned());
+            i += 2;
+        } else {
+            if !c.is_whitespace() {
+                tokens.push(c.to_string());
+            }
+            i += 1;
+        }
+    }
+    tokens
+}
+
+/// The library of this repository; commands and `main` see it from outside.
+fn library() -> House {
+    let mut house = House::default();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut folders = vec![(source, Module::new())];
+    while let Some((folder, module)) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let stem = path.file_stem().unwrap().to_string_lossy().into_owned();
+            let mut child = module.clone();
+            if module.is_empty() && ["main", "commands"].contains(&stem.as_str()) {
+                continue;
+            }
+            if path.is_dir() {
+                child.push(stem);
+                folders.push((path, child));
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                if stem != "mod" && stem != "lib" {
+                    child.push(stem);
+                }
+                let child: Vec<&str> = child.iter().map(String::as_str).collect();
+                house.add(&child, &fs::read_to_string(&path).unwrap());
+            }
+        }
+    }
+    house
+}
+
+#[test]
+fn no_module_knows_one_above_it() {
+    let house = library();
+    assert!(house.edges().count() > 500, "the source was not read");
+    let wrong = house.upward();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn no_files_of_a_folder_import_each_other_in_a_circle() {
+    let house = library();
+    let folders = house.named.keys().map(|module| module.join("::")).filter(|f| !WITH_CIRCLES.contains(&f.as_str()));
+    let circles = folders.flat_map(|f| house.circles(&f).into_iter().map(move |c| format!("{f}: {c}")));
+    let circles: Vec<String> = circles.collect();
+    assert!(circles.is_empty(), "{circles:#?}");
+}
+
+#[test]
+fn an_upward_import_is_found() {
+    let mut house = House::default();
+    house.add(&[], "pub mod pose; pub mod sink;");
+    house.add(&["pose"], "use std::fmt; /* */ fn f() { let s = \"crate::sink\"; } // crate::sink");
+    house.add(&["sink"], "pub mod png; pub use png::Writer; use crate::pose::Pose;");
+    house.add(&["sink", "png"], "use super::Writer;");
+    assert_eq!(house.upward(), BTreeSet::new());
+    for upward in
+        ["use crate::{fmt, sink::{Writer as W}};", "fn f() { crate::sink::png::write() }", "use super::sink::*;"]
+    {
+        house.add(&["pose"], upward);
+        assert_eq!(house.upward().len(), 1, "{upward}");
+    }
+    house.add(&["pose"], "#[cfg(test)] mod tests { use crate::sink::Writer; } #[cfg(test)] use crate::sink::Writer;");
+    assert_eq!(house.upward(), BTreeSet::new());
+    house.add(&["attic"], "");
+    assert_eq!(house.upward().into_iter().collect::<Vec<_>>(), ["attic has no place in ORDER"]);
+}
+
+#[test]
+fn a_circle_is_found_through_re_exports_and_inline_paths() {
+    let mut house = House::default();
+    house.add(&["sink"], "pub mod browser;");
+    house.add(&["sink", "browser"], "mod client; mod server; mod wire; pub use server::Server as Host;");
+    house.add(&["sink", "browser", "client"], "use super::wire::{self, Map};");
+    house.add(&["sink", "browser", "server"], "use super::client::Client; const QUOTE: char = '\"';");
+    house.add(&["sink", "browser", "wire"], "use crate::sink::SinkError;");
+    assert!(house.circles("sink::browser").is_empty());
+    for back in ["use super::{Host, super::Other};", "fn f() -> crate::sink::browser::server::X { }"] {
+        house.add(&["sink", "browser", "wire"], back);
+        let circles = house.circles("sink::browser");
+        assert_eq!(circles.len(), 3, "{back}: {circles:?}");
+        assert_eq!(circles[0], "client -> wire -> server -> client");
+    }
+}
