@@ -25,7 +25,7 @@ fn text(path: &Path) -> &str {
 }
 
 /// A station over a box of liver, and the directory of its data set.
-fn studio() -> (TempDir, PathBuf, PathBuf) {
+fn station_and_output() -> (TempDir, PathBuf, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let mesh = cuboid(Vec3::new(-60.0, -60.0, 10.0), Vec3::new(60.0, 60.0, 90.0));
     let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
@@ -60,7 +60,7 @@ fn sums(out: &Path) -> BTreeMap<usize, String> {
 
 #[test]
 fn a_data_set_matches_its_rows_and_renders_again() {
-    let (dir, station, out) = studio();
+    let (dir, station, out) = station_and_output();
     let output = make(&station, &out, &["--json"]);
     made(&output);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -110,7 +110,7 @@ fn a_data_set_matches_its_rows_and_renders_again() {
 
 #[test]
 fn a_killed_run_is_resumed_and_shards_make_the_same_tuples() {
-    let (dir, station, out) = studio();
+    let (dir, station, out) = station_and_output();
     made(&make(&station, &out, &[]));
     let whole = sums(&out);
 
@@ -136,7 +136,7 @@ fn a_killed_run_is_resumed_and_shards_make_the_same_tuples() {
 
 #[test]
 fn tuples_of_other_shards_are_not_made_again() {
-    let (_dir, station, out) = studio();
+    let (_dir, station, out) = station_and_output();
     made(&make(&station, &out, &["--shard", "1/3"]));
     let output = make(&station, &out, &["--json"]);
     made(&output);
@@ -151,7 +151,7 @@ fn tuples_of_other_shards_are_not_made_again() {
 
 #[test]
 fn a_run_does_not_resume_with_other_frames_or_beside_another_run() {
-    let (_dir, station, out) = studio();
+    let (_dir, station, out) = station_and_output();
     made(&make(&station, &out, &[]));
     let manifest = out.join("manifest.jsonl");
     let held = std::fs::File::open(&manifest).unwrap();
@@ -177,7 +177,7 @@ fn a_run_does_not_resume_with_other_frames_or_beside_another_run() {
 
 #[test]
 fn wrong_options_and_foreign_directories_are_refused() {
-    let (_dir, station, out) = studio();
+    let (_dir, station, out) = station_and_output();
     for (more, word) in [
         (&["--shard", "3/2"][..], "i from 1 to n"),
         (&["--test-share", "1.5"], "share of 1.5"),
@@ -203,7 +203,7 @@ fn wrong_options_and_foreign_directories_are_refused() {
 
 #[test]
 fn damaged_files_are_named() {
-    let (_dir, station, out) = studio();
+    let (_dir, station, out) = station_and_output();
     made(&make(&station, &out, &[]));
     let data = Dataset::open(&out).unwrap();
     let file = out.join(&data.rows[0].file);
@@ -233,7 +233,7 @@ fn damaged_files_are_named() {
 
 #[test]
 fn random_noise_in_the_target_is_measured() {
-    let (dir, station, out) = studio();
+    let (dir, station, out) = station_and_output();
     made(&make(&station, &out, &[]));
     let file = dir.path().join("report.json");
     let judge = || {

@@ -4,10 +4,10 @@
 
 #[cfg(all(feature = "serial", feature = "hid"))]
 mod command;
-#[allow(dead_code)]
-mod ear;
 #[cfg(unix)]
 mod landmarks;
+#[allow(dead_code)]
+mod listener;
 #[cfg(all(target_os = "linux", feature = "serial"))]
 mod ndi;
 #[allow(dead_code)]

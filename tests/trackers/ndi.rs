@@ -14,7 +14,7 @@ use insonify::pose::Reading;
 use insonify::tracker::ndi::{Reason, ReplyFormat};
 use insonify::tracker::{DecodeError, Protocol, Record, Settings, TrackerEvent, Transport};
 
-use crate::ear::{Live, connected, decode_error, disconnected};
+use crate::listener::{Live, connected, decode_error, disconnected};
 use crate::ndi_device::{Device, pose};
 use crate::ports::{Board, Order, Terminal, place, serial};
 
@@ -68,7 +68,7 @@ fn check(record: &Record) {
 }
 
 fn reasons(live: &Live) -> Vec<Reason> {
-    live.ear.wait("what was heard", |heard| {
+    live.listener.wait("what was heard", |heard| {
         let reason = |event: &TrackerEvent| match event {
             TrackerEvent::DecodeError(DecodeError::Ndi(error)) => Some(error.reason.clone()),
             _ => None,
@@ -91,7 +91,7 @@ fn a_device_is_set_up_over_a_serial_line_at_its_new_speed_and_stopped_at_the_end
         settings.device.ndi.format = format;
         settings.device.sensor = Some(2);
         let live = Live::start(&settings);
-        let record = live.ear.more_records(30);
+        let record = live.listener.more_records(30);
         assert_eq!(record.sensor, 2);
         check(&record);
         assert_eq!(reasons(&live), []);
@@ -122,14 +122,14 @@ fn a_wireless_tool_gets_the_file_named_by_the_station() {
     let mut settings = on_serial(&link);
     settings.device.ndi.rom_files = vec![path];
     let live = Live::start(&settings);
-    check(&live.ear.more_records(10));
+    check(&live.listener.more_records(10));
     let device = device.lock().unwrap();
     let written: Vec<u8> = device.tools[0].rom.as_ref().unwrap().iter().map(|byte| byte.unwrap()).collect();
     assert_eq!((&written[..752], &written[752..]), (&rom[..], &[0; 1024 - 752][..]));
     drop(device);
     settings.device.ndi.rom_files = vec!["/nonexistent/probe.rom".into()];
-    let ear = Box::new(crate::ear::Ear::default());
-    let error = insonify::tracker::spawn(&settings, ear, Default::default()).unwrap_err().to_string();
+    let listener = Box::new(crate::listener::TrackerListener::default());
+    let error = insonify::tracker::spawn(&settings, listener, Default::default()).unwrap_err().to_string();
     assert!(error.starts_with("cannot read the tool description /nonexistent/probe.rom"), "{error}");
 }
 
@@ -139,17 +139,17 @@ fn damaged_commands_and_replies_are_repeated() {
     let device = shared(Device::new(&[1]));
     let (terminal, damaged_commands) = plug_in(&link, &device);
     let live = Live::start(&on_serial(&link));
-    live.ear.more_records(10);
+    live.listener.more_records(10);
     damaged_commands.store(2, Ordering::SeqCst);
-    live.ear.nth_event(2, decode_error);
-    live.ear.more_records(10);
+    live.listener.nth_event(2, decode_error);
+    live.listener.more_records(10);
     terminal.order(Order::Damage(2));
-    live.ear.nth_event(3, decode_error);
-    check(&live.ear.more_records(20));
+    live.listener.nth_event(3, decode_error);
+    check(&live.listener.more_records(20));
     assert!(device.lock().unwrap().log.iter().filter(|command| *command == "bad CRC").count() == 2);
     let refused = |reason: &Reason| matches!(reason, Reason::Refused { code: 4, .. });
     assert_eq!(reasons(&live).iter().filter(|reason| refused(reason)).count(), 2);
-    live.ear.wait("nothing else", |heard| (!heard.events.iter().any(disconnected)).then_some(()));
+    live.listener.wait("nothing else", |heard| (!heard.events.iter().any(disconnected)).then_some(()));
 }
 
 #[test]
@@ -157,19 +157,19 @@ fn a_device_unplugged_within_a_reply_is_set_up_again_when_it_comes_back() {
     let (_dir, link) = place();
     let (terminal, _) = plug_in(&link, &shared(Device::new(&[1])));
     let live = Live::start(&on_serial(&link));
-    live.ear.more_records(10);
+    live.listener.more_records(10);
     let (answer, sent) = mpsc::channel();
     terminal.order(Order::Cut(17, answer));
     let sent = sent.recv().unwrap();
-    live.ear.wait("the half reply", |heard| (heard.bytes.len() == sent).then_some(()));
+    live.listener.wait("the half reply", |heard| (heard.bytes.len() == sent).then_some(()));
     terminal.order(Order::Unplug);
     terminal.join();
-    live.ear.nth_event(1, disconnected);
+    live.listener.nth_event(1, disconnected);
     assert!(reasons(&live).contains(&Reason::Incomplete { length: 17 }), "{:?}", reasons(&live));
     let device = shared(Device::new(&[1]));
     let _terminal = plug_in(&link, &device);
-    live.ear.nth_event(2, connected);
-    check(&live.ear.more_records(20));
+    live.listener.nth_event(2, connected);
+    check(&live.listener.more_records(20));
     assert!(device.lock().unwrap().log.contains(&"COMM:50000".to_owned()));
 }
 
@@ -179,15 +179,15 @@ fn unanswered_commands_are_reported_while_the_device_is_silent() {
     let device = shared(Device::new(&[1]));
     let (_terminal, _) = plug_in(&link, &device);
     let live = Live::start(&on_serial(&link));
-    live.ear.more_records(10);
+    live.listener.more_records(10);
     device.lock().unwrap().is_off = true;
-    let event = live.ear.nth_event(1, no_reply);
+    let event = live.listener.nth_event(1, no_reply);
     assert!(event.to_string().contains("no reply to `BX:0801` within 500 ms"), "{event}");
     device.lock().unwrap().is_off = false;
-    check(&live.ear.more_records(20));
+    check(&live.listener.more_records(20));
     // A short power failure: the device has lost its set-up and its speed.
     device.lock().unwrap().reset(false);
-    check(&live.ear.more_records(20));
+    check(&live.listener.more_records(20));
     let starts = device.lock().unwrap().log.iter().filter(|command| *command == "TSTART:80").count();
     assert_eq!(starts, 2);
 }
@@ -263,15 +263,15 @@ fn a_device_is_set_up_over_tcp_and_taken_over_after_a_lost_connection() {
     let device = shared(Device::new(&[1]));
     let server = Server::start(&device);
     let live = Live::start(&server.settings());
-    check(&live.ear.more_records(20));
+    check(&live.listener.more_records(20));
     assert!(!device.lock().unwrap().log.iter().any(|command| command.starts_with("COMM")));
     assert_eq!(reasons(&live), []);
     // The connection ends within a reply; the device continues tracking.
     *server.cut.lock().unwrap() = Some(21);
-    live.ear.nth_event(1, disconnected);
+    live.listener.nth_event(1, disconnected);
     assert_eq!(reasons(&live), [Reason::Incomplete { length: 21 }]);
-    live.ear.nth_event(2, connected);
-    check(&live.ear.more_records(20));
+    live.listener.nth_event(2, connected);
+    check(&live.listener.more_records(20));
     let log = device.lock().unwrap().log.clone();
     let again = log.iter().rposition(|command| command == "TSTOP:").unwrap();
     assert_eq!(log[again - 1..again + 3], ["INIT:", "TSTOP:", "INIT:", "PHSR:01"]);
@@ -282,13 +282,13 @@ fn a_restart_of_a_device_behind_tcp_is_noticed() {
     let device = shared(Device::new(&[1]));
     let server = Server::start(&device);
     let live = Live::start(&server.settings());
-    live.ear.more_records(10);
+    live.listener.more_records(10);
     for says_so in [true, false] {
         device.lock().unwrap().reset(says_so);
-        check(&live.ear.more_records(20));
+        check(&live.listener.more_records(20));
     }
     assert!(reasons(&live).contains(&Reason::Restarted), "{:?}", reasons(&live));
     let starts = device.lock().unwrap().log.iter().filter(|command| *command == "TSTART:80").count();
     assert_eq!(starts, 3);
-    live.ear.wait("nothing else", |heard| (!heard.events.iter().any(disconnected)).then_some(()));
+    live.listener.wait("nothing else", |heard| (!heard.events.iter().any(disconnected)).then_some(()));
 }

@@ -15,7 +15,7 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 
-use crate::ear::{Live, connected, decode_error, disconnected};
+use crate::listener::{Live, connected, decode_error, disconnected};
 use crate::polhemus::{Kind, Polhemus};
 
 /// Device at the far end of a terminal.
@@ -208,11 +208,12 @@ fn polhemus_devices_stream_over_a_serial_line() {
         let (_dir, link) = place();
         let _terminal = Terminal::plug_in(&link, polhemus(kind));
         let live = Live::start(&serial(&link, protocol));
-        let record = live.ear.more_records(100);
+        let record = live.listener.more_records(100);
         let position = position_mm(record.reading);
         assert!((position.y + 200.0).abs() < 0.1 && (position.z - 300.0).abs() < 0.1, "{protocol:?}: {position}");
         assert_eq!(record.sensor, 1);
-        let errors = live.ear.wait("errors", |heard| Some(heard.events.iter().filter(|e| decode_error(e)).count()));
+        let errors =
+            live.listener.wait("errors", |heard| Some(heard.events.iter().filter(|e| decode_error(e)).count()));
         assert_eq!(errors, 0, "{protocol:?}");
     }
 }
@@ -227,11 +228,11 @@ fn damaged_records_lose_only_themselves() {
         let (_dir, link) = place();
         let terminal = Terminal::plug_in(&link, polhemus(kind));
         let live = Live::start(&serial(&link, protocol));
-        live.ear.more_records(10);
+        live.listener.more_records(10);
         terminal.order(Order::Damage(5));
-        live.ear.nth_event(1, decode_error);
-        live.ear.more_records(50);
-        live.ear.wait("nothing else", |heard| {
+        live.listener.nth_event(1, decode_error);
+        live.listener.more_records(50);
+        live.listener.wait("nothing else", |heard| {
             assert!(!heard.events.iter().any(disconnected), "{:?}", heard.events);
             Some(())
         });
@@ -243,32 +244,32 @@ fn a_device_unplugged_within_a_record_is_found_again_where_it_returns() {
     let (_dir, link) = place();
     let terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
     let live = Live::start(&serial(&link, Protocol::Liberty));
-    live.ear.more_records(20);
+    live.listener.more_records(20);
     let (answer, sent) = mpsc::channel();
     terminal.order(Order::Cut(17, answer));
     let sent = sent.recv().unwrap();
-    live.ear.wait("the half record", |heard| (heard.bytes.len() == sent).then_some(()));
+    live.listener.wait("the half record", |heard| (heard.bytes.len() == sent).then_some(()));
     terminal.order(Order::Unplug);
     terminal.join();
-    let reason = live.ear.nth_event(1, disconnected);
+    let reason = live.listener.nth_event(1, disconnected);
     // The incomplete record is reported before the lost port.
-    let TrackerEvent::DecodeError(error) = live.ear.nth_event(1, decode_error) else { panic!() };
+    let TrackerEvent::DecodeError(error) = live.listener.nth_event(1, decode_error) else { panic!() };
     assert!(error.to_string().contains("ends after 17 bytes"), "{error}");
     assert!(!reason.to_string().is_empty());
     // It returns as another terminal, in its power-on state.
     let _terminal = Terminal::plug_in(&link, polhemus(Kind::Liberty));
-    live.ear.nth_event(2, connected);
-    live.ear.more_records(20);
+    live.listener.nth_event(2, connected);
+    live.listener.more_records(20);
 }
 
 #[test]
 fn a_tracker_that_is_plugged_in_late_is_found() {
     let (_dir, link) = place();
     let live = Live::start(&serial(&link, Protocol::AsciiLine));
-    let TrackerEvent::Disconnected { reason, .. } = live.ear.nth_event(1, disconnected) else { panic!() };
+    let TrackerEvent::Disconnected { reason, .. } = live.listener.nth_event(1, disconnected) else { panic!() };
     assert!(reason.contains("cannot open") && reason.contains("usb-tracker-0"), "{reason}");
     let _terminal = Terminal::plug_in(&link, Lines(0));
-    let record = live.ear.more_records(30);
+    let record = live.listener.more_records(30);
     assert_eq!(position_mm(record.reading).y, 2.0);
     let sequence = record.sequence.unwrap();
     assert_eq!(position_mm(record.reading).x, f64::from(sequence));
@@ -281,10 +282,10 @@ fn a_silent_line_is_reported_and_reopened() {
     let mut settings = serial(&link, Protocol::AsciiLine);
     settings.device.silence = Duration::from_millis(60);
     let live = Live::start(&settings);
-    live.ear.more_records(20);
+    live.listener.more_records(20);
     terminal.order(Order::Mute(Duration::from_millis(400)));
     let silent = |event: &TrackerEvent| matches!(event, TrackerEvent::Silent { .. });
-    let TrackerEvent::Silent { for_, attempt } = live.ear.nth_event(1, silent) else { panic!() };
+    let TrackerEvent::Silent { for_, attempt } = live.listener.nth_event(1, silent) else { panic!() };
     assert!(for_ >= Duration::from_millis(60) && attempt == 1);
-    live.ear.more_records(20);
+    live.listener.more_records(20);
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use insonify::pose::Pose;
 use insonify::tracker::{Protocol, Settings, TrackerEvent, Transport, ascii_line};
 
-use crate::ear::{Live, connected, decode_error, disconnected};
+use crate::listener::{Live, connected, decode_error, disconnected};
 
 fn line(n: u32) -> String {
     let pose = Pose::from_components([f64::from(n), 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
@@ -30,17 +30,17 @@ fn a_tcp_server_is_read_and_found_again() {
         first.write_all(&line.as_bytes()[..7]).unwrap();
         first.write_all(&line.as_bytes()[7..]).unwrap();
     }
-    live.ear.wait("ten records", |heard| (heard.records.len() == 10).then_some(()));
+    live.listener.wait("ten records", |heard| (heard.records.len() == 10).then_some(()));
     first.write_all(b"P,10,").unwrap();
     drop(first);
-    let TrackerEvent::Disconnected { reason, .. } = live.ear.nth_event(1, disconnected) else { panic!() };
+    let TrackerEvent::Disconnected { reason, .. } = live.listener.nth_event(1, disconnected) else { panic!() };
     assert_eq!(reason, "the server closed the connection");
-    assert!(live.ear.nth_event(1, decode_error).to_string().contains("ends after 5 bytes"));
+    assert!(live.listener.nth_event(1, decode_error).to_string().contains("ends after 5 bytes"));
     let (mut second, _) = server.accept().unwrap();
     second.write_all(line(11).as_bytes()).unwrap();
-    let last = live.ear.wait("a record", |heard| heard.records.get(10).map(|(_, record)| *record));
+    let last = live.listener.wait("a record", |heard| heard.records.get(10).map(|(_, record)| *record));
     assert_eq!(last.sequence, Some(11));
-    let TrackerEvent::Connected { port } = live.ear.nth_event(2, connected) else { panic!() };
+    let TrackerEvent::Connected { port } = live.listener.nth_event(2, connected) else { panic!() };
     assert_eq!(port, address);
 }
 
@@ -50,7 +50,7 @@ fn an_unreachable_address_is_retried() {
     let address = server.local_addr().unwrap();
     drop(server);
     let live = Live::start(&settings(Transport::Tcp { address: address.to_string() }));
-    let TrackerEvent::Disconnected { reason, retry } = live.ear.nth_event(1, disconnected) else { panic!() };
+    let TrackerEvent::Disconnected { reason, retry } = live.listener.nth_event(1, disconnected) else { panic!() };
     assert!(reason.starts_with(&format!("cannot connect to {address}")), "{reason}");
     assert_eq!(retry, Duration::from_millis(250));
 }
@@ -58,7 +58,7 @@ fn an_unreachable_address_is_retried() {
 #[test]
 fn datagrams_are_independent() {
     let live = Live::start(&settings(Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 0)) }));
-    let TrackerEvent::Connected { port } = live.ear.nth_event(1, connected) else { panic!() };
+    let TrackerEvent::Connected { port } = live.listener.nth_event(1, connected) else { panic!() };
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.connect(port.strip_prefix("UDP ").unwrap()).unwrap();
     socket.send(line(0).as_bytes()).unwrap();
@@ -66,10 +66,10 @@ fn datagrams_are_independent() {
     socket.send(&line(1).as_bytes()[..20]).unwrap();
     socket.send(line(2).as_bytes()).unwrap();
     socket.send(format!("{}{}", line(3), line(4)).as_bytes()).unwrap();
-    let found = live.ear.wait("four records", |heard| {
+    let found = live.listener.wait("four records", |heard| {
         let found: Vec<_> = heard.records.iter().filter_map(|(_, record)| record.sequence).collect();
         (found.len() == 4).then_some(found)
     });
     assert_eq!(found, [0, 2, 3, 4]);
-    assert!(live.ear.nth_event(1, decode_error).to_string().contains("ends after 20 bytes"));
+    assert!(live.listener.nth_event(1, decode_error).to_string().contains("ends after 20 bytes"));
 }

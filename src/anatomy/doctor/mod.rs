@@ -13,8 +13,8 @@ mod crossing;
 mod edges;
 mod finding;
 mod nesting;
-mod patient;
 mod split;
+mod surface_check;
 mod tree;
 
 use std::path::Path;
@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use finding::{Defect, Finding, PLACES_MAX, Place, Severity};
-use patient::Patient;
+use surface_check::SurfaceCheck;
 use tree::Tree;
 
 use super::bvh::PackedTriangle;
@@ -100,33 +100,33 @@ pub fn examine(
         };
         Finding::new(defect, finding.to_string())
     }));
-    let mut patients: Vec<Patient> =
-        raw.surfaces.into_par_iter().map(|surface| Patient::admit(surface, settings.tissues)).collect();
-    split::find(&mut patients);
+    let mut checks: Vec<SurfaceCheck> =
+        raw.surfaces.into_par_iter().map(|surface| SurfaceCheck::new(surface, settings.tissues)).collect();
+    split::find(&mut checks);
     let done = AtomicUsize::new(0);
 
     // The tree borrows the mesh while findings are added to the rest.
-    let meshes: Vec<_> = patients.iter_mut().map(|p| std::mem::take(&mut p.mesh)).collect();
+    let meshes: Vec<_> = checks.iter_mut().map(|p| std::mem::take(&mut p.mesh)).collect();
     let total = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
     let trees: Vec<Option<Tree<'_>>> = meshes.par_iter().map(Tree::new).collect();
-    patients.par_iter_mut().zip(&trees).for_each(|(patient, tree)| {
+    checks.par_iter_mut().zip(&trees).for_each(|(check, tree)| {
         let Some(tree) = tree else { return };
-        patient.check_with(tree);
+        check.check_with(tree);
         let count = tree.mesh().triangles.len();
         progress(done.fetch_add(count, Ordering::Relaxed) + count, total);
     });
-    let among = nesting::examine(&patients, &trees);
-    among.into_iter().for_each(|(index, finding)| patients[index].tell(finding));
+    let among = nesting::examine(&checks, &trees);
+    among.into_iter().for_each(|(index, finding)| checks[index].report(finding));
 
-    let bounds = bounds(&patients);
-    findings.extend(whole(&patients, bounds));
-    findings.extend(unused(&patients, settings));
+    let bounds = bounds(&checks);
+    findings.extend(whole(&checks, bounds));
+    findings.extend(unused(&checks, settings));
     if let Some((start, depth_mm)) = settings.start {
-        findings.extend(starts(&start, depth_mm, bounds, &patients, &trees, settings));
+        findings.extend(starts(&start, depth_mm, bounds, &checks, &trees, settings));
     }
-    let (surfaces, triangles) = (patients.len(), patients.iter().map(|p| p.triangles).sum());
+    let (surfaces, triangles) = (checks.len(), checks.iter().map(|p| p.triangles).sum());
     let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
-    let of_surfaces = patients.into_iter().flat_map(|patient| patient.findings);
+    let of_surfaces = checks.into_iter().flat_map(|check| check.findings);
     // Findings that depend on sizes in mm are meaningless in another unit.
     let by_size = [Defect::Sliver, Defect::ThinSheet, Defect::BadCoordinates, Defect::StartsFar];
     findings.extend(of_surfaces);
@@ -139,23 +139,23 @@ pub fn examine(
 }
 
 /// Bounds of the scene, mm. A few vertices out of range are strays; if most are, the unit is wrong.
-fn bounds(patients: &[Patient]) -> Option<(Vec3, Vec3)> {
-    let over = |of: &dyn Fn(&Patient) -> Option<(Vec3, Vec3)>| {
-        patient::bounds(patients.iter().filter_map(of).flat_map(|(low, high)| [low, high]))
+fn bounds(checks: &[SurfaceCheck]) -> Option<(Vec3, Vec3)> {
+    let over = |of: &dyn Fn(&SurfaceCheck) -> Option<(Vec3, Vec3)>| {
+        surface_check::bounds(checks.iter().filter_map(of).flat_map(|(low, high)| [low, high]))
     };
-    let [vertices, bad] = [0, 1].map(|i| patients.iter().map(|p| p.vertices[i]).sum::<usize>());
+    let [vertices, bad] = [0, 1].map(|i| checks.iter().map(|p| p.vertices[i]).sum::<usize>());
     let usable = over(&|p| p.bounds_mm).filter(|_| 2 * bad <= vertices);
     usable.or_else(|| over(&|p| p.finite_mm))
 }
 
 /// Findings about the scene as a whole.
-fn whole(patients: &[Patient], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
+fn whole(checks: &[SurfaceCheck], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
     let mut findings = Vec::new();
-    if patients.len() > SURFACES_MAX {
-        let what = format!("{} surfaces; at most {SURFACES_MAX} are traced", patients.len());
+    if checks.len() > SURFACES_MAX {
+        let what = format!("{} surfaces; at most {SURFACES_MAX} are traced", checks.len());
         findings.push(Finding::new(Defect::TooManySurfaces, what));
     }
-    let triangles: usize = patients.iter().map(|p| p.triangles).sum();
+    let triangles: usize = checks.iter().map(|p| p.triangles).sum();
     if triangles == 0 {
         findings.push(Finding::new(Defect::EmptyScene, "the scene holds no triangles"));
     }
@@ -186,10 +186,10 @@ fn whole(patients: &[Patient], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
 }
 
 /// Findings about unused tissues of the station.
-fn unused(patients: &[Patient], settings: &Settings<'_>) -> Vec<Finding> {
+fn unused(checks: &[SurfaceCheck], settings: &Settings<'_>) -> Vec<Finding> {
     let used = |name: &String| {
         let index = settings.tissues.index_of(name);
-        patients.iter().any(|p| p.tissue_index == index)
+        checks.iter().any(|p| p.tissue_index == index)
     };
     let unused = settings.own_tissues.iter().filter(|name| !used(name));
     unused.map(|name| Finding::new(Defect::UnusedTissue, format!("no surface is of the tissue `{name}`"))).collect()
@@ -200,7 +200,7 @@ fn starts(
     start: &Pose,
     depth_mm: f64,
     bounds: Option<(Vec3, Vec3)>,
-    patients: &[Patient],
+    checks: &[SurfaceCheck],
     trees: &[Option<Tree<'_>>],
     settings: &Settings<'_>,
 ) -> Option<Finding> {
@@ -212,7 +212,7 @@ fn starts(
         let what = format!("the probe starts {away:.0} mm from the scene, whose image is {depth_mm:.0} mm deep");
         return Some(Finding::new(Defect::StartsFar, what).at([place]));
     }
-    let surface = nesting::medium(face, patients, trees).map(|index| &patients[index]);
+    let surface = nesting::medium(face, checks, trees).map(|index| &checks[index]);
     let tissue = surface.map_or(settings.background, |surface| surface.tissue_index)?;
     let impedance = settings.tissues.tissues().get(tissue)?.impedance_mrayl();
     let [least, most] = SEEN_THROUGH_MRAYL;

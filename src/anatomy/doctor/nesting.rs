@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::RESOLUTION_MM;
 use super::finding::{Defect, Finding, Place};
-use super::patient::{Patient, Probe, probes};
+use super::surface_check::{Probe, SurfaceCheck, probes};
 use super::tree::Tree;
 
 /// Number of triangles of a surface below which it is sampled.
@@ -23,18 +23,18 @@ const TIED_PART: f64 = 0.01;
 const HIDERS_NAMED: usize = 3;
 
 /// Examines every closed surface among the others; returns findings by surface index.
-pub(super) fn examine(patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
+pub(super) fn examine(checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
     let mut found: Vec<(usize, Finding)> =
-        (0..patients.len()).into_par_iter().flat_map_iter(|index| one(index, patients, trees)).collect();
+        (0..checks.len()).into_par_iter().flat_map_iter(|index| one(index, checks, trees)).collect();
     // A tie is found from both of its surfaces.
     let mut told = BTreeSet::new();
     found.retain(|(index, f)| f.defect != Defect::PriorityTie || told.insert((*index, f.what.clone())));
     found
 }
 
-fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
-    let patient = &patients[index];
-    let (Some(tree), true) = (&trees[index], patient.closed) else { return Vec::new() };
+fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
+    let check = &checks[index];
+    let (Some(tree), true) = (&trees[index], check.closed) else { return Vec::new() };
     let probes = probes(tree, PROBES);
     let mut found = Vec::new();
     let thin: Vec<&Probe> = probes.iter().filter(|p| p.thickness_mm < RESOLUTION_MM).collect();
@@ -49,12 +49,12 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
     let points = probes.iter().flat_map(|probe| probe.points_mm.into_iter().zip([false, true]));
     for (point, half_way) in points {
         let mut hider = None;
-        for other in holding(point, patients, trees).filter(|&other| other != index) {
-            let o = &patients[other];
-            if rank(patients, other) > rank(patients, index) {
+        for other in holding(point, checks, trees).filter(|&other| other != index) {
+            let o = &checks[other];
+            if rank(checks, other) > rank(checks, index) {
                 hider = Some(other);
             }
-            if o.priority == patient.priority && o.tissue_index != patient.tissue_index {
+            if o.priority == check.priority && o.tissue_index != check.tissue_index {
                 let tie = ties.entry(other).or_default();
                 tie.points.push(point.as_vec3());
                 tie.deep |= half_way;
@@ -64,14 +64,14 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
         hiders.extend(hider);
     }
     if !seen && !hiders.is_empty() {
-        let mut names: Vec<_> = hiders.iter().map(|&i| format!("`{}`", patients[i].name)).collect();
+        let mut names: Vec<_> = hiders.iter().map(|&i| format!("`{}`", checks[i].name)).collect();
         if names.len() > HIDERS_NAMED {
             let others = names.len() - HIDERS_NAMED;
             names.truncate(HIDERS_NAMED);
             names.push(format!("{others} others"));
         }
-        let what = format!("nothing of it (priority {}) is seen behind {}", patient.priority, names.join(", "));
-        let place = patient.bounds_mm.map(|(low, high)| Place::of([low, high]));
+        let what = format!("nothing of it (priority {}) is seen behind {}", check.priority, names.join(", "));
+        let place = check.bounds_mm.map(|(low, high)| Place::of([low, high]));
         found.push((index, Finding::new(Defect::Hidden, what).at(place)));
     }
     // A few points just below the skin mean two meshes of one border.
@@ -80,7 +80,7 @@ fn one(index: usize, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Vec<(u
         let (loser, winner) = (index.min(other), index.max(other));
         let what = format!(
             "it overlaps `{}`, of another tissue and the same priority {}: the later one in the file, `{}`, wins",
-            patients[winner].name, patient.priority, patients[winner].name
+            checks[winner].name, check.priority, checks[winner].name
         );
         found.push((loser, Finding::new(Defect::PriorityTie, what).at([Place::of(points)])));
     }
@@ -96,29 +96,29 @@ struct Tie {
 }
 
 /// Rank by which the medium is chosen where closed surfaces overlap: the greatest wins.
-fn rank(patients: &[Patient], index: usize) -> (i32, usize) {
-    (patients[index].priority, index)
+fn rank(checks: &[SurfaceCheck], index: usize) -> (i32, usize) {
+    (checks[index].priority, index)
 }
 
 /// Closed surfaces that contain a point.
 fn holding<'a>(
     point: DVec3,
-    patients: &'a [Patient],
+    checks: &'a [SurfaceCheck],
     trees: &'a [Option<Tree<'a>>],
 ) -> impl Iterator<Item = usize> + 'a {
-    let within = move |patient: &Patient| {
+    let within = move |check: &SurfaceCheck| {
         let p = point.as_vec3();
-        patient.bounds_mm.is_some_and(|(low, high)| low.cmple(p).all() && high.cmpge(p).all())
+        check.bounds_mm.is_some_and(|(low, high)| low.cmple(p).all() && high.cmpge(p).all())
     };
-    let numbered = patients.iter().zip(trees).enumerate();
+    let numbered = checks.iter().zip(trees).enumerate();
     numbered
-        .filter(move |(_, (patient, tree))| {
-            patient.closed && within(patient) && tree.as_ref().is_some_and(|tree| tree.holds(point))
+        .filter(move |(_, (check, tree))| {
+            check.closed && within(check) && tree.as_ref().is_some_and(|tree| tree.holds(point))
         })
         .map(|(index, _)| index)
 }
 
 /// Surface that is the medium at a point; `None` in the background.
-pub(super) fn medium(point: DVec3, patients: &[Patient], trees: &[Option<Tree<'_>>]) -> Option<usize> {
-    holding(point, patients, trees).max_by_key(|&index| rank(patients, index))
+pub(super) fn medium(point: DVec3, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Option<usize> {
+    holding(point, checks, trees).max_by_key(|&index| rank(checks, index))
 }

@@ -5,37 +5,37 @@ use std::collections::{BTreeMap, HashMap};
 use glam::Vec3;
 
 use super::finding::{Defect, Finding};
-use super::patient::Patient;
+use super::surface_check::SurfaceCheck;
 
 /// Edge by its corners' bits, the lower first.
 type Key = [[u32; 3]; 2];
 
 /// Checks whether open edges of one node's surfaces match each other; if so, replaces the finding of a hole.
-pub(super) fn find(patients: &mut [Patient]) {
+pub(super) fn find(checks: &mut [SurfaceCheck]) {
     let mut of_node = BTreeMap::<usize, Vec<usize>>::new();
-    for (index, patient) in patients.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {
-        of_node.entry(patient.node).or_default().push(index);
+    for (index, check) in checks.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {
+        of_node.entry(check.node).or_default().push(index);
     }
     for siblings in of_node.into_values().filter(|siblings| siblings.len() > 1) {
         let mut balance = HashMap::<Key, i32>::new();
-        for edge in siblings.iter().flat_map(|&index| &patients[index].open_mm) {
+        for edge in siblings.iter().flat_map(|&index| &checks[index].open_mm) {
             let (key, turn) = keyed(edge);
             *balance.entry(key).or_default() += turn;
         }
         for index in siblings {
-            let patient = &mut patients[index];
-            let total = patient.open_mm.len();
-            let joined = patient.open_mm.iter().filter(|edge| balance[&keyed(edge).0] == 0).count();
+            let check = &mut checks[index];
+            let total = check.open_mm.len();
+            let joined = check.open_mm.iter().filter(|edge| balance[&keyed(edge).0] == 0).count();
             if joined == 0 {
                 continue;
             }
             if joined == total {
-                patient.findings.retain(|f| f.defect != Defect::Open);
+                check.findings.retain(|f| f.defect != Defect::Open);
             }
             let what = format!(
                 "split by material: {joined} of its {total} open edges go on in other materials of the same object"
             );
-            patient.tell(Finding::new(Defect::SplitByMaterial, what));
+            check.report(Finding::new(Defect::SplitByMaterial, what));
         }
     }
 }

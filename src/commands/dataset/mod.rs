@@ -1,7 +1,7 @@
 //! `insonify dataset`: paired frames to train generators on.
 
 mod store;
-mod studio;
+mod tuple_renderer;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -22,7 +22,7 @@ use super::progress::Progress;
 use super::quality::RaysLayers;
 use super::{Failure, output, session};
 use store::{Store, kept_station};
-pub(super) use studio::{Studio, station_of};
+pub(super) use tuple_renderer::{TupleRenderer, station_of};
 
 /// Render paired frames of low and high quality with their maps, to train and judge generators.
 ///
@@ -118,7 +118,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match (&args.verify, &args.out) {
-        (Some(directory), _) => studio::verify(directory, args.tuples, args.json),
+        (Some(directory), _) => tuple_renderer::verify(directory, args.tuples, args.json),
         (None, Some(out)) => make(args, out),
         (None, None) => Err(Failure::Input(anyhow!("--out is missing: the directory to write to"))),
     }
@@ -171,15 +171,15 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let mut made = 0;
     if kept < total {
         let gpu = session::open_gpu()?;
-        let mut studio = Studio::new(&gpu, header.classes.clone());
+        let mut renderer = TupleRenderer::new(&gpu, header.classes.clone());
         if let Some(row) = store.last() {
-            as_before(&mut studio, out, &header, row)?;
+            as_before(&mut renderer, out, &header, row)?;
         }
         for exam in exams {
             if exam.tuples.clone().all(|index| store.has(index)) {
                 continue;
             }
-            made += shoot(&mut studio, &mut store, exam, &stations, &header, &mut |done| {
+            made += render_exam(&mut renderer, &mut store, exam, &stations, &header, &mut |done| {
                 progress.set(kept + made + done, total)
             })?;
         }
@@ -208,8 +208,8 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
 }
 
 /// Refuses to go on with a data set whose tuples look otherwise here: one tuple is rendered again.
-fn as_before(studio: &mut Studio, directory: &Path, header: &Header, row: &Row) -> Result<(), Failure> {
-    if studio.agrees(directory, header, row)? {
+fn as_before(renderer: &mut TupleRenderer, directory: &Path, header: &Header, row: &Row) -> Result<(), Failure> {
+    if renderer.agrees(directory, header, row)? {
         return Ok(());
     }
     Err(Failure::Input(anyhow!(
@@ -220,8 +220,8 @@ fn as_before(studio: &mut Studio, directory: &Path, header: &Header, row: &Row) 
 }
 
 /// Renders what is missing of an exam; gives how many.
-fn shoot(
-    studio: &mut Studio,
+fn render_exam(
+    renderer: &mut TupleRenderer,
     store: &mut Store,
     exam: &Exam,
     stations: &[Station],
@@ -230,7 +230,7 @@ fn shoot(
 ) -> Result<usize, Failure> {
     let Some(station) = stations.get(exam.station) else { return Ok(0) };
     let station = with_phantom(station, exam);
-    let moments = moments(studio, exam, &station)?;
+    let moments = moments(renderer, exam, &station)?;
     let phantom = match &station.scene {
         SceneSource::ObstetricPhantom(options) => Some(PhantomRow::from(options)),
         SceneSource::File(_) => None,
@@ -263,8 +263,8 @@ fn shoot(
             mask: String::new(),
             sha256: String::new(),
         };
-        let take = studio.take(&station, &row)?;
-        store.keep(&mut row, &take)?;
+        let tuple = renderer.tuple(&station, &row)?;
+        store.keep(&mut row, &tuple)?;
         made += 1;
         done(made);
     }
@@ -285,10 +285,10 @@ fn station_has_planes(station: &Station) -> bool {
     station.scene_file().is_none_or(|path| file_beside(path).exists())
 }
 
-fn moments(studio: &mut Studio, exam: &Exam, station: &Station) -> Result<Vec<Moment>, Failure> {
+fn moments(renderer: &mut TupleRenderer, exam: &Exam, station: &Station) -> Result<Vec<Moment>, Failure> {
     if station_has_planes(station) {
         let scene = match station.scene_file() {
-            Some(_) => PlaneScene::of(station, studio.scene(station)?)?,
+            Some(_) => PlaneScene::of(station, renderer.scene(station)?)?,
             None => PlaneScene::open(station)?,
         };
         return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin))?);

@@ -13,7 +13,7 @@ use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
 use super::super::{Classify, Failure};
-use super::studio::Take;
+use super::tuple_renderer::RenderedTuple;
 
 /// Lower-case hexadecimal digits of a sum.
 pub(super) fn sha256(bytes: &[u8]) -> String {
@@ -152,15 +152,15 @@ impl Store {
     }
 
     /// Writes a tuple, its mask and then its row, whose sums and names it fills in.
-    pub(super) fn keep(&mut self, row: &mut Row, take: &Take) -> Result<(), Failure> {
-        let [width, height] = take.size;
-        row.size = take.size;
-        row.mask = format!("masks/{width}x{height}_{}.npy", &sha256(&take.mask)[..16]);
-        row.sha256 = sha256(&take.tuple);
+    pub(super) fn keep(&mut self, row: &mut Row, tuple: &RenderedTuple) -> Result<(), Failure> {
+        let [width, height] = tuple.size;
+        row.size = tuple.size;
+        row.mask = format!("masks/{width}x{height}_{}.npy", &sha256(&tuple.mask)[..16]);
+        row.sha256 = sha256(&tuple.bytes);
         if self.masks.insert(row.mask.clone()) {
-            self.write(&row.mask, &take.mask)?;
+            self.write(&row.mask, &tuple.mask)?;
         }
-        self.write(&row.file, &take.tuple)?;
+        self.write(&row.file, &tuple.bytes)?;
         let mut line = serde_json::to_vec(row).other()?;
         line.push(b'\n');
         let failed = |source| SinkError::Io { path: self.path.clone(), source };

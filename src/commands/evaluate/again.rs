@@ -6,12 +6,12 @@ use insonify::render::Gpu;
 use insonify::render::twin::hash::pcg3d;
 
 use super::super::Failure;
-use super::super::dataset::{Studio, station_of};
+use super::super::dataset::{TupleRenderer, station_of};
 
 /// Renders tuples' high quality anew.
 pub(super) struct Again<'a> {
     dataset: &'a Dataset,
-    studio: Studio<'a>,
+    renderer: TupleRenderer<'a>,
     renders: u32,
     sums: Vec<u32>,
     /// Stations of whose tuples one was rendered with its own seed.
@@ -22,8 +22,8 @@ pub(super) struct Again<'a> {
 
 impl<'a> Again<'a> {
     pub(super) fn new(gpu: &'a Gpu, dataset: &'a Dataset, renders: u32) -> Self {
-        let studio = Studio::new(gpu, dataset.header.classes.clone());
-        Self { dataset, studio, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
+        let renderer = TupleRenderer::new(gpu, dataset.header.classes.clone());
+        Self { dataset, renderer, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
     }
 
     /// Renders the tuple of `row`, whose high quality is `hq`, as often as asked for: one of the images, and the mean of all.
@@ -31,7 +31,7 @@ impl<'a> Again<'a> {
         let station = station_of(&self.dataset.directory, &self.dataset.header, row)?;
         if !self.seen.contains(&row.station) {
             self.seen.push(row.station.clone());
-            let image = self.studio.high_quality(&station, row, row.seed)?;
+            let image = self.renderer.high_quality(&station, row, row.seed)?;
             if image.len() != hq.len() {
                 return Err(Failure::Input(anyhow!(
                     "tuple {} has {} pixels, and {} renders {}",
@@ -51,7 +51,7 @@ impl<'a> Again<'a> {
         for number in 1..=self.renders {
             // Hashed, so that no two differ in few bits.
             let seed = pcg3d([row.seed, number, 0])[0];
-            let image = self.studio.high_quality(&station, row, seed)?;
+            let image = self.renderer.high_quality(&station, row, seed)?;
             self.sums.iter_mut().zip(image).for_each(|(sum, &level)| *sum += u32::from(level));
             if number == 1 {
                 one.extend_from_slice(image);

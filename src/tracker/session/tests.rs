@@ -30,9 +30,9 @@ struct Heard {
 
 type Shared = Arc<Mutex<Heard>>;
 
-struct Ear(Shared);
+struct TrackerListener(Shared);
 
-impl Listener for Ear {
+impl Listener for TrackerListener {
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
         self.0.lock().unwrap().bytes.push((host_time_ns, bytes.to_vec()));
     }
@@ -54,7 +54,7 @@ impl Listener for Ear {
 
 fn session(settings: &Settings) -> (Session, Shared, CancellationToken) {
     let (heard, cancel) = (Shared::default(), CancellationToken::new());
-    let session = Session::new(settings, Box::new(Ear(heard.clone())), cancel.clone()).unwrap();
+    let session = Session::new(settings, Box::new(TrackerListener(heard.clone())), cancel.clone()).unwrap();
     (session, heard, cancel)
 }
 
@@ -225,13 +225,14 @@ async fn sessions_end_when_cancelled_in_any_state() {
 
 #[test]
 fn impossible_settings_are_refused() {
-    let ear = || Box::new(Ear(Shared::default()));
+    let listener = || Box::new(TrackerListener(Shared::default()));
     let settings = Settings { transport: Transport::Hid { device: None }, ..Settings::default() };
-    let error = spawn(&settings, ear(), CancellationToken::new()).unwrap_err();
+    let error = spawn(&settings, listener(), CancellationToken::new()).unwrap_err();
     assert_eq!(error.to_string(), "trackers that speak `ascii-line` aren't reached by transport `hid`");
     let path = "/nonexistent/a.mcap".into();
     let transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
-    let error = spawn(&Settings { transport, ..Settings::default() }, ear(), CancellationToken::new()).unwrap_err();
+    let error =
+        spawn(&Settings { transport, ..Settings::default() }, listener(), CancellationToken::new()).unwrap_err();
     assert!(error.to_string().contains("cannot read the recording /nonexistent/a.mcap"), "{error}");
 }
 

@@ -18,58 +18,59 @@ use super::super::{Failure, output, session};
 use super::store::{open_station, sha256};
 
 /// A rendered tuple.
-pub(super) struct Take {
-    /// The bytes of its file.
-    pub(super) tuple: Vec<u8>,
-    /// The bytes of its mask's file.
+pub(super) struct RenderedTuple {
+    /// Bytes of its file.
+    pub(super) bytes: Vec<u8>,
+    /// Bytes of its mask's file.
     pub(super) mask: Vec<u8>,
     /// Width, height.
     pub(super) size: [u32; 2],
 }
 
-/// A scene, with the renderers that were asked for.
-struct Set {
-    /// What it was made for.
+/// A scene and its renderers, each made when first needed.
+struct SceneRenderers {
+    /// Station of the scene.
     station: Station,
     scene: Scene,
     bvh: Option<Arc<Bvh>>,
-    /// Of low and of high quality.
+    /// Renderers of low and of high quality.
     renderers: [Option<Renderer>; 2],
     /// Class of each number of the frames.
     class_of: Vec<u8>,
 }
 
-/// Renders tuples; keeps the last scene, as rows of the same follow each other.
-pub(in crate::commands) struct Studio<'a> {
+/// Renders tuples. Keeps the last scene: rows of one scene follow each other.
+pub(in crate::commands) struct TupleRenderer<'a> {
     gpu: &'a Gpu,
     classes: Vec<String>,
-    set: Option<Set>,
+    scene: Option<SceneRenderers>,
     frames: [Frame; 2],
     planes: [Vec<u8>; 2],
 }
 
-impl<'a> Studio<'a> {
+impl<'a> TupleRenderer<'a> {
     pub(in crate::commands) fn new(gpu: &'a Gpu, classes: Vec<String>) -> Self {
-        Self { gpu, classes, set: None, frames: Default::default(), planes: Default::default() }
+        Self { gpu, classes, scene: None, frames: Default::default(), planes: Default::default() }
     }
 
     /// The scene of `station`.
     pub(super) fn scene(&mut self, station: &Station) -> Result<&Scene, Failure> {
-        Ok(&self.set(station)?.scene)
+        Ok(&self.prepared(station)?.scene)
     }
 
-    fn set(&mut self, station: &Station) -> Result<&mut Set, Failure> {
-        if self.set.as_ref().is_none_or(|set| set.station != *station) {
+    fn prepared(&mut self, station: &Station) -> Result<&mut SceneRenderers, Failure> {
+        if self.scene.as_ref().is_none_or(|set| set.station != *station) {
             // Before the next is made: both at once may be too much.
-            self.set = None;
+            self.scene = None;
             let scene = session::load_scene(station)?;
             let class_of = class_of(&self.classes, scene.tissues.names())?;
-            self.set = Some(Set { station: station.clone(), scene, bvh: None, renderers: [None, None], class_of });
+            self.scene =
+                Some(SceneRenderers { station: station.clone(), scene, bvh: None, renderers: [None, None], class_of });
         }
-        self.set.as_mut().ok_or_else(|| Failure::Other(anyhow!("no scene")))
+        self.scene.as_mut().ok_or_else(|| Failure::Other(anyhow!("no scene")))
     }
 
-    /// The renderer of low (0) or high (1) quality, set to what `row` asks for but for its pose.
+    /// The renderer of low (0) or high (1) quality, with the settings and the time of `row`.
     fn renderer(&mut self, quality: usize, station: &Station, row: &Row) -> Result<&mut Renderer, Failure> {
         let gpu = self.gpu;
         let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
@@ -77,7 +78,7 @@ impl<'a> Studio<'a> {
         // The maps are the same; the second frame needs none.
         let maps = settings.maps && quality == 0;
         let settings = RenderSettings { quality: Quality { rays, layers, seed: row.seed }, maps, ..settings };
-        let set = self.set(station)?;
+        let set = self.prepared(station)?;
         let renderer = match &mut set.renderers[quality] {
             Some(renderer) => renderer,
             empty => {
@@ -102,12 +103,12 @@ impl<'a> Studio<'a> {
         row: &Row,
         seed: u32,
     ) -> Result<&[u8], Failure> {
-        self.shoot(1, station, &Row { seed, ..row.clone() })?;
+        self.render(1, station, &Row { seed, ..row.clone() })?;
         Ok(&self.frames[1].bmode)
     }
 
     /// Renders the frame of low (0) or high (1) quality of `row`.
-    fn shoot(&mut self, quality: usize, station: &Station, row: &Row) -> Result<(), Failure> {
+    fn render(&mut self, quality: usize, station: &Station, row: &Row) -> Result<(), Failure> {
         let mut frame = std::mem::take(&mut self.frames[quality]);
         self.renderer(quality, station, row)?.render(&Pose::from(&row.pose), &mut frame)?;
         self.frames[quality] = frame;
@@ -117,14 +118,14 @@ impl<'a> Studio<'a> {
     /// Whether the tuple of `row`, of the data set in `directory`, is the same here, bit for bit.
     pub(super) fn agrees(&mut self, directory: &Path, header: &Header, row: &Row) -> Result<bool, Failure> {
         let station = station_of(directory, header, row)?;
-        Ok(sha256(&self.take(&station, row)?.tuple) == row.sha256)
+        Ok(sha256(&self.tuple(&station, row)?.bytes) == row.sha256)
     }
 
-    /// Renders the tuple of `row`, of whose files it needs none.
-    pub(super) fn take(&mut self, station: &Station, row: &Row) -> Result<Take, Failure> {
-        self.shoot(0, station, row)?;
-        self.shoot(1, station, row)?;
-        let Some(set) = &self.set else { return Err(Failure::Other(anyhow!("no scene"))) };
+    /// Renders the tuple of `row`; none of its files need exist.
+    pub(super) fn tuple(&mut self, station: &Station, row: &Row) -> Result<RenderedTuple, Failure> {
+        self.render(0, station, row)?;
+        self.render(1, station, row)?;
+        let Some(set) = &self.scene else { return Err(Failure::Other(anyhow!("no scene"))) };
         let [lq, hq] = &self.frames;
         let [segmentation, attenuation] = &mut self.planes;
         let class = |&number: &u8| set.class_of.get(usize::from(number)).copied();
@@ -137,8 +138,8 @@ impl<'a> Studio<'a> {
         attenuation.extend(lq.attenuation.iter().map(|a| (a.powf(ATTENUATION_POWER) * 255.0).round() as u8));
         let shape = [lq.height as usize, lq.width as usize];
         let path = Path::new(&row.file);
-        Ok(Take {
-            tuple: bytes_of_u8(path, shape, &[&lq.bmode, &hq.bmode, segmentation, attenuation])?,
+        Ok(RenderedTuple {
+            bytes: bytes_of_u8(path, shape, &[&lq.bmode, &hq.bmode, segmentation, attenuation])?,
             mask: bytes_of_u8(path, shape, &[&lq.mask])?,
             size: [lq.width, lq.height],
         })
@@ -178,13 +179,13 @@ pub(super) fn verify(directory: &Path, count: usize, json: bool) -> Result<(), F
         return Err(Failure::Input(anyhow!("{} holds no tuple yet", directory.display())));
     }
     let gpu = session::open_gpu()?;
-    let mut studio = Studio::new(&gpu, data.header.classes.clone());
+    let mut renderer = TupleRenderer::new(&gpu, data.header.classes.clone());
     let progress = Progress::new("verify", total);
     let mut differ = Vec::new();
     for nth in 0..total {
         progress.set(nth, total);
         let row = &data.rows[(2 * nth + 1) * data.rows.len() / (2 * total)];
-        if !studio.agrees(directory, &data.header, row)? {
+        if !renderer.agrees(directory, &data.header, row)? {
             differ.push(row.index);
         }
     }

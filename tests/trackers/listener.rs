@@ -17,9 +17,9 @@ pub struct Heard {
 }
 
 #[derive(Clone, Default)]
-pub struct Ear(Arc<(Mutex<Heard>, Condvar)>);
+pub struct TrackerListener(Arc<(Mutex<Heard>, Condvar)>);
 
-impl Ear {
+impl TrackerListener {
     fn change(&self, change: impl FnOnce(&mut Heard)) {
         change(&mut self.0.0.lock().unwrap());
         self.0.1.notify_all();
@@ -47,7 +47,7 @@ impl Ear {
     }
 }
 
-impl Listener for Ear {
+impl Listener for TrackerListener {
     fn bytes(&mut self, _: u64, bytes: &[u8]) {
         self.change(|heard| heard.bytes.extend(bytes));
     }
@@ -63,16 +63,16 @@ impl Listener for Ear {
 
 /// A session that ends with its test.
 pub struct Live {
-    pub ear: Ear,
+    pub listener: TrackerListener,
     cancel: CancellationToken,
     session: Option<SessionHandle>,
 }
 
 impl Live {
     pub fn start(settings: &Settings) -> Self {
-        let (ear, cancel) = (Ear::default(), CancellationToken::new());
-        let session = spawn(settings, Box::new(ear.clone()), cancel.clone()).unwrap();
-        Self { ear, cancel, session: Some(session) }
+        let (listener, cancel) = (TrackerListener::default(), CancellationToken::new());
+        let session = spawn(settings, Box::new(listener.clone()), cancel.clone()).unwrap();
+        Self { listener, cancel, session: Some(session) }
     }
 }
 

@@ -32,7 +32,7 @@ const CRUMBS_PART: f64 = 1e-4;
 const CRUMBS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
 
 /// A surface under examination.
-pub(super) struct Patient {
+pub(super) struct SurfaceCheck {
     pub(super) name: String,
     /// Index of its glTF node.
     pub(super) node: usize,
@@ -61,12 +61,12 @@ pub(super) struct Patient {
     part: Vec<u32>,
 }
 
-impl Patient {
+impl SurfaceCheck {
     /// Runs all checks of a raw surface that need no tree.
-    pub(super) fn admit(raw: RawSurface, tissues: &TissueTable) -> Self {
+    pub(super) fn new(raw: RawSurface, tissues: &TissueTable) -> Self {
         let RawSurface { name, node, tissue, priority, mesh } = raw;
         let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
-        let mut patient = Self {
+        let mut check = Self {
             name,
             node,
             tissue_index,
@@ -83,26 +83,26 @@ impl Patient {
             findings: Vec::new(),
             part: Vec::new(),
         };
-        patient.check_tissue(tissues);
+        check.check_tissue(tissues);
         match mesh {
-            Ok(raw) => patient.check_mesh(&raw),
-            Err(error) => patient.tell(Finding::new(Defect::Unreadable, error.to_string())),
+            Ok(raw) => check.check_mesh(&raw),
+            Err(error) => check.report(Finding::new(Defect::Unreadable, error.to_string())),
         }
-        patient
+        check
     }
 
     /// Adds a finding about this surface.
-    pub(super) fn tell(&mut self, finding: Finding) {
+    pub(super) fn report(&mut self, finding: Finding) {
         self.findings.push(finding.of(&self.name, self.tissue.as_deref()));
     }
 
     fn check_tissue(&mut self, tissues: &TissueTable) {
         match &self.tissue {
-            None => self.tell(Finding::new(Defect::NoTissue, "neither its node nor its material tells a tissue")),
+            None => self.report(Finding::new(Defect::NoTissue, "neither its node nor its material tells a tissue")),
             Some(tissue) if self.tissue_index.is_none() => {
                 let suggestion = did_you_mean(tissue, tissues.names().iter().map(String::as_str));
                 let what = format!("there is no tissue `{tissue}`{suggestion}");
-                self.tell(Finding::new(Defect::UnknownTissue, what));
+                self.report(Finding::new(Defect::UnknownTissue, what));
             }
             Some(_) => {}
         }
@@ -117,14 +117,14 @@ impl Patient {
         self.vertices = [mesh.vertices_mm.len(), vertices().filter(|v| !is_usable(*v)).count()];
         if raw.left_over > 0 {
             let what = format!("the last {} indices make no whole triangle and are left out", raw.left_over);
-            self.tell(Finding::new(Defect::LeftOver, what));
+            self.report(Finding::new(Defect::LeftOver, what));
         }
         let bad: Vec<usize> = raw.bad_vertices().collect();
         if let Some(&first) = bad.first() {
             let value = raw.vertices_mm[first].to_array();
             let what =
                 format!("{} vertices are not finite or beyond ±100000 mm; vertex {first} is {value:?} mm", bad.len());
-            self.tell(Finding::new(Defect::BadCoordinates, what));
+            self.report(Finding::new(Defect::BadCoordinates, what));
             mesh.triangles.retain(|t| t.iter().all(|&i| is_usable(mesh.vertices_mm[i as usize])));
             // A truncated surface is open: no further check applies.
             self.mesh = mesh;
@@ -135,13 +135,13 @@ impl Patient {
         self.mesh = mesh;
         if self.mesh.triangles.is_empty() {
             if self.findings.iter().all(|f| f.defect != Defect::ThinSheet) {
-                self.tell(Finding::new(Defect::Empty, "it has no triangle with an area and is left out"));
+                self.report(Finding::new(Defect::Empty, "it has no triangle with an area and is left out"));
             }
             return;
         }
         self.check_slivers();
         let edges = self.edges(&fillers);
-        edges.findings.into_iter().for_each(|finding| self.tell(finding));
+        edges.findings.into_iter().for_each(|finding| self.report(finding));
         let at = |i: u32| self.mesh.vertices_mm[i as usize];
         self.open_mm = edges.open.iter().map(|edge| edge.map(at)).collect();
         (self.closed, self.part) = (edges.closed, edges.part);
@@ -174,7 +174,7 @@ impl Patient {
         // A surface of nothing else is empty, which has its own finding.
         if let Some(corners) = first.filter(|_| !mesh.triangles.is_empty()) {
             let what = format!("{} triangles without area are left out, one of them", total - mesh.triangles.len());
-            self.tell(Finding::new(Defect::Degenerate, what).at([Place::of(corners)]));
+            self.report(Finding::new(Defect::Degenerate, what).at([Place::of(corners)]));
         }
         fillers
     }
@@ -209,7 +209,7 @@ impl Patient {
             let what = format!("{} pairs of triangles lie back to back: a sheet without thickness", backs.len());
             found.push(Finding::new(Defect::ThinSheet, what).at([backs_at]));
         }
-        found.into_iter().for_each(|finding| self.tell(finding));
+        found.into_iter().for_each(|finding| self.report(finding));
     }
 
     fn check_slivers(&mut self) {
@@ -220,7 +220,7 @@ impl Patient {
         let slivers: Vec<_> = self.mesh.corners_mm().filter(|corners| height(*corners) < SLIVER_MM).collect();
         if slivers.len() * SLIVERS_ONE_IN > self.mesh.triangles.len() {
             let what = format!("{} triangles are lower than {SLIVER_MM} mm: rays may miss them", slivers.len());
-            self.tell(Finding::new(Defect::Sliver, what).at(slivers.into_iter().map(Place::of)));
+            self.report(Finding::new(Defect::Sliver, what).at(slivers.into_iter().map(Place::of)));
         }
     }
 
@@ -229,10 +229,10 @@ impl Patient {
         let crossing::Crossings { overlaps, folds, places } = crossing::find(tree, &self.part);
         if overlaps > 0 {
             let what = format!("{overlaps} pairs of its triangles pass through each other");
-            self.tell(Finding::new(Defect::SelfIntersection, what).at(places));
+            self.report(Finding::new(Defect::SelfIntersection, what).at(places));
         } else if folds * FOLDS_ONE_IN > tree.mesh().triangles.len() {
             let what = format!("{folds} pairs of neighbouring triangles fold through each other");
-            self.tell(Finding::new(Defect::Crumpled, what).at(places));
+            self.report(Finding::new(Defect::Crumpled, what).at(places));
         }
         if self.closed {
             self.check_parts(tree);
@@ -242,7 +242,7 @@ impl Patient {
     fn check_parts(&mut self, tree: &Tree<'_>) {
         let parts = parts(tree.mesh(), &self.part);
         if self.inverted {
-            self.tell(Finding::new(Defect::Inverted, "it faces inward; it is turned over while loading"));
+            self.report(Finding::new(Defect::Inverted, "it faces inward; it is turned over while loading"));
         }
         let (mut inward, mut nested) = (Vec::new(), Vec::new());
         for (index, part) in parts.iter().enumerate() {
@@ -256,7 +256,7 @@ impl Patient {
         }
         if !inward.is_empty() {
             let what = format!("{} of its {} parts face inward", inward.len(), parts.len());
-            self.tell(of_parts(Defect::MixedOrientation, what, &inward, &parts));
+            self.report(of_parts(Defect::MixedOrientation, what, &inward, &parts));
         }
         if !nested.is_empty() {
             let what = format!(
@@ -264,7 +264,7 @@ impl Patient {
                 nested.len(),
                 parts.len()
             );
-            self.tell(of_parts(Defect::NestedPart, what, &nested, &parts));
+            self.report(of_parts(Defect::NestedPart, what, &nested, &parts));
         }
     }
 }
