@@ -9,8 +9,3 @@ pub const NEPER_PER_DB: f64 = LN_10 / 20.0;
 pub fn db_from_amplitude(amplitude: f64) -> f64 {
     if amplitude > 0.0 { 20.0 * amplitude.log10() } else { f64::NEG_INFINITY }
 }
-
-/// The amplitude ratio of a level in dB.
-pub fn amplitude_from_db(level_db: f64) -> f64 {
-    (level_db * NEPER_PER_DB).exp()
-}

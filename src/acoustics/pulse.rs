@@ -14,8 +14,3 @@ pub fn axial_sigma_mm(frequency_mhz: f64, fractional_bandwidth: f64) -> f64 {
     let sigma_us = FWHM_PER_SIGMA / (std::f64::consts::TAU * bandwidth_mhz);
     0.5 * ASSUMED_SPEED_M_S * 1e-3 * sigma_us
 }
-
-/// Axial −6 dB width of a point target in mm.
-pub fn axial_width_mm(frequency_mhz: f64, fractional_bandwidth: f64) -> f64 {
-    axial_sigma_mm(frequency_mhz, fractional_bandwidth) * FWHM_PER_SIGMA
-}

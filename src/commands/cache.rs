@@ -1,4 +1,4 @@
-//! Where generated scenes are kept.
+//! `insonify cache`: the folder of generated scenes.
 
 use std::path::PathBuf;
 

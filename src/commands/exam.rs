@@ -150,7 +150,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(args.out.join("sessions.json").display())
 }
 
-/// What all sessions share.
+/// Data shared by all sessions.
 struct Task<'a> {
     args: &'a Args,
     scene: String,

@@ -37,7 +37,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// What the pixels of a sequence are.
+/// Pixels of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Default, clap::ValueEnum)]
 enum Map {
     /// Grey levels.

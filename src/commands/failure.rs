@@ -1,4 +1,4 @@
-//! What a command that did not succeed tells the shell.
+//! Exit codes and messages of failed commands.
 
 use std::process::ExitCode;
 
@@ -20,14 +20,14 @@ use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
 use insonify::transducer::ProbeError;
 
-/// Why a command did not succeed.
+/// Failure of a command.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// What was asked for cannot be done as asked: exit code 2.
+    /// Wrong input: exit code 2.
     Input(anyhow::Error),
     /// Anything else: exit code 1.
     Other(anyhow::Error),
-    /// Nobody reads the output any more (`insonify … | head`): no fault of ours.
+    /// The reader of the output has closed it (`insonify … | head`); not an error.
     OutputClosed,
     /// Ended by Ctrl-C, with more to do: exit code 130.
     Interrupted,

@@ -1,4 +1,4 @@
-//! What live sessions have in common: their generators, how they go, what they left out.
+//! Common parts of live sessions: generators, status and dropped frames.
 
 use std::sync::Arc;
 

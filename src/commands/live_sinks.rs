@@ -1,4 +1,4 @@
-//! Where the frames of a live session go.
+//! Sinks of a live session.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ pub(crate) struct LiveSinks {
     pub(crate) window: Option<insonify::sink::window::WindowSlot>,
 }
 
-/// What is asked for on the command line, else in the station: its `display.sinks` and every display that has a table.
+/// Sinks named on the command line, else by the station: its `display.sinks` and every display that has a table.
 pub(crate) fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKind> {
     let mut kinds = if asked.is_empty() { station.sinks.clone() } else { asked.to_vec() };
     if asked.is_empty() {

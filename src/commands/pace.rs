@@ -1,4 +1,4 @@
-//! How fast a recording is replayed.
+//! Speed of a replay.
 
 use std::str::FromStr;
 use std::thread;
@@ -55,12 +55,12 @@ impl Pace {
         }
     }
 
-    /// When a frame is due, since the first.
+    /// Due time of a frame, since the first.
     fn due(&self, frame: usize) -> Option<Duration> {
         self.interval.map(|interval| interval.mul_f64(frame as f64))
     }
 
-    /// How late a frame was at most, s; none without a wait.
+    /// Greatest delay of a frame, s; none without a wait.
     pub(crate) fn behind_s(&self) -> Option<f64> {
         self.interval.map(|_| self.behind.as_secs_f64())
     }

@@ -6,10 +6,10 @@ use insonify::station::{SceneSource, Station};
 
 use super::{Classify, Failure};
 
-/// How deep a probe is pressed into the skin where a plane's pose is given, mm.
+/// Depth of a probe in the skin at the pose of a plane, mm.
 const PRESS_MM: f64 = 2.5;
 
-/// What a hand needs to know.
+/// Standard planes of a scene, and its skin.
 pub(crate) struct PlaneScene {
     /// With the poses of probes on the skin.
     pub(crate) planes: StandardPlanes,
@@ -46,7 +46,7 @@ impl PlaneScene {
     }
 }
 
-/// What the scene is, for people.
+/// Description of the scene.
 pub(crate) fn scene_name(station: &Station) -> String {
     match &station.scene {
         SceneSource::File(path) => path.display().to_string(),

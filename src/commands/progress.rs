@@ -16,7 +16,7 @@ pub(crate) struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
     last_line: Mutex<Instant>,
-    /// When it began, and with how many steps done.
+    /// Start time, and the steps done by then.
     began: OnceLock<(Instant, usize)>,
 }
 
@@ -56,7 +56,7 @@ impl Progress {
     }
 }
 
-/// What is left, where enough is done to tell.
+/// Remaining time, once enough is done to estimate it.
 fn left(elapsed: Duration, steps: usize, total: usize, done: usize) -> String {
     if steps == 0 || elapsed < LINE_INTERVAL {
         return String::new();

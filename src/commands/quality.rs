@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use insonify::render::{Climbed, LADDER, Preset, Quality, QualityPoint};
 
-/// What `--quality` takes.
+/// Value of `--quality`.
 const ACCEPTS: &str = "fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33";
 
 /// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.

@@ -27,10 +27,10 @@ use super::status_line::StatusLine;
 use super::tracker_args::TrackerArgs;
 use super::{Classify, Failure, output};
 
-/// How often the recording looks at itself.
+/// Period of the recording's status checks.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// How long a stream that nobody watches may wait for a slow disk.
+/// Longest wait of an unwatched stream for a slow disk.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Longest piece that is read from stdin at once, bytes.
@@ -153,7 +153,7 @@ fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
                 "{path} has no [tracker] with a `transport`: give --protocol with --port or --address, or --stdin"
             )))
         }
-        // One that repeats would be recorded for ever.
+        // A repeating one would never end.
         Transport::Recording { repeat, .. } => {
             *repeat = false;
             Ok(settings)
@@ -199,7 +199,7 @@ struct Tap {
     handle: RecorderHandle,
     monitor: Monitor,
     bytes: Arc<AtomicU64>,
-    /// How long a byte may wait for the disk: only where nothing else would be late by it.
+    /// Longest wait of a byte for the disk, if it delays nothing else.
     patience: Duration,
 }
 
@@ -229,7 +229,7 @@ impl Listener for Tap {
     }
 }
 
-/// Where the bytes come from.
+/// Source of the bytes.
 enum Source {
     Tracker(SessionHandle, CancellationToken),
     /// Tells why it ended.
@@ -237,7 +237,7 @@ enum Source {
 }
 
 impl Source {
-    /// Why it is over, if it is.
+    /// Reason for its end, if it has ended.
     fn over(&mut self) -> Option<String> {
         match self {
             Self::Tracker(session, _) => session.is_finished().then(|| "the tracker's session is over".to_owned()),
@@ -322,7 +322,7 @@ fn wait(duration: Option<Duration>, mut source: Source, tap: &Tap) -> Result<(St
     Ok((reason?, progress.records))
 }
 
-/// How the recording goes.
+/// State of the recording.
 #[derive(Default)]
 struct Progress {
     records: u64,

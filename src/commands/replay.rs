@@ -60,7 +60,7 @@ Files:
 Example:
   insonify replay assets/exams/obstetric_sweep.mcap configs/obstetric.toml --fps 10 --frames 20..60 --out out/sweep";
 
-/// What a replay did.
+/// Summary of a replay.
 #[derive(Serialize)]
 struct Report<'a> {
     version: &'static str,
@@ -74,7 +74,7 @@ struct Report<'a> {
     rendered: usize,
     /// Of these, frames in gaps of the recording, and just behind them: their poses are not quite of their time.
     held: usize,
-    /// How often the recorded session changed the settings among these frames.
+    /// Changes of settings by the recorded session among these frames.
     changes: usize,
     /// Stretches of frames with the same settings, in their order.
     parts: Vec<PartEntry>,
@@ -82,7 +82,7 @@ struct Report<'a> {
     overflowed: usize,
     /// Whole command from the first submitted frame to the last written one, s.
     wall_s: f64,
-    /// How far behind the wanted speed a frame was at most, s; none as fast as it can.
+    /// Greatest delay of a frame at the wanted speed, s; none at full speed.
     #[serde(skip_serializing_if = "Option::is_none")]
     behind_s: Option<f64>,
     /// SHA-256 of image, segmentation and attenuation of all frames, in their order.
@@ -93,7 +93,7 @@ struct Report<'a> {
     frames: Vec<FrameEntry>,
 }
 
-/// What a recording held.
+/// Contents of a recording.
 #[derive(Serialize)]
 pub(crate) struct RecordingReport<'a> {
     path: String,
@@ -117,7 +117,7 @@ pub(crate) struct RecordingReport<'a> {
 struct PartEntry {
     /// Index of the first.
     first: usize,
-    /// How many.
+    /// Number of frames.
     frames: usize,
     probe: ProbeRecord,
     quality: QualityRecord,
@@ -152,7 +152,7 @@ struct FrameEntry {
 }
 
 impl<'a> RecordingReport<'a> {
-    /// What `summary` says of the recording at `path`.
+    /// Text of `summary` about the recording at `path`.
     pub(crate) fn new(path: &Path, summary: &'a RecordingSummary) -> Self {
         Self {
             path: path.display().to_string(),

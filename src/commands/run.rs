@@ -95,7 +95,7 @@ Examples:
   insonify run configs/live.toml                             recorded tracker, generator, page
   insonify run configs/obstetric.toml --replay assets/exams/obstetric_sweep.mcap --sink video";
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Report<'a> {
     version: &'static str,
@@ -213,7 +213,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 /// Poses, and the tracker that they come from where there is one.
 type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
-/// Where the poses come from.
+/// Source of the poses.
 fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     if args.pose.is_none() && station.tracker.transport != Transport::None {
         let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
@@ -226,7 +226,7 @@ fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     Ok((Box::new(StandingPose(pose.input()?)), None))
 }
 
-/// The station, with a recording in place of its tracker where one is to be played.
+/// Station, its tracker replaced by a recording if one is to be played.
 fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
     args.effects.apply(&mut station.settings);

@@ -1,4 +1,4 @@
-//! What a session did, as a table for people.
+//! Summary of a session as a text table.
 
 use std::fmt;
 

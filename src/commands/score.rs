@@ -55,7 +55,7 @@ pub(crate) struct Args {
 struct Report<'a> {
     recording: RecordingReport<'a>,
     station: &'a PathBuf,
-    /// Where the poses come from: `session`, or `tracker` with the station's calibration.
+    /// Source of the poses: `session`, or `tracker` with the station's calibration.
     poses: &'static str,
     #[serde(flatten)]
     score: &'a Score,

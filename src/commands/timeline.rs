@@ -22,7 +22,7 @@ pub(crate) struct Timeline {
     scene_times_ns: Vec<u64>,
     /// Host time at which the clock of the session's scene began, ns.
     scene_start_ns: u64,
-    /// Which frames have a pose that is not quite of their time.
+    /// Frames whose pose is not exactly of their time.
     held: Vec<bool>,
 }
 
@@ -112,7 +112,7 @@ impl Timeline {
         }
     }
 
-    /// How many of `frames` have a pose that is not quite of their time.
+    /// Number of `frames` whose pose is not exactly of their time.
     pub(crate) fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }

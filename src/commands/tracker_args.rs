@@ -9,7 +9,7 @@ use insonify::tracker::{PortName, Protocol, Settings, Transport};
 
 use super::{Classify, Failure};
 
-/// Which tracker, and how to reach it.
+/// Options of a tracker and its transport.
 #[derive(Debug, Args)]
 pub(crate) struct TrackerArgs {
     /// Serial port or HID device: a path, or vendor:product, or vendor:product:serial

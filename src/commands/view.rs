@@ -131,7 +131,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(args.out.display())
 }
 
-/// What the axes of a station's scene mean.
+/// Meaning of the axes of a station's scene.
 pub(crate) fn axes_of(station: &Station) -> Axes {
     match station.scene {
         SceneSource::ObstetricPhantom { .. } => Axes::Anatomical,
@@ -150,7 +150,7 @@ fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
     Ok((import::load(&args.scene, &tissues, background).input()?, None))
 }
 
-/// What the probe sees.
+/// Image of the probe.
 fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pose>) -> Result<BmodeImage, Failure> {
     let station = station.ok_or_else(|| {
         anyhow!("--bmode needs a station file, which has the probe and the image; {} is a scene", args.scene.display())

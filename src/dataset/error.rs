@@ -1,10 +1,10 @@
-//! What can be wrong with a data set.
+//! Errors of data sets.
 
 use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why a data set could not be planned or read.
+/// Error in planning or reading a data set.
 #[derive(Debug, Error)]
 pub enum DatasetError {
     /// The operating system refused.
@@ -40,7 +40,7 @@ pub enum DatasetError {
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
     /// An array that does not hold what its row says.
@@ -48,7 +48,7 @@ pub enum DatasetError {
     Array {
         /// File.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
     /// A wish that cannot be met.

@@ -1,4 +1,4 @@
-//! Which tuples a data set holds: drawn from its seed before anything is rendered.
+//! Plan of a data set: its tuples, drawn from its seed before rendering.
 
 use std::fmt;
 use std::ops::Range;
@@ -18,16 +18,16 @@ use crate::random::SplitMix64;
 /// Least distance and angle of two key frames of an exam: one of both is kept.
 const APART_MM: f64 = 4.0;
 const APART_DEG: f64 = 4.0;
-/// How often a key frame that is too near to another, or off the skin, is looked for elsewhere.
+/// Attempts at another place for a key frame that is off the skin or too near to another.
 const TRIES: usize = 40;
 /// A probe that is further off the skin than this shows nothing, mm.
 const OFF_SKIN_MM: f64 = 1.0;
-/// How far a hand wanders about the pose of a station without standard planes.
+/// Range in which a hand wanders about the pose of a station without standard planes.
 const WANDER: Deviation = Deviation { tilt_deg: 12.0, rock_deg: 10.0, rotate_deg: 40.0, slide_mm: 12.0 };
 /// Length of such a session, s: what moves in the scene moves.
 const WANDER_S: f64 = 60.0;
 
-/// What is asked for.
+/// Requested size and variety of a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wishes {
     /// Tuples in all, at least 2.
@@ -49,28 +49,28 @@ pub struct Wishes {
 pub struct Exam {
     /// Number in the plan, from 0.
     pub number: usize,
-    /// Which station.
+    /// Index of the station.
     pub station: usize,
     /// The phantom, where it is not the station's own scene.
     pub phantom: Option<Parameters>,
     /// Of its session, its settings and its frames.
     pub seed: u64,
-    /// Whose hand.
+    /// Skill of the hand.
     pub skill: Skill,
-    /// What its tuples are for.
+    /// Training or test.
     pub split: Split,
     /// Numbers of its tuples.
     pub tuples: Range<usize>,
 }
 
-/// What a data set holds.
+/// Exams of a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// In order: those of a station, and within it of a phantom, follow each other.
     pub exams: Vec<Exam>,
 }
 
-/// What an exam's poses are made from.
+/// Source of an exam's poses.
 pub enum Source<'a> {
     /// A hand looks for standard planes on the skin.
     Planes(&'a StandardPlanes, &'a Skin),
@@ -94,9 +94,9 @@ pub struct Moment {
 /// Part `number` of `of`, from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Which, 1..=of.
+    /// Number, 1..=of.
     pub number: usize,
-    /// How many there are.
+    /// Number of parts.
     pub of: usize,
 }
 

@@ -1,4 +1,4 @@
-//! What a data set says of itself and of each tuple.
+//! Manifest of a data set: its header and one row for each tuple.
 
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ pub struct Header {
 pub struct StationRow {
     /// File in the data set's directory.
     pub file: String,
-    /// Where paths within it start.
+    /// Base directory of the paths in the file.
     pub directory: String,
     /// SHA-256 of the scene's file; none for a generated phantom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -63,7 +63,7 @@ pub enum Split {
 pub struct Row {
     /// Number in the plan, from 0.
     pub index: usize,
-    /// What it is for.
+    /// Training or test.
     pub split: Split,
     /// Station file in the data set's directory.
     pub station: String,
@@ -76,7 +76,7 @@ pub struct Row {
     pub time_s: f64,
     /// `scene_from_probe`.
     pub pose: PoseRow,
-    /// What differs from the station's settings.
+    /// Settings that replace the station's.
     pub settings: SettingsRow,
     /// Seed of both frames.
     pub seed: u32,
@@ -124,7 +124,7 @@ pub struct ExamRow {
     pub number: usize,
     /// Its seed.
     pub seed: u64,
-    /// Whose hand; none where the hand wanders about the station's pose.
+    /// Skill of the hand; none if the hand wanders about the station's pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skill: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! What differs from phantom to phantom and from exam to exam of a data set.
+//! Variation of phantoms and settings within a data set.
 
 use super::SettingsRow;
 use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite};
@@ -6,7 +6,7 @@ use crate::random::SplitMix64;
 use crate::render::{ImageSettings, RenderSettings};
 use crate::transducer::Probe;
 
-/// How far settings go from a station's own: gain and dynamic range, dB, and the focus as a factor.
+/// Range of settings about the station's own: gain and dynamic range, dB, and the focus as a factor.
 const GAIN_DB: f64 = 4.0;
 const DYNAMIC_RANGE_DB: f64 = 4.0;
 const FOCUS: (f64, f64) = (0.75, 1.3);

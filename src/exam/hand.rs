@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3, EulerRot};
 use crate::pose::Pose;
 use crate::random::SplitMix64;
 
-/// How well somebody scans.
+/// Skill of an operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Skill {
     /// First weeks.
@@ -120,13 +120,13 @@ pub struct Hand {
     pub move_s: (f64, f64),
     /// Pause after it, s.
     pub look_s: (f64, f64),
-    /// How long a plane is held, s.
+    /// Duration of a hold, s.
     pub hold_s: (f64, f64),
     /// Tremor, as a part of the usual ([`TREMOR_MM`](crate::pose::freehand::TREMOR_MM)).
     pub tremor: f64,
     /// Drift over a hold, as a part of `rest`.
     pub drift: f64,
-    /// How deep the face is pressed into the skin, mm.
+    /// Depth of the face in the skin, mm.
     pub press_mm: f64,
     /// Amplitude by which that changes, mm.
     pub press_change_mm: f64,
@@ -134,7 +134,7 @@ pub struct Hand {
     pub lift_chance: f64,
 }
 
-/// How a hand is off from a plane: turned about the point of contact, and slid from it.
+/// Deviation of a hand from a plane: rotation about the point of contact, and slide from it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Off {
     /// Tilt, rock, rotation (degrees), slide along the lateral and the elevational axis (mm).

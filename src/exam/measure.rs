@@ -1,4 +1,4 @@
-//! What a caliper measures in an image that is not quite the standard plane.
+//! Caliper measurements in images off the standard plane.
 //!
 //! The surfaces of the scene are cut with the image plane and measured there as a careful observer would, so that what
 //! differs from the truth is the plane's fault: a tilted femur is too short, an oblique belly too large.

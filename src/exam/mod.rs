@@ -23,13 +23,13 @@ use crate::pose::TimedPose;
 use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
 use crate::tracker::{Protocol, ascii_line};
 
-/// When a made exam starts: 1 January 2026, ns since 1970 (UTC). Fixed, so that the file is the same each time.
+/// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). Fixed, so that files are reproducible.
 pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
 
 /// From a measurement to its first byte on the host, ns.
 const LATENCY_NS: u64 = 2_000_000;
 
-/// Why an exam could not be made.
+/// Errors in generating exams.
 #[derive(Debug, Error)]
 pub enum ExamError {
     /// The line from a view's target through the probe meets no skin.
@@ -37,9 +37,9 @@ pub enum ExamError {
     NoSkin {
         /// Time from the start, s.
         time_s: f64,
-        /// What the probe looks at, mm.
+        /// Target of the probe, mm.
         target_mm: DVec3,
-        /// Where the probe should be from there.
+        /// Direction from the target to the probe.
         direction: DVec3,
     },
     /// A plane that a probe on the skin cannot see.

@@ -1,4 +1,4 @@
-//! How far an image is from a standard plane.
+//! Offset of an image from a standard plane.
 
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use serde::Serialize;
@@ -10,7 +10,7 @@ use crate::transducer::{Probe, Sector};
 /// Cost of what is outside of the sector: too much, if only just.
 const HIDDEN: f64 = 1.0 + 1e-6;
 
-/// How far an image is from a view of a plane.
+/// Offset of an image from a view of a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Offset {
     /// Angle between the planes, degrees, 0..=90; of a view that may be turned about its lateral line, between that line
@@ -31,7 +31,7 @@ pub struct Offset {
 }
 
 impl Offset {
-    /// How far the image of `probe` at `pose` is from `view`.
+    /// Offset of the image of `probe` at `pose` from `view`.
     pub fn of(view: &View, tolerances: &Tolerances, probe: &Probe, pose: &Pose) -> Self {
         let probe_from_scene = pose.inverse();
         let turned = |v: DVec3| probe_from_scene.transform_vector(v);

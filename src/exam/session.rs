@@ -1,4 +1,4 @@
-//! Sessions that search, find, hold and leave standard planes.
+//! Generated exam sessions: a hand that searches, finds, holds and leaves standard planes.
 //!
 //! For each plane the hand travels to its neighbourhood, sliding on the skin or lifting off, corrects its way to the
 //! plane by tilting, rocking, rotating and sliding, holds it, measures, and leaves. What is left of the session is a
@@ -39,24 +39,24 @@ const SEARCH_LEAST_S: f64 = 5.0;
 const TRAVEL_MM_S: f64 = 60.0;
 const TRAVEL_LEAST_S: f64 = 1.2;
 
-/// How far the probe is lifted off, mm, and how long that takes each way, s.
+/// Height of a lift, mm, and its duration each way, s.
 const LIFT_MM: f64 = 15.0;
 const LIFT_S: f64 = 0.4;
 
-/// How far within the body the line through the probe's face stays, mm: more than the hand trembles.
+/// Margin between the line through the probe's face and the edge of the body, mm; larger than the tremor.
 const MARGIN_MM: f64 = 5.0;
 
-/// How often an error that leads off the body is halved before it is none.
+/// Halvings of an error that leads off the body before it is dropped.
 const HALVINGS: usize = 6;
 
-/// What session to make.
+/// Settings of a generated session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Of every random choice.
     pub seed: u64,
     /// Length, s.
     pub duration_s: f64,
-    /// Whose hand.
+    /// Skill of the hand.
     pub skill: Skill,
 }
 
@@ -65,7 +65,7 @@ pub struct Settings {
 pub struct Session {
     /// `scene_from_probe`, [`RATE_HZ`] a second.
     pub poses: Vec<TimedPose>,
-    /// What the hand meant to do, and its measurements; ascending in time.
+    /// Intentions of the hand and its measurements, ascending in time.
     pub events: Vec<Event>,
 }
 
@@ -117,7 +117,7 @@ struct Base {
     depth_mm: f64,
 }
 
-/// What the hand will do.
+/// Plan of the hand's movements.
 struct Plan<'a> {
     skin: &'a Skin,
     hand: Hand,
@@ -125,12 +125,12 @@ struct Plan<'a> {
     waypoints: Vec<Waypoint>,
     /// From when to when the probe is off the skin, s.
     lifts: Vec<(f64, f64)>,
-    /// What happens when, s.
+    /// Events and their times, s.
     phases: Vec<(f64, Event)>,
     /// Calipers to place when, s.
     calipers: Vec<(f64, Caliper)>,
     now_s: f64,
-    /// Where the face was last, mm.
+    /// Last position of the face, mm.
     contact_mm: DVec3,
 }
 
@@ -252,7 +252,7 @@ impl<'a> Plan<'a> {
         self.lifts.push((end_s - LIFT_S, end_s + LIFT_S));
     }
 
-    /// How deep the face is pressed in, mm; negative off the skin.
+    /// Depth of the face in the skin, mm; negative off the skin.
     fn press_mm(&self, phases: &[f64; 3], time_s: f64) -> f64 {
         // Breathing, shifting of weight, and what the fingers do.
         let slow: f64 = [(0.11, 0.5), (0.27, 0.35), (0.73, 0.15)]

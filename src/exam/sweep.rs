@@ -23,10 +23,10 @@ pub const RATE_HZ: u32 = 60;
 /// The tremor of the exam in `assets/`.
 pub const SEED: u64 = 22;
 
-/// How deep the centre of the face is pressed into the skin, mm.
+/// Depth of the centre of the face in the skin, mm.
 const PRESS_MM: f64 = 2.5;
 
-/// When the hand rests at a standard view, s from the start, and the view's name.
+/// Names of the standard views, and the times at which the hand rests there, s from the start.
 pub const KEY_FRAMES: [(&str, f64); 6] =
     [("head", 4.0), ("heart", 8.4), ("abdomen", 11.7), ("spine", 15.9), ("femur", 19.4), ("placenta", 23.2)];
 

@@ -1,10 +1,10 @@
-//! How long a generator may take, and how long it took.
+//! Time budget of a generator, and durations of its runs.
 
 use std::time::Duration;
 
 use crate::statistics::nearest_rank;
 
-/// What follows from the time that one run may take. The times are those of the session's clock.
+/// Limits derived from the time allowed for one run. Times are those of the session's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Budget {
     /// Time that one run may take.
@@ -57,7 +57,7 @@ impl RunTimes {
         Self { latest: Vec::with_capacity(window), next: 0, window, sorted: Vec::with_capacity(window) }
     }
 
-    /// Adds one, in place of the oldest if the window is full.
+    /// Adds one; it replaces the oldest if the window is full.
     pub fn push(&mut self, time: Duration) {
         if self.latest.len() < self.window {
             self.latest.push(time);
@@ -73,7 +73,7 @@ impl RunTimes {
         self.next = 0;
     }
 
-    /// How many there are.
+    /// Number of durations.
     pub fn len(&self) -> usize {
         self.latest.len()
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a generator.
+//! Errors of generators.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::{Provider, RuntimeError};
 
-/// Why a model is refused, or a run gave no image.
+/// Reason why a model is refused, or a run gave no image.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum GeneratorError {
@@ -26,7 +26,7 @@ pub enum GeneratorError {
     Manifest {
         /// Manifest.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// Fault, and the expected value.
         reason: String,
     },
     /// The model is not the one that the manifest is of.
@@ -34,9 +34,9 @@ pub enum GeneratorError {
     Sha256 {
         /// Model.
         path: PathBuf,
-        /// What the manifest says.
+        /// Sum in the manifest.
         expected: String,
-        /// What the file has.
+        /// Sum of the file.
         found: String,
     },
     /// The provider is not there.
@@ -47,7 +47,7 @@ pub enum GeneratorError {
     Provider {
         /// Provider asked for.
         provider: Provider,
-        /// What ONNX Runtime said.
+        /// Message of ONNX Runtime.
         reason: String,
     },
     /// ONNX Runtime refuses the model.
@@ -55,7 +55,7 @@ pub enum GeneratorError {
     Model {
         /// Model.
         path: PathBuf,
-        /// What it said.
+        /// Message of ONNX Runtime.
         reason: String,
     },
     /// The model's tensors are not those that the manifest names.
@@ -63,7 +63,7 @@ pub enum GeneratorError {
     Signature {
         /// Model.
         path: PathBuf,
-        /// What differs.
+        /// Difference.
         reason: String,
     },
     /// The station has a tissue that the model was not made for.
@@ -79,7 +79,7 @@ pub enum GeneratorError {
     ParityPair {
         /// Manifest.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault.
         reason: String,
     },
     /// The model does not do on this machine what it did where it was made.
@@ -92,9 +92,9 @@ pub enum GeneratorError {
         path: PathBuf,
         /// Greatest difference, grey levels.
         difference: f32,
-        /// Where.
+        /// Row of that pixel.
         row: usize,
-        /// Where.
+        /// Column of that pixel.
         column: usize,
         /// Level expected there.
         expected: f32,
@@ -130,7 +130,7 @@ pub enum GeneratorError {
     NotFinite {
         /// Generator.
         name: String,
-        /// How many.
+        /// Number of such values.
         count: usize,
         /// First one.
         row: usize,
@@ -148,7 +148,7 @@ pub enum GeneratorError {
     Inference {
         /// Generator.
         name: String,
-        /// What ONNX Runtime said.
+        /// Message of ONNX Runtime.
         reason: String,
     },
 }

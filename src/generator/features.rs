@@ -13,7 +13,7 @@ use crate::quality::{CROP, FeatureExtractor, QualityError};
 /// Written by `training/make_features.py`.
 const TEXTURE64: &[u8] = include_bytes!("../../assets/quality/texture64.onnx");
 
-/// What grey levels become in the tensor.
+/// Scale of grey levels in the tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureScale {
     /// −1..=1, as Inception v3 was trained with.

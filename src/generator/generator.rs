@@ -1,4 +1,4 @@
-//! One generator: a model, its manifest, and how frames go through it.
+//! One generator: a model with its manifest, and the passage of frames through it.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use super::{GeneratorError, Input, Provider, Runtime, Terminator};
 /// Options for loading a model.
 #[derive(Debug, Clone, Default)]
 pub struct LoadOptions<'a> {
-    /// What it runs on.
+    /// Execution provider.
     pub provider: Provider,
     /// Threads of one run, 0 for one a processor.
     pub threads: u32,
@@ -117,12 +117,12 @@ impl Generator {
         &self.path
     }
 
-    /// What it runs on.
+    /// Execution provider.
     pub fn provider(&self) -> Provider {
         self.provider
     }
 
-    /// How well it met its parity pair when it was loaded.
+    /// Result of its parity pair when it was loaded.
     pub fn parity(&self) -> &ParityReport {
         &self.parity
     }

@@ -12,7 +12,7 @@ const MEASURED_RUNS: usize = 5;
 pub struct RefusedModel {
     /// Model.
     pub path: PathBuf,
-    /// Why.
+    /// Cause.
     pub error: GeneratorError,
 }
 
@@ -21,7 +21,7 @@ pub struct RefusedModel {
 pub struct LoadedTiers {
     /// Generators; the index is that of the tier.
     pub generators: Vec<Generator>,
-    /// Which of them runs.
+    /// Choice among them.
     pub tiers: Tiers,
     /// Models that were refused.
     pub refused: Vec<RefusedModel>,

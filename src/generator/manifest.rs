@@ -1,4 +1,4 @@
-//! What a model takes and gives: a strict TOML file beside the `.onnx`, of the same name.
+//! Manifest of a model's inputs and outputs: a strict TOML file beside the `.onnx`, of the same name.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,11 +15,11 @@ pub struct Manifest {
     pub format: u32,
     /// Short name, shown while the generator runs.
     pub name: String,
-    /// What it is, in a sentence.
+    /// Description in one sentence.
     pub description: String,
-    /// How it came to be.
+    /// Trained or written down.
     pub kind: Kind,
-    /// Which maps it takes, as the paper names it; must agree with the channels.
+    /// Variant by the paper's name; must agree with the channels.
     pub variant: Variant,
     /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
@@ -27,22 +27,22 @@ pub struct Manifest {
     pub padding_multiple: u32,
     /// The input tensor.
     pub input: InputManifest,
-    /// How the segmentation is given; there if and only if it is a channel.
+    /// Encoding of the segmentation; present if and only if it is a channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<SegmentationManifest>,
     /// The output tensor.
     pub output: OutputManifest,
-    /// An input and what it must become.
+    /// An input and its expected output.
     pub parity: ParityManifest,
-    /// What it was trained on; there if and only if it is a trained one.
+    /// Training data; present if and only if it is a trained one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Training>,
-    /// How good it was found to be.
+    /// Measured quality.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
 }
 
-/// How a generator came to be.
+/// Origin of a generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -52,7 +52,7 @@ pub enum Kind {
     FixedFilter,
 }
 
-/// Which maps a generator takes (Zhang et al. 2020; [`Variant::Maps`]: Zhang et al., IJCARS 2021).
+/// Maps that a generator takes (Zhang et al. 2020; [`Variant::Maps`]: Zhang et al., IJCARS 2021).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Variant {
     /// Image and mask.
@@ -129,7 +129,7 @@ pub struct InputManifest {
     pub attenuation: Option<Affine>,
 }
 
-/// How tissues become classes. Tissues go by name: their numbers differ from station to station.
+/// Mapping of tissues to classes. Tissues go by name: their numbers differ from station to station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentationManifest {
@@ -156,7 +156,7 @@ impl SegmentationManifest {
     }
 }
 
-/// How many channels the segmentation has.
+/// Channels of the segmentation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
@@ -191,7 +191,7 @@ pub struct ParityManifest {
     pub tolerance: f32,
 }
 
-/// What a model was trained on.
+/// Training data of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
@@ -218,7 +218,7 @@ pub struct Quality {
 }
 
 impl Manifest {
-    /// Where the manifest of `model` is: the same name with `.toml`.
+    /// Path of the manifest of `model`: the same name with `.toml`.
     pub fn path_of(model: &Path) -> PathBuf {
         model.with_extension("toml")
     }
@@ -240,7 +240,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// How the values of `channel` are brought to those of the tensor.
+    /// Scale and offset from the values of `channel` to those of the tensor.
     pub(super) fn affine(&self, channel: Channel) -> Option<Affine> {
         match channel {
             Channel::Image => self.input.image,

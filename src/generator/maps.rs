@@ -54,7 +54,7 @@ impl Geometry {
 /// Name of the class of what is outside the sector.
 const OUTSIDE: &str = "outside";
 
-/// Which class each tissue number is.
+/// Class of each tissue number.
 #[derive(Debug, Clone)]
 pub(super) struct ClassMap {
     class: [u8; 256],
@@ -189,7 +189,7 @@ fn rows<'a>(output: &'a [f32], geometry: &Geometry) -> impl Iterator<Item = &'a 
 
 /// Row, column and number of values that are not finite; none in a sound output.
 pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, usize, usize)> {
-    // By its exponent, without a branch: rows are sound but for broken models.
+    // By its exponent, without a branch: rows are finite except for broken models.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
     let (padded, columns) = padded_rows(output, geometry);

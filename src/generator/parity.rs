@@ -9,14 +9,14 @@ use super::{GeneratorError, Input};
 /// Largest side of a parity pair, pixels.
 const LARGEST: u64 = 4096;
 
-/// How well a model met its parity pair.
+/// Result of a model's parity pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParityReport {
     /// Greatest difference, grey levels.
     pub difference: f32,
-    /// Where.
+    /// Row of that pixel.
     pub row: usize,
-    /// Where.
+    /// Column of that pixel.
     pub column: usize,
     /// Difference allowed, grey levels.
     pub tolerance: f32,

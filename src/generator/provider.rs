@@ -1,4 +1,4 @@
-//! What a model runs on.
+//! Execution provider of a model.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,7 +6,7 @@ use std::str::FromStr;
 use ort::ep::{self, ExecutionProviderDispatch};
 use serde::Serialize;
 
-/// What a model runs on. One that is not available is an error: there is no silent step back to the CPU.
+/// Execution provider of a model. An unavailable one is an error: there is no silent fallback to the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Provider {
@@ -29,7 +29,7 @@ impl Provider {
         self != Self::TensorRt
     }
 
-    /// What ONNX Runtime is asked for; the CPU needs no asking.
+    /// Request to ONNX Runtime; none for the CPU.
     pub(super) fn dispatch(self) -> Vec<ExecutionProviderDispatch> {
         let cuda = || ep::CUDA::default().build().error_on_failure();
         match self {

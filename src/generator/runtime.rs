@@ -7,12 +7,12 @@ use ort::environment::Environment;
 use ort::logging::LogLevel;
 use thiserror::Error;
 
-/// Names the library's file in place of the usual places.
+/// Environment variable with the path of the library; replaces the usual places.
 const VARIABLE: &str = "ORT_DYLIB_PATH";
-/// Where `scripts/setup` puts it, below the repository's root.
+/// Folder in which `scripts/setup` installs it, below the repository's root.
 const FOLDER: &str = "third_party/onnxruntime";
 
-/// Why there is no ONNX Runtime.
+/// Reason why there is no ONNX Runtime.
 #[derive(Debug, Error)]
 pub enum RuntimeError {
     /// No library was found.
@@ -30,7 +30,7 @@ pub enum RuntimeError {
          scripts/setup"
     )]
     NoSuchFile {
-        /// What it names.
+        /// Path that it names.
         path: PathBuf,
     },
     /// The library could not be used.
@@ -42,7 +42,7 @@ pub enum RuntimeError {
     Unusable {
         /// Library.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         reason: String,
     },
 }
@@ -109,7 +109,7 @@ fn find() -> Result<PathBuf, RuntimeError> {
     })
 }
 
-/// Where the library may be. Not the working directory: whoever writes there shall not choose our code.
+/// Folders that are searched for the library. Not the working directory: whoever writes there shall not choose our code.
 fn folders() -> Vec<PathBuf> {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join(FOLDER);
     let Ok(program) = std::env::current_exe() else { return vec![sources] };

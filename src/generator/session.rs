@@ -1,4 +1,4 @@
-//! One model in ONNX Runtime, with tensors that are kept from run to run.
+//! ONNX session: one model in ONNX Runtime, with tensors that are kept from run to run.
 
 use std::fmt;
 use std::path::Path;
@@ -69,7 +69,7 @@ impl RunControl {
     }
 }
 
-/// Why a run gave nothing.
+/// Reason why a run gave no image.
 pub(super) enum RunFailure {
     Stopped,
     Failed(String),

@@ -1,17 +1,17 @@
-//! The station's `[generator]`.
+//! Generator settings of a station: its table `[generator]`.
 
 use std::path::PathBuf;
 
 use super::{Budget, Provider};
 
-/// Which generators a station uses, and how.
+/// Generator settings of a station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Whether any generator runs.
     pub enabled: bool,
     /// Models (`.onnx`, each with its manifest), the best first. None: the station shows what it renders.
     pub models: Vec<PathBuf>,
-    /// What they run on.
+    /// Execution provider.
     pub provider: Provider,
     /// Threads of one run, 0 for one a processor.
     pub threads: u32,

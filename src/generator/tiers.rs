@@ -1,4 +1,4 @@
-//! Which of several generators runs: the best that keeps the budget. Pure: the caller brings the time.
+//! Choice among several generators: the best that keeps the budget. Pure: the caller brings the time.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use super::budget::{Budget, RunTimes};
 /// Failed runs in a row after which a tier is given up.
 const FAILURES: u32 = 3;
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// With an image.
@@ -25,7 +25,7 @@ pub struct Change {
     pub from: Option<usize>,
     /// Tier from now on.
     pub to: Option<usize>,
-    /// Why, in words.
+    /// Reason, as text.
     pub reason: String,
 }
 
@@ -45,7 +45,7 @@ pub enum TierState {
     Failed(String),
 }
 
-/// What a tier did.
+/// Totals of a tier.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TierReport {
     /// Its generator's name.
@@ -240,7 +240,7 @@ impl Tiers {
         self.leave(ticket.tier, now, reason)
     }
 
-    /// What each tier did, the best first.
+    /// Totals of each tier, the best first.
     pub fn report(&mut self) -> Vec<TierReport> {
         let report = |tier: &mut Tier| TierReport {
             name: tier.name.clone(),
@@ -255,7 +255,7 @@ impl Tiers {
         self.tiers.iter_mut().map(report).collect()
     }
 
-    /// Goes on with the best ready tier below `tier`, which is not ready any more.
+    /// Goes on with the best ready tier below `tier`, which is not ready.
     fn leave(&mut self, tier: usize, now: Duration, reason: String) -> Option<Change> {
         if self.current != Some(tier) {
             return None;

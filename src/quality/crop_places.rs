@@ -1,4 +1,4 @@
-//! Where an image is judged by crops, as the paper does: at random, but where the sector is.
+//! Places of the crops by which images are judged, as in the paper: random, within the sector.
 
 use super::QualityError;
 use crate::random::SplitMix64;

@@ -1,15 +1,15 @@
-//! What can't be measured.
+//! Errors of image metrics.
 
 use thiserror::Error;
 
-/// Why a metric has no value.
+/// Reason why a metric has no value.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum QualityError {
     /// Pixels that don't fill the image.
     #[error("the {what} has {found} pixels; an image of {width} x {height} has {}", width * height)]
     Size {
-        /// Which of the maps.
+        /// Map with the wrong size.
         what: &'static str,
         /// Pixels given.
         found: usize,
@@ -79,7 +79,7 @@ pub enum QualityError {
     /// The extractor failed.
     #[error("the feature extractor failed: {reason}")]
     Extractor {
-        /// What it said.
+        /// Message of the extractor.
         reason: String,
     },
 }

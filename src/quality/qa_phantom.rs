@@ -1,4 +1,4 @@
-//! What a service engineer reads off an image of the QA phantom: distances, resolution, contrast, cysts, penetration.
+//! Measurements in images of the QA phantom: distances, resolution, contrast, cysts, penetration.
 //!
 //! The layout is that of [`crate::anatomy::specimens::qa`], seen by a linear probe whose face lies on z = 0 about x = 0. As
 //! on a scanner, everything is measured on the displayed image: a grey level is a level in dB above black.
@@ -48,7 +48,7 @@ pub struct Cyst {
     pub diameter_mm: f64,
     /// Depth of its centre, mm.
     pub depth_mm: f64,
-    /// How far the mean level of its middle (half of its diameter) is below the background's, dB.
+    /// Mean level of the background less that of its middle half, dB.
     pub void_db: f64,
 }
 
@@ -87,7 +87,7 @@ impl Pair {
     }
 }
 
-/// How deep the background is seen.
+/// Depth to which the background is visible.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Penetration {
     /// Depth to which the background's mean level stays [`SEEN_DB`] above black, mm.
@@ -186,7 +186,7 @@ fn cyst(levels: &Levels, (x, depth, diameter): (f32, f32, f32)) -> Cyst {
     Cyst { diameter_mm, depth_mm, void_db: around - disc(0.0, 0.25 * diameter_mm) }
 }
 
-/// Where the wire near (x, depth) is seen: the centre of what is within 10 dB of its peak, mm.
+/// Measured position of the wire near (x, depth): centre of the pixels within 10 dB of its peak, mm.
 pub fn wire_mm(levels: &Levels, (x, depth): (f32, f32)) -> DVec2 {
     let box_mm = (DVec2::new(x.into(), f64::from(depth) + 0.1), DVec2::new(1.6, 0.5));
     let peak = levels.pixels(box_mm).map(|(_, power)| power).fold(0.0, f64::max);

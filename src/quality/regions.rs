@@ -24,7 +24,7 @@ pub struct RegionSum {
     absolute: u64,
 }
 
-/// How an image differs from its reference in a region.
+/// Difference of an image from its reference in a region.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RegionError {
     /// Pixels, over all images.

@@ -25,7 +25,7 @@ pub struct SsimMap {
 /// As MATLAB's `ssim` on `uint8`: Gaussian window 11 × 11 of σ 1.5, weighted (biased) variances, K 0.01 and 0.03, range
 /// 255, exponents 1, images continued beyond their edges by their edge pixels (`imgaussfilt` with `'replicate'`), so
 /// that the map has the images' size and every size has a value. scikit-image's `structural_similarity` with
-/// `gaussian_weights=True, sigma=1.5, use_sample_covariance=False` has the same map but for the continuation, and leaves
+/// `gaussian_weights=True, sigma=1.5, use_sample_covariance=False` has the same map except for the continuation, and leaves
 /// 5 pixels at each edge out of the mean.
 ///
 /// With a mask the windows still see the whole images, and the map is averaged over the pixels inside: near the

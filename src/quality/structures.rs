@@ -1,4 +1,4 @@
-//! Missed structures: which tissues of the reference don't stand out from what surrounds them any more.
+//! Missed structures: tissues of the reference that do not stand out from their surroundings in the image.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ const PIXELS_MIN: u32 = 64;
 /// Contrast below which a border of the reference isn't one that could be missed, grey levels.
 pub const CONTRAST_MIN: f64 = 6.0;
 
-/// How one tissue comes out.
+/// Structure errors of one tissue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClassStructure {
     /// Number of the tissue in the segmentation, from 1.

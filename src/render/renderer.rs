@@ -16,7 +16,7 @@ use super::host::{HostScene, HostTrace, HostWork};
 use super::plan::{Choice, Effect, EffectPlan};
 use super::settings::SettingsError;
 use super::tables::TISSUES_MAX;
-use super::{ClippedKernel, Frame, PassTime, RenderSettings};
+use super::{Frame, PassTime, RenderSettings};
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, BvhError, Scene};
 use crate::pose::Pose;
@@ -242,11 +242,6 @@ impl Renderer {
     /// The probe it renders with.
     pub fn probe(&self) -> &Probe {
         &self.now.probe
-    }
-
-    /// Kernels of the point-spread function that are wider than their passes hold and are cut; none for usual probes.
-    pub fn clipped_kernels(&self) -> &[ClippedKernel] {
-        &self.now.tables.kernels.clipped
     }
 
     /// Whether the host's processors make its frames, within [`Renderer::submit`], and nothing of them is left to the device.

@@ -24,7 +24,7 @@ const BACKGROUND: Rgb = [14, 16, 20];
 const INK: Rgb = [214, 218, 224];
 const FAINT_INK: Rgb = [128, 134, 144];
 
-/// Which map of a frame a panel shows.
+/// Map of a frame shown by a panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Map {
     /// Grey levels, with a bar over this many dB.
@@ -55,11 +55,11 @@ pub struct ContactSheet<'a> {
     pub title: String,
     /// Panels, row by row.
     pub rows: Vec<Vec<Panel>>,
-    /// Where the sector lies in the frames.
+    /// Sector of the frames.
     pub sector: &'a Sector,
     /// Image depth, mm.
     pub depth_mm: f64,
-    /// What the segmentation numbers mean.
+    /// Tissues of the segmentation numbers.
     pub tissues: &'a TissueTable,
     /// Width of an image in the sheet, pixels.
     pub panel_width: u32,
@@ -216,7 +216,7 @@ fn entry_width(name: &str) -> u32 {
     SWATCH + 6 + Text::Small.width(name) + 18
 }
 
-/// Where each entry of a legend goes: its x and its line.
+/// Place of each legend entry: x in pixels, and line.
 fn legend_places<'a>(entries: &'a [(&'a str, Rgb)], width: u32) -> impl Iterator<Item = (u32, u32)> + 'a {
     let (mut x, mut line) = (MARGIN, 0);
     entries.iter().map(move |(name, _)| {

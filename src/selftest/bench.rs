@@ -74,7 +74,7 @@ impl Bench {
     }
 }
 
-/// Where specimens stand: (x, y) on a grid of 100 mm, each in nobody's way.
+/// Places of the specimens: (x, y) on a grid of 100 mm, clear of each other.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     taken: u32,

@@ -16,7 +16,7 @@ use crate::transducer::Probe;
 
 /// Depth of the interfaces at normal incidence, mm.
 const NORMAL_MM: f64 = 37.3;
-/// What an interface lies between, and both impedances, MRayl.
+/// Names of the media at an interface, and both impedances, MRayl.
 const NORMAL: [(&str, f64, f64); 4] = [
     ("water to bone", 1.48, 7.8),
     ("fat to muscle", 1.38, 1.65),

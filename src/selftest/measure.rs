@@ -1,4 +1,4 @@
-//! What is measured on lines: echoes, widths, powers, slopes.
+//! Measurements on lines: echoes, widths, powers.
 
 use crate::render::Frame;
 use crate::transducer::Probe;

@@ -2,7 +2,7 @@
 //!
 //! Specimens whose answers are known in closed form stand in one scene, so that the passes are compiled once. Each
 //! family of checks builds its own and measures them on frames: lines, grey levels and maps, as a user of the renderer
-//! gets them. Nothing inside the passes is read, but for the comparison with the f64 twins.
+//! gets them. Nothing inside the passes is read, except for the comparison with the f64 twins.
 
 pub mod bench;
 pub mod measure;
@@ -26,7 +26,7 @@ use crate::render::{Gpu, RenderError, ShaderSet};
 use bench::{Bench, Places, silent};
 use rig::Rig;
 
-/// Why the self-test could not be carried out.
+/// Error that prevents the self-test.
 #[derive(Debug, Error)]
 pub enum SelfTestError {
     /// A frame could not be rendered.
@@ -40,15 +40,15 @@ pub enum SelfTestError {
 /// One quantity, measured.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
-    /// What it belongs to: `Fresnel`, `Snell`, …
+    /// Family of the check: `Fresnel`, `Snell`, …
     pub group: &'static str,
-    /// What was measured.
+    /// Measured quantity.
     pub name: String,
     /// Unit of the three numbers; empty for ratios.
     pub unit: &'static str,
-    /// What theory says.
+    /// Theoretical value.
     pub expected: f64,
-    /// What the frames show; NaN where they don't show it at all.
+    /// Measured value; NaN if the frames don't show it at all.
     pub measured: f64,
     /// Largest accepted distance of the two.
     pub tolerance: f64,
@@ -82,9 +82,9 @@ pub struct Report {
     pub driver: String,
     /// Whether the device is software on the CPU.
     pub software: bool,
-    /// When the test began: ISO 8601, UTC.
+    /// Start of the test: ISO 8601, UTC.
     pub date: String,
-    /// How long it took, s.
+    /// Duration, s.
     pub duration_s: f64,
     /// Whether every check passed.
     pub passed: bool,

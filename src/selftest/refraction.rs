@@ -14,7 +14,7 @@ use crate::render::RenderError;
 const CASES: [(f64, f64, f64, f64); 2] = [(1450.0, 1578.0, 45.0, 30.0), (1480.0, 4080.0, 15.0, 180.0)];
 /// Tilts and azimuths of the three planes that measure the path behind, degrees.
 const PLANES: [(f64, f64); 3] = [(35.0, 20.0), (30.0, 140.0), (40.0, 260.0)];
-/// Where the path enters the second medium, mm, and how far on the planes lie.
+/// Entry of the path into the second medium, mm, and distances of the planes behind it.
 const ENTRY_MM: f64 = 20.0;
 const BEYOND_MM: f64 = 12.0;
 /// Impedance of the first medium, MRayl.

@@ -50,12 +50,12 @@ impl Rig {
         self.renderer.snapshot(pose)
     }
 
-    /// How the sector lies in the image of the last frame.
+    /// Geometry of the sector in the image of the last frame.
     pub(super) fn sector(&self) -> Sector {
         *self.renderer.sector()
     }
 
-    /// What held for all frames so far.
+    /// Condition that held for all frames so far.
     pub(super) fn checks(&self) -> [Check; 2] {
         let frames = self.frames;
         [

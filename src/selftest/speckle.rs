@@ -16,7 +16,7 @@ use crate::transducer::Probe;
 const DEVIATION: f64 = 0.01;
 /// Attenuation of the lossy block, dB/cm/MHz.
 const ALPHA: f64 = 0.5;
-/// How much nearer the tissue comes, mm.
+/// Displacement of the tissue toward the probe, mm.
 const NEARER_MM: f64 = 0.01;
 /// Mean over standard deviation of a Rayleigh distribution: √(π/(4 − π)).
 const RAYLEIGH_SNR: f64 = 1.913_058_4;

@@ -1,11 +1,11 @@
-//! Why something could not be written.
+//! Errors in writing files and in live displays.
 
 use std::path::PathBuf;
 use std::process::ExitStatus;
 
 use thiserror::Error;
 
-/// Why a file could not be written.
+/// Error of a file or a live display.
 #[derive(Debug, Error)]
 pub enum SinkError {
     /// The operating system refused.
@@ -73,7 +73,7 @@ pub enum SinkError {
     Ended {
         /// Sink.
         sink: &'static str,
-        /// What happened.
+        /// Cause.
         reason: String,
     },
     /// The encoder gave up.
@@ -83,9 +83,9 @@ pub enum SinkError {
         program: PathBuf,
         /// Video.
         path: PathBuf,
-        /// How it ended.
+        /// Exit status.
         status: ExitStatus,
-        /// What it said, its last 2000 characters.
+        /// Last 2000 characters of its error output.
         stderr: String,
     },
 }

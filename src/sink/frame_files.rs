@@ -13,9 +13,9 @@ use crate::render::Frame;
 pub struct FrameFiles<'a> {
     /// The frame.
     pub frame: &'a Frame,
-    /// What its segmentation numbers mean.
+    /// Tissues of the segmentation numbers.
     pub tissues: &'a TissueTable,
-    /// How it was made.
+    /// Record of its inputs and times.
     pub record: &'a FrameRecord,
 }
 

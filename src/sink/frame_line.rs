@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::live::{FrameSource, PresentedFrame};
 
-/// What a line says of a frame. Times are ms since the session began.
+/// Fields of a frame's line. Times are ms since the session began.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameLine<'a> {
     /// Number of the frame.
@@ -36,7 +36,7 @@ pub struct FrameLine<'a> {
     pub tier: Option<&'a str>,
     /// Whether the picture stands still.
     pub frozen: bool,
-    /// What went wrong lately.
+    /// Latest fault.
     pub notice: Option<&'a str>,
 }
 

@@ -1,4 +1,4 @@
-//! What a frame was made of, for `frame.json`.
+//! Record of a frame's inputs and times, for `frame.json`.
 
 use serde::Serialize;
 
@@ -6,7 +6,7 @@ use crate::pose::Pose;
 use crate::render::{Effect, EffectPlan, Frame, FrameTimes, PassTime, Quality, RenderSettings};
 use crate::transducer::{Probe, ProbeKind, Sector};
 
-/// What a frame was made with: pose, quality, image, probe, device. The station file holds scene and tissues.
+/// Inputs of a frame: pose, quality, image, probe, device. The station file holds scene and tissues.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameRecord {
     /// Version of insonify.
@@ -15,7 +15,7 @@ pub struct FrameRecord {
     pub pose: PoseRecord,
     /// Paths as asked for.
     pub quality: QualityRecord,
-    /// What was simulated of them.
+    /// Paths and effects simulated.
     pub simulated: SimulatedRecord,
     /// Image.
     pub image: ImageRecord,
@@ -27,7 +27,7 @@ pub struct FrameRecord {
     pub overflows: u32,
     /// Times.
     pub times: TimesRecord,
-    /// What rendered it.
+    /// Device that rendered it.
     pub adapter: AdapterRecord,
 }
 
@@ -57,7 +57,7 @@ pub struct QualityRecord {
     pub pulse_taps_max: u32,
 }
 
-/// What the effect plan made of what was asked for.
+/// Quality and effects after the effect plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulatedRecord {
     /// Rays per scanline and layer: one where more show nothing more.

@@ -15,7 +15,7 @@ pub struct LiveVideo {
     stem: PathBuf,
     rate: FrameRate,
     video: Option<Video>,
-    /// When the video begins, moved on by pauses that were cut.
+    /// Session time of the video's start, moved on by cut pauses.
     origin: Duration,
     /// Frame that is shown now, and its place in the video.
     shown: Vec<u8>,

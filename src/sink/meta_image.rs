@@ -22,7 +22,7 @@ use crate::transducer::Sector;
 /// Room for the size of the compressed pixels, which is known at the end only, characters.
 const SIZE_WIDTH: usize = 20;
 
-/// What belongs to one image.
+/// Time and pose of one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageTracking {
     /// Time, s.
@@ -40,7 +40,7 @@ pub struct MetaImageWriter {
     sector: Sector,
     images: usize,
     pushed: usize,
-    /// Where the size of the compressed pixels belongs, and where they start.
+    /// File offsets of the compressed size field and of the pixels, bytes.
     size_at: u64,
     pixels_at: u64,
 }

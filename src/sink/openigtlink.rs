@@ -52,7 +52,7 @@ const SEND_BUFFER: u32 = 1 << 20;
 
 const SINK: &str = "OpenIGTLink server";
 
-/// Where the scene's axes point in the patient.
+/// Directions of the scene's axes in the patient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SceneAxes {
     ras_from_scene: DMat3,
@@ -62,7 +62,7 @@ pub struct SceneAxes {
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("`{text}` are no axes: expected three letters of R or L, A or P, S or I, each pair once, right-handed")]
 pub struct SceneAxesError {
-    /// What was given.
+    /// Text given.
     pub text: String,
 }
 
@@ -100,14 +100,14 @@ impl Default for SceneAxes {
     }
 }
 
-/// What a station says of the server.
+/// Server settings of a station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Address to listen at.
     pub address: IpAddr,
     /// Port; 0 for any free one.
     pub port: u16,
-    /// Where the scene's axes point.
+    /// Directions of the scene's axes.
     pub scene_axes: SceneAxes,
     /// Thickness of the image that clients are told, mm.
     pub slice_mm: f64,
@@ -127,7 +127,7 @@ impl Default for Settings {
     }
 }
 
-/// What the server counts.
+/// Counters of the server.
 #[derive(Debug, Default)]
 pub struct Counters {
     /// Clients connected now.
@@ -198,12 +198,12 @@ impl OpenIgtLink {
         Ok(Self { settings, probe, address, latest, pool: Vec::new(), number: 0, counters, cancel, thread })
     }
 
-    /// Where it listens.
+    /// Address that it listens at.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What it counts; stays readable after the end.
+    /// Counters; readable after the end.
     pub fn counters(&self) -> Arc<Counters> {
         Arc::clone(&self.counters)
     }

@@ -8,7 +8,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::error::check_shape;
 use super::{SinkError, write_with};
 
-/// How much time goes into a smaller file. Pixels are the same with each.
+/// Compression effort: more time for a smaller file. Pixels are the same at every level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
     /// For frame sequences: about 10 ms for a 1386 × 1000 B-mode image.

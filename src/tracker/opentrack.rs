@@ -14,9 +14,6 @@ use thiserror::Error;
 use super::Record;
 use crate::pose::{Pose, PoseError, Reading};
 
-/// UDP port of opentrack's receiver.
-pub const UDP_PORT: u16 = 4242;
-
 /// Length of a datagram, bytes.
 pub const LENGTH: usize = 48;
 

@@ -12,7 +12,7 @@ const MARKER: i32 = 6;
 /// Lines above and below the point at which a name is tried.
 const LINES: i32 = 7;
 
-/// What is kept free about a point.
+/// Rectangle that is kept free about a point.
 pub(super) fn marker((x, y): (i32, i32)) -> Rect {
     [x - MARKER, y - MARKER, x + MARKER, y + MARKER]
 }

@@ -1,4 +1,4 @@
-//! Which points are measured.
+//! Points to be measured.
 
 use super::Knobs;
 

@@ -26,7 +26,7 @@ const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "pap
 /// The figure as SVG; its axis says whether the reference is converged.
 ///
 /// # Errors
-/// What the drawing library refuses, in words.
+/// A refusal by the drawing library, as text.
 pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, String> {
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
@@ -39,7 +39,7 @@ pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, Str
 /// The figure as pixels: width, height, RGB [height × width × 3].
 ///
 /// # Errors
-/// What the drawing library refuses, in words.
+/// A refusal by the drawing library, as text.
 pub fn rgb(points: &[Point], title: &str, converged: bool) -> Result<(u32, u32, Vec<u8>), String> {
     let mut raster = Raster { image: RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3])) };
     let area = (&mut raster).into_drawing_area();

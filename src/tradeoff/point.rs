@@ -19,7 +19,7 @@ pub struct Point {
     pub generator: Option<String>,
     /// Time of a frame.
     pub time: Time,
-    /// How far it is from the reference.
+    /// Distance from the reference.
     pub error: Errors,
     /// Tissue by tissue.
     pub classes: Vec<ClassError>,
@@ -65,12 +65,12 @@ pub struct Errors {
     /// Root of the mean square difference of mean levels over patches of 32 × 32, grey levels: what is left where speckle
     /// is averaged out. Points are ranked by it.
     pub level_rmse: f64,
-    /// How much that differs with another seed, grey levels.
+    /// Difference of that value between two seeds, grey levels.
     pub level_rmse_spread: f64,
     /// Root of the mean square difference of pixels, grey levels. Other samples, scanlines and kernels are other
     /// speckle: it compares points that have those of the reference, and no others.
     pub rmse: f64,
-    /// How much that differs with another seed, grey levels.
+    /// Difference of that value between two seeds, grey levels.
     pub rmse_spread: f64,
     /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, where none does.
     #[serde(with = "crate::quality::infinite_is_null")]
@@ -101,7 +101,7 @@ pub struct ClassError {
     pub grey_difference: f64,
     /// Envelope SNR.
     pub envelope_snr: Option<f64>,
-    /// That of the reference.
+    /// Envelope SNR of the reference.
     pub reference_snr: Option<f64>,
     /// Share of its borders' contrast that is lost.
     pub contrast_lost: Option<f64>,

@@ -24,7 +24,7 @@ const SILENCE: Duration = Duration::from_secs(2);
 /// So many times the poses needed are looked at before a tip counts as moving.
 const PATIENCE: usize = 10;
 
-/// How landmarks are touched.
+/// Options of touching landmarks.
 #[derive(Debug, clap::Args)]
 pub(super) struct TouchArgs {
     /// Touch the landmarks with the tracker of this station (TOML)
@@ -99,7 +99,7 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<NamedPoint>, Failur
     }
 }
 
-/// What is calibrated already: what the station's file says, where `out` says nothing. Either may not be there yet.
+/// Present calibration: that of `out`, else that of the station's file. Either may be missing.
 fn calibration(station: Option<&Path>, out: &Path) -> Result<Calibration, Failure> {
     let mut found = Calibration::default();
     for path in station.into_iter().chain([out]).filter(|path| path.exists()) {
@@ -113,7 +113,7 @@ fn calibration(station: Option<&Path>, out: &Path) -> Result<Calibration, Failur
     Ok(found)
 }
 
-/// What touches, in the frame of its sensor, mm, and its name.
+/// Point of contact in the frame of its sensor, mm, and its name.
 fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure> {
     let calibration = calibration(station.calibration.path.as_deref(), file)?;
     if let Some(tip) = calibration.stylus_tip_mm {
@@ -130,7 +130,7 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
     Ok((DVec3::ZERO, "the sensor"))
 }
 
-/// What is the matter with the tracker, where something is.
+/// Fault of the tracker, if any.
 fn condition(stream: &PoseStream) -> String {
     let report = stream.report();
     let mut text = format!("; the tracker is {}", report.state.name());

@@ -1,4 +1,4 @@
-//! What is on disk of a data set.
+//! Files of a data set on disk.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -20,7 +20,7 @@ pub(super) fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What a data set says of `station`; its file is named after its content.
+/// Manifest row of `station`; its file is named after its content.
 pub(super) fn kept_station(station: &Station) -> Result<StationRow, Failure> {
     let text =
         std::fs::read(&station.path).with_context(|| format!("cannot read {}", station.path.display())).input()?;
@@ -205,7 +205,7 @@ impl Store {
     }
 }
 
-/// What a manifest's name says of the number of shards.
+/// Number of shards by a manifest's name.
 fn shards_of(manifest: &Path) -> Option<String> {
     let name = manifest.file_name()?.to_string_lossy().into_owned();
     name.split_once("-of-").map(|(_, of)| of.to_owned())
@@ -215,7 +215,7 @@ fn busy(manifest: &Path) -> Failure {
     Failure::Input(anyhow!("{} is being written by another run: wait for it", manifest.display()))
 }
 
-/// What differs first between two headers.
+/// First difference between two headers.
 fn difference(found: &Header, wanted: &Header) -> Option<String> {
     let fields = |header: &Header| -> Vec<(String, String)> {
         let value = serde_json::to_value(header).unwrap_or_default();

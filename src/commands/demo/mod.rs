@@ -101,7 +101,7 @@ struct KeyFrame {
     pose: Pose,
 }
 
-/// What the demo did.
+/// Summary of the demo, for JSON.
 #[derive(Serialize)]
 struct Report<'a> {
     version: &'static str,

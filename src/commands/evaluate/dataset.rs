@@ -17,7 +17,7 @@ use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::{Args, models, sheets};
 
-/// What came of it.
+/// Result, for JSON.
 #[derive(Serialize)]
 pub(super) struct Report {
     pub(super) dataset: std::path::PathBuf,
@@ -31,7 +31,7 @@ pub(super) struct Report {
     pub(super) seed: u64,
     /// Low quality first, then the generators, then the high quality rendered again.
     pub(super) rows: Vec<RowReport>,
-    /// What to know about the figures.
+    /// Notes on the figures.
     pub(super) notes: Vec<String>,
     /// Pictures written.
     pub(super) sheets: Vec<std::path::PathBuf>,

@@ -1,4 +1,4 @@
-//! What is measured of one row of the table: the low quality, a generator, or the high quality rendered again.
+//! Metrics of one row of the table: the low quality, a generator, or the high quality rendered again.
 
 use std::path::PathBuf;
 
@@ -29,7 +29,7 @@ pub(super) struct Judged<'a> {
     /// Upper left corners of its crops.
     pub(super) places: Vec<[usize; 2]>,
     pub(super) side: usize,
-    /// Which pixels lie behind bone, where the scanlines are known.
+    /// Pixels behind bone, if the scanlines are known.
     pub(super) behind: Option<Vec<bool>>,
 }
 
@@ -42,7 +42,7 @@ pub(super) struct ImageScores {
     pub(super) crops: Vec<([usize; 2], Scores)>,
 }
 
-/// What has been gathered of a row.
+/// Accumulated metrics of a row.
 pub(super) struct Row {
     pub(super) name: String,
     pub(super) model: Option<PathBuf>,
@@ -83,13 +83,13 @@ pub(super) struct RowReport {
 /// A Fréchet distance.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Distance {
-    /// What it is called.
+    /// Name.
     pub(super) name: String,
     pub(super) crops: Option<f64>,
     pub(super) full: Option<f64>,
 }
 
-/// How one tissue comes out.
+/// Errors of one tissue.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct TissueRow {
     pub(super) tissue: String,

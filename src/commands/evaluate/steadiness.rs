@@ -1,4 +1,4 @@
-//! How steady generated frames are while the probe slides in its image plane.
+//! Steadiness of generated frames while the probe slides in its image plane.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use super::super::tradeoff::poses;
 use super::super::{Failure, session};
 use super::{Args, models};
 
-/// What came of it.
+/// Result, for JSON.
 #[derive(Serialize)]
 pub(super) struct Report {
     pub(super) station: PathBuf,

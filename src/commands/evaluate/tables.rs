@@ -99,7 +99,7 @@ fn table(
     text + "\n"
 }
 
-/// What lies behind bone, and lost structures.
+/// Errors behind bone, and lost structures.
 fn shadows(rows: &[RowReport]) -> String {
     let mut text =
         "Behind bone (mean grey level, its difference from the target's, and the mean magnitude of the pixels' \

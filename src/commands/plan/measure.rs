@@ -1,4 +1,4 @@
-//! What each effect costs on this machine.
+//! Cost of each effect on this machine.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -18,13 +18,13 @@ use crate::commands::progress::Progress;
 /// Turns that every way of rendering gets, and frames of a turn; the first of a turn is not counted.
 const ROUNDS: usize = 7;
 const FRAMES: usize = 4;
-/// A slow device takes fewer turns: no further one begins after this, but for the third.
+/// Time after which no further turn begins, except the third: slow devices take fewer turns.
 const LONG: Duration = Duration::from_secs(30);
 const ROUNDS_MIN: usize = 3;
 /// Time between frames of a scene that moves, s.
 const STEP_S: f64 = 1.0 / 30.0;
 
-/// What leaving an effect out saves, or simulating it costs.
+/// Time saved by leaving an effect out, or spent on simulating it.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(crate) struct Cost {
     effect: Effect,
@@ -41,7 +41,7 @@ impl fmt::Display for Cost {
     }
 }
 
-/// What was measured.
+/// Measured times.
 #[derive(Debug, Serialize)]
 pub(crate) struct Costs {
     /// Median time of a frame as planned, ms.
@@ -54,12 +54,12 @@ pub(crate) struct Costs {
 }
 
 impl Costs {
-    /// That of `effect`; none where it is a number in a table.
+    /// Cost of `effect`; none if the effect only changes a number in a table.
     pub(crate) fn of(&self, effect: Effect) -> Option<&Cost> {
         self.costs.iter().find(|cost| cost.effect == effect)
     }
 
-    /// What the plan saves, ms.
+    /// Time that the plan saves, ms.
     pub(crate) fn saved_ms(&self) -> f64 {
         self.all_effects_ms - self.planned_ms
     }

@@ -1,4 +1,4 @@
-//! What a run will take, and what is left of it.
+//! Estimated duration of a run, and its remaining time.
 
 use insonify::pose::Pose;
 use insonify::tradeoff::{Knobs, Planned};
@@ -57,7 +57,7 @@ impl Estimate {
     }
 }
 
-/// What is left, corrected by what the done parts took.
+/// Remaining time, corrected by the durations of the finished parts.
 #[derive(Default)]
 pub(super) struct Eta {
     left_s: f64,

@@ -1,4 +1,4 @@
-//! What the frames of a run depend on, as text for the names of kept points.
+//! Identity of a run's frames, as text for the names of kept points.
 
 use std::fmt::{self, Write};
 
@@ -16,7 +16,7 @@ impl Write for Sum {
     }
 }
 
-/// All of a station but for knobs and poses; the scene by its content, wherever it lies.
+/// Station without knobs and poses; the scene by its content, not its path.
 pub(super) fn of(station: &Station, scene: &Scene) -> String {
     let mut sum = Sum(Sha256::new());
     // A hash takes all.

@@ -94,7 +94,7 @@ impl Bench {
         names.iter().enumerate().map(unlike).collect()
     }
 
-    /// What tells the models from others: the sums of their files, which loading has checked.
+    /// Identity of the models: the sums of their files, which loading has checked.
     pub(super) fn models(&self) -> String {
         self.generators.iter().map(|g| format!("{:?}\n", g.manifest())).collect()
     }

@@ -10,10 +10,10 @@ use insonify::tracker::{Transport, recording};
 
 use super::Failure;
 
-/// Where poses come from.
+/// Source of poses.
 pub(in crate::commands) struct Poses {
     all: Vec<Pose>,
-    /// What they are.
+    /// Description of the poses.
     pub(super) what: &'static str,
 }
 

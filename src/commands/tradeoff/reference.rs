@@ -40,13 +40,13 @@ pub(super) struct Check {
     layers_compared: u32,
     /// Mean magnitude of a pixel's change from half the rays, grey levels.
     rays_change: f64,
-    /// What it must be below.
+    /// Upper limit.
     rays_bound: f64,
     /// Mean magnitude of the change of the levels of 32 × 32 pixels by more layers, grey levels.
     layers_change: f64,
-    /// What it must be below.
+    /// Upper limit.
     layers_bound: f64,
-    /// Whether both are.
+    /// Whether both changes are below their limits.
     pub(super) converged: bool,
 }
 
@@ -62,7 +62,7 @@ impl fmt::Display for Check {
     }
 }
 
-/// What is true at one pose.
+/// Reference images at one pose.
 pub(super) struct Truth {
     pub(super) size: [usize; 2],
     pub(super) bmode: Vec<u8>,

@@ -46,7 +46,7 @@ impl Store {
         Ok(point)
     }
 
-    /// Where something of that name lies.
+    /// Path of the entry of that name.
     pub(super) fn path(&self, name: &str, extension: &str) -> PathBuf {
         self.folder.join(format!("{}_{}.{extension}", self.key, name.replace([' ', '/', '\\'], "_")))
     }

@@ -1,4 +1,4 @@
-//! How well a session found a scene's standard planes.
+//! Score of a session against a scene's standard planes.
 //!
 //! A plane is **found** when the image shows one of its views within the tolerances, the probe on the skin, for at least
 //! [`HOLD_S`] without a break. The **best second** is that whose largest deviations, each over its tolerance, are least
@@ -29,14 +29,14 @@ use crate::pose::{Pose, TimedPose, angle_between};
 use crate::tracker::recording::{CaliperEvent, Event};
 use crate::transducer::{Probe, Sector};
 
-/// How long a plane is to be held, s.
+/// Required hold of a plane, s.
 pub const HOLD_S: f64 = 1.0;
 
-/// What a session is compared with.
+/// Reference data of a score.
 pub struct Reference<'a> {
     /// The planes that count.
     pub planes: Vec<&'a StandardPlane>,
-    /// Where the probe touches; without it, it is taken to touch always.
+    /// Skin that the probe touches; without it, contact is assumed.
     pub skin: Option<&'a Skin>,
     /// Surfaces that the calipers name; what is missing isn't measured.
     pub surfaces: &'a BTreeMap<String, Mesh>,
@@ -54,7 +54,7 @@ impl Reference<'_> {
     }
 }
 
-/// How well a session did.
+/// Score of a session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
     /// Mean of the planes' points, 0..=100.
@@ -77,12 +77,12 @@ pub struct Score {
     pub calipers_refused: Vec<String>,
 }
 
-/// How well a plane was found.
+/// Score of one plane.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PlaneScore {
     /// Name of the plane.
     pub name: String,
-    /// What people call it.
+    /// Display name.
     pub title: String,
     /// The view that was nearest; empty where the plane has only one.
     pub view: String,
@@ -93,13 +93,13 @@ pub struct PlaneScore {
     pub found: bool,
     /// 0..=100.
     pub points: f64,
-    /// When the first hold began, s from the start.
+    /// Start of the first hold, s from the start.
     pub find_s: Option<f64>,
     /// Way of the probe's face until then, mm.
     pub path_to_find_mm: Option<f64>,
     /// Longest time it was held, s.
     pub longest_hold_s: f64,
-    /// When the best second began, s from the start; none where the session has no second without a gap.
+    /// Start of the best second, s from the start; none if every second has a gap.
     pub best_s: Option<f64>,
     /// Pose at the best moment of the best second.
     #[serde(skip)]
@@ -118,7 +118,7 @@ pub struct PlaneScore {
     pub unsteady_deg: Option<f64>,
     /// Mean depth of the face below the skin over the best second, mm; none off the skin.
     pub press_mm: Option<f64>,
-    /// What would be measured at the best moment.
+    /// Measurements at the best moment.
     pub measures: Vec<Measure>,
 }
 
@@ -127,7 +127,7 @@ pub struct PlaneScore {
 pub struct Measure {
     /// Name of the caliper.
     pub name: String,
-    /// What people call it.
+    /// Display name.
     pub title: String,
     /// Measured length, mm; none where the image does not show enough.
     pub measured_mm: Option<f64>,
@@ -135,7 +135,7 @@ pub struct Measure {
     pub true_mm: Option<f64>,
     /// Measured over true less one, percent.
     pub error_percent: Option<f64>,
-    /// Where the caliper lies in the image.
+    /// Caliper in the image.
     #[serde(skip)]
     pub measured: Option<Measured>,
 }
@@ -143,9 +143,9 @@ pub struct Measure {
 /// A measurement of the session itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaliperScore {
-    /// When, s from the start.
+    /// Time, s from the start.
     pub time_s: f64,
-    /// What was measured.
+    /// Name of the caliper.
     pub name: String,
     /// Measured length, mm.
     pub measured_mm: f64,
@@ -273,7 +273,7 @@ fn falling(value: f64, full: f64, none: f64) -> f64 {
     ((none - value) / (none - full)).clamp(0.0, 1.0)
 }
 
-/// What `caliper` measures at `pose`, and the truth.
+/// Measurement of `caliper` at `pose`, and the truth.
 fn measured(
     caliper: &Caliper,
     view: &View,

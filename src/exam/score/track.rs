@@ -1,4 +1,4 @@
-//! Where the probe was, and when it was how far off.
+//! Positions of the probe, and its offsets from the planes over time.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -34,7 +34,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Where the probe was at each pose.
+    /// Position of the probe at each pose.
     pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
         let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
         let on_skin = |p: &TimedPose| match reference.skin {

@@ -1,4 +1,4 @@
-//! What the image shows at the best moment, beside the standard plane.
+//! Image at the best moment beside the standard plane.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use crate::pose::Pose;
 use crate::report::html::escape;
 use crate::transducer::{Probe, ProbeKind, Sector};
 
-/// How deep the face is pressed into the skin in the standard view, mm.
+/// Depth of the face in the skin in the standard view, mm.
 const PRESS_MM: f64 = 2.5;
 
 /// Outlines of the view's surfaces at the best moment and in the standard plane.

@@ -1,4 +1,4 @@
-//! Where a picture is taken from, and where it is cut.
+//! Camera and cut of a picture.
 
 use std::str::FromStr;
 
@@ -9,7 +9,7 @@ use crate::anatomy::Axes;
 use crate::pose::Pose;
 use crate::suggest::did_you_mean;
 
-/// From where one looks.
+/// Viewing direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// From the side on which the image's right is right.

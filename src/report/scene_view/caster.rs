@@ -14,7 +14,7 @@ use crate::anatomy::Mesh;
 /// Least component of a ray's direction: 1 µm a metre.
 const LEAST: f64 = 1e-6;
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray and a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
     /// Distance along the ray, mm.

@@ -8,7 +8,7 @@ use crate::transducer::{Probe, Sector};
 /// A B-mode image to be laid into the fan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BmodeImage {
-    /// Where its pixels lie in the imaging plane.
+    /// Geometry of its pixels in the imaging plane.
     pub sector: Sector,
     /// Grey levels [height × width] of the sector's size.
     pub grey: Vec<u8>,
@@ -21,7 +21,7 @@ pub struct Fan {
     pub scene_from_probe: Pose,
     /// Its shape.
     pub probe: Probe,
-    /// What it sees, if that is known.
+    /// Its image, if known.
     pub image: Option<BmodeImage>,
 }
 

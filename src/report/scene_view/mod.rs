@@ -58,7 +58,7 @@ pub enum ViewError {
     /// The fan was asked for where no probe has a pose.
     #[error("{what} needs a probe: give --pose, or a station with a [pose]")]
     NoFan {
-        /// What needs it.
+        /// Option that needs it.
         what: &'static str,
     },
     /// A picture too small or too large.

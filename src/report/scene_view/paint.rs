@@ -22,11 +22,11 @@ pub struct PictureSettings {
     pub width: u32,
     /// Height, pixels, 64..=8192.
     pub height: u32,
-    /// From where.
+    /// Viewing direction.
     pub from: Direction,
     /// A turn from there.
     pub orbit: Orbit,
-    /// Where the scene is cut.
+    /// Cut through the scene.
     pub cut: Option<Cut>,
 }
 

@@ -1,10 +1,10 @@
-//! Which surfaces are shown, by name.
+//! Selection of surfaces by name.
 
 use super::ViewError;
 use crate::anatomy::Scene;
 use crate::suggest::did_you_mean;
 
-/// Which of a scene's surfaces are shown.
+/// Visible surfaces of a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Selection {
     pub(super) shown: Vec<bool>,

@@ -1,4 +1,4 @@
-//! Who may see the page: by token, `Host` and `Origin`.
+//! Access control of the page by token, `Host` and `Origin`.
 //!
 //! A foreign page in the same browser reaches the port, too. Its requests carry its own `Origin`, or, after it has made its
 //! name point here (DNS rebinding), its own name as `Host`; both are refused. Addresses in digits can't be rebound.
@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use super::Settings;
 
-/// What requests are checked against.
+/// Values that requests are checked against.
 #[derive(Debug)]
 pub(super) struct Access {
     local: SocketAddr,
@@ -116,7 +116,7 @@ fn random_token() -> Result<String, getrandom::Error> {
     Ok(URL_SAFE_NO_PAD.encode(bytes))
 }
 
-/// An address that a browser can open: that of this machine's route outwards in place of "every address".
+/// Address that a browser can open: for "every address", that of this machine's route outwards.
 fn reachable(ip: IpAddr) -> IpAddr {
     if !ip.is_unspecified() {
         return ip;

@@ -1,4 +1,4 @@
-//! Where the page is served and to whom.
+//! Browser settings of a station: address, token and number of pages.
 
 use std::net::{IpAddr, Ipv4Addr};
 

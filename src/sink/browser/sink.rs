@@ -78,7 +78,7 @@ impl BrowserSink {
         &self.url
     }
 
-    /// Where it listens.
+    /// Address that it listens at.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }

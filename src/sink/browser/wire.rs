@@ -40,7 +40,7 @@ const VERSION: u16 = 2;
 /// A longer tier name or notice is cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
-/// Which map a message carries.
+/// Map carried by a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Map {
     Image = 1,

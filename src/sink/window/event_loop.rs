@@ -20,7 +20,7 @@ use crate::sink::canvas::Canvas;
 use crate::sink::hot_keys::{self, Action};
 use crate::sink::live::{Control, LiveSettings};
 
-/// Without a new frame for so long a picture that is not frozen is no longer live.
+/// Time without a new frame after which a picture that is not frozen is shown as not live.
 const SILENCE: Duration = Duration::from_secs(2);
 /// Figures change so often, and silence is looked for.
 const TICK: Duration = Duration::from_millis(500);
@@ -94,7 +94,7 @@ struct App {
     shown: Option<Shown>,
     spare: Shown,
     canvas: Canvas,
-    /// What the marks show, to draw them only when it changes.
+    /// Values in the marks; marks are drawn only when these change.
     drawn_figures: Option<Figures>,
     drawn_settings: Option<Shown>,
     /// Settings that the keys asked for.
@@ -251,7 +251,7 @@ impl App {
     }
 }
 
-/// What the marks show of a frame.
+/// Contents of a frame that the marks show.
 fn labels(shown: &Shown) -> Shown {
     Shown {
         image: Vec::new(),

@@ -11,7 +11,7 @@ use winit::window::Window;
 use super::marks::Placement;
 use crate::sink::canvas::Canvas;
 
-/// What the shader reads, as `Placement` in shaders/window.wgsl.
+/// Uniforms of the shader, as `Placement` in shaders/window.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Uniforms {
@@ -22,7 +22,7 @@ struct Uniforms {
     unused: f32,
 }
 
-/// How a frame is drawn.
+/// Drawing parameters of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     pub(super) picture: Placement,
@@ -31,7 +31,7 @@ pub(super) struct Look {
     pub(super) marks_scale: u32,
 }
 
-/// What became of a drawing.
+/// Outcome of a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Drawn {
     /// It is on the screen, or the window can't be seen.

@@ -1,4 +1,4 @@
-//! What lies over the picture: depth scale, focus, states, figures, keys.
+//! Marks over the picture: depth scale, focus, states, figures, keys.
 //!
 //! Drawn on the CPU into a canvas of the window's size, only when something of it changes. Black is transparent.
 
@@ -24,7 +24,7 @@ const MARGIN_X: f32 = 70.0;
 const MARGIN_TOP: f32 = 44.0;
 const MARGIN_BOTTOM: f32 = 34.0;
 
-/// Where the picture lies in a window, pixels.
+/// Rectangle of the picture in a window, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placement {
     pub(super) x: f32,
@@ -48,7 +48,7 @@ pub(super) fn tick_step_cm(pixels_per_cm: f32) -> u32 {
     [1, 2, 5, 10, 20, 50].into_iter().find(|&step| step as f32 * pixels_per_cm >= 26.0).unwrap_or(100)
 }
 
-/// What is told over the picture, worst first.
+/// Warnings over the picture, worst first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Banner {
     Waiting,
@@ -81,7 +81,7 @@ impl Banner {
     }
 }
 
-/// Which banner a frame deserves. `silent`: no new one came for too long.
+/// Banner for a frame. `silent`: no new frame came for too long.
 pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
     let Some(shown) = shown else { return Some(Banner::Waiting) };
     match shown.info.estimate.state {

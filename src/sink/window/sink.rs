@@ -15,7 +15,7 @@ pub(super) const NAME: &str = "window";
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wake;
 
-/// What the window shows of a frame.
+/// Contents of a frame that the window shows.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Shown {
     pub(super) width: u32,
@@ -49,7 +49,7 @@ pub(super) struct State {
     fresh: bool,
     dropped: u64,
     pub(super) sink_ended: bool,
-    /// Why the window is gone.
+    /// Reason why the window is gone.
     pub(super) window_gone: Option<&'static str>,
     pub(super) proxy: Option<EventLoopProxy<Wake>>,
 }

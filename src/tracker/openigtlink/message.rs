@@ -18,9 +18,6 @@ pub const TRANSFORM: usize = 48;
 /// Length of a tool entry of a `TDATA`, bytes.
 pub const TOOL: usize = 70;
 
-/// Length of the part before the pixels of an `IMAGE`, bytes.
-pub const IMAGE_HEAD: usize = 72;
-
 /// Status code: OK.
 pub const STATUS_OK: u16 = 1;
 
