@@ -22,7 +22,7 @@ pub struct AxisMap {
 /// A text that is not an axis map.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error(
-    "`{text}` is no axis map: expected three of x, y, z, then three of rx, ry, rz, each once, with a `-` where the sign turns"
+    "`{text}` is no axis map: expected three of x, y, z, then three of rx, ry, rz, each once, with a `-` to reverse its sign"
 )]
 pub struct AxisMapError {
     /// Text given.

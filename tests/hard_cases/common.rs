@@ -1,4 +1,4 @@
-//! What every case uses: one device, frames that must hold, random numbers, the table.
+//! Shared helpers of all cases: one device, checks of frames, tolerances, the printed table.
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -8,13 +8,13 @@ use insonify::random::SplitMix64;
 use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer, ShaderSet, Snapshot, twin};
 use insonify::transducer::Probe;
 
-/// The device that all cases share.
+/// The device shared by all cases.
 pub(crate) fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| Gpu::new(&GpuOptions::default()).unwrap())
 }
 
-/// A renderer of any scene, however unsound.
+/// A renderer of any scene, valid or not.
 pub(crate) fn renderer(scene: &Scene, probe: &Probe, settings: &RenderSettings, shaders: &ShaderSet) -> Renderer {
     // Software devices compile one renderer at a time as fast as several.
     static COMPILE: Mutex<()> = Mutex::new(());
@@ -29,29 +29,28 @@ pub(crate) fn patched(pass: &str, from: &str, to: &str) -> ShaderSet {
     shaders
 }
 
-/// Asserts that each of these lines stands in a pass: where a case repeats the shader's arithmetic in Rust, that it is
-/// what the shader does.
+/// Asserts that a pass contains these lines, which a case repeats in Rust.
 #[track_caller]
-pub(crate) fn stands_in(pass: &str, lines: &[&str]) {
+pub(crate) fn assert_pass_contains(pass: &str, lines: &[&str]) {
     for line in lines {
         assert!(ShaderSet::default().replace(pass, line, line), "{pass} has no `{line}`");
     }
 }
 
-/// How far a frame may be from its twin.
+/// Accepted differences between a frame and its twin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
-    /// Mean distance of grey levels, of 255.
+    /// Mean difference of grey levels, of 255.
     pub(crate) grey: f64,
-    /// Part of the sector's pixels of another tissue.
+    /// Fraction of the sector's pixels with another tissue.
     pub(crate) other: f64,
 }
 
 /// Rounding alone.
 pub(crate) const ROUNDING: Tolerance = Tolerance { grey: 1.0, other: 0.005 };
 
-/// Renders a frame twice and asserts what must hold for every one: finite, in range, nothing outside the mask, the same
-/// bits again, and the twin's image within `tolerance`.
+/// Renders a frame twice and asserts that it is valid: finite, in range, nothing outside the mask, bit-identical on
+/// repetition, and within `tolerance` of the twin's image.
 #[track_caller]
 pub(crate) fn holds(what: &str, renderer: &mut Renderer, pose: &Pose, tolerance: Tolerance) -> Snapshot {
     let (mut frame, mut again) = (Frame::default(), Frame::default());
@@ -78,7 +77,7 @@ pub(crate) fn holds(what: &str, renderer: &mut Renderer, pose: &Pose, tolerance:
     snapshot
 }
 
-/// Asserts that every number of every pass is finite and in its range.
+/// Asserts that all numbers of all passes are finite and in range.
 #[track_caller]
 pub(crate) fn finite(what: &str, s: &Snapshot) {
     for segment in s.paths.iter().flat_map(|p| &p.segments) {
@@ -95,7 +94,7 @@ pub(crate) fn finite(what: &str, s: &Snapshot) {
     assert!(s.percentile_np.is_finite() && s.percentile_np >= 0.0, "{what}: {}", s.percentile_np);
 }
 
-/// Every number of a frame, as bits.
+/// All numbers of a frame, as bits.
 pub(crate) fn words(frame: &Frame) -> Vec<u32> {
     let reals = frame.lines.iter().flatten().chain(&frame.attenuation).chain([&frame.attenuation_p98]);
     let bytes = frame.bmode.iter().chain(&frame.segmentation).map(|&b| u32::from(b));
@@ -114,7 +113,7 @@ pub(crate) fn vector(random: &mut SplitMix64) -> glam::DVec3 {
     glam::DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))
 }
 
-/// Prints a row of ARCHITECTURE.md's table.
+/// Prints a row of the documentation's table of hard cases.
 pub(crate) fn row(case: &str, naive: String, remedy: &str, left: String) {
     println!("\n| {case} | {naive} | {remedy} | {left} |");
 }

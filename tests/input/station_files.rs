@@ -156,8 +156,7 @@ fn unreadable_files_are_named() {
     assert!(text.starts_with("cannot read the scene"), "{text}");
 }
 
-/// A station file with `doc`'s key set to `value`, and what that key needs to apply.
-/// What a key of `[tracker]` needs beside it.
+/// Further keys that a key of `[tracker]` needs to apply.
 fn tracker_needs(key: &str, value: &str) -> &'static str {
     const SERIAL: &str = "transport = 'serial'\nprotocol = 'ascii-line'\nport = '/dev/x'\n";
     match (key, value.trim_matches(['\'', '"'])) {

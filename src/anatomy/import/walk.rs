@@ -37,11 +37,11 @@ struct Inherited {
 }
 
 /// Properties of a node itself.
-struct Here {
+struct NodeProperties {
     /// Tissue and priority of its own extras.
     own: (Option<String>, Option<i32>),
     /// Properties including those of its ancestors.
-    handed_down: Inherited,
+    inherited: Inherited,
 }
 
 /// Triangle primitives in depth-first order. Adds findings about skipped content, and problems that make the scene
@@ -58,16 +58,16 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
             problems.push(file.format_error(format!("node `{name}` is reached twice; nodes must form trees")));
             continue;
         }
-        let here = match inherit(file, &node, &above, problems) {
-            Ok(here) => here,
+        let properties = match inherit(file, &node, &above, problems) {
+            Ok(properties) => properties,
             Err(problem) => {
                 problems.push(problem);
                 continue;
             }
         };
-        push_parts(file, &node, &here, &mut parts, findings, problems);
+        push_parts(file, &node, &properties, &mut parts, findings, problems);
         let children: Vec<_> = node.children().collect();
-        stack.extend(children.into_iter().rev().map(|child| (child, here.handed_down.clone())));
+        stack.extend(children.into_iter().rev().map(|child| (child, properties.inherited.clone())));
     }
     let elsewhere = file.document.nodes().filter(|node| node.mesh().is_some() && !seen[node.index()]).count();
     if let Some(scene) = chosen_scene(file).filter(|_| elsewhere > 0) {
@@ -96,17 +96,17 @@ fn roots(file: &File) -> Vec<Node<'_>> {
 fn push_parts<'a>(
     file: &'a File,
     node: &Node<'a>,
-    here: &Here,
+    properties: &NodeProperties,
     parts: &mut Vec<Part<'a>>,
     findings: &mut Vec<Finding>,
     problems: &mut Vec<SceneError>,
 ) {
     let Some(mesh) = node.mesh() else { return };
-    // trimesh puts a mesh's metadata here, and Blender the custom properties of an object's data: they apply to this
+    // trimesh puts a mesh's metadata properties, and Blender the custom properties of an object's data: they apply to this
     // mesh only.
     let of_mesh = extras(file, node, mesh.extras(), problems);
-    let tissue = here.own.0.as_ref().or(of_mesh.0.as_ref()).or(here.handed_down.tissue.as_ref());
-    let priority = here.own.1.or(of_mesh.1).or(here.handed_down.priority);
+    let tissue = properties.own.0.as_ref().or(of_mesh.0.as_ref()).or(properties.inherited.tissue.as_ref());
+    let priority = properties.own.1.or(of_mesh.1).or(properties.inherited.priority);
     let several = mesh.primitives().len() > 1;
     for primitive in mesh.primitives() {
         let mut name = node_name(node);
@@ -125,7 +125,7 @@ fn push_parts<'a>(
             node: node.index(),
             tissue: tissue.cloned().or_else(|| primitive.material().name().map(str::to_owned)),
             priority: priority.unwrap_or(0),
-            scene_from_mesh: here.handed_down.scene_from_parent,
+            scene_from_mesh: properties.inherited.scene_from_parent,
             primitive,
         });
     }
@@ -136,16 +136,16 @@ fn inherit(
     node: &Node<'_>,
     above: &Inherited,
     problems: &mut Vec<SceneError>,
-) -> Result<Here, SceneError> {
+) -> Result<NodeProperties, SceneError> {
     let parent_from_node =
         local_transform(node).map_err(|reason| file.format_error(format!("node `{}`: {reason}", node_name(node))))?;
     let own = extras(file, node, node.extras(), problems);
-    let handed_down = Inherited {
+    let inherited = Inherited {
         scene_from_parent: above.scene_from_parent * parent_from_node,
         tissue: own.0.clone().or_else(|| above.tissue.clone()),
         priority: own.1.or(above.priority),
     };
-    Ok(Here { own, handed_down })
+    Ok(NodeProperties { own, inherited })
 }
 
 /// `tissue` and `priority` from the extras of a node or its mesh; other extras are ignored.

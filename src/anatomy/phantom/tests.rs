@@ -22,7 +22,7 @@ fn solid(organs: &[Organ], name: &str) -> Solid {
 }
 
 /// Distance from `from` along the unit `direction` to the first crossing with `mesh`, mm.
-fn cast(mesh: &crate::anatomy::Mesh, from: Vec3, direction: Vec3) -> f32 {
+pub(super) fn cast(mesh: &crate::anatomy::Mesh, from: Vec3, direction: Vec3) -> f32 {
     let hit = |[a, b, c]: [Vec3; 3]| {
         let (e, f, s) = (b - a, c - a, from - a);
         let h = direction.cross(f);

@@ -166,9 +166,9 @@ impl BringUp {
             Step::Write { tool, .. } => Next::Ask(self.request(tool + 1, options)),
             Step::Enable(_) => {
                 self.enabled += 1;
-                self.go_on(step, options)
+                self.next_in_phase(step, options)
             }
-            Step::Free(_) | Step::Initialise(_) => self.go_on(step, options),
+            Step::Free(_) | Step::Initialise(_) => self.next_in_phase(step, options),
             Step::Start | Step::StartPlain | Step::Poll => Next::Ask(Step::Poll),
         }
     }
@@ -187,7 +187,7 @@ impl BringUp {
                 Some(Next::Ask(self.request(tool + 1, options)))
             }
             Step::Request(tool) => Some(Next::Ask(self.request(tool + 1, options))),
-            Step::Free(_) | Step::Initialise(_) | Step::Enable(_) => Some(self.go_on(step, options)),
+            Step::Free(_) | Step::Initialise(_) | Step::Enable(_) => Some(self.next_in_phase(step, options)),
             _ => None,
         }
     }
@@ -198,11 +198,11 @@ impl BringUp {
             self.settled.extend(&handles);
         }
         self.queue = handles.into();
-        self.go_on(step, options)
+        self.next_in_phase(step, options)
     }
 
     /// Next handle of the phase of `step`, or the next phase.
-    fn go_on(&mut self, step: Step, options: &Options) -> Next {
+    fn next_in_phase(&mut self, step: Step, options: &Options) -> Next {
         let handle = self.queue.pop_front();
         Next::Ask(match (step, handle) {
             (Step::ListStale | Step::Free(_), Some(handle)) => Step::Free(handle),

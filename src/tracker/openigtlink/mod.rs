@@ -91,7 +91,7 @@ pub enum Reason {
         source: PoseError,
     },
     /// Too many names.
-    #[error("`{name}` would be the device or tool number {NAMES_LIMIT}; fewer are told apart")]
+    #[error("`{name}` would be the device or tool number {NAMES_LIMIT}; at most {NAMES_LIMIT} are distinguished")]
     TooManyNames {
         /// The name.
         name: String,

@@ -143,8 +143,8 @@ struct Session {
     buffer: BytesMut,
     arrivals: ArrivalTimes,
     /// Time of the last record, or of opening the port.
-    heard: Duration,
-    /// Start of the silence being judged: `heard`, or the last restart.
+    last_record: Duration,
+    /// Start of the silence being judged: `last_record`, or the last restart.
     patient_from: Duration,
     /// Silence limit at the last check.
     patient_for: Duration,
@@ -190,7 +190,7 @@ impl Session {
             started_ns: host_time_ns(),
             buffer: BytesMut::with_capacity(8192),
             arrivals: ArrivalTimes::default(),
-            heard: Duration::ZERO,
+            last_record: Duration::ZERO,
             patient_from: Duration::ZERO,
             patient_for: Duration::ZERO,
             had_grace: false,
@@ -250,7 +250,7 @@ impl Session {
         self.summary.connections += 1;
         self.reported = 0;
         self.event(TrackerEvent::Connected { port });
-        self.heard = self.now();
+        self.last_record = self.now();
         self.restart();
         let end = self.listen().await.unwrap_or_else(|error| ConnectionEnd::Lost(error.to_string()));
         self.finish();
@@ -316,7 +316,7 @@ impl Session {
             let now = self.now();
             // A record that has just arrived has moved the limit.
             if now >= self.silent_at() {
-                let for_ = now - self.heard;
+                let for_ = now - self.last_record;
                 self.attempt = self.attempt.saturating_add(1);
                 self.summary.silences += 1;
                 self.event(TrackerEvent::Silent { for_, attempt: self.attempt });
@@ -392,7 +392,7 @@ impl Session {
     }
 
     fn alive(&mut self, now: Duration) {
-        (self.heard, self.patient_from) = (now, now);
+        (self.last_record, self.patient_from) = (now, now);
         self.had_grace = false;
         self.attempt = 0;
         self.retry = RETRY[0];

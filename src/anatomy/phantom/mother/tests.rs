@@ -13,6 +13,7 @@ use crate::anatomy::Mesh;
 use crate::anatomy::phantom::meshing;
 use crate::anatomy::phantom::parameters::{Lie, PlacentaSite};
 use crate::anatomy::phantom::sdf::sphere;
+use crate::anatomy::phantom::tests::cast;
 
 /// A solid far away from everything.
 fn nowhere() -> Solid {
@@ -170,18 +171,6 @@ fn bodies(mesh: &Mesh) -> usize {
         parent[c] = a;
     }
     (0..parent.len()).filter(|&i| root(&mut parent, i) == i).count()
-}
-
-/// Distance from `from` along the unit `direction` to the first crossing with `mesh`, mm.
-fn cast(mesh: &Mesh, from: Vec3, direction: Vec3) -> f32 {
-    let hit = |[a, b, c]: [Vec3; 3]| {
-        let (e, f, s) = (b - a, c - a, from - a);
-        let (h, q) = (direction.cross(f), s.cross(e));
-        let det = e.dot(h);
-        let (u, v, t) = (s.dot(h) / det, direction.dot(q) / det, f.dot(q) / det);
-        (det.abs() > 1e-9 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
-    };
-    mesh.corners_mm().filter_map(hit).fold(f32::MAX, f32::min)
 }
 
 #[test]
