@@ -258,7 +258,7 @@ pub fn ndi_driver(data: &[u8]) -> u64 {
             assert!(sent <= 1, "more than one question at a time");
         }
         assert!(driver.wake_at().is_some_and(|at| at > now || driver.line(now).is_some()), "it would spin");
-        assert!(driver.patience() >= Duration::from_secs(1));
+        assert!(driver.silence_limit() >= Duration::from_secs(1));
     }
     kind(&last, &mut hasher);
     driver.is_tracking().hash(&mut hasher);

@@ -11,7 +11,7 @@ pub const OUTLIER_NS: u64 = 500_000_000;
 const HELD_UP_NS: u64 = 50_000_000;
 
 /// Duration of doubt after which the regression restarts, ns.
-const PATIENCE_NS: u64 = 1_000_000_000;
+const DOUBT_LIMIT_NS: u64 = 1_000_000_000;
 
 /// Number of samples from which the line is trusted to detect delays and jumps.
 const TRUSTED: usize = 8;
@@ -82,7 +82,7 @@ impl ClockRegression {
         }
         if ticks.is_some() {
             let since_ns = *self.doubtful_since_ns.get_or_insert(host_ns);
-            if host_ns.saturating_sub(since_ns) > PATIENCE_NS {
+            if host_ns.saturating_sub(since_ns) > DOUBT_LIMIT_NS {
                 // The model no longer holds: for example, the device changed its rate.
                 self.restart();
                 return Timing::Jumped(self.accept(sample));

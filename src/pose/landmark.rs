@@ -13,13 +13,13 @@ pub struct StillSettings {
     /// Largest accepted distance of any of them from their mean, mm.
     pub tolerance_mm: f64,
     /// Number of poses after which the attempt fails.
-    pub patience: usize,
+    pub poses_max: usize,
 }
 
 impl Default for StillSettings {
     /// A second of poses at 60 a second within 1 mm; an attempt lasts half a minute.
     fn default() -> Self {
-        Self { samples: 60, tolerance_mm: 1.0, patience: 1800 }
+        Self { samples: 60, tolerance_mm: 1.0, poses_max: 1800 }
     }
 }
 
@@ -74,7 +74,7 @@ pub fn touch(
     let needed = settings.samples.max(1);
     let mut tips: Vec<DVec3> = Vec::with_capacity(needed);
     let (mut found, mut best_mm) = (0, f64::INFINITY);
-    for pose in tracker_from_sensor.into_iter().take(settings.patience.max(needed)) {
+    for pose in tracker_from_sensor.into_iter().take(settings.poses_max.max(needed)) {
         if tips.len() == needed {
             tips.remove(0);
         }
@@ -91,7 +91,7 @@ pub fn touch(
             return Ok(Touched { tracker_mm: mean, rms_mm: (squares / needed as f64).sqrt() });
         }
     }
-    if found < settings.patience {
+    if found < settings.poses_max {
         return Err(LandmarkError::Ended { found, needed });
     }
     Err(LandmarkError::Unsteady { best_mm, poses: found, tolerance_mm: settings.tolerance_mm, samples: needed })
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn touch_waits_until_the_tip_rests_and_takes_no_further_poses() {
-        let settings = StillSettings { samples: 10, tolerance_mm: 0.5, patience: 100 };
+        let settings = StillSettings { samples: 10, tolerance_mm: 0.5, poses_max: 100 };
         let approach = (0..30).map(|i| 90.0 - 3.0 * f64::from(i));
         let rest = (0..50).map(|i| if i % 2 == 0 { 0.1 } else { -0.1 });
         let mut poses = approach.chain(rest).map(pose);
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_failed_landmark_gives_its_reason() {
-        let settings = StillSettings { samples: 10, tolerance_mm: 0.5, patience: 50 };
+        let settings = StillSettings { samples: 10, tolerance_mm: 0.5, poses_max: 50 };
         let error = touch((0..5).map(|_| pose(0.0)), DVec3::Z, &settings).unwrap_err();
         assert_eq!(error, LandmarkError::Ended { found: 5, needed: 10 });
         let mut moving = (0..).map(|i| pose(2.0 * f64::from(i)));

@@ -29,7 +29,7 @@ pub trait Driver: Send {
     fn wake_at(&self) -> Option<Duration>;
 
     /// Longest accepted silence before the device is restarted; longer while it resets.
-    fn patience(&self) -> Duration;
+    fn silence_limit(&self) -> Duration;
 
     /// Takes the next record from the front of `buffer`, like [`super::Decoder::decode`]. Other replies advance the
     /// exchange.

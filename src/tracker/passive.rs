@@ -9,7 +9,7 @@ use super::{DecodeError, Decoder, DeviceOptions, Protocol, Record};
 
 /// Longest accepted silence of a device that has just been opened: opening its port restarts an Arduino, which takes
 /// two seconds.
-const START_PATIENCE: Duration = Duration::from_secs(5);
+const START_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 
 /// Driver of a device that streams by itself; only listens.
 pub struct Passive {
@@ -18,14 +18,14 @@ pub struct Passive {
     fresh: Decoder,
     decoder: Decoder,
     silence: Duration,
-    heard: bool,
+    streaming: bool,
 }
 
 impl Passive {
     /// Driver of a device that speaks `protocol`.
     pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
         let fresh = protocol.decoder_of(options);
-        Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, heard: false }
+        Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, streaming: false }
     }
 }
 
@@ -36,7 +36,7 @@ impl Driver for Passive {
 
     fn start(&mut self, _: Duration, _: u32) {
         self.decoder = self.fresh.clone();
-        self.heard = false;
+        self.streaming = false;
     }
 
     fn transmit(&mut self, _: Duration) -> Option<Bytes> {
@@ -47,13 +47,13 @@ impl Driver for Passive {
         None
     }
 
-    fn patience(&self) -> Duration {
-        if self.heard { self.silence } else { self.silence.max(START_PATIENCE) }
+    fn silence_limit(&self) -> Duration {
+        if self.streaming { self.silence } else { self.silence.max(START_SILENCE_LIMIT) }
     }
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let record = self.decoder.decode(buffer)?;
-        self.heard |= record.is_some();
+        self.streaming |= record.is_some();
         Ok(record)
     }
 

@@ -130,7 +130,7 @@ impl Driver for PolhemusDriver {
         self.script.front().map(|(at, _)| *at)
     }
 
-    fn patience(&self) -> Duration {
+    fn silence_limit(&self) -> Duration {
         if self.streaming { self.options.silence } else { self.options.silence + self.preparation }
     }
 

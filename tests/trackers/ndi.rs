@@ -33,7 +33,7 @@ impl Board for OnLine {
         self.0.lock().unwrap().line_baud = baud;
     }
 
-    fn hear(&mut self, _: Duration, bytes: &[u8]) {
+    fn receive(&mut self, _: Duration, bytes: &[u8]) {
         let mut bytes = bytes.to_vec();
         if self.1.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1)).is_ok() {
             bytes[0] ^= 1;
@@ -41,7 +41,7 @@ impl Board for OnLine {
         self.0.lock().unwrap().receive(&bytes);
     }
 
-    fn say(&mut self, _: Duration) -> Option<Vec<u8>> {
+    fn next_record(&mut self, _: Duration) -> Option<Vec<u8>> {
         Some(self.0.lock().unwrap().take_output()).filter(|output| !output.is_empty())
     }
 }

@@ -75,7 +75,7 @@ impl Polhemus {
     }
 
     /// Receives bytes from the host.
-    pub fn hear(&mut self, now: Duration, bytes: &[u8]) {
+    pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.pass(now);
         for &byte in bytes {
             if self.resetting.is_some() {
@@ -155,7 +155,7 @@ impl Polhemus {
     }
 
     /// The next due record.
-    pub fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
+    pub fn next_record(&mut self, now: Duration) -> Option<Vec<u8>> {
         self.pass(now);
         let at = self.next_at().filter(|at| *at <= now)?;
         self.next = at + self.period;

@@ -22,17 +22,17 @@ use crate::polhemus::{Kind, Polhemus};
 pub trait Board: Send + 'static {
     /// Reports the speed that the host gave the line, baud.
     fn at_speed(&mut self, _baud: u32) {}
-    fn hear(&mut self, now: Duration, bytes: &[u8]);
-    fn say(&mut self, now: Duration) -> Option<Vec<u8>>;
+    fn receive(&mut self, now: Duration, bytes: &[u8]);
+    fn next_record(&mut self, now: Duration) -> Option<Vec<u8>>;
 }
 
 impl Board for Polhemus {
-    fn hear(&mut self, now: Duration, bytes: &[u8]) {
-        Polhemus::hear(self, now, bytes);
+    fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        Polhemus::receive(self, now, bytes);
     }
 
-    fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
-        Polhemus::say(self, now)
+    fn next_record(&mut self, now: Duration) -> Option<Vec<u8>> {
+        Polhemus::next_record(self, now)
     }
 }
 
@@ -45,9 +45,9 @@ pub fn line(n: u32) -> String {
 }
 
 impl Board for Lines {
-    fn hear(&mut self, _: Duration, _: &[u8]) {}
+    fn receive(&mut self, _: Duration, _: &[u8]) {}
 
-    fn say(&mut self, now: Duration) -> Option<Vec<u8>> {
+    fn next_record(&mut self, now: Duration) -> Option<Vec<u8>> {
         if now < Duration::from_millis(5) * self.0 {
             return None;
         }
@@ -137,9 +137,9 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
             if let Some(baud) = speed(&far) {
                 board.at_speed(baud);
             }
-            board.hear(start.elapsed(), &input[..length]);
+            board.receive(start.elapsed(), &input[..length]);
         }
-        while let Some(mut record) = board.say(start.elapsed()) {
+        while let Some(mut record) = board.next_record(start.elapsed()) {
             if start.elapsed() < mute_until {
                 continue;
             }

@@ -46,11 +46,11 @@ fn stream(kind: Kind, protocol: Protocol, count: usize) -> Vec<u8> {
         Protocol::FastrakBinary => b"l1,1\ruO1,2,11,0\rfC",
         _ => b"F1\rU1\rO*,8,9,11,3,7\rC\r",
     };
-    device.hear(std::time::Duration::ZERO, commands);
+    device.receive(std::time::Duration::ZERO, commands);
     assert!(device.refused.is_empty(), "{:?}", device.refused);
     let later = std::time::Duration::from_secs(3600);
     let record = |_| {
-        let mut record = device.say(later).unwrap();
+        let mut record = device.next_record(later).unwrap();
         if protocol == Protocol::Patriot {
             // Its frames differ only in their tag.
             record[..2].copy_from_slice(b"PA");

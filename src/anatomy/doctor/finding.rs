@@ -55,13 +55,13 @@ defects! {
     /// A primitive that cannot be read: indices, accessors, compression.
     Unreadable = Error, "export the mesh again, uncompressed, with positions as 32-bit floats";
     /// Extras, nodes or motion that are refused.
-    Refused = Error, "correct what the message names (in Blender: the object's Custom Properties) and export again";
+    Refused = Error, "correct the value that the message names (in Blender: the object's Custom Properties) and export again";
     /// More surfaces than can be traced.
     TooManySurfaces = Error, "join disjoint parts that share tissue and priority into one object (Blender: Ctrl-J)";
     /// No triangle in the whole scene.
     EmptyScene = Error, "export meshes with faces; check that the objects are visible and in the exported scene";
     /// Coordinates that are not finite or beyond ±1e5 mm.
-    BadCoordinates = Error, "delete or place anew the vertices named; where all are far too large, correct the unit";
+    BadCoordinates = Error, "delete or move the named vertices; if all are far too large, correct the unit";
     /// Dimensions at least ten times beyond those of a body.
     WrongUnit = Error, "glTF counts in metres: scale the objects (Blender: set Unit Scale, or S and the factor), apply the scale (Ctrl-A) and export again";
     /// The scene is far from the origin for its size.

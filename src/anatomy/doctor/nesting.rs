@@ -27,8 +27,8 @@ pub(super) fn examine(checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Ve
     let mut found: Vec<(usize, Finding)> =
         (0..checks.len()).into_par_iter().flat_map_iter(|index| one(index, checks, trees)).collect();
     // A tie is found from both of its surfaces.
-    let mut told = BTreeSet::new();
-    found.retain(|(index, f)| f.defect != Defect::PriorityTie || told.insert((*index, f.what.clone())));
+    let mut reported = BTreeSet::new();
+    found.retain(|(index, f)| f.defect != Defect::PriorityTie || reported.insert((*index, f.what.clone())));
     found
 }
 

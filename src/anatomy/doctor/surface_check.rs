@@ -98,7 +98,7 @@ impl SurfaceCheck {
 
     fn check_tissue(&mut self, tissues: &TissueTable) {
         match &self.tissue {
-            None => self.report(Finding::new(Defect::NoTissue, "neither its node nor its material tells a tissue")),
+            None => self.report(Finding::new(Defect::NoTissue, "neither its node nor its material names a tissue")),
             Some(tissue) if self.tissue_index.is_none() => {
                 let suggestion = did_you_mean(tissue, tissues.names().iter().map(String::as_str));
                 let what = format!("there is no tissue `{tissue}`{suggestion}");

@@ -70,7 +70,7 @@ pub(super) fn run(path: &Path, args: &TouchArgs, out: Option<&Path>) -> Result<(
     let points = points(args, &station)?;
     let (tip_mm, tip) = tip(&station, &out)?;
     let still =
-        StillSettings { samples: args.samples, tolerance_mm: args.tolerance, patience: PATIENCE * args.samples };
+        StillSettings { samples: args.samples, tolerance_mm: args.tolerance, poses_max: PATIENCE * args.samples };
 
     let (tap, stream) = pose_tap();
     let cancel = CancellationToken::new();

@@ -46,7 +46,7 @@ pub(super) enum Step {
 
 impl Step {
     /// Time limit for the answer.
-    pub(super) fn patience(self) -> Duration {
+    pub(super) fn timeout(self) -> Duration {
         Duration::from_millis(match self {
             Self::Reset => 12_000,
             Self::Init | Self::Initialise(_) | Self::Start | Self::StartPlain | Self::Stop => 4000,

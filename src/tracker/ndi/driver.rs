@@ -147,7 +147,7 @@ impl NdiDriver {
     }
 
     fn timed_out(&mut self, now: Duration, step: Step) {
-        let (command, waited) = (step.command(&self.options), step.patience());
+        let (command, waited) = (step.command(&self.options), step.timeout());
         if self.notices.len() < NOTICES_LIMIT {
             self.notices.push_back(Reason::NoReply { command, waited_ms: waited.as_millis() as u64 });
         }
@@ -304,7 +304,7 @@ impl Driver for NdiDriver {
 
     fn transmit(&mut self, now: Duration) -> Option<Bytes> {
         if let State::Asked(step, asked_at) = self.state {
-            if now < asked_at + step.patience() {
+            if now < asked_at + step.timeout() {
                 return None;
             }
             self.timed_out(now, step);
@@ -327,11 +327,11 @@ impl Driver for NdiDriver {
         match self.state {
             State::Idle => None,
             State::Ask(_, at) => Some(at),
-            State::Asked(step, at) => Some(at + step.patience()),
+            State::Asked(step, at) => Some(at + step.timeout()),
         }
     }
 
-    fn patience(&self) -> Duration {
+    fn silence_limit(&self) -> Duration {
         // The driver's own timeouts act sooner; this limit is for a device that stays silent through all of them.
         match self.state {
             State::Asked(Step::Poll, _) | State::Ask(Step::Poll, _) => Duration::from_secs(5),

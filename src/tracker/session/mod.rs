@@ -31,7 +31,7 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 const STOP_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// Limit on the factor by which repeated restarts extend the silence limit: each restart may itself take long.
-const PATIENCE_LIMIT: u32 = 8;
+const SILENCE_FACTOR_MAX: u32 = 8;
 
 /// Longest sleep of the loop, so that no time exceeds the clock's range.
 const REST_LIMIT: Duration = Duration::from_secs(3600);
@@ -145,9 +145,9 @@ struct Session {
     /// Time of the last record, or of opening the port.
     last_record: Duration,
     /// Start of the silence being judged: `last_record`, or the last restart.
-    patient_from: Duration,
+    silent_from: Duration,
     /// Silence limit at the last check.
-    patient_for: Duration,
+    last_limit: Duration,
     /// Whether the device had its extra time for a first record after set-up.
     had_grace: bool,
     /// Restarts since the last record.
@@ -191,8 +191,8 @@ impl Session {
             buffer: BytesMut::with_capacity(8192),
             arrivals: ArrivalTimes::default(),
             last_record: Duration::ZERO,
-            patient_from: Duration::ZERO,
-            patient_for: Duration::ZERO,
+            silent_from: Duration::ZERO,
+            last_limit: Duration::ZERO,
             had_grace: false,
             attempt: 0,
             retry: RETRY[0],
@@ -259,25 +259,25 @@ impl Session {
 
     /// Time at which the device counts as silent.
     fn silent_at(&mut self) -> Duration {
-        let patience = self.patience();
+        let limit = self.silence_limit();
         // A device whose set-up took long still gets the whole shorter limit for its first record. Only once per start:
         // a device that is set up repeatedly and never answers is silent.
-        if patience < self.patient_for && !self.had_grace {
-            self.patient_from = self.now();
+        if limit < self.last_limit && !self.had_grace {
+            self.silent_from = self.now();
             self.had_grace = true;
         }
-        self.patient_for = patience;
-        self.patient_from.saturating_add(patience)
+        self.last_limit = limit;
+        self.silent_from.saturating_add(limit)
     }
 
     /// Restarts the device; an incomplete record is discarded.
     fn restart(&mut self) {
         self.finish();
-        self.patient_from = self.now();
+        self.silent_from = self.now();
         // The previous start's limit does not apply to this one.
-        self.patient_for = Duration::ZERO;
+        self.last_limit = Duration::ZERO;
         self.had_grace = false;
-        self.driver.start(self.patient_from, self.attempt);
+        self.driver.start(self.silent_from, self.attempt);
     }
 
     /// Ends a message or the stream.
@@ -326,18 +326,18 @@ impl Session {
                 if self.port.reopening_may_wake() {
                     self.restart();
                 } else {
-                    self.patient_from = now;
+                    self.silent_from = now;
                 }
             }
         }
     }
 
     /// Present silence limit.
-    fn patience(&self) -> Duration {
+    fn silence_limit(&self) -> Duration {
         if self.may_rest {
             return Duration::MAX;
         }
-        self.driver.patience().saturating_mul(self.attempt.saturating_add(1).min(PATIENCE_LIMIT))
+        self.driver.silence_limit().saturating_mul(self.attempt.saturating_add(1).min(SILENCE_FACTOR_MAX))
     }
 
     /// Sends the driver's pending bytes.
@@ -392,7 +392,7 @@ impl Session {
     }
 
     fn alive(&mut self, now: Duration) {
-        (self.last_record, self.patient_from) = (now, now);
+        (self.last_record, self.silent_from) = (now, now);
         self.had_grace = false;
         self.attempt = 0;
         self.retry = RETRY[0];

@@ -246,13 +246,13 @@ async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
         let due = device.lock().unwrap().next_at().map_or(epoch.elapsed() + Duration::from_millis(5), |at| at);
         tokio::select! {
             read = stream.read(&mut input) => match read {
-                Ok(length) if length > 0 => device.lock().unwrap().hear(epoch.elapsed(), &input[..length]),
+                Ok(length) if length > 0 => device.lock().unwrap().receive(epoch.elapsed(), &input[..length]),
                 _ => return,
             },
             () = sleep_until(epoch + due) => {}
         }
         loop {
-            let record = device.lock().unwrap().say(epoch.elapsed());
+            let record = device.lock().unwrap().next_record(epoch.elapsed());
             let Some(record) = record else { break };
             // The host has disconnected; its earlier bytes are still to be read.
             if stream.write_all(&record).await.is_err() {
@@ -399,7 +399,7 @@ impl Driver for NeverAnswers {
         Some(self.now + next - self.in_round())
     }
 
-    fn patience(&self) -> Duration {
+    fn silence_limit(&self) -> Duration {
         Duration::from_secs(if self.is_asked() { 5 } else { 40 })
     }
 
