@@ -13,6 +13,7 @@ mod crossing;
 mod edges;
 mod finding;
 mod nesting;
+mod probes;
 mod split;
 mod surface_check;
 mod tree;

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::RESOLUTION_MM;
 use super::finding::{Defect, Finding, Place};
-use super::surface_check::{Probe, SurfaceCheck, probes};
+use super::probes::{Probe, probes};
+use super::surface_check::SurfaceCheck;
 use super::tree::Tree;
 
 /// Number of triangles of a surface below which it is sampled.

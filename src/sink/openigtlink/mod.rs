@@ -22,20 +22,21 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
-use std::str::FromStr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use bytes::BytesMut;
 use glam::{DMat3, DQuat, DVec3};
-use thiserror::Error;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
-use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio_util::sync::CancellationToken;
+
+mod scene_axes;
+mod server;
+
+pub use scene_axes::{SceneAxes, SceneAxesError};
+pub use server::{Counters, STALL_LIMIT};
+use server::{Encoded, Latest, Server, listen};
 
 use super::SinkError;
 use super::error::check_shape;
@@ -44,61 +45,7 @@ use crate::pose::TrackingState;
 use crate::tracker::openigtlink::{TCP_PORT, message};
 use crate::transducer::{Probe, Sector};
 
-/// Longest that a client may read nothing.
-pub const STALL_LIMIT: Duration = Duration::from_secs(30);
-
-/// Bytes that the system may hold for a client: a frame or so. More would be latency.
-const SEND_BUFFER: u32 = 1 << 20;
-
 const SINK: &str = "OpenIGTLink server";
-
-/// Directions of the scene's axes in the patient.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SceneAxes {
-    ras_from_scene: DMat3,
-}
-
-/// Letters that say no axes.
-#[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("`{text}` are no axes: expected three letters of R or L, A or P, S or I, each pair once, right-handed")]
-pub struct SceneAxesError {
-    /// Text given.
-    pub text: String,
-}
-
-impl FromStr for SceneAxes {
-    type Err = SceneAxesError;
-
-    /// The directions of x, y and z by their letters: `RAS`, `LPS`, `LSA` and so on.
-    fn from_str(text: &str) -> Result<Self, SceneAxesError> {
-        let direction = |letter| match letter {
-            'R' => Some(DVec3::X),
-            'L' => Some(-DVec3::X),
-            'A' => Some(DVec3::Y),
-            'P' => Some(-DVec3::Y),
-            'S' => Some(DVec3::Z),
-            'I' => Some(-DVec3::Z),
-            _ => None,
-        };
-        let mut letters = text.chars().map(direction);
-        let mut next = || letters.next().flatten();
-        let columns = (next(), next(), next());
-        let (Some(x), Some(y), Some(z)) = columns else { return Err(SceneAxesError { text: text.to_owned() }) };
-        let ras_from_scene = DMat3::from_cols(x, y, z);
-        // A scene is right-handed, as RAS is: other letters would mirror it.
-        if letters.next().is_some() || ras_from_scene.determinant() < 0.5 {
-            return Err(SceneAxesError { text: text.to_owned() });
-        }
-        Ok(Self { ras_from_scene })
-    }
-}
-
-impl Default for SceneAxes {
-    /// RAS.
-    fn default() -> Self {
-        Self { ras_from_scene: DMat3::IDENTITY }
-    }
-}
 
 /// Server settings of a station.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,32 +73,6 @@ impl Default for Settings {
         }
     }
 }
-
-/// Counters of the server.
-#[derive(Debug, Default)]
-pub struct Counters {
-    /// Clients connected now.
-    pub connected: AtomicU64,
-    /// Clients that have come.
-    pub accepted: AtomicU64,
-    /// Clients turned away since there were too many.
-    pub refused: AtomicU64,
-    /// Frames sent, each client's.
-    pub sent: AtomicU64,
-    /// Frames that a client passed over for a newer one, each client's.
-    pub dropped: AtomicU64,
-    /// Clients disconnected since they read nothing.
-    pub stalled: AtomicU64,
-}
-
-/// A frame as it goes over the wire.
-#[derive(Default)]
-struct Encoded {
-    number: u64,
-    bytes: BytesMut,
-}
-
-type Latest = Option<Arc<Encoded>>;
 
 /// The server, on a thread of its own.
 pub struct OpenIgtLink {
@@ -293,127 +214,5 @@ impl LiveSink for OpenIgtLink {
 impl Drop for OpenIgtLink {
     fn drop(&mut self) {
         self.cancel.cancel();
-    }
-}
-
-/// Listens; what it accepts inherits the buffer's size.
-fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
-    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
-    // A server that starts anew finds its port still in use by connections that have ended.
-    #[cfg(unix)]
-    socket.set_reuseaddr(true)?;
-    socket.set_send_buffer_size(SEND_BUFFER)?;
-    socket.bind(address)?;
-    socket.listen(64)
-}
-
-struct Server {
-    latest: Arc<watch::Sender<Latest>>,
-    counters: Arc<Counters>,
-    cancel: CancellationToken,
-    places: Arc<Semaphore>,
-}
-
-impl Server {
-    async fn run(self, listener: TcpListener) {
-        loop {
-            let accepted = tokio::select! {
-                () = self.cancel.cancelled() => return,
-                accepted = listener.accept() => accepted,
-            };
-            let Ok((stream, client)) = accepted else {
-                // Too many open files, most likely: that takes a while to get better.
-                tokio::time::sleep(Duration::from_millis(100)).await;
-                continue;
-            };
-            let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
-                self.counters.refused.fetch_add(1, Ordering::Relaxed);
-                tracing::warn!("OpenIGTLink client {client} is turned away: too many are connected");
-                continue;
-            };
-            self.counters.accepted.fetch_add(1, Ordering::Relaxed);
-            self.counters.connected.fetch_add(1, Ordering::Relaxed);
-            tracing::info!("OpenIGTLink client {client} is connected");
-            let mut frames = self.latest.subscribe();
-            // One that connects while the picture is frozen sees it, too.
-            frames.mark_changed();
-            let (counters, cancel) = (Arc::clone(&self.counters), self.cancel.clone());
-            tokio::spawn(async move {
-                serve(stream, client, frames, &counters, &cancel).await;
-                counters.connected.fetch_sub(1, Ordering::Relaxed);
-                drop(place);
-            });
-        }
-    }
-}
-
-/// Serves one client until it leaves, stalls, or the server ends.
-async fn serve(
-    stream: TcpStream,
-    client: SocketAddr,
-    frames: watch::Receiver<Latest>,
-    counters: &Counters,
-    cancel: &CancellationToken,
-) {
-    // A failure costs latency only.
-    let _ = stream.set_nodelay(true);
-    let (reader, writer) = stream.into_split();
-    let left = tokio::select! {
-        () = cancel.cancelled() => "the server ends",
-        () = discard(reader) => "it has left",
-        left = feed(writer, frames, counters) => left,
-    };
-    tracing::info!("OpenIGTLink client {client} is disconnected: {left}");
-}
-
-/// Reads what a client says, which is of no interest, until it leaves.
-async fn discard(mut reader: OwnedReadHalf) {
-    let mut bytes = [0; 4096];
-    while reader.read(&mut bytes).await.is_ok_and(|length| length > 0) {}
-}
-
-/// Sends a client the newest frame, and again when there is a newer one.
-async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, counters: &Counters) -> &'static str {
-    let mut last: Option<u64> = None;
-    let mut counted = |number: u64| {
-        let passed_over = last.map_or(0, |last| number.saturating_sub(last + 1));
-        counters.dropped.fetch_add(passed_over, Ordering::Relaxed);
-        last = Some(number);
-    };
-    while frames.changed().await.is_ok() {
-        let Some(frame) = frames.borrow_and_update().clone() else { continue };
-        counted(frame.number);
-        let mut rest = &frame.bytes[..];
-        while !rest.is_empty() {
-            match tokio::time::timeout(STALL_LIMIT, writer.write(rest)).await {
-                Ok(Ok(length)) if length > 0 => rest = &rest[length..],
-                Ok(_) => return "it has left",
-                Err(_) => {
-                    counters.stalled.fetch_add(1, Ordering::Relaxed);
-                    // All that came meanwhile, the newest too.
-                    let newest = frames.borrow().as_ref().map(|newest| newest.number);
-                    counted(newest.map_or(frame.number + 1, |number| number + 1));
-                    return "it read nothing for too long";
-                }
-            }
-        }
-        counters.sent.fetch_add(1, Ordering::Relaxed);
-    }
-    "the server ends"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn axes_are_letters() {
-        let matrix = |text: &str| text.parse::<SceneAxes>().map(|axes| axes.ras_from_scene);
-        assert_eq!(matrix("RAS"), Ok(DMat3::IDENTITY));
-        assert_eq!(matrix("LPS"), Ok(DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0))));
-        assert_eq!(matrix("LSA"), Ok(DMat3::from_cols(-DVec3::X, DVec3::Z, DVec3::Y)));
-        for text in ["", "RA", "RASS", "LAS", "RRS", "ras", "RAX"] {
-            assert!(matrix(text).is_err(), "{text}");
-        }
     }
 }

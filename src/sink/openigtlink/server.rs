@@ -1,0 +1,151 @@
+//! Server side: accepts clients and feeds each the newest frame.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio::sync::{Semaphore, watch};
+use tokio_util::sync::CancellationToken;
+
+/// Longest time in which a client may read nothing.
+pub const STALL_LIMIT: Duration = Duration::from_secs(30);
+
+/// Bytes that the system may hold for a client: a frame or so. More would be latency.
+const SEND_BUFFER: u32 = 1 << 20;
+
+/// Counters of the server.
+#[derive(Debug, Default)]
+pub struct Counters {
+    /// Clients connected now.
+    pub connected: AtomicU64,
+    /// Clients that have come.
+    pub accepted: AtomicU64,
+    /// Clients turned away since there were too many.
+    pub refused: AtomicU64,
+    /// Frames sent, each client's.
+    pub sent: AtomicU64,
+    /// Frames that a client passed over for a newer one, each client's.
+    pub dropped: AtomicU64,
+    /// Clients disconnected since they read nothing.
+    pub stalled: AtomicU64,
+}
+
+/// A frame as it goes over the wire.
+#[derive(Default)]
+pub(super) struct Encoded {
+    pub(super) number: u64,
+    pub(super) bytes: BytesMut,
+}
+
+pub(super) type Latest = Option<Arc<Encoded>>;
+
+/// Listens; accepted connections inherit the buffer's size.
+pub(super) fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    // A server that starts anew finds its port still in use by connections that have ended.
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    socket.set_send_buffer_size(SEND_BUFFER)?;
+    socket.bind(address)?;
+    socket.listen(64)
+}
+
+pub(super) struct Server {
+    pub(super) latest: Arc<watch::Sender<Latest>>,
+    pub(super) counters: Arc<Counters>,
+    pub(super) cancel: CancellationToken,
+    pub(super) places: Arc<Semaphore>,
+}
+
+impl Server {
+    pub(super) async fn run(self, listener: TcpListener) {
+        loop {
+            let accepted = tokio::select! {
+                () = self.cancel.cancelled() => return,
+                accepted = listener.accept() => accepted,
+            };
+            let Ok((stream, client)) = accepted else {
+                // Too many open files, most likely: that takes a while to get better.
+                tokio::time::sleep(Duration::from_millis(100)).await;
+                continue;
+            };
+            let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
+                self.counters.refused.fetch_add(1, Ordering::Relaxed);
+                tracing::warn!("OpenIGTLink client {client} is turned away: too many are connected");
+                continue;
+            };
+            self.counters.accepted.fetch_add(1, Ordering::Relaxed);
+            self.counters.connected.fetch_add(1, Ordering::Relaxed);
+            tracing::info!("OpenIGTLink client {client} is connected");
+            let mut frames = self.latest.subscribe();
+            // One that connects while the picture is frozen sees it, too.
+            frames.mark_changed();
+            let (counters, cancel) = (Arc::clone(&self.counters), self.cancel.clone());
+            tokio::spawn(async move {
+                serve(stream, client, frames, &counters, &cancel).await;
+                counters.connected.fetch_sub(1, Ordering::Relaxed);
+                drop(place);
+            });
+        }
+    }
+}
+
+/// Serves one client until it leaves, stalls, or the server ends.
+async fn serve(
+    stream: TcpStream,
+    client: SocketAddr,
+    frames: watch::Receiver<Latest>,
+    counters: &Counters,
+    cancel: &CancellationToken,
+) {
+    // A failure costs latency only.
+    let _ = stream.set_nodelay(true);
+    let (reader, writer) = stream.into_split();
+    let left = tokio::select! {
+        () = cancel.cancelled() => "the server ends",
+        () = discard(reader) => "it has left",
+        left = feed(writer, frames, counters) => left,
+    };
+    tracing::info!("OpenIGTLink client {client} is disconnected: {left}");
+}
+
+/// Reads and discards data of a client until it leaves.
+async fn discard(mut reader: OwnedReadHalf) {
+    let mut bytes = [0; 4096];
+    while reader.read(&mut bytes).await.is_ok_and(|length| length > 0) {}
+}
+
+/// Sends a client the newest frame, and again when there is a newer one.
+async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, counters: &Counters) -> &'static str {
+    let mut last: Option<u64> = None;
+    let mut counted = |number: u64| {
+        let passed_over = last.map_or(0, |last| number.saturating_sub(last + 1));
+        counters.dropped.fetch_add(passed_over, Ordering::Relaxed);
+        last = Some(number);
+    };
+    while frames.changed().await.is_ok() {
+        let Some(frame) = frames.borrow_and_update().clone() else { continue };
+        counted(frame.number);
+        let mut rest = &frame.bytes[..];
+        while !rest.is_empty() {
+            match tokio::time::timeout(STALL_LIMIT, writer.write(rest)).await {
+                Ok(Ok(length)) if length > 0 => rest = &rest[length..],
+                Ok(_) => return "it has left",
+                Err(_) => {
+                    counters.stalled.fetch_add(1, Ordering::Relaxed);
+                    // All that came meanwhile, the newest too.
+                    let newest = frames.borrow().as_ref().map(|newest| newest.number);
+                    counted(newest.map_or(frame.number + 1, |number| number + 1));
+                    return "it read nothing for too long";
+                }
+            }
+        }
+        counters.sent.fetch_add(1, Ordering::Relaxed);
+    }
+    "the server ends"
+}
