@@ -20,7 +20,7 @@ use glam::{DVec3, Vec3};
 use insonify::anatomy::TissueTable;
 use insonify::anatomy::analytic::{Part, joined, scene, sphere};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
+use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::station::Station;
 use insonify::statistics::{slope, sorted, upper_median};
 use insonify::tracker::recording;
@@ -53,14 +53,15 @@ fn main() {
         std::process::exit(2);
     }
     let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w == name);
-    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
-    println!("{} ({})", gpu.adapter_name(), gpu.driver());
+    let backend =
+        Backend::open(BackendChoice::from_environment().expect("a backend").unwrap_or_default()).expect("a backend");
+    println!("{backend}");
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let station = Station::load(&root.join("configs/obstetric.toml")).expect("the obstetric station");
 
     let mut measured = Vec::new();
     if is_wanted("triangles") {
-        measured.push(triangles(&gpu, &station.settings));
+        measured.push(triangles(&backend, &station.settings));
     }
     type Change = fn(&mut Probe, &mut RenderSettings, u32);
     let curves: [(&'static str, &[u32], Change); 5] = [
@@ -71,12 +72,12 @@ fn main() {
         ("image", &[250, 500, 1000, 2000], |_, s, n| (s.image.width, s.image.height) = (n * 1386 / 1000, n)),
     ];
     if curves.iter().all(|(name, ..)| !is_wanted(name)) {
-        return write(&gpu, &measured);
+        return write(&backend, &measured);
     }
     let scene = support::scene(&station);
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
     let poses: Vec<Pose> = (0..FRAMES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * FRAMES)].pose).collect();
-    let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &station.settings).expect("a renderer");
+    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings).expect("a renderer");
     for (name, values, change) in curves.into_iter().filter(|(name, ..)| is_wanted(name)) {
         let points = values.iter().filter_map(|&n| {
             let (mut probe, mut settings) = (station.probe, station.settings);
@@ -93,13 +94,13 @@ fn main() {
         measured.push(Curve { name, on_host: renderer.on_host(), points });
         measured.last().into_iter().for_each(|curve| print!("{}", table(curve)));
     }
-    write(&gpu, &measured);
+    write(&backend, &measured);
 }
 
 /// Writes the tables and the figure.
-fn write(gpu: &Gpu, curves: &[Curve]) {
+fn write(backend: &Backend, curves: &[Curve]) {
     let place = if curves.iter().any(|c| c.on_host) { "made on the host's cores; " } else { "" };
-    let title = format!("Time of a frame with its maps: {place}{} ({})", gpu.adapter_name(), gpu.driver());
+    let title = format!("Time of a frame with its maps: {place}{} ({})", backend.name(), backend.driver());
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/cost");
     std::fs::create_dir_all(&folder).expect("a folder for the results");
     let tables: String = curves.iter().map(table).collect();
@@ -108,7 +109,7 @@ fn write(gpu: &Gpu, curves: &[Curve]) {
     println!("\n{}", folder.display());
 }
 
-fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
+fn triangles(backend: &Backend, settings: &RenderSettings) -> Curve {
     let tissues = TissueTable::builtin().expect("the tissue table");
     let pose = |i: usize| Pose { position_mm: DVec3::new(0.7 * i as f64, 0.3 * i as f64, 0.0), ..Pose::IDENTITY };
     let poses: Vec<Pose> = (0..FRAMES).map(pose).collect();
@@ -122,7 +123,7 @@ fn triangles(gpu: &Gpu, settings: &RenderSettings) -> Curve {
         let count = mesh.triangles.len();
         let part = Part { name: "spheres", tissue: "muscle", priority: 1, mesh };
         let made = scene(vec![part], &tissues, "liver").expect("tissues of the table");
-        match Renderer::new(gpu, &made, &Probe::default(), settings) {
+        match Renderer::new(backend, &made, &Probe::default(), settings) {
             Ok(mut renderer) => {
                 points.push(measure(count as f64, &mut renderer, &poses));
                 on_host = renderer.on_host();

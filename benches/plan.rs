@@ -13,9 +13,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion};
 use insonify::anatomy::Bvh;
-use insonify::render::{
-    EffectChoices, EffectPlan, Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer, ShaderSet,
-};
+use insonify::render::{Backend, BackendChoice, EffectChoices, EffectPlan, Frame, Quality, RenderSettings, Renderer};
 use insonify::station::Station;
 
 /// Stations, and whether frames carry maps: a session without a reader of maps needs none.
@@ -31,8 +29,9 @@ const STATIONS: [(&str, bool); 6] = [
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
-    println!("{} ({})", gpu.adapter_name(), gpu.driver());
+    let backend =
+        Backend::open(BackendChoice::from_environment().expect("a backend").unwrap_or_default()).expect("a backend");
+    println!("{backend}");
     let mut group = criterion.benchmark_group("plan");
     group.sample_size(10);
     for (name, maps) in STATIONS {
@@ -47,9 +46,8 @@ fn main() {
         let whole = RenderSettings { maps: true, effects: EffectChoices::ALL_ON, ..planned };
         let label = if maps { name.to_owned() } else { format!("{name} without a reader of maps") };
         for (way, settings) in [("planned", planned), ("all effects", whole)] {
-            let shaders = ShaderSet::default();
-            let mut renderer = Renderer::with_shaders(&gpu, &scene, bvh.clone(), &station.probe, &settings, &shaders)
-                .expect("a renderer");
+            let mut renderer =
+                Renderer::with_bvh(&backend, &scene, bvh.clone(), &station.probe, &settings).expect("a renderer");
             let mut frame = Frame::default();
             group.bench_function(BenchmarkId::new(way, &label), |bencher| {
                 bencher.iter(|| renderer.render(&pose, &mut frame).expect("a frame"));

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use criterion::Criterion;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer, ShaderSet};
+use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::report::TimeTable;
 use insonify::report::time_table::SideBySide;
 use insonify::station::Station;
@@ -32,22 +32,23 @@ fn main() {
     let scene = support::scene(&station);
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
     let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
-    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
-    println!("{} ({}), {} triangles", gpu.adapter_name(), gpu.driver(), scene.triangle_count());
+    let backend =
+        Backend::open(BackendChoice::from_environment().expect("a backend").unwrap_or_default()).expect("a backend");
+    println!("{backend}, {} triangles", scene.triangle_count());
 
     for (name, quality, maps) in
         [("LQ", Quality::LQ, true), ("LQ without maps", Quality::LQ, false), ("HQ", Quality::HQ, true)]
     {
         let settings = RenderSettings { quality, maps, ..station.settings };
-        let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &settings).expect("a renderer");
+        let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings).expect("a renderer");
         whole_frames(&mut criterion, name, &mut renderer, &poses);
     }
-    reconfigurations(&mut criterion, &gpu, &scene, &station);
+    reconfigurations(&mut criterion, &backend, &scene, &station);
     criterion.final_summary();
 }
 
 /// Measures the duration of each kind of change, there and back, of an existing renderer.
-fn reconfigurations(criterion: &mut Criterion, gpu: &Gpu, scene: &Scene, station: &Station) {
+fn reconfigurations(criterion: &mut Criterion, backend: &Backend, scene: &Scene, station: &Station) {
     type Change = fn(&mut Probe, &mut RenderSettings);
     let changes: [(&str, Change); 6] = [
         ("gain", |_, s| s.image.gain_db += 6.0),
@@ -58,11 +59,8 @@ fn reconfigurations(criterion: &mut Criterion, gpu: &Gpu, scene: &Scene, station
         ("image size", |_, s| (s.image.width, s.image.height) = (1024, 768)),
     ];
     let bvh = Arc::new(Bvh::build(scene).expect("a scene that can be traced"));
-    let shaders = ShaderSet::default();
-    let built = || {
-        Renderer::with_shaders(gpu, scene, bvh.clone(), &station.probe, &station.settings, &shaders)
-            .expect("a renderer")
-    };
+    let built =
+        || Renderer::with_bvh(backend, scene, bvh.clone(), &station.probe, &station.settings).expect("a renderer");
     let mut group = criterion.benchmark_group("reconfigure, there and back");
     group.sample_size(10);
     for (name, change) in changes {

@@ -14,7 +14,7 @@ use glam::{DQuat, DVec3};
 use insonify::anatomy::Axes;
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::{Pose, TrackingState};
-use insonify::render::{Frame, Gpu, GpuOptions, Renderer};
+use insonify::render::{Backend, BackendChoice, Frame, Renderer};
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
 use insonify::sink::window::{WindowSink, run_on_main_thread};
@@ -134,8 +134,8 @@ struct Demo {
 
 impl Demo {
     fn new(scene: Scene, station: Station) -> anyhow::Result<Self> {
-        let gpu = Gpu::new(&GpuOptions::default())?;
-        let renderer = Renderer::new(&gpu, &scene, &station.probe, &station.settings)?;
+        let backend = Backend::open(BackendChoice::from_environment()?.unwrap_or_default())?;
+        let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings)?;
         let live = LiveSettings {
             image: station.settings.image,
             depth_mm: station.probe.depth_mm,

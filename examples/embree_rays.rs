@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use insonify::anatomy::Bvh;
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, Quality, RenderSettings, Renderer};
+use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::sink::{create_dir, npy, write_json};
 use insonify::station::Station;
 use insonify::statistics::{sorted, upper_median};
@@ -32,9 +32,9 @@ fn main() -> anyhow::Result<()> {
 
     // Coordinates on the device are relative to the middle of the scene.
     let centre_mm = Bvh::build(&scene)?.centre_mm;
-    let gpu = Gpu::new(&GpuOptions::default())?;
+    let backend = Backend::open(BackendChoice::from_environment()?.unwrap_or_default())?;
     let settings = RenderSettings { quality: Quality::HQ, ..station.settings };
-    let mut renderer = Renderer::new(&gpu, &scene, &station.probe, &settings)?;
+    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings)?;
     let mut frame = Frame::default();
     let (mut origins, mut directions, mut lengths) = (Vec::new(), Vec::new(), Vec::new());
     let mut trace_ms = Vec::new();
@@ -88,8 +88,8 @@ fn main() -> anyhow::Result<()> {
     write("directions.npy", 3, &directions)?;
     write("lengths.npy", 1, &lengths)?;
     let about = serde_json::json!({
-        "device": gpu.adapter_name(),
-        "driver": gpu.driver(),
+        "device": backend.name(),
+        "driver": backend.driver(),
         "frames": POSES,
         "triangles": scene.triangle_count(),
         "trace_ms": trace_ms,

@@ -18,7 +18,7 @@ use glam::{DVec3, Quat, Vec3};
 use insonify::anatomy::{Scene, Tissue, analytic};
 use insonify::pose::Pose;
 use insonify::random::SplitMix64;
-use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::render::{Backend, BackendChoice, Frame, RenderSettings, Renderer};
 use insonify::selftest::bench::{Bench, silent, small};
 use insonify::station::Station;
 use insonify::transducer::{Probe, ProbeKind};
@@ -152,8 +152,9 @@ fn main() -> ExitCode {
     if let Some(dir) = args.state.parent() {
         std::fs::create_dir_all(dir).expect("a directory for the state file");
     }
-    let gpu = Gpu::new(&GpuOptions::default()).expect("a device");
-    println!("{} ({})", gpu.adapter_name(), gpu.driver());
+    let backend =
+        Backend::open(BackendChoice::from_environment().expect("a backend").unwrap_or_default()).expect("a backend");
+    println!("{backend}");
     let station = args.station.as_ref().map(|path| {
         let station = Station::load(path).expect("a station");
         let file = station.scene_file().expect("a station whose scene is a file").to_owned();
@@ -170,14 +171,14 @@ fn main() -> ExitCode {
         let renderer = match of_station {
             Some(scene) => {
                 if phantom.is_none() {
-                    phantom = Some(Renderer::new(&gpu, scene, &chosen, &settings()).expect("a renderer"));
+                    phantom = Some(Renderer::new(&backend, scene, &chosen, &settings()).expect("a renderer"));
                 }
                 let renderer = phantom.as_mut().expect("made just now");
                 renderer.reconfigure(&chosen, &settings()).expect("a configuration");
                 renderer
             }
             None => {
-                own = Renderer::new(&gpu, &scene(&mut random), &chosen, &settings()).expect("a renderer");
+                own = Renderer::new(&backend, &scene(&mut random), &chosen, &settings()).expect("a renderer");
                 &mut own
             }
         };

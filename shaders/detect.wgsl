@@ -27,8 +27,8 @@ fn slider_db(depth_mm: f32) -> f32 {
 // Grey levels 0..=1 of four samples from their powers.
 fn levels(first: u32, power: vec4<f32>) -> vec4<f32> {
     let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(i32(first))) * params.sample_spacing_mm;
-    // 10·log10(x) = 3.0103·log2(x); the floor is far below any display.
-    let level_db = 3.01029995664 * log2(max(power, vec4<f32>(1.0e-37)))
+    // The floor is far below any display.
+    let level_db = DB_A_DOUBLING * log2(max(power, vec4<f32>(1.0e-37)))
         + params.gain_db + params.tgc_db_per_mm * depth_mm
         + vec4<f32>(slider_db(depth_mm.x), slider_db(depth_mm.y), slider_db(depth_mm.z), slider_db(depth_mm.w));
     return clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));

@@ -11,7 +11,7 @@
 @group(0) @binding(6) var<storage, read_write> starts_inside: array<u32>;
 @group(0) @binding(7) var<storage, read_write> overflows: array<atomic<u32>>;
 
-const CROSSINGS: u32 = 64u;
+const CROSSINGS: u32 = CROSSINGS_BEHIND;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

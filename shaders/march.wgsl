@@ -14,11 +14,6 @@
 
 // Samples of a thread.
 const RUN: u32 = 8u;
-// ln of an amplitude that no display shows, −651 dB.
-const LN_SILENT: f32 = -75.0;
-// Powers are those of amplitudes times e⁴⁰: so the squares of all that is not silent are normal numbers.
-const LN_SCALE: f32 = 40.0;
-const UNSCALED: f32 = 4.248354255e-18;
 
 // The segment in hand.
 var<private> path: u32;
@@ -71,8 +66,8 @@ fn meet(range_mm: f32) -> Met {
 // Mean and deviation of the amplitude that the path in hand gives a scatterer, scaled.
 fn strength(presence: u32, range_mm: f32) -> vec2<f32> {
     let ln_amplitude = s0.w - s1.w * range_mm;
-    let there = presence < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SILENT;
-    return select(vec2<f32>(0.0), s2.xy * exp(max(ln_amplitude, LN_SILENT) + LN_SCALE), there);
+    let there = presence < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SPECKLE_SILENT;
+    return select(vec2<f32>(0.0), s2.xy * exp(max(ln_amplitude, LN_SPECKLE_SILENT) + LN_SCALE), there);
 }
 
 fn echo(met: Met, strength: vec2<f32>) -> vec2<f32> {

@@ -1,4 +1,4 @@
-// The Σμ that 2 % of the sector's area lie below, so that e^(−Σμ) at it is the 98th percentile of the attenuation.
+// The Σμ that BRIGHTEST_PART of the sector's area lies below, so that e^(−Σμ) at it is the 98th percentile of the attenuation.
 // Σμ never falls along a ray: bisect on it, measuring the area in front of it. One workgroup.
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -7,8 +7,6 @@
 @group(0) @binding(3) var<storage, read_write> percentile: array<f32>;
 
 const THREADS: u32 = 256u;
-const STEPS: u32 = 30u;
-const BRIGHTEST_PART: f32 = 0.02;
 
 var<workgroup> partial: array<f32, THREADS>;
 
@@ -41,7 +39,7 @@ fn main(@builtin(local_invocation_index) thread: u32) {
     var low = 0.0;
     var high = 1.0e4;
     let wanted = BRIGHTEST_PART * area(params.depth_mm) * f32(params.map_rays);
-    for (var step = 0u; step < STEPS; step++) {
+    for (var step = 0u; step < PERCENTILE_STEPS; step++) {
         let middle = select(0.5 * (low + high), sqrt(max(low, 1.0e-6) * high), step < 14u);
         var sum = 0.0;
         for (var ray = thread; ray < params.map_rays; ray += THREADS) {

@@ -18,10 +18,8 @@
 // Whether the maps are written beside the image.
 override MAPS: bool = true;
 
-const OUTSIDE: u32 = 0xffffffffu;
 const ACROSS_SCALE: f32 = 1.0 / f32((1u << ACROSS_BITS) - 2u);
 const DEPTH_SCALE: f32 = 1.0 / f32((1u << (32u - ACROSS_BITS)) - 2u);
-const LN_SILENT: f32 = -80.0;
 
 struct Pixel {
     grey: u32,
@@ -44,13 +42,13 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     let at = ray * params.map_depths + step;
     let before = raster[at];
     let beyond_mm = depth_mm - f32(i32(step)) * params.map_step_mm;
-    let rate0 = 0.5 * tissues[before & 255u].attenuation_np_mm;
+    let rate0 = ONE_WAY * tissues[before & 255u].attenuation_np_mm;
     let sum0 = raster_sum(before);
     var sum = sum0 + rate0 * beyond_mm;
     var tissue = before & 255u;
     // A boundary lies before the next depth. A loop, not an `if`: software devices skip a loop that no thread enters.
     loop {
-        if (before & 256u) != 0u {
+        if (before & WHOLE) != 0u {
             break;
         }
         let after = raster[at + 1u];
@@ -60,11 +58,11 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
             break;
         }
         // Between two tissues: Σμ says where the one ends.
-        let rate1 = 0.5 * tissues[after & 255u].attenuation_np_mm;
+        let rate1 = ONE_WAY * tissues[after & 255u].attenuation_np_mm;
         let contrast = rate0 - rate1;
         // Tissues that attenuate alike don't say: halfway is within half a pixel.
         var boundary_mm = 0.5 * params.map_step_mm;
-        if abs(contrast) > 1.0e-3 {
+        if abs(contrast) > CONTRAST_MIN_NP_MM {
             boundary_mm = clamp((sum1 - sum0 - rate1 * params.map_step_mm) / contrast, 0.0, params.map_step_mm);
         }
         sum = sum0 + rate0 * min(beyond_mm, boundary_mm) + rate1 * max(beyond_mm - boundary_mm, 0.0);
@@ -103,7 +101,7 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     let tissue = select(one.tissue, next.tissue, part >= 0.5);
     let ln_level = percentile_np - sum;
     let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
-    return Pixel(select(0u, grey, inside), select(0u, tissue + 1u, inside), select(0.0, level, inside));
+    return Pixel(select(0u, grey, inside), select(0u, tissue + FIRST_TISSUE, inside), select(0.0, level, inside));
 }
 
 @compute @workgroup_size(128)

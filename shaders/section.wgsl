@@ -12,10 +12,9 @@
 @group(0) @binding(6) var<storage, read_write> entries: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> entry_counts: array<u32>;
 @group(0) @binding(8) var<storage, read_write> overflows: array<atomic<u32>>;
-
 @group(0) @binding(9) var<storage, read_write> raster: array<u32>;
 
-const CROSSINGS: u32 = 160u;
+const CROSSINGS: u32 = CROSSINGS_OF_A_MAP_RAY;
 
 @compute @workgroup_size(32)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -34,7 +33,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var here = medium();
     var start = 0.0;
     var sum_np = 0.0;
-    var rate = 0.5 * tissues[here].attenuation_np_mm;
+    var rate = ONE_WAY * tissues[here].attenuation_np_mm;
     var count = 0u;
     var lost = crossing_lost;
     entries[ray * ENTRIES] = vec4<f32>(0.0, 0.0, rate, bitcast<f32>(TAG | here));
@@ -47,7 +46,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             sum_np += rate * (t - start);
             start = t;
             here = there;
-            rate = 0.5 * tissues[here].attenuation_np_mm;
+            rate = ONE_WAY * tissues[here].attenuation_np_mm;
             if count < ENTRIES {
                 entries[ray * ENTRIES + count] = vec4<f32>(start, sum_np, rate, bitcast<f32>(TAG | here));
                 count++;
@@ -65,14 +64,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if run + 1u < count {
             end = entries[ray * ENTRIES + run + 1u].x;
         }
-        let id = bitcast<u32>(entry.w) & TAG_MASK;
+        let id = bitcast<u32>(entry.w) & TISSUE_MASK;
         loop {
             let at_mm = f32(depth) * params.map_step_mm;
             if at_mm >= end || depth >= params.map_depths {
                 break;
             }
             let sum = entry.y + entry.z * (at_mm - entry.x);
-            let whole = select(0u, 256u, at_mm + params.map_step_mm < end);
+            let whole = select(0u, WHOLE, at_mm + params.map_step_mm < end);
             raster[ray * params.map_depths + depth] = (bitcast<u32>(max(sum, 0.0)) << 1u & 0xfffffe00u) | whole | id;
             depth++;
         }

@@ -32,21 +32,7 @@ override INTERFACE_ECHOES: bool = true;
 override ROUGHNESS: bool = true;
 override REFLECTIONS: bool = true;
 
-// Reflections of which less than this part returns (energy, within the aperture) are not followed: a path goes on with
-// the weight of what is transmitted. A rough surface's reflection scatters and never forms a mirror image.
-const REFLECTION_FOLLOWED: f32 = 0.05;
-// ln of the two-way amplitude at which a path ends: 10⁻¹³.
-const LN_GIVEN_UP: f32 = -30.0;
-// Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
-const OFF_THE_GRID_MM: f32 = 0.0077;
-// Energy that a very rough surface returns diffusely at normal incidence.
-const DIFFUSE: f32 = 0.02;
-// Crossings at one place.
-const CROSSINGS: u32 = 16u;
-// Surfaces that one path may cross, most of them without a change of medium.
-const PLACES_MAX: u32 = 192u;
-// ln of an amplitude that no display shows: 10⁻³⁴.
-const LN_SILENT: f32 = -80.0;
+const CROSSINGS: u32 = CROSSINGS_AT_A_PLACE;
 
 // Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.
 fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
@@ -60,7 +46,7 @@ fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
 
 // Mean square slope of the reflected rays that the aperture accepts, seen from `range_mm`.
 fn aperture_variance(range_mm: f32) -> f32 {
-    let half_angle = clamp(0.25 * params.aperture_mm / max(range_mm, 1.0), 0.06, 0.5);
+    let half_angle = clamp(APERTURE_HALF_ANGLE * params.aperture_mm / max(range_mm, 1.0), APERTURE_HALF_ANGLE_MIN, APERTURE_HALF_ANGLE_MAX);
     return half_angle * half_angle;
 }
 
@@ -78,7 +64,7 @@ fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     let cos2 = max(cos_facet * cos_facet, 1.0e-6);
     let tan2 = max(1.0 - cos2, 0.0) / cos2;
     let specular = acceptance(0.5 * rough2, range_mm) * exp(-min(tan2 / lobe2, 80.0));
-    let diffuse = DIFFUSE * rough2 / (rough2 + 0.1) * cos2;
+    let diffuse = DIFFUSE * rough2 / (rough2 + DIFFUSE_HALF_ROUGHNESS2) * cos2;
     return sqrt(specular + diffuse);
 }
 
@@ -222,7 +208,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         var facet = normal;
         if ROUGHNESS && variance > 0.0 && !guide {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
-            if dot(facet, direction) > -0.02 {
+            if dot(facet, direction) > -FACET_COS_MIN {
                 facet = normal;
             }
         }
@@ -242,7 +228,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             if ROUGHNESS {
                 at_facet = interface_between(z1, z2, speed_ratio, cos_facet);
             }
-            let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * 7919)).x) - 0.5;
+            let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * SURFACE_SALT)).x) - 0.5;
             echo_range_mm += offset * thickness_mm / path_per_range;
             let weight = mix(weight_power, weight_in_phase, coherence);
             echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
@@ -293,7 +279,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         bounce++;
     }
     segment_counts[path] = count;
-    starts[path * STARTS + count] = 3.0e38;
+    starts[path * STARTS + count] = BEYOND_MM;
     var holds = 0u;
     for (var word = 0u; word < params.hint_words; word++) {
         var packed = 0u;

@@ -12,7 +12,7 @@ use insonify::anatomy::export::write_moving_glb;
 use insonify::anatomy::phantom::{PhantomOptions, build, movement};
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
-use insonify::render::{Choice, Effect, Frame, Gpu, GpuOptions, ImageOn, RenderSettings, Renderer, ShaderSet, TraceOn};
+use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
@@ -105,8 +105,8 @@ fn sum(frame: &Frame) -> String {
     })
 }
 
-/// Sums of all scenes and variants rendered by `gpu`, by name.
-fn sums(place: &str, gpu: &Gpu) -> BTreeMap<String, String> {
+/// Sums of all scenes and variants rendered by `backend`, by name.
+fn sums(place: &str, backend: &Backend) -> BTreeMap<String, String> {
     let mut sums = BTreeMap::new();
     let mut frame = Frame::default();
     for name in SCENES {
@@ -125,10 +125,9 @@ fn sums(place: &str, gpu: &Gpu) -> BTreeMap<String, String> {
                     renderer.reconfigure(&station.probe, &settings).unwrap();
                     renderer
                 }
-                none => none.insert(
-                    Renderer::with_shaders(gpu, &scene, bvh.clone(), &station.probe, &settings, &ShaderSet::default())
-                        .unwrap(),
-                ),
+                none => {
+                    none.insert(Renderer::with_bvh(backend, &scene, bvh.clone(), &station.probe, &settings).unwrap())
+                }
             };
             renderer.set_time_s(TIME_S);
             renderer.render(&pose, &mut frame).unwrap();
@@ -157,10 +156,9 @@ fn check(place: &str, found: &BTreeMap<String, String>, device: &str) {
 
 #[test]
 fn frames_equal_the_committed_ones_bit_for_bit() {
-    let host = Gpu::new(&GpuOptions { trace: TraceOn::Host, image: ImageOn::Auto, ..GpuOptions::default() }).unwrap();
-    let device =
-        Gpu::new(&GpuOptions { trace: TraceOn::Device, image: ImageOn::Device, ..GpuOptions::default() }).unwrap();
-    let name = format!("{} ({})", device.adapter_name(), device.driver());
+    let host = Backend::open(BackendChoice::Host).unwrap();
+    let device = Backend::open(BackendChoice::Device).unwrap();
+    let name = device.to_string();
     let (on_host, on_device) = (sums("host", &host), sums("device", &device));
     if std::env::var_os("INSONIFY_WRITE_SUMS").is_some() {
         let lines = on_host.iter().chain(&on_device).map(|(name, sum)| format!("{sum}  {name}\n"));

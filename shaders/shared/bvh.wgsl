@@ -1,8 +1,4 @@
-// Traversal of a compressed wide BVH; the layout is documented in src/anatomy/bvh.rs.
-
-// Hits this close along a ray, mm, are one place: surfaces that touch, or one edge hit twice.
-const TOUCH_MM: f32 = 1.0e-3;
-const STACK_DEPTH: u32 = 32u;
+// Traversal of a compressed wide BVH; the layout is documented in src/anatomy/bvh.
 
 struct TriangleHit {
     // Signed distance along the ray, mm; only meaningful where `facing` is not 0.

@@ -1,4 +1,4 @@
-// Every crossing of a straight ray, sorted: up to CROSSINGS, a constant of each pass.
+// Every crossing of a straight ray, sorted: up to CROSSINGS, which each pass defines.
 
 var<private> crossing_t: array<f32, CROSSINGS>;
 // Triangle in leaf order, and its facing in the lowest bit: 1 where the ray enters.

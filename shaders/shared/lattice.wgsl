@@ -1,7 +1,5 @@
 // The scatterer lattice, fixed in the scene: a pure hash of a cell, so that nothing repeats and nothing is stored.
 
-// CELL_MM, the side of a cell in mm, comes from src/render/tables.rs.
-
 fn lattice_cell(p: vec3<f32>) -> vec3<i32> {
     return vec3<i32>(floor(p * (1.0 / CELL_MM)));
 }
@@ -21,5 +19,5 @@ fn scatterer_position(cell: vec3<i32>, bits: u32) -> vec3<f32> {
 fn scatterer_deviate(bits: u32) -> vec2<f32> {
     let pairs = (bits & 0x0f0f0f0fu) + ((bits >> 4u) & 0x0f0f0f0fu);
     let sums = vec2<u32>(pairs + (pairs >> 8u), (pairs >> 16u) + (pairs >> 24u)) & vec2<u32>(255u);
-    return (vec2<f32>(vec2<i32>(sums)) - 30.0) * 0.07669649888;
+    return (vec2<f32>(vec2<i32>(sums)) - 30.0) * DEVIATE_SCALE;
 }

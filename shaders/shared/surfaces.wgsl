@@ -8,10 +8,6 @@ fn set_inside(surface: u32, value: bool) {
     inside[word] = select(inside[word] & ~bit, inside[word] | bit, value);
 }
 
-const TISSUE_MASK: u32 = 0xffffu;
-// Set with the tissue of a surface that moves.
-const MOVES: u32 = 0x10000u;
-
 // Tissue of the medium, and whether its surface moves: that of the highest surface the point is inside, else the
 // background.
 fn medium_word() -> u32 {

@@ -1,4 +1,4 @@
-// A tissue as the passes need it: `GpuTissue` of src/render/tables.rs.
+// A tissue as the passes need it: `PackedTissue` of src/render/tables.rs.
 struct Tissue {
     impedance_mrayl: f32,
     // c/c₀: mm of path a mm of range.
@@ -18,8 +18,3 @@ struct Tissue {
     pad0: f32,
     pad1: f32,
 }
-
-// Small integers travel as the low bits of a normal float: some devices flush denormals.
-const TAG: u32 = 0x40000000u;
-const TAG_MASK: u32 = 0xffffu;
-const TAG_DENSITY: u32 = 0x3ffffu;

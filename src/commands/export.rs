@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::progress::Progress;
 use super::replay_args::{Part, ReplayArgs};
 use super::{Failure, output, session};
+use crate::commands::backend::BackendArgs;
 
 /// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images, times, transforms.
 #[derive(Debug, Parser)]
@@ -23,6 +24,9 @@ pub(crate) struct Args {
     /// Sequence to write (.igs.mha)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// What the pixels are
     #[arg(long, value_enum, default_value_t)]
@@ -67,9 +71,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             "the recorded session changes the depth at frame {at}, and a sequence has one size of its pixels; export parts with --frames ..{at} and {at}.., or use --ignore-controls"
         )));
     }
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
-    replay.choose_quality(&gpu, &scene)?;
+    replay.choose_quality(&backend, &scene)?;
     let (timeline, frames) = (&replay.timeline, replay.frames.clone());
     let Part { probe, settings, .. } = replay.first()?;
     let sector = Sector::fit(probe, settings.image.width, settings.image.height);
@@ -82,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut writer = MetaImageWriter::create(&args.out, &sector, &images, args.compress)?;
     let progress = Progress::new("export", images.len());
     replay.render(
-        &gpu,
+        &backend,
         &scene,
         |_| {},
         |i, frame| {

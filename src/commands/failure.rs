@@ -11,7 +11,7 @@ use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
-use insonify::render::{GpuError, RenderError, SettingsError};
+use insonify::render::{BackendError, RenderError, SettingsError, UnknownBackendVariable};
 use insonify::selftest::SelfTestError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
@@ -133,23 +133,29 @@ impl From<ExamError> for Failure {
     }
 }
 
-impl From<GpuError> for Failure {
-    fn from(error: GpuError) -> Self {
+impl From<BackendError> for Failure {
+    fn from(error: BackendError) -> Self {
         match error {
             // What the caller can mend: install a driver, ask for less.
-            GpuError::NoAdapter { .. }
-            | GpuError::NoDevice { .. }
-            | GpuError::Limit { .. }
-            | GpuError::Memory { .. } => Self::Input(error.into()),
+            BackendError::NoAdapter { .. }
+            | BackendError::NoDevice { .. }
+            | BackendError::Limit { .. }
+            | BackendError::Memory { .. } => Self::Input(error.into()),
             _ => Self::Other(error.into()),
         }
+    }
+}
+
+impl From<UnknownBackendVariable> for Failure {
+    fn from(error: UnknownBackendVariable) -> Self {
+        Self::Input(error.into())
     }
 }
 
 impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match error {
-            RenderError::Gpu(error) => error.into(),
+            RenderError::Backend(error) => error.into(),
             RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
             _ => Self::Other(error.into()),
         }

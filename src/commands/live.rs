@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::anyhow;
 use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tiers};
 use insonify::pipeline::{
-    Clock, Enhancer, GpuRenderer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer,
+    Clock, Enhancer, Limits, LocalRenderer, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer,
 };
 use insonify::pose::{Counters, Pose};
 use insonify::sink::frame_line::source_name;
@@ -59,7 +59,7 @@ fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
 /// Chooses the quality of a station with a budget at `pose` or where the station begins, says which, and returns what
 /// keeps it; none without a budget.
 pub(crate) fn choose_quality(
-    renderer: &mut GpuRenderer,
+    renderer: &mut LocalRenderer,
     station: &mut Station,
     pose: Option<Pose>,
 ) -> Result<Option<QualityBudget>, Failure> {

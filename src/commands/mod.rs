@@ -1,5 +1,6 @@
 //! One file a subcommand, each a few calls into the library.
 
+mod backend;
 mod cache;
 mod calibrate;
 mod dataset;
@@ -75,8 +76,9 @@ Examples:
 Exit codes: 0 done; 2 wrong input (arguments, station, scene, pose, recording, no GPU driver); 1 other failures.
 
 Environment:
+  INSONIFY_BACKEND where frames are made: auto, host or device (--backend overrides it, it overrides the station)
   INSONIFY_CACHE   where generated scenes are kept (default: insonify/ in the user's cache directory)
-  WGPU_BACKEND     which graphics interface to use: vulkan, metal, dx12 or gl
+  WGPU_BACKEND     which graphics interface a device is opened by: vulkan, metal, dx12 or gl
   ORT_DYLIB_PATH   ONNX Runtime's library, for generators (default: where scripts/setup puts it)
   RUST_LOG         what to log to stderr, for example insonify=debug";
 

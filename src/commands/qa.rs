@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use super::progress::Progress;
 use super::{Failure, output, session};
+use crate::commands::backend::BackendArgs;
 
 /// Image the QA phantom and measure it as a scanner's service does: distances, resolution, contrast, cysts, penetration.
 ///
@@ -36,6 +37,9 @@ pub(crate) struct Args {
     /// Images to average, evenly from 20 mm on one side to 20 mm on the other along the targets
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=64))]
     images: u16,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// Also write a page (qa_phantom.md), its picture (qa_phantom.png) and the figures (qa_phantom.json) into this folder
     #[arg(long, value_name = "DIR")]
@@ -82,9 +86,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             args.station.display()
         )));
     }
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(station.backend)?;
     let settings = RenderSettings { maps: false, ..station.settings };
-    let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
+    let mut renderer = session::renderer(&backend, &scene, &station, &settings)?;
     let image = station.settings.image;
     let mut levels = Levels::new(sector, image.dynamic_range_db);
     let mut first = Vec::new();
@@ -116,7 +120,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let report = qa_phantom::measure(&levels, &station.probe);
     let record = Record {
         station: &args.station,
-        device: session::adapter(&gpu),
+        device: session::adapter(&backend),
         frequency_mhz: station.probe.frequency_mhz,
         images: args.images,
         report: &report,

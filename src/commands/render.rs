@@ -10,6 +10,7 @@ use insonify::sink::{FrameFiles, FrameRecord};
 use insonify::station::Station;
 use serde::Serialize;
 
+use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
 use super::{Classify, Failure, output, session};
@@ -43,6 +44,9 @@ pub(crate) struct Args {
 
     #[command(flatten)]
     effects: EffectArgs,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// Directory to write to; made if missing
     #[arg(long, value_name = "DIR", default_value = "out/render")]
@@ -95,10 +99,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             args.time
         )));
     }
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(&station)?;
     session::warn_of_effects(&scene, &station.probe, &settings);
-    let mut renderer = session::renderer(&gpu, &scene, &station, &settings)?;
+    let mut renderer = session::renderer(&backend, &scene, &station, &settings)?;
     let mut frame = Frame::default();
     renderer.set_time_s(args.time);
     if let (Some(budget_ms), None) = (station.quality_budget_ms, args.quality) {
@@ -110,7 +114,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if frame.overflows > 0 {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
     }
-    let adapter = session::adapter(&gpu);
+    let adapter = session::adapter(&backend);
     let (plan, sector) = (renderer.plan(), renderer.sector());
     let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;

@@ -20,6 +20,7 @@ use super::pace::{Pace, Speed};
 use super::progress::Progress;
 use super::replay_args::{Part, Replay, ReplayArgs};
 use super::{Failure, output, quality, session};
+use crate::commands::backend::BackendArgs;
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
 ///
@@ -31,6 +32,9 @@ use super::{Failure, output, quality, session};
 pub(crate) struct Args {
     #[command(flatten)]
     replay: ReplayArgs,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// Directory to write to; made if missing
     #[arg(long, value_name = "DIR", default_value = "out/replay")]
@@ -175,9 +179,9 @@ impl<'a> RecordingReport<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
-    replay.choose_quality(&gpu, &scene)?;
+    replay.choose_quality(&backend, &scene)?;
     let (Replay { rate, summary, timeline, .. }, Range { start, end }) = (&replay, replay.frames.clone());
     let Part { probe, settings, .. } = replay.first()?;
 
@@ -198,7 +202,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut hash = Sha256::new();
     let mut mask: Vec<u8> = Vec::new();
     replay.render(
-        &gpu,
+        &backend,
         &scene,
         |i| pace.wait(i),
         |i, frame| {
@@ -244,7 +248,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         version: env!("CARGO_PKG_VERSION"),
         recording: RecordingReport::new(&args.replay.recording, summary),
         station: &args.replay.station,
-        adapter: session::adapter(&gpu),
+        adapter: session::adapter(&backend),
         probe: ProbeRecord::from(probe),
         quality: QualityRecord::from(settings),
         fps: rate.fps(),

@@ -9,7 +9,7 @@ use clap::Args;
 use insonify::anatomy::Scene;
 use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses, same_picture};
 use insonify::pose::{Estimator, Pose};
-use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer};
+use insonify::render::{Backend, Frame, Quality, RenderSettings, Renderer};
 use insonify::sink::FrameRate;
 use insonify::sink::live::LiveSettings;
 use insonify::station::Station;
@@ -227,13 +227,14 @@ impl Replay {
 
     /// Takes the quality that the station's budget chooses, if it is to, measured at the first, middle and last frame's
     /// pose; says which.
-    pub(crate) fn choose_quality(&mut self, gpu: &Gpu, scene: &Scene) -> Result<(), Failure> {
+    pub(crate) fn choose_quality(&mut self, backend: &Backend, scene: &Scene) -> Result<(), Failure> {
         let Some(budget_ms) = self.budget_ms else { return Ok(()) };
         let Part { probe, settings, .. } = self.first()?;
         let poses = self.timeline.poses.get(self.frames.clone()).unwrap_or_default();
         let last = poses.len().saturating_sub(1);
         let poses: Vec<Pose> = [0, last / 2, last].iter().filter_map(|i| poses.get(*i).copied()).collect();
-        let climbed = Renderer::new(gpu, scene, probe, settings)?.choose_quality(probe, settings, &poses, budget_ms)?;
+        let climbed =
+            Renderer::new(backend, scene, probe, settings)?.choose_quality(probe, settings, &poses, budget_ms)?;
         quality::say_chosen(&climbed);
         for part in &mut self.parts {
             part.settings.quality = climbed.point().with_seed(part.settings.quality.seed);
@@ -245,14 +246,14 @@ impl Replay {
     /// each with its place among the frames asked for.
     pub(crate) fn render(
         &self,
-        gpu: &Gpu,
+        backend: &Backend,
         scene: &Scene,
         mut before: impl FnMut(usize),
         mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let Part { probe, settings, .. } = self.first()?;
         session::warn_of_effects(scene, probe, settings);
-        let mut renderer = Renderer::new(gpu, scene, probe, settings)?;
+        let mut renderer = Renderer::new(backend, scene, probe, settings)?;
         for Part { frames, probe, settings } in &self.parts {
             let from = frames.start - self.frames.start;
             renderer.reconfigure(probe, settings)?;

@@ -8,11 +8,10 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::Parser;
 use insonify::pipeline::{
-    Clock, GpuFactory, Limits, Observer, Part, Parts, PoseSource, RecordedSlot, RecorderPart, RecordingObserver,
-    StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
+    Clock, Limits, LocalRendererFactory, Observer, Part, Parts, PoseSource, RecordedSlot, RecorderPart,
+    RecordingObserver, StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
 };
 use insonify::pose::{Estimator, Pose};
-use insonify::render::GpuOptions;
 use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
@@ -29,6 +28,7 @@ use tokio::sync::mpsc;
 use super::effects::EffectArgs;
 use super::run_table::SummaryTable;
 use super::{Classify, Failure, live, live_sinks, output, session};
+use crate::commands::backend::BackendArgs;
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
@@ -51,6 +51,9 @@ pub(crate) struct Args {
 
     #[command(flatten)]
     effects: EffectArgs,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// End after this many seconds, up to 31 days
     #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
@@ -129,17 +132,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.record.is_some() && stream.is_none() {
         return Err(Failure::Input(anyhow!("--record keeps a tracker's bytes, and this session has no tracker")));
     }
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(station.backend)?;
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
-    let factory = GpuFactory::new(GpuOptions::default(), scene.clone())?;
-    let mut renderer = factory.build_on(&gpu, &station.probe, &station.settings)?;
+    let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
+    let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
     let quality = live::choose_quality(&mut renderer, &mut station, args.pose)?;
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let stop = Stop::new(&clock);
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
-    let adapter = session::adapter(&gpu);
+    let adapter = session::adapter(&backend);
     let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
     // The sender is kept: the channel must stay open where no sink takes input.

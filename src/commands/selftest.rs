@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::render::ShaderSet;
+use insonify::render::BackendChoice;
 use insonify::report::selftest::{self as selftest_report, figure};
 use insonify::selftest::{self, Report};
 use insonify::sink::write_json;
 
 use super::progress::Progress;
-use super::{Failure, output, session};
+use super::{Failure, output};
+use crate::commands::backend::BackendArgs;
 
 /// Render small scenes whose answers are known, and compare: Snell, Fresnel, time of flight, attenuation, the point-spread
 /// function, speckle, shadows, maps, determinism. It takes less than a minute.
@@ -22,6 +23,9 @@ use super::{Failure, output, session};
                         insonify selftest\n  \
                         insonify selftest --html selftest.html --json selftest.json")]
 pub(crate) struct Args {
+    #[command(flatten)]
+    backend: BackendArgs,
+
     /// Also write every check with its numbers as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -36,9 +40,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(html) = args.html.as_ref().filter(|path| path.extension().is_none_or(|e| e != "html")) {
         return Err(Failure::Input(anyhow!("--html {} must end in .html", html.display())));
     }
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(BackendChoice::Auto)?;
     let progress = Progress::new("self-test", 0);
-    let report = selftest::run(&gpu, &ShaderSet::default(), &|done, of| progress.set(done, of))?;
+    let report = selftest::run(&backend, &|done, of| progress.set(done, of))?;
     drop(progress);
     if let Some(path) = &args.json {
         write_json(path, &report)?;

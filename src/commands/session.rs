@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
-use insonify::render::{EffectPlan, FRAMES_IN_FLIGHT, Frame, Gpu, GpuOptions, QualityPoint, RenderSettings, Renderer};
+use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
@@ -12,14 +12,9 @@ use insonify::transducer::Probe;
 use super::progress::Progress;
 use super::{Failure, cache};
 
-/// A device that renders.
-pub(crate) fn open_gpu() -> Result<Gpu, Failure> {
-    Ok(Gpu::new(&GpuOptions::default())?)
-}
-
-/// The device's name and driver.
-pub(crate) fn adapter(gpu: &Gpu) -> AdapterRecord {
-    AdapterRecord { name: gpu.adapter_name(), driver: gpu.driver() }
+/// Name and driver of what makes the frames.
+pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
+    AdapterRecord { name: backend.name(), driver: backend.driver() }
 }
 
 /// The surfaces of a station, from its file or from the cache of generated scenes.
@@ -55,12 +50,12 @@ pub(crate) fn warn_of_budget(station: &Station) {
 
 /// A renderer of `scene` for the station's probe.
 pub(crate) fn renderer(
-    gpu: &Gpu,
+    backend: &Backend,
     scene: &Scene,
     station: &Station,
     settings: &RenderSettings,
 ) -> Result<Renderer, Failure> {
-    Ok(Renderer::new(gpu, scene, &station.probe, settings)?)
+    Ok(Renderer::new(backend, scene, &station.probe, settings)?)
 }
 
 /// Renders `poses` in order, two in flight, and hands each frame to `each` with its index; `before` is called before each

@@ -17,6 +17,7 @@ use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
 use serde::Serialize;
 
+use super::backend::BackendArgs;
 use super::{Classify, Failure, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
@@ -31,6 +32,9 @@ pub(crate) struct Args {
     /// Pose of the probe: x,y,z,qw,qx,qy,qz [default: the station's; a scene alone has none]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// File to write
     #[arg(long, value_name = "FILE", default_value = "out/view.png")]
@@ -158,8 +162,8 @@ fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pos
     let station = station.input()?;
     let pose = pose.ok_or(ViewError::NoFan { what: "--bmode" }).input()?;
     session::warn_of_budget(station);
-    let gpu = session::open_gpu()?;
-    let mut renderer = session::renderer(&gpu, scene, station, &station.settings)?;
+    let backend = args.backend.open(station.backend)?;
+    let mut renderer = session::renderer(&backend, scene, station, &station.settings)?;
     let mut frame = Frame::default();
     renderer.render(&pose, &mut frame)?;
     Ok(BmodeImage { sector: *renderer.sector(), grey: frame.bmode })

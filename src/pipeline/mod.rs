@@ -17,8 +17,8 @@ mod events;
 mod frames;
 mod generate_stage;
 mod generator_link;
-mod gpu;
 mod histogram;
+mod local_renderer;
 mod metrics;
 mod pace;
 mod parts;
@@ -43,8 +43,8 @@ pub use controls::CONTROLS_WAITING;
 pub use deadline::{ChoiceSettings, Chooser, same_picture};
 pub use events::Observer;
 pub use frames::Pool;
-pub use gpu::{GpuFactory, GpuRenderer};
 pub use histogram::{Histogram, Percentiles};
+pub use local_renderer::{LocalRenderer, LocalRendererFactory};
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, Readiness, RenderFault, RendererFactory, Terminator,

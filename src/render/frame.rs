@@ -1,20 +1,32 @@
-//! One rendered frame on the CPU.
+//! Rendered frames and their times.
+
+/// Greatest number of frames in flight.
+pub const FRAMES_IN_FLIGHT: usize = 2;
+
+/// Parts of a frame beside its mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Contents {
+    /// The B-mode image.
+    pub(super) image: bool,
+    /// Segmentation and attenuation.
+    pub(super) maps: bool,
+}
 
 /// Time of one pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassTime {
     /// Name of the pass, that of its shader.
     pub name: &'static str,
-    /// Time on the device, ms; of `trace` on the host where the host follows the paths, `locate` with it.
+    /// Duration, ms. On the host, `trace` includes `locate`.
     pub ms: f64,
 }
 
 /// Times of one frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FrameTimes {
-    /// From the call until the frame lay in memory, ms.
+    /// Duration from the call until the frame lay in memory, ms.
     pub total_ms: f64,
-    /// Time of each pass, in order; none of the device's where it has no timestamps.
+    /// Duration of each pass, in order; empty on a device without timestamps.
     pub passes: Vec<PassTime>,
 }
 
@@ -45,4 +57,12 @@ pub struct Frame {
     pub overflows: u32,
     /// Times.
     pub times: FrameTimes,
+}
+
+/// Copies rows of `width` out of rows of `stride`.
+pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
+    into.clear();
+    for row in from.chunks_exact(stride) {
+        into.extend_from_slice(&row[..width]);
+    }
 }

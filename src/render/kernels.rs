@@ -2,21 +2,17 @@
 
 use std::fmt;
 
-use super::RenderSettings;
-use super::tables::{CELL_MM, DEPTH_BLOCK, PULSE_PAD};
+use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PULSE_PAD};
+use super::settings::RenderSettings;
 use crate::transducer::Probe;
 
-/// Widest lateral kernel, scanlines to either side.
-pub(crate) const LATERAL_HALF_MAX: u32 = 32;
-/// Widest axial kernel, samples to either side.
-pub(crate) const AXIAL_HALF_MAX: u32 = 128;
 /// Standard deviations that a kernel holds to either side of its middle.
 const LATERAL_REACH: f64 = 2.5;
 const AXIAL_REACH: f64 = 4.0;
 
 /// Which kernel of the point-spread function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kernel {
+pub(crate) enum Kernel {
     /// The beam across scanlines, of the pass `lateral`: at the most 32 scanlines to either side.
     Lateral,
     /// The pulse along a scanline, of the pass `detect`: at the most 128 samples to either side.
@@ -26,17 +22,17 @@ pub enum Kernel {
 /// A kernel that is wider than its pass holds and is cut there: the speckle is narrower than the beam or pulse makes it,
 /// its level stays right.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClippedKernel {
+pub(crate) struct ClippedKernel {
     /// Which one.
-    pub kernel: Kernel,
+    pub(crate) kernel: Kernel,
     /// Scanlines or samples to either side that it takes, where it is the widest.
-    pub wanted: u32,
+    pub(crate) wanted: u32,
     /// Scanlines or samples to either side that it has.
-    pub kept: u32,
+    pub(crate) kept: u32,
     /// Depths from and to which it is cut, mm.
-    pub depths_mm: [f64; 2],
+    pub(crate) depths_mm: [f64; 2],
     /// Value of the key that makes it so wide: `probe.scanlines` of the lateral, `probe.samples` of the axial one.
-    pub value: u32,
+    pub(crate) value: u32,
 }
 
 impl fmt::Display for ClippedKernel {

@@ -1,6 +1,10 @@
 //! The best quality whose frames keep a budget on this machine, measured.
 
-use super::{Frame, GpuError, QualityPoint, RenderError, RenderSettings, Renderer};
+use super::error::{BackendError, RenderError};
+use super::frame::Frame;
+use super::preset::QualityPoint;
+use super::renderer::Renderer;
+use super::settings::RenderSettings;
 use crate::pose::Pose;
 use crate::statistics::upper_median;
 use crate::transducer::Probe;
@@ -89,8 +93,8 @@ impl Renderer {
     /// in memory.
     ///
     /// # Errors
-    /// Those of [`Renderer::reconfigure`] and [`Renderer::render`], but for rungs that the device has no room for: these
-    /// end the ladder.
+    /// Those of [`Renderer::reconfigure`] and [`Renderer::render`], except that a rung without room
+    /// ends the ladder.
     pub fn choose_quality(
         &mut self,
         probe: &Probe,
@@ -104,8 +108,10 @@ impl Renderer {
         let climbed = climb(budget_ms, |point| {
             match self.reconfigure(probe, &of(point)) {
                 Ok(()) => {}
-                // The least has to be there.
-                Err(RenderError::Gpu(GpuError::Limit { .. } | GpuError::Memory { .. })) if point != LADDER[0] => {
+                // The cheapest point must work.
+                Err(RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. }))
+                    if point != LADDER[0] =>
+                {
                     return Ok(None);
                 }
                 Err(error) => return Err(error),
@@ -122,6 +128,8 @@ impl Renderer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::preset::Preset;
+    use crate::render::settings::Quality;
 
     /// Climbs on a machine that takes 10 ms and `per_path` ms a path.
     fn climbed(budget_ms: f64, per_path: f64) -> (Climbed, usize) {
@@ -139,6 +147,14 @@ mod tests {
     fn paths_double_or_triple_from_rung_to_rung() {
         assert!(LADDER.windows(2).all(|w| (2..=3).contains(&(w[1].paths() / w[0].paths()))));
         assert!(LADDER.windows(2).all(|w| w[1].paths() % w[0].paths() == 0));
+    }
+
+    #[test]
+    fn presets_are_points_of_the_ladder_in_rising_cost() {
+        let rungs: Vec<_> = Preset::ALL.map(|preset| LADDER.iter().position(|point| *point == preset.point())).into();
+        assert!(rungs.iter().all(Option::is_some) && rungs.is_sorted(), "{rungs:?}");
+        assert_eq!(Preset::Fast.point().with_seed(0), Quality::LQ);
+        assert_eq!(Preset::Accurate.point().with_seed(0), Quality::HQ);
     }
 
     #[test]

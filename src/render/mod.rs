@@ -1,12 +1,21 @@
-//! From a pose to a frame: passes on the GPU, each with an f64 twin on the CPU.
+//! From a pose to a frame. `host` and `device` make frames, each with the same passes; `twin` is their f64 reference.
+//!
+//! Host and device do not know each other. Both know what lies directly in this module: tables, uniforms, effect plan,
+//! constants. [`Renderer`] is their one interface.
 
+mod backend;
+mod batch_plan;
 mod configuration;
+mod constants;
 mod device;
+mod effect;
+mod error;
 mod frame;
+mod hooks;
 mod host;
 mod kernels;
 mod ladder;
-mod motion;
+mod maker;
 mod params;
 pub mod plan;
 mod preset;
@@ -16,15 +25,21 @@ mod snapshot;
 mod tables;
 pub mod twin;
 
-pub use device::gpu::{Gpu, GpuError, GpuOptions, ImageOn, TraceOn};
-pub use device::shaders::ShaderSet;
-pub use frame::{Frame, FrameTimes, PassTime};
+pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};
+#[cfg(feature = "test-hooks")]
+pub use device::ShaderSet;
+pub use effect::{Choice, Effect, EffectChoices, EffectSet};
+pub use error::{BackendError, RenderError};
+pub use frame::{FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime};
+#[cfg(feature = "test-hooks")]
+pub use hooks::TestHooks;
+pub use host::processor_name;
+#[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
-pub use kernels::{ClippedKernel, Kernel};
 pub use ladder::{Climbed, LADDER, RUNGS, climb};
-pub use plan::{Choice, Decision, Effect, EffectChoices, EffectPlan};
+pub use plan::{Decision, EffectPlan};
 pub use preset::{Preset, QualityPoint, UnknownPreset};
-pub use renderer::{FRAMES_IN_FLIGHT, RenderError, Renderer};
+pub use renderer::Renderer;
 pub use settings::{
     BEAM_TAPS_MAX, ImageSettings, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings, SettingsError,
 };

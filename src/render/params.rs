@@ -3,9 +3,10 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::RenderSettings;
-use super::plan::{Effect, EffectSet};
-use super::tables::{HINT_BLOCK, ROW_ALIGN, Tables};
+use super::constants::{HINT_BLOCK, ROW_ALIGN};
+use super::effect::{Effect, EffectSet};
+use super::settings::RenderSettings;
+use super::tables::Tables;
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
 use crate::transducer::Probe;
@@ -103,13 +104,13 @@ impl Params {
     }
 
     /// Paths of a batch of `layers` that carry echoes.
-    pub(crate) fn sounding(&self, layers: u32) -> u32 {
+    pub(crate) fn sounding_paths(&self, layers: u32) -> u32 {
         self.scanlines * self.rays * layers
     }
 
     /// Paths of a batch of `layers`: the guides behind those that carry echoes.
     pub(crate) fn paths(&self, layers: u32) -> u32 {
-        self.sounding(layers) + self.guides
+        self.sounding_paths(layers) + self.guides
     }
 
     /// Places the probe.

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::Quality;
+use super::settings::Quality;
 
 /// Rays × layers, written `8x1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -94,16 +94,7 @@ impl FromStr for Preset {
 
 #[cfg(test)]
 mod tests {
-    use super::super::LADDER;
     use super::*;
-
-    #[test]
-    fn presets_are_points_of_the_ladder_in_rising_cost() {
-        let rungs: Vec<_> = Preset::ALL.map(|preset| LADDER.iter().position(|point| *point == preset.point())).into();
-        assert!(rungs.iter().all(Option::is_some) && rungs.is_sorted(), "{rungs:?}");
-        assert_eq!(Preset::Fast.point().with_seed(0), Quality::LQ);
-        assert_eq!(Preset::Accurate.point().with_seed(0), Quality::HQ);
-    }
 
     #[test]
     fn names_are_read() {

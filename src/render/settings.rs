@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-use super::kernels::{AXIAL_HALF_MAX, LATERAL_HALF_MAX};
-use super::plan::EffectChoices;
+use super::constants::{AXIAL_HALF_MAX, LATERAL_HALF_MAX};
+use super::effect::EffectChoices;
 
 /// Reflections after which a path is always given up.
 pub const REFLECTIONS_MAX: u32 = 6;

@@ -5,45 +5,17 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::RenderSettings;
-use super::kernels::{AXIAL_HALF_MAX, Kernels};
-use super::plan::{Effect, EffectSet};
+use super::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
+use super::effect::{Effect, EffectSet};
+use super::kernels::Kernels;
+use super::settings::RenderSettings;
 use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
 use crate::transducer::{Probe, Sector};
 
-/// Samples that share one lateral kernel and one scatterer gain.
-pub(crate) const DEPTH_BLOCK: u32 = 16;
-/// Straight segments that a path may have.
-pub(crate) const SEGMENTS: u32 = 40;
-/// Runs of one medium that a map ray may have.
-pub(crate) const ENTRIES: u32 = 96;
-/// Stride of a path's segment starts: one more than segments, for the range that none reaches.
-pub(crate) const STARTS: u32 = SEGMENTS + 4;
-/// Samples that share a hint of their segment.
-pub(crate) const HINT_BLOCK: u32 = 64;
-/// Most tissues, layers, samples and pulse taps: sizes of the uniform tables.
-pub(crate) const TISSUES_MAX: u32 = 255;
-pub(crate) const LAYERS_MAX: u32 = 33;
-pub(crate) const SAMPLES_MAX: u32 = 8192;
-pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
-pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);
-/// Rows of samples are padded to a multiple of this.
-pub(crate) const ROW_ALIGN: u32 = 16;
-/// Zeros before and after the pulse, so that eight outputs share one loop.
-pub(crate) const PULSE_PAD: u32 = 8;
-/// Reflections of which less than this part returns (energy, within the aperture) are not followed.
-pub(crate) const REFLECTION_FOLLOWED: f64 = 0.05;
-/// Side of a cell of the scatterer lattice, mm.
-pub(crate) const CELL_MM: f64 = 0.15;
-/// Tiles that the image is converted by.
-pub(crate) const TILE_ROWS: u32 = 16;
+/// Words of four pixels across a tile of the image.
 const TILE_WORDS: u32 = 4;
-/// A pixel's place in one word: its fraction of the sector's width in the lower bits, of its depth in the upper.
-pub(crate) const ACROSS_BITS: u32 = 15;
-/// The word of a pixel outside the sector.
-pub(crate) const OUTSIDE: u32 = u32::MAX;
 /// Least steps of the maps over the depth, however few pixels the image has: where an oblique boundary cuts between two
 /// map rays, Σμ is off by a part of their distance.
 const MAP_STEPS_MIN: f64 = 1000.0;
@@ -53,7 +25,7 @@ const DENSITY_ONE: f64 = 131072.0;
 /// `Tissue` of `shaders/shared/tissue.wgsl`.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
 #[repr(C)]
-pub(crate) struct GpuTissue {
+pub(crate) struct PackedTissue {
     pub(crate) impedance_mrayl: f32,
     pub(crate) speed_ratio: f32,
     pub(crate) attenuation_np_mm: f32,
@@ -67,7 +39,7 @@ pub(crate) struct GpuTissue {
     pub(crate) padding: [f32; 2],
 }
 
-impl GpuTissue {
+impl PackedTissue {
     /// A tissue as far as its effects are simulated; an effect that isn't has the value that makes it do nothing.
     fn new(tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
         let of = |effect: Effect, value: f64, without: f64| if effects.has(effect) { value } else { without };
@@ -108,7 +80,7 @@ pub(crate) struct Tables {
     pub(crate) map_step_mm: f64,
     /// Elevational offset at the face (mm), its slope, weight, and its rays' length a mm of depth.
     pub(crate) layers: Vec<[f32; 4]>,
-    pub(crate) tissues: Vec<GpuTissue>,
+    pub(crate) tissues: Vec<PackedTissue>,
     /// The point-spread function.
     pub(crate) kernels: Kernels,
     /// Packed place of each pixel [height × 4·row_words].
@@ -139,7 +111,7 @@ impl Tables {
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
             layers: layers(probe, settings.quality.layers),
-            tissues: tissues.iter().map(|t| GpuTissue::new(t, probe, effects)).collect(),
+            tissues: tissues.iter().map(|t| PackedTissue::new(t, probe, effects)).collect(),
             kernels: Kernels::new(probe, settings),
             pixels,
             sector_words,

@@ -21,12 +21,15 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::anatomy::TissueError;
-use crate::render::{Gpu, RenderError, ShaderSet};
+use crate::anatomy::{Bvh, Scene, TissueError};
+#[cfg(feature = "test-hooks")]
+use crate::render::TestHooks;
+use crate::render::{Backend, RenderError, RenderSettings, Renderer};
+use crate::transducer::Probe;
 use bench::{Bench, Places, silent};
-use rig::Rig;
+use rig::{NewRenderer, Rig};
 
-/// Error that prevents the self-test.
+/// Errors of the self-test.
 #[derive(Debug, Error)]
 pub enum SelfTestError {
     /// A frame could not be rendered.
@@ -76,11 +79,11 @@ impl Check {
 pub struct Report {
     /// Version of insonify.
     pub version: &'static str,
-    /// Name of the device.
+    /// Name of the device, or of the host's processor.
     pub device: String,
     /// Its driver.
     pub driver: String,
-    /// Whether the device is software on the CPU.
+    /// Whether frames are made on processors, by the host or by a software device.
     pub software: bool,
     /// Start of the test: ISO 8601, UTC.
     pub date: String,
@@ -105,11 +108,35 @@ trait Family {
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError>;
 }
 
-/// Runs every check on `gpu` with `shaders`; `progress` is told how many families of checks are done, and of how many.
+/// Runs every check on `backend`. `progress` gets the number of families of checks that are done, and of all.
 ///
 /// # Errors
 /// A device that fails. A wrong result is no error: [`Report::passed`] says so.
-pub fn run(gpu: &Gpu, shaders: &ShaderSet, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
+pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
+    let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {
+        Renderer::with_bvh(backend, scene, bvh, probe, settings)
+    };
+    checked(backend, &new, progress)
+}
+
+/// As [`run`] with passes that a test has changed.
+///
+/// # Errors
+/// As [`run`].
+#[cfg(feature = "test-hooks")]
+pub fn run_with_hooks(
+    backend: &Backend,
+    hooks: &TestHooks,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Report, SelfTestError> {
+    let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {
+        Renderer::with_hooks(backend, scene, bvh, probe, settings, hooks)
+    };
+    checked(backend, &new, progress)
+}
+
+/// Runs every check on frames of the renderer that `new` makes.
+fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
     let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let mut places = Places::default();
@@ -121,7 +148,7 @@ pub fn run(gpu: &Gpu, shaders: &ShaderSet, progress: &dyn Fn(usize, usize)) -> R
         Box::new(image::Image::new(&mut bench, &mut places)),
         Box::new(device::Device::new(&mut bench, &mut places)),
     ];
-    let mut rig = Rig::new(gpu, &bench.scene()?, shaders)?;
+    let mut rig = Rig::new(&bench.scene()?, new)?;
     let mut checks = Vec::new();
     for (done, family) in families.iter().enumerate() {
         progress(done, families.len());
@@ -138,9 +165,9 @@ pub fn run(gpu: &Gpu, shaders: &ShaderSet, progress: &dyn Fn(usize, usize)) -> R
     progress(families.len(), families.len());
     Ok(Report {
         version: env!("CARGO_PKG_VERSION"),
-        device: gpu.adapter_name(),
-        driver: gpu.driver(),
-        software: gpu.is_software(),
+        device: backend.name(),
+        driver: backend.driver(),
+        software: backend.is_software(),
         date: date::utc(date),
         duration_s: started.elapsed().as_secs_f64(),
         passed: checks.iter().all(|check| check.passed),

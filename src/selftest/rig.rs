@@ -4,8 +4,11 @@ use super::Check;
 use super::bench::{linear, small};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Frame, Gpu, RenderError, RenderSettings, Renderer, ShaderSet, Snapshot};
+use crate::render::{Frame, RenderError, RenderSettings, Renderer, Snapshot};
 use crate::transducer::{Probe, Sector};
+
+/// Makes a renderer of a scene.
+pub(super) type NewRenderer<'a> = dyn Fn(&Scene, Bvh, &Probe, &RenderSettings) -> Result<Renderer, RenderError> + 'a;
 
 /// A renderer of all specimens.
 pub(super) struct Rig {
@@ -17,9 +20,9 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    pub(super) fn new(gpu: &Gpu, scene: &Scene, shaders: &ShaderSet) -> Result<Self, RenderError> {
+    pub(super) fn new(scene: &Scene, new: &NewRenderer<'_>) -> Result<Self, RenderError> {
         let (probe, settings) = (linear(8, 0.5, 64, 50.0), small(1, 1));
-        let renderer = Renderer::with_shaders(gpu, scene, Bvh::build(scene)?, &probe, &settings, shaders)?;
+        let renderer = new(scene, Bvh::build(scene)?, &probe, &settings)?;
         Ok(Self { renderer, frame: Frame::default(), frames: 0, not_finite: 0, lost: 0 })
     }
 

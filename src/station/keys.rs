@@ -7,7 +7,7 @@ use crate::anatomy::phantom::parameters::{
 };
 use crate::anatomy::phantom::{Lie, PlacentaSite};
 use crate::generator::{Provider, Settings};
-use crate::render::{BEAM_TAPS_MAX, Choice, PULSE_TAPS_MAX, Preset, REFLECTIONS_MAX};
+use crate::render::{BEAM_TAPS_MAX, BackendChoice, Choice, PULSE_TAPS_MAX, Preset, REFLECTIONS_MAX};
 use crate::sink::LiveSinkKind;
 
 /// Values that a key takes.
@@ -149,6 +149,8 @@ pub const KEYS: &[KeyDoc] = &[
     doc("quality", "beam_taps_max", "", "65", integer(3, BEAM_TAPS_MAX as i64), "most taps of the lateral beam; a wider one is cut, and its speckle narrower"),
     doc("quality", "pulse_taps_max", "", "257", integer(3, PULSE_TAPS_MAX as i64), "most taps of the pulse; likewise"),
     doc("quality", "seed", "", "0", integer(0, 4_294_967_295), "seed of every random choice"),
+
+    doc("render", "backend", "", "\"auto\"", Accepts::OneOf(BackendChoice::WORDS), "where frames are made: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it"),
 
     doc("effects", "refraction", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "paths bend where the speed of sound changes"),
     doc("effects", "speed_displacement", "", "\"auto\"", Accepts::OneOf(Choice::WORDS), "a slow or fast tissue displaces what lies behind it"),

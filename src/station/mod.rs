@@ -27,7 +27,7 @@ use crate::anatomy::phantom::PhantomOptions;
 use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Motion, Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
-use crate::render::RenderSettings;
+use crate::render::{BackendChoice, RenderSettings};
 use crate::sink::LiveSinkKind;
 use crate::sink::openigtlink as openigtlink_sink;
 use crate::sink::{browser as browser_sink, window as window_sink};
@@ -59,6 +59,8 @@ pub struct Station {
     pub probe: Probe,
     /// Image and quality.
     pub settings: RenderSettings,
+    /// Where frames are made, unless a flag or the environment says otherwise.
+    pub backend: BackendChoice,
     /// Time to render a frame that rays and layers are chosen by, ms; none: they are as set.
     pub quality_budget_ms: Option<f64>,
     /// Generators.

@@ -24,6 +24,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         "probe",
         "image",
         "quality",
+        "render",
         "effects",
         "pose",
         "filter",
@@ -51,6 +52,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let quality_values = section(&mut root, "quality")?;
     let mut settings = super::quality::settings(&section(&mut root, "image")?, &quality_values)?;
     let quality_budget_ms = quality_values.number("budget_ms");
+    let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
     let filter = filter::settings(&section(&mut root, "filter")?);
@@ -69,6 +71,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         motion,
         probe,
         settings,
+        backend,
         quality_budget_ms,
         tissues,
         default_pose,

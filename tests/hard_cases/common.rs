@@ -1,25 +1,33 @@
-//! Shared helpers of all cases: one device, checks of frames, tolerances, the printed table.
+//! Shared helpers of all cases: one backend, checks of frames, tolerances, the printed table.
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
 use insonify::random::SplitMix64;
-use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer, ShaderSet, Snapshot, twin};
+use insonify::render::{Backend, BackendChoice, Frame, RenderSettings, Renderer, ShaderSet, Snapshot, TestHooks, twin};
 use insonify::transducer::Probe;
 
-/// The device shared by all cases.
-pub(crate) fn gpu() -> &'static Gpu {
-    static GPU: OnceLock<Gpu> = OnceLock::new();
-    GPU.get_or_init(|| Gpu::new(&GpuOptions::default()).unwrap())
+/// The backend that cases share, of `INSONIFY_BACKEND`.
+fn backend() -> &'static Backend {
+    static BACKEND: OnceLock<Backend> = OnceLock::new();
+    BACKEND.get_or_init(|| Backend::open(BackendChoice::from_environment().unwrap().unwrap_or_default()).unwrap())
 }
 
-/// A renderer of any scene, valid or not.
+/// The device of cases with changed shaders.
+fn device() -> &'static Backend {
+    static DEVICE: OnceLock<Backend> = OnceLock::new();
+    DEVICE.get_or_init(|| Backend::open(BackendChoice::Device).unwrap())
+}
+
+/// A renderer of any scene, however unsound; changed shaders run on a device.
 pub(crate) fn renderer(scene: &Scene, probe: &Probe, settings: &RenderSettings, shaders: &ShaderSet) -> Renderer {
     // Software devices compile one renderer at a time as fast as several.
     static COMPILE: Mutex<()> = Mutex::new(());
     let _one = COMPILE.lock().unwrap_or_else(PoisonError::into_inner);
-    Renderer::with_shaders(gpu(), scene, Bvh::build(scene).unwrap(), probe, settings, shaders).unwrap()
+    let backend = if *shaders == ShaderSet::default() { backend() } else { device() };
+    let hooks = TestHooks { shaders: shaders.clone(), ..TestHooks::default() };
+    Renderer::with_hooks(backend, scene, Bvh::build(scene).unwrap(), probe, settings, &hooks).unwrap()
 }
 
 /// The shipped shaders with one change.

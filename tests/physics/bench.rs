@@ -1,11 +1,11 @@
-//! Shared test bench: one device, the specimens of the self-test, and checks of every frame.
+//! Shared test bench: one backend, the specimens of the self-test, and checks of every frame.
 
 use std::sync::{Mutex, OnceLock};
 
 use glam::DVec2;
 use insonify::anatomy::{Mesh, Scene};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, GpuOptions, RenderSettings, Renderer};
+use insonify::render::{Backend, BackendChoice, Frame, RenderSettings, Renderer};
 use insonify::selftest::bench;
 use insonify::selftest::measure::{self, Echo};
 use insonify::transducer::Probe;
@@ -13,10 +13,10 @@ use insonify::transducer::Probe;
 pub(crate) use insonify::selftest::bench::{Bench, at, facing, grainy, linear, post, silent, small};
 pub(crate) use insonify::selftest::measure::{half_width, magnitude, mean_square};
 
-/// The device shared by all tests.
-pub(crate) fn gpu() -> &'static Gpu {
-    static GPU: OnceLock<Gpu> = OnceLock::new();
-    GPU.get_or_init(|| Gpu::new(&GpuOptions::default()).unwrap())
+/// Backend shared by all tests, that of `INSONIFY_BACKEND`.
+pub(crate) fn backend() -> &'static Backend {
+    static BACKEND: OnceLock<Backend> = OnceLock::new();
+    BACKEND.get_or_init(|| Backend::open(BackendChoice::from_environment().unwrap().unwrap_or_default()).unwrap())
 }
 
 /// A box about (x, y = 0) from depth `top` to `bottom`.
@@ -41,7 +41,7 @@ impl Rig {
         let sound = |mesh: &Mesh| mesh.unpaired_edges() == 0 && mesh.signed_volume_mm3() > 0.0;
         assert!(scene.surfaces.iter().all(|s| sound(&s.mesh)));
         let _one = COMPILE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let renderer = Renderer::new(gpu(), scene, probe, settings).unwrap();
+        let renderer = Renderer::new(backend(), scene, probe, settings).unwrap();
         Self { renderer, probe: *probe, settings: *settings, tissues: scene.tissues.tissues().len() }
     }
 

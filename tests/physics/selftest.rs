@@ -1,12 +1,14 @@
 //! The self-test passes on this device, and identifies damaged shaders.
 
-use insonify::render::ShaderSet;
+use insonify::render::{Backend, BackendChoice, ShaderSet, TestHooks};
 use insonify::selftest::{self, Report};
 
-use super::bench::gpu;
+use super::bench::backend;
 
-fn report(shaders: &ShaderSet) -> Report {
-    selftest::run(gpu(), shaders, &|_, _| {}).unwrap()
+/// Report of changed shaders, on a device.
+fn report(shaders: ShaderSet) -> Report {
+    let device = Backend::open(BackendChoice::Device).unwrap();
+    selftest::run_with_hooks(&device, &TestHooks { shaders, ..TestHooks::default() }, &|_, _| {}).unwrap()
 }
 
 fn print(report: &Report) {
@@ -22,7 +24,7 @@ fn print(report: &Report) {
 
 #[test]
 fn a_sound_device_passes() {
-    let report = report(&ShaderSet::default());
+    let report = selftest::run(backend(), &|_, _| {}).unwrap();
     print(&report);
     assert!(report.passed, "{:#?}", report.failed().collect::<Vec<_>>());
     assert!(!report.device.is_empty() && report.date.ends_with('Z'));
@@ -113,7 +115,7 @@ fn each_damage_is_identified() {
     for (what, pass, from, to, group) in DAMAGES {
         let mut shaders = ShaderSet::default();
         assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage ({what})");
-        let report = report(&shaders);
+        let report = report(shaders);
         let failed: Vec<_> = report.failed().map(|c| format!("{}: {} ({})", c.group, c.name, c.measured)).collect();
         println!("{what}, {:.1} s: {failed:#?}", report.duration_s);
         if !report.failed().any(|check| check.group == group) {

@@ -4,7 +4,7 @@ use insonify::anatomy::{Bvh, BvhError, analytic};
 use insonify::render::{Frame, RenderError, RenderSettings, Renderer};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::bench::{Bench, Rig, at, gpu, grainy, linear, magnitude, silent, slab, small};
+use super::bench::{Bench, Rig, at, backend, grainy, linear, magnitude, silent, slab, small};
 
 fn scene() -> insonify::anatomy::Scene {
     let mut bench = Bench::new(grainy(0.0, 0.01));
@@ -46,7 +46,7 @@ fn buffers_of_any_size_give_complete_frames() {
 #[test]
 fn wrong_settings_are_refused() {
     let scene = scene();
-    let refused = |probe: &Probe, settings: &RenderSettings| match Renderer::new(gpu(), &scene, probe, settings) {
+    let refused = |probe: &Probe, settings: &RenderSettings| match Renderer::new(backend(), &scene, probe, settings) {
         Err(error @ (RenderError::Probe(_) | RenderError::Settings(_))) => error.to_string(),
         other => panic!("{other:?}"),
     };
@@ -86,12 +86,12 @@ fn wrong_settings_are_refused() {
     }
     let empty = Bench::new(silent(1540.0, 1.5)).scene().unwrap();
     assert_eq!(Bvh::build(&empty).unwrap_err(), BvhError::Empty);
-    assert!(matches!(Renderer::new(gpu(), &empty, &good, &small(1, 1)), Err(RenderError::Bvh(BvhError::Empty))));
+    assert!(matches!(Renderer::new(backend(), &empty, &good, &small(1, 1)), Err(RenderError::Bvh(BvhError::Empty))));
 }
 
 #[test]
 fn the_ring_of_frames_is_bounded() {
-    let mut renderer = Renderer::new(gpu(), &scene(), &linear(8, 0.5, 64, 40.0), &small(1, 1)).unwrap();
+    let mut renderer = Renderer::new(backend(), &scene(), &linear(8, 0.5, 64, 40.0), &small(1, 1)).unwrap();
     let mut frame = Frame::default();
     assert!(matches!(renderer.receive(&mut frame), Err(RenderError::RingEmpty)));
     renderer.submit(&at(0.0, 0.0, 0.0)).unwrap();

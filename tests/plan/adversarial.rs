@@ -5,7 +5,7 @@ use insonify::anatomy::analytic::{Part, plate, sphere};
 use insonify::anatomy::motion::{Drift, Field, Rhythm, Shape};
 use insonify::anatomy::{Motion, Tissue};
 use insonify::pose::Pose;
-use insonify::render::plan::Effect;
+use insonify::render::Effect;
 use insonify::station::Station;
 
 use crate::bench::{Case, difference, part, silent, slab, speckled};

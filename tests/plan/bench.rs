@@ -8,13 +8,14 @@ use insonify::anatomy::analytic::{self, Part, cuboid};
 use insonify::anatomy::{Mesh, Scene, Tissue, TissueTable};
 use insonify::pose::Pose;
 use insonify::render::{
-    Choice, Effect, EffectChoices, EffectPlan, Frame, Gpu, GpuOptions, ImageSettings, RenderSettings, Renderer,
+    Backend, BackendChoice, Choice, Effect, EffectChoices, EffectPlan, Frame, ImageSettings, RenderSettings, Renderer,
 };
 pub(crate) use insonify::selftest::bench::silent;
 use insonify::station::Station;
 use insonify::transducer::{Probe, ProbeKind};
 
-static GPU: LazyLock<Gpu> = LazyLock::new(|| Gpu::new(&GpuOptions::default()).unwrap());
+static BACKEND: LazyLock<Backend> =
+    LazyLock::new(|| Backend::open(BackendChoice::from_environment().unwrap().unwrap_or_default()).unwrap());
 
 /// A scene, a probe in it, and settings.
 pub(crate) struct Case {
@@ -94,7 +95,7 @@ impl Case {
     }
 
     pub(crate) fn renderer(&self, settings: &RenderSettings) -> Renderer {
-        Renderer::new(&GPU, &self.scene, &self.probe, settings).unwrap()
+        Renderer::new(&BACKEND, &self.scene, &self.probe, settings).unwrap()
     }
 
     pub(crate) fn frame(&self, settings: &RenderSettings) -> Frame {

@@ -3,7 +3,8 @@
 use glam::{Quat, Vec3};
 use insonify::anatomy::Tissue;
 use insonify::anatomy::analytic::{Part, plate, sphere};
-use insonify::render::plan::{Bound, Choice, Effect};
+use insonify::render::plan::Bound;
+use insonify::render::{Choice, Effect};
 use insonify::transducer::ProbeKind;
 
 use crate::bench::{Case, difference, part, silent, slab, speckled};

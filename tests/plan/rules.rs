@@ -1,7 +1,8 @@
 //! Rules of the plan: forced effects, attenuation, lines, and roughness in the rules of other effects.
 
 use insonify::anatomy::Tissue;
-use insonify::render::plan::{Bound, Choice, Decision, Effect};
+use insonify::render::plan::Bound;
+use insonify::render::{Choice, Decision, Effect};
 
 use crate::bench::{Case, part, silent, slab, speckled};
 

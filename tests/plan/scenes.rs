@@ -5,7 +5,8 @@ use insonify::anatomy::TissueTable;
 use insonify::anatomy::analytic::{self, Part, cuboid};
 use insonify::anatomy::phantom::{Parameters, movement, organs};
 use insonify::pose::Pose;
-use insonify::render::plan::{Bound, Choice, Effect, GREY_ALLOWED};
+use insonify::render::plan::{Bound, GREY_ALLOWED};
+use insonify::render::{Choice, Effect};
 
 use crate::bench::{Case, station};
 

@@ -1,26 +1,21 @@
 //! Every pass that the host makes against its f64 twin; that wrong ones are caught, that no thread changes a frame, and that
 //! frames in flight, new settings and maps behave as on a device.
 
-use insonify::render::{Choice, Frame, ImageConstants, Quality, RenderSettings, ShaderSet, Snapshot, twin};
+use insonify::render::{Choice, Frame, ImageConstants, Quality, RenderSettings, ShaderSet, Snapshot, TestHooks, twin};
 
 use crate::WITHOUT;
 use crate::compare::{PASSES, compare};
 use crate::moving::{TIME_S, beating};
 use crate::reconfigure::{CHANGES, untimed};
-use crate::scenes::{ALL_ON_HOST, Case, RENDERED, cases, nested};
+use crate::scenes::{Case, HOST, RENDERED, cases, nested};
 
-/// Whether there is anything to test: a device that is no software keeps its image.
-fn on_host() -> bool {
-    ALL_ON_HOST.is_software()
-}
-
-fn snapshot(case: &Case, shaders: &ShaderSet) -> Snapshot {
-    case.renderer_on(&ALL_ON_HOST, shaders).snapshot(&case.pose).unwrap()
+fn snapshot(case: &Case) -> Snapshot {
+    case.host_renderer().snapshot(&case.pose).unwrap()
 }
 
 fn frame(case: &Case) -> Frame {
     let mut frame = Frame::default();
-    case.renderer_on(&ALL_ON_HOST, &ShaderSet::default()).render(&case.pose, &mut frame).unwrap();
+    case.host_renderer().render(&case.pose, &mut frame).unwrap();
     untimed(frame)
 }
 
@@ -29,7 +24,7 @@ fn every_pass_of_the_host_is_its_twin() {
     let mut wrong = Vec::new();
     for case in cases() {
         println!("--- {}", case.name);
-        let snapshot = snapshot(&case, &ShaderSet::default());
+        let snapshot = snapshot(&case);
         assert_eq!(snapshot.overflows, 0, "{}", case.name);
         wrong.extend(PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (case.name, e)));
     }
@@ -45,7 +40,7 @@ fn without_some_effects_every_pass_of_the_host_is_its_twin() {
             case.settings.effects = case.settings.effects.with(effect, Choice::Off);
         }
         println!("--- without {group:?}");
-        let snapshot = snapshot(&case, &ShaderSet::default());
+        let snapshot = snapshot(&case);
         // Where nothing echoes there is no echo to compare.
         let compared = |pass: &&&str| **pass != "echo" || !group.contains(&insonify::render::Effect::InterfaceEchoes);
         let wrong_here = PASSES.iter().filter(compared).filter_map(|pass| compare(pass, &snapshot).err());
@@ -56,9 +51,6 @@ fn without_some_effects_every_pass_of_the_host_is_its_twin() {
 
 #[test]
 fn a_damaged_pass_of_the_host_is_caught() {
-    if !on_host() {
-        return;
-    }
     type Damage = fn(&mut ImageConstants);
     let damages: [(&str, &str, Damage); 7] = [
         ("cells of another size", "march", |c| c.cell_mm = 0.151),
@@ -71,9 +63,10 @@ fn a_damaged_pass_of_the_host_is_caught() {
     ];
     let case = nested();
     for (what, pass, damage) in damages {
-        let mut shaders = ShaderSet::default();
-        damage(&mut shaders.image);
-        assert!(compare(pass, &snapshot(&case, &shaders)).is_err(), "{pass}: {what}");
+        let mut hooks = TestHooks::default();
+        damage(&mut hooks.image);
+        let snapshot = case.renderer_on(&HOST, &hooks).snapshot(&case.pose).unwrap();
+        assert!(compare(pass, &snapshot).is_err(), "{pass}: {what}");
     }
 }
 
@@ -106,7 +99,7 @@ fn from_pose_to_image_the_host_and_the_twins_show_the_same() {
 #[test]
 fn a_snapshot_of_the_host_is_its_frame() {
     for case in cases() {
-        let (frame, snapshot) = (frame(&case), snapshot(&case, &ShaderSet::default()));
+        let (frame, snapshot) = (frame(&case), snapshot(&case));
         assert_eq!(frame.bmode, snapshot.bmode, "{}", case.name);
         assert_eq!(frame.segmentation, snapshot.segmentation, "{}", case.name);
         let levels: Vec<f64> = frame.attenuation.iter().map(|&a| a.into()).collect();
@@ -132,7 +125,7 @@ fn frames_of_the_host_are_the_same_whatever_the_threads() {
 fn a_host_that_was_configured_anew_is_one_built_so() {
     let start = nested();
     let begun = frame(&start);
-    let mut renderer = start.renderer_on(&ALL_ON_HOST, &ShaderSet::default());
+    let mut renderer = start.host_renderer();
     let mut found = Frame::default();
     for (name, change) in CHANGES {
         let mut case = nested();
@@ -154,7 +147,7 @@ fn a_host_that_was_configured_anew_is_one_built_so() {
 fn an_image_of_the_host_without_maps_is_the_image_with_them() {
     for case in cases() {
         let with = frame(&case);
-        let mut renderer = case.renderer_on(&ALL_ON_HOST, &ShaderSet::default());
+        let mut renderer = case.host_renderer();
         let mut found = with.clone();
         for maps in [false, true] {
             renderer.set_maps(maps);
@@ -176,7 +169,7 @@ fn an_image_of_the_host_without_maps_is_the_image_with_them() {
 #[test]
 fn the_host_shows_what_moves() {
     let case = beating();
-    let mut renderer = case.renderer_on(&ALL_ON_HOST, &ShaderSet::default());
+    let mut renderer = case.host_renderer();
     for time_s in [TIME_S, 0.97, 0.05] {
         renderer.set_time_s(time_s);
         let snapshot = renderer.snapshot(&case.pose).unwrap();
@@ -191,7 +184,7 @@ fn losses_of_any_strength_are_their_twins() {
     for mut case in cases() {
         // Bone takes more than 100 dB from one sample to the next.
         (case.probe.samples, case.probe.frequency_mhz) = (48, 15.0);
-        let snapshot = snapshot(&case, &ShaderSet::default());
+        let snapshot = snapshot(&case);
         wrong.extend(
             ["trace", "march"].iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (case.name, e)),
         );

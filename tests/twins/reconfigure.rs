@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use insonify::render::{
-    Frame, FrameTimes, GpuError, ImageSettings, Quality, RenderError, RenderSettings, Renderer, ShaderSet,
+    BackendError, Frame, FrameTimes, ImageSettings, Quality, RenderError, RenderSettings, Renderer, ShaderSet,
 };
 use insonify::transducer::{Probe, ProbeKind};
 
@@ -123,7 +123,7 @@ fn what_is_refused_leaves_the_renderer_as_it_was() {
                 (p.scanlines, p.kind) = (1024, ProbeKind::Linear { width_mm: 40.0 });
                 (s.quality.rays, s.quality.layers) = (256, 33);
             },
-            |e| matches!(e, RenderError::Gpu(GpuError::Limit { .. } | GpuError::Memory { .. })),
+            |e| matches!(e, RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. })),
         ),
     ];
     for (i, (change, expected)) in refused.into_iter().enumerate() {

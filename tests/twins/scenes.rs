@@ -10,20 +10,14 @@ use insonify::anatomy::analytic::{self, Part, cuboid, oblique_slab, plate, spher
 use insonify::anatomy::{Bvh, Mesh, Scene, TissueTable};
 use insonify::pose::Pose;
 use insonify::render::{
-    Frame, Gpu, GpuOptions, ImageOn, ImageSettings, Quality, RenderSettings, Renderer, ShaderSet, Snapshot, TraceOn,
+    Backend, BackendChoice, Frame, ImageSettings, Quality, RenderSettings, Renderer, ShaderSet, Snapshot, TestHooks,
 };
 use insonify::transducer::{Probe, ProbeKind};
 
-fn gpu(trace: TraceOn, image: ImageOn) -> Gpu {
-    Gpu::new(&GpuOptions { trace, image, ..GpuOptions::default() }).unwrap()
-}
-
-/// A device whose shaders follow the paths, whatever kind it is.
-pub(crate) static GPU: LazyLock<Gpu> = LazyLock::new(|| gpu(TraceOn::Device, ImageOn::Device));
-/// One for which the host follows them, and no more.
-pub(crate) static TRACED_BY_HOST: LazyLock<Gpu> = LazyLock::new(|| gpu(TraceOn::Host, ImageOn::Device));
-/// One for which the host does all, if it is software.
-pub(crate) static ALL_ON_HOST: LazyLock<Gpu> = LazyLock::new(|| gpu(TraceOn::Host, ImageOn::Auto));
+/// A device, software included.
+pub(crate) static DEVICE: LazyLock<Backend> = LazyLock::new(|| Backend::open(BackendChoice::Device).unwrap());
+/// The host.
+pub(crate) static HOST: LazyLock<Backend> = LazyLock::new(|| Backend::open(BackendChoice::Host).unwrap());
 
 /// A scene, a probe in it and settings.
 pub(crate) struct Case {
@@ -35,13 +29,19 @@ pub(crate) struct Case {
 }
 
 impl Case {
+    /// A renderer on the device.
     pub(crate) fn renderer(&self, shaders: &ShaderSet) -> Renderer {
-        self.renderer_on(&GPU, shaders)
+        self.renderer_on(&DEVICE, &TestHooks { shaders: shaders.clone(), ..TestHooks::default() })
     }
 
-    pub(crate) fn renderer_on(&self, gpu: &Gpu, shaders: &ShaderSet) -> Renderer {
+    /// A renderer on the host.
+    pub(crate) fn host_renderer(&self) -> Renderer {
+        self.renderer_on(&HOST, &TestHooks::default())
+    }
+
+    pub(crate) fn renderer_on(&self, backend: &Backend, hooks: &TestHooks) -> Renderer {
         let bvh = Bvh::build(&self.scene).unwrap();
-        Renderer::with_shaders(gpu, &self.scene, bvh, &self.probe, &self.settings, shaders).unwrap()
+        Renderer::with_hooks(backend, &self.scene, bvh, &self.probe, &self.settings, hooks).unwrap()
     }
 }
 

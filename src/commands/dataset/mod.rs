@@ -20,7 +20,8 @@ use super::output::thousands;
 use super::plane_scene::PlaneScene;
 use super::progress::Progress;
 use super::quality::RaysLayers;
-use super::{Failure, output, session};
+use super::{Failure, output};
+use crate::commands::backend::BackendArgs;
 use store::{Store, kept_station};
 pub(super) use tuple_renderer::{TupleRenderer, station_of};
 
@@ -80,6 +81,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 4, requires = "verify")]
     tuples: usize,
 
+    #[command(flatten)]
+    backend: BackendArgs,
+
     /// Say what would be made, and make nothing
     #[arg(long)]
     dry_run: bool,
@@ -118,7 +122,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match (&args.verify, &args.out) {
-        (Some(directory), _) => tuple_renderer::verify(directory, args.tuples, args.json),
+        (Some(directory), _) => tuple_renderer::verify(directory, &args.backend, args.tuples, args.json),
         (None, Some(out)) => make(args, out),
         (None, None) => Err(Failure::Input(anyhow!("--out is missing: the directory to write to"))),
     }
@@ -170,8 +174,8 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     progress.set(kept, total);
     let mut made = 0;
     if kept < total {
-        let gpu = session::open_gpu()?;
-        let mut renderer = TupleRenderer::new(&gpu, header.classes.clone());
+        let backend = args.backend.open(stations.first().map(|station| station.backend).unwrap_or_default())?;
+        let mut renderer = TupleRenderer::new(&backend, header.classes.clone());
         if let Some(row) = store.last() {
             as_before(&mut renderer, out, &header, row)?;
         }

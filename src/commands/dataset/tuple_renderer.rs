@@ -8,7 +8,7 @@ use insonify::anatomy::Scene;
 use insonify::anatomy::bvh::Bvh;
 use insonify::dataset::{ATTENUATION_POWER, Dataset, Header, Row};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, Quality, RenderSettings, Renderer, ShaderSet};
+use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::sink::npy::bytes_of_u8;
 use insonify::station::{SceneSource, Station};
 use serde::Serialize;
@@ -16,6 +16,7 @@ use serde::Serialize;
 use super::super::progress::Progress;
 use super::super::{Failure, output, session};
 use super::store::{open_station, sha256};
+use crate::commands::backend::BackendArgs;
 
 /// A rendered tuple.
 pub(super) struct RenderedTuple {
@@ -41,7 +42,7 @@ struct SceneRenderers {
 
 /// Renders tuples. Keeps the last scene: rows of one scene follow each other.
 pub(in crate::commands) struct TupleRenderer<'a> {
-    gpu: &'a Gpu,
+    backend: &'a Backend,
     classes: Vec<String>,
     scene: Option<SceneRenderers>,
     frames: [Frame; 2],
@@ -49,8 +50,8 @@ pub(in crate::commands) struct TupleRenderer<'a> {
 }
 
 impl<'a> TupleRenderer<'a> {
-    pub(in crate::commands) fn new(gpu: &'a Gpu, classes: Vec<String>) -> Self {
-        Self { gpu, classes, scene: None, frames: Default::default(), planes: Default::default() }
+    pub(in crate::commands) fn new(backend: &'a Backend, classes: Vec<String>) -> Self {
+        Self { backend, classes, scene: None, frames: Default::default(), planes: Default::default() }
     }
 
     /// The scene of `station`.
@@ -72,7 +73,7 @@ impl<'a> TupleRenderer<'a> {
 
     /// The renderer of low (0) or high (1) quality, with the settings and the time of `row`.
     fn renderer(&mut self, quality: usize, station: &Station, row: &Row) -> Result<&mut Renderer, Failure> {
-        let gpu = self.gpu;
+        let backend = self.backend;
         let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
         let [rays, layers] = [row.lq, row.hq][quality];
         // The maps are the same; the second frame needs none.
@@ -87,8 +88,7 @@ impl<'a> TupleRenderer<'a> {
                     None => Arc::new(Bvh::build(&set.scene).map_err(insonify::render::RenderError::from)?),
                 };
                 set.bvh = Some(bvh.clone());
-                let shaders = ShaderSet::default();
-                empty.insert(Renderer::with_shaders(gpu, &set.scene, bvh, &probe, &settings, &shaders)?)
+                empty.insert(Renderer::with_bvh(backend, &set.scene, bvh, &probe, &settings)?)
             }
         };
         renderer.reconfigure(&probe, &settings)?;
@@ -172,14 +172,14 @@ pub(in crate::commands) fn station_of(directory: &Path, header: &Header, row: &R
 }
 
 /// Renders `count` tuples of the data set in `directory` again, spread over it, and compares them; 0 is all.
-pub(super) fn verify(directory: &Path, count: usize, json: bool) -> Result<(), Failure> {
+pub(super) fn verify(directory: &Path, backend: &BackendArgs, count: usize, json: bool) -> Result<(), Failure> {
     let data = Dataset::open(directory)?;
     let total = if count == 0 { data.rows.len() } else { count.min(data.rows.len()) };
     if total == 0 {
         return Err(Failure::Input(anyhow!("{} holds no tuple yet", directory.display())));
     }
-    let gpu = session::open_gpu()?;
-    let mut renderer = TupleRenderer::new(&gpu, data.header.classes.clone());
+    let backend = backend.open(BackendChoice::Auto)?;
+    let mut renderer = TupleRenderer::new(&backend, data.header.classes.clone());
     let progress = Progress::new("verify", total);
     let mut differ = Vec::new();
     for nth in 0..total {

@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use insonify::anatomy::Scene;
 use insonify::pipeline::{
-    CONTROLS_WAITING, Clock, GpuFactory, Limits, Parts, Stop, Summary, SystemClock, TrackedPoses,
+    CONTROLS_WAITING, Clock, Limits, LocalRendererFactory, Parts, Stop, Summary, SystemClock, TrackedPoses,
 };
 use insonify::pose::Estimator;
-use insonify::render::{Gpu, GpuOptions};
+use insonify::render::Backend;
 use insonify::sink::live::{Control, LiveSink};
 use insonify::sink::{FrameLog, create_dir, write_json};
 use insonify::station::Station;
@@ -53,7 +53,7 @@ pub(super) struct Live<'a> {
     pub(super) effects: &'a EffectArgs,
     /// Where files go: `live/` and `station/` below it.
     pub(super) out: &'a Path,
-    pub(super) gpu: &'a Gpu,
+    pub(super) backend: &'a Backend,
     pub(super) scene: &'a Arc<Scene>,
     /// Length of the exam.
     pub(super) length: Duration,
@@ -71,8 +71,8 @@ impl Live<'_> {
         let directory = self.out.join("live");
         clear(&directory)?;
         let stays = !self.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
-        let factory = GpuFactory::new(GpuOptions::default(), self.scene.clone())?;
-        let mut renderer = factory.build_on(self.gpu, &station.probe, &station.settings)?;
+        let factory = LocalRendererFactory::new(self.backend.clone(), self.scene.clone())?;
+        let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
         let quality = live::choose_quality(&mut renderer, &mut station, None)?;
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
         let stop = Stop::new(&clock);

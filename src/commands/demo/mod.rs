@@ -12,7 +12,7 @@ use clap::Parser;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Gpu, Quality, RenderError, RenderSettings, Renderer, ShaderSet};
+use insonify::render::{Backend, Frame, Quality, RenderError, RenderSettings, Renderer};
 use insonify::report::contact_sheet::{Map, Panel};
 use insonify::report::time_table::{SideBySide, StageTime};
 use insonify::report::{ContactSheet, TimeTable};
@@ -30,6 +30,7 @@ use super::replay::RecordingReport;
 use super::run_table::SummaryTable;
 use super::timeline::{Timeline, check_length};
 use super::{Classify, Failure, output, session};
+use crate::commands::backend::BackendArgs;
 use live::Live;
 
 /// The station and the exam are part of the program, so that the demo runs from anywhere.
@@ -61,6 +62,9 @@ pub(crate) struct Args {
 
     #[command(flatten)]
     effects: EffectArgs,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// Leave the live chain out: files only
     #[arg(long)]
@@ -141,7 +145,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     on_ctrl_c(&interrupt, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let going_on = || if interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(()) };
 
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(station.backend)?;
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
     going_on()?;
@@ -152,7 +156,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let live = Live {
             effects: &args.effects,
             out,
-            gpu: &gpu,
+            backend: &backend,
             scene: &scene,
             length,
             once: args.once,
@@ -167,8 +171,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(live)
     };
     let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
-    let mut lq = Stage::new(&gpu, &scene, &bvh, &station, Quality::LQ)?;
-    let mut hq = Stage::new(&gpu, &scene, &bvh, &station, Quality::HQ)?;
+    let mut lq = Stage::new(&backend, &scene, &bvh, &station, Quality::LQ)?;
+    let mut hq = Stage::new(&backend, &scene, &bvh, &station, Quality::HQ)?;
     let sector = *lq.renderer.sector();
 
     // Half the size: uncompressed video of the full frames would take a third of a gigabyte.
@@ -200,7 +204,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     for (i, key) in keys.iter().enumerate() {
         going_on()?;
         let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, file_name(&key.name)));
-        let row = key_frame(key, &directory, &mut lq, &mut hq, &sheet, &station, &gpu)?;
+        let row = key_frame(key, &directory, &mut lq, &mut hq, &sheet, &station, &backend)?;
         sheet.rows.push(row);
         progress.set(i + 1, HQ_FRAMES.max(keys.len()));
     }
@@ -218,7 +222,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
-        adapter: session::adapter(&gpu),
+        adapter: session::adapter(&backend),
         triangles: scene.triangle_count(),
         surfaces: scene.surfaces.len(),
         exam: RecordingReport::new(exam_path, &summary),
@@ -268,11 +272,16 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(gpu: &Gpu, scene: &Scene, bvh: &Arc<Bvh>, station: &Station, quality: Quality) -> Result<Self, Failure> {
+    fn new(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: &Arc<Bvh>,
+        station: &Station,
+        quality: Quality,
+    ) -> Result<Self, Failure> {
         let quality = Quality { seed: station.settings.quality.seed, ..quality };
         let settings = RenderSettings { quality, ..station.settings };
-        let shaders = ShaderSet::default();
-        let renderer = Renderer::with_shaders(gpu, scene, bvh.clone(), &station.probe, &settings, &shaders)?;
+        let renderer = Renderer::with_bvh(backend, scene, bvh.clone(), &station.probe, &settings)?;
         Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 
@@ -294,7 +303,7 @@ fn key_frame(
     hq: &mut Stage,
     sheet: &ContactSheet<'_>,
     station: &Station,
-    gpu: &Gpu,
+    backend: &Backend,
 ) -> Result<Vec<Panel>, Failure> {
     let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
     let low = lq.render(&key.pose, key.scene_s)?;
@@ -307,7 +316,7 @@ fn key_frame(
         sheet.panel("segmentation", high, Map::Segmentation)?,
         sheet.panel(format!("attenuation, 1 = {:.3}", high.attenuation_p98), high, Map::Attenuation)?,
     ];
-    let (adapter, sector) = (session::adapter(gpu), hq.renderer.sector());
+    let (adapter, sector) = (session::adapter(backend), hq.renderer.sector());
     let plan = hq.renderer.plan();
     let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
     FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;

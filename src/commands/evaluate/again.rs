@@ -2,7 +2,7 @@
 
 use anyhow::anyhow;
 use insonify::dataset::{Dataset, Row};
-use insonify::render::Gpu;
+use insonify::render::Backend;
 use insonify::render::twin::hash::pcg3d;
 
 use super::super::Failure;
@@ -21,8 +21,8 @@ pub(super) struct Again<'a> {
 }
 
 impl<'a> Again<'a> {
-    pub(super) fn new(gpu: &'a Gpu, dataset: &'a Dataset, renders: u32) -> Self {
-        let renderer = TupleRenderer::new(gpu, dataset.header.classes.clone());
+    pub(super) fn new(backend: &'a Backend, dataset: &'a Dataset, renders: u32) -> Self {
+        let renderer = TupleRenderer::new(backend, dataset.header.classes.clone());
         Self { dataset, renderer, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
     }
 

@@ -8,11 +8,12 @@ use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
 use insonify::generator::{Generator, Input};
 use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, Scanlines, crop_places};
+use insonify::render::BackendChoice;
 use insonify::station::Station;
 use serde::Serialize;
 
 use super::super::progress::Progress;
-use super::super::{Classify, Failure, session};
+use super::super::{Classify, Failure};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::{Args, models, sheets};
@@ -83,8 +84,8 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         let manifest = generator.manifest();
         rows.push(Row::new(name.clone(), Some(generator.path().to_owned()), Some(manifest.variant), count));
     }
-    let gpu = args.again.map(|_| session::open_gpu()).transpose()?;
-    let mut again = gpu.as_ref().zip(args.again).map(|(gpu, renders)| Again::new(gpu, &dataset, renders));
+    let backend = args.again.map(|_| args.backend.open(BackendChoice::Auto)).transpose()?;
+    let mut again = backend.as_ref().zip(args.again).map(|(backend, renders)| Again::new(backend, &dataset, renders));
     if let Some(renders) = args.again {
         let mean = format!("mean of {renders} of HQ");
         rows.extend(["HQ again".to_owned(), mean].map(|name| Row::new(name, None, None, count)));

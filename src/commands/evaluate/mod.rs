@@ -17,6 +17,7 @@ use insonify::generator::{FeatureScale, Provider};
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
 
 use super::Failure;
+use crate::commands::backend::BackendArgs;
 
 /// Compare images with their references, or generators with what they are to generate: PSNR, SSIM, pKL and Frechet
 /// distances.
@@ -110,6 +111,9 @@ pub(crate) struct Args {
     /// What grey levels become for it: signed (-1..1), unit (0..1) or grey (0..255)
     #[arg(long, value_name = "SCALE", default_value_t, requires = "features")]
     features_scale: FeatureScale,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// What generators run on: cpu, cuda or tensorrt
     #[arg(long, value_name = "NAME", default_value_t)]

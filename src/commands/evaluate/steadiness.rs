@@ -44,12 +44,12 @@ pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
     let station = Station::load(path)?;
     let all = poses::of_station(&station, None)?;
     let pose = *all.spread(1).first().ok_or_else(|| Failure::Input(anyhow!("{} has no pose", path.display())))?;
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(&station)?;
     let mut generators = models::generators(args, scene.tissues.names())?;
     let base = RenderSettings { maps: true, lines: false, ..station.settings };
     let of = |quality: Quality| RenderSettings { quality: Quality { seed: base.quality.seed, ..quality }, ..base };
-    let mut renderer = session::renderer(&gpu, &scene, &station, &of(Quality::LQ))?;
+    let mut renderer = session::renderer(&backend, &scene, &station, &of(Quality::LQ))?;
     let sector = *renderer.sector();
     let step_mm = f64::from(args.step) * sector.pixel_mm;
     let poses = slide(&pose, args.frames as usize, step_mm);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
 use insonify::render::{
-    Choice, Effect, EffectChoices, EffectPlan, Frame, Gpu, RenderError, RenderSettings, Renderer, ShaderSet,
+    Backend, Choice, Effect, EffectChoices, EffectPlan, Frame, RenderError, RenderSettings, Renderer,
 };
 use insonify::statistics::{median, percentile};
 use insonify::transducer::Probe;
@@ -106,7 +106,7 @@ fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> Re
 
 /// Measures frames as planned, with all effects, and with each effect the other way than planned.
 pub(crate) fn measure(
-    gpu: &Gpu,
+    backend: &Backend,
     scene: &Scene,
     probe: &Probe,
     settings: &RenderSettings,
@@ -125,7 +125,7 @@ pub(crate) fn measure(
     ways.extend(Effect::ALL.into_iter().filter(|&effect| takes_time(effect) && asked(effect)).map(other_way));
 
     let bvh = Bvh::build(scene).map_err(RenderError::from)?;
-    let mut renderer = Renderer::with_shaders(gpu, scene, bvh, probe, settings, &ShaderSet::default())?;
+    let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;
     let mut frame = Frame::default();
     let progress = Progress::new("measuring", ROUNDS * ways.len());
     // Compiles what each needs before the clock runs.

@@ -16,6 +16,7 @@ use self::measure::{Costs, measure};
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
 use super::{Failure, live_sinks, output, session};
+use crate::commands::backend::BackendArgs;
 
 /// Say which effects a scene calls for, why, how far a frame without each would be off, and what each costs in ms.
 #[derive(Debug, Parser)]
@@ -35,6 +36,9 @@ pub(crate) struct Args {
     /// Measure at x,y,z,qw,qx,qy,qz [default: the station's pose]; the plan holds for every pose
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// Decide only: no device is opened, no frame rendered
     #[arg(long)]
@@ -94,9 +98,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let measured = match pose {
         None => None,
         Some(pose) => {
-            let gpu = session::open_gpu()?;
-            let costs = measure(&gpu, &scene, &station.probe, &settings, &plan, &pose)?;
-            Some(Measured { adapter: session::adapter(&gpu), costs })
+            let backend = args.backend.open(station.backend)?;
+            let costs = measure(&backend, &scene, &station.probe, &settings, &plan, &pose)?;
+            Some(Measured { adapter: session::adapter(&backend), costs })
         }
     };
     if args.json {

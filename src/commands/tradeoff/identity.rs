@@ -25,11 +25,3 @@ pub(super) fn of(station: &Station, scene: &Scene) -> String {
     let Station { background, motion, probe, settings, generator, tissues, .. } = station;
     format!("{sum} {background} {motion} {probe:?} {settings:?} {generator:?} {tissues:?}")
 }
-
-/// The processor's name, where the system tells it in `/proc/cpuinfo`; else its architecture.
-pub(super) fn processor() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with("model name"));
-    let name = line.and_then(|line| line.split_once(':')).map(|(_, name)| name.trim().to_owned());
-    name.unwrap_or_else(|| std::env::consts::ARCH.to_owned())
-}

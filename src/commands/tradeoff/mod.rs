@@ -22,6 +22,8 @@ use self::measure::Bench;
 use self::reference::Reference;
 use self::store::Store;
 use super::{Classify, Failure, output, session};
+use crate::commands::backend::BackendArgs;
+use insonify::render::processor_name;
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
@@ -52,6 +54,9 @@ pub(crate) struct Args {
     /// Fewer points, one pose, and a reference of fewer rays
     #[arg(long)]
     quick: bool,
+
+    #[command(flatten)]
+    backend: BackendArgs,
 
     /// Keep what the folder holds of an earlier run of the same station, scene, models, poses, machine and version
     #[arg(long)]
@@ -94,16 +99,16 @@ struct Report<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     let all = poses::of_station(&station, args.recording.as_deref())?;
-    let gpu = session::open_gpu()?;
+    let backend = args.backend.open(station.backend)?;
     session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;
     let planned = tradeoff::plan(Knobs::of(&station.probe, &station.settings), args.quick);
-    let renderer = session::renderer(&gpu, &scene, &station, &station.settings)?;
+    let renderer = session::renderer(&backend, &scene, &station, &station.settings)?;
     let mut bench = Bench::new(renderer, &station, &scene)?;
     let estimate = Estimate::measure(&mut bench, &planned, &all.spread(1))?;
-    let device = format!("{} ({})", gpu.adapter_name(), gpu.driver());
+    let device = backend.to_string();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let processor = identity::processor();
+    let processor = processor_name();
 
     create_dir(&args.out)?;
     let mut key = vec![identity::of(&station, &scene), bench.models(), device.clone(), processor.clone()];

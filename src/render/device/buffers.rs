@@ -1,24 +1,25 @@
-//! What passes read and write on the device: the scene's buffers, made once, and those of a configuration.
+//! Buffers of the device: those of the scene, made once, and those of a configuration.
 
-use super::gpu::{Gpu, GpuError};
+use super::gpu::Gpu;
 use crate::anatomy::Bvh;
+use crate::render::batch_plan::BatchPlan;
+use crate::render::constants::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
+use crate::render::error::BackendError;
 use crate::render::params::Params;
-use crate::render::tables::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX, Tables};
+use crate::render::tables::Tables;
 
 /// Stride of one batch's uniforms; every device aligns to 256 at the most.
 pub(crate) const PARAMS_STRIDE: u64 = 256;
-/// Largest buffer of segments: within the 128 MiB that every device binds.
-const SEGMENT_BYTES_MAX: u64 = 96 << 20;
 
 const STORAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
 const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
 
-fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, GpuError> {
+fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, BackendError> {
     let limits = gpu.device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     if size > limit {
-        return Err(GpuError::Limit {
+        return Err(BackendError::Limit {
             what: label,
             needed: size,
             limit_name: "bytes a storage buffer",
@@ -29,18 +30,18 @@ fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, Gp
     gpu.buffer(label, size.max(16), STORAGE)
 }
 
-/// What doesn't change with probe and settings.
+/// Buffers of the scene, which don't change with probe and settings.
 #[derive(Debug)]
 pub(crate) struct SceneBuffers {
-    pub(in crate::render) nodes: wgpu::Buffer,
-    pub(in crate::render) triangles: wgpu::Buffer,
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
     surface_tissue: wgpu::Buffer,
-    /// How far each triangle is from its rest; one entry where nothing moves.
-    pub(in crate::render) displacements: wgpu::Buffer,
+    /// Displacement of each triangle from its rest position; one entry for static scenes.
+    pub(super) displacements: wgpu::Buffer,
 }
 
 impl SceneBuffers {
-    pub(crate) fn new(gpu: &Gpu, surface_words: &[u32], bvh: &Bvh) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, surface_words: &[u32], bvh: &Bvh) -> Result<Self, BackendError> {
         let filled = |label: &'static str, bytes: &[u8]| {
             let buffer = storage(gpu, label, bytes.len() as u64)?;
             gpu.queue.write_buffer(&buffer, 0, bytes);
@@ -55,7 +56,7 @@ impl SceneBuffers {
     }
 }
 
-/// What a configuration of probe and settings reads and writes. Cloning shares the memory.
+/// Buffers of a configuration. Cloning shares the memory.
 #[derive(Debug, Clone)]
 pub(crate) struct Buffers {
     pub(crate) params: wgpu::Buffer,
@@ -98,7 +99,7 @@ impl Buffers {
         plan: &BatchPlan,
         keep_lines: bool,
         previous: Option<&Self>,
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self, BackendError> {
         let paths = u64::from(params.paths(plan.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let pixels = u64::from(params.row_words * 4) * u64::from(params.height);
@@ -178,7 +179,7 @@ impl Buffers {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// What passes write.
+    /// Buffers that passes write.
     fn written(&self) -> [&wgpu::Buffer; 18] {
         [
             &self.starts_inside,
@@ -274,32 +275,10 @@ impl Buffers {
     }
 }
 
-/// How a pass binds a buffer.
+/// Binding of a buffer by a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Binding {
     Read,
     Write,
     Uniform,
-}
-
-/// How the layers are split so that their segments fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct BatchPlan {
-    pub(crate) layers_per_batch: u32,
-    pub(crate) batches: u32,
-}
-
-impl BatchPlan {
-    pub(crate) fn new(scanlines: u32, rays: u32, layers: u32) -> Self {
-        let of_paths = |paths: u32| u64::from(scanlines) * u64::from(paths) * u64::from(SEGMENTS) * 48;
-        // Every batch has the guides, too.
-        let fits = ((SEGMENT_BYTES_MAX - of_paths(1)) / of_paths(rays)).clamp(1, u64::from(layers)) as u32;
-        Self { layers_per_batch: fits, batches: layers.div_ceil(fits) }
-    }
-
-    /// Uniforms of one batch of a frame's.
-    pub(crate) fn params(&self, batch: u32, whole: &Params) -> Params {
-        let layer_first = batch * self.layers_per_batch;
-        Params { layer_first, layer_count: self.layers_per_batch.min(whole.layer_count - layer_first), ..*whole }
-    }
 }

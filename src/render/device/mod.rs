@@ -1,7 +1,15 @@
-//! The passes on a graphics device, by wgpu.
+//! Every pass on a graphics device, by wgpu. No other module names a type of wgpu.
 
-pub(super) mod buffers;
-pub(super) mod gpu;
-pub(super) mod passes;
-pub(super) mod readback;
-pub(super) mod shaders;
+mod buffers;
+mod configuration;
+mod gpu;
+mod passes;
+mod readback;
+mod renderer;
+mod shaders;
+mod snapshot;
+
+pub(super) use gpu::Gpu;
+pub(super) use renderer::DeviceRenderer;
+#[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
+pub use shaders::ShaderSet;

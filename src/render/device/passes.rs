@@ -1,13 +1,14 @@
-//! Compiled passes, kept by what their shaders are specialised to, and what each binds.
+//! Compiled passes, kept by their specialisation, and their bindings.
 
 use std::sync::Arc;
 
 use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
-use super::gpu::{Gpu, GpuError};
+use super::gpu::Gpu;
 use super::shaders::ShaderSet;
+use crate::render::error::BackendError;
 use crate::render::params::Params;
 
-/// What a shader is specialised to: its overrides and their values.
+/// Overrides that specialise a shader, and their values.
 pub(crate) type Constants<'a> = &'a [(&'static str, f64)];
 
 /// A compiled pass.
@@ -47,7 +48,7 @@ impl Pipelines {
         name: &'static str,
         constants: Constants<'_>,
         bound: &[(&wgpu::Buffer, Binding)],
-    ) -> Result<Arc<Compiled>, GpuError> {
+    ) -> Result<Arc<Compiled>, BackendError> {
         if let Some(known) = self.compiled.iter().find(|c| c.name == name && c.constants == constants) {
             return Ok(known.clone());
         }
@@ -63,7 +64,7 @@ fn compile(
     name: &'static str,
     constants: Constants<'_>,
     bound: &[(&wgpu::Buffer, Binding)],
-) -> Result<Compiled, GpuError> {
+) -> Result<Compiled, BackendError> {
     let device = &gpu.device;
     let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
     let descriptor = wgpu::ShaderModuleDescriptor {
@@ -119,7 +120,7 @@ fn compile(
         cache: None,
     });
     match pollster::block_on(scope.pop()) {
-        Some(error) => Err(GpuError::Pipeline { pass: name, reason: error.to_string() }),
+        Some(error) => Err(BackendError::Pipeline { pass: name, reason: error.to_string() }),
         None => Ok(Compiled { name, constants: constants.to_vec(), layout, pipeline }),
     }
 }
@@ -141,10 +142,10 @@ impl Pass {
         name: &'static str,
         groups: [u32; 3],
         constants: Constants<'_>,
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self, BackendError> {
         let limit = gpu.device.limits().max_compute_workgroups_per_dimension;
         if let Some(&needed) = groups.iter().find(|&&g| g > limit) {
-            return Err(GpuError::Limit {
+            return Err(BackendError::Limit {
                 what: name,
                 needed: needed.into(),
                 limit_name: "workgroups a dispatch",
@@ -173,7 +174,7 @@ impl Pass {
             entries: &entries,
         });
         match pollster::block_on(scope.pop()) {
-            Some(error) => Err(GpuError::Pipeline { pass: name, reason: error.to_string() }),
+            Some(error) => Err(BackendError::Pipeline { pass: name, reason: error.to_string() }),
             None => Ok(Self { name, compiled, bindings, groups }),
         }
     }

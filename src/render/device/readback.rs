@@ -3,8 +3,9 @@
 use std::sync::mpsc;
 
 use super::buffers::Buffers;
-use super::gpu::{Gpu, GpuError};
-use crate::render::{Frame, PassTime};
+use super::gpu::Gpu;
+use crate::render::error::BackendError;
+use crate::render::frame::{Contents, Frame, PassTime, unpad};
 
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
@@ -38,20 +39,9 @@ const MAP_PASSES: [&str; 2] = ["section", "percentile"];
 /// Passes that a frame without its image leaves out.
 const IMAGE_PASSES: [&str; 6] = ["locate", "trace", "march", "echo", "lateral", "detect"];
 
-/// What a frame holds, beside its mask.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Contents {
-    /// The B-mode image.
-    pub(crate) image: bool,
-    /// Segmentation and attenuation.
-    pub(crate) maps: bool,
-}
-
-impl Contents {
-    /// Whether it takes the pass of that name.
-    pub(crate) fn takes(self, pass: &str) -> bool {
-        (self.maps || !MAP_PASSES.contains(&pass)) && (self.image || !IMAGE_PASSES.contains(&pass))
-    }
+/// Whether a frame of these contents takes the pass of that name.
+pub(super) fn takes(contents: Contents, pass: &str) -> bool {
+    (contents.maps || !MAP_PASSES.contains(&pass)) && (contents.image || !IMAGE_PASSES.contains(&pass))
 }
 
 #[derive(Debug)]
@@ -90,7 +80,7 @@ impl Layout {
 }
 
 impl Slot {
-    pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, BackendError> {
         let count = 2 * shape.passes.len() as u32;
         let queries = if gpu.timestamps && count > 0 {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
@@ -116,14 +106,14 @@ impl Slot {
         Ok(Self { staging, layout, queries, shape: shape.clone() })
     }
 
-    /// What it was made for.
+    /// Sizes that it was made for.
     pub(crate) fn shape(&self) -> &Shape {
         &self.shape
     }
 
     /// Passes of a frame.
     fn passes(&self, contents: Contents) -> impl Iterator<Item = &'static str> {
-        self.shape.passes.iter().copied().filter(move |name| contents.takes(name))
+        self.shape.passes.iter().copied().filter(move |name| takes(contents, name))
     }
 
     /// Timestamps around the pass that is recorded as the `index`-th.
@@ -167,8 +157,8 @@ impl Slot {
     }
 
     /// Copies the mapped frame out and gives the memory back.
-    pub(crate) fn read(&self, frame: &mut Frame, contents: Contents) -> Result<(), GpuError> {
-        let lost = |e: wgpu::MapRangeError| GpuError::Lost { reason: e.to_string() };
+    pub(crate) fn read(&self, frame: &mut Frame, contents: Contents) -> Result<(), BackendError> {
+        let lost = |e: wgpu::MapRangeError| BackendError::Lost { reason: e.to_string() };
         {
             let view = self.staging.slice(..).get_mapped_range().map_err(lost)?;
             let bytes: &[u8] = &view;
@@ -211,13 +201,5 @@ impl Slot {
         }
         self.staging.unmap();
         Ok(())
-    }
-}
-
-/// Copies rows of `width` out of rows of `stride`.
-pub(in crate::render) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
-    into.clear();
-    for row in from.chunks_exact(stride) {
-        into.extend_from_slice(&row[..width]);
     }
 }

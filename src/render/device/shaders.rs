@@ -1,23 +1,15 @@
-//! WGSL sources: one file a pass, with the shared files it imports put before it.
+//! WGSL sources: one file a pass, with the shared constants and the files that it imports put before it.
+#![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
-use crate::render::host::{ImageConstants, TraceConstants};
-use crate::render::tables::{
-    ACROSS_BITS, BLOCK_QUADS, CELL_MM, DEPTH_BLOCK, ENTRIES, HINT_BLOCK, LAYERS_MAX, PULSE_PAD, PULSE_QUADS, SEGMENTS,
-    STARTS, TISSUES_MAX,
-};
+use crate::anatomy::bvh::STACK_DEPTH_MAX;
+use crate::render::constants as shared;
 
-/// Sources of every pass. A test may damage one, to see the comparison with its twin fail.
-#[derive(Debug, Clone)]
+/// Sources of every pass. A test may change one, to see the comparison with its twin fail.
+#[derive(Debug, Clone, PartialEq)]
 pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
-    /// Whether a source is not the shipped one.
-    replaced: bool,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
-    /// Numbers of `trace` where the host follows the paths; other than the default ones for tests.
-    pub host: TraceConstants,
-    /// Numbers of the other passes where the host makes the image; other than the default ones for tests.
-    pub image: ImageConstants,
 }
 
 macro_rules! pass {
@@ -42,40 +34,68 @@ const PASSES: [(&str, &str); 9] = [
     pass!("scan_convert", "tissue"),
 ];
 
+/// WGSL declarations of shared constants.
+macro_rules! declarations {
+    ($($kind:ident: $($name:ident)*;)*) => {
+        [$($(concat!("const ", stringify!($name), ": ", stringify!($kind), " = ").to_owned()
+            + &literal::$kind(shared::$name),)*)*].join(";\n")
+    };
+}
+
+/// Literals of WGSL.
+mod literal {
+    pub(super) fn u32(value: u32) -> String {
+        format!("{value}u")
+    }
+
+    pub(super) fn i32(value: u32) -> String {
+        format!("{value}")
+    }
+
+    pub(super) fn f32(value: f64) -> String {
+        format!("{value:?}")
+    }
+}
+
+/// Constants before every pass.
+fn preamble() -> String {
+    let declarations = declarations! {
+        u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX LAYERS_MAX BLOCK_QUADS PULSE_QUADS
+            CROSSINGS_AT_A_PLACE CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
+            TAG_DENSITY TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE;
+        i32: PULSE_PAD SURFACE_SALT;
+        f32: TOUCH_MM BEYOND_MM CELL_MM OFF_THE_GRID_MM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
+            LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
+            APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
+            CONTRAST_MIN_NP_MM;
+    };
+    format!(
+        "{declarations};\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\n",
+        shared::HINT_BLOCK.trailing_zeros(),
+        shared::DEPTH_BLOCK.trailing_zeros(),
+        shared::KRONECKER.map(literal::u32).join(", "),
+    )
+}
+
 impl Default for ShaderSet {
     fn default() -> Self {
-        let constants = format!(
-            "const SEGMENTS: u32 = {SEGMENTS}u;\nconst ENTRIES: u32 = {ENTRIES}u;\nconst DEPTH_BLOCK: u32 = {DEPTH_BLOCK}u;\nconst CELL_MM: f32 = {CELL_MM:?};\nconst STARTS: u32 = {STARTS}u;\nconst HINT_BLOCK: u32 = {HINT_BLOCK}u;\nconst PULSE_PAD: i32 = {PULSE_PAD};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst TISSUES_MAX: u32 = {TISSUES_MAX}u;\nconst LAYERS_MAX: u32 = {LAYERS_MAX}u;\nconst BLOCK_QUADS: u32 = {BLOCK_QUADS}u;\nconst PULSE_QUADS: u32 = {PULSE_QUADS}u;\nconst ACROSS_BITS: u32 = {ACROSS_BITS}u;\n",
-            HINT_BLOCK.trailing_zeros(),
-            DEPTH_BLOCK.trailing_zeros()
-        );
-        Self {
-            sources: PASSES.map(|(name, body)| (name, format!("{constants}{body}"))).to_vec(),
-            replaced: false,
-            bounds_checks: false,
-            host: TraceConstants::default(),
-            image: ImageConstants::default(),
-        }
+        let preamble = preamble();
+        Self { sources: PASSES.map(|(name, body)| (name, format!("{preamble}{body}"))).to_vec(), bounds_checks: false }
     }
 }
 
 impl ShaderSet {
     /// Source of the pass `name`; empty for an unknown one.
-    pub(crate) fn source(&self, name: &str) -> &str {
+    pub(super) fn source(&self, name: &str) -> &str {
         self.sources.iter().find(|(n, _)| *n == name).map_or("", |(_, source)| source)
     }
 
-    /// Whether the host's passes can stand for them: they are the shipped ones, as they are shipped.
-    pub(crate) fn host_may(&self) -> bool {
-        !self.replaced && !self.bounds_checks
-    }
-
     /// Replaces `from` by `to` in the pass `name`; false where it doesn't occur.
+    #[cfg(feature = "test-hooks")]
     pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
         match self.sources.iter_mut().find(|(n, source)| *n == name && source.contains(from)) {
             Some((_, source)) => {
                 *source = source.replace(from, to);
-                self.replaced = true;
                 true
             }
             None => false,

@@ -2,14 +2,15 @@
 
 use rayon::prelude::*;
 
+use super::constants::ImageConstants;
 use super::wide::{at_least, at_most, log2, nearest_bits, widened};
+use crate::render::constants::{AXIAL_HALF_MAX, PULSE_PAD, ROW_ALIGN};
 use crate::render::params::Params;
-use crate::render::tables::{PULSE_PAD, ROW_ALIGN};
 
 /// Complex samples that are made at once.
 const BLOCK: usize = ROW_ALIGN as usize;
 /// Numbers that a block's pulse reaches at the most.
-const WINDOW_MAX: usize = 2 * (BLOCK + 2 * crate::render::kernels::AXIAL_HALF_MAX as usize);
+const WINDOW_MAX: usize = 2 * (BLOCK + 2 * AXIAL_HALF_MAX as usize);
 const GREY_MAX: f32 = 65535.0;
 
 /// What the detector adds at each depth, over the dynamic range: gain, TGC and sliders. Kept for its memory.
@@ -42,7 +43,7 @@ fn slider_db(params: &Params, depth_mm: f32) -> f32 {
 /// unless it is empty, the pulse-shaped baseband.
 pub(crate) fn detect(
     params: &Params,
-    db_a_doubling: f32,
+    constants: ImageConstants,
     pulse: &[f32],
     gain: &mut DepthGain,
     focused: &[[f32; 2]],
@@ -55,12 +56,10 @@ pub(crate) fn detect(
     let stride = params.row_samples as usize;
     let rows = focused.par_chunks_exact(stride).zip(polar.par_chunks_exact_mut(stride));
     if lines.is_empty() {
-        rows.for_each(|(row, polar)| {
-            detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, &mut [])
-        });
+        rows.for_each(|(row, polar)| detect_row(params, constants, pulse, gain, row.as_flattened(), polar, &mut []));
     } else {
         rows.zip(lines.par_chunks_exact_mut(stride)).for_each(|((row, polar), lines)| {
-            detect_row(params, db_a_doubling, pulse, gain, row.as_flattened(), polar, lines.as_flattened_mut());
+            detect_row(params, constants, pulse, gain, row.as_flattened(), polar, lines.as_flattened_mut());
         });
     }
 }
@@ -68,7 +67,7 @@ pub(crate) fn detect(
 widened! {
     /// One scanline.
     fn detect_row(
-        params: &Params, db_a_doubling: f32, pulse: &[f32], gain: &[f32], row: &[f32], polar: &mut [u32],
+        params: &Params, constants: ImageConstants, pulse: &[f32], gain: &[f32], row: &[f32], polar: &mut [u32],
         lines: &mut [f32],
     ) = detect_row_body
 }
@@ -77,7 +76,7 @@ widened! {
 #[allow(clippy::too_many_arguments, reason = "a row of each buffer")]
 fn detect_row_body(
     params: &Params,
-    db_a_doubling: f32,
+    constants: ImageConstants,
     pulse: &[f32],
     gain: &[f32],
     row: &[f32],
@@ -113,7 +112,7 @@ fn detect_row_body(
         for ((out, sample), &gain) in polar.iter_mut().zip(shaped.as_chunks::<2>().0).zip(gain) {
             let power = sample[0] * sample[0] + sample[1] * sample[1];
             // The floor is far below any display.
-            let level_db = db_a_doubling * log2(at_least(power, 1.0e-37)) + gain;
+            let level_db = constants.db_a_doubling() * log2(at_least(power, 1.0e-37)) + gain;
             let level = at_most(at_least(1.0 + level_db * per_db, 0.0), 1.0);
             *out = nearest_bits(level * GREY_MAX) & 0xffff;
         }

@@ -2,15 +2,16 @@
 
 use rayon::prelude::*;
 
+use super::constants::ImageConstants;
 use super::wide::phasor;
+use crate::render::constants::SEGMENTS;
 use crate::render::params::Params;
-use crate::render::tables::SEGMENTS;
 
 /// Adds to `baseband`, complex [scanlines × row_samples]; `echoes` are amplitude and range in mm [paths × SEGMENTS],
 /// `segment_counts` those of the paths. A path's first segment begins at the face, not at an interface.
 pub(crate) fn echo(
     params: &Params,
-    first_interface: usize,
+    constants: ImageConstants,
     echoes: &[[f32; 2]],
     segment_counts: &[u32],
     baseband: &mut [[f32; 2]],
@@ -23,7 +24,7 @@ pub(crate) fn echo(
             let first = (layer * scanlines + line) * rays;
             let counts = segment_counts[first..first + rays].iter();
             for (echoes, &count) in echoes[first * SEGMENTS as usize..].chunks_exact(SEGMENTS as usize).zip(counts) {
-                for &[amplitude, range_mm] in echoes.iter().take(count as usize).skip(first_interface) {
+                for &[amplitude, range_mm] in echoes.iter().take(count as usize).skip(constants.first_interface()) {
                     let sample = range_mm / params.sample_spacing_mm;
                     if amplitude != 0.0 && sample >= 0.0 && sample < params.samples as f32 {
                         let [re, im] = phasor(-params.phase_turns_per_mm * range_mm);

@@ -1,6 +1,6 @@
 //! What all rays of a packet have in common: where a box lies beside this, none of them meets it.
 
-use super::packet::{Lanes, RAYS, fold};
+use super::lanes::{Lanes, RAYS, fold};
 use super::traverse::{max, min, slack};
 use super::tree::{WIDTH, WideNode};
 

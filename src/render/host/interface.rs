@@ -1,6 +1,9 @@
 //! What an interface returns and lets pass, in f32: `shaders/shared/interface.wgsl` and the functions of `trace.wgsl`, without a
 //! branch, so that the compiler takes several paths at once.
 
+use super::constants::{
+    APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, DIFFUSE_HALF_ROUGHNESS2,
+};
 use super::wide::{at_least, at_most, exp, log2, phasor};
 
 pub(super) type Vector = [f32; 3];
@@ -87,7 +90,8 @@ pub(super) fn microfacet(n: Vector, variance: f32, u: f32, v: f32) -> Vector {
 /// Mean square slope of the reflected rays that an aperture accepts, seen from `range_mm`.
 #[inline(always)]
 fn aperture_variance(range_mm: f32, aperture_mm: f32) -> f32 {
-    let half_angle = at_most(at_least(0.25 * aperture_mm / at_least(range_mm, 1.0), 0.06), 0.5);
+    let half_angle = APERTURE_HALF_ANGLE * aperture_mm / at_least(range_mm, 1.0);
+    let half_angle = at_most(at_least(half_angle, APERTURE_HALF_ANGLE_MIN), APERTURE_HALF_ANGLE_MAX);
     half_angle * half_angle
 }
 
@@ -107,5 +111,5 @@ pub(super) fn returning(cos_facet: f32, roughness: f32, range_mm: f32, aperture_
     let cos2 = at_least(cos_facet * cos_facet, 1.0e-6);
     let tan2 = at_least(1.0 - cos2, 0.0) / cos2;
     let specular = acceptance(0.5 * rough2, range_mm, aperture_mm) * exp(-at_most(tan2 / lobe2, 80.0));
-    (specular + diffuse * rough2 / (rough2 + 0.1) * cos2).sqrt()
+    (specular + diffuse * rough2 / (rough2 + DIFFUSE_HALF_ROUGHNESS2) * cos2).sqrt()
 }

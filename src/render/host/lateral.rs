@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::constants::ImageConstants;
 use super::wide::widened;
+use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
-use crate::render::tables::DEPTH_BLOCK;
 
 /// Numbers of a block of complex samples, which share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
@@ -12,10 +13,10 @@ const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
 const LINES_TOGETHER: usize = 8;
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. The kernel belongs to a block of samples;
-/// at the sector's edges the weights that remain are renormalised. Weights below `least_weight` are zeros.
+/// at the sector's edges the weights that remain are renormalised. Weights below the constants' least one are zeros.
 pub(crate) fn lateral(
     params: &Params,
-    least_weight: f32,
+    constants: ImageConstants,
     kernels: &[f32],
     baseband: &[[f32; 2]],
     focused: &mut [[f32; 2]],
@@ -23,19 +24,26 @@ pub(crate) fn lateral(
     let row_samples = params.row_samples as usize;
     let rows = focused.par_chunks_exact_mut(row_samples).enumerate().with_min_len(LINES_TOGETHER);
     rows.for_each(|(line, row)| {
-        focus_row(params, least_weight, line, kernels, baseband.as_flattened(), row.as_flattened_mut());
+        focus_row(params, constants, line, kernels, baseband.as_flattened(), row.as_flattened_mut());
     });
 }
 
 widened! {
     /// One scanline.
     fn focus_row(
-        params: &Params, least_weight: f32, line: usize, kernels: &[f32], baseband: &[f32], row: &mut [f32],
+        params: &Params, constants: ImageConstants, line: usize, kernels: &[f32], baseband: &[f32], row: &mut [f32],
     ) = focus_row_body
 }
 
 #[inline(always)]
-fn focus_row_body(params: &Params, least_weight: f32, line: usize, kernels: &[f32], baseband: &[f32], row: &mut [f32]) {
+fn focus_row_body(
+    params: &Params,
+    constants: ImageConstants,
+    line: usize,
+    kernels: &[f32],
+    baseband: &[f32],
+    row: &mut [f32],
+) {
     let half = params.lateral_half as usize;
     let stride = row.len();
     // Taps that meet a scanline.
@@ -48,7 +56,7 @@ fn focus_row_body(params: &Params, least_weight: f32, line: usize, kernels: &[f3
         let mut sum = [0.0f32; BLOCK];
         let mut total = 0.0;
         // Denormal weights are zeros on a GPU, and slow.
-        let some = |weight: &&f32| **weight >= least_weight;
+        let some = |weight: &&f32| **weight >= constants.least_weight();
         let skipped = weights.iter().take_while(|w| !some(w)).count();
         let mut at = (first_line + skipped) * stride + block * BLOCK;
         for &weight in weights[skipped..].iter().take_while(some) {

@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::constants::{DEVIATE_SCALE, ImageConstants, LN_SCALE, LN_SPECKLE_SILENT, UNSCALED};
 use super::wide::{at_least, at_most, exp, floor, pcg3d, phasor, real, widened};
+use crate::render::constants::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY};
 use crate::render::params::Params;
-use crate::render::tables::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 
 /// Samples that are made at once: they share a gain.
 const BLOCK: usize = DEPTH_BLOCK as usize;
@@ -16,19 +17,12 @@ type Lanes = [f32; BLOCK];
 const SEGMENT: usize = 12;
 /// Those that say where its scatterers lie: origin and step.
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
-/// ln of an amplitude that no display shows, −651 dB.
-const LN_SILENT: f32 = -75.0;
-/// Powers are those of amplitudes times e⁴⁰: so the squares of all that is not silent are normal numbers.
-const LN_SCALE: f32 = 40.0;
-const UNSCALED: f32 = 4.248_354e-18;
 /// Of what is silent, scaled: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
 /// Most that ln of the power falls over a block where one block's powers are made from those of the block before.
 const LN_FALL_MAX: f32 = 7.0;
 /// ln of the powers that are computed, scaled. Lanes that lie before their segment begins are louder than it, by a block's fall.
-const LN_POWERS: [f32; 2] = [2.0 * (LN_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
-/// Density in the lowest bits of its word.
-const TAG_DENSITY: u32 = 0x3_ffff;
+const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
 
 /// What the paths of a batch left: `trace`'s outputs.
 #[derive(Debug, Clone, Copy)]
@@ -44,8 +38,7 @@ pub(crate) struct Paths<'a> {
 /// What samples are made with, beside the paths.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scatterers<'a> {
-    /// Side of a cell of the lattice, mm.
-    pub(crate) cell_mm: f32,
+    pub(crate) constants: ImageConstants,
     /// Offset, slope, weight and stretch of each elevational layer.
     pub(crate) layers: &'a [[f32; 4]],
     /// Of each block of samples.
@@ -86,17 +79,17 @@ fn march_row_body(
     let begins = params.layer_first == 0;
     let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
     // Where scatterers lie the guide says for all; the only path of a scanline is its own.
-    let sounding = if params.guides == 0 { 0 } else { params.sounding(params.layer_count) };
-    let guide = sounding.wrapping_add(line);
-    let mut met: [Met; CHUNK] = std::array::from_fn(|_| Met::default());
+    let sounding_paths = if params.guides == 0 { 0 } else { params.sounding_paths(params.layer_count) };
+    let guide = sounding_paths.wrapping_add(line);
+    let mut cells: [Cells; CHUNK] = std::array::from_fn(|_| Cells::default());
     let mut power = [[[0.0; BLOCK]; 2]; CHUNK];
     let chunks =
         row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK).zip(powers.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK));
     for ((chunk, (row, powers)), gain) in chunks.enumerate().zip(scatterers.gain.chunks(CHUNK)) {
         let first = (chunk * CHUNK * BLOCK) as u32;
         let block_at = |block: usize| first.wrapping_add((block * BLOCK) as u32);
-        for (block, met) in met.iter_mut().enumerate().take(row.len()) {
-            met.find(params, scatterers.cell_mm, &places(params, paths, guide, block_at(block)), block_at(block));
+        for (block, cells) in cells.iter_mut().enumerate().take(row.len()) {
+            cells.find(params, scatterers.constants, &places(params, paths, guide, block_at(block)), block_at(block));
         }
         for (power, before) in power.iter_mut().zip(powers.iter()) {
             for (i, before) in before.iter().enumerate() {
@@ -110,13 +103,21 @@ fn march_row_body(
             let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
             for ray in 0..params.rays {
                 let blocks = row.len();
-                sound(params, paths, path.wrapping_add(ray), weight, first, &met[..blocks], &mut power[..blocks]);
+                accumulate_power(
+                    params,
+                    paths,
+                    path.wrapping_add(ray),
+                    weight,
+                    first,
+                    &cells[..blocks],
+                    &mut power[..blocks],
+                );
             }
         }
         for (i, ((row, powers), &gain)) in row.iter_mut().zip(powers).zip(gain).enumerate() {
             let mut sums = [[0.0; BLOCK]; 2];
             if ends {
-                met[i].echo(UNSCALED * gain, &power[i].map(|lanes| lanes.map(f32::sqrt)), &mut sums);
+                cells[i].echo(UNSCALED * gain, &power[i].map(|lanes| lanes.map(f32::sqrt)), &mut sums);
             } else {
                 for (j, powers) in powers.iter_mut().enumerate() {
                     *powers = [power[i][0][j], power[i][1][j]];
@@ -133,16 +134,16 @@ fn march_row_body(
 
 /// Adds the power that a path of the weight `weight` gives to the mean and the deviation of the scatterers of a run of blocks.
 #[inline(always)]
-fn sound(
+fn accumulate_power(
     params: &Params,
     paths: &Paths<'_>,
     path: u32,
     weight: f32,
     first: u32,
-    met: &[Met],
+    cells: &[Cells],
     power: &mut [[Lanes; 2]],
 ) {
-    let last = first.wrapping_add((met.len() * BLOCK) as u32);
+    let last = first.wrapping_add((cells.len() * BLOCK) as u32);
     let mut sample = first;
     while sample < last {
         let (end_mm, segment) = seek(params, paths, path, sample);
@@ -150,7 +151,7 @@ fn sound(
         let &[_, _, _, level, _, _, _, fall, mean, deviation, density, _] = segment;
         let density = (density.to_bits() & TAG_DENSITY) as i32;
         // Nothing scatters in a fluid, and beyond where a path ends.
-        if density != 0 && level - fall * range_mm(params, sample) > LN_SILENT {
+        if density != 0 && level - fall * range_mm(params, sample) > LN_SPECKLE_SILENT {
             let parts = [weight * mean * mean, weight * deviation * deviation];
             let begin = sample.wrapping_sub(first) as usize;
             let end = stop.wrapping_sub(first) as usize;
@@ -166,10 +167,10 @@ fn sound(
                     }
                 }
                 let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
-                let (Some(met), Some([means, deviations])) = (met.get(block), power.get_mut(block)) else { break };
+                let (Some(cells), Some([means, deviations])) = (cells.get(block), power.get_mut(block)) else { break };
                 for i in 0..BLOCK {
                     let within = (i as i32 >= from) & ((i as i32) < to);
-                    let there = ((met.presence[i] as i32) < density) & (now[i] > SILENT_POWER);
+                    let there = ((cells.presence[i] as i32) < density) & (now[i] > SILENT_POWER);
                     let part = if within & there { now[i] } else { 0.0 };
                     means[i] += parts[0] * part;
                     deviations[i] += parts[1] * part;
@@ -243,17 +244,18 @@ fn range_mm(params: &Params, sample: u32) -> f32 {
 
 /// The cells of the lattice that a path is in at a block's samples.
 #[derive(Debug, Default)]
-struct Met {
+struct Cells {
     /// The cell's scatterer is there where a medium's density is above this.
     presence: [u32; BLOCK],
     deviate: [Lanes; 2],
     turn: [Lanes; 2],
 }
 
-impl Met {
+impl Cells {
     /// Takes the cells of segments, of origin and step.
     #[inline(always)]
-    fn find(&mut self, params: &Params, cell_mm: f32, places: &[Lanes; PLACE.len()], first: u32) {
+    fn find(&mut self, params: &Params, constants: ImageConstants, places: &[Lanes; PLACE.len()], first: u32) {
+        let cell_mm = constants.cell_mm();
         let [x0, y0, z0, dx, dy, dz] = places;
         let per_mm = 1.0 / cell_mm;
         for i in 0..BLOCK {
@@ -298,5 +300,5 @@ impl Met {
 fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
     let sums = [pairs.wrapping_add(pairs >> 8), (pairs >> 16).wrapping_add(pairs >> 24)];
-    sums.map(|sum| (real(sum & 255) - 30.0) * 0.076_696_5)
+    sums.map(|sum| (real(sum & 255) - 30.0) * DEVIATE_SCALE)
 }

@@ -1,6 +1,7 @@
 //! Which surfaces a point is inside, as `shaders/shared/surfaces.wgsl` has it.
 
-use super::traverse::{Crossing, TOUCH_MM};
+use super::constants::TOUCH_MM;
+use super::traverse::Crossing;
 use crate::anatomy::bvh::PackedTriangle;
 
 /// The surfaces that a point is inside, a bit each; the highest one is the medium.
@@ -13,7 +14,7 @@ pub(super) fn highest(inside: &Inside) -> Option<u32> {
     Some(32 * word as u32 + inside[word].ilog2())
 }
 
-/// Tissue of the medium, and [`MOVES`](crate::render::configuration::MOVES) where its surface moves.
+/// Tissue of the medium, with [`MOVES`](crate::render::constants::MOVES) if its surface moves.
 #[inline(always)]
 pub(super) fn medium_word(surface_words: &[u32], background: u32, inside: &Inside) -> u32 {
     highest(inside).map_or(background, |surface| surface_words[surface as usize])

@@ -3,14 +3,10 @@
 use glam::Vec3;
 
 use super::hull::Hull;
+use super::lanes::{Lanes, RAYS, fold};
 use super::traverse::{Ray, Stack, Tree, boxes, intersect, intersection, leaf, max, min, slack};
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::anatomy::bvh::PackedTriangle;
-
-/// Rays of a packet.
-pub(super) const RAYS: usize = 32;
-/// One number of each ray.
-pub(super) type Lanes = [f32; RAYS];
 
 /// Up to so many rays are tested one by one: with eight boxes of a node at once, with one triangle at a time.
 const FEW_AT_A_NODE: u32 = 4;
@@ -96,19 +92,6 @@ fn lanes(mut of: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// One number of all lanes: by halves, as registers do it.
-#[inline(always)]
-pub(super) fn fold(mut of: Lanes, pick: fn(f32, f32) -> f32) -> f32 {
-    let mut half = RAYS / 2;
-    while half > 0 {
-        for i in 0..half {
-            of[i] = pick(of[i], of[i + half]);
-        }
-        half /= 2;
-    }
-    of[0]
-}
-
 /// Which rays meet each child of a node, and up to where none of them has entered it.
 struct Met {
     near: [f32; WIDTH],
@@ -179,7 +162,7 @@ fn intersections(triangle: &PackedTriangle, packet: &Packet, last: &Lanes, t: &m
 /// Goes through the tree, and calls `found(lane, t, triangle, enters)` for every crossing in its leaves; it returns how far
 /// that ray still looks.
 #[inline(always)]
-pub(super) fn walk(
+pub(super) fn traverse(
     tree: &Tree<'_>,
     packet: &Packet,
     visits: &mut Visits,

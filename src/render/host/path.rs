@@ -2,29 +2,23 @@
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
-use super::arrivals::{Arrival, Departure};
+use super::constants::{BEYOND_MM, LN_GIVEN_UP, LN_SILENT, TOUCH_MM, TraceConstants};
+use super::depart::Rules;
+use super::effects::PathEffects;
+use super::interface_batch::{Arrival, Departure};
 use super::membership::{Inside, cross, cross_until, highest, medium_word};
+use super::path_state::PathState;
 use super::search::Covered;
-use super::traverse::{Crossing, Nearest, Ray, Stack, TOUCH_MM, Tree, by_distance, collect};
-use super::walk::Walk;
-use super::{Effects, TraceConstants};
-use crate::render::configuration::MOVES;
+use super::traverse::{Crossing, Nearest, Ray, Stack, Tree, by_distance, collect};
+use crate::render::constants::{
+    self as shared, CROSSINGS_AT_A_PLACE, HINT_BLOCK, MOVES, PLACES_MAX, SAMPLES_MAX, SEGMENTS, STARTS, TAG,
+    TISSUE_MASK,
+};
 use crate::render::params::Params;
-use crate::render::tables::{GpuTissue, HINT_BLOCK, SAMPLES_MAX, SEGMENTS, STARTS};
+use crate::render::tables::PackedTissue;
 
-/// ln of the two-way amplitude at which a path ends: 10⁻¹³.
-const LN_GIVEN_UP: f32 = -30.0;
-/// ln of an amplitude that no display shows: 10⁻³⁴.
-pub(super) const LN_SILENT: f32 = -80.0;
-/// Crossings at one place, and on the way back from the face.
-const CROSSINGS: usize = 16;
-pub(super) const CROSSINGS_BEHIND: usize = 64;
-/// Surfaces that one path may cross, most of them without a change of medium.
-const PLACES_MAX: u32 = 192;
-/// Set beside a density: small integers travel as the low bits of a normal float.
-const TAG: u32 = 0x4000_0000;
-/// A range that none reaches.
-const BEYOND_MM: f32 = 3.0e38;
+/// Crossings that are kept behind the face.
+pub(super) const CROSSINGS_BEHIND: usize = shared::CROSSINGS_BEHIND as usize;
 /// Words of hints of the most samples.
 const HINT_WORDS: usize = (SAMPLES_MAX / (4 * HINT_BLOCK) + 1) as usize;
 
@@ -40,9 +34,9 @@ pub(super) struct Scene<'a> {
     pub(super) params: &'a Params,
     pub(super) rays: &'a [[f32; 4]],
     pub(super) layers: &'a [[f32; 4]],
-    pub(super) tissues: &'a [GpuTissue],
-    pub(super) effects: Effects,
-    pub(super) constants: &'a TraceConstants,
+    pub(super) tissues: &'a [PackedTissue],
+    pub(super) effects: PathEffects,
+    pub(super) constants: TraceConstants,
 }
 
 /// Where the medium changes on a path's way.
@@ -86,12 +80,12 @@ impl PathRecord {
 #[derive(Debug)]
 pub(super) struct Place {
     stack: Stack,
-    crossings: [Crossing; CROSSINGS],
+    crossings: [Crossing; CROSSINGS_AT_A_PLACE as usize],
 }
 
 impl Place {
     pub(super) fn new() -> Self {
-        Self { stack: Stack::new(), crossings: [Crossing::default(); CROSSINGS] }
+        Self { stack: Stack::new(), crossings: [Crossing::default(); CROSSINGS_AT_A_PLACE as usize] }
     }
 }
 
@@ -115,6 +109,12 @@ impl Scene<'_> {
         medium_word(self.surface_words, self.params.background, inside)
     }
 
+    /// Parameters of departures.
+    pub(super) fn rules(&self) -> Rules {
+        let Self { effects, constants, params, .. } = *self;
+        Rules { effects, constants, seed: params.seed, aperture_mm: params.aperture_mm }
+    }
+
     /// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
     fn interface_of(&self, place: &[Crossing]) -> u32 {
         let order = |c: &&Crossing| {
@@ -125,7 +125,7 @@ impl Scene<'_> {
     }
 
     /// Where path `path` begins.
-    pub(super) fn begin(&self, path: usize) -> Walk {
+    pub(super) fn begin(&self, path: usize) -> PathState {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
         let (line_ray, number) = (path % line_rays, path / line_rays);
@@ -136,7 +136,7 @@ impl Scene<'_> {
         let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
         let in_phase = weight / p.rays as f32;
-        Walk {
+        PathState {
             line_ray: line_ray as u32,
             layer: layer as u32,
             guide,
@@ -145,54 +145,54 @@ impl Scene<'_> {
             direction,
             in_phase,
             in_power: in_phase.sqrt(),
-            ..Walk::default()
+            ..PathState::default()
         }
     }
 
     /// How far behind its first ray a path may have entered surfaces, mm.
     #[inline(always)]
     pub(super) fn back_mm(&self) -> f32 {
-        self.params.reach_mm * self.constants.reach
+        self.params.reach_mm * self.constants.reach()
     }
 
     /// Which surfaces the path starts inside, by what lies `behind` its first ray; writes its first segment.
     #[inline(always)]
-    pub(super) fn locate(&self, walk: &mut Walk, behind: &mut [Crossing], record: &mut PathRecord) {
+    pub(super) fn locate(&self, state: &mut PathState, behind: &mut [Crossing], record: &mut PathRecord) {
         behind.sort_unstable_by(by_distance);
-        cross_until(self.tree.triangles, behind, f32::INFINITY, &mut walk.inside);
-        record.starts_inside = walk.inside;
+        cross_until(self.tree.triangles, behind, f32::INFINITY, &mut state.inside);
+        record.starts_inside = state.inside;
         record.count = 0;
-        walk.here = self.medium_word(&walk.inside) & (MOVES - 1);
-        self.segment(walk, record);
+        state.here = self.medium_word(&state.inside) & TISSUE_MASK;
+        self.segment(state, record);
     }
 
     /// Length of path a mm of range in the medium at hand. Ranges are depths: the lens delays its middle, so that an oblique
     /// layer's echoes come no later.
     #[inline(always)]
-    fn path_per_range(&self, walk: &Walk) -> f32 {
-        self.tissues[walk.here as usize].speed_ratio * walk.stretch
+    fn path_per_range(&self, state: &PathState) -> f32 {
+        self.tissues[state.here as usize].speed_ratio * state.stretch
     }
 
     /// How far the path goes on in its medium at most, mm; not above 0 where it has ended.
     #[inline(always)]
-    pub(super) fn left_mm(&self, walk: &Walk) -> f32 {
-        if walk.open { (self.params.depth_mm - walk.range_mm) * self.path_per_range(walk) } else { 0.0 }
+    pub(super) fn left_mm(&self, state: &PathState) -> f32 {
+        if state.open { (self.params.depth_mm - state.range_mm) * self.path_per_range(state) } else { 0.0 }
     }
 
     /// Writes the segment that begins here.
     #[inline(always)]
-    fn segment(&self, walk: &mut Walk, record: &mut PathRecord) {
-        let tissue = &self.tissues[walk.here as usize];
-        let step = walk.direction * self.path_per_range(walk);
-        let fall = tissue.attenuation_np_mm * self.path_per_range(walk);
-        let from = walk.origin - walk.carried_mm - step * walk.range_mm;
+    fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
+        let tissue = &self.tissues[state.here as usize];
+        let step = state.direction * self.path_per_range(state);
+        let fall = tissue.attenuation_np_mm * self.path_per_range(state);
+        let from = state.origin - state.carried_mm - step * state.range_mm;
         let count = record.count as usize;
-        record.starts[count] = walk.range_mm;
+        record.starts[count] = state.range_mm;
         record.segments[count] = [
             from.x,
             from.y,
             from.z,
-            walk.ln_amplitude + walk.ln_scatter + fall * walk.range_mm,
+            state.ln_amplitude + state.ln_scatter + fall * state.range_mm,
             step.x,
             step.y,
             step.z,
@@ -202,18 +202,18 @@ impl Scene<'_> {
             f32::from_bits(TAG | tissue.scatterer_density),
             0.0,
         ];
-        record.echoes[count] = [walk.echo, walk.echo_range_mm];
+        record.echoes[count] = [state.echo, state.echo_range_mm];
         record.count += 1;
         if record.count == SEGMENTS {
-            walk.lost += u32::from(walk.open);
-            walk.open = false;
+            state.lost += u32::from(state.open);
+            state.open = false;
         }
     }
 
     /// The highest surface that the path is inside; 0 where it is inside none: nothing lies below the first.
     #[inline(always)]
-    pub(super) fn highest(walk: &Walk) -> u32 {
-        highest(&walk.inside).unwrap_or(0)
+    pub(super) fn highest(state: &PathState) -> u32 {
+        highest(&state.inside).unwrap_or(0)
     }
 
     /// Takes the path to its nearest crossing, within [`Self::left_mm`], through those that are `covered`: the interface
@@ -221,18 +221,18 @@ impl Scene<'_> {
     #[inline(always)]
     pub(super) fn advance(
         &self,
-        walk: &mut Walk,
+        state: &mut PathState,
         found: Nearest,
         covered: &mut Covered,
         place: &mut Place,
     ) -> Option<Boundary> {
-        let tissue = &self.tissues[walk.here as usize];
+        let tissue = &self.tissues[state.here as usize];
         let covered = covered.up_to(found.crossing.t + TOUCH_MM);
-        let (passed, end, touching) = cross_until(self.tree.triangles, covered, found.crossing.t, &mut walk.inside);
-        walk.crossed += 1 + passed;
-        if walk.crossed > PLACES_MAX {
-            walk.lost += 1;
-            walk.open = false;
+        let (passed, end, touching) = cross_until(self.tree.triangles, covered, found.crossing.t, &mut state.inside);
+        state.crossed += 1 + passed;
+        if state.crossed > PLACES_MAX {
+            state.lost += 1;
+            state.open = false;
             return None;
         }
         // The place: that crossing, or a covered one that it touches, and where others lie within TOUCH_MM of it, all of them.
@@ -240,27 +240,27 @@ impl Scene<'_> {
         place.crossings[0] = found.crossing;
         let mut crossings = 1;
         if found.crowded || !touching.is_empty() {
-            let least = walk.t_min.max(t - TOUCH_MM).max(end);
-            let most = (t + TOUCH_MM).min(self.left_mm(walk));
-            let ray = Ray::new(walk.origin, walk.direction);
+            let least = state.t_min.max(t - TOUCH_MM).max(end);
+            let most = (t + TOUCH_MM).min(self.left_mm(state));
+            let ray = Ray::new(state.origin, state.direction);
             let (all, missed) = collect(&self.tree, &ray, least, most, &mut place.stack, &mut place.crossings);
             place.crossings[..all].sort_unstable_by(by_distance);
             crossings = all.max(1);
-            walk.lost += missed;
+            state.lost += missed;
         }
         let here = &place.crossings[..crossings];
         let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
-        let before = walk.inside;
-        cross(self.tree.triangles, here, &mut walk.inside);
-        let there = self.medium_word(&walk.inside);
-        walk.origin += walk.direction * t;
-        walk.range_mm += t / self.path_per_range(walk);
-        walk.ln_amplitude -= tissue.attenuation_np_mm * t;
-        walk.t_min = TOUCH_MM;
-        let changes = there & (MOVES - 1) != walk.here;
+        let before = state.inside;
+        cross(self.tree.triangles, here, &mut state.inside);
+        let there = self.medium_word(&state.inside);
+        state.origin += state.direction * t;
+        state.range_mm += t / self.path_per_range(state);
+        state.ln_amplitude -= tissue.attenuation_np_mm * t;
+        state.t_min = TOUCH_MM;
+        let changes = there & TISSUE_MASK != state.here;
         changes.then(|| Boundary {
             before,
-            there: there & (MOVES - 1),
+            there: there & TISSUE_MASK,
             moves: there & MOVES != 0,
             triangle: self.interface_of(here),
         })
@@ -268,19 +268,19 @@ impl Scene<'_> {
 
     /// What a path that has come to the interface `at` must know of it.
     #[inline(always)]
-    pub(super) fn arrival(&self, walk: &Walk, at: &Boundary) -> Arrival {
-        let (tissue, beyond) = (&self.tissues[walk.here as usize], &self.tissues[at.there as usize]);
+    pub(super) fn arrival(&self, state: &PathState, at: &Boundary) -> Arrival {
+        let (tissue, beyond) = (&self.tissues[state.here as usize], &self.tissues[at.there as usize]);
         let triangle = &self.tree.triangles[at.triangle as usize];
         let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
         Arrival {
-            origin: walk.origin.to_array(),
-            direction: walk.direction.to_array(),
+            origin: state.origin.to_array(),
+            direction: state.direction.to_array(),
             outward: outward.to_array(),
-            range_mm: walk.range_mm,
-            path_per_range: self.path_per_range(walk),
-            ln_amplitude: walk.ln_amplitude,
-            in_phase: walk.in_phase,
-            in_power: walk.in_power,
+            range_mm: state.range_mm,
+            path_per_range: self.path_per_range(state),
+            ln_amplitude: state.ln_amplitude,
+            in_phase: state.in_phase,
+            in_power: state.in_power,
             // An interface is as rough and as thick as the rougher and the thicker of its two sides.
             roughness: tissue.roughness.max(beyond.roughness),
             thickness_mm: tissue.thickness_mm.max(beyond.thickness_mm),
@@ -288,42 +288,42 @@ impl Scene<'_> {
             impedances_mrayl: [tissue.impedance_mrayl, beyond.impedance_mrayl],
             bending: [tissue.bending, beyond.bending],
             surface: triangle.surface,
-            line_ray: walk.line_ray,
-            layer: walk.layer,
-            guide: walk.guide,
-            bounce: walk.bounce,
+            line_ray: state.line_ray,
+            layer: state.layer,
+            guide: state.guide,
+            bounce: state.bounce,
         }
     }
 
     /// Sends a path on from the interface `at`, and writes the segment behind it.
     #[inline(always)]
-    pub(super) fn depart(&self, walk: &mut Walk, at: &Boundary, departure: &Departure, record: &mut PathRecord) {
-        walk.echo_range_mm = walk.range_mm;
+    pub(super) fn depart(&self, state: &mut PathState, at: &Boundary, departure: &Departure, record: &mut PathRecord) {
+        state.echo_range_mm = state.range_mm;
         if self.effects.interface_echoes {
-            walk.echo_range_mm += departure.echo_offset_mm;
-            walk.echo = departure.echo;
+            state.echo_range_mm += departure.echo_offset_mm;
+            state.echo = departure.echo;
         }
-        walk.ln_amplitude += departure.ln_amplitude;
-        walk.ln_scatter += departure.ln_scatter;
-        walk.direction = Vec3::from(departure.direction);
+        state.ln_amplitude += departure.ln_amplitude;
+        state.ln_scatter += departure.ln_scatter;
+        state.direction = Vec3::from(departure.direction);
         if departure.reflected {
-            walk.inside = at.before;
-            walk.reflections += 1;
-            walk.open = walk.reflections <= self.params.reflections_max;
+            state.inside = at.before;
+            state.reflections += 1;
+            state.open = state.reflections <= self.params.reflections_max;
         } else {
-            walk.here = at.there;
+            state.here = at.there;
             if self.effects.moving {
                 let displaced = || Vec4::from(self.displacements[at.triangle as usize]).xyz();
-                walk.carried_mm = if at.moves { displaced() } else { Vec3::ZERO };
+                state.carried_mm = if at.moves { displaced() } else { Vec3::ZERO };
             }
         }
         // Nothing that far down is ever shown: −260 dB.
-        walk.open = walk.open && walk.ln_amplitude > LN_GIVEN_UP;
-        if !walk.open {
-            walk.ln_amplitude = 2.0 * LN_SILENT;
+        state.open = state.open && state.ln_amplitude > LN_GIVEN_UP;
+        if !state.open {
+            state.ln_amplitude = 2.0 * LN_SILENT;
         }
-        walk.bounce += 1;
-        self.segment(walk, record);
+        state.bounce += 1;
+        self.segment(state, record);
     }
 
     /// Ends the record of a path.

@@ -1,19 +1,24 @@
 //! The 98th percentile of the attenuation map.
 
+use super::constants::ImageConstants;
+use crate::render::constants::{ENTRIES, PERCENTILE_STEPS};
 use crate::render::params::Params;
-use crate::render::tables::ENTRIES;
 
-const STEPS: u32 = 30;
 /// Sums side by side.
 const LANES: usize = 8;
 
 /// The Σμ (nepers) that a part of the sector's area (2 %) lies below, from the runs of the map rays [map_rays × ENTRIES] and their
 /// counts. Σμ never falls along a ray: bisect on it, measuring the area in front of it.
-pub(crate) fn percentile(params: &Params, brightest_part: f32, entries: &[[f32; 4]], entry_counts: &[u32]) -> f32 {
+pub(crate) fn percentile(
+    params: &Params,
+    constants: ImageConstants,
+    entries: &[[f32; 4]],
+    entry_counts: &[u32],
+) -> f32 {
     let (mut low, mut high) = (0.0f32, 1.0e4f32);
-    let wanted = brightest_part * area(params, params.depth_mm) * params.map_rays as f32;
+    let wanted = constants.brightest_part() * area(params, params.depth_mm) * params.map_rays as f32;
     let rays = || entries.chunks_exact(ENTRIES as usize).zip(entry_counts).take(params.map_rays as usize);
-    for step in 0..STEPS {
+    for step in 0..PERCENTILE_STEPS {
         let middle = if step < 14 { (low.max(1.0e-6) * high).sqrt() } else { 0.5 * (low + high) };
         let mut sums = [0.0f32; LANES];
         for (i, (runs, &count)) in rays().enumerate() {

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::constants::{CONTRAST_MIN_NP_MM, ImageConstants, LN_SILENT};
 use super::wide::{at_least, at_most, exp, floor, nearest_bits, real, widened};
+use crate::render::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 use crate::render::params::Params;
-use crate::render::tables::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 
 /// Pixels that are made at once: so many that what is gathered one by one has left the store buffer when it is read again
 /// eight at a time.
@@ -16,7 +17,6 @@ const NEAR: usize = 8;
 const WORDS: usize = LANES / 4;
 const ACROSS_SCALE: f32 = 1.0 / ((1u32 << ACROSS_BITS) - 2) as f32;
 const DEPTH_SCALE: f32 = 1.0 / ((1u32 << (32 - ACROSS_BITS)) - 2) as f32;
-const LN_SILENT: f32 = -80.0;
 const COUNT_SHIFT: u32 = 28;
 
 /// The words of four pixels that meet the sector, and where in the image each lies: made once for a configuration.
@@ -61,8 +61,7 @@ pub(crate) struct Maps<'a> {
     pub(crate) percentile_np: f32,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(crate) rates_np_mm: &'a [f32; 256],
-    /// Number of the first tissue.
-    pub(crate) first_number: u32,
+    pub(crate) constants: ImageConstants,
 }
 
 /// The image, [height × width] each; the maps are empty where none are wanted.
@@ -282,7 +281,7 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
         let ln_level = maps.percentile_np - at_least(sums[i], 0.0);
         let level = at_most(exp(at_least(at_most(ln_level, 0.0), LN_SILENT)), 1.0);
         levels[i] = if inside && ln_level > LN_SILENT { level } else { 0.0 };
-        numbers[i] = if inside { tissues[i].wrapping_add(maps.first_number) as u8 } else { 0 };
+        numbers[i] = if inside { tissues[i].wrapping_add(maps.constants.first_number()) as u8 } else { 0 };
     }
     (numbers, levels)
 }
@@ -305,7 +304,7 @@ fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_
     let contrast = rate(before) - rate(after);
     // Tissues that attenuate alike don't say: halfway is within half a pixel.
     let mut boundary_mm = 0.5 * step_mm;
-    if contrast.abs() > 1.0e-3 {
+    if contrast.abs() > CONTRAST_MIN_NP_MM {
         boundary_mm = ((sum1 - sum0 - rate(after) * step_mm) / contrast).max(0.0).min(step_mm);
     }
     let sum = sum0 + rate(before) * beyond_mm.min(boundary_mm) + rate(after) * (beyond_mm - boundary_mm).max(0.0);

@@ -1,8 +1,10 @@
 //! What the rays of a packet cross: `shaders/shared/collect.wgsl`, and `nearest.wgsl` but for what lies below the medium. Each finds
 //! what it finds alone.
 
-use super::packet::{Packet, RAYS, Visits, walk};
-use super::traverse::{Crossing, Nearest, TOUCH_MM, Tree, by_distance};
+use super::constants::TOUCH_MM;
+use super::lanes::RAYS;
+use super::packet::{Packet, Visits, traverse};
+use super::traverse::{Crossing, Nearest, Tree, by_distance};
 
 /// The nearest crossing of each ray in (t_min, t_max], but for those of surfaces below the ray's one of `highest`: they go to
 /// `covered`, all those up to the nearest and [`TOUCH_MM`] beyond it, in no order, with others beyond.
@@ -16,7 +18,7 @@ pub(super) fn nearest(
 ) -> [Option<Nearest>; RAYS] {
     let mut nearest: [Option<Nearest>; RAYS] = [None; RAYS];
     covered.iter_mut().for_each(Covered::clear);
-    walk(tree, packet, visits, |lane, t, triangle, enters| {
+    traverse(tree, packet, visits, |lane, t, triangle, enters| {
         let mut crossing = Crossing { t, triangle, enters };
         let so_far = &mut nearest[lane];
         let beyond = so_far.map_or(packet.t_max[lane], |n| n.crossing.t);
@@ -97,7 +99,7 @@ pub(super) fn collect(
     into: [&mut [Crossing]; RAYS],
 ) -> ([usize; RAYS], u32) {
     let (mut counts, mut lost) = ([0; RAYS], 0);
-    walk(tree, packet, visits, |lane, t, triangle, enters| {
+    traverse(tree, packet, visits, |lane, t, triangle, enters| {
         if t <= packet.t_max[lane] {
             match into[lane].get_mut(counts[lane]) {
                 Some(slot) => {

@@ -3,27 +3,24 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::constants::TOUCH_MM;
+use super::lanes::RAYS;
 use super::membership::{Inside, cross, medium_word};
-use super::packet::{Packet, RAYS, Visits};
+use super::packet::{Packet, Visits};
 use super::search::collect;
-use super::traverse::{Crossing, Ray, TOUCH_MM, Tree};
+use super::traverse::{Crossing, Ray, Tree};
 use super::wide::{at_least, real, widened};
-use crate::render::configuration::MOVES;
+use crate::render::constants::{CROSSINGS_OF_A_MAP_RAY, ENTRIES, TAG, TISSUE_MASK, WHOLE};
 use crate::render::params::Params;
-use crate::render::tables::ENTRIES;
 
 /// Crossings of one ray.
-const CROSSINGS: usize = 160;
-/// Set beside a tissue: small integers travel as the low bits of a normal float.
-const TAG: u32 = 0x4000_0000;
-/// Set in a raster word whose run reaches the next depth.
-const WHOLE: u32 = 256;
+const CROSSINGS: usize = CROSSINGS_OF_A_MAP_RAY as usize;
 
 /// What map rays read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scene<'a> {
     pub(crate) tree: Tree<'a>,
-    /// Tissue of each surface, with [`MOVES`] where it moves.
+    /// Tissue of each surface, with [`MOVES`](crate::render::constants::MOVES) if it moves.
     pub(crate) surface_words: &'a [u32],
     /// Origin and direction of each map ray, probe frame.
     pub(crate) map_rays: &'a [[f32; 4]],
@@ -155,7 +152,7 @@ impl Runs<'_> {
 
 /// Tissue of the highest surface the point is inside, else the background.
 fn medium(params: &Params, scene: &Scene<'_>, inside: &Inside) -> u32 {
-    medium_word(scene.surface_words, params.background, inside) & (MOVES - 1)
+    medium_word(scene.surface_words, params.background, inside) & TISSUE_MASK
 }
 
 widened! {

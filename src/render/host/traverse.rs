@@ -5,8 +5,6 @@ use glam::Vec3;
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::anatomy::bvh::{PackedTriangle, STACK_DEPTH_MAX};
 
-/// Hits this close along a ray, mm, are one place: surfaces that touch, or one edge hit twice.
-pub(crate) const TOUCH_MM: f32 = 1.0e-3;
 /// A node leaves at most seven of its children on the stack.
 const STACK: usize = (WIDTH - 1) * STACK_DEPTH_MAX + WIDTH;
 

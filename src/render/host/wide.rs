@@ -1,13 +1,13 @@
-//! Loops that the compiler makes vectors of, and the functions they need.
+//! Vectorised loops, and the branch-free functions that they need.
 
-/// Makes a function of a body that is compiled three times: with AVX-512 or AVX2, taken where the CPU has it, and for any CPU.
+/// Defines a function whose body is compiled for AVX-512, for AVX2 and for any processor; the best is chosen at run time.
 ///
-/// None fuses a multiplication with an addition: all, and so every machine, give the same bits.
+/// None fuses multiplications with additions, so that all give the same bits.
 macro_rules! widened {
-    ($(#[$doc:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
+    ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
         $(#[$doc])*
         #[allow(clippy::too_many_arguments, reason = "those of the body")]
-        fn $name($($argument: $kind),*) {
+        $visibility fn $name($($argument: $kind),*) {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]

@@ -3,7 +3,6 @@
 //! An effect is left out only where a bound on what it changes holds for every pose of the probe: see [`Bound`].
 
 mod bound;
-mod effect;
 mod facts;
 mod loss;
 mod rules;
@@ -13,10 +12,10 @@ use std::fmt;
 use serde::Serialize;
 
 pub use bound::{Bound, GREY_ALLOWED};
-pub use effect::{Choice, Effect, EffectChoices, EffectSet};
 pub(crate) use facts::SceneFacts;
 
-use super::RenderSettings;
+use super::effect::{Choice, Effect, EffectSet};
+use super::settings::RenderSettings;
 use crate::anatomy::Scene;
 use crate::transducer::Probe;
 use rules::{Rules, decided};

@@ -1,12 +1,13 @@
 //! When a scene calls for an effect, and how far a frame without it is off. Every rule holds for any pose of the probe.
 
 use super::bound::Bound;
-use super::effect::{Choice, Effect, EffectSet};
 use super::facts::{Medium, SceneFacts};
 use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::decibel::db_from_amplitude;
-use crate::render::RenderSettings;
-use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS, layers};
+use crate::render::constants::{REFLECTION_FOLLOWED, SEGMENTS};
+use crate::render::effect::{Choice, Effect, EffectSet};
+use crate::render::settings::RenderSettings;
+use crate::render::tables::layers;
 use crate::transducer::{Probe, Sector};
 
 /// Parts of the lateral beam's σ that an edge may lie aside.

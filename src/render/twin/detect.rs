@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::Inputs;
+use super::inputs::Inputs;
 use crate::acoustics::decibel::db_from_amplitude;
 
 /// What the detector makes of the focused baseband.

@@ -2,7 +2,8 @@
 
 use glam::DVec2;
 
-use super::{Inputs, Path};
+use super::inputs::Inputs;
+use super::trace::Path;
 
 /// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].
 pub fn echo(inputs: &Inputs, paths: &[Path], baseband: &mut [DVec2]) {

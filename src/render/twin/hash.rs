@@ -1,5 +1,7 @@
 //! Integer hashes, bit for bit those of `shaders/shared/hash.wgsl`.
 
+use crate::render::constants::KRONECKER;
+
 /// pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
 pub fn pcg3d(key: [u32; 3]) -> [u32; 3] {
     let spread = |[x, y, z]: [u32; 3]| {
@@ -14,18 +16,6 @@ pub fn pcg3d(key: [u32; 3]) -> [u32; 3] {
 /// The upper 24 bits as a number in 0..1.
 pub fn unit(bits: u32) -> f64 {
     f64::from(bits >> 8) / f64::from(1 << 24)
-}
-
-/// 2³² times the fractional parts of the golden ratio and of the square roots of 2, 3, 7, 11, 13, 19, 22, 29, 31, 43, 33,
-/// 53, 58, 71, 73.
-const KRONECKER: [u32; 16] = [
-    2654435769, 1779033703, 3144134277, 2773480763, 1359893119, 2600822925, 1541459225, 2965313109, 1654270251,
-    2438529371, 2394180231, 3197872217, 1203062813, 2644725351, 1830299339, 2336478295,
-];
-
-/// The generators of the four dimensions of the `bounce`-th interface; from the fifth on there are none.
-pub fn generators(bounce: u32) -> Option<[u32; 4]> {
-    KRONECKER.as_chunks().0.get(bounce as usize).copied()
 }
 
 /// A number in 0..1 for dimension `dim` (0..4) of the `bounce`-th interface of the path of `line_ray` (scanline × rays +

@@ -3,10 +3,10 @@
 use glam::{DMat3, DVec3, Vec3, Vec4};
 
 use crate::anatomy::Bvh;
-use crate::render::configuration::MOVES;
+use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TISSUE_MASK};
+use crate::render::effect::{Effect, EffectSet};
 use crate::render::params::Params;
-use crate::render::plan::{Effect, EffectSet};
-use crate::render::tables::{DEPTH_BLOCK, GpuTissue, PULSE_PAD, Tables, unpack_place};
+use crate::render::tables::{PackedTissue, Tables, unpack_place};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,8 +55,8 @@ pub struct Medium {
     pub coherence: f64,
 }
 
-impl From<&GpuTissue> for Medium {
-    fn from(tissue: &GpuTissue) -> Self {
+impl From<&PackedTissue> for Medium {
+    fn from(tissue: &PackedTissue) -> Self {
         Self {
             impedance_mrayl: tissue.impedance_mrayl.into(),
             speed_ratio: tissue.speed_ratio.into(),
@@ -231,7 +231,7 @@ impl Inputs {
             layers: tables.layers.iter().map(layer).collect(),
             guides: params.guides as usize,
             triangles: triangles.collect(),
-            surface_tissue: surface_words.iter().map(|&w| (w & (MOVES - 1)) as usize).collect(),
+            surface_tissue: surface_words.iter().map(|&w| (w & TISSUE_MASK) as usize).collect(),
             surface_moves: surface_words.iter().map(|&w| w & MOVES != 0).collect(),
             media: tables.tissues.iter().map(Medium::from).collect(),
             background: params.background as usize,

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::Inputs;
+use super::inputs::Inputs;
 
 /// Baseband as the beam sees it: each sample the weighted mean over neighbouring scanlines, its weights renormalised at
 /// the sector's edges [scanlines × samples].

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::hash::pcg3d;
-use crate::render::tables::CELL_MM;
+use crate::render::constants::CELL_MM;
 
 /// Side of a cell as the device rounds it, mm.
 const CELL_F32_MM: f32 = CELL_MM as f32;

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::inputs::{Inputs, Ray};
 use super::surfaces::{Membership, crossings, places};
-use super::{Inputs, Ray};
 
 /// The surfaces that each path starts inside `[paths]`.
 ///

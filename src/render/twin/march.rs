@@ -3,11 +3,10 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::trace::segment_at;
-use super::{Inputs, Layer, Path, lattice};
-
-/// ln of an amplitude that no display shows, −651 dB.
-const LN_SILENT: f64 = -75.0;
+use super::inputs::{Inputs, Layer};
+use super::lattice;
+use super::trace::{Path, segment_at};
+use crate::render::constants::LN_SPECKLE_SILENT;
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
@@ -32,7 +31,7 @@ fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVe
     let mean_and_deviation = |path: usize| {
         let segment = segment_of(path);
         let ln_amplitude = segment.ln_amplitude(range_mm);
-        let there = presence >> 15 < segment.scatterer_density && ln_amplitude > LN_SILENT;
+        let there = presence >> 15 < segment.scatterer_density && ln_amplitude > LN_SPECKLE_SILENT;
         let statistics = DVec2::new(segment.scatterer_mean, segment.scatterer_deviation);
         if there { ln_amplitude.exp() * statistics } else { DVec2::ZERO }
     };

@@ -1,9 +1,8 @@
 //! The 98th percentile of the attenuation map.
 
-use super::{Inputs, Run};
-
-/// Part of the sector's area that is brighter than the percentile.
-const BRIGHTEST_PART: f64 = 0.02;
+use super::inputs::Inputs;
+use super::section::Run;
+use crate::render::constants::BRIGHTEST_PART;
 
 /// The Σμ (nepers) that 2 % of the sector's area lie below: e^(−Σμ) at it is the map's 98th percentile.
 pub fn percentile(inputs: &Inputs, runs: &[Vec<Run>]) -> f64 {

@@ -1,6 +1,8 @@
 //! From scanlines to pixels.
 
-use super::{Inputs, RasterPoint};
+use super::inputs::Inputs;
+use super::section::RasterPoint;
+use crate::render::constants::{CONTRAST_MIN_NP_MM, FIRST_TISSUE, ONE_WAY};
 
 /// The maps of a frame, row-major, the first row nearest to the probe; 0 outside the sector.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +24,7 @@ pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], perce
         if let Some([line, sample]) = *place {
             let point = across(inputs, raster, line, (sample + 0.5) * inputs.sample_spacing_mm);
             maps.grey[pixel] = bilinear(inputs, grey, line, sample);
-            maps.segmentation[pixel] = point.tissue as u8 + 1;
+            maps.segmentation[pixel] = (point.tissue as u32 + FIRST_TISSUE) as u8;
             maps.attenuation[pixel] = (percentile_np - point.sum_np).min(0.0).exp();
         }
     }
@@ -64,9 +66,9 @@ fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoin
         let sum_np = before.sum_np + (after.sum_np - before.sum_np) * (beyond_mm / step_mm).clamp(0.0, 1.0);
         return RasterPoint { sum_np, tissue: before.tissue };
     }
-    let rate = |point: RasterPoint| 0.5 * inputs.media[point.tissue].attenuation_np_mm;
+    let rate = |point: RasterPoint| ONE_WAY * inputs.media[point.tissue].attenuation_np_mm;
     let contrast = rate(before) - rate(after);
-    let boundary_mm = if contrast.abs() > 1.0e-3 {
+    let boundary_mm = if contrast.abs() > CONTRAST_MIN_NP_MM {
         ((after.sum_np - before.sum_np - rate(after) * step_mm) / contrast).clamp(0.0, step_mm)
     } else {
         // Tissues that attenuate alike don't say: halfway is within half a pixel.

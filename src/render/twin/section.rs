@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::Inputs;
+use super::inputs::Inputs;
 use super::surfaces::{Membership, crossings, places};
+use crate::render::constants::ONE_WAY;
 
 /// A stretch of one medium on a map ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +53,7 @@ fn runs_of(inputs: &Inputs, ray: usize) -> Vec<Run> {
     let begin = |runs: &mut Vec<Run>, start_mm: f64, tissue: usize| {
         let sum_np = runs.last().map_or(0.0, |last| last.sum_np + last.rate_np_mm * (start_mm - last.start_mm));
         if runs.last().is_none_or(|last| last.tissue != tissue) {
-            runs.push(Run { start_mm, sum_np, rate_np_mm: 0.5 * inputs.media[tissue].attenuation_np_mm, tissue });
+            runs.push(Run { start_mm, sum_np, rate_np_mm: ONE_WAY * inputs.media[tissue].attenuation_np_mm, tissue });
         }
     };
     for place in places(&crossings(inputs, &ray, -inputs.reach_mm, inputs.depth_mm)) {

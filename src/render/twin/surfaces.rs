@@ -2,10 +2,8 @@
 
 use glam::DVec3;
 
-use super::{Inputs, Ray, Triangle};
-
-/// Hits this close along a ray, mm, are one place: surfaces that touch, or one edge hit twice.
-pub(super) const TOUCH_MM: f64 = 1.0e-3;
+use super::inputs::{Inputs, Ray, Triangle};
+use crate::render::constants::TOUCH_MM;
 
 /// The surfaces that a point is inside, a bit each, surface 0 in the lowest bit of the first word.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

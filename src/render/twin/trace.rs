@@ -3,21 +3,15 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::surfaces::{Crossing, Membership, TOUCH_MM, crossings, places};
-use super::{Inputs, Layer, Medium, Ray, hash, lattice};
+use super::inputs::{Inputs, Layer, Medium, Ray};
+use super::surfaces::{Crossing, Membership, crossings, places};
+use super::{hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
-use crate::render::tables::{REFLECTION_FOLLOWED, SEGMENTS};
-
-/// ln of the two-way amplitude at which a path ends: 10⁻¹³.
-const LN_GIVEN_UP: f64 = -30.0;
-/// Planes at round coordinates would lie on the faces of the lattice, where rounding chooses the cell.
-const OFF_THE_GRID_MM: f64 = 0.0077;
-/// Energy that a very rough surface returns diffusely at normal incidence.
-const DIFFUSE: f64 = 0.02;
-/// Surfaces that one path may cross, most of them without a change of medium.
-const PLACES_MAX: u32 = 192;
-/// ln of an amplitude that no display shows: 10⁻³⁴.
-const LN_SILENT: f64 = -80.0;
+use crate::render::constants::{
+    APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, DIFFUSE, DIFFUSE_HALF_ROUGHNESS2,
+    FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED, SEGMENTS, SURFACE_SALT,
+    TOUCH_MM,
+};
 
 /// A straight stretch of a path in one medium. What varies along it is a line over the range ρ, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -259,7 +253,7 @@ impl<'a> Tracer<'a> {
         let (sin, cos) = (std::f64::consts::TAU * self.random(2)).sin_cos();
         let facet = (n + slope * (cos * tangent + sin * n.cross(tangent))).normalize();
         // A facet that the path would meet from behind.
-        if facet.dot(self.ray.direction) > -0.02 { n } else { facet }
+        if facet.dot(self.ray.direction) > -FACET_COS_MIN { n } else { facet }
     }
 
     /// Amplitude and range (mm) of the echo of an interface met here.
@@ -275,7 +269,7 @@ impl<'a> Tracer<'a> {
             return (0.0, self.range_mm);
         }
         // Spread over the interface's thickness at an offset that belongs to the place.
-        let salt = (surface as i32 + 1).wrapping_mul(7919);
+        let salt = (surface as i32 + 1).wrapping_mul(SURFACE_SALT as i32);
         let offset =
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
@@ -294,7 +288,7 @@ impl<'a> Tracer<'a> {
         let tan2 = (1.0 - cos2) / cos2;
         let lobe2 = self.aperture_variance() + 0.5 * rough2;
         let specular = self.acceptance(0.5 * rough2) * (-(tan2 / lobe2).min(80.0)).exp();
-        let diffuse = DIFFUSE * rough2 / (rough2 + 0.1) * cos2;
+        let diffuse = DIFFUSE * rough2 / (rough2 + DIFFUSE_HALF_ROUGHNESS2) * cos2;
         (specular + diffuse).sqrt()
     }
 
@@ -305,7 +299,8 @@ impl<'a> Tracer<'a> {
 
     /// Mean square slope of the reflected rays that the aperture accepts.
     fn aperture_variance(&self) -> f64 {
-        (0.25 * self.inputs.aperture_mm / self.range_mm.max(1.0)).clamp(0.06, 0.5).powi(2)
+        let half_angle = APERTURE_HALF_ANGLE * self.inputs.aperture_mm / self.range_mm.max(1.0);
+        half_angle.clamp(APERTURE_HALF_ANGLE_MIN, APERTURE_HALF_ANGLE_MAX).powi(2)
     }
 
     /// Turns back at the facet, or at the mean surface where the facet would lead through it.

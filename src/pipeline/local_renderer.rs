@@ -1,45 +1,45 @@
-//! The renderer on a graphics device, as the pipeline uses it.
+//! The renderer on this machine, as the pipeline uses it.
 
 use std::sync::Arc;
 
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Climbed, Frame, Gpu, GpuError, GpuOptions, RenderError, RenderSettings, Renderer, ShaderSet};
+use crate::render::{Backend, BackendError, Climbed, Frame, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 
-/// A renderer that can be configured anew.
-pub struct GpuRenderer {
+/// A renderer of this machine.
+pub struct LocalRenderer {
     renderer: Renderer,
 }
 
-/// Opens devices and makes renderers of one scene.
-pub struct GpuFactory {
-    options: GpuOptions,
+/// Makes renderers of one scene on one backend, which it opens again after a loss.
+pub struct LocalRendererFactory {
+    backend: Backend,
     scene: Arc<Scene>,
     bvh: Arc<Bvh>,
 }
 
-impl GpuFactory {
-    /// For `scene`, on devices of `options`.
+impl LocalRendererFactory {
+    /// A factory of renderers of `scene`.
     ///
     /// # Errors
     /// A scene that can't be traced.
-    pub fn new(options: GpuOptions, scene: Arc<Scene>) -> Result<Self, RenderError> {
-        Ok(Self { options, bvh: Arc::new(Bvh::build(&scene)?), scene })
+    pub fn new(backend: Backend, scene: Arc<Scene>) -> Result<Self, RenderError> {
+        Ok(Self { backend, bvh: Arc::new(Bvh::build(&scene)?), scene })
     }
 
-    /// A renderer on an open device.
+    /// A renderer on the open backend.
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn build_on(&self, gpu: &Gpu, probe: &Probe, settings: &RenderSettings) -> Result<GpuRenderer, RenderError> {
-        let (bvh, shaders) = (self.bvh.clone(), ShaderSet::default());
-        Ok(GpuRenderer { renderer: Renderer::with_shaders(gpu, &self.scene, bvh, probe, settings, &shaders)? })
+    pub fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<LocalRenderer, RenderError> {
+        let renderer = Renderer::with_bvh(&self.backend, &self.scene, self.bvh.clone(), probe, settings)?;
+        Ok(LocalRenderer { renderer })
     }
 }
 
-impl GpuRenderer {
+impl LocalRenderer {
     /// As [`Renderer::choose_quality`].
     ///
     /// # Errors
@@ -55,14 +55,14 @@ impl GpuRenderer {
     }
 }
 
-impl RendererFactory for GpuFactory {
+impl RendererFactory for LocalRendererFactory {
     fn build(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault> {
-        let gpu = Gpu::new(&self.options).map_err(|e| RenderFault::Lost(e.to_string()))?;
-        Ok(Box::new(self.build_on(&gpu, probe, settings).map_err(fault)?))
+        self.backend = self.backend.reopen().map_err(|e| RenderFault::Lost(e.to_string()))?;
+        Ok(Box::new(self.build_renderer(probe, settings).map_err(fault)?))
     }
 }
 
-impl FrameRenderer for GpuRenderer {
+impl FrameRenderer for LocalRenderer {
     fn shape(&self) -> ImageShape {
         let sector = self.renderer.sector();
         ImageShape { width: sector.width, height: sector.height, pixel_mm: sector.pixel_mm }
@@ -95,10 +95,10 @@ impl FrameRenderer for GpuRenderer {
     }
 }
 
-/// What of an error another device may mend.
+/// Sorts an error by whether another device may mend it.
 fn fault(error: RenderError) -> RenderFault {
     match error {
-        RenderError::Gpu(GpuError::Limit { .. } | GpuError::Memory { .. })
+        RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. })
         | RenderError::Probe(_)
         | RenderError::Settings(_) => RenderFault::Refused(error.to_string()),
         _ => RenderFault::Lost(error.to_string()),

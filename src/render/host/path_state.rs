@@ -6,7 +6,7 @@ use super::membership::Inside;
 
 /// Where a path is, and what it carries.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Walk {
+pub(super) struct PathState {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
     /// It carries no echo, and says where the others' scatterers lie.
@@ -38,14 +38,14 @@ pub(super) struct Walk {
     pub(super) lost: u32,
 }
 
-impl Walk {
+impl PathState {
     /// Nothing lies ahead.
     pub(super) fn end(&mut self) {
         self.open = false;
     }
 }
 
-impl Default for Walk {
+impl Default for PathState {
     fn default() -> Self {
         Self {
             line_ray: 0,

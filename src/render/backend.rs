@@ -1,0 +1,189 @@
+//! Backends: what makes frames, and the choice of it.
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+use super::device::{DeviceRenderer, Gpu};
+use super::error::{BackendError, RenderError};
+use super::hooks::TestHooks;
+use super::host::{self, HostRenderer};
+use super::maker::{FrameInputs, FrameMaker};
+
+/// Environment variable that names a backend.
+const VARIABLE: &str = "INSONIFY_BACKEND";
+
+/// A word that names no backend.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error("`{found}` is no backend; they are {}", BackendChoice::WORDS.join(", "))]
+pub struct UnknownBackend {
+    /// Word found.
+    pub found: String,
+}
+
+/// A word in the environment that names no backend.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error("INSONIFY_BACKEND: {0}")]
+pub struct UnknownBackendVariable(UnknownBackend);
+
+/// Where frames shall be made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum BackendChoice {
+    /// On a GPU if there is one, else on the host. Software Vulkan is no GPU.
+    #[default]
+    Auto,
+    /// On the host's processors.
+    Host,
+    /// On a graphics device, software Vulkan included.
+    Device,
+}
+
+impl BackendChoice {
+    /// Words of all choices.
+    pub const WORDS: &'static [&'static str] = &["auto", "host", "device"];
+
+    /// The choice in the environment variable `INSONIFY_BACKEND`; none if it is unset or empty.
+    ///
+    /// # Errors
+    /// A word that names no backend.
+    pub fn from_environment() -> Result<Option<Self>, UnknownBackendVariable> {
+        match std::env::var_os(VARIABLE) {
+            Some(word) if !word.is_empty() => word.to_string_lossy().parse().map(Some).map_err(UnknownBackendVariable),
+            _ => Ok(None),
+        }
+    }
+}
+
+impl FromStr for BackendChoice {
+    type Err = UnknownBackend;
+
+    fn from_str(text: &str) -> Result<Self, UnknownBackend> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "host" => Ok(Self::Host),
+            "device" => Ok(Self::Device),
+            _ => Err(UnknownBackend { found: text.to_owned() }),
+        }
+    }
+}
+
+impl fmt::Display for BackendChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(Self::WORDS[*self as usize])
+    }
+}
+
+/// An open backend. Cloning shares the device.
+#[derive(Debug, Clone)]
+pub struct Backend(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Host,
+    Device(Box<Gpu>),
+}
+
+impl Backend {
+    /// Opens the backend of a choice.
+    ///
+    /// Devices are sorted: discrete before integrated before software; `WGPU_BACKEND` restricts the interfaces.
+    ///
+    /// # Errors
+    /// `Device` without a driver, or with one that refuses a device. `Auto` falls back to the host, with a warning.
+    pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
+        match choice {
+            BackendChoice::Host => Ok(Self(Kind::Host)),
+            BackendChoice::Device => Ok(Self(Kind::Device(Box::new(Gpu::open(true)?)))),
+            BackendChoice::Auto if !Gpu::may_exist() => Ok(Self(Kind::Host)),
+            BackendChoice::Auto => match Gpu::open(false) {
+                Ok(gpu) => Ok(Self(Kind::Device(Box::new(gpu)))),
+                Err(BackendError::NoAdapter { .. }) => Ok(Self(Kind::Host)),
+                Err(error) => {
+                    tracing::warn!("frames are made on the host: {error}");
+                    Ok(Self(Kind::Host))
+                }
+            },
+        }
+    }
+
+    /// Opens the same kind of backend again, after its device was lost.
+    ///
+    /// # Errors
+    /// As [`Backend::open`].
+    pub fn reopen(&self) -> Result<Self, BackendError> {
+        match &self.0 {
+            Kind::Host => Ok(self.clone()),
+            Kind::Device(gpu) => Ok(Self(Kind::Device(Box::new(Gpu::open(gpu.is_software())?)))),
+        }
+    }
+
+    /// Whether it is the host's processors.
+    pub fn on_host(&self) -> bool {
+        matches!(self.0, Kind::Host)
+    }
+
+    /// Whether frames are made on processors: the host's, or by a software device.
+    pub fn is_software(&self) -> bool {
+        match &self.0 {
+            Kind::Host => true,
+            Kind::Device(gpu) => gpu.is_software(),
+        }
+    }
+
+    /// Name of the adapter, or of the host's processor.
+    pub fn name(&self) -> String {
+        match &self.0 {
+            Kind::Host => host::processor_name(),
+            Kind::Device(gpu) => gpu.adapter_name(),
+        }
+    }
+
+    /// Driver and its version; for the host, threads and instruction set.
+    pub fn driver(&self) -> String {
+        match &self.0 {
+            Kind::Host => host::description(),
+            Kind::Device(gpu) => gpu.driver(),
+        }
+    }
+
+    /// A maker of frames.
+    pub(super) fn maker(&self, inputs: FrameInputs<'_>, hooks: &TestHooks) -> Result<Box<dyn FrameMaker>, RenderError> {
+        Ok(match &self.0 {
+            Kind::Host => Box::new(HostRenderer::new(inputs, hooks.trace, hooks.image)?),
+            Kind::Device(gpu) => Box::new(DeviceRenderer::new(gpu, inputs, &hooks.shaders)?),
+        })
+    }
+}
+
+impl fmt::Display for Backend {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.name(), self.driver())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_read_and_written() {
+        for (word, choice) in
+            BackendChoice::WORDS.iter().zip([BackendChoice::Auto, BackendChoice::Host, BackendChoice::Device])
+        {
+            assert_eq!(word.parse(), Ok(choice));
+            assert_eq!(choice.to_string(), *word);
+        }
+        let error = "gpu".parse::<BackendChoice>().unwrap_err().to_string();
+        assert_eq!(error, "`gpu` is no backend; they are auto, host, device");
+    }
+
+    #[test]
+    fn the_host_names_its_processor_and_how_it_uses_it() {
+        let host = Backend::open(BackendChoice::Host).unwrap();
+        assert!(host.on_host() && host.is_software() && !host.name().is_empty());
+        let driver = host.driver();
+        assert!(driver.starts_with("insonify host, ") && driver.contains("thread"), "{driver}");
+        assert!(host.reopen().unwrap().on_host());
+    }
+}

@@ -1,0 +1,108 @@
+//! Constants that the shaders, the host renderer and the f64 twin share; `device::shaders` writes them into each shader.
+
+/// Samples that share one lateral kernel and one scatterer gain.
+pub(crate) const DEPTH_BLOCK: u32 = 16;
+/// Straight segments of a path, at most.
+pub(crate) const SEGMENTS: u32 = 40;
+/// Runs of one medium along a map ray, at most.
+pub(crate) const ENTRIES: u32 = 96;
+/// Stride of a path's segment starts: one more than segments for the range that no sample reaches, padded to 16 bytes.
+pub(crate) const STARTS: u32 = SEGMENTS + 4;
+/// Samples that share a hint of their segment.
+pub(crate) const HINT_BLOCK: u32 = 64;
+/// Greatest numbers of tissues, layers, samples and pulse taps: sizes of the uniform tables.
+pub(crate) const TISSUES_MAX: u32 = 255;
+pub(crate) const LAYERS_MAX: u32 = 33;
+pub(crate) const SAMPLES_MAX: u32 = 8192;
+pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
+pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);
+/// Rows of samples are padded to a multiple of this.
+pub(crate) const ROW_ALIGN: u32 = 16;
+/// Zeros before and after the pulse, so that eight outputs share one loop.
+pub(crate) const PULSE_PAD: u32 = 8;
+/// Half width of the widest lateral kernel, scanlines.
+pub(crate) const LATERAL_HALF_MAX: u32 = 32;
+/// Half width of the widest axial kernel, samples.
+pub(crate) const AXIAL_HALF_MAX: u32 = 128;
+
+/// Hits this close along a ray are one place, mm: touching surfaces, or one edge hit twice.
+pub(crate) const TOUCH_MM: f64 = 1.0e-3;
+/// Crossings that are kept at one place, on the way back from the face, and along a map ray.
+pub(crate) const CROSSINGS_AT_A_PLACE: u32 = 16;
+pub(crate) const CROSSINGS_BEHIND: u32 = 64;
+pub(crate) const CROSSINGS_OF_A_MAP_RAY: u32 = 160;
+/// Places that one path may cross, most of them without a change of medium.
+pub(crate) const PLACES_MAX: u32 = 192;
+/// Range beyond every sample, mm.
+pub(crate) const BEYOND_MM: f64 = 3.0e38;
+
+/// Side of a cell of the scatterer lattice, mm.
+pub(crate) const CELL_MM: f64 = 0.15;
+/// Offset of the lattice that spreads echoes, mm: planes at round coordinates would lie on cell faces, where rounding
+/// chooses the cell.
+pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;
+/// Factor of the surface number in that lattice's hash.
+pub(crate) const SURFACE_SALT: u32 = 7919;
+/// Normalises the sum of four nibbles, of mean 30, to a mean square of ½.
+pub(crate) const DEVIATE_SCALE: f64 = 0.07669649888;
+
+/// Least returned part of the energy, within the aperture, for which a reflection is followed. Below it a path goes on
+/// with the weight of what is transmitted: a rough surface scatters and never forms a mirror image.
+pub(crate) const REFLECTION_FOLLOWED: f64 = 0.05;
+/// ln of the two-way amplitude at which a path ends: 10⁻¹³, −260 dB.
+pub(crate) const LN_GIVEN_UP: f64 = -30.0;
+/// ln of an amplitude that no display shows: 10⁻³⁴.
+pub(crate) const LN_SILENT: f64 = -80.0;
+/// The same for scatterers: −651 dB.
+pub(crate) const LN_SPECKLE_SILENT: f64 = -75.0;
+/// Scatterer powers are those of amplitudes times e⁴⁰, so that the squares of all audible ones are normal numbers.
+pub(crate) const LN_SCALE: f64 = 40.0;
+/// e⁻⁴⁰.
+pub(crate) const UNSCALED: f64 = 4.248354255e-18;
+
+/// Energy that a very rough surface returns diffusely at normal incidence.
+pub(crate) const DIFFUSE: f64 = 0.02;
+/// Squared roughness at which half of that returns.
+pub(crate) const DIFFUSE_HALF_ROUGHNESS2: f64 = 0.1;
+/// Half angle of the accepting aperture over aperture/range, and its bounds, radians.
+pub(crate) const APERTURE_HALF_ANGLE: f64 = 0.25;
+pub(crate) const APERTURE_HALF_ANGLE_MIN: f64 = 0.06;
+pub(crate) const APERTURE_HALF_ANGLE_MAX: f64 = 0.5;
+/// Least cosine between a path and the facet that it meets; a facet beyond it is replaced by the mean surface.
+pub(crate) const FACET_COS_MIN: f64 = 0.02;
+
+/// Decibels of a doubling of power: 10·log₁₀ 2.
+pub(crate) const DB_A_DOUBLING: f64 = 3.01029995664;
+/// One-way part of the two-way attenuation.
+pub(crate) const ONE_WAY: f64 = 0.5;
+/// Part of the sector's area that is brighter than the attenuation's percentile, and the steps of its bisection.
+pub(crate) const BRIGHTEST_PART: f64 = 0.02;
+pub(crate) const PERCENTILE_STEPS: u32 = 30;
+/// Least difference of two attenuations, nepers/mm, from which the place of their boundary is computed.
+pub(crate) const CONTRAST_MIN_NP_MM: f64 = 1.0e-3;
+/// Number of the first tissue in the segmentation; 0 lies outside the sector.
+pub(crate) const FIRST_TISSUE: u32 = 1;
+
+/// Bit beside a small integer that travels as a float: some devices flush denormals.
+pub(crate) const TAG: u32 = 0x4000_0000;
+/// Bits of a scatterer density.
+pub(crate) const TAG_DENSITY: u32 = 0x3_ffff;
+/// Bits of a tissue in a word that may carry [`MOVES`] or [`TAG`].
+pub(crate) const TISSUE_MASK: u32 = 0xffff;
+/// Bit beside the tissue of a surface that moves.
+pub(crate) const MOVES: u32 = 1 << 16;
+/// Bit of a raster word whose run reaches the next depth; the tissue lies below it, Σμ above.
+pub(crate) const WHOLE: u32 = 1 << 8;
+/// Bits of the fraction of the sector's width in a packed pixel; the fraction of its depth lies above.
+pub(crate) const ACROSS_BITS: u32 = 15;
+/// Packed pixel outside the sector.
+pub(crate) const OUTSIDE: u32 = u32::MAX;
+/// Image rows of a tile.
+pub(crate) const TILE_ROWS: u32 = 16;
+
+/// Generators of Kronecker sequences: 2³² times the fractional parts of the golden ratio and of the square roots of 2, 3, 7,
+/// 11, 13, 19, 22, 29, 31, 43, 33, 53, 58, 71, 73. They are badly approximable, so that neighbouring scanlines differ.
+pub(crate) const KRONECKER: [u32; 16] = [
+    2654435769, 1779033703, 3144134277, 2773480763, 1359893119, 2600822925, 1541459225, 2965313109, 1654270251,
+    2438529371, 2394180231, 3197872217, 1203062813, 2644725351, 1830299339, 2336478295,
+];

@@ -1,0 +1,182 @@
+//! Frames by a device: records the passes, keeps up to two frames in flight, reads them back.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, mpsc};
+
+use super::buffers::{PARAMS_STRIDE, SceneBuffers};
+use super::configuration::DeviceConfiguration;
+use super::gpu::Gpu;
+use super::passes::{Pass, Pipelines};
+use super::readback::Slot;
+use super::shaders::ShaderSet;
+use super::snapshot;
+use crate::anatomy::Bvh;
+use crate::anatomy::bvh::{Changed, PackedTriangle};
+use crate::render::effect::Effect;
+use crate::render::error::{BackendError, RenderError};
+use crate::render::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
+use crate::render::maker::{FrameInputs, FrameMaker};
+use crate::render::snapshot::PassBuffers;
+
+/// A frame that was submitted and not received.
+#[derive(Debug)]
+struct InFlight {
+    slot: Arc<Slot>,
+    contents: Contents,
+    submission: wgpu::SubmissionIndex,
+}
+
+/// Makes frames by the shaders of a device.
+#[derive(Debug)]
+pub(in crate::render) struct DeviceRenderer {
+    gpu: Gpu,
+    scene: SceneBuffers,
+    pipelines: Pipelines,
+    active: DeviceConfiguration,
+    in_flight: VecDeque<InFlight>,
+    next_slot: usize,
+    mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+    map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
+    /// Memory of the uniforms of all batches.
+    uniforms: Vec<u8>,
+}
+
+impl DeviceRenderer {
+    /// A renderer of a scene and a configuration.
+    ///
+    /// # Errors
+    /// A device that fails, is too small or has no memory left.
+    pub(in crate::render) fn new(
+        gpu: &Gpu,
+        inputs: FrameInputs<'_>,
+        shaders: &ShaderSet,
+    ) -> Result<Self, BackendError> {
+        let scene = SceneBuffers::new(gpu, &inputs.media.surface_words, inputs.bvh)?;
+        let mut pipelines = Pipelines::new(shaders);
+        let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
+        active.buffers.fill(gpu, &inputs.configuration.tables, None);
+        let (map_done, mapped) = mpsc::sync_channel(FRAMES_IN_FLIGHT);
+        Ok(Self {
+            gpu: gpu.clone(),
+            scene,
+            pipelines,
+            active,
+            in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            next_slot: 0,
+            mapped,
+            map_done,
+            uniforms: Vec::new(),
+        })
+    }
+
+    /// Uploads the uniforms of every batch.
+    fn upload_uniforms(&mut self, inputs: FrameInputs<'_>) {
+        let batches = &inputs.configuration.batches;
+        self.uniforms.clear();
+        for batch in 0..batches.batches {
+            let params = batches.params(batch, &inputs.configuration.params);
+            self.uniforms.resize((u64::from(batch) * PARAMS_STRIDE) as usize, 0);
+            self.uniforms.extend_from_slice(bytemuck::bytes_of(&params));
+        }
+        self.gpu.queue.write_buffer(&self.active.buffers.params, 0, &self.uniforms);
+    }
+
+    /// Begins the commands of a frame: clears what passes read and none writes.
+    fn begin(&mut self, inputs: FrameInputs<'_>) -> wgpu::CommandEncoder {
+        self.upload_uniforms(inputs);
+        let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
+        let mut encoder = self.gpu.device.create_command_encoder(&label);
+        encoder.clear_buffer(&self.active.buffers.overflows, 0, None);
+        if !inputs.configuration.effects.has(Effect::Scatterers) {
+            encoder.clear_buffer(&self.active.buffers.baseband, 0, None);
+        }
+        encoder
+    }
+
+    /// Waits for a submission and copies its frame out of its slot.
+    fn read_back(&mut self, in_flight: &InFlight, frame: &mut Frame) -> Result<(), BackendError> {
+        let lost = |reason: String| BackendError::Lost { reason };
+        let result = loop {
+            match self.mapped.try_recv() {
+                Ok(result) => break result,
+                Err(_) => {
+                    // Of this frame alone: the next one may be at work.
+                    let submission_index = Some(in_flight.submission.clone());
+                    let wait = wgpu::PollType::Wait { submission_index, timeout: None };
+                    self.gpu.device.poll(wait).map_err(|e| lost(e.to_string()))?;
+                }
+            };
+        };
+        result.map_err(|e| lost(e.to_string()))?;
+        self.gpu.check()?;
+        in_flight.slot.read(frame, in_flight.contents)
+    }
+}
+
+impl FrameMaker for DeviceRenderer {
+    fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
+        let previous = Some(&self.active);
+        let next = DeviceConfiguration::new(&self.gpu, &self.scene, &mut self.pipelines, inputs, previous)?;
+        next.buffers.fill(&self.gpu, &inputs.configuration.tables, previous.map(|p| &p.buffers));
+        self.active = next;
+        Ok(())
+    }
+
+    fn take_cold(&mut self) -> bool {
+        self.pipelines.take_cold()
+    }
+
+    fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
+        // Writes are in order with submissions: a frame in flight keeps what it was submitted with.
+        let write = |buffer: &wgpu::Buffer, first: usize, size: usize, bytes: &[u8]| {
+            self.gpu.queue.write_buffer(buffer, (first * size) as u64, bytes);
+        };
+        let (nodes, triangles) = (changed.nodes.clone(), changed.triangles.clone());
+        let moved = bytemuck::cast_slice(&bvh.nodes[nodes.clone()]);
+        write(&self.scene.nodes, nodes.start, size_of::<[u32; 20]>(), moved);
+        if !triangles.is_empty() {
+            let (first, moved) = (triangles.start, bytemuck::cast_slice(&bvh.triangles[triangles.clone()]));
+            write(&self.scene.triangles, first, size_of::<PackedTriangle>(), moved);
+            let moved = bytemuck::cast_slice(&bvh.displacements()[triangles]);
+            write(&self.scene.displacements, first, size_of::<[f32; 4]>(), moved);
+        }
+    }
+
+    fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
+        let mut encoder = self.begin(inputs);
+        let slot = self.active.slots[self.next_slot].clone();
+        let mut index = 0;
+        let mut record = |pass: &Pass, batch: u32| {
+            let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(pass.name),
+                timestamp_writes: slot.timestamps(index),
+            });
+            pass.record(&mut compute, batch);
+            index += 1;
+        };
+        // Maps alone need no paths.
+        let batches = if contents.image { inputs.configuration.batches.batches } else { 0 };
+        for batch in 0..batches {
+            self.active.path_passes.iter().for_each(|pass| record(pass, batch));
+        }
+        self.active.image_passes(contents).for_each(|pass| record(pass, 0));
+        slot.record(&mut encoder, &self.active.buffers, contents);
+        let submission = self.gpu.queue.submit([encoder.finish()]);
+        slot.map(&self.map_done);
+        self.in_flight.push_back(InFlight { slot, contents, submission });
+        self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
+        Ok(())
+    }
+
+    fn receive(&mut self, frame: &mut Frame) -> Result<(), BackendError> {
+        match self.in_flight.pop_front() {
+            Some(in_flight) => self.read_back(&in_flight, frame),
+            None => Ok(()),
+        }
+    }
+
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
+        let encoder = self.begin(inputs);
+        snapshot::pass_buffers(&self.gpu, encoder, &self.active)
+    }
+}

@@ -1,0 +1,110 @@
+//! Errors of renderers.
+
+use thiserror::Error;
+
+use super::frame::FRAMES_IN_FLIGHT;
+use super::settings::SettingsError;
+use crate::anatomy::BvhError;
+use crate::transducer::ProbeError;
+
+/// Failure of what makes frames: it can't be had, or it fails.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum BackendError {
+    /// No driver was found.
+    #[error(
+        "no GPU driver was found ({reason}). Render on the processors with `--backend host`, install the driver of your GPU, or Mesa's software Vulkan: `sudo apt-get install mesa-vulkan-drivers libvulkan1`"
+    )]
+    NoAdapter {
+        /// Message of wgpu.
+        reason: String,
+    },
+    /// The driver refused a device.
+    #[error(
+        "the driver of {adapter} refused a device: {reason}; update the driver, or render on the processors with `--backend host`"
+    )]
+    NoDevice {
+        /// Adapter.
+        adapter: String,
+        /// Message of wgpu.
+        reason: String,
+    },
+    /// The device can't hold what the settings need.
+    #[error(
+        "{what} needs {needed} of {limit_name}, {adapter} offers {offered}: lower the rays, scanlines, samples or image size"
+    )]
+    Limit {
+        /// Buffer or pass.
+        what: &'static str,
+        /// Amount needed.
+        needed: u64,
+        /// Name of the limit.
+        limit_name: &'static str,
+        /// Amount offered.
+        offered: u64,
+        /// Adapter.
+        adapter: String,
+    },
+    /// No memory is left for a buffer.
+    #[error(
+        "{adapter} has no memory left for {what} ({bytes} bytes): {reason}. Close what else uses it, or lower the rays, scanlines, samples or image size"
+    )]
+    Memory {
+        /// Purpose of the buffer.
+        what: &'static str,
+        /// Size, bytes.
+        bytes: u64,
+        /// Message of wgpu or of the allocator.
+        reason: String,
+        /// Adapter, or the host.
+        adapter: String,
+    },
+    /// A shader or a pipeline was refused.
+    #[error("the device refused the pass `{pass}`: {reason}")]
+    Pipeline {
+        /// Pass.
+        pass: &'static str,
+        /// Message of wgpu.
+        reason: String,
+    },
+    /// The device was lost or a map failed.
+    #[error("the GPU stopped answering: {reason}")]
+    Lost {
+        /// Message of wgpu.
+        reason: String,
+    },
+}
+
+/// Failure to render a frame.
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// What makes frames failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The scene can't be traced.
+    #[error(transparent)]
+    Bvh(#[from] BvhError),
+    /// A probe value is outside its range.
+    #[error(transparent)]
+    Probe(#[from] ProbeError),
+    /// A setting is outside its range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The scene has indices that no pass may follow.
+    #[error("the scene can't be rendered: {what}")]
+    Scene {
+        /// The fault.
+        what: String,
+    },
+    /// `submit` with the ring full.
+    #[error("{FRAMES_IN_FLIGHT} frames are in flight; receive one before the next is submitted")]
+    RingFull,
+    /// `receive` with the ring empty.
+    #[error("no frame is in flight; submit a pose before receiving")]
+    RingEmpty,
+    /// A snapshot of a frame whose layers are rendered in turns.
+    #[error("a snapshot holds one batch of layers, these settings need {batches}: lower the rays or layers")]
+    Batches {
+        /// Batches needed.
+        batches: u32,
+    },
+}

@@ -1,0 +1,16 @@
+//! Changes to passes that tests make, to see their comparison with the f64 twins fail.
+#![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
+
+use super::device::ShaderSet;
+use super::host::{ImageConstants, TraceConstants};
+
+/// Passes that may differ from the shipped ones.
+#[derive(Debug, Clone, Default)]
+pub struct TestHooks {
+    /// Shaders of a device.
+    pub shaders: ShaderSet,
+    /// Constants of the host's `locate` and `trace`.
+    pub trace: TraceConstants,
+    /// Constants of the host's other passes.
+    pub image: ImageConstants,
+}

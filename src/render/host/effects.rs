@@ -1,0 +1,26 @@
+//! Effects that paths follow.
+
+use crate::render::effect::{Effect, EffectSet};
+
+/// Switches of the effects along a path. Without one, the tables hold values with which its arithmetic does nothing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PathEffects {
+    pub(super) moving: bool,
+    pub(super) refraction: bool,
+    pub(super) interface_echoes: bool,
+    pub(super) roughness: bool,
+    pub(super) reflections: bool,
+}
+
+impl PathEffects {
+    /// The switches of a frame; `displaced` says whether any triangle of the scene moves.
+    pub(super) fn new(effects: EffectSet, displaced: bool) -> Self {
+        Self {
+            moving: displaced && effects.has(Effect::Motion),
+            refraction: effects.has(Effect::Refraction),
+            interface_echoes: effects.has(Effect::InterfaceEchoes),
+            roughness: effects.has(Effect::Roughness),
+            reflections: effects.has(Effect::Reflections),
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! Numbers of a packet's rays, side by side.
+
+/// Rays of a packet.
+pub(super) const RAYS: usize = 32;
+/// One number of each ray.
+pub(super) type Lanes = [f32; RAYS];
+/// One whole number of each ray.
+pub(super) type Words = [u32; RAYS];
+
+/// Reduces all lanes to one number, half by half as vector registers do.
+#[inline(always)]
+pub(super) fn fold(mut of: Lanes, pick: fn(f32, f32) -> f32) -> f32 {
+    let mut half = RAYS / 2;
+    while half > 0 {
+        for i in 0..half {
+            of[i] = pick(of[i], of[i + half]);
+        }
+        half /= 2;
+    }
+    of[0]
+}

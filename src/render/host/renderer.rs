@@ -1,0 +1,272 @@
+//! Frames in the host's memory.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::buffers::Buffers;
+use super::constants::{ImageConstants, TraceConstants};
+use super::detect::detect;
+use super::echo::echo;
+use super::effects::PathEffects;
+use super::lateral::lateral;
+use super::march::{Paths, Scatterers, march};
+use super::path;
+use super::percentile::percentile;
+use super::scan_convert::{Image, Maps, scan_convert};
+use super::section::{self, Section, section};
+use super::trace::{Follow, fastest, trace};
+use super::traverse::Tree;
+use super::tree::WideNode;
+use crate::anatomy::Bvh;
+use crate::anatomy::bvh::Changed;
+use crate::render::effect::Effect;
+use crate::render::error::{BackendError, RenderError};
+use crate::render::frame::{Contents, Frame, PassTime, unpad};
+use crate::render::maker::{FrameInputs, FrameMaker};
+use crate::render::snapshot::PassBuffers;
+
+/// Makes frames by the host's processors, each within `submit`.
+#[derive(Debug)]
+pub(in crate::render) struct HostRenderer {
+    nodes: Vec<WideNode>,
+    trace: TraceConstants,
+    image: ImageConstants,
+    follow: Follow,
+    buffers: Buffers,
+    /// Frames that were made and not received.
+    made: VecDeque<Frame>,
+    /// Memory of received frames.
+    spare: Vec<Frame>,
+}
+
+/// Durations of passes, one after the other.
+struct Laps<'a> {
+    last: Instant,
+    passes: &'a mut Vec<PassTime>,
+}
+
+impl Laps<'_> {
+    fn note(&mut self, name: &'static str) {
+        let now = Instant::now();
+        let ms = (now - self.last).as_secs_f64() * 1e3;
+        self.last = now;
+        match self.passes.iter_mut().find(|pass| pass.name == name) {
+            Some(pass) => pass.ms += ms,
+            None => self.passes.push(PassTime { name, ms }),
+        }
+    }
+}
+
+impl HostRenderer {
+    /// A renderer of a scene and a configuration.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub(in crate::render) fn new(
+        FrameInputs { bvh, configuration, .. }: FrameInputs<'_>,
+        trace: TraceConstants,
+        image: ImageConstants,
+    ) -> Result<Self, BackendError> {
+        let nodes = bvh.nodes.par_iter().map(WideNode::decode).collect();
+        let buffers = Buffers::new(configuration)?;
+        let (made, spare) = (VecDeque::new(), Vec::new());
+        Ok(Self { nodes, trace, image, follow: fastest(), buffers, made, spare })
+    }
+
+    /// Makes a frame that holds `contents`. `scattered` takes the baseband before the interfaces echo.
+    fn render(
+        &mut self,
+        inputs: FrameInputs<'_>,
+        contents: Contents,
+        frame: &mut Frame,
+        scattered: Option<&mut Vec<[f32; 2]>>,
+    ) {
+        frame.times.passes.clear();
+        let mut laps = Laps { last: Instant::now(), passes: &mut frame.times.passes };
+        let Contents { image, maps } = contents;
+        let (params, tables) = (&inputs.configuration.params, &inputs.configuration.tables);
+        frame.overflows = 0;
+        if image {
+            frame.overflows = self.follow_paths(inputs, &mut laps, scattered);
+            let (kernels, constants, b) = (&tables.kernels, self.image, &mut self.buffers);
+            lateral(params, constants, &kernels.lateral, &b.baseband, &mut b.focused);
+            laps.note("lateral");
+            detect(params, constants, &kernels.pulse, &mut b.gain, &b.focused, &mut b.polar, &mut b.lines);
+            laps.note("detect");
+        }
+        if maps {
+            frame.overflows += self.cut_section(inputs, &mut laps);
+        }
+
+        let b = &self.buffers;
+        let pixels = params.width as usize * params.height as usize;
+        (frame.width, frame.height) = (params.width, params.height);
+        frame.bmode.resize(pixels, 0);
+        frame.segmentation.resize(if maps { pixels } else { 0 }, 0);
+        frame.attenuation.resize(if maps { pixels } else { 0 }, 0.0);
+        frame.attenuation_p98 = if maps { (-b.percentile_np).exp() } else { 0.0 };
+        let into = Image {
+            bmode: &mut frame.bmode,
+            segmentation: &mut frame.segmentation,
+            attenuation: &mut frame.attenuation,
+        };
+        let maps = maps.then_some(Maps {
+            raster: &b.raster,
+            percentile_np: b.percentile_np,
+            rates_np_mm: &b.rates_np_mm,
+            constants: self.image,
+        });
+        scan_convert(params, &b.layout, &b.polar, maps, into);
+        if !image {
+            frame.bmode.clear();
+        }
+        laps.note("scan_convert");
+        unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);
+    }
+
+    /// Runs the passes of the paths, batch by batch; returns the number of crossings and segments that found no room.
+    fn follow_paths(
+        &mut self,
+        FrameInputs { bvh, media, configuration }: FrameInputs<'_>,
+        laps: &mut Laps<'_>,
+        mut scattered: Option<&mut Vec<[f32; 2]>>,
+    ) -> u32 {
+        let (tables, b) = (&configuration.tables, &mut self.buffers);
+        let effects = configuration.effects.effects();
+        let mut lost = 0;
+        if !effects.has(Effect::Scatterers) {
+            b.baseband.fill([0.0; 2]);
+        }
+        for batch in 0..configuration.batches.batches {
+            let params = configuration.batches.params(batch, &configuration.params);
+            let scene = path::Scene {
+                tree: Tree { nodes: &self.nodes, triangles: &bvh.triangles },
+                displacements: bvh.displacements(),
+                surface_words: &media.surface_words,
+                params: &params,
+                rays: &tables.rays,
+                layers: &tables.layers,
+                tissues: &tables.tissues,
+                effects: PathEffects::new(effects, media.moving),
+                constants: self.trace,
+            };
+            // The last batch may have fewer layers.
+            let paths = params.paths(params.layer_count) as usize;
+            lost += trace(&scene, self.follow, 0..paths, b.path_outputs(paths));
+            laps.note("trace");
+            if effects.has(Effect::Scatterers) {
+                let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
+                let (layers, gain) = (&tables.layers, &tables.kernels.scatterer_gain);
+                let scatterers = Scatterers { constants: self.image, layers, gain };
+                // `focused` keeps powers until `lateral` writes it.
+                march(&params, paths, scatterers, &mut b.baseband, &mut b.focused);
+                laps.note("march");
+            }
+            if let Some(scattered) = &mut scattered {
+                scattered.clone_from(&b.baseband);
+            }
+            if effects.has(Effect::InterfaceEchoes) {
+                echo(&params, self.image, &b.echoes, &b.segment_counts, &mut b.baseband);
+                laps.note("echo");
+            }
+        }
+        lost
+    }
+
+    /// Runs the passes of the maps up to scan conversion; returns the number of crossings and runs that found no room.
+    fn cut_section(&mut self, inputs: FrameInputs<'_>, laps: &mut Laps<'_>) -> u32 {
+        let FrameInputs { bvh, media, configuration } = inputs;
+        let (params, tables, b) = (&configuration.params, &configuration.tables, &mut self.buffers);
+        for (rate, tissue) in b.rates_np_mm.iter_mut().zip(&tables.tissues) {
+            *rate = self.image.one_way() * tissue.attenuation_np_mm;
+        }
+        let rays = section::Scene {
+            tree: Tree { nodes: &self.nodes, triangles: &bvh.triangles },
+            surface_words: &media.surface_words,
+            map_rays: &tables.map_rays,
+            rates_np_mm: &b.rates_np_mm,
+        };
+        let into = Section { entries: &mut b.entries, entry_counts: &mut b.entry_counts, raster: &mut b.raster };
+        let lost = section(params, rays, into);
+        laps.note("section");
+        b.percentile_np = percentile(params, self.image, &b.entries, &b.entry_counts);
+        laps.note("percentile");
+        lost
+    }
+}
+
+impl FrameMaker for HostRenderer {
+    fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
+        self.buffers = Buffers::new(inputs.configuration)?;
+        Ok(())
+    }
+
+    fn take_cold(&mut self) -> bool {
+        false
+    }
+
+    fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
+        let moved = &bvh.nodes[changed.nodes.clone()];
+        for (node, words) in self.nodes[changed.nodes.clone()].iter_mut().zip(moved) {
+            *node = WideNode::decode(words);
+        }
+    }
+
+    fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
+        let mut frame = self.spare.pop().unwrap_or_default();
+        self.render(inputs, contents, &mut frame, None);
+        self.made.push_back(frame);
+        Ok(())
+    }
+
+    fn receive(&mut self, frame: &mut Frame) -> Result<(), BackendError> {
+        if let Some(mut made) = self.made.pop_front() {
+            // The memory changes hands, except the mask's.
+            std::mem::swap(frame, &mut made);
+            std::mem::swap(&mut frame.mask, &mut made.mask);
+            self.spare.push(made);
+        }
+        Ok(())
+    }
+
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
+        let (mut frame, mut scattered) = (Frame::default(), Vec::new());
+        self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut scattered));
+        let (width, stride) = (frame.width as usize, 4 * inputs.configuration.params.row_words as usize);
+        let b = &self.buffers;
+        Ok(PassBuffers {
+            starts_inside: words_of(&b.starts_inside),
+            starts: words_of(&b.starts),
+            segments: words_of(&b.segments),
+            echoes: words_of(&b.echoes),
+            segment_counts: b.segment_counts.clone(),
+            hints: b.hints.clone(),
+            scattered: words_of(&scattered),
+            baseband: words_of(&b.baseband),
+            focused: words_of(&b.focused),
+            lines: words_of(&b.lines),
+            polar: b.polar.clone(),
+            entries: words_of(&b.entries),
+            entry_counts: b.entry_counts.clone(),
+            raster: b.raster.clone(),
+            percentile: vec![b.percentile_np.to_bits()],
+            bmode: words_of(&padded(&frame.bmode, width, stride)),
+            segmentation: words_of(&padded(&frame.segmentation, width, stride)),
+            attenuation: words_of(&padded(&frame.attenuation, width, stride)),
+            overflows: vec![frame.overflows],
+        })
+    }
+}
+
+/// Rows of `width` in rows of `stride`.
+fn padded<T: Copy + Default>(from: &[T], width: usize, stride: usize) -> Vec<T> {
+    let zeros = || std::iter::repeat_n(T::default(), stride - width);
+    from.chunks_exact(width).flat_map(|row| row.iter().copied().chain(zeros())).collect()
+}
+
+fn words_of<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u32> {
+    let bytes: &[u8] = bytemuck::cast_slice(values);
+    bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}

@@ -1,0 +1,73 @@
+//! The passes `locate` and `trace`: paths through the scene, in bundles of neighbours over all cores.
+
+use std::ops::Range;
+
+use super::bundle::Bundle;
+use super::path::Scene;
+use super::path_outputs::PathOutputs;
+
+/// Paths that one core follows before others may take over.
+const PATHS_A_TASK: usize = Bundle::PATHS;
+
+/// Function that follows the paths from an index on into the outputs; returns the number of crossings and segments lost.
+pub(super) type Follow = fn(&Scene<'_>, usize, &mut PathOutputs<'_>) -> u32;
+
+/// Follows a range of paths, split over the cores in whole bundles; returns the number of crossings and segments that found
+/// no room.
+///
+/// Outputs of a path depend on that path alone, except where more surfaces lie behind its first ray than fit: which ones
+/// are lost depends on its neighbours.
+pub(super) fn trace(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: PathOutputs<'_>) -> u32 {
+    if paths.len() <= PATHS_A_TASK {
+        return follow(scene, paths.start, &mut out);
+    }
+    let half = (paths.len() / 2).next_multiple_of(Bundle::PATHS);
+    let middle = paths.start + half;
+    let (low, high) = out.split_at(half);
+    let (a, b) = rayon::join(
+        || trace(scene, follow, paths.start..middle, low),
+        || trace(scene, follow, middle..paths.end, high),
+    );
+    a + b
+}
+
+#[inline(always)]
+fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
+    let mut bundle = Bundle::new();
+    let mut lost = 0;
+    for i in (0..out.paths()).step_by(Bundle::PATHS) {
+        let count = Bundle::PATHS.min(out.paths() - i);
+        lost += bundle.follow(scene, first + i, count);
+        for (path, record) in bundle.records[..count].iter().enumerate() {
+            out.write(i + path, record);
+        }
+    }
+    lost
+}
+
+/// Follows paths with the instructions that every processor of the kind has.
+fn follow_portable(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
+    follow_run(scene, first, out)
+}
+
+/// Follows paths with eight lanes a register, with the same bits. AVX-512 is slower here; interfaces take it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
+    follow_run(scene, first, out)
+}
+
+/// The fastest function that this processor runs.
+pub(super) fn fastest() -> Follow {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt")
+    {
+        // SAFETY: the processor has every feature that the function is compiled for.
+        return |scene, first, out| unsafe { follow_avx2(scene, first, out) };
+    }
+    follow_portable
+}

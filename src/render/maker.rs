@@ -1,0 +1,51 @@
+//! Interface of what makes frames: the host's processors or a device.
+
+use std::fmt::Debug;
+
+use super::configuration::{Configuration, Media};
+use super::error::{BackendError, RenderError};
+use super::frame::{Contents, Frame};
+use super::snapshot::PassBuffers;
+use crate::anatomy::Bvh;
+use crate::anatomy::bvh::Changed;
+
+/// Inputs of a frame's passes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FrameInputs<'a> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) media: &'a Media,
+    pub(super) configuration: &'a Configuration,
+}
+
+/// Makes the frames of one scene.
+pub(super) trait FrameMaker: Debug + Send {
+    /// Makes buffers and passes for another configuration. Frames in flight stay as they were submitted.
+    ///
+    /// # Errors
+    /// Too little memory, or a device that fails or is too small; nothing has changed then.
+    fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError>;
+
+    /// Whether passes were compiled since the last call: the next frame takes longer.
+    fn take_cold(&mut self) -> bool;
+
+    /// Takes over the nodes and triangles that moved, for the next frames.
+    fn move_scene(&mut self, bvh: &Bvh, changed: &Changed);
+
+    /// Starts a frame at the pose of the uniforms.
+    ///
+    /// # Errors
+    /// A device that fails.
+    fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError>;
+
+    /// Waits for the oldest frame in flight and copies all of it into `frame`, except its mask and total time.
+    ///
+    /// # Errors
+    /// A device that fails.
+    fn receive(&mut self, frame: &mut Frame) -> Result<(), BackendError>;
+
+    /// Makes a frame with its maps, and keeps what every pass wrote.
+    ///
+    /// # Errors
+    /// A device that fails.
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError>;
+}
