@@ -10,7 +10,7 @@ ARGS ?=
 help:
 	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
 	@echo 'make live   the same exam as a live station, again and again until Ctrl-C'
-	@echo 'make test   format, lints, all tests and documentation'
+	@echo 'make test   format, lints, all tests and documentation; what cannot run here is listed as ignored'
 	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
 	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
@@ -27,17 +27,20 @@ demo: setup
 live: setup
 	$(CARGO) run --release -- run configs/live.toml $(ARGS)
 
-test: setup
+test:
+	@scripts/setup --test
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --all-targets -- -D warnings
-	$(CARGO) test --release
+	CARGO='$(CARGO)' scripts/test
 	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --release --no-deps
 
-test-browser: setup
+test-browser:
+	@scripts/setup --test
 	$(CARGO) build --release --example browser_demo
 	python3 tests/browser/end_to_end.py target/release/examples/browser_demo $(ARGS)
 
-test-window: setup
+test-window:
+	@scripts/setup --test
 	$(CARGO) build --release --example browser_demo
 	python3 tests/browser/window.py target/release/examples/browser_demo $(ARGS)
 

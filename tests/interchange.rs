@@ -491,13 +491,9 @@ fn an_exported_sequence_contains_the_replays_frames() {
 }
 
 #[test]
+#[ignore = "needs Python's SimpleITK; `make test` runs it where that is installed"]
 fn simple_itk_reads_our_sequences() {
     let python = PathBuf::from(std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into()));
-    let found = Command::new(&python).args(["-c", "import SimpleITK, numpy"]).output();
-    if !found.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {} lacks SimpleITK or numpy; INSONIFY_PYTHON may name another one", python.display());
-        return;
-    }
     let dir = tempfile::tempdir().unwrap();
     let tracking: Vec<_> = (0..3).map(tracking).collect();
     let pixels: Vec<u8> = (0..3 * 32 * 24).map(|p| (p * 7 % 253) as u8).collect();

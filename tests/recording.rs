@@ -4,7 +4,7 @@
 
 use std::fs;
 use std::io::{Cursor, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use bytes::BytesMut;
@@ -470,20 +470,10 @@ fn a_full_disk_ends_the_recording_with_an_error_and_keeps_the_written_part() {
     assert!((1000..6000).contains(&count), "{count}");
 }
 
-/// The Python to test with, where it has `package`; else says that the test is skipped.
-fn python_with(package: &str) -> Option<PathBuf> {
-    let python = PathBuf::from(std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into()));
-    let found = Command::new(&python).args(["-c", &format!("import {package}")]).output();
-    if found.is_ok_and(|output| output.status.success()) {
-        return Some(python);
-    }
-    eprintln!("skipped: {} has no package `{package}`; INSONIFY_PYTHON may name another one", python.display());
-    None
-}
-
 #[test]
+#[ignore = "needs Python's mcap; `make test` runs it where that is installed"]
 fn mcaps_own_reader_reads_our_recordings() {
-    let Some(python) = python_with("mcap") else { return };
+    let python = std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into());
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("session.mcap");
     session(&path, &info());

@@ -56,7 +56,7 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Files:
   bmode/00000.png ...         8-bit grey levels
-  video.mp4 or video.y4m      MP4 where ffmpeg is on the PATH, else uncompressed
+  video.mp4                   H.264, plays in a browser
   segmentation/, attenuation/ with --maps
   mask.png, tissues.json      what all frames share; mask_00123.png where the depth changes at frame 123
   replay.json                 counts, times, the settings of each stretch of frames, and each frame's time and pose

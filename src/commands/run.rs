@@ -91,7 +91,7 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Files, by sink:
   png     png/000000.png ... and png/index.jsonl with each frame's times, pose and state
-  video   video.mp4 where ffmpeg is on the PATH, else video.y4m
+  video   video.mp4 (H.264)
 
 Examples:
   insonify run configs/sphere.toml --duration 10 --metrics out/run/frames.jsonl

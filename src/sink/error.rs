@@ -1,7 +1,6 @@
 //! Errors in writing files and in live displays.
 
 use std::path::PathBuf;
-use std::process::ExitStatus;
 
 use thiserror::Error;
 
@@ -50,14 +49,6 @@ pub enum SinkError {
         /// Value given.
         fps: f64,
     },
-    /// The encoder could not be started or talked to.
-    #[error("cannot run `{program}`: {source}")]
-    Spawn {
-        /// Program.
-        program: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
     /// The address can't be listened at.
     #[error("the {sink} can't listen at {address}: {source}; take another port (0 for any free one) or address")]
     Listen {
@@ -76,17 +67,13 @@ pub enum SinkError {
         /// Cause.
         reason: String,
     },
-    /// The encoder gave up.
-    #[error("`{program}` failed while writing {path} ({status}): {stderr}")]
+    /// The encoder of a video failed.
+    #[error("cannot encode {path}: {reason}")]
     Encoder {
-        /// Program.
-        program: PathBuf,
         /// Video.
         path: PathBuf,
-        /// Exit status.
-        status: ExitStatus,
-        /// Last 2000 characters of its error output.
-        stderr: String,
+        /// Cause.
+        reason: String,
     },
 }
 

@@ -33,3 +33,19 @@ impl FrameRate {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_rates_are_in_lowest_terms() {
+        let pair = |fps| FrameRate::new(fps).map(|r| (r.numerator, r.denominator));
+        assert_eq!(pair(15.0).unwrap(), (15, 1));
+        assert_eq!(pair(29.97).unwrap(), (2997, 100));
+        assert_eq!(pair(0.1).unwrap(), (1, 10));
+        for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+            assert!(pair(fps).is_err(), "{fps}");
+        }
+    }
+}

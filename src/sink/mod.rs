@@ -22,7 +22,6 @@ pub mod png;
 pub mod png_sequence;
 pub mod video;
 pub mod window;
-pub mod y4m;
 
 pub(crate) mod canvas;
 pub(crate) mod error;
@@ -39,6 +38,6 @@ pub use frame_rate::FrameRate;
 pub use frame_record::FrameRecord;
 pub use live_kind::{LiveSinkKind, UnknownSink};
 pub use live_video::LiveVideo;
+pub use mp4::Video;
 pub use null::NullSink;
 pub use png_sequence::PngSequence;
-pub use video::Video;

@@ -247,19 +247,10 @@ fn a_port_in_use_and_a_wrong_image_are_errors() {
     assert!(server.present(&frame(0, 16, 16)).is_ok());
 }
 
-/// A Python that has pyigtl: `INSONIFY_PYTHON`, or python3.
-fn python_with_pyigtl() -> Option<String> {
-    let python = std::env::var("INSONIFY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let check = Command::new(&python).args(["-c", "import pyigtl"]).stderr(Stdio::null()).status();
-    check.is_ok_and(|status| status.success()).then_some(python)
-}
-
 #[test]
+#[ignore = "needs Python's pyigtl; `make test` runs it where that is installed"]
 fn pyigtl_receives_image_and_transform() {
-    let Some(python) = python_with_pyigtl() else {
-        eprintln!("skipped: no python3 with pyigtl (pip install pyigtl; name another Python in INSONIFY_PYTHON)");
-        return;
-    };
+    let python = std::env::var_os("INSONIFY_PYTHON").unwrap_or("python3".into());
     let mut server = server(Settings::default());
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/openigtlink_receive.py");
     let port = server.address().port().to_string();

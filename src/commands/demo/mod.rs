@@ -88,7 +88,7 @@ Files:
   live/                       of the live chain: stills, frames.jsonl with each frame's times, summary.json
   station/                    the live station with all it needs: insonify run DIR/station/configs/live.toml
   contact_sheet.png           key frames: LQ | HQ | segmentation | attenuation
-  exam.mp4 or exam.y4m        the exam at LQ, half size; MP4 where ffmpeg is on the PATH, else uncompressed (0.35 MB a frame)
+  exam.mp4                    the exam at LQ, half size; H.264, plays in a browser
   key_frames/NN_name/         each key frame at HQ with its maps, and lq.png
   times.json                  p50, p95 and max of each stage, LQ and HQ
 
@@ -256,8 +256,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("rendered       {} frames at LQ, {} at HQ", report.frames_lq, report.frames_hq))?;
     output::line(format!("\n{}\n", SideBySide(&[("LQ", &lq.times), ("HQ", &hq.times)])))?;
     output::line(format!("look here      {}", report.contact_sheet.display()))?;
-    let hint = if report.video.extension().is_some_and(|e| e == "y4m") { " (for an MP4: install ffmpeg)" } else { "" };
-    output::line(format!("video          {}{hint}", report.video.display()))?;
+    output::line(format!("video          {}", report.video.display()))?;
     output::line(format!("key frames     {}", args.out.join("key_frames").display()))?;
     output::line(format!("times          {}", times.display()))
 }
