@@ -5,11 +5,12 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
+use super::configuration::FrameInputs;
 use super::device::{DeviceRenderer, Gpu};
 use super::error::{BackendError, RenderError};
 use super::hooks::TestHooks;
 use super::host::{self, HostRenderer};
-use super::maker::{FrameInputs, FrameMaker};
+use super::maker::FrameMaker;
 
 /// Environment variable that names a backend.
 const VARIABLE: &str = "INSONIFY_BACKEND";

@@ -43,6 +43,14 @@ impl Media {
     }
 }
 
+/// Inputs of a frame's passes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FrameInputs<'a> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) media: &'a Media,
+    pub(super) configuration: &'a Configuration,
+}
+
 /// Tables and uniforms of one probe and one set of settings.
 #[derive(Debug)]
 pub(super) struct Configuration {

@@ -2,20 +2,12 @@
 
 use std::fmt::Debug;
 
-use super::configuration::{Configuration, Media};
+use super::configuration::FrameInputs;
 use super::error::{BackendError, RenderError};
 use super::frame::{Contents, Frame};
 use super::snapshot::PassBuffers;
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
-
-/// Inputs of a frame's passes.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FrameInputs<'a> {
-    pub(super) bvh: &'a Bvh,
-    pub(super) media: &'a Media,
-    pub(super) configuration: &'a Configuration,
-}
 
 /// Makes the frames of one scene.
 pub(super) trait FrameMaker: Debug + Send {

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::backend::Backend;
-use super::configuration::{Configuration, Media};
+use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
 use super::effect::{Choice, Effect};
 use super::error::RenderError;
 use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
-use super::maker::{FrameInputs, FrameMaker};
+use super::maker::FrameMaker;
 use super::plan::EffectPlan;
 use super::settings::RenderSettings;
 use super::snapshot::Snapshot;

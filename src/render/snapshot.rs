@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
+use super::configuration::FrameInputs;
 use super::constants::{ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TISSUE_MASK};
-use super::maker::FrameInputs;
 use super::twin::{Inputs, Membership, Path, RasterPoint, Run, Sections, Segment};
 
 /// Outputs of every pass of one frame as words, in the layouts of the shaders.

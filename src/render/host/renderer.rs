@@ -21,10 +21,11 @@ use super::traverse::Tree;
 use super::tree::WideNode;
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
+use crate::render::configuration::FrameInputs;
 use crate::render::effect::Effect;
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, Frame, PassTime, unpad};
-use crate::render::maker::{FrameInputs, FrameMaker};
+use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
 
 /// Makes frames by the host's processors, each within `submit`.
