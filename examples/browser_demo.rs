@@ -15,8 +15,9 @@ use insonify::anatomy::Axes;
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::{Pose, TrackingState};
 use insonify::render::{Backend, BackendChoice, Frame, Renderer};
+use insonify::settings::{Control, LiveSettings};
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
-use insonify::sink::live::{Control, FrameSource, FrameTimeline, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::live::{FrameSource, FrameTimeline, LiveSink, PresentedFrame};
 use insonify::sink::window::{WindowSink, run_on_main_thread};
 use insonify::station::{SceneSource, Station};
 
@@ -136,36 +137,21 @@ impl Demo {
     fn new(scene: Scene, station: Station) -> anyhow::Result<Self> {
         let backend = Backend::open(BackendChoice::from_environment()?.unwrap_or_default())?;
         let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings)?;
-        let live = LiveSettings {
-            image: station.settings.image,
-            depth_mm: station.probe.depth_mm,
-            focus_mm: station.probe.focus_mm,
-            rays: station.settings.quality.rays,
-            layers: station.settings.quality.layers,
-            frozen: false,
-            enhance: false,
-        };
+        let (probe, render) = (station.probe, station.settings);
+        let live = LiveSettings { probe, render, frozen: false, enhance: false };
         let mut shown = PresentedFrame::empty(live);
         shown.info.estimate.state = TrackingState::Good;
         let (frame, started) = (Frame::default(), Instant::now());
         Ok(Self { station, renderer, live, frame, shown, started })
     }
 
-    /// Applies a control. Returns whether the renderer must be rebuilt.
+    /// Applies a control. Returns whether the renderer must be configured anew.
     fn follow(&mut self, control: &Control) -> bool {
-        match *control {
-            Control::Freeze(on) => self.live.frozen = on,
-            Control::Enhance(on) => self.live.enhance = on,
-            Control::GainDb(db) => self.live.image.gain_db = db,
-            Control::DynamicRangeDb(db) => self.live.image.dynamic_range_db = db,
-            Control::TgcDbPerCm(db) => self.live.image.tgc_db_per_cm = db,
-            Control::TgcSlider { index, db } => self.live.image.tgc_sliders_db[index] = db,
-            Control::DepthMm(mm) => self.live.depth_mm = mm,
-            Control::FocusMm(mm) => self.live.focus_mm = mm,
-            Control::Quality { rays, layers } => (self.live.rays, self.live.layers) = (rays, layers),
-            Control::Quit => {}
+        let before = self.live;
+        if let Control::Set(assignments) = control {
+            self.live = before.with(assignments).unwrap_or(before);
         }
-        !matches!(control, Control::Freeze(_) | Control::Enhance(_) | Control::Quit)
+        !before.same_picture(&self.live)
     }
 
     fn obey(&mut self, line: &str) -> anyhow::Result<()> {
@@ -184,12 +170,7 @@ impl Demo {
     }
 
     fn rebuild(&mut self) -> anyhow::Result<()> {
-        self.station.settings.image = self.live.image;
-        self.station.settings.quality.rays = self.live.rays;
-        self.station.settings.quality.layers = self.live.layers;
-        self.station.probe.depth_mm = self.live.depth_mm;
-        self.station.probe.focus_mm = self.live.focus_mm;
-        self.renderer.reconfigure(&self.station.probe, &self.station.settings)?;
+        self.renderer.reconfigure(&self.live.probe, &self.live.render)?;
         Ok(())
     }
 

@@ -12,6 +12,7 @@ use std::time::Duration;
 use bytes::BytesMut;
 use insonify::anatomy::{TissueTable, import};
 use insonify::pose::Reading;
+use insonify::settings::SettingsGroup as _;
 use insonify::station::Station;
 use insonify::tracker::driver::Driver;
 use insonify::tracker::ndi::{self, NdiDriver, Options, ReplyFormat};
@@ -362,7 +363,7 @@ pub fn station(data: &[u8]) -> u64 {
 fn station_seeds() -> Vec<Vec<u8>> {
     let mut all = String::from("[scene]\nphantom = 'obstetric'\n");
     let mut table = "scene";
-    for doc in insonify::station::KEYS.iter().filter(|doc| doc.table != "scene" && !doc.default.contains(' ')) {
+    for doc in insonify::station::keys().iter().filter(|doc| doc.table != "scene" && !doc.default.contains(' ')) {
         if doc.table != table {
             table = doc.table;
             all.push_str(&format!("[{table}]\n"));

@@ -40,6 +40,8 @@ pub mod acoustics;
 
 pub mod random;
 
+pub mod settings;
+
 pub mod statistics;
 
 mod suggest;

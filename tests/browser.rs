@@ -11,9 +11,10 @@ use std::process::Command;
 use futures_util::{SinkExt as _, StreamExt as _};
 use insonify::anatomy::Axes;
 use insonify::anatomy::{TissueTable, analytic};
-use insonify::sink::browser::wire::HEADER_BYTES;
+use insonify::settings::{Assignment, Control};
+use insonify::sink::browser::wire::header_bytes;
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
-use insonify::sink::live::{Control, FrameInfo, FrameSource, LiveSink as _, PresentedFrame};
+use insonify::sink::live::{FrameInfo, FrameSource, LiveSink as _, PresentedFrame};
 use insonify::sink::{FrameRate, SinkError, Video};
 use insonify::transducer::Probe;
 use serde_json::{Value, json};
@@ -104,7 +105,7 @@ async fn binary(socket: &mut Socket) -> (u8, u64, Vec<u8>) {
     loop {
         if let Message::Binary(bytes) = socket.next().await.unwrap().unwrap() {
             let number = u64::from_le_bytes(bytes[8..16].try_into().unwrap());
-            return (bytes[6], number, bytes[HEADER_BYTES..].to_vec());
+            return (bytes[6], number, bytes[header_bytes()..].to_vec());
         }
     }
 }
@@ -290,10 +291,10 @@ async fn mistakes_are_answered_and_the_page_stays_connected() {
     for (message, part) in [
         ("", "not a message"),
         (r#"{"type":"quit"}"#, "unknown variant"),
-        (r#"{"type":"gain_db","value":1e9}"#, "-200..=200"),
-        (r#"{"type":"gain_db","value":null}"#, "null"),
-        (r#"{"type":"tgc_slider","index":8,"db":0}"#, "0..=7"),
-        (r#"{"type":"quality","rays":32,"layers":300}"#, "1..=33"),
+        (r#"{"type":"set","assignments":[{"key":"gain_db","value":1e9}]}"#, "-200..=200"),
+        (r#"{"type":"set","assignments":[{"key":"gain_db","value":null}]}"#, "null"),
+        (r#"{"type":"set","assignments":[{"key":"tgc_sliders_db","index":8,"value":0}]}"#, "0..=7"),
+        (r#"{"type":"set","assignments":[{"key":"rays","value":32},{"key":"layers","value":300}]}"#, "1..=33"),
     ] {
         page.send(Message::text(message)).await.unwrap();
         let error = text(&mut page, "error").await;
@@ -302,15 +303,17 @@ async fn mistakes_are_answered_and_the_page_stays_connected() {
     page.send(Message::binary(vec![1, 2, 3])).await.unwrap();
     assert!(text(&mut page, "error").await["message"].as_str().unwrap().contains("binary"));
 
-    send(&mut page, &json!({"type": "tgc_slider", "index": 2, "db": -6})).await;
-    assert_eq!(controls.recv().await, Some(Control::TgcSlider { index: 2, db: -6.0 }));
+    let slider = Assignment { index: 2, ..Assignment::new("tgc_sliders_db", -6.0) };
+    send(&mut page, &json!({"type": "set", "assignments": [slider]})).await;
+    assert_eq!(controls.recv().await, Some(Control::Set(vec![slider])));
+    let freeze = json!({"type": "set", "assignments": [{"key": "frozen", "value": 1}]});
     // The channel has a capacity of four; nobody reads it.
     for _ in 0..5 {
-        send(&mut page, &json!({"type": "freeze", "on": true})).await;
+        send(&mut page, &freeze).await;
     }
     assert!(text(&mut page, "error").await["message"].as_str().unwrap().contains("busy"));
     drop(controls);
-    send(&mut page, &json!({"type": "freeze", "on": false})).await;
+    send(&mut page, &freeze).await;
     assert!(text(&mut page, "error").await["message"].as_str().unwrap().contains("no controls"));
 }
 

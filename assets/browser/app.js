@@ -21,6 +21,7 @@ const marks = byId("marks");
 const status = new Status();
 const scene = new Scene3d((text, bad) => status.notice(text, bad));
 let tissues = [];
+let shortcuts = [];
 let shown = null;
 let next = null;
 let shownAt = 0;
@@ -45,6 +46,9 @@ const connection = new Connection({
       tissues = message.tissues;
       scene.forget();
       picture.setColours(tissues, message.attenuation_colours);
+      controls.build(message);
+      shortcuts = message.keys;
+      fillHelp(byId("shortcuts").querySelector("tbody"), shortcuts);
       byId("version").textContent = `insonify ${message.version}`;
     } else if (message.type === "stats") {
       status.stats(message);
@@ -109,7 +113,9 @@ function redrawMarks() {
   const context = marks.getContext("2d");
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
-  if (shown) drawMarks(context, shown, fit(shown.width, shown.height, width, height), calipers, pending);
+  if (!shown) return;
+  const rect = fit(shown.width, shown.height, width, height);
+  drawMarks(context, shown, rect, controls.captions(shown.settings), calipers, pending);
 }
 
 function layOut() {
@@ -197,7 +203,7 @@ function save() {
   context.fillRect(0, 0, canvas.width, canvas.height);
   const rect = fit(shown.width, shown.height, canvas.width, canvas.height);
   context.drawImage(picture.canvas, rect.x, rect.y, rect.width, rect.height);
-  drawMarks(context, shown, rect, calipers, null);
+  drawMarks(context, shown, rect, controls.captions(shown.settings), calipers, null);
   const state = document.body.dataset.state;
   context.fillStyle = state === "live" ? "#7d8893" : "#ff6b5e";
   context.font = "13px sans-serif";
@@ -220,21 +226,8 @@ const toggleHelp = () => (byId("shortcuts").open ? byId("shortcuts").close() : b
 const toggleMeasuring = () => measuring(!stage.classList.contains("measuring"));
 const click = (id) => () => byId(id).click();
 
-listen({
-  freeze: () => controls.toggle("freeze", "frozen"),
-  gain_up: () => controls.step("gain_db", 1),
-  gain_down: () => controls.step("gain_db", -1),
-  dynamic_range_up: () => controls.step("dynamic_range_db", 2),
-  dynamic_range_down: () => controls.step("dynamic_range_db", -2),
-  depth_up: () => controls.step("depth_mm", 10),
-  depth_down: () => controls.step("depth_mm", -10),
-  focus_up: () => controls.step("focus_mm", 5),
-  focus_down: () => controls.step("focus_mm", -5),
-  tgc_reset: () => controls.resetTgc(),
-  quality_low: () => controls.quality(1, 1),
-  quality_middle: () => controls.quality(4, 3),
-  quality_high: () => controls.quality(32, 3),
-  enhance: click("enhance"),
+/** What the page does by itself, by the names of the station's keys. */
+const pageActions = {
   segmentation: click("segmentation"),
   attenuation: click("attenuation"),
   caliper: toggleMeasuring,
@@ -244,9 +237,19 @@ listen({
   },
   scene: () => scene.toggle(),
   save,
-  full_screen: fullScreen,
-  help: toggleHelp,
-});
+};
+
+listen(
+  () => shortcuts,
+  (action) => {
+    if (action === "tgc_reset") controls.resetTgc();
+    else if (action === "full_screen") fullScreen();
+    else if (action === "help") toggleHelp();
+    else if (action.step) controls.step(action.step.setting, action.step.by);
+    else if (action.quality) controls.quality(action.quality.rays, action.quality.layers);
+    else if (action.page) pageActions[action.page]();
+  },
+);
 
 for (const name of OVERLAYS) {
   const opacity = byId(`${name}_opacity`);
@@ -266,7 +269,6 @@ byId("scene_toggle").addEventListener("click", unfocused(() => scene.toggle()));
 byId("save").addEventListener("click", unfocused(save));
 byId("help").addEventListener("click", unfocused(toggleHelp));
 byId("full_screen").addEventListener("click", unfocused(fullScreen));
-fillHelp(byId("shortcuts").querySelector("tbody"));
 new ResizeObserver(layOut).observe(stage);
 setInterval(() => {
   status.figures(performance.now());

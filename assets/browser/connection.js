@@ -11,6 +11,8 @@ export class Connection {
     this.socket = null;
     this.attempts = 0;
     this.maps = {};
+    /** The station's live settings, as its first message names them. */
+    this.settings = [];
     this.connect();
   }
 
@@ -51,10 +53,12 @@ export class Connection {
   receive(data) {
     try {
       if (typeof data === "string") {
-        this.on.message(JSON.parse(data));
+        const message = JSON.parse(data);
+        if (message.type === "hello") this.settings = message.settings;
+        this.on.message(message);
         return;
       }
-      const message = decode(data);
+      const message = decode(data, this.settings);
       this.maps[message.map] = message;
       if (message.map === MAP.IMAGE) this.on.frame(message);
     } catch (error) {

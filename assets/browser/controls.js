@@ -6,53 +6,73 @@ const HOLD_MS = 900;
 /** At most one message a control in so long. */
 const SEND_PERIOD_MS = 40;
 
-const SLIDERS = ["gain_db", "dynamic_range_db", "depth_mm", "focus_mm", "tgc_db_per_cm"];
-export const TGC_SLIDERS = 8;
-
 export class Controls {
   constructor(send) {
     this.send = send;
-    this.settings = null;
+    this.values = null;
+    /** Live settings and qualities, as the station's first message names them. */
+    this.settings = [];
+    this.qualities = [];
     this.heldUntil = new Map();
     this.sendTimers = new Map();
     this.waiting = new Map();
-    this.buildTgc();
-    for (const name of SLIDERS) {
-      const input = byId(name);
-      input.addEventListener("input", () => this.moved(name, Number(input.value)));
-      input.addEventListener("change", () => input.blur());
-    }
     byId("tgc_reset").addEventListener("click", () => this.resetTgc());
-    byId("freeze").addEventListener("click", (e) => this.fromButton(e, () => this.toggle("freeze", "frozen")));
-    byId("enhance").addEventListener("change", (e) => {
-      this.hold("enhance");
-      this.send({ type: "enhance", on: e.target.checked });
-    });
-    for (const button of byId("quality").children) {
-      const { rays, layers } = button.dataset;
-      button.addEventListener("click", (e) => this.fromButton(e, () => this.quality(Number(rays), Number(layers))));
+    byId("freeze").addEventListener("click", (e) => this.fromButton(e, () => this.toggle("frozen")));
+    byId("enhance").addEventListener("change", () => this.toggle("enhance"));
+  }
+
+  /** Builds sliders and buttons by the station's first message. */
+  build({ settings, qualities }) {
+    Object.assign(this, { settings, qualities, values: null });
+    this.heldUntil.clear();
+    const withSlider = settings.filter(({ slider }) => slider);
+    for (const { slider } of withSlider) byId(slider.section).replaceChildren();
+    for (const setting of withSlider) {
+      for (let index = 0; index < setting.count; index++) byId(setting.slider.section).append(this.row(setting, index));
     }
+    byId("quality").replaceChildren(...qualities.map((point) => this.qualityButton(point)));
+  }
+
+  /** A slider with its name and value. Each of several settings is named by its depth. */
+  row(setting, index) {
+    const { key, count, slider, label, unit, scale, digits } = setting;
+    const input = document.createElement("input");
+    const [min, max, step] = [slider.min, slider.max, slider.step];
+    Object.assign(input, { type: "range", min, max, step, value: 0, id: idOf(setting, index) });
+    Object.assign(input.dataset, count > 1 ? {} : { unit, scale, digits });
+    input.addEventListener("input", () => this.moved(setting, index, Number(input.value)));
+    input.addEventListener("change", () => input.blur());
+    const row = document.createElement("label");
+    if (count > 1) {
+      input.setAttribute("aria-label", `${label} ${index + 1} of ${count}`);
+      input.addEventListener("dblclick", () => this.set(setting, index, 0));
+      row.append(document.createElement("span"), input, document.createElement("output"));
+    } else {
+      row.className = "slider";
+      row.append(`${label} `, document.createElement("output"), input);
+    }
+    return row;
+  }
+
+  qualityButton({ label, key, rays, layers }) {
+    const button = document.createElement("button");
+    const points = document.createElement("small");
+    points.textContent = `${rays}×${layers}`;
+    button.append(`${label} `, points);
+    button.title = `${rays} rays × ${layers} layers (${key})`;
+    Object.assign(button.dataset, { rays, layers });
+    button.addEventListener("click", (e) => this.fromButton(e, () => this.quality(rays, layers)));
+    return button;
+  }
+
+  setting(key) {
+    return this.settings.find((setting) => setting.key === key);
   }
 
   /** Runs an action of a button, which must not take the space bar afterwards. */
   fromButton(event, action) {
     action();
     event.currentTarget.blur();
-  }
-
-  buildTgc() {
-    for (let index = 0; index < TGC_SLIDERS; index++) {
-      const input = document.createElement("input");
-      Object.assign(input, { type: "range", min: -24, max: 24, step: 1, value: 0, id: `tgc_${index}` });
-      input.setAttribute("aria-label", `TGC slider ${index + 1} of ${TGC_SLIDERS}`);
-      input.addEventListener("input", () => this.moved(input.id, Number(input.value)));
-      input.addEventListener("change", () => input.blur());
-      input.addEventListener("dblclick", () => this.set(input.id, 0));
-      const row = document.createElement("label");
-      const depth = document.createElement("span");
-      row.append(depth, input, document.createElement("output"));
-      byId("tgc_sliders").append(row);
-    }
   }
 
   hold(name) {
@@ -63,85 +83,100 @@ export class Controls {
     return (this.heldUntil.get(name) ?? 0) > performance.now();
   }
 
-  /** The message for a slider's value. */
-  message(name, value) {
-    const index = /^tgc_(\d)$/.exec(name)?.[1];
-    return index === undefined ? { type: name, value } : { type: "tgc_slider", index: Number(index), db: value };
+  assign(assignments) {
+    this.send({ type: "set", assignments });
   }
 
-  moved(name, value) {
-    this.hold(name);
-    show(byId(name), value);
-    this.waiting.set(name, value);
-    if (this.sendTimers.has(name)) return;
-    this.flush(name);
-    this.sendTimers.set(name, setInterval(() => this.flush(name), SEND_PERIOD_MS));
+  moved(setting, index, value) {
+    const id = idOf(setting, index);
+    this.hold(id);
+    show(byId(id), value);
+    this.waiting.set(id, { key: setting.key, index, value });
+    if (this.sendTimers.has(id)) return;
+    this.flush(id);
+    this.sendTimers.set(id, setInterval(() => this.flush(id), SEND_PERIOD_MS));
   }
 
-  flush(name) {
-    if (!this.waiting.has(name)) {
-      clearInterval(this.sendTimers.get(name));
-      this.sendTimers.delete(name);
+  flush(id) {
+    if (!this.waiting.has(id)) {
+      clearInterval(this.sendTimers.get(id));
+      this.sendTimers.delete(id);
       return;
     }
-    this.send(this.message(name, this.waiting.get(name)));
-    this.waiting.delete(name);
+    this.assign([this.waiting.get(id)]);
+    this.waiting.delete(id);
   }
 
-  /** Sets a slider from a key, within its ends. */
-  set(name, value) {
-    const input = byId(name);
+  /** Sets a slider, within its ends. */
+  set(setting, index, value) {
+    const input = byId(idOf(setting, index));
     const clamped = Math.min(Math.max(value, Number(input.min)), Number(input.max));
     input.value = clamped;
-    this.moved(name, clamped);
+    this.moved(setting, index, clamped);
   }
 
-  step(name, by) {
-    this.set(name, Number(byId(name).value) + by);
+  /** Steps a setting by a key, or toggles a switch. */
+  step(key, by) {
+    const setting = this.setting(key);
+    if (setting.slider) this.set(setting, 0, Number(byId(key).value) + by);
+    else this.toggle(key);
   }
 
   resetTgc() {
-    for (let i = 0; i < TGC_SLIDERS; i++) this.set(`tgc_${i}`, 0);
+    const setting = this.setting("tgc_sliders_db");
+    for (let index = 0; index < setting.count; index++) this.set(setting, index, 0);
   }
 
-  toggle(type, setting) {
-    if (!this.settings) return;
-    const on = !this.settings[setting];
-    this.settings[setting] = on;
-    this.hold(type);
-    this.send({ type, on });
-    this.showToggles();
+  toggle(key) {
+    if (!this.values) return;
+    this.setAll({ [key]: this.values[key] ? 0 : 1 });
   }
 
   quality(rays, layers) {
-    if (!this.settings) return;
-    Object.assign(this.settings, { rays, layers });
-    this.hold("quality");
-    this.send({ type: "quality", rays, layers });
-    this.showToggles();
+    if (this.values) this.setAll({ rays, layers });
+  }
+
+  /** Sets values that have no slider, all at once. */
+  setAll(values) {
+    Object.assign(this.values, values);
+    for (const key of Object.keys(values)) this.hold(key);
+    this.assign(Object.entries(values).map(([key, value]) => ({ key, value })));
+    this.showButtons();
   }
 
   /** Follows the settings that a frame was made with. */
-  follow(settings) {
-    const before = this.settings ?? settings;
-    this.settings = { ...settings };
-    if (this.isHeld("freeze")) this.settings.frozen = before.frozen;
-    if (this.isHeld("enhance")) this.settings.enhance = before.enhance;
-    if (this.isHeld("quality")) Object.assign(this.settings, { rays: before.rays, layers: before.layers });
-    for (const name of SLIDERS) this.followSlider(name, settings[name]);
-    settings.tgc_sliders_db.forEach((db, i) => {
-      this.followSlider(`tgc_${i}`, db);
-      const depthCm = (settings.depth_mm / 10 / (TGC_SLIDERS - 1)) * i;
-      const label = byId(`tgc_${i}`).previousElementSibling;
-      const text = depthCm.toFixed(1);
-      if (label.textContent !== text) label.textContent = text;
-    });
-    this.showToggles();
+  follow(values) {
+    const before = this.values ?? values;
+    this.values = { ...values };
+    for (const setting of this.settings) {
+      const { key, slider } = setting;
+      const list = [values[key]].flat();
+      if (slider) list.forEach((value, index) => this.followSlider(idOf(setting, index), value));
+      else if (this.isHeld(key)) this.values[key] = before[key];
+      if (slider && list.length > 1) this.showDepths(setting);
+    }
+    this.showButtons();
   }
 
-  followSlider(name, value) {
-    if (this.isHeld(name)) return;
-    const input = byId(name);
+  /** Writes the depths of sliders that are spread over the image beside them. */
+  showDepths(setting) {
+    for (let index = 0; index < setting.count; index++) {
+      const label = byId(idOf(setting, index)).previousElementSibling;
+      const text = ((this.values.depth_mm / 10 / (setting.count - 1)) * index).toFixed(1);
+      if (label.textContent !== text) label.textContent = text;
+    }
+  }
+
+  /** Texts under the picture, of settings that have one. */
+  captions(values) {
+    const named = this.settings.filter(({ caption }) => caption);
+    const texts = named.map((setting) => `${setting.caption} ${shownText(values[setting.key], setting)}`);
+    return [...texts, `${values.rays}×${values.layers}`];
+  }
+
+  followSlider(id, value) {
+    if (this.isHeld(id)) return;
+    const input = byId(id);
     // A station file may go beyond what the slider offers.
     if (value < Number(input.min)) input.min = value;
     if (value > Number(input.max)) input.max = value;
@@ -149,17 +184,23 @@ export class Controls {
     show(input, value);
   }
 
-  showToggles() {
-    const { frozen, enhance, rays, layers } = this.settings;
-    byId("freeze").setAttribute("aria-pressed", String(frozen));
+  showButtons() {
+    const { frozen, enhance, rays, layers } = this.values;
+    byId("freeze").setAttribute("aria-pressed", String(Boolean(frozen)));
     byId("freeze").firstChild.textContent = frozen ? "Unfreeze " : "Freeze ";
-    if (!this.isHeld("enhance")) byId("enhance").checked = enhance;
+    byId("enhance").checked = Boolean(enhance);
     for (const button of byId("quality").children) {
       const chosen = Number(button.dataset.rays) === rays && Number(button.dataset.layers) === layers;
       button.setAttribute("aria-pressed", String(chosen));
     }
   }
 }
+
+/** The `id` of a slider: the setting's key, and its place where there are several. */
+const idOf = ({ key, count }, index) => (count > 1 ? `${key}_${index}` : key);
+
+/** A value as text, with its unit. */
+const shownText = (value, { unit, scale, digits }) => `${(value * scale).toFixed(digits)} ${unit}`;
 
 /** Writes a slider's value beside it. */
 export function show(input, value) {

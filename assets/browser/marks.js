@@ -26,7 +26,7 @@ export function tickStepCm(depthCm, heightPx) {
 }
 
 /** Draws all marks of `frame`, its picture at `rect`. */
-export function drawMarks(context, frame, rect, calipers, pending) {
+export function drawMarks(context, frame, rect, captions, calipers, pending) {
   const yAt = (depthMm) => rect.y + (frame.faceRow + depthMm / frame.pixelMm) * rect.scale;
   context.save();
   context.font = `12px ${FONT}`;
@@ -34,7 +34,7 @@ export function drawMarks(context, frame, rect, calipers, pending) {
   depthScale(context, frame, rect, yAt);
   orientation(context, frame, rect);
   greyBar(context, frame, rect);
-  caption(context, frame, rect);
+  caption(context, captions, rect);
   calipers.forEach((caliper, i) => drawCaliper(context, frame, rect, caliper, i));
   if (pending) drawCaliper(context, frame, rect, pending, calipers.length);
   context.restore();
@@ -112,16 +112,7 @@ function greyBar(context, frame, rect) {
   context.fillText("dB", x + 5, y + height + 25);
 }
 
-function caption(context, frame, rect) {
-  const s = frame.settings;
-  const parts = [
-    `Depth ${(s.depth_mm / 10).toFixed(1)} cm`,
-    `Gain ${s.gain_db.toFixed(0)} dB`,
-    `DR ${s.dynamic_range_db.toFixed(0)} dB`,
-    `TGC ${s.tgc_db_per_cm.toFixed(1)} dB/cm`,
-    `Focus ${(s.focus_mm / 10).toFixed(1)} cm`,
-    `${s.rays}×${s.layers}`,
-  ];
+function caption(context, parts, rect) {
   context.fillStyle = FAINT;
   context.textAlign = "center";
   context.fillText(parts.join("   ·   "), rect.x + rect.width / 2, rect.y + rect.height + 16, rect.width);

@@ -11,14 +11,14 @@ use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
-use insonify::render::{BackendError, RenderError, SettingsError, UnknownBackendVariable};
+use insonify::render::{BackendError, RenderError, UnknownBackendVariable};
 use insonify::selftest::SelfTestError;
+use insonify::settings::SettingsError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
 use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
-use insonify::transducer::ProbeError;
 
 /// Failure of a command.
 #[derive(Debug)]
@@ -156,7 +156,7 @@ impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match error {
             RenderError::Backend(error) => error.into(),
-            RenderError::Bvh(_) | RenderError::Probe(_) | RenderError::Settings(_) => Self::Input(error.into()),
+            RenderError::Bvh(_) | RenderError::Settings(_) => Self::Input(error.into()),
             _ => Self::Other(error.into()),
         }
     }
@@ -201,7 +201,6 @@ input_errors!(
     DatasetError,
     PlanesError,
     SceneError,
-    ProbeError,
     SettingsError,
     PhantomError,
     CalibrationError,

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use insonify::anatomy::Scene;
 use insonify::pipeline::CONTROLS_WAITING;
-use insonify::sink::live::{Control, LiveSink};
+use insonify::settings::Control;
+use insonify::sink::live::LiveSink;
 use insonify::sink::openigtlink::OpenIgtLink;
 use insonify::sink::{FrameLog, FrameRate, LiveSinkKind, LiveVideo, NullSink, PngSequence};
 use insonify::station::Station;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use insonify::render::ImageSettings;
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
+use insonify::settings::{ImageSettings, Probe, RenderSettings};
 use insonify::sink::frame_files::tissue_numbers;
-use insonify::sink::frame_record::{AdapterRecord, PoseRecord, ProbeRecord, QualityRecord};
+use insonify::sink::frame_record::{AdapterRecord, PoseRecord};
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{Video, npy, remove, write_json};
 use insonify::tracker::recording::RecordingSummary;
@@ -71,8 +71,8 @@ struct Report<'a> {
     recording: RecordingReport<'a>,
     station: &'a PathBuf,
     adapter: AdapterRecord,
-    probe: ProbeRecord,
-    quality: QualityRecord,
+    probe: Probe,
+    quality: RenderSettings,
     fps: f64,
     /// Frames written.
     rendered: usize,
@@ -123,27 +123,15 @@ struct PartEntry {
     first: usize,
     /// Number of frames.
     frames: usize,
-    probe: ProbeRecord,
-    quality: QualityRecord,
-    dynamic_range_db: f64,
-    gain_db: f64,
-    tgc_db_per_cm: f64,
-    tgc_sliders_db: [f64; 8],
+    probe: Probe,
+    quality: RenderSettings,
+    #[serde(flatten)]
+    image: ImageSettings,
 }
 
 impl From<&Part> for PartEntry {
-    fn from(Part { frames, probe, settings }: &Part) -> Self {
-        let ImageSettings { dynamic_range_db, gain_db, tgc_db_per_cm, tgc_sliders_db, .. } = settings.image;
-        Self {
-            first: frames.start,
-            frames: frames.len(),
-            probe: ProbeRecord::from(probe),
-            quality: QualityRecord::from(settings),
-            dynamic_range_db,
-            gain_db,
-            tgc_db_per_cm,
-            tgc_sliders_db,
-        }
+    fn from(&Part { ref frames, probe, settings }: &Part) -> Self {
+        Self { first: frames.start, frames: frames.len(), probe, quality: settings, image: settings.image }
     }
 }
 
@@ -249,8 +237,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         recording: RecordingReport::new(&args.replay.recording, summary),
         station: &args.replay.station,
         adapter: session::adapter(&backend),
-        probe: ProbeRecord::from(probe),
-        quality: QualityRecord::from(settings),
+        probe: *probe,
+        quality: *settings,
         fps: rate.fps(),
         rendered: end - start,
         held: timeline.held_in(start..end),

@@ -7,11 +7,11 @@ use std::str::FromStr;
 use anyhow::anyhow;
 use clap::Args;
 use insonify::anatomy::Scene;
-use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses, same_picture};
+use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses};
 use insonify::pose::{Estimator, Pose};
 use insonify::render::{Backend, Frame, Quality, RenderSettings, Renderer};
+use insonify::settings::LiveSettings;
 use insonify::sink::FrameRate;
-use insonify::sink::live::LiveSettings;
 use insonify::station::Station;
 use insonify::tracker::recording::{self, Event, RecordingSummary};
 use insonify::transducer::Probe;
@@ -137,14 +137,15 @@ impl ReplayArgs {
         if let (Some(ms), None, None) = (station.quality_budget_ms, budget_ms, self.quality) {
             eprintln!("the recorded session says its quality: quality.budget_ms = {ms} chooses nothing");
         }
-        let mut controls = ReplayedControls::new(&station.probe, &settings, events);
+        let begin = LiveSettings { probe: station.probe, render: settings, frozen: false, enhance: false };
+        let mut controls = ReplayedControls::new(begin, events);
         for reason in controls.refused() {
             tracing::warn!("{}: {reason}", self.recording.display());
         }
         self.say_others(&station, &controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
-        let parts = self.parts(&controls, &live, frames.clone())?;
+        let parts = self.parts(&live, frames.clone());
         Ok(Replay { station, rate, summary, timeline, frames, parts, budget_ms })
     }
 
@@ -182,21 +183,15 @@ impl ReplayArgs {
     }
 
     /// Stretches of equal settings in `frames`.
-    fn parts(
-        &self,
-        controls: &ReplayedControls,
-        live: &[LiveSettings],
-        frames: Range<usize>,
-    ) -> Result<Vec<Part>, Failure> {
+    fn parts(&self, live: &[LiveSettings], frames: Range<usize>) -> Vec<Part> {
         let mut parts: Vec<Part> = Vec::new();
         let mut last: Option<LiveSettings> = None;
         for frame in frames {
             let Some(now) = live.get(frame) else { break };
             match parts.last_mut() {
-                Some(part) if last.is_some_and(|last| same_picture(&last, now)) => part.frames.end = frame + 1,
+                Some(part) if last.is_some_and(|last| last.same_picture(now)) => part.frames.end = frame + 1,
                 _ => {
-                    let (probe, mut settings) =
-                        controls.apply(now).map_err(|reason| Failure::Input(anyhow!(reason)))?;
+                    let LiveSettings { probe, render: mut settings, .. } = *now;
                     let Quality { seed, .. } = settings.quality;
                     settings.quality = self.quality.map_or(settings.quality, |quality| quality.with_seed(seed));
                     parts.push(Part { frames: frame..frame + 1, probe, settings });
@@ -204,7 +199,7 @@ impl ReplayArgs {
             }
             last = Some(*now);
         }
-        Ok(parts)
+        parts
     }
 }
 

@@ -12,10 +12,10 @@ use insonify::pipeline::{
     RecordingObserver, StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
 };
 use insonify::pose::{Estimator, Pose};
+#[cfg(feature = "window")]
+use insonify::settings::Control;
 use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_record::AdapterRecord;
-#[cfg(feature = "window")]
-use insonify::sink::live::Control;
 #[cfg(feature = "window")]
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;

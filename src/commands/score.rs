@@ -10,6 +10,7 @@ use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::report::exam as exam_report;
+use insonify::settings::LiveSettings;
 use insonify::station::Station;
 use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
@@ -87,7 +88,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if poses.is_empty() {
         return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
     }
-    let mut controls = ReplayedControls::new(&station.probe, &station.settings, &summary.events);
+    let begin = LiveSettings { probe: station.probe, render: station.settings, frozen: false, enhance: false };
+    let mut controls = ReplayedControls::new(begin, &summary.events);
     for reason in controls.refused() {
         tracing::warn!("{}: {reason}", args.recording.display());
     }
@@ -129,7 +131,7 @@ fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
             timed.pose = last.unwrap_or(timed.pose);
         }
         last = Some(timed.pose);
-        live.depth_mm
+        live.probe.depth_mm
     };
     poses.iter_mut().map(&mut each).collect()
 }
@@ -200,7 +202,6 @@ fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, erro
 
 #[cfg(test)]
 mod tests {
-    use insonify::render::RenderSettings;
     use insonify::tracker::recording::Event;
     use insonify::transducer::Probe;
 
@@ -219,7 +220,7 @@ mod tests {
             event(1020, "frozen", true.into()),
             event(1040, "frozen", false.into()),
         ];
-        let mut controls = ReplayedControls::new(&Probe::default(), &RenderSettings::default(), &events);
+        let mut controls = ReplayedControls::new(LiveSettings::default(), &events);
         assert_eq!(controls.refused(), [] as [String; 0]);
         let depths = shown(&mut poses, &mut controls);
         assert_eq!(depths, [Probe::default().depth_mm, 90.0, 90.0, 90.0, 90.0]);

@@ -2,8 +2,8 @@
 
 use insonify::pipeline::ReplayedPoses;
 use insonify::pose::{Pose, TimedPose, TrackingState, interpolate};
+use insonify::settings::LiveSettings;
 use insonify::sink::FrameRate;
-use insonify::sink::live::LiveSettings;
 use insonify::tracker::recording::GAP_NS;
 
 use super::failure::Failure;

@@ -3,22 +3,11 @@
 use std::time::Duration;
 
 use crate::pose::Pose;
-use crate::sink::live::{FrameSource, LiveSettings};
+use crate::settings::ChoiceSettings;
+use crate::sink::live::FrameSource;
 
 /// Longest row of frames that the generated picture must have been ready for before it is shown again.
 const ROW_MAX: u32 = 256;
-
-/// When a held picture may stand for a frame, and how steady the generator must be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChoiceSettings {
-    /// Distance of two poses up to which one's picture may stand for the other's, mm.
-    pub hold_mm: f64,
-    /// Angle of the same, degrees.
-    pub hold_deg: f64,
-    /// Frames in a row for which a generated picture must have been there in time before it is shown. It doubles each
-    /// time that the generator falls back soon after, up to 256.
-    pub steady_frames: u32,
-}
 
 impl ChoiceSettings {
     /// Whether the picture of `held` may stand for `pose`.
@@ -26,11 +15,6 @@ impl ChoiceSettings {
         held.position_mm.distance(pose.position_mm) <= self.hold_mm
             && held.orientation.angle_between(pose.orientation).to_degrees() <= self.hold_deg
     }
-}
-
-/// Whether two frames with these settings differ in nothing but their pose.
-pub fn same_picture(a: &LiveSettings, b: &LiveSettings) -> bool {
-    LiveSettings { frozen: b.frozen, enhance: b.enhance, ..*a } == *b
 }
 
 /// Decides frame by frame. It knows no clock: whoever owns it says what was ready.

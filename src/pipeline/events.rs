@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::clock::{Clock, lock};
 use crate::pose::Estimate;
-use crate::sink::live::LiveSettings;
+use crate::settings::LiveSettings;
 
 /// Time for which a notice stays on the frames.
 const NOTICE_TIME: Duration = Duration::from_secs(5);

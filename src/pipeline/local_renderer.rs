@@ -98,9 +98,9 @@ impl FrameRenderer for LocalRenderer {
 /// Sorts an error by whether another device may mend it.
 fn fault(error: RenderError) -> RenderFault {
     match error {
-        RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. })
-        | RenderError::Probe(_)
-        | RenderError::Settings(_) => RenderFault::Refused(error.to_string()),
+        RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. }) | RenderError::Settings(_) => {
+            RenderFault::Refused(error.to_string())
+        }
         _ => RenderFault::Lost(error.to_string()),
     }
 }

@@ -40,7 +40,7 @@ mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use controls::CONTROLS_WAITING;
-pub use deadline::{ChoiceSettings, Chooser, same_picture};
+pub use deadline::Chooser;
 pub use events::Observer;
 pub use frames::Pool;
 pub use histogram::{Histogram, Percentiles};
@@ -52,7 +52,7 @@ pub use parts::{
 pub use quality_budget::{QualityBudget, QualityChange, QualitySummary};
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
-pub use session::{Limits, Parts, Pipeline, PipelineError, Settings};
+pub use session::{Limits, Parts, Pipeline, PipelineError};
 pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};

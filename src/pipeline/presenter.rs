@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use tracing::field::Empty;
 
 use super::clock::{Clock, NEVER, Signal, ms};
-use super::deadline::{ChoiceSettings, Chooser, same_picture};
+use super::deadline::Chooser;
 use super::events::Events;
 use super::frames::Pool;
 use super::generate_stage::Generated;
@@ -15,6 +15,7 @@ use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
 use crate::render::Frame;
+use crate::settings::ChoiceSettings;
 use crate::sink::FrameLog;
 use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
 
@@ -120,7 +121,7 @@ impl Presenter {
         let own = state.is_own(rendered);
         let near = state.held.as_ref().is_some_and(|held| {
             held.size == (rendered.shape.width, rendered.shape.height)
-                && same_picture(&held.info.settings, &rendered.info.settings)
+                && held.info.settings.same_picture(&rendered.info.settings)
                 && held.info.pose().is_some_and(|at| self.choice.near(&at, &pose))
         });
         state.chooser.choose(own, near)

@@ -2,13 +2,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use serde_json::Value;
-
 use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
 use crate::pose::Estimate;
-use crate::sink::live::LiveSettings;
+use crate::settings::LiveSettings;
 use crate::tracker::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
 
 /// Name of the events at which settings change.
@@ -29,29 +27,12 @@ impl Observer for RecordingObserver {
     }
 
     fn settings(&self, unix_ns: u64, settings: &LiveSettings) {
-        self.0.event(Event::new(unix_ns, SETTINGS_EVENT).with(settings_value(settings)));
+        self.0.event(Event::new(unix_ns, SETTINGS_EVENT).with(settings.to_json()));
     }
 }
 
-/// Settings as an event holds them.
-pub(super) fn settings_value(settings: &LiveSettings) -> Value {
-    let image = &settings.image;
-    serde_json::json!({
-        "gain_db": image.gain_db,
-        "dynamic_range_db": image.dynamic_range_db,
-        "tgc_db_per_cm": image.tgc_db_per_cm,
-        "tgc_sliders_db": image.tgc_sliders_db,
-        "depth_mm": settings.depth_mm,
-        "focus_mm": settings.focus_mm,
-        "rays": settings.rays,
-        "layers": settings.layers,
-        "frozen": settings.frozen,
-        "enhance": settings.enhance,
-    })
-}
-
-/// The settings that hold after `event`, if it is about settings: one of [`SETTINGS_EVENT`], or one named as a setting
-/// with its value. Where it is silent they are as `before`.
+/// Live settings after `event`, if it is about settings: one of [`SETTINGS_EVENT`], or one named after a setting, with
+/// its value. Settings that it does not name stay as `before`.
 ///
 /// # Errors
 /// A value of another type. Its range is not checked.
@@ -60,39 +41,12 @@ pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Res
     let value = event.value.as_ref()?;
     if event.name == SETTINGS_EVENT {
         let Some(values) = value.as_object() else { return Some(Err(format!("it is {value}, no table"))) };
-        for (key, value) in values {
-            // A later version may know more.
-            if let Some(Err(reason)) = set(&mut settings, key, value) {
-                return Some(Err(reason));
-            }
-        }
-        return Some(Ok(settings));
+        // A later version may know more.
+        let read: Result<(), String> =
+            values.iter().filter_map(|(key, value)| settings.read_json(key, value)).collect();
+        return Some(read.map(|()| settings));
     }
-    set(&mut settings, &event.name, value).map(|result| result.map(|()| settings))
-}
-
-/// Sets `key`; None where there is no such setting.
-fn set(settings: &mut LiveSettings, key: &str, value: &Value) -> Option<Result<(), String>> {
-    let LiveSettings { image, depth_mm, focus_mm, rays, layers, frozen, enhance } = settings;
-    let done = match key {
-        "gain_db" => read(value, &mut image.gain_db),
-        "dynamic_range_db" => read(value, &mut image.dynamic_range_db),
-        "tgc_db_per_cm" => read(value, &mut image.tgc_db_per_cm),
-        "tgc_sliders_db" => read(value, &mut image.tgc_sliders_db),
-        "depth_mm" => read(value, depth_mm),
-        "focus_mm" => read(value, focus_mm),
-        "rays" => read(value, rays),
-        "layers" => read(value, layers),
-        "frozen" => read(value, frozen),
-        "enhance" => read(value, enhance),
-        _ => return None,
-    };
-    Some(done.map_err(|error| format!("`{key}` is {value}: {error}")))
-}
-
-fn read<T: serde::de::DeserializeOwned>(value: &Value, into: &mut T) -> Result<(), serde_json::Error> {
-    *into = serde_json::from_value(value.clone())?;
-    Ok(())
+    settings.read_json(&event.name, value).map(|result| result.map(|()| settings))
 }
 
 /// Result of a recorder, once it has ended.

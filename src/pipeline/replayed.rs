@@ -3,12 +3,10 @@
 use glam::DVec3;
 use serde_json::Value;
 
-use super::recorded::{SETTINGS_EVENT, settings_after, settings_value};
+use super::recorded::{SETTINGS_EVENT, settings_after};
 use crate::pose::{Estimate, Estimator, Measurement, Reading};
-use crate::render::{Quality, RenderSettings};
-use crate::sink::live::LiveSettings;
+use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
 use crate::tracker::recording::{DISCONNECTED_EVENT, Event};
-use crate::transducer::Probe;
 
 /// A puck is known to rest from so long before its first measurement on, ns.
 const REST_NS: u64 = 1_000_000;
@@ -60,16 +58,16 @@ impl ReplayedPoses {
     }
 }
 
-/// What was set in a recorded session, by its events.
+/// Settings of a recorded session, by its events.
 #[derive(Debug, Clone)]
 pub struct ReplayedControls {
-    probe: Probe,
-    settings: RenderSettings,
+    /// Settings of the replay's station.
+    begin: LiveSettings,
     live: LiveSettings,
-    /// What holds from a time on, ns since 1970 (UTC), ascending.
+    /// Settings from a time on, ns since 1970 (UTC), ascending.
     changes: Vec<(u64, LiveSettings)>,
     next: usize,
-    /// What the session itself said that it began with.
+    /// Settings at the start, as the session recorded them.
     first: Option<LiveSettings>,
     refused: Vec<String>,
 }
@@ -77,7 +75,7 @@ pub struct ReplayedControls {
 /// A setting that a recorded session began with and that its replay has otherwise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OtherSetting {
-    /// Its name in the recording's events.
+    /// Key without its table.
     pub key: String,
     /// Value in the recorded session.
     pub recorded: Value,
@@ -85,24 +83,19 @@ pub struct OtherSetting {
     pub here: Value,
 }
 
-/// Names of settings that change no rendered picture.
-const NOT_RENDERED: [&str; 2] = ["frozen", "enhance"];
-
 impl ReplayedControls {
-    /// Of a session that began with `probe` and `settings`; `events` may tell of others at its start already.
-    pub fn new(probe: &Probe, settings: &RenderSettings, events: &[Event]) -> Self {
-        let begin = super::controls::live_settings(probe, settings, false, false);
-        let (probe, settings) = (*probe, *settings);
+    /// Replays the settings of `events`, beginning with `begin` where they do not tell of the start.
+    pub fn new(begin: LiveSettings, events: &[Event]) -> Self {
         let (changes, refused) = (Vec::new(), Vec::new());
-        let mut replayed = Self { probe, settings, live: begin, changes, next: 0, first: None, refused };
+        let mut replayed = Self { begin, live: begin, changes, next: 0, first: None, refused };
         let mut events: Vec<&Event> = events.iter().collect();
         events.sort_by_key(|event| event.host_time_ns);
         let mut last = begin;
         for event in events {
             let Some(changed) = settings_after(event, &last) else { continue };
-            let changed = changed.and_then(|live| replayed.apply(&live).map(|_| live));
+            let changed = changed.and_then(|live| live.validate().map(|()| live).map_err(|error| error.to_string()));
             if let (None, Ok(live)) = (replayed.first, &changed)
-                && names_all(event, &begin)
+                && names_most(event)
             {
                 replayed.first = Some(*live);
             }
@@ -118,27 +111,27 @@ impl ReplayedControls {
         replayed
     }
 
-    /// What the session began with other than `probe` and `settings` say; nothing where its recording does not tell.
+    /// Settings of the picture that the session began with otherwise than the replay; empty if its recording does not
+    /// tell.
     pub fn others_at_start(&self) -> Vec<OtherSetting> {
         let Some(first) = &self.first else { return Vec::new() };
-        let here = super::controls::live_settings(&self.probe, &self.settings, false, false);
-        let (Value::Object(first), Value::Object(mut here)) = (settings_value(first), settings_value(&here)) else {
-            return Vec::new();
-        };
-        let others = first.into_iter().filter_map(|(key, recorded)| {
-            let here = here.remove(&key)?;
-            let differs = !NOT_RENDERED.contains(&&*key) && !is_same(&recorded, &here);
-            differs.then_some(OtherSetting { key, recorded, here })
+        let of_picture = live_settings().filter(|setting| setting.is_of_picture());
+        let others = of_picture.filter_map(|setting| {
+            let [recorded, here] =
+                [first, &self.begin].map(|live| live.stored(setting.key).map(|at| setting.to_json(at)));
+            let (recorded, here) = recorded.zip(here)?;
+            let key = setting.key.to_owned();
+            (!is_same(&recorded, &here)).then_some(OtherSetting { key, recorded, here })
         });
         others.collect()
     }
 
-    /// How often anything was set.
+    /// Number of changes.
     pub fn changes(&self) -> usize {
         self.changes.len()
     }
 
-    /// Events that set nothing, since what they say cannot be: why.
+    /// Reasons for which events were not applied.
     pub fn refused(&self) -> &[String] {
         &self.refused
     }
@@ -151,26 +144,13 @@ impl ReplayedControls {
         }
         self.live
     }
-
-    /// What a renderer needs for `live`.
-    ///
-    /// # Errors
-    /// The first value out of range.
-    pub fn apply(&self, live: &LiveSettings) -> Result<(Probe, RenderSettings), String> {
-        let probe = Probe { depth_mm: live.depth_mm, focus_mm: live.focus_mm, ..self.probe };
-        let quality = Quality { rays: live.rays, layers: live.layers, ..self.settings.quality };
-        let settings = RenderSettings { image: live.image, quality, ..self.settings };
-        settings.validate().map_err(|error| error.to_string())?;
-        probe.validate().map_err(|error| error.to_string())?;
-        Ok((probe, settings))
-    }
 }
 
-/// Whether `event` holds every setting, as a session says them at its start.
-fn names_all(event: &Event, settings: &LiveSettings) -> bool {
+/// Whether `event` names most live settings. A session names all at its start, but an earlier build may know fewer.
+fn names_most(event: &Event) -> bool {
     let named = event.value.as_ref().and_then(Value::as_object).filter(|_| event.name == SETTINGS_EVENT);
-    let all = settings_value(settings);
-    named.is_some_and(|named| all.as_object().is_some_and(|all| all.keys().all(|key| named.contains_key(key))))
+    let count = named.map_or(0, |named| live_settings().filter(|setting| named.contains_key(setting.key)).count());
+    2 * count > live_settings().count()
 }
 
 /// Whether two settings are one: reading a number may cost its last bit.
@@ -240,40 +220,35 @@ mod tests {
 
     #[test]
     fn what_was_set_holds_from_its_time_on_and_nonsense_is_refused() {
-        let (probe, settings) = (Probe::default(), RenderSettings::default());
         let event = |ms: u64, name: &str, value: serde_json::Value| Event::new(START + ms * MS, name).with(value);
-        let begin = super::super::controls::live_settings(&probe, &settings, false, false);
-        let louder = LiveSettings { frozen: true, depth_mm: 90.0, rays: 4, ..begin };
+        let begin = LiveSettings { enhance: false, ..LiveSettings::default() };
+        let mut louder = LiveSettings { frozen: true, ..begin };
+        (louder.probe.depth_mm, louder.render.quality.rays) = (90.0, 4);
         let events = [
-            event(300, "settings", settings_value(&louder)),
+            event(300, "settings", louder.to_json().into()),
             event(100, "gain_db", 6.0.into()),
             event(150, "gain_db", 1e9.into()),
             event(160, "rays", "many".into()),
             event(170, "tgc_sliders_db", serde_json::json!([1, 2, 3])),
             event(200, "first view", 7.into()),
         ];
-        let mut controls = ReplayedControls::new(&probe, &settings, &events);
+        let mut controls = ReplayedControls::new(begin, &events);
         assert_eq!((controls.changes(), controls.refused().len()), (2, 3), "{:?}", controls.refused());
         assert!(controls.refused()[0].contains("image.gain_db") && controls.refused()[1].contains("rays"));
         assert_eq!(controls.at(START), begin);
         let at_100 = controls.at(START + 100 * MS);
-        assert_eq!((at_100.image.gain_db, at_100.depth_mm), (6.0, begin.depth_mm));
-        let last = controls.at(START + 299 * MS);
-        assert_eq!(last, at_100);
-        let last = controls.at(START + 300 * MS);
-        assert_eq!(last, louder);
-        let (probe, settings) = controls.apply(&last).unwrap();
-        assert_eq!((probe.depth_mm, settings.quality.rays, settings.quality.seed), (90.0, 4, 0));
+        assert_eq!((at_100.render.image.gain_db, at_100.probe), (6.0, begin.probe));
+        assert_eq!(controls.at(START + 299 * MS), at_100);
+        assert_eq!(controls.at(START + 300 * MS), louder);
     }
 
     #[test]
-    fn what_a_session_began_with_is_compared_with_its_station() {
-        let (probe, settings) = (Probe::default(), RenderSettings::default());
-        let begin = super::super::controls::live_settings(&probe, &settings, false, true);
-        let others = |events: &[Event]| ReplayedControls::new(&probe, &settings, events).others_at_start();
-        let event = |ms: u64, live: &LiveSettings| Event::new(START + ms * MS, "settings").with(settings_value(live));
-        let mut other = LiveSettings { depth_mm: 90.0, ..begin };
-        other.image.tgc_sliders_db[3] = 2.5;
+    fn settings_at_the_start_are_compared_with_the_station() {
+        let begin = LiveSettings::default();
+        let others = |events: &[Event]| ReplayedControls::new(begin, events).others_at_start();
+        let event = |ms: u64, live: &LiveSettings| Event::new(START + ms * MS, "settings").with(live.to_json());
+        let mut other = begin;
+        (other.probe.depth_mm, other.render.image.tgc_sliders_db[3]) = (90.0, 2.5);
         // One that changes a single setting is no start; later ones aren't, either.
         let single = Event::new(START, "settings").with(serde_json::json!({"gain_db": 6.0}));
         assert_eq!(others(&[single, event(1, &begin), event(2, &other)]), []);
@@ -282,6 +257,16 @@ mod tests {
         assert_eq!(keys, ["depth_mm", "tgc_sliders_db"]);
         let found = others(&[event(1, &other)]);
         let depth = found.iter().find(|other| other.key == "depth_mm").unwrap();
-        assert_eq!((depth.recorded.as_f64(), depth.here.as_f64()), (Some(90.0), Some(probe.depth_mm)));
+        assert_eq!((depth.recorded.as_f64(), depth.here.as_f64()), (Some(90.0), Some(150.0)));
+    }
+
+    #[test]
+    fn a_recording_that_lacks_a_setting_of_today_still_tells_its_start() {
+        let mut recorded = LiveSettings::default().to_json();
+        recorded.remove("focus_mm");
+        recorded.insert("gain_db".to_owned(), 12.0.into());
+        let event = Event::new(START, "settings").with(recorded);
+        let others = ReplayedControls::new(LiveSettings::default(), &[event]).others_at_start();
+        assert_eq!(others.iter().map(|other| &*other.key).collect::<Vec<_>>(), ["gain_db"]);
     }
 }

@@ -2,60 +2,57 @@
 
 use super::one_euro::Cutoffs;
 use super::{Calibration, Pose};
+use crate::settings::settings;
 
-/// Filtering, prediction and tracking states: `[filter]` of a station file.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FilterSettings {
-    /// Cutoff of the position filter at rest, Hz.
-    pub min_cutoff_hz: f64,
-    /// Increase of that cutoff with speed, Hz per mm/s.
-    pub beta: f64,
-    /// Cutoff of the rotation filter at rest, Hz.
-    pub rotation_min_cutoff_hz: f64,
-    /// Increase of that cutoff with angular speed, Hz per degree/s.
-    pub rotation_beta: f64,
-    /// Cutoff of the speed filters, Hz.
-    pub speed_cutoff_hz: f64,
-    /// Longest prediction towards the time of display, ms; 0 switches prediction off.
-    pub prediction_ms: f64,
-    /// Age of the last measurement above which the pose is held, ms.
-    pub held_ms: f64,
-    /// Age above which the pose is stale, ms; at least `held_ms`.
-    pub stale_ms: f64,
-    /// Age above which the pose is lost, ms; at least `stale_ms`.
-    pub lost_ms: f64,
-    /// Duration of exactly equal readings that counts as stuck, ms; 0 switches the check off.
-    pub stuck_ms: f64,
-    /// Fastest motion of a hand, mm/s; a faster measurement is dropped unless the next one confirms it.
-    pub max_speed_mm_s: f64,
-    /// Fastest rotation of a hand, degrees/s.
-    pub max_speed_deg_s: f64,
-    /// Speed of a puck at full deflection, mm/s.
-    pub puck_mm_s: f64,
-    /// Angular speed of a puck at full deflection, degrees/s.
-    pub puck_deg_s: f64,
-}
+settings! {
+    /// Filter and prediction of poses: `[filter]` of a station file.
+    ///
+    /// Defaults suit a tracker of about 60 measurements per second with noise of 0.1 to 0.2 mm and degrees. They are the
+    /// compromise between noise at rest and error at display that the tests of the estimator measure.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct FilterSettings in "filter" {
+        /// Cutoff of the position's One-Euro filter at rest; lower is steadier and lags more.
+        min_cutoff_hz: f64 = 1.0, "Hz", 0.01..=1000.0, Everything;
 
-impl Default for FilterSettings {
-    /// For a tracker of about 60 measurements a second with noise of 0.1 to 0.2 mm and degrees: the compromise between
-    /// noise at rest and error at display time measured by the estimator's tests.
-    fn default() -> Self {
-        Self {
-            min_cutoff_hz: 1.0,
-            beta: 0.5,
-            rotation_min_cutoff_hz: 1.0,
-            rotation_beta: 0.5,
-            speed_cutoff_hz: 1.5,
-            prediction_ms: 30.0,
-            held_ms: 100.0,
-            stale_ms: 500.0,
-            lost_ms: 2000.0,
-            stuck_ms: 2000.0,
-            max_speed_mm_s: 3000.0,
-            max_speed_deg_s: 2000.0,
-            puck_mm_s: 80.0,
-            puck_deg_s: 45.0,
-        }
+        /// Addition to that cutoff per speed; higher lags less.
+        beta: f64 = 0.5, "Hz per mm/s", 0.0..=100.0, Everything;
+
+        /// Cutoff of the rotation's filter at rest.
+        rotation_min_cutoff_hz: f64 = 1.0, "Hz", 0.01..=1000.0, Everything;
+
+        /// Addition to that cutoff per angular speed.
+        rotation_beta: f64 = 0.5, "Hz per degree/s", 0.0..=100.0, Everything;
+
+        /// Cutoff of the speeds' filters.
+        speed_cutoff_hz: f64 = 1.5, "Hz", 0.01..=1000.0, Everything;
+
+        /// Longest prediction towards the time of display; 0 predicts nothing.
+        prediction_ms: f64 = 30.0, "ms", 0.0..=200.0, Everything;
+
+        // The ranges of these three touch and do not overlap: their values always ascend.
+        /// Age of the last measurement above which the pose is held.
+        held_ms: f64 = 100.0, "ms", 1.0..=500.0, Everything;
+
+        /// Age of the last measurement above which the pose is stale.
+        stale_ms: f64 = 500.0, "ms", 500.0..=2000.0, Everything;
+
+        /// Age of the last measurement above which the pose is lost.
+        lost_ms: f64 = 2000.0, "ms", 2000.0..=3_600_000.0, Everything;
+
+        /// Duration of exactly equal readings that is noted as stuck; 0 notes nothing.
+        stuck_ms: f64 = 2000.0, "ms", 0.0..=3_600_000.0, Everything;
+
+        /// Fastest motion of a hand; a measurement beyond it is dropped unless the next one confirms it.
+        max_speed_mm_s: f64 = 3000.0, "mm/s", 1.0..=1e9, Everything;
+
+        /// Fastest turn of a hand.
+        max_speed_deg_s: f64 = 2000.0, "degrees/s", 1.0..=1e9, Everything;
+
+        /// Speed at full push of a device that gives rates (SpaceMouse).
+        puck_mm_s: f64 = 80.0, "mm/s", 0.0..=10_000.0, Everything;
+
+        /// Angular speed at its full twist.
+        puck_deg_s: f64 = 45.0, "degrees/s", 0.0..=10_000.0, Everything;
     }
 }
 

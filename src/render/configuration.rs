@@ -2,14 +2,15 @@
 
 use super::batch_plan::BatchPlan;
 use super::constants::MOVES;
-use super::effect::Effect;
 use super::error::RenderError;
 use super::kernels::ClippedKernel;
 use super::params::Params;
 use super::plan::{EffectPlan, SceneFacts};
-use super::settings::RenderSettings;
 use super::tables::Tables;
 use crate::anatomy::{Bvh, Scene, Tissue};
+use crate::settings::Effect;
+use crate::settings::RenderSettings;
+use crate::settings::{Change, SettingsGroup as _};
 use crate::transducer::Probe;
 
 /// Tissues and surfaces of a scene, as tables need them.
@@ -93,19 +94,10 @@ impl Configuration {
         }
     }
 
-    /// Whether `probe` and `settings` need no other tables, buffers or passes. Gain, dynamic range, TGC, seed, reflections
-    /// and maps are uniforms or chosen for each frame, as long as the plan stays.
+    /// Whether `probe` and `settings` need no other tables, buffers or passes: every changed setting is a uniform or is
+    /// chosen for each frame, and the plan stays.
     pub(super) fn has_tables_of(&self, media: &Media, probe: &Probe, settings: &RenderSettings) -> bool {
-        let mut like_these = *settings;
-        let (image, mine) = (&mut like_these.image, &self.settings.image);
-        image.dynamic_range_db = mine.dynamic_range_db;
-        image.gain_db = mine.gain_db;
-        image.tgc_db_per_cm = mine.tgc_db_per_cm;
-        image.tgc_sliders_db = mine.tgc_sliders_db;
-        like_these.quality.seed = self.settings.quality.seed;
-        like_these.reflections_max = self.settings.reflections_max;
-        like_these.maps = self.settings.maps;
-        if *probe != self.probe || like_these != self.settings {
+        if self.probe.change_to(probe).max(self.settings.change_to(settings)) > Change::Nothing {
             return false;
         }
         let apart_from_maps = |plan: &EffectPlan| plan.effects().without(Effect::Maps);

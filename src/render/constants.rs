@@ -1,5 +1,7 @@
 //! Constants that the shaders, the host renderer and the f64 twin share; `device::shaders` writes them into each shader.
 
+use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
+
 /// Samples that share one lateral kernel and one scatterer gain.
 pub(crate) const DEPTH_BLOCK: u32 = 16;
 /// Straight segments of a path, at most.
@@ -21,9 +23,9 @@ pub(crate) const ROW_ALIGN: u32 = 16;
 /// Zeros before and after the pulse, so that eight outputs share one loop.
 pub(crate) const PULSE_PAD: u32 = 8;
 /// Half width of the widest lateral kernel, scanlines.
-pub(crate) const LATERAL_HALF_MAX: u32 = 32;
+pub(crate) const LATERAL_HALF_MAX: u32 = BEAM_TAPS_MAX / 2;
 /// Half width of the widest axial kernel, samples.
-pub(crate) const AXIAL_HALF_MAX: u32 = 128;
+pub(crate) const AXIAL_HALF_MAX: u32 = PULSE_TAPS_MAX / 2;
 
 /// Hits this close along a ray are one place, mm: touching surfaces, or one edge hit twice.
 pub(crate) const TOUCH_MM: f64 = 1.0e-3;

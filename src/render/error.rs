@@ -3,9 +3,8 @@
 use thiserror::Error;
 
 use super::frame::FRAMES_IN_FLIGHT;
-use super::settings::SettingsError;
 use crate::anatomy::BvhError;
-use crate::transducer::ProbeError;
+use crate::settings::SettingsError;
 
 /// Failure of what makes frames: it can't be had, or it fails.
 #[derive(Debug, Error, Clone, PartialEq)]
@@ -83,9 +82,6 @@ pub enum RenderError {
     /// The scene can't be traced.
     #[error(transparent)]
     Bvh(#[from] BvhError),
-    /// A probe value is outside its range.
-    #[error(transparent)]
-    Probe(#[from] ProbeError),
     /// A setting is outside its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),

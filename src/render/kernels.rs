@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PULSE_PAD};
-use super::settings::RenderSettings;
+use crate::settings::RenderSettings;
 use crate::transducer::Probe;
 
 /// Standard deviations that a kernel holds to either side of its middle.

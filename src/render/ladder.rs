@@ -4,8 +4,8 @@ use super::error::{BackendError, RenderError};
 use super::frame::Frame;
 use super::preset::QualityPoint;
 use super::renderer::Renderer;
-use super::settings::RenderSettings;
 use crate::pose::Pose;
+use crate::settings::RenderSettings;
 use crate::statistics::upper_median;
 use crate::transducer::Probe;
 
@@ -129,7 +129,7 @@ impl Renderer {
 mod tests {
     use super::*;
     use crate::render::preset::Preset;
-    use crate::render::settings::Quality;
+    use crate::settings::Quality;
 
     /// Climbs on a machine that takes 10 ms and `per_path` ms a path.
     fn climbed(budget_ms: f64, per_path: f64) -> (Climbed, usize) {

@@ -8,7 +8,6 @@ mod batch_plan;
 mod configuration;
 mod constants;
 mod device;
-mod effect;
 mod error;
 mod frame;
 mod hooks;
@@ -20,7 +19,6 @@ mod params;
 pub mod plan;
 mod preset;
 mod renderer;
-mod settings;
 mod snapshot;
 mod tables;
 pub mod twin;
@@ -28,7 +26,6 @@ pub mod twin;
 pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};
 #[cfg(feature = "test-hooks")]
 pub use device::ShaderSet;
-pub use effect::{Choice, Effect, EffectChoices, EffectSet};
 pub use error::{BackendError, RenderError};
 pub use frame::{FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime};
 #[cfg(feature = "test-hooks")]
@@ -40,7 +37,6 @@ pub use ladder::{Climbed, LADDER, RUNGS, climb};
 pub use plan::{Decision, EffectPlan};
 pub use preset::{Preset, QualityPoint, UnknownPreset};
 pub use renderer::Renderer;
-pub use settings::{
-    BEAM_TAPS_MAX, ImageSettings, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings, SettingsError,
-};
 pub use snapshot::Snapshot;
+
+pub use crate::settings::{Choice, Effect, EffectChoices, EffectSet, ImageSettings, Quality, RenderSettings};

@@ -4,11 +4,11 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::constants::{HINT_BLOCK, ROW_ALIGN};
-use super::effect::{Effect, EffectSet};
-use super::settings::RenderSettings;
 use super::tables::Tables;
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
+use crate::settings::RenderSettings;
+use crate::settings::{Effect, EffectSet};
 use crate::transducer::Probe;
 
 /// Uniforms of one dispatch.

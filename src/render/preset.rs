@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::settings::Quality;
+use crate::settings::Quality;
 
 /// Rays × layers, written `8x1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -7,17 +7,18 @@ use std::time::Instant;
 use super::backend::Backend;
 use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
-use super::effect::{Choice, Effect};
 use super::error::RenderError;
 use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
-use super::settings::RenderSettings;
 use super::snapshot::Snapshot;
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
+use crate::settings::RenderSettings;
+use crate::settings::SettingsGroup as _;
+use crate::settings::{Choice, Effect};
 use crate::transducer::{Probe, Sector};
 
 /// A frame that was submitted and not received.

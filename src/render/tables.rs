@@ -6,12 +6,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
-use super::effect::{Effect, EffectSet};
 use super::kernels::Kernels;
-use super::settings::RenderSettings;
 use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
+use crate::settings::RenderSettings;
+use crate::settings::{Effect, EffectSet};
 use crate::transducer::{Probe, Sector};
 
 /// Words of four pixels across a tile of the image.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::pose::{Estimate, Pose};
-use crate::render::ImageSettings;
+use crate::settings::LiveSettings;
 
 use super::SinkError;
 
@@ -38,32 +38,6 @@ pub struct FrameTimeline {
     pub inference: Option<(Duration, Duration)>,
     /// Handed to the sinks.
     pub presented: Duration,
-}
-
-/// Settings that can be changed while a station runs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LiveSettings {
-    /// Gain, dynamic range and TGC; width and height stay.
-    pub image: ImageSettings,
-    /// Depth of the image, mm.
-    pub depth_mm: f64,
-    /// Focal depth, mm.
-    pub focus_mm: f64,
-    /// Rays per scanline and layer.
-    pub rays: u32,
-    /// Elevational layers.
-    pub layers: u32,
-    /// Whether the picture stands still.
-    pub frozen: bool,
-    /// Whether the generator may run.
-    pub enhance: bool,
-}
-
-impl Default for LiveSettings {
-    fn default() -> Self {
-        let image = ImageSettings::default();
-        Self { image, depth_mm: 150.0, focus_mm: 70.0, rays: 1, layers: 1, frozen: false, enhance: true }
-    }
 }
 
 /// Data of a frame beside its pixels: begun with the pose estimate, completed from stage to stage, passed on whole.
@@ -148,41 +122,6 @@ impl PresentedFrame {
         let from = timeline.first_byte.unwrap_or(timeline.sampled);
         timeline.presented.saturating_sub(from)
     }
-}
-
-/// Something a watcher asks for.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Control {
-    /// Lets the picture stand still, or go on.
-    Freeze(bool),
-    /// Gain, dB.
-    GainDb(f64),
-    /// Dynamic range, dB.
-    DynamicRangeDb(f64),
-    /// TGC, dB/cm.
-    TgcDbPerCm(f64),
-    /// One of the eight sliders.
-    TgcSlider {
-        /// 0..8 from the face down.
-        index: usize,
-        /// Its gain, dB.
-        db: f64,
-    },
-    /// Depth of the image, mm.
-    DepthMm(f64),
-    /// Focal depth, mm.
-    FocusMm(f64),
-    /// Rays per scanline × layers.
-    Quality {
-        /// Rays per scanline and layer.
-        rays: u32,
-        /// Elevational layers.
-        layers: u32,
-    },
-    /// Whether the generator may run.
-    Enhance(bool),
-    /// Ends the session.
-    Quit,
 }
 
 /// Says whether a sink reads segmentation and attenuation just now.

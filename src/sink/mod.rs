@@ -5,12 +5,10 @@
 
 pub mod browser;
 pub mod colour;
-pub mod control;
 pub mod frame_files;
 pub mod frame_line;
 pub mod frame_log;
 pub mod frame_record;
-pub mod hot_keys;
 pub mod live;
 pub mod live_video;
 pub mod meta_image;

@@ -1,6 +1,7 @@
 //! `[browser]`: where the page is served.
 
 use super::StationError;
+use super::accepts::{HOST_NAME, TOKEN};
 use super::values::Values;
 use crate::sink::browser::Settings;
 
@@ -27,9 +28,6 @@ pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     }
     Ok(settings)
 }
-
-pub(super) const TOKEN: &str = "16 or more of A-Z a-z 0-9 - _";
-pub(super) const HOST_NAME: &str = "a name without port, as \"station.local\"";
 
 #[cfg(test)]
 mod tests {

@@ -17,18 +17,11 @@ mod tests {
     use std::path::Path;
 
     use crate::render::{Choice, Effect, EffectChoices};
-    use crate::station::keys::of_table;
     use crate::station::{Station, StationError};
 
     fn parse(table: &str) -> Result<EffectChoices, StationError> {
         let text = format!("[scene]\npath = \"a.glb\"\n[effects]\n{table}");
         Station::parse(&text, Path::new("/station")).map(|station| station.settings.effects)
-    }
-
-    #[test]
-    fn every_effect_is_a_key() {
-        let keys: Vec<_> = of_table("effects").map(|doc| doc.key).collect();
-        assert_eq!(keys, Effect::NAMES);
     }
 
     #[test]

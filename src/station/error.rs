@@ -4,12 +4,10 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::Accepts;
+use super::accepts::Accepts;
 use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{SceneError, TissueError};
 use crate::pose::{CalibrationError, PoseError};
-use crate::render::SettingsError;
-use crate::transducer::ProbeError;
 
 /// Why a text is not a station. Keys are written with their table: `probe.depth_mm`.
 #[derive(Debug, Error)]
@@ -132,12 +130,6 @@ pub enum StationError {
     /// A tissue table that cannot be used.
     #[error(transparent)]
     Tissue(#[from] TissueError),
-    /// A probe that cannot be used.
-    #[error(transparent)]
-    Probe(#[from] ProbeError),
-    /// Settings that cannot be used.
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
     /// Not a pose.
     #[error("[pose]: {0}")]
     Pose(#[from] PoseError),

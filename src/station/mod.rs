@@ -1,25 +1,23 @@
 //! Station files: a strict TOML file becomes a validated [`Station`].
 //!
-//! Only `[scene]` is required; everything else defaults to the paper's parameters. [`KEYS`] lists every key with its
+//! Only `[scene]` is required; everything else defaults to the paper's parameters. [`keys`] lists every key with its
 //! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
 //! the probe's kind is an error that names the key and what would be right.
 
+mod accepts;
 mod browser;
 mod calibration;
 mod display;
 mod effects;
 mod error;
-mod filter;
 mod generator;
 mod keys;
 mod openigtlink;
 mod parse;
-mod pipeline;
 mod quality;
 mod scene;
 mod tracker_table;
 mod values;
-mod window;
 
 use std::path::{Path, PathBuf};
 
@@ -27,15 +25,16 @@ use crate::anatomy::phantom::PhantomOptions;
 use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Motion, Scene, TissueTable, import};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
-use crate::render::{BackendChoice, RenderSettings};
+use crate::render::BackendChoice;
+use crate::settings::{PipelineSettings, Probe, RenderSettings};
 use crate::sink::LiveSinkKind;
 use crate::sink::openigtlink as openigtlink_sink;
 use crate::sink::{browser as browser_sink, window as window_sink};
 use crate::tracker;
-use crate::transducer::Probe;
 
+pub use accepts::Accepts;
 pub use error::StationError;
-pub use keys::{Accepts, KEYS, KeyDoc, print_keys};
+pub use keys::{KeyDoc, keys, print_keys};
 
 /// Where a station's surfaces come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,7 +81,7 @@ pub struct Station {
     /// The native window, where the station has one.
     pub window: Option<window_sink::Settings>,
     /// Rate, budget and choice of a live session.
-    pub pipeline: crate::pipeline::Settings,
+    pub pipeline: PipelineSettings,
     /// Where a live session's frames go.
     pub sinks: Vec<LiveSinkKind>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.

@@ -1,10 +1,9 @@
 //! `[openigtlink]`: where images and transforms are served.
 
 use super::StationError;
+use super::accepts::AXES;
 use super::values::Values;
 use crate::sink::openigtlink::Settings;
-
-pub(super) const AXES: &str = "three letters of R or L, A or P, S or I, right-handed, as \"RAS\", \"LPS\" or \"LSA\"";
 
 /// What the table `[openigtlink]` says.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {

@@ -5,13 +5,15 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::keys::Accepts;
+use super::accepts::Accepts;
+use super::keys::tables;
 use super::values::{Values, optional, section, take, wrong_type};
-use super::{Station, StationError, calibration, filter};
+use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::pose::Pose;
+use crate::settings::{Face, Probe, ProbeKind, SettingsGroup};
+use crate::sink::window as window_sink;
 use crate::suggest::did_you_mean;
-use crate::transducer::{Probe, ProbeKind};
 
 /// Physical properties, without defaults.
 const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mhz", "attenuation_exponent"];
@@ -19,27 +21,9 @@ const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mh
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
         text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
-    let tables = [
-        "scene",
-        "probe",
-        "image",
-        "quality",
-        "render",
-        "effects",
-        "pose",
-        "filter",
-        "calibration",
-        "tracker",
-        "generator",
-        "openigtlink",
-        "browser",
-        "window",
-        "pipeline",
-        "display",
-        "tissues",
-    ];
+    let tables = tables();
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
-        let suggestion = did_you_mean(table, tables);
+        let suggestion = did_you_mean(table, tables.iter().copied());
         return Err(StationError::UnknownTable { table: table.clone(), suggestion, known: tables.join(", ") });
     }
     let tissues = tissues(take(&mut root, "tissues")?)?;
@@ -55,14 +39,15 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
-    let filter = filter::settings(&section(&mut root, "filter")?);
+    let filter = group(&mut root, "filter")?;
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
     let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
     let generator = super::generator::settings(&section(&mut root, "generator")?, dir);
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
     let browser = optional(&mut root, "browser")?.map(|values| super::browser::settings(&values)).transpose()?;
-    let window = optional(&mut root, "window")?.map(|values| super::window::settings(&values));
-    let pipeline = super::pipeline::settings(&section(&mut root, "pipeline")?);
+    let window = optional(&mut root, "window")?
+        .map(|values| window_sink::Settings { full_screen: values.boolean("full_screen").unwrap_or(false) });
+    let pipeline = group(&mut root, "pipeline")?;
     let sinks = super::display::sinks(&section(&mut root, "display")?);
     let path = dir.to_owned();
     Ok(Station {
@@ -96,11 +81,17 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
     })
 }
 
+/// The settings of a table.
+fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, StationError> {
+    let mut group = G::default();
+    section(root, name)?.set_group(&mut group);
+    Ok(group)
+}
+
 fn probe(values: &Values) -> Result<Probe, StationError> {
-    let [mut radius_mm, mut fov_deg, mut width_mm] = [40.0, 70.0, 40.0];
-    values.set("radius_mm", &mut radius_mm);
-    values.set("fov_deg", &mut fov_deg);
-    values.set("width_mm", &mut width_mm);
+    let mut face = Face::default();
+    values.set_group(&mut face);
+    let Face { radius_mm, fov_deg, width_mm } = face;
     let kind = match values.text("kind") {
         Some("linear") => {
             values.refuse(&["radius_mm", "fov_deg"], "a linear probe has `width_mm`")?;
@@ -116,16 +107,7 @@ fn probe(values: &Values) -> Result<Probe, StationError> {
         }
     };
     let mut probe = Probe { kind, ..Probe::default() };
-    values.set("frequency_mhz", &mut probe.frequency_mhz);
-    values.set("fractional_bandwidth", &mut probe.fractional_bandwidth);
-    values.set("depth_mm", &mut probe.depth_mm);
-    values.set_integer("scanlines", &mut probe.scanlines);
-    values.set_integer("samples", &mut probe.samples);
-    values.set("focus_mm", &mut probe.focus_mm);
-    values.set("aperture_mm", &mut probe.aperture_mm);
-    values.set("elevational_height_mm", &mut probe.elevational_height_mm);
-    values.set("elevational_focus_mm", &mut probe.elevational_focus_mm);
-    probe.validate()?;
+    values.set_group(&mut probe);
     Ok(probe)
 }
 

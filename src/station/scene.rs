@@ -2,22 +2,10 @@
 
 use std::path::Path;
 
+use super::keys::of_table;
 use super::values::Values;
 use super::{SceneSource, StationError};
 use crate::anatomy::phantom::{Lie, PhantomOptions, PlacentaSite};
-
-/// Keys of a generated phantom.
-const PHANTOM: [&str; 9] = [
-    "phantom_scale",
-    "phantom_weeks",
-    "phantom_lie",
-    "phantom_roll_deg",
-    "phantom_flexion",
-    "phantom_placenta",
-    "phantom_fluid_index_mm",
-    "phantom_fat_mm",
-    "phantom_seed",
-];
 
 pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
     match (values.text("path"), values.text("phantom")) {
@@ -26,8 +14,10 @@ pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, Station
             reason: "`scene.path` is given, too; give one of the two".to_owned(),
         }),
         (Some(path), None) => {
-            values.refuse(&PHANTOM[..1], "it scales a generated phantom; `scene.path` names a file")?;
-            values.refuse(&PHANTOM[1..], "it describes a generated phantom; `scene.path` names a file")?;
+            values.refuse(&["phantom_scale"], "it scales a generated phantom; `scene.path` names a file")?;
+            let of_phantom: Vec<_> =
+                of_table("scene").map(|doc| doc.key).filter(|key| key.starts_with("phantom_")).collect();
+            values.refuse(&of_phantom, "it describes a generated phantom; `scene.path` names a file")?;
             Ok(SceneSource::File(dir.join(path)))
         }
         (None, Some(_)) => Ok(SceneSource::ObstetricPhantom(phantom(values))),

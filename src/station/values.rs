@@ -5,11 +5,10 @@ use std::net::IpAddr;
 use toml::{Table, Value};
 
 use super::StationError;
-use super::keys::{Accepts, KeyDoc, of_table};
+use super::accepts::{Accepts, LISTEN_ADDRESS};
+use super::keys::{KeyDoc, of_table};
+use crate::settings::SettingsGroup;
 use crate::suggest::did_you_mean;
-
-/// What an `address` that a server listens at takes.
-pub(super) const LISTEN_ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
 
 /// The checked values of one table.
 pub(super) struct Values {
@@ -62,6 +61,21 @@ impl Values {
     pub(super) fn numbers<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let numbers: Vec<f64> = self.values.get(key)?.as_array()?.iter().filter_map(number).collect();
         numbers.try_into().ok()
+    }
+
+    /// Overwrites the settings of `group` whose keys are given.
+    pub(super) fn set_group(&self, group: &mut impl SettingsGroup) {
+        for (key, value) in &self.values {
+            let Some(stored) = group.stored_mut(key) else { continue };
+            match value {
+                Value::Array(elements) => {
+                    let numbers = elements.iter().filter_map(number).enumerate();
+                    numbers.for_each(|(index, number)| stored.set(index, number));
+                }
+                Value::Boolean(on) => stored.set(0, (*on).into()),
+                value => stored.set(0, number(value).unwrap_or(stored.get(0))),
+            }
+        }
     }
 
     /// Overwrites `target` where the key is given.

@@ -90,6 +90,7 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
 mod tests {
     use super::*;
     use crate::render::RenderSettings;
+    use crate::settings::SettingsGroup as _;
     use crate::transducer::Probe;
 
     #[test]

@@ -1,9 +1,10 @@
-//! Probe geometry, scanlines, beam and pulse.
+//! Probe geometry, scanlines, beam and pulse. The probe's settings are in [`settings`](crate::settings).
 
 mod housing;
 mod probe;
 mod sector;
 
 pub use housing::housing;
-pub use probe::{Probe, ProbeError, ProbeKind};
 pub use sector::Sector;
+
+pub use crate::settings::{Probe, ProbeKind};

@@ -1,116 +1,11 @@
-//! What a probe is: its face, its beam and how it samples.
+//! Geometry of a probe: its scanlines, its beam and its sampling.
 
 use glam::DVec3;
-use thiserror::Error;
 
 use crate::acoustics::{self, beam, pulse};
-
-/// Shape of a transducer's face.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ProbeKind {
-    /// A curved array: scanlines leave an arc of `radius_mm` at angles over `fov_deg`.
-    Convex {
-        /// Radius of curvature of the face, mm.
-        radius_mm: f64,
-        /// Angle between the first and the last edge of the sector, degrees.
-        fov_deg: f64,
-    },
-    /// A flat array: parallel scanlines over `width_mm`.
-    Linear {
-        /// Width of the face, mm.
-        width_mm: f64,
-    },
-    /// A phased array: scanlines leave the centre of the face at angles over `fov_deg`.
-    Phased {
-        /// Angle between the first and the last edge of the sector, degrees.
-        fov_deg: f64,
-    },
-}
-
-/// A probe value outside its range.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("probe.{key} is {value}; it must lie in {min}..={max}")]
-pub struct ProbeError {
-    /// Key in the station file's `[probe]`.
-    pub key: &'static str,
-    /// Value found.
-    pub value: f64,
-    /// Least accepted.
-    pub min: f64,
-    /// Greatest accepted.
-    pub max: f64,
-}
-
-/// A probe. Defaults are the paper's: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines of 3072 samples.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Probe {
-    /// Face.
-    pub kind: ProbeKind,
-    /// Centre frequency, MHz.
-    pub frequency_mhz: f64,
-    /// Two-way −6 dB bandwidth over the centre frequency.
-    pub fractional_bandwidth: f64,
-    /// Image depth from the face, mm at 1540 m/s.
-    pub depth_mm: f64,
-    /// Scanlines.
-    pub scanlines: u32,
-    /// Complex baseband samples a scanline.
-    pub samples: u32,
-    /// Depth of the transmit focus, mm.
-    pub focus_mm: f64,
-    /// Widest active aperture, mm.
-    pub aperture_mm: f64,
-    /// Height of the elevational lens, mm.
-    pub elevational_height_mm: f64,
-    /// Focal depth of the elevational lens, mm.
-    pub elevational_focus_mm: f64,
-}
-
-impl Default for Probe {
-    fn default() -> Self {
-        Self {
-            kind: ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 },
-            frequency_mhz: 8.0,
-            fractional_bandwidth: 0.6,
-            depth_mm: 150.0,
-            scanlines: 256,
-            samples: 3072,
-            focus_mm: 70.0,
-            aperture_mm: 20.0,
-            elevational_height_mm: 12.0,
-            elevational_focus_mm: 70.0,
-        }
-    }
-}
+use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
-    /// Checks every value against its range.
-    ///
-    /// # Errors
-    /// The first value outside its range, NaN included.
-    pub fn validate(&self) -> Result<(), ProbeError> {
-        let check = |key, value: f64, min: f64, max: f64| {
-            if value >= min && value <= max { Ok(()) } else { Err(ProbeError { key, value, min, max }) }
-        };
-        match self.kind {
-            ProbeKind::Convex { radius_mm, fov_deg } => {
-                check("radius_mm", radius_mm, 1.0, 1000.0)?;
-                check("fov_deg", fov_deg, 0.1, 180.0)?;
-            }
-            ProbeKind::Linear { width_mm } => check("width_mm", width_mm, 0.1, 1000.0)?,
-            ProbeKind::Phased { fov_deg } => check("fov_deg", fov_deg, 0.1, 180.0)?,
-        }
-        check("frequency_mhz", self.frequency_mhz, 0.5, 40.0)?;
-        check("fractional_bandwidth", self.fractional_bandwidth, 0.05, 1.5)?;
-        check("depth_mm", self.depth_mm, 1.0, 500.0)?;
-        check("scanlines", self.scanlines.into(), 1.0, 1024.0)?;
-        check("samples", self.samples.into(), 1.0, 8192.0)?;
-        check("focus_mm", self.focus_mm, 1.0, 1000.0)?;
-        check("aperture_mm", self.aperture_mm, 0.5, 200.0)?;
-        check("elevational_height_mm", self.elevational_height_mm, 0.5, 100.0)?;
-        check("elevational_focus_mm", self.elevational_focus_mm, 1.0, 1000.0)
-    }
-
     /// Depth between two samples, mm at 1540 m/s. Sample j lies at depth (j + ½)·spacing.
     pub fn sample_spacing_mm(&self) -> f64 {
         self.depth_mm / f64::from(self.samples)

@@ -90,7 +90,7 @@ def sliders_change_the_picture(page):
     page.script(SLIDE, "gain_db", 0)
     page.wait("the picture as before", lambda: abs(page.script(LOOK)["mean"] - before) < 5)
 
-    page.script(SLIDE, "tgc_7", -24)
+    page.script(SLIDE, "tgc_sliders_db_7", -24)
     page.wait("a darker picture", lambda: page.script(LOOK)["mean"] < before - 2)
     page.press("t")
     page.wait("the picture as before", lambda: abs(page.script(LOOK)["mean"] - before) < 2)

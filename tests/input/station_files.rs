@@ -4,10 +4,12 @@ use std::path::Path;
 
 use insonify::anatomy::TissueTable;
 use insonify::anatomy::phantom::PhantomOptions;
+use insonify::pose::FilterSettings;
 use insonify::pose::Pose;
-use insonify::render::{ImageSettings, Quality};
-use insonify::station::{Accepts, KEYS, KeyDoc, SceneSource, Station, print_keys};
-use insonify::transducer::{Probe, ProbeKind};
+use insonify::settings::{
+    ChoiceSettings, ImageSettings, Kind, PipelineSettings, Probe, ProbeKind, Quality, RenderSettings, SettingsGroup,
+};
+use insonify::station::{Accepts, KeyDoc, SceneSource, Station, keys, print_keys};
 use proptest::prelude::*;
 
 const SCENE: &str = "[scene]\npath = 'a.glb'\n";
@@ -199,7 +201,7 @@ fn accepted(doc: &KeyDoc, value: &str) -> Result<Station, String> {
 
 #[test]
 fn documented_ranges_equal_the_parsers() {
-    for doc in KEYS {
+    for doc in keys() {
         let (inside, outside) = match doc.range {
             Accepts::Number { min, max } => {
                 (vec![format!("{min:?}"), format!("{max:?}")], vec![min.next_down(), max.next_up()])
@@ -227,7 +229,7 @@ fn documented_ranges_equal_the_parsers() {
 #[test]
 fn field_types_are_no_wider_than_the_ranges() {
     let mut checked = 0;
-    for doc in KEYS {
+    for doc in keys() {
         let (below, above) = match doc.range {
             Accepts::Number { min, max } => (min.next_down(), max.next_up()),
             Accepts::Integer { min, max } => (min as f64 - 1.0, max as f64 + 1.0),
@@ -235,8 +237,10 @@ fn field_types_are_no_wider_than_the_ranges() {
         };
         for value in [below, above] {
             let refused = match doc.table {
-                "probe" => set_probe(doc.key, value).map(|probe| probe.validate().is_err()),
-                "image" | "quality" => refused_settings(doc.key, value),
+                "probe" => refused(&mut probe_with(doc.key), doc.key, value),
+                "image" | "quality" => refused(&mut RenderSettings::default(), doc.key, value),
+                "filter" => refused(&mut FilterSettings::default(), doc.key, value),
+                "pipeline" => refused(&mut PipelineSettings::default(), doc.key, value),
                 "tissues.NAME" => Some(refused_tissue(doc.key, value)),
                 _ => None,
             };
@@ -246,42 +250,57 @@ fn field_types_are_no_wider_than_the_ranges() {
             }
         }
     }
-    assert_eq!(checked, 2 * (12 + 5 + 2 + 9));
+    assert!(checked >= 2 * (12 + 7 + 14 + 7 + 9), "{checked}");
 }
 
-fn set_probe(key: &str, value: f64) -> Option<Probe> {
-    let mut probe = Probe::default();
-    match key {
-        "radius_mm" => probe.kind = ProbeKind::Convex { radius_mm: value, fov_deg: 70.0 },
-        "fov_deg" => probe.kind = ProbeKind::Phased { fov_deg: value },
-        "width_mm" => probe.kind = ProbeKind::Linear { width_mm: value },
-        "frequency_mhz" => probe.frequency_mhz = value,
-        "fractional_bandwidth" => probe.fractional_bandwidth = value,
-        "depth_mm" => probe.depth_mm = value,
-        "scanlines" => probe.scanlines = value as u32,
-        "samples" => probe.samples = value as u32,
-        "focus_mm" => probe.focus_mm = value,
-        "aperture_mm" => probe.aperture_mm = value,
-        "elevational_height_mm" => probe.elevational_height_mm = value,
-        "elevational_focus_mm" => probe.elevational_focus_mm = value,
-        _ => return None,
-    }
-    Some(probe)
+/// A probe of a kind that has `key`.
+fn probe_with(key: &str) -> Probe {
+    let kind = match key {
+        "width_mm" => ProbeKind::Linear { width_mm: 40.0 },
+        _ => ProbeKind::default(),
+    };
+    Probe { kind, ..Probe::default() }
 }
 
-fn refused_settings(key: &str, value: f64) -> Option<bool> {
-    let mut settings = insonify::render::RenderSettings::default();
-    match key {
-        "width" => settings.image.width = value as u32,
-        "height" => settings.image.height = value as u32,
-        "rays" => settings.quality.rays = value as u32,
-        "layers" => settings.quality.layers = value as u32,
-        "dynamic_range_db" => settings.image.dynamic_range_db = value,
-        "gain_db" => settings.image.gain_db = value,
-        "tgc_db_per_cm" => settings.image.tgc_db_per_cm = value,
-        _ => return None,
+/// Whether the group refuses `value`; none if it has no such setting, or its type can't hold the value.
+fn refused(group: &mut impl SettingsGroup, key: &str, value: f64) -> Option<bool> {
+    let stored = group.stored_mut(key)?;
+    stored.set(0, value);
+    (stored.get(0) == value).then(|| group.validate().is_err())
+}
+
+#[test]
+fn documented_keys_are_those_of_the_settings() {
+    let groups = [
+        Probe::settings(),
+        ProbeKind::settings(),
+        ImageSettings::settings(),
+        Quality::settings(),
+        RenderSettings::settings(),
+        FilterSettings::settings(),
+        PipelineSettings::settings(),
+        ChoiceSettings::settings(),
+    ];
+    for setting in groups.into_iter().flatten() {
+        let mut of_key = keys().iter().filter(|doc| (doc.table, doc.key) == (setting.table, setting.key));
+        let doc = of_key.next().unwrap_or_else(|| panic!("{} is not documented", setting.path));
+        assert!(of_key.next().is_none(), "{} is documented twice", setting.path);
+        assert_eq!((doc.unit, &*doc.default), (setting.unit, &*setting.default_toml()), "{}", setting.path);
+        (0..setting.count()).for_each(|_| setting.check(setting.default).unwrap());
+        // Read from a station file, the value arrives in its field.
+        if setting.count() == 1 {
+            let text = format!("{:?}", setting.min);
+            let whole = setting.kind == Kind::Whole;
+            let station = accepted(doc, if whole { text.trim_end_matches(".0") } else { &text }).unwrap();
+            let stored = match setting.table {
+                "probe" => station.probe.stored(setting.key),
+                "filter" => station.filter.stored(setting.key),
+                "pipeline" => station.pipeline.stored(setting.key),
+                _ => station.settings.stored(setting.key),
+            };
+            assert_eq!(stored.unwrap().get(0), setting.min, "{}", setting.path);
+        }
     }
-    Some(settings.validate().is_err())
 }
 
 fn refused_tissue(key: &str, value: f64) -> bool {
@@ -298,8 +317,8 @@ fn documented_defaults_equal_the_parsers() {
     let default = parse("").unwrap();
     // Words instead of a value describe the behaviour without the key.
     let is_value = |doc: &&KeyDoc| !["required", "none", "built-in"].iter().any(|word| doc.default.starts_with(word));
-    for doc in KEYS.iter().filter(is_value) {
-        let found = accepted(doc, doc.default).unwrap_or_else(|e| panic!("{}.{}: {e}", doc.table, doc.key));
+    for doc in keys().iter().filter(is_value) {
+        let found = accepted(doc, &doc.default).unwrap_or_else(|e| panic!("{}.{}: {e}", doc.table, doc.key));
         match (doc.table, doc.key) {
             ("scene", key) if key.starts_with("phantom_") => {
                 assert_eq!(found.scene, SceneSource::ObstetricPhantom(PhantomOptions::default()), "{key}");
@@ -307,7 +326,7 @@ fn documented_defaults_equal_the_parsers() {
             ("probe", "width_mm") => assert_eq!(found.probe, parse("[probe]\nkind = 'linear'").unwrap().probe),
             ("openigtlink", _) => assert_eq!(found.openigtlink, parse("[openigtlink]").unwrap().openigtlink),
             ("tracker", key) => {
-                let without = format!("[tracker]\n{}", tracker_needs(key, doc.default));
+                let without = format!("[tracker]\n{}", tracker_needs(key, &doc.default));
                 assert_eq!(found.tracker, parse(&without).unwrap().tracker, "{key}");
             }
             ("browser", _) => assert_eq!(found.browser, parse("[browser]").unwrap().browser),
@@ -322,8 +341,8 @@ fn documented_defaults_equal_the_parsers() {
 fn every_key_is_printed() {
     let mut text = String::new();
     print_keys(&mut text).unwrap();
-    for doc in KEYS {
-        assert!(text.contains(doc.key) && text.contains(doc.meaning), "{}", doc.key);
+    for doc in keys() {
+        assert!(text.contains(doc.key) && text.contains(&*doc.meaning), "{}", doc.key);
     }
     assert!(text.contains("[tissues.NAME]") && text.contains("a number in 0.5..=40; default: 8.0"), "{text}");
 }
@@ -337,9 +356,9 @@ proptest! {
     }
 
     #[test]
-    fn no_number_panics(index in 0..KEYS.len(), number in any::<f64>(), whole in any::<i64>(), is_whole in any::<bool>()) {
+    fn no_number_panics(index in 0..keys().len(), number in any::<f64>(), whole in any::<i64>(), is_whole in any::<bool>()) {
         let text = if is_whole { whole.to_string() } else { format!("{number:?}").to_lowercase() };
-        if let Ok(station) = accepted(&KEYS[index], &text) {
+        if let Ok(station) = accepted(&keys()[index], &text) {
             prop_assert!(station.probe.validate().is_ok() && station.settings.validate().is_ok());
         }
     }

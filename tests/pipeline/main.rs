@@ -17,13 +17,14 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use insonify::pipeline::{
-    ChoiceSettings, Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts,
-    Pipeline, PoseSource, QualityBudget, QualitySummary, Readiness, RenderFault, RendererFactory, Settings,
-    SimulatedClock, Stop, Summary, SystemClock, Terminator,
+    Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,
+    PoseSource, QualityBudget, QualitySummary, Readiness, RenderFault, RendererFactory, SimulatedClock, Stop, Summary,
+    SystemClock, Terminator,
 };
 use insonify::pose::{Estimate, Pose, TrackingState};
 use insonify::render::{Frame, Quality, QualityPoint, RenderSettings, climb};
-use insonify::sink::live::{Control, FrameSource, LiveSettings, LiveSink, MapsWanted, PresentedFrame};
+use insonify::settings::{Assignment, ChoiceSettings, Control, LiveSettings, PipelineSettings};
+use insonify::sink::live::{FrameSource, LiveSink, MapsWanted, PresentedFrame};
 use insonify::sink::{FrameLog, SinkError};
 use insonify::transducer::Probe;
 use serde_json::Value;
@@ -350,7 +351,7 @@ fn seen(log: &Log) -> Vec<Seen> {
 struct Session {
     clock: Arc<dyn Clock>,
     stop: Stop,
-    settings: Settings,
+    settings: PipelineSettings,
     limits: Limits,
     poses: Box<dyn PoseSource>,
     service: Duration,
@@ -374,7 +375,13 @@ impl Session {
         Self {
             clock: clock.clone(),
             stop: Stop::new(clock),
-            settings: Settings { frame_rate_hz: 20.0, budget_ms: 100.0, choice, hang_ms: 2000.0, finish_ms: 10_000.0 },
+            settings: PipelineSettings {
+                frame_rate_hz: 20.0,
+                budget_ms: 100.0,
+                choice,
+                hang_ms: 2000.0,
+                finish_ms: 10_000.0,
+            },
             limits: Limits { duration: Some(10 * SECOND), frames: None },
             poses: Box::new(Poses(poses)),
             service: 20 * MS,
@@ -537,8 +544,8 @@ fn maps_are_rendered_while_the_generator_is_at_work() {
     };
     let enhancer = Some(Box::new(Translate { work, terminator: None, on_processors: false }) as Box<dyn Enhancer>);
     let with_maps = frames_with_maps(&clock, enhancer, |number, _, sender| match number {
-        50 => sender.try_send(Control::Enhance(false)).unwrap(),
-        120 => sender.try_send(Control::Enhance(true)).unwrap(),
+        50 => sender.try_send(Control::set("enhance", false)).unwrap(),
+        120 => sender.try_send(Control::set("enhance", true)).unwrap(),
         _ => {}
     });
     assert!(with_maps.contains(&0) && with_maps.contains(&50) && with_maps.contains(&199));
@@ -1080,11 +1087,11 @@ fn freezing_stops_the_picture_while_sliders_still_act() {
     let viewer = sink("viewer", move |frame| {
         let send = |control| sender.try_send(control).unwrap();
         match frame.number {
-            40 => send(Control::Freeze(true)),
-            60 => send(Control::GainDb(9.0)),
-            80 => send(Control::GainDb(150.0)),
-            90 => send(Control::GainDb(f64::NAN)),
-            100 => send(Control::Freeze(false)),
+            40 => send(Control::set("frozen", true)),
+            60 => send(Control::set("gain_db", 9.0)),
+            80 => send(Control::set("gain_db", 150.0)),
+            90 => send(Control::set("gain_db", f64::NAN)),
+            100 => send(Control::set("frozen", false)),
             120 => send(Control::Quit),
             _ => {}
         }
@@ -1112,10 +1119,10 @@ fn switching_the_generator_off_shows_rendered_frames_at_once() {
     let (sender, controls) = tokio::sync::mpsc::channel(16);
     let viewer = sink("viewer", move |frame| {
         match frame.number {
-            50 => sender.try_send(Control::Enhance(false)).unwrap(),
-            100 => sender.try_send(Control::Enhance(true)).unwrap(),
+            50 => sender.try_send(Control::set("enhance", false)).unwrap(),
+            100 => sender.try_send(Control::set("enhance", true)).unwrap(),
             // What was generated before is another picture.
-            150 => sender.try_send(Control::GainDb(3.0)).unwrap(),
+            150 => sender.try_send(Control::set("gain_db", 3.0)).unwrap(),
             _ => {}
         }
         Ok(())
@@ -1292,7 +1299,7 @@ fn a_quality_that_is_set_by_hand_stays() {
     let _guard = beside_others();
     let (clock, heard) = (clock(), Arc::<Heard>::default());
     let (sender, controls) = tokio::sync::mpsc::channel(1);
-    sender.try_send(Control::Quality { rays: 8, layers: 1 }).unwrap();
+    sender.try_send(Control::Set(vec![Assignment::new("rays", 8.0), Assignment::new("layers", 1.0)])).unwrap();
     let summary = Session { controls, ..budgeted(&clock, &heard) }.run();
     let said = said_of_quality(&heard);
     assert!(matches!(&said[..], [(0, text)] if text.contains("by hand")), "{said:?}");
@@ -1306,7 +1313,7 @@ fn an_observer_hears_every_event_pose_and_setting() {
     let clock = clock();
     let heard = Arc::<Heard>::default();
     let (sender, controls) = tokio::sync::mpsc::channel(1);
-    sender.try_send(Control::GainDb(2.0)).unwrap();
+    sender.try_send(Control::set("gain_db", 2.0)).unwrap();
     let observer: Option<Arc<dyn Observer>> = Some(heard.clone());
     let faults: Arc<dyn Fn(u64) -> bool + Send + Sync> = Arc::new(|n| n == 20);
     let summary = Session { observer, controls, faults, ..Session::new(&clock, moving) }.run();

@@ -8,8 +8,9 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use insonify::pose::{Estimate, Pose, TrackingState};
+use insonify::settings::LiveSettings;
 use insonify::sink::SinkError;
-use insonify::sink::live::{FrameInfo, FrameSource, LiveSettings, LiveSink, PresentedFrame};
+use insonify::sink::live::{FrameInfo, FrameSource, LiveSink, PresentedFrame};
 use insonify::sink::openigtlink::{OpenIgtLink, Settings};
 use insonify::transducer::{Probe, Sector};
 
@@ -34,7 +35,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
     let probe = Probe::default();
     let mut image: Vec<u8> = (0..pixels).map(|i| (i % 251) as u8).collect();
     image[0] = number as u8;
-    let settings = LiveSettings { depth_mm: probe.depth_mm, focus_mm: probe.focus_mm, ..LiveSettings::default() };
+    let settings = LiveSettings { probe, ..LiveSettings::default() };
     PresentedFrame {
         number,
         info: FrameInfo { estimate: tracked(TrackingState::Good), settings, ..FrameInfo::default() },

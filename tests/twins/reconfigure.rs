@@ -116,7 +116,7 @@ fn what_is_refused_leaves_the_renderer_as_it_was() {
     let refused: [(Change, Expected); 4] = [
         (|_, s| s.image.gain_db = f64::NAN, |e| matches!(e, RenderError::Settings(_))),
         (|_, s| s.quality.rays = 0, |e| matches!(e, RenderError::Settings(_))),
-        (|p, _| p.depth_mm = 0.0, |e| matches!(e, RenderError::Probe(_))),
+        (|p, _| p.depth_mm = 0.0, |e| matches!(e, RenderError::Settings(_))),
         // In range each, but more than any device binds at once: its paths' buffers are made before it is found out.
         (
             |p, s| {

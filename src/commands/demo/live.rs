@@ -12,7 +12,8 @@ use insonify::pipeline::{
 };
 use insonify::pose::Estimator;
 use insonify::render::Backend;
-use insonify::sink::live::{Control, LiveSink};
+use insonify::settings::Control;
+use insonify::sink::live::LiveSink;
 use insonify::sink::{FrameLog, create_dir, write_json};
 use insonify::station::Station;
 use insonify::tracker::{Speed, Transport};

@@ -45,7 +45,7 @@ impl RenderStage {
             return;
         }
         let _span = tracing::info_span!("rebuild").entered();
-        match self.parts.factory.build(&self.parts.controls.probe, &self.parts.controls.settings) {
+        match self.parts.factory.build(&self.parts.controls.live.probe, &self.parts.controls.live.render) {
             Ok(renderer) => {
                 self.shape = renderer.shape();
                 self.device = Device::Ready(renderer);

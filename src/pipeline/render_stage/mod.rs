@@ -26,7 +26,8 @@ use super::rendered::{Rendered, blacken};
 use super::shutdown::Stop;
 use super::slot::Slot;
 use crate::render::{FRAMES_IN_FLIGHT, Frame, QualityPoint};
-use crate::sink::live::{FrameInfo, FrameTimeline, LiveSettings, MapsWanted};
+use crate::settings::LiveSettings;
+use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted};
 
 /// Rendered frames that stages may hold: in each slot, at work in the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
@@ -111,7 +112,7 @@ impl RenderStage {
 
     /// Renders until the session is to stop, then closes the slots behind it.
     pub(super) fn run(mut self) {
-        self.parts.events.settings(&self.parts.controls.live());
+        self.parts.events.settings(&self.parts.controls.live);
         self.note_quality(false);
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
@@ -193,7 +194,7 @@ impl RenderStage {
         let number = self.number;
         self.number += 1;
         let span = tracing::debug_span!("sample", frame = number, sampled_ms = Empty, first_byte_ms = Empty).entered();
-        let settings = self.parts.controls.live();
+        let settings = self.parts.controls.live;
         let now_ns = clock.unix_ns();
         let ahead_ns = u64::try_from(self.parts.metrics.expected().as_nanos()).unwrap_or(0);
         let estimate = self.poses.sample(now_ns, now_ns.saturating_add(ahead_ns), settings.frozen);
@@ -238,7 +239,7 @@ impl RenderStage {
         span.record("rendered_ms", ms(now));
         let took = self.pace.rendered(timeline.submitted, now, left);
         if let Some(quality) = &mut self.parts.quality {
-            let point = QualityPoint::new(info.settings.rays, info.settings.layers);
+            let point = QualityPoint::from(info.settings.render.quality);
             quality.frame(now.as_secs_f64(), point, 1e3 * took.as_secs_f64());
         }
         match rendered {

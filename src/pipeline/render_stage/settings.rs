@@ -4,14 +4,13 @@ use std::sync::atomic::Ordering;
 
 use super::{Device, RenderStage};
 use crate::pipeline::parts::RenderFault;
-use crate::render::RenderSettings;
-use crate::transducer::Probe;
+use crate::settings::LiveSettings;
 
 impl RenderStage {
     /// Applies the controls that came since the last frame.
     pub(super) fn apply_controls(&mut self) {
         let events = &self.parts.events;
-        let before = (self.parts.controls.probe, self.parts.controls.settings);
+        let before = self.parts.controls.live;
         let changes = self.parts.controls.apply_waiting(|text| events.warn(text));
         let metrics = self.parts.metrics.clone();
         metrics.controls.fetch_add(changes.applied, Ordering::Relaxed);
@@ -25,29 +24,30 @@ impl RenderStage {
             self.parts.events.info("quality: set by hand, the budget no longer chooses it");
         }
         if changes.picture {
-            self.reconfigure(before);
+            self.reconfigure(&before);
             let now_s = self.parts.clock.now().as_secs_f64();
             if let Some(quality) = &mut self.parts.quality {
                 quality.rest(now_s);
             }
         }
         if changes.any {
-            self.parts.events.settings(&self.parts.controls.live());
+            self.parts.events.settings(&self.parts.controls.live);
         }
     }
 
     /// Configures the renderer anew. If it refuses, the settings are as `before` again, and this returns false.
-    fn reconfigure(&mut self, before: (Probe, RenderSettings)) -> bool {
+    fn reconfigure(&mut self, before: &LiveSettings) -> bool {
         while !self.in_flight.is_empty() {
             self.receive();
         }
-        let (probe, settings) = (self.parts.controls.probe, self.parts.controls.settings);
+        let LiveSettings { probe, render, .. } = self.parts.controls.live;
         let Device::Ready(renderer) = &mut self.device else { return true };
         let _span = tracing::debug_span!("reconfigure").entered();
-        match renderer.reconfigure(&probe, &settings) {
+        match renderer.reconfigure(&probe, &render) {
             Ok(()) => self.shape = renderer.shape(),
             Err(RenderFault::Refused(reason)) => {
-                (self.parts.controls.probe, self.parts.controls.settings) = before;
+                let live = &mut self.parts.controls.live;
+                (live.probe, live.render) = (before.probe, before.render);
                 self.parts.events.warn(format!("not set: {reason}"));
                 return false;
             }
@@ -58,7 +58,7 @@ impl RenderStage {
 
     /// Changes the quality where the budget asks for it. A frozen picture stays as it is.
     pub(super) fn keep_quality(&mut self) {
-        if self.parts.controls.frozen || !matches!(self.device, Device::Ready(_)) {
+        if self.parts.controls.live.frozen || !matches!(self.device, Device::Ready(_)) {
             return;
         }
         let now_s = self.parts.clock.now().as_secs_f64();
@@ -71,13 +71,13 @@ impl RenderStage {
             ));
         }
         let Some(change) = quality.change(now_s) else { return };
-        let before = (self.parts.controls.probe, self.parts.controls.settings);
-        self.parts.controls.settings.quality = change.to.with_seed(before.1.quality.seed);
-        if self.reconfigure(before) {
+        let before = self.parts.controls.live;
+        self.parts.controls.live.render.quality = change.to.with_seed(before.render.quality.seed);
+        if self.reconfigure(&before) {
             self.pace.begin_anew(self.parts.clock.now());
             let (from, to, ms) = (change.from, change.to, change.frame_ms);
             self.parts.events.info(&format!("quality: {from} -> {to}: frames take {ms:.0} ms of {budget_ms}"));
-            self.parts.events.settings(&self.parts.controls.live());
+            self.parts.events.settings(&self.parts.controls.live);
         } else if let Some(quality) = &mut self.parts.quality {
             quality.refused(now_s);
         }

@@ -11,7 +11,6 @@ use tokio::sync::mpsc;
 
 use super::clock::{Clock, Signal};
 use super::controls::Controls;
-use super::deadline::ChoiceSettings;
 use super::events::{Events, Observer};
 use super::generate_stage::GenerateStage;
 use super::generator_link::GeneratorLink;
@@ -26,34 +25,13 @@ use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
 use crate::render::RenderSettings;
+use crate::settings::{Control, LiveSettings, PipelineSettings};
 use crate::sink::FrameLog;
-use crate::sink::live::{Control, LiveSink};
+use crate::sink::live::LiveSink;
 use crate::transducer::Probe;
 
 /// Period of status reports.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
-
-/// The `[pipeline]` of a station.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
-    /// Frames a second.
-    pub frame_rate_hz: f64,
-    /// Longest time from the sampling of a frame's pose to its presentation, ms.
-    pub budget_ms: f64,
-    /// Limits for held pictures, and the steadiness asked of the generator.
-    pub choice: ChoiceSettings,
-    /// Length from which on a generator run counts as hanging, ms.
-    pub hang_ms: f64,
-    /// Time for the sinks to finish at the end, ms: a video has to be completed.
-    pub finish_ms: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        let choice = ChoiceSettings { hold_mm: 0.3, hold_deg: 0.3, steady_frames: 8 };
-        Self { frame_rate_hz: 30.0, budget_ms: 100.0, choice, hang_ms: 5000.0, finish_ms: 10_000.0 }
-    }
-}
 
 /// Limits at which a session ends by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -142,7 +120,7 @@ impl Pipeline {
     /// # Errors
     /// The system refuses a thread. Later faults are logged and counted, and the session goes on.
     pub fn run(
-        settings: &Settings,
+        settings: &PipelineSettings,
         limits: Limits,
         parts: Parts,
         mut watch: impl FnMut(&Status),
@@ -162,7 +140,7 @@ impl Pipeline {
     }
 
     /// Starts every stage, the last first, so that each finds the one behind it.
-    fn start(settings: &Settings, limits: Limits, parts: Parts) -> Result<Self, PipelineError> {
+    fn start(settings: &PipelineSettings, limits: Limits, parts: Parts) -> Result<Self, PipelineError> {
         let Parts { clock, stop, enhancer, log, .. } = parts;
         let events = Events::new(&clock, parts.observer);
         let metrics = Arc::<Metrics>::default();
@@ -223,13 +201,19 @@ impl Pipeline {
         };
         let presenter = spawn(&clock, "presenter", move || presenter.run()).map_err(refused("presenter"))?;
 
+        let live = LiveSettings {
+            probe: parts.probe,
+            render: parts.render,
+            enhance: has_generator,
+            ..LiveSettings::default()
+        };
         let render = RenderParts {
             clock: clock.clone(),
             stop: stop.clone(),
             events: events.clone(),
             metrics: metrics.clone(),
             factory: parts.factory,
-            controls: Controls::new(parts.controls, parts.probe, parts.render, has_generator),
+            controls: Controls::new(parts.controls, live),
             quality: parts.quality,
             to_presenter: to_presenter.clone(),
             to_generator: to_generator.clone(),

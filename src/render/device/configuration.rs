@@ -7,9 +7,9 @@ use super::gpu::Gpu;
 use super::passes::{Constants, Pass, Pipelines};
 use super::readback::{Shape, Slot, takes};
 use crate::render::configuration::{Configuration, FrameInputs};
-use crate::render::effect::Effect;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, FRAMES_IN_FLIGHT};
+use crate::settings::Effect;
 
 /// Buffers and passes of one configuration.
 #[derive(Debug)]

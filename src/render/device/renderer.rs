@@ -13,11 +13,11 @@ use super::snapshot;
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::{Changed, PackedTriangle};
 use crate::render::configuration::FrameInputs;
-use crate::render::effect::Effect;
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
 use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
+use crate::settings::Effect;
 
 /// A frame that was submitted and not received.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! Effects that paths follow.
 
-use crate::render::effect::{Effect, EffectSet};
+use crate::settings::{Effect, EffectSet};
 
 /// Switches of the effects along a path. Without one, the tables hold values with which its arithmetic does nothing.
 #[derive(Debug, Clone, Copy)]

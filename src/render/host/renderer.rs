@@ -22,11 +22,11 @@ use super::tree::WideNode;
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
 use crate::render::configuration::FrameInputs;
-use crate::render::effect::Effect;
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, Frame, PassTime, unpad};
 use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
+use crate::settings::Effect;
 
 /// Makes frames by the host's processors, each within `submit`.
 #[derive(Debug)]

@@ -5,7 +5,7 @@ use super::facts::Medium;
 use super::rules::{Finding, Rules, decided, finding};
 use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
-use crate::render::effect::{Choice, Effect};
+use crate::settings::{Choice, Effect};
 
 /// The weakest speckle whose level a bound holds for, over the mean: two and a half in a thousand samples are weaker.
 const NULL_AMPLITUDE: f64 = 0.05;

@@ -14,9 +14,9 @@ use serde::Serialize;
 pub use bound::{Bound, GREY_ALLOWED};
 pub(crate) use facts::SceneFacts;
 
-use super::effect::{Choice, Effect, EffectSet};
-use super::settings::RenderSettings;
 use crate::anatomy::Scene;
+use crate::settings::RenderSettings;
+use crate::settings::{Choice, Effect, EffectSet};
 use crate::transducer::Probe;
 use rules::{Rules, decided};
 

@@ -5,9 +5,9 @@ use super::facts::{Medium, SceneFacts};
 use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::render::constants::{REFLECTION_FOLLOWED, SEGMENTS};
-use crate::render::effect::{Choice, Effect, EffectSet};
-use crate::render::settings::RenderSettings;
 use crate::render::tables::layers;
+use crate::settings::RenderSettings;
+use crate::settings::{Choice, Effect, EffectSet};
 use crate::transducer::{Probe, Sector};
 
 /// Parts of the lateral beam's σ that an edge may lie aside.

@@ -4,9 +4,9 @@ use glam::{DMat3, DVec3, Vec3, Vec4};
 
 use crate::anatomy::Bvh;
 use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TISSUE_MASK};
-use crate::render::effect::{Effect, EffectSet};
 use crate::render::params::Params;
 use crate::render::tables::{PackedTissue, Tables, unpack_place};
+use crate::settings::{Effect, EffectSet};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,6 +15,7 @@ use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::messages::{self, Request, ToPage};
 use super::shared::{Client, ClientCounters, ClientSlot, FrameSet, Shared};
+use crate::settings::Control;
 
 /// Frames sent and not yet drawn: one on its way while one is drawn.
 const FRAMES_UNDER_WAY: usize = 2;
@@ -84,7 +85,7 @@ async fn read(
                 client.attenuation.store(attenuation, Ordering::Relaxed);
                 Heard::Overlays
             }
-            Ok(Request::Control(control)) => match shared.controls.try_send(control) {
+            Ok(Request::Set { assignments }) => match shared.controls.try_send(Control::Set(assignments)) {
                 Ok(()) => continue,
                 Err(TrySendError::Full(_)) => Heard::Mistake("the station is busy; try again".to_owned()),
                 Err(TrySendError::Closed(_)) => Heard::Mistake("the station takes no controls any more".to_owned()),

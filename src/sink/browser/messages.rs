@@ -3,59 +3,32 @@
 use serde::{Deserialize, Serialize};
 
 use super::SceneInfo;
+use crate::settings::{
+    Assignment, Display, HotKey, LiveControl, QUALITY_POINTS, QualityPointKey, Setting, Slider, hot_keys, live_settings,
+};
 use crate::sink::colour;
-use crate::sink::live::Control;
 
-/// What a page says.
+/// Messages of a page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-pub(super) enum FromPage {
-    Freeze {
-        on: bool,
+pub(super) enum Request {
+    /// New values of live settings, which are set together.
+    Set {
+        /// The values.
+        assignments: Vec<Assignment>,
     },
-    GainDb {
-        value: f64,
-    },
-    DynamicRangeDb {
-        value: f64,
-    },
-    TgcDbPerCm {
-        value: f64,
-    },
-    TgcSlider {
-        index: u32,
-        db: f64,
-    },
-    DepthMm {
-        value: f64,
-    },
-    FocusMm {
-        value: f64,
-    },
-    Quality {
-        rays: u32,
-        layers: u32,
-    },
-    Enhance {
-        on: bool,
-    },
-    /// Which maps to send beside the image.
+    /// Maps to send beside the image.
     Overlays {
+        /// Tissue numbers.
         segmentation: bool,
+        /// Attenuation.
         attenuation: bool,
     },
     /// The frame of this number is drawn: there is room for another.
     Drawn {
+        /// Number of the frame.
         number: u64,
     },
-}
-
-/// What a message is for.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Request {
-    Control(Control),
-    Overlays { segmentation: bool, attenuation: bool },
-    Drawn { number: u64 },
 }
 
 /// Reads a message.
@@ -63,37 +36,30 @@ pub(super) enum Request {
 /// # Errors
 /// What is wrong with it, for the page to show.
 pub(super) fn read(text: &str) -> Result<Request, String> {
-    let message: FromPage = serde_json::from_str(text).map_err(|e| format!("not a message of this page: {e}"))?;
-    let control = match message {
-        FromPage::Overlays { segmentation, attenuation } => {
-            return Ok(Request::Overlays { segmentation, attenuation });
-        }
-        FromPage::Drawn { number } => return Ok(Request::Drawn { number }),
-        FromPage::Freeze { on } => Control::Freeze(on),
-        FromPage::GainDb { value } => Control::GainDb(value),
-        FromPage::DynamicRangeDb { value } => Control::DynamicRangeDb(value),
-        FromPage::TgcDbPerCm { value } => Control::TgcDbPerCm(value),
-        FromPage::TgcSlider { index, db } => Control::TgcSlider { index: index as usize, db },
-        FromPage::DepthMm { value } => Control::DepthMm(value),
-        FromPage::FocusMm { value } => Control::FocusMm(value),
-        FromPage::Quality { rays, layers } => Control::Quality { rays, layers },
-        FromPage::Enhance { on } => Control::Enhance(on),
-    };
-    control.validate().map_err(|e| e.to_string())?;
-    Ok(Request::Control(control))
+    let message = serde_json::from_str(text).map_err(|e| format!("not a message of this page: {e}"))?;
+    if let Request::Set { assignments } = &message {
+        assignments.iter().try_for_each(|assignment| assignment.check().map(|_| ())).map_err(|e| e.to_string())?;
+    }
+    Ok(message)
 }
 
-/// What a page is told.
+/// Messages to a page.
 #[derive(Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(super) enum ToPage<'a> {
-    /// First of all.
+    /// The first message.
     Hello {
         version: &'static str,
-        /// What the numbers of the segmentation mean.
+        /// Tissues of the segmentation's numbers.
         tissues: Vec<TissueEntry<'a>>,
         /// Colours of attenuation 0..=255.
         attenuation_colours: Vec<colour::Rgb>,
+        /// Live settings, in the order of their values in frames.
+        settings: Vec<SettingEntry>,
+        /// Qualities with a button.
+        qualities: &'static [QualityPointKey],
+        /// Keys of the page.
+        keys: Vec<&'static HotKey>,
     },
     /// Every second.
     Stats { sent: u64, dropped: u64, clients: usize },
@@ -109,6 +75,30 @@ pub(super) struct TissueEntry<'a> {
     colour: colour::Rgb,
 }
 
+/// A live setting and its control.
+#[derive(Debug, Serialize)]
+pub(super) struct SettingEntry {
+    key: &'static str,
+    /// Number of values.
+    count: usize,
+    /// Values that the station takes.
+    range: [f64; 2],
+    label: &'static str,
+    caption: &'static str,
+    unit: &'static str,
+    scale: f64,
+    digits: usize,
+    slider: Option<Slider>,
+}
+
+impl SettingEntry {
+    fn new(setting: &'static Setting) -> Option<Self> {
+        let &LiveControl { label, caption, slider, unit, scale, digits, .. } = setting.control.as_ref()?;
+        let (key, count, range) = (setting.key, setting.count(), [setting.min, setting.max]);
+        Some(Self { key, count, range, label, caption, unit: unit.unwrap_or(setting.unit), scale, digits, slider })
+    }
+}
+
 /// The first message.
 pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
     ToPage::Hello {
@@ -118,6 +108,9 @@ pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
             .map(|(number, name)| TissueEntry { number, name, colour: colour::tissue(name) })
             .collect(),
         attenuation_colours: (0..=255_u8).map(|a| colour::viridis(f32::from(a) / 255.0)).collect(),
+        settings: live_settings().filter_map(SettingEntry::new).collect(),
+        qualities: &QUALITY_POINTS,
+        keys: hot_keys().iter().filter(|hot| hot.works_on(Display::Page)).collect(),
     }
 }
 
@@ -133,39 +126,57 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_become_controls() {
-        let cases = [
-            (r#"{"type":"freeze","on":true}"#, Control::Freeze(true)),
-            (r#"{"type":"gain_db","value":-3.5}"#, Control::GainDb(-3.5)),
-            (r#"{"type":"tgc_slider","index":7,"db":12}"#, Control::TgcSlider { index: 7, db: 12.0 }),
-            (r#"{"type":"quality","rays":32,"layers":3}"#, Control::Quality { rays: 32, layers: 3 }),
-            (r#"{"type":"enhance","on":false}"#, Control::Enhance(false)),
-        ];
-        for (text, control) in cases {
-            assert_eq!(read(text), Ok(Request::Control(control)));
-        }
+    fn messages_of_a_page_are_read() {
+        let set = r#"{"type":"set","assignments":[{"key":"gain_db","value":-3.5},{"key":"tgc_sliders_db","index":7,"value":12}]}"#;
+        let slider = Assignment { index: 7, ..Assignment::new("tgc_sliders_db", 12.0) };
+        let assignments = vec![Assignment::new("gain_db", -3.5), slider];
+        assert_eq!(read(set), Ok(Request::Set { assignments }));
         assert_eq!(read(r#"{"type":"drawn","number":5}"#), Ok(Request::Drawn { number: 5 }));
     }
 
     #[test]
     fn wrong_messages_say_what_is_wrong() {
+        let set = |assignment: &str| format!(r#"{{"type":"set","assignments":[{{{assignment}}}]}}"#);
         let cases = [
-            ("", "not a message"),
-            ("[]", "not a message"),
-            (r#"{"type":"gain","value":1}"#, "gain_db"),
-            (r#"{"type":"gain_db"}"#, "value"),
-            (r#"{"type":"gain_db","value":"3"}"#, "string"),
-            (r#"{"type":"gain_db","value":1e999}"#, "out of range"),
-            (r#"{"type":"gain_db","value":900}"#, "-200..=200"),
-            (r#"{"type":"gain_db","value":1,"more":2}"#, "more"),
-            (r#"{"type":"tgc_slider","index":-1,"db":0}"#, "-1"),
-            (r#"{"type":"tgc_slider","index":8,"db":0}"#, "0..=7"),
-            (r#"{"type":"quit"}"#, "quit"),
+            (String::new(), "not a message"),
+            ("[]".to_owned(), "not a message"),
+            (set(r#""key":"gain","value":1"#), "gain_db"),
+            (set(r#""key":"width","value":100"#), "gain_db"),
+            (set(r#""key":"gain_db""#), "value"),
+            (set(r#""key":"gain_db","value":"3""#), "string"),
+            (set(r#""key":"gain_db","value":1e999"#), "out of range"),
+            (set(r#""key":"gain_db","value":900"#), "-200..=200"),
+            (set(r#""key":"rays","value":1.5"#), "whole"),
+            (set(r#""key":"gain_db","value":1,"more":2"#), "more"),
+            (set(r#""key":"tgc_sliders_db","index":-1,"value":0"#), "-1"),
+            (set(r#""key":"tgc_sliders_db","index":8,"value":0"#), "0..=7"),
+            (r#"{"type":"quit"}"#.to_owned(), "quit"),
         ];
         for (text, part) in cases {
-            let error = read(text).unwrap_err();
+            let error = read(&text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn a_page_gets_every_live_control_and_key() {
+        let scene = SceneInfo { tissues: Vec::new(), surfaces: None };
+        let hello: serde_json::Value = serde_json::from_str(&write(&hello(&scene))).unwrap();
+        let settings = hello["settings"].as_array().unwrap();
+        assert_eq!(settings.len(), live_settings().count());
+        for (entry, setting) in settings.iter().zip(live_settings()) {
+            assert_eq!((&entry["key"], &entry["count"]), (&setting.key.into(), &setting.count().into()));
+            assert_eq!(entry["range"], serde_json::json!([setting.min, setting.max]));
+        }
+        let has_section =
+            |id: &str| include_str!("../../../assets/browser/index.html").contains(&format!("id=\"{id}\""));
+        let sections = settings.iter().filter_map(|entry| entry["slider"]["section"].as_str());
+        assert!(sections.clone().count() > 4 && sections.into_iter().all(has_section));
+        let app = include_str!("../../../assets/browser/app.js");
+        let keys = hello["keys"].as_array().unwrap();
+        let of_page: Vec<_> = keys.iter().filter_map(|key| key["action"]["page"].as_str()).collect();
+        assert_eq!(of_page.len(), 6);
+        assert!(of_page.iter().all(|name| app.contains(&format!("{name}:")) || app.contains(&format!("  {name},"))));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! The sink listens on a thread of its own. Frames go to each page over a WebSocket as binary messages ([`wire`] has the
 //! layout); a page says when it has drawn one, and no more than two are under way to it, so that a slow page skips frames
 //! and never waits for old ones. What a page asks for comes back as small JSON messages and is checked before it becomes a
-//! [`Control`](super::live::Control).
+//! [`Control`](crate::settings::Control).
 
 mod scene;
 mod settings;

@@ -11,7 +11,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::access::Access;
 use super::scene::ScenePacket;
-use crate::sink::live::Control;
+use crate::settings::Control;
 
 /// The messages of one frame.
 #[derive(Debug)]

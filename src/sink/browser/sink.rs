@@ -12,8 +12,9 @@ use super::server;
 use super::shared::{ClientCounters, FrameSet, Shared};
 use super::wire::{self, Map};
 use super::{SceneInfo, Settings, messages};
+use crate::settings::Control;
 use crate::sink::SinkError;
-use crate::sink::live::{Control, LiveSink, MapsWanted, PresentedFrame};
+use crate::sink::live::{LiveSink, MapsWanted, PresentedFrame};
 
 const NAME: &str = "browser";
 

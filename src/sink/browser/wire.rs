@@ -13,15 +13,13 @@
 //! | 24 | f64 | side of a pixel, mm |
 //! | 32 | f64 | row, in pixels, at which the middle of the probe's face lies |
 //! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
-//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 frozen, 16 generator may run |
+//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran |
 //! | 42 | u16 × 2 | bytes of the tier's name and of the notice |
-//! | 46 | u16 | 0 |
+//! | 46 | u16 | number n of values of live settings |
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
 //! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
-//! | 160 | f64 × 5 | gain dB, dynamic range dB, TGC dB/cm, depth mm, focus mm |
-//! | 200 | f64 × 8 | TGC sliders, dB |
-//! | 264 | u32 × 2 | rays, layers |
-//! | 272 | u8 × width × height | the map, row-major |
+//! | 160 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
+//! | 160 + 8n | u8 × width × height | the map, row-major |
 //! | | UTF-8 | name of the tier, then the notice |
 //!
 //! The maps 2 and 3 of a frame precede its grey levels and are sent only to pages that asked for them.
@@ -32,10 +30,10 @@ use std::time::Duration;
 use super::super::SinkError;
 use super::super::error::check_shape;
 use super::super::live::{FrameSource, PresentedFrame};
+use crate::settings::{Setting, live_settings};
 
-/// Bytes before the map.
-pub const HEADER_BYTES: usize = 272;
-
+/// Bytes before the values of live settings.
+const FIXED_BYTES: usize = 160;
 const VERSION: u16 = 2;
 /// A longer tier name or notice is cut.
 const TEXT_BYTES_MAX: usize = 1024;
@@ -46,6 +44,11 @@ pub(super) enum Map {
     Image = 1,
     Segmentation = 2,
     Attenuation = 3,
+}
+
+/// Bytes before the map.
+pub fn header_bytes() -> usize {
+    FIXED_BYTES + 8 * live_settings().map(Setting::count).sum::<usize>()
 }
 
 /// Checks that the maps have the frame's size; segmentation and attenuation may be empty.
@@ -78,7 +81,6 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
 }
 
 fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) {
-    let settings = &frame.info.settings;
     let times = &frame.info.timeline;
     let source = match frame.source {
         FrameSource::LowQuality => 0,
@@ -86,21 +88,14 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
         FrameSource::HeldEnhanced => 2,
     };
     let tracking = frame.info.estimate.state as u8;
-    let flags = [
-        frame.info.pose().is_some(),
-        times.first_byte.is_some(),
-        times.inference.is_some(),
-        settings.frozen,
-        settings.enhance,
-    ];
+    let flags = [frame.info.pose().is_some(), times.first_byte.is_some(), times.inference.is_some()];
     let flags = flags.iter().enumerate().fold(0, |byte, (bit, &set)| byte | u8::from(set) << bit);
     let pose = frame.info.pose().map_or([0.0; 7], |pose| pose.components());
     let ms = |time: Duration| time.as_secs_f64() * 1e3;
     let (start, end) = times.inference.unwrap_or_default();
     let first_byte = times.first_byte.unwrap_or_default();
     let times = [first_byte, times.sampled, times.submitted, times.rendered, start, end, times.presented].map(ms);
-    let image = &settings.image;
-    let values = [image.gain_db, image.dynamic_range_db, image.tgc_db_per_cm, settings.depth_mm, settings.focus_mm];
+    let values = (header_bytes() - FIXED_BYTES) / 8;
 
     out.extend_from_slice(b"INSF");
     out.extend_from_slice(&VERSION.to_le_bytes());
@@ -111,14 +106,12 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
     out.extend_from_slice(&frame.pixel_mm.to_le_bytes());
     out.extend_from_slice(&frame.face_row().to_le_bytes());
     out.extend_from_slice(&[tracking, flags]);
-    for length in texts.into_iter().chain([0]) {
+    for length in texts.into_iter().chain([values as u16]) {
         out.extend_from_slice(&length.to_le_bytes());
     }
-    for value in pose.into_iter().chain(times).chain(values).chain(image.tgc_sliders_db) {
+    for value in pose.into_iter().chain(times).chain(frame.info.settings.values()) {
         out.extend_from_slice(&value.to_le_bytes());
     }
-    out.extend_from_slice(&settings.rays.to_le_bytes());
-    out.extend_from_slice(&settings.layers.to_le_bytes());
 }
 
 /// A text cut to what the header can count, at a character's end.
@@ -131,7 +124,8 @@ fn text(text: Option<&str>) -> &str {
 mod tests {
     use super::*;
     use crate::pose::{Estimate, Pose, TrackingState};
-    use crate::sink::live::{FrameInfo, FrameTimeline, LiveSettings};
+    use crate::settings::LiveSettings;
+    use crate::sink::live::{FrameInfo, FrameTimeline};
 
     fn frame() -> PresentedFrame {
         let seconds = Duration::from_secs_f64;
@@ -149,7 +143,7 @@ mod tests {
                     presented: seconds(1.05),
                     ..FrameTimeline::default()
                 },
-                settings: LiveSettings { frozen: true, rays: 8, layers: 3, depth_mm: 150.0, ..LiveSettings::default() },
+                settings: LiveSettings { frozen: true, ..LiveSettings::default() },
                 ..FrameInfo::default()
             },
             source: FrameSource::HeldEnhanced,
@@ -176,13 +170,14 @@ mod tests {
         assert_eq!(&out[..8], b"INSF\x02\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
-        assert_eq!(out[40..48], [2, 0b11011, 3, 0, 15, 0, 0, 0]);
+        let values: Vec<f64> = frame().info.settings.values().collect();
+        assert_eq!(out[40..48], [2, 0b011, 3, 0, 15, 0, values.len() as u8, 0]);
         assert_eq!((f64_at(&out, 48), f64_at(&out, 80)), (1.0, 1.0));
         assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
-        assert_eq!((f64_at(&out, 168), f64_at(&out, 184)), (60.0, 150.0));
-        assert_eq!((out[264], out[268]), (8, 3));
-        assert_eq!(&out[HEADER_BYTES..HEADER_BYTES + 12], &frame().image[..]);
-        assert_eq!(&out[HEADER_BYTES + 12..], "MSAno generator µ".as_bytes());
+        let header = header_bytes();
+        assert_eq!((0..values.len()).map(|i| f64_at(&out, 160 + 8 * i)).collect::<Vec<_>>(), values);
+        assert_eq!(&out[header..header + 12], &frame().image[..]);
+        assert_eq!(&out[header + 12..], "MSAno generator µ".as_bytes());
     }
 
     #[test]
@@ -190,9 +185,9 @@ mod tests {
         let (mut seg, mut att) = (Vec::new(), Vec::new());
         encode(&frame(), Map::Segmentation, &mut seg);
         encode(&frame(), Map::Attenuation, &mut att);
-        assert_eq!((seg[6], att[6], seg[42], seg.len()), (2, 3, 0, HEADER_BYTES + 12));
-        assert_eq!(&seg[HEADER_BYTES..], &frame().segmentation[..]);
-        assert_eq!(&att[HEADER_BYTES..HEADER_BYTES + 6], &[0, 128, 255, 255, 0, 0]);
+        assert_eq!((seg[6], att[6], seg[42], seg.len()), (2, 3, 0, header_bytes() + 12));
+        assert_eq!(&seg[header_bytes()..], &frame().segmentation[..]);
+        assert_eq!(&att[header_bytes()..header_bytes() + 6], &[0, 128, 255, 255, 0, 0]);
     }
 
     #[test]
@@ -200,8 +195,8 @@ mod tests {
         let mut out = Vec::new();
         let notice = Some("µ".repeat(600) + "x");
         encode(&PresentedFrame { notice, tier: None, ..frame() }, Map::Image, &mut out);
-        assert_eq!(out.len(), HEADER_BYTES + 12 + 1024);
-        assert!(std::str::from_utf8(&out[HEADER_BYTES + 12..]).is_ok());
+        assert_eq!(out.len(), header_bytes() + 12 + 1024);
+        assert!(std::str::from_utf8(&out[header_bytes() + 12..]).is_ok());
     }
 
     #[test]

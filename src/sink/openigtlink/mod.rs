@@ -150,7 +150,7 @@ impl OpenIgtLink {
         if state.is_live() && frame.info.pose().is_some() {
             message::put_transform(out, "ProbeToScene", time_ns, ras_from_probe, probe_mm);
         }
-        let probe = Probe { depth_mm: frame.info.settings.depth_mm, ..self.probe };
+        let probe = Probe { depth_mm: frame.info.settings.probe.depth_mm, ..self.probe };
         let sector = Sector::fit(&probe, frame.width, frame.height);
         let half = 0.5 * sector.pixel_mm;
         let centre = sector.corner_mm + glam::DVec2::new(f64::from(frame.width), f64::from(frame.height)) * half;

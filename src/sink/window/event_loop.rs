@@ -15,10 +15,9 @@ use super::Settings;
 use super::graphics::{Drawn, Graphics, Look};
 use super::marks::{self, Banner, Figures};
 use super::sink::{NAME, Shown, Wake, WindowSlot};
+use crate::settings::{Action, Control, Display, LiveSettings, hot_key};
 use crate::sink::SinkError;
 use crate::sink::canvas::Canvas;
-use crate::sink::hot_keys::{self, Action};
-use crate::sink::live::{Control, LiveSettings};
 
 /// Time without a new frame after which a picture that is not frozen is shown as not live.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -216,7 +215,7 @@ impl App {
     fn key(&mut self, event_loop: &ActiveEventLoop, key: &Key) {
         let action = match key {
             Key::Named(NamedKey::Escape) if self.help => Some(Action::Help),
-            key => key_name(key).and_then(hot_keys::action),
+            key => key_name(key).and_then(|name| hot_key(Display::Window, name)),
         };
         let Some(action) = action else { return };
         match action {
@@ -230,12 +229,12 @@ impl App {
             Action::Quit => return self.quit(event_loop),
             action => {
                 self.wanted_at = Some(Instant::now());
-                let controls = &self.controls;
-                hot_keys::controls(action, &mut self.wanted, |control| {
-                    if let Err(e) = controls.try_send(control) {
-                        tracing::warn!("a key was not followed: {e}");
-                    }
-                });
+                let assignments = action.assignments(&self.wanted);
+                // Kept in range by the action.
+                self.wanted = self.wanted.with(&assignments).unwrap_or(self.wanted);
+                if let Err(e) = self.controls.try_send(Control::Set(assignments)) {
+                    tracing::warn!("a key was not followed: {e}");
+                }
             }
         }
         if let Some((window, _)) = &self.window {

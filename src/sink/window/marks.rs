@@ -3,9 +3,9 @@
 //! Drawn on the CPU into a canvas of the window's size, only when something of it changes. Black is transparent.
 
 use crate::pose::TrackingState;
+use crate::settings::{Display, hot_keys};
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::Rgb;
-use crate::sink::hot_keys::HOT_KEYS;
 use crate::sink::live::FrameSource;
 
 use super::sink::Shown;
@@ -137,7 +137,7 @@ fn depth_scale(canvas: &mut Canvas, shown: &Shown, at: Placement) {
     let y_at = |depth_mm: f32| at.y + shown.face_row as f32 * scale + depth_mm * pixels_per_mm;
     let x = (at.x + at.width + 12.0) as u32;
     let step = tick_step_cm(10.0 * pixels_per_mm);
-    let depth_mm = shown.info.settings.depth_mm as f32;
+    let depth_mm = shown.info.settings.probe.depth_mm as f32;
     for cm in 0..=(depth_mm / 10.0 + 1e-3) as u32 {
         let y = y_at(10.0 * cm as f32).round() as u32;
         if y > canvas.size().1 {
@@ -151,7 +151,8 @@ fn depth_scale(canvas: &mut Canvas, shown: &Shown, at: Placement) {
     }
     canvas.text(x + 12, (y_at(0.0).min(canvas.size().1 as f32) as u32).saturating_sub(30), "cm", Text::Small, FAINT);
     // The focus points at the scale from the picture's side.
-    let focus = y_at((shown.info.settings.focus_mm as f32).min(depth_mm)).round().min(canvas.size().1 as f32) as u32;
+    let focus =
+        y_at((shown.info.settings.probe.focus_mm as f32).min(depth_mm)).round().min(canvas.size().1 as f32) as u32;
     for column in 0..7 {
         canvas.fill(x - 9 + column, focus.saturating_sub(6 - column), 1, 2 * (6 - column) + 1, WARN);
     }
@@ -191,17 +192,7 @@ fn badges(canvas: &mut Canvas, shown: &Shown, figures: &Figures) {
 }
 
 fn settings(canvas: &mut Canvas, shown: &Shown, at: Placement) {
-    let s = &shown.info.settings;
-    let text = format!(
-        "Depth {:.1} cm   Gain {:.0} dB   DR {:.0} dB   TGC {:.1} dB/cm   Focus {:.1} cm   {}x{}   ? keys",
-        s.depth_mm / 10.0,
-        s.image.gain_db,
-        s.image.dynamic_range_db,
-        s.image.tgc_db_per_cm,
-        s.focus_mm / 10.0,
-        s.rays,
-        s.layers
-    );
+    let text = format!("{}   ? keys", shown.info.settings.captions().join("   "));
     let x = centred(canvas.size().0, Text::Small.width(&text));
     canvas.text(x, (at.y + at.height) as u32 + 9, &text, Text::Small, FAINT);
 }
@@ -221,11 +212,12 @@ fn draw_banner(canvas: &mut Canvas, banner: Banner) {
 
 fn help(canvas: &mut Canvas) {
     let line = Text::Small.height() + 7;
-    let (width, height) = (360, line * HOT_KEYS.len() as u32 + 32);
+    let keys: Vec<_> = hot_keys().iter().filter(|hot| hot.works_on(Display::Window)).collect();
+    let (width, height) = (360, line * keys.len() as u32 + 32);
     let (window_width, window_height) = canvas.size();
     let (x, y) = (centred(window_width, width), window_height.saturating_sub(height) / 2);
     canvas.fill(x, y, width, height, PANEL);
-    for (row, hot) in (0..).zip(HOT_KEYS) {
+    for (row, hot) in (0..).zip(keys) {
         let top = y + 16 + row * line;
         canvas.text(x + 24, top, hot.shown, Text::Small, ACCENT);
         canvas.text(x + 130, top, hot.meaning, Text::Small, INK);
@@ -235,7 +227,7 @@ fn help(canvas: &mut Canvas) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::live::LiveSettings;
+    use crate::settings::LiveSettings;
 
     fn shown() -> Shown {
         Shown { width: 1386, height: 1000, pixel_mm: 0.157, face_row: 45.0, ..Shown::default() }
@@ -308,7 +300,8 @@ mod tests {
         let figures = Figures { frames_per_s: 0, latency_ms: 0, help: true, banner: Some(Banner::Lost) };
         for size in [(1, 1), (60, 40), (300, 90)] {
             let mut canvas = Canvas::new(size.0, size.1, [0; 3]);
-            let deep = LiveSettings { depth_mm: 500.0, focus_mm: 1000.0, ..LiveSettings::default() };
+            let mut deep = LiveSettings::default();
+            (deep.probe.depth_mm, deep.probe.focus_mm) = (500.0, 1000.0);
             let mut far = good();
             far.info.settings = deep;
             for odd in [Shown::default(), far, Shown { pixel_mm: 1e-9, ..good() }] {

@@ -145,7 +145,7 @@ impl Drop for WindowSink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::live::LiveSettings;
+    use crate::settings::LiveSettings;
 
     fn frame(number: u64) -> PresentedFrame {
         PresentedFrame {

@@ -1,4 +1,4 @@
-//! Effects by name, and what a station says of each.
+//! Effects by name, and the choice of a station for each.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,78 +7,72 @@ use serde::{Serialize, Serializer};
 
 use crate::suggest::did_you_mean;
 
-/// What a frame may or may not need.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Effect {
-    /// Snell's law: paths bend, and turn back beyond the critical angle, where the speed of sound changes.
-    Refraction,
-    /// A slow or fast medium displaces what lies behind it: time of flight by each medium's speed, not by 1540 m/s.
-    SpeedDisplacement,
+macro_rules! effects {
+    ($( #[doc = $doc:literal] $effect:ident = $name:literal; )*) => {
+        /// An effect that a frame may or may not need.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum Effect {
+            $( #[doc = $doc] $effect, )*
+        }
+
+        impl Effect {
+            /// Every effect, in the order of tables.
+            pub const ALL: [Self; Self::COUNT] = [$( Self::$effect, )*];
+            /// Names of all, in their order.
+            pub const NAMES: [&'static str; Self::COUNT] = [$( $name, )*];
+            /// Number of effects.
+            pub const COUNT: usize = [$( $name, )*].len();
+            const DOCS: [&'static str; Self::COUNT] = [$( $doc, )*];
+        }
+    };
+}
+
+effects! {
+    /// Paths bend where the speed of sound changes (Snell's law), and turn back beyond the critical angle.
+    Refraction = "refraction";
+    /// A slow or fast tissue displaces what lies behind it: time of flight by each medium's speed, not by 1540 m/s.
+    SpeedDisplacement = "speed_displacement";
     /// Echoes of the places where the medium changes.
-    InterfaceEchoes,
+    InterfaceEchoes = "interface_echoes";
     /// Microfacets of rough interfaces, which spread their echoes and reflections.
-    Roughness,
+    Roughness = "roughness";
     /// Echoes spread over the thickness of an interface.
-    Thickness,
+    Thickness = "thickness";
     /// Paths that reflect: mirror images, reverberation.
-    Reflections,
-    /// Several rays for each scanline and layer.
-    Rays,
-    /// Several planes across the thickness of the slice.
-    Layers,
-    /// Loss along the path.
-    Attenuation,
+    Reflections = "reflections";
+    /// Several rays per scanline and layer; off: one.
+    Rays = "rays";
+    /// Several elevational layers across the thickness of the slice; off: one.
+    Layers = "layers";
+    /// Loss along the path, in the image and in its map.
+    Attenuation = "attenuation";
     /// Attenuation by a power of the frequency other than 1.
-    FrequencyExponent,
+    FrequencyExponent = "frequency_exponent";
     /// Speckle.
-    Scatterers,
+    Scatterers = "scatterers";
     /// Parts that move against each other, and drift of the whole scene.
-    Motion,
-    /// Segmentation and attenuation beside the image.
-    Maps,
+    Motion = "motion";
+    /// Segmentation and attenuation beside the image; auto: where a sink or a generator reads them.
+    Maps = "maps";
 }
 
 impl Effect {
-    /// How many there are.
-    pub const COUNT: usize = 13;
-
-    /// Every effect, in the order of tables.
-    pub const ALL: [Self; Self::COUNT] = [
-        Self::Refraction,
-        Self::SpeedDisplacement,
-        Self::InterfaceEchoes,
-        Self::Roughness,
-        Self::Thickness,
-        Self::Reflections,
-        Self::Rays,
-        Self::Layers,
-        Self::Attenuation,
-        Self::FrequencyExponent,
-        Self::Scatterers,
-        Self::Motion,
-        Self::Maps,
-    ];
-
-    /// Names of all, in their order.
-    pub const NAMES: [&'static str; Self::COUNT] = [
-        "refraction",
-        "speed_displacement",
-        "interface_echoes",
-        "roughness",
-        "thickness",
-        "reflections",
-        "rays",
-        "layers",
-        "attenuation",
-        "frequency_exponent",
-        "scatterers",
-        "motion",
-        "maps",
-    ];
-
-    /// Its name in station files and on the command line.
+    /// Name in station files and on the command line.
     pub const fn name(self) -> &'static str {
         Self::NAMES[self as usize]
+    }
+
+    /// Documentation: one sentence.
+    pub const fn doc(self) -> &'static str {
+        Self::DOCS[self as usize].trim_ascii()
+    }
+
+    /// Words that a station file takes for it: the maps are never off.
+    pub const fn words(self) -> &'static [&'static str] {
+        match self {
+            Self::Maps => &["auto", "on"],
+            _ => Choice::WORDS,
+        }
     }
 }
 
@@ -105,16 +99,16 @@ impl Serialize for Effect {
     }
 }
 
-/// What a station says of an effect.
+/// Choice of a station for an effect.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Choice {
-    /// As the scene calls for.
+    /// Simulated if the scene calls for it.
     #[default]
     Auto,
-    /// Simulated in any case.
+    /// Always simulated.
     On,
-    /// Left out in any case.
+    /// Never simulated.
     Off,
 }
 
@@ -136,7 +130,7 @@ impl FromStr for Choice {
     }
 }
 
-/// What a station says of every effect.
+/// Choices of a station for every effect.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectChoices([Choice; Effect::COUNT]);
 
@@ -144,12 +138,12 @@ impl EffectChoices {
     /// Every effect simulated, whether the scene calls for it or not.
     pub const ALL_ON: Self = Self([Choice::On; Effect::COUNT]);
 
-    /// What is said of `effect`.
+    /// Choice for `effect`.
     pub const fn of(&self, effect: Effect) -> Choice {
         self.0[effect as usize]
     }
 
-    /// Says `choice` of `effect`.
+    /// Sets the choice for `effect`.
     ///
     /// # Errors
     /// `maps` off: the maps are left out wherever nothing reads them, and needed wherever something does.
@@ -165,7 +159,7 @@ impl EffectChoices {
         Ok(())
     }
 
-    /// These with `choice` for `effect`; as [`EffectChoices::set`], a refused one is left as it was.
+    /// These choices with `choice` for `effect`; a refused one changes nothing, see [`EffectChoices::set`].
     #[must_use]
     pub fn with(mut self, effect: Effect, choice: Choice) -> Self {
         let _ = self.set(effect, choice);

@@ -1,0 +1,123 @@
+//! Controls: requests of watchers to a running session.
+
+use serde::{Deserialize, Serialize};
+
+use super::{LiveSettings, Setting, SettingsError, SettingsGroup as _, live_settings};
+
+/// A request of a watcher.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Control {
+    /// Changes settings, all at once.
+    Set(Vec<Assignment>),
+    /// Ends the session.
+    Quit,
+}
+
+/// A new value of a live setting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Assignment {
+    /// Key without its table.
+    pub key: String,
+    /// Place in a list, from 0.
+    #[serde(default)]
+    pub index: usize,
+    /// Value; 0 or 1 of a switch.
+    pub value: f64,
+}
+
+impl Assignment {
+    /// Assigns `value` to the setting `key`.
+    pub fn new(key: &str, value: f64) -> Self {
+        Self { key: key.to_owned(), index: 0, value }
+    }
+
+    /// The setting.
+    ///
+    /// # Errors
+    /// No live setting of that key; an index or a value out of range.
+    pub fn check(&self) -> Result<&'static Setting, SettingsError> {
+        let found = live_settings().find(|setting| setting.key == self.key).ok_or_else(|| SettingsError::NotLive {
+            key: self.key.clone(),
+            known: live_settings().map(|setting| setting.key).collect::<Vec<_>>().join(", "),
+        })?;
+        if self.index >= found.count() {
+            return Err(SettingsError::Element { key: found.path, index: self.index, last: found.count() - 1 });
+        }
+        found.check(self.value)?;
+        Ok(found)
+    }
+}
+
+impl Control {
+    /// Sets one setting.
+    pub fn set(key: &str, value: impl Into<f64>) -> Self {
+        Self::Set(vec![Assignment::new(key, value.into())])
+    }
+
+    /// Checks keys and values.
+    ///
+    /// # Errors
+    /// As [`Assignment::check`], of the first that fails.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        match self {
+            Self::Set(assignments) => assignments.iter().try_for_each(|assignment| assignment.check().map(|_| ())),
+            Self::Quit => Ok(()),
+        }
+    }
+}
+
+impl LiveSettings {
+    /// These settings with `assignments`.
+    ///
+    /// # Errors
+    /// As [`Assignment::check`]; then none is assigned.
+    pub fn with(mut self, assignments: &[Assignment]) -> Result<Self, SettingsError> {
+        for assignment in assignments {
+            let setting = assignment.check()?;
+            if let Some(stored) = self.stored_mut(setting.key) {
+                stored.set(assignment.index, assignment.value);
+            }
+        }
+        Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_refused_by_key() {
+        let slider =
+            |index, value| Control::Set(vec![Assignment { index, ..Assignment::new("tgc_sliders_db", value) }]);
+        let wrong = [
+            (Control::set("gain_db", f64::NAN), "image.gain_db"),
+            (Control::set("dynamic_range_db", 0.0), "image.dynamic_range_db"),
+            (Control::set("tgc_db_per_cm", -1.0), "image.tgc_db_per_cm"),
+            (slider(8, 0.0), "image.tgc_sliders_db"),
+            (slider(7, 101.0), "image.tgc_sliders_db"),
+            (Control::set("depth_mm", f64::INFINITY), "probe.depth_mm"),
+            (Control::set("focus_mm", 0.0), "probe.focus_mm"),
+            (Control::set("rays", 0), "quality.rays"),
+            (Control::set("rays", 1.5), "quality.rays"),
+            (Control::set("layers", 34), "quality.layers"),
+            (Control::set("frozen", 2.0), "session.frozen"),
+            (Control::set("width", 100), "width"),
+            (Control::set("gain", 1.0), "gain"),
+        ];
+        for (control, key) in wrong {
+            assert_eq!(control.check().unwrap_err().key(), key, "{control:?}");
+        }
+        assert_eq!(Control::Quit.check(), Ok(()));
+    }
+
+    #[test]
+    fn assignments_take_effect_together_or_not_at_all() {
+        let settings = LiveSettings::default();
+        let good = [Assignment::new("rays", 4.0), Assignment { index: 7, ..Assignment::new("tgc_sliders_db", -6.0) }];
+        let changed = settings.with(&good).unwrap();
+        assert_eq!((changed.render.quality.rays, changed.render.image.tgc_sliders_db[7]), (4, -6.0));
+        assert!(settings.with(&[good[0].clone(), Assignment::new("layers", 0.0)]).is_err());
+    }
+}

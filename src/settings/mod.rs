@@ -1,0 +1,83 @@
+//! Every setting of probe, image, quality, effects and live session, each defined once.
+//!
+//! A block of [`settings!`] in `probe.rs`, `image.rs`, `quality.rs`, `pipeline.rs` or `live.rs` holds a setting's key,
+//! type, default, unit, range, documentation, the work that a change needs, and its control on live displays. Derived
+//! from it: station keys and their checks, `insonify station-keys`, the page's controls, hot keys, live controls,
+//! recorded settings and their replay, and the choice of what a renderer makes again.
+
+mod control;
+mod effect;
+mod group;
+mod hot_keys;
+mod image;
+mod live;
+mod live_control;
+mod pipeline;
+mod probe;
+mod quality;
+mod recorded;
+mod setting;
+
+pub use control::{Assignment, Control};
+pub use effect::{Choice, Effect, EffectChoices, EffectSet};
+pub use group::SettingsGroup;
+pub(crate) use group::{check_own, settings};
+pub use hot_keys::{Action, Display, HotKey, QUALITY_POINTS, QualityPointKey, hot_key, hot_keys};
+pub use image::{ImageSettings, TGC_SLIDERS};
+pub use live::{LiveSettings, live_settings};
+pub use live_control::{LiveControl, Slider, StepKey};
+pub use pipeline::{ChoiceSettings, PipelineSettings};
+pub use probe::{Face, Probe, ProbeKind};
+pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings};
+pub use setting::{Change, HasKind, Kind, Setting, SettingsError, Stored};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn live_keys_are_unique_and_defaults_lie_in_their_ranges() {
+        let live: Vec<_> = live_settings().collect();
+        let default = LiveSettings::default();
+        for (i, setting) in live.iter().enumerate() {
+            assert!(live[..i].iter().all(|other| other.key != setting.key), "{}", setting.path);
+            setting.check_stored(default.stored(setting.key).unwrap()).unwrap();
+            assert!(setting.doc.ends_with('.') && !setting.doc.contains('\n'), "{}: one sentence", setting.path);
+        }
+        default.validate().unwrap();
+    }
+
+    #[test]
+    fn sliders_lie_in_the_ranges_of_their_settings() {
+        for setting in live_settings() {
+            let control = setting.control.as_ref().unwrap();
+            let Some(slider) = control.slider else { continue };
+            assert!(
+                setting.min <= slider.min && slider.min < slider.max && slider.max <= setting.max,
+                "{}",
+                setting.path
+            );
+            assert!(slider.min <= setting.default && setting.default <= slider.max, "{}", setting.path);
+            let steps = (setting.default - slider.min) / slider.step;
+            assert!((steps - steps.round()).abs() < 1e-9, "{}: the default is no step", setting.path);
+            assert!(!control.label.is_empty());
+        }
+    }
+
+    #[test]
+    fn a_change_needs_the_most_that_any_setting_of_it_needs() {
+        let begin = LiveSettings::default();
+        assert_eq!(begin.change_to(&begin), Change::Nothing);
+        for setting in live_settings() {
+            let mut changed = begin;
+            let stored = changed.stored_mut(setting.key).unwrap();
+            stored.set(setting.count() - 1, if setting.default == setting.min { setting.max } else { setting.min });
+            assert_eq!(begin.change_to(&changed), setting.change, "{}", setting.path);
+        }
+        let mut changed = begin;
+        (changed.render.image.gain_db, changed.probe.depth_mm) = (3.0, 90.0);
+        assert_eq!(begin.change_to(&changed), Change::Tables);
+        changed.render.lines = true;
+        assert_eq!(begin.change_to(&changed), Change::Everything);
+    }
+}

@@ -1,0 +1,69 @@
+//! Quality: number of paths, limits of their cost, and effects.
+
+use serde::Serialize;
+
+use super::live_control::hidden;
+use super::{EffectChoices, ImageSettings, settings};
+
+/// Reflections after which a path always ends.
+pub const REFLECTIONS_MAX: u32 = 6;
+/// Taps of the widest lateral beam that its pass holds; odd.
+pub const BEAM_TAPS_MAX: u32 = 65;
+/// Taps of the longest pulse that its pass holds; odd.
+pub const PULSE_TAPS_MAX: u32 = 257;
+
+settings! {
+    /// Number of paths, and which.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    pub struct Quality in "quality" {
+        /// Rays per scanline and layer.
+        rays: u32 = 1, "", 1.0..=256.0, Everything, hidden("Rays");
+
+        /// Elevational layers.
+        layers: u32 = 1, "", 1.0..=33.0, Everything, hidden("Layers");
+
+        /// Seed of every random choice.
+        seed: u32 = 0, "", 0.0..=4_294_967_295.0, Nothing;
+    }
+}
+
+impl Quality {
+    /// Low quality: 1 ray × 1 layer.
+    pub const LQ: Self = Self { rays: 1, layers: 1, seed: 0 };
+    /// High quality: 32 rays × 3 layers.
+    pub const HQ: Self = Self { rays: 32, layers: 3, seed: 0 };
+}
+
+settings! {
+    /// All settings of a renderer, beside scene and probe. Serializes as the `[quality]` of a station.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct RenderSettings in "quality" {
+        /// Reflections that a path is followed through; at 0 no mirror image or reverberation forms.
+        reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
+
+        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, and its speckle is narrower.
+        beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
+
+        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, and its speckle is shorter.
+        pulse_taps_max: u32 = PULSE_TAPS_MAX, "", 3.0..=f64::from(PULSE_TAPS_MAX), Tables;
+    }
+    nested {
+        /// Image.
+        #[serde(skip)]
+        image: ImageSettings,
+        /// Paths.
+        #[serde(flatten)]
+        quality: Quality,
+    }
+    plain {
+        /// Whether frames carry the complex baseband lines.
+        #[serde(skip)]
+        lines: bool = false, Everything;
+        /// Whether frames carry segmentation and attenuation. The image is bit-identical without them, and takes less time.
+        #[serde(skip)]
+        maps: bool = true, Nothing;
+        /// Choices for effects, over those of the plan.
+        #[serde(skip)]
+        effects: EffectChoices = EffectChoices::default(), Everything;
+    }
+}

@@ -1,0 +1,68 @@
+//! Live settings as JSON: in recordings, and on the wire.
+
+use serde_json::{Map, Value};
+
+use super::{LiveSettings, SettingsGroup as _, live_settings};
+
+impl LiveSettings {
+    /// Values of all live settings by their keys without table.
+    pub fn to_json(&self) -> Map<String, Value> {
+        let values = live_settings().filter_map(|setting| {
+            let stored = self.stored(setting.key)?;
+            Some((setting.key.to_owned(), setting.to_json(stored)))
+        });
+        values.collect()
+    }
+
+    /// Takes the value of a live setting; none if there is no such setting.
+    ///
+    /// # Errors
+    /// A value of another type. Its range is not checked.
+    pub fn read_json(&mut self, key: &str, value: &Value) -> Option<Result<(), String>> {
+        let setting = live_settings().find(|setting| setting.key == key)?;
+        Some(setting.read_json(value, self.stored_mut(key)?))
+    }
+
+    /// Values of all live settings in their order; switches are 0 or 1.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        live_settings().flat_map(|setting| {
+            let stored = self.stored(setting.key);
+            (0..setting.count()).map(move |index| stored.map_or(0.0, |stored| stored.get(index)))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_come_back_from_json() {
+        let mut settings = LiveSettings { frozen: true, ..LiveSettings::default() };
+        settings.render.quality.rays = 7;
+        settings.render.image.tgc_sliders_db[2] = -3.25;
+        settings.probe.focus_mm = 55.5;
+        let mut read = LiveSettings::default();
+        for (key, value) in settings.to_json() {
+            read.read_json(&key, &value).unwrap().unwrap();
+        }
+        assert_eq!(read, settings);
+        assert_eq!(settings.values().count(), live_settings().map(super::super::Setting::count).sum::<usize>());
+    }
+
+    #[test]
+    fn values_of_another_type_change_nothing() {
+        let mut settings = LiveSettings::default();
+        for (key, value) in [
+            ("gain_db", serde_json::json!("3")),
+            ("rays", serde_json::json!(1.5)),
+            ("rays", serde_json::json!(-1)),
+            ("tgc_sliders_db", serde_json::json!([1, 2, 3])),
+            ("frozen", serde_json::json!(1)),
+        ] {
+            assert!(settings.read_json(key, &value).unwrap().unwrap_err().contains(key));
+        }
+        assert_eq!(settings, LiveSettings::default());
+        assert!(settings.read_json("width", &serde_json::json!(100)).is_none(), "no live setting");
+    }
+}

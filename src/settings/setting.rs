@@ -1,0 +1,264 @@
+//! One setting: its key, unit, range, default, documentation, and what a change of it needs.
+
+use serde_json::{Value, json};
+use thiserror::Error;
+
+use super::LiveControl;
+
+/// A setting of a station file or of a live session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    /// Key with its table: `image.gain_db`.
+    pub path: &'static str,
+    /// Table of the station file.
+    pub table: &'static str,
+    /// Key in its table.
+    pub key: &'static str,
+    /// Unit, or empty.
+    pub unit: &'static str,
+    /// Type of the value.
+    pub kind: Kind,
+    /// Least value of a number, or of each of several.
+    pub min: f64,
+    /// Greatest value of a number, or of each of several.
+    pub max: f64,
+    /// Default of a number, or of each of several.
+    pub default: f64,
+    /// Documentation: one sentence.
+    pub doc: &'static str,
+    /// Work that a change needs.
+    pub change: Change,
+    /// Control on the live displays; none if it is fixed while a session runs.
+    pub control: Option<LiveControl>,
+}
+
+/// Type of a setting's value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A number.
+    Number,
+    /// A whole number.
+    Whole,
+    /// So many numbers.
+    Numbers(usize),
+    /// On (1) or off (0).
+    Switch,
+}
+
+/// Work that a change of a setting needs before the next frame, from the least to the most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Change {
+    /// None: the value is a uniform of each frame.
+    Nothing,
+    /// Tables are computed again: beam, pulse, depths.
+    Tables,
+    /// The frame has another size, other paths or other passes: tables, buffers and passes are made again.
+    Everything,
+}
+
+/// A value that a setting does not take.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum SettingsError {
+    /// A value outside its range.
+    #[error("{key} is {value}; it must lie in {min}..={max}")]
+    Range {
+        /// Key with its table.
+        key: &'static str,
+        /// Value found.
+        value: f64,
+        /// Least accepted.
+        min: f64,
+        /// Greatest accepted.
+        max: f64,
+    },
+    /// A fraction where a whole number is needed.
+    #[error("{key} is {value}; it must be a whole number")]
+    Fraction {
+        /// Key with its table.
+        key: &'static str,
+        /// Value found.
+        value: f64,
+    },
+    /// An element that the setting does not have.
+    #[error("{key}[{index}] does not exist; its elements are 0..={last}")]
+    Element {
+        /// Key with its table.
+        key: &'static str,
+        /// Index found.
+        index: usize,
+        /// Index of the last element.
+        last: usize,
+    },
+    /// A key that is no setting of a live session.
+    #[error("`{key}` is no live setting; they are {known}")]
+    NotLive {
+        /// Key found.
+        key: String,
+        /// Keys of all live settings.
+        known: String,
+    },
+}
+
+impl SettingsError {
+    /// Key of the setting, with its table where it is known.
+    pub fn key(&self) -> &str {
+        match self {
+            Self::Range { key, .. } | Self::Fraction { key, .. } | Self::Element { key, .. } => key,
+            Self::NotLive { key, .. } => key,
+        }
+    }
+}
+
+impl Setting {
+    /// Number of values: 1, or the length of a list.
+    pub const fn count(&self) -> usize {
+        match self.kind {
+            Kind::Numbers(count) => count,
+            Kind::Number | Kind::Whole | Kind::Switch => 1,
+        }
+    }
+
+    /// Whether pictures depend on it: on all but the switches of a session.
+    pub fn is_of_picture(&self) -> bool {
+        self.table != "session"
+    }
+
+    /// Checks one value against the range.
+    ///
+    /// # Errors
+    /// A value outside the range, NaN included; a fraction where a whole number is needed.
+    pub fn check(&self, value: f64) -> Result<(), SettingsError> {
+        let &Self { path: key, min, max, .. } = self;
+        if !(min..=max).contains(&value) {
+            return Err(SettingsError::Range { key, value, min, max });
+        }
+        match self.kind {
+            Kind::Whole | Kind::Switch if value.fract() != 0.0 => Err(SettingsError::Fraction { key, value }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks every value of `stored`.
+    ///
+    /// # Errors
+    /// As [`Setting::check`].
+    pub fn check_stored(&self, stored: &dyn Stored) -> Result<(), SettingsError> {
+        (0..self.count()).try_for_each(|index| self.check(stored.get(index)))
+    }
+
+    /// The default as TOML.
+    pub fn default_toml(&self) -> String {
+        match self.kind {
+            Kind::Number => format!("{:?}", self.default),
+            Kind::Whole => self.default.to_string(),
+            Kind::Numbers(count) => format!("[{}]", vec![self.default.to_string(); count].join(", ")),
+            Kind::Switch => (self.default > 0.0).to_string(),
+        }
+    }
+
+    /// `stored` as JSON: a number, a list of numbers, or true or false.
+    pub fn to_json(&self, stored: &dyn Stored) -> Value {
+        match self.kind {
+            Kind::Number => json!(stored.get(0)),
+            Kind::Whole => json!(stored.get(0) as i64),
+            Kind::Numbers(count) => (0..count).map(|index| stored.get(index)).collect(),
+            Kind::Switch => json!(stored.get(0) > 0.0),
+        }
+    }
+
+    /// Reads JSON as [`Setting::to_json`] writes it. Ranges are not checked.
+    ///
+    /// # Errors
+    /// A value of another type.
+    pub fn read_json(&self, value: &Value, stored: &mut dyn Stored) -> Result<(), String> {
+        let numbers = match self.kind {
+            Kind::Number => value.as_f64().map(|number| vec![number]),
+            Kind::Whole => value.as_u64().and_then(|whole| u32::try_from(whole).ok()).map(|whole| vec![whole.into()]),
+            Kind::Switch => value.as_bool().map(|on| vec![on.into()]),
+            Kind::Numbers(count) => value
+                .as_array()
+                .and_then(|values| values.iter().map(Value::as_f64).collect::<Option<Vec<_>>>())
+                .filter(|numbers| numbers.len() == count),
+        };
+        let expected = match self.kind {
+            Kind::Number => "a number".to_owned(),
+            Kind::Whole => "a whole number".to_owned(),
+            Kind::Switch => "true or false".to_owned(),
+            Kind::Numbers(count) => format!("{count} numbers"),
+        };
+        let numbers = numbers.ok_or_else(|| format!("`{}` is {value}; it must be {expected}", self.key))?;
+        numbers.iter().enumerate().for_each(|(index, number)| stored.set(index, *number));
+        Ok(())
+    }
+}
+
+/// Storage of a setting's value.
+pub trait Stored {
+    /// The value; of a list that at `index`.
+    fn get(&self, index: usize) -> f64;
+
+    /// Stores the value; in a list at `index`. Values are checked before.
+    fn set(&mut self, index: usize, value: f64);
+}
+
+/// The [`Kind`] of a stored type.
+pub trait HasKind: Stored {
+    /// The kind.
+    const KIND: Kind;
+}
+
+impl Stored for f64 {
+    fn get(&self, _index: usize) -> f64 {
+        *self
+    }
+
+    fn set(&mut self, _index: usize, value: f64) {
+        *self = value;
+    }
+}
+
+impl HasKind for f64 {
+    const KIND: Kind = Kind::Number;
+}
+
+impl Stored for u32 {
+    fn get(&self, _index: usize) -> f64 {
+        (*self).into()
+    }
+
+    fn set(&mut self, _index: usize, value: f64) {
+        *self = value as u32;
+    }
+}
+
+impl HasKind for u32 {
+    const KIND: Kind = Kind::Whole;
+}
+
+impl Stored for bool {
+    fn get(&self, _index: usize) -> f64 {
+        (*self).into()
+    }
+
+    fn set(&mut self, _index: usize, value: f64) {
+        *self = value > 0.0;
+    }
+}
+
+impl HasKind for bool {
+    const KIND: Kind = Kind::Switch;
+}
+
+impl<const N: usize> Stored for [f64; N] {
+    fn get(&self, index: usize) -> f64 {
+        self[index]
+    }
+
+    fn set(&mut self, index: usize, value: f64) {
+        self[index] = value;
+    }
+}
+
+impl<const N: usize> HasKind for [f64; N] {
+    const KIND: Kind = Kind::Numbers(N);
+}
