@@ -11,9 +11,6 @@ pub mod score;
 pub mod session;
 pub mod sweep;
 
-#[cfg(test)]
-mod tests;
-
 use std::path::Path;
 
 use glam::DVec3;

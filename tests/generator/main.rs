@@ -6,6 +6,7 @@
 
 mod evaluate;
 mod seams;
+mod tiers;
 
 use std::cell::RefCell;
 use std::collections::HashMap;

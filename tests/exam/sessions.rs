@@ -1,8 +1,8 @@
 //! Whole sessions: a perfect one scores full, a perturbed one loses what was perturbed, a random one finds nothing.
 
+use insonify::random::SplitMix64;
+
 use super::*;
-use crate::exam::encode;
-use crate::random::SplitMix64;
 
 const ALL: [&str; 7] = ["head", "cerebellum", "abdomen", "femur", "heart", "spine", "profile"];
 /// Views whose landmarks leave room for half of each tolerance.
@@ -40,7 +40,7 @@ fn slid(pose: Pose, by_mm: DVec3) -> Pose {
     Pose { position_mm: pose.transform_point(by_mm), ..pose }
 }
 
-fn tolerances(name: &str) -> &'static crate::anatomy::planes::Tolerances {
+fn tolerances(name: &str) -> &'static insonify::anatomy::planes::Tolerances {
     &planes(&[name])[0].tolerances
 }
 
@@ -49,9 +49,10 @@ fn a_perfect_session_through_a_recording_scores_full_marks() {
     let poses = session(&ALL, 1.5, |name, _| perfect(name));
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("perfect.mcap");
-    encode(&path, "obstetric phantom", &poses, &[]).unwrap();
+    let recorded = Session { poses, events: Vec::new() };
+    recorded.write(&path, "obstetric phantom").unwrap();
     let (read, summary) = read_all(RecordingReader::open(&path).unwrap()).unwrap();
-    assert!(summary.is_clean() && read.len() == poses.len());
+    assert!(summary.is_clean() && read.len() == recorded.poses.len());
     let score = scored(&read, &[], &ALL);
     // The tracker's lines round to a hundredth of a mm and of a degree or so.
     assert!(score.found == 7 && score.points > 99.99, "{} found, {} points", score.found, score.points);

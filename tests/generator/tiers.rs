@@ -1,6 +1,8 @@
 //! The decisions between tiers, by a clock that is made up.
 
-use super::*;
+use std::time::Duration;
+
+use insonify::generator::{Budget, Outcome, TierState, Tiers};
 use proptest::prelude::*;
 
 fn ms(n: u64) -> Duration {

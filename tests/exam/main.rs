@@ -1,22 +1,24 @@
 //! Sessions made and scored on the obstetric phantom.
 
+// clippy.toml allows these in test functions only, not in their helpers.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod sessions;
+
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
-
-use super::hand::Skill;
-use super::score::{Reference, Score, score};
-use super::session::{Session, Settings, TRUTH_EVENT, make};
-use super::{ExamError, START_TIME_NS};
-use crate::anatomy::phantom::{self, Biometry, Parameters};
-use crate::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
-use crate::anatomy::{Mesh, Motion, Scene, Skin, Surface, TissueTable, analytic};
-use crate::pose::{Pose, TimedPose};
-use crate::tracker::recording::{Event, RecordingReader, read_all};
-use crate::transducer::Probe;
-
-mod sessions;
+use insonify::anatomy::phantom::{self, Biometry, Parameters};
+use insonify::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
+use insonify::anatomy::{Mesh, Motion, Scene, Skin, Surface, TissueTable, analytic};
+use insonify::exam::hand::Skill;
+use insonify::exam::score::{Reference, Score, score};
+use insonify::exam::session::{Session, Settings, TRUTH_EVENT, make};
+use insonify::exam::{ExamError, START_TIME_NS};
+use insonify::pose::{Pose, TimedPose};
+use insonify::tracker::recording::{Event, RecordingReader, read_all};
+use insonify::transducer::Probe;
 
 struct Place {
     planes: StandardPlanes,

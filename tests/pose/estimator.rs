@@ -1,12 +1,12 @@
 //! Accuracy and robustness of the estimator on simulated streams with a known true pose.
 
 use glam::{DQuat, DVec3};
+use insonify::pose::freehand::{Tremor, Waypoint, view_at};
+use insonify::pose::{
+    Calibration, Counters, Estimate, Estimator, FilterSettings, Fitted, Measurement, Pose, Reading, Settings,
+    TrackingState, angle_between,
+};
 use proptest::prelude::*;
-
-use super::*;
-use crate::pose::freehand::{Tremor, Waypoint, view_at};
-use crate::pose::transform::angle_between;
-use crate::pose::{Calibration, FilterSettings, Fitted};
 
 const START_NS: u64 = 1_790_000_000_000_000_000;
 const PERIOD_NS: u64 = 16_666_667;
