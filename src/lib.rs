@@ -38,6 +38,8 @@ pub mod pose;
 
 pub mod acoustics;
 
+mod names;
+
 pub mod random;
 
 pub mod settings;

@@ -28,7 +28,7 @@ const ORDER: [&[&str]; 16] = [
     &["pose"],
     &["acoustics"],
     &["settings"],
-    &["statistics", "random", "suggest"],
+    &["statistics", "random", "suggest", "names"],
 ];
 
 /// Folders in which files may import each other in a circle, subfolders as one. In all others they may not.

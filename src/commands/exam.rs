@@ -89,7 +89,7 @@ impl Whose {
     fn of(self, seed: u64) -> Skill {
         match self {
             Self::One(skill) => skill,
-            Self::Mixed => Skill::NAMES[(seed % Skill::NAMES.len() as u64) as usize].1,
+            Self::Mixed => Skill::ALL[(seed % Skill::ALL.len() as u64) as usize],
         }
     }
 }

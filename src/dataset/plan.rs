@@ -165,7 +165,7 @@ impl Plan {
             for nth in 0..count {
                 // Units follow each other; the last ones are the test.
                 let unit = nth * units / count;
-                let skill = Skill::NAMES[exams.len() % Skill::NAMES.len()].1;
+                let skill = Skill::ALL[exams.len() % Skill::ALL.len()];
                 exams.push(Exam {
                     number: exams.len(),
                     station,

@@ -24,16 +24,9 @@ pub enum Skill {
     Expert,
 }
 
+crate::names::named!(Skill { Novice = "novice", Trained = "trained", Expert = "expert" });
+
 impl Skill {
-    /// Every skill with its name.
-    pub const NAMES: [(&'static str, Self); 3] =
-        [("novice", Self::Novice), ("trained", Self::Trained), ("expert", Self::Expert)];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES.iter().find(|(_, skill)| *skill == self).map_or("", |(name, _)| name)
-    }
-
     /// The hand of that skill.
     pub fn hand(self) -> Hand {
         match self {
@@ -87,8 +80,7 @@ impl FromStr for Skill {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let skill = Self::NAMES.iter().find(|(name, _)| *name == text).map(|(_, skill)| *skill);
-        skill.ok_or_else(|| format!("expected one of {}", Self::NAMES.map(|(name, _)| name).join(", ")))
+        Self::named(text).ok_or_else(|| format!("expected one of {}", Self::NAMES.join(", ")))
     }
 }
 

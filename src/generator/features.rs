@@ -25,6 +25,8 @@ pub enum FeatureScale {
     Grey,
 }
 
+crate::names::named!(FeatureScale { Signed = "signed", Unit = "unit", Grey = "grey" });
+
 impl FeatureScale {
     fn value(self, level: u8) -> f32 {
         match self {
@@ -37,11 +39,7 @@ impl FeatureScale {
 
 impl fmt::Display for FeatureScale {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Signed => "signed",
-            Self::Unit => "unit",
-            Self::Grey => "grey",
-        })
+        f.write_str(self.name())
     }
 }
 
@@ -49,12 +47,8 @@ impl FromStr for FeatureScale {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "signed" => Ok(Self::Signed),
-            "unit" => Ok(Self::Unit),
-            "grey" => Ok(Self::Grey),
-            other => Err(format!("unknown scale `{other}`; scales are signed (-1..1), unit (0..1) and grey (0..255)")),
-        }
+        Self::named(text)
+            .ok_or_else(|| format!("unknown scale `{text}`; scales are signed (-1..1), unit (0..1) and grey (0..255)"))
     }
 }
 

@@ -19,10 +19,9 @@ pub enum Provider {
     TensorRt,
 }
 
-impl Provider {
-    /// Names as a station file has them.
-    pub const NAMES: &'static [&'static str] = &["cpu", "cuda", "tensorrt"];
+crate::names::named!(Provider { Cpu = "cpu", Cuda = "cuda", TensorRt = "tensorrt" });
 
+impl Provider {
     /// Whether a run can be stopped while it lasts: ONNX Runtime looks for that between the nodes of a model, and
     /// TensorRT makes one node of the whole.
     pub fn can_stop(self) -> bool {
@@ -42,11 +41,7 @@ impl Provider {
 
 impl fmt::Display for Provider {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Cpu => "cpu",
-            Self::Cuda => "cuda",
-            Self::TensorRt => "tensorrt",
-        })
+        f.write_str(self.name())
     }
 }
 
@@ -54,12 +49,7 @@ impl FromStr for Provider {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "cpu" => Ok(Self::Cpu),
-            "cuda" => Ok(Self::Cuda),
-            "tensorrt" => Ok(Self::TensorRt),
-            other => Err(format!("unknown provider `{other}`; providers are {}", Self::NAMES.join(", "))),
-        }
+        Self::named(text).ok_or_else(|| format!("unknown provider `{text}`; providers are {}", Self::NAMES.join(", ")))
     }
 }
 

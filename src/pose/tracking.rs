@@ -16,21 +16,15 @@ pub enum TrackingState {
     Lost,
 }
 
+crate::names::named!(TrackingState {
+    Good = "good",
+    Held = "held",
+    Stuck = "stuck",
+    Stale = "stale",
+    Lost = "lost",
+});
+
 impl TrackingState {
-    /// Every state, from best to worst.
-    pub const ALL: [Self; 5] = [Self::Good, Self::Held, Self::Stuck, Self::Stale, Self::Lost];
-
-    /// Name in files and logs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Held => "held",
-            Self::Stuck => "stuck",
-            Self::Stale => "stale",
-            Self::Lost => "lost",
-        }
-    }
-
     /// Whether the picture follows the probe: the pose is measured, or held over a short gap.
     pub fn is_live(self) -> bool {
         self <= Self::Held

@@ -31,16 +31,14 @@ pub enum Act {
     Unplug,
 }
 
-impl Act {
-    const ALL: [(&'static str, Self); 6] = [
-        ("move", Self::Move),
-        ("hold", Self::Hold),
-        ("jump", Self::Jump),
-        ("drop", Self::Drop),
-        ("corrupt", Self::Corrupt),
-        ("unplug", Self::Unplug),
-    ];
-}
+crate::names::named!(Act {
+    Move = "move",
+    Hold = "hold",
+    Jump = "jump",
+    Drop = "drop",
+    Corrupt = "corrupt",
+    Unplug = "unplug",
+});
 
 /// Acts and their durations, repeated endlessly. Written as `move 10, hold 2, jump 1`, in seconds.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +62,7 @@ impl FromStr for Schedule {
     fn from_str(text: &str) -> Result<Self, ScheduleError> {
         let act = |part: &str| {
             let (word, seconds) = part.trim().split_once(' ')?;
-            let (_, act) = Act::ALL.into_iter().find(|(name, _)| *name == word)?;
+            let act = Act::named(word)?;
             let seconds = seconds.trim().parse::<f64>().ok().filter(|s| (0.01..=86_400.0).contains(s))?;
             Some((act, Duration::from_secs_f64(seconds)))
         };
@@ -79,8 +77,7 @@ impl FromStr for Schedule {
 impl fmt::Display for Schedule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, (act, duration)) in self.acts.iter().enumerate() {
-            let name = Act::ALL.iter().find(|(_, a)| a == act).map_or("", |(name, _)| name);
-            write!(f, "{}{name} {}", if i == 0 { "" } else { ", " }, duration.as_secs_f64())?;
+            write!(f, "{}{} {}", if i == 0 { "" } else { ", " }, act.name(), duration.as_secs_f64())?;
         }
         Ok(())
     }

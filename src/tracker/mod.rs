@@ -8,8 +8,8 @@
 //! # Adding a protocol
 //! 1. Write `src/tracker/NAME.rs` with a decoder whose `decode(&mut BytesMut) -> Result<Option<Record>, DecodeError>`
 //!    keeps the promises of [`Decoder::decode`]. Its error type names the byte offset, the fault and the correct form.
-//! 2. Add a variant to [`Protocol`] (with its name in [`Protocol::ALL`] and [`Protocol::name`]), to [`Decoder`] and to
-//!    [`DecodeError`]; the compiler then shows each `match` to extend.
+//! 2. Add a variant to [`Protocol`] and to its table of names, to [`Decoder`] and to [`DecodeError`]; the compiler then
+//!    shows each `match` to extend.
 //! 3. Let [`Protocol::driver`] make its driver: [`Passive`] if the device streams by itself.
 //! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames; any split of the stream gives the
 //!    same records; arbitrary bytes never panic and always make progress.
@@ -128,39 +128,21 @@ pub struct UnknownProtocol {
     pub known: String,
 }
 
+crate::names::named!(Protocol {
+    AsciiLine = "ascii-line",
+    FastrakAscii = "fastrak-ascii",
+    FastrakBinary = "fastrak-binary",
+    Liberty = "liberty",
+    Patriot = "patriot",
+    Ndi = "ndi",
+    SpaceMouse = "spacemouse",
+    Bno08x = "bno08x",
+    Bno08xRollFirst = "bno08x-roll-first",
+    OpenTrack = "opentrack",
+    OpenIgtLink = "openigtlink",
+});
+
 impl Protocol {
-    /// All protocols.
-    pub const ALL: [Self; 11] = [
-        Self::AsciiLine,
-        Self::FastrakAscii,
-        Self::FastrakBinary,
-        Self::Liberty,
-        Self::Patriot,
-        Self::Ndi,
-        Self::SpaceMouse,
-        Self::Bno08x,
-        Self::Bno08xRollFirst,
-        Self::OpenTrack,
-        Self::OpenIgtLink,
-    ];
-
-    /// Name in recordings and station files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::AsciiLine => "ascii-line",
-            Self::FastrakAscii => "fastrak-ascii",
-            Self::FastrakBinary => "fastrak-binary",
-            Self::Liberty => "liberty",
-            Self::Patriot => "patriot",
-            Self::Ndi => "ndi",
-            Self::SpaceMouse => "spacemouse",
-            Self::Bno08x => "bno08x",
-            Self::Bno08xRollFirst => "bno08x-roll-first",
-            Self::OpenTrack => "opentrack",
-            Self::OpenIgtLink => "openigtlink",
-        }
-    }
-
     /// Decoder at the start of a stream.
     pub fn decoder(self) -> Decoder {
         match self {
@@ -232,10 +214,7 @@ impl FromStr for Protocol {
     type Err = UnknownProtocol;
 
     fn from_str(name: &str) -> Result<Self, UnknownProtocol> {
-        Self::ALL
-            .into_iter()
-            .find(|p| p.name() == name)
-            .ok_or_else(|| UnknownProtocol { name: name.to_owned(), known: Self::ALL.map(Self::name).join(", ") })
+        Self::named(name).ok_or_else(|| UnknownProtocol { name: name.to_owned(), known: Self::NAMES.join(", ") })
     }
 }
 

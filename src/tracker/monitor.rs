@@ -25,18 +25,13 @@ pub enum SessionState {
     Ended,
 }
 
-impl SessionState {
-    /// Name of the state in lower case.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Disconnected => "disconnected",
-            Self::Connected => "connected",
-            Self::Streaming => "streaming",
-            Self::Silent => "silent",
-            Self::Ended => "ended",
-        }
-    }
-}
+crate::names::named!(SessionState {
+    Disconnected = "disconnected",
+    Connected = "connected",
+    Streaming = "streaming",
+    Silent = "silent",
+    Ended = "ended",
+});
 
 /// Figures since the last report, and totals.
 #[derive(Debug, Clone, Default, PartialEq)]
