@@ -144,11 +144,6 @@ impl Tiers {
         });
     }
 
-    /// The budget.
-    pub fn budget(&self) -> &Budget {
-        &self.budget
-    }
-
     /// The tier at work; none while the rendered image is all there is.
     pub fn current(&self) -> Option<usize> {
         self.current
@@ -276,6 +271,3 @@ impl Tiers {
         Change { from, to, reason }
     }
 }
-
-#[cfg(test)]
-mod tests;

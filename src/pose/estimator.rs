@@ -152,11 +152,6 @@ impl Estimator {
         }
     }
 
-    /// Resets a puck to the initial pose.
-    pub fn home(&mut self) {
-        self.rates.home();
-    }
-
     /// Pose to show at `display_ns`, as known at `now_ns`.
     ///
     /// A time after the newest measurement is predicted, by at most
@@ -250,6 +245,3 @@ fn is_valid(reading: &Reading) -> bool {
         Reading::OutOfView => true,
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -15,7 +15,6 @@ const LONGEST_S: f64 = 0.1;
 pub struct RateIntegrator {
     speed_mm_s: f64,
     speed_rad_s: f64,
-    start: Pose,
     pose: Pose,
     /// Rates of the last report: mm/s and rad/s along and about the probe's axes.
     rates: (DVec3, DVec3),
@@ -25,7 +24,7 @@ impl RateIntegrator {
     /// Integrator that starts at `start` (`scene_from_probe`), with these speeds at full deflection.
     pub fn new(start: Pose, speed_mm_s: f64, speed_deg_s: f64) -> Self {
         let rates = (DVec3::ZERO, DVec3::ZERO);
-        Self { speed_mm_s, speed_rad_s: speed_deg_s.to_radians(), start, pose: start, rates }
+        Self { speed_mm_s, speed_rad_s: speed_deg_s.to_radians(), pose: start, rates }
     }
 
     /// Takes the rates of a report `dt_s` after the last one, each in −1..=1; larger ones are clamped.
@@ -57,12 +56,6 @@ impl RateIntegrator {
     pub fn release(&mut self) {
         self.rates = (DVec3::ZERO, DVec3::ZERO);
     }
-
-    /// Returns to the start pose.
-    pub fn home(&mut self) {
-        self.pose = self.start;
-        self.release();
-    }
 }
 
 #[cfg(test)]
@@ -78,13 +71,14 @@ mod tests {
     fn full_deflection_moves_at_full_speed_along_the_probes_axes() {
         for reports in [10, 100] {
             let mut puck = puck();
+            let start = puck.pose;
             let dt_s = 0.5 / f64::from(reports);
             for _ in 0..=reports {
                 puck.push(DVec3::X, DVec3::ZERO, dt_s.min(1.0));
             }
-            let moved = puck.pose.position_mm - puck.start.position_mm;
+            let moved = puck.pose.position_mm - start.position_mm;
             // The first report moved nothing: its rate applies from then on.
-            let expected = puck.start.orientation * DVec3::X * 40.0;
+            let expected = start.orientation * DVec3::X * 40.0;
             assert!(moved.distance(expected) < 1e-9, "{moved}");
         }
         let mut puck = puck();
@@ -98,15 +92,14 @@ mod tests {
     #[test]
     fn gaps_move_little_and_rest_moves_nothing() {
         let mut puck = puck();
+        let start = puck.pose;
         puck.push(DVec3::X, DVec3::ZERO, 0.01);
         let motion = puck.push(DVec3::ZERO, DVec3::ZERO, 60.0);
-        assert!((motion.pose.position_mm.distance(puck.start.position_mm) - 8.0).abs() < 1e-9);
+        assert!((motion.pose.position_mm.distance(start.position_mm) - 8.0).abs() < 1e-9);
         assert!(puck.is_resting() && motion.velocity_mm_s == DVec3::ZERO);
         let before = puck.pose.position_mm;
         assert_eq!(puck.push(DVec3::X, DVec3::ZERO, 60.0).pose.position_mm, before);
         assert_eq!(puck.push(DVec3::X, DVec3::ZERO, -1.0).pose.position_mm, before);
-        puck.home();
-        assert_eq!((puck.pose, puck.is_resting()), (puck.start, true));
     }
 
     #[test]

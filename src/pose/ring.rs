@@ -29,21 +29,6 @@ impl PoseRing {
         self.poses.push_back(pose);
     }
 
-    /// Newest pose.
-    pub fn newest(&self) -> Option<&TimedPose> {
-        self.poses.back()
-    }
-
-    /// Number of poses held.
-    pub fn len(&self) -> usize {
-        self.poses.len()
-    }
-
-    /// Whether the history is empty.
-    pub fn is_empty(&self) -> bool {
-        self.poses.is_empty()
-    }
-
     /// Forgets all poses.
     pub fn clear(&mut self) {
         self.poses.clear();
@@ -81,9 +66,9 @@ mod tests {
     fn the_latest_poses_are_kept_and_interpolated() {
         let mut ring = PoseRing::new(4);
         let room = ring.poses.capacity();
-        assert_eq!((ring.at(5), ring.is_empty()), (None, true));
+        assert_eq!((ring.at(5), ring.poses.is_empty()), (None, true));
         (1..=9).for_each(|t| ring.push(pose(10 * t)));
-        assert_eq!((ring.len(), ring.poses.capacity()), (4, room));
+        assert_eq!((ring.poses.len(), ring.poses.capacity()), (4, room));
         assert_eq!(ring.at(75).unwrap().position_mm.x, 75.0);
         assert_eq!(ring.at(1).unwrap().position_mm.x, 60.0);
         assert_eq!(ring.at(90).unwrap().position_mm.x, 90.0);
@@ -96,8 +81,8 @@ mod tests {
         ring.push(pose(20));
         ring.push(pose(30));
         ring.set_back(15);
-        assert_eq!(ring.newest().unwrap().host_time_ns, 15);
+        assert_eq!(ring.poses.back().unwrap().host_time_ns, 15);
         ring.push(pose(15));
-        assert_eq!((ring.len(), ring.at(15).unwrap().position_mm.x), (1, 15.0));
+        assert_eq!((ring.poses.len(), ring.at(15).unwrap().position_mm.x), (1, 15.0));
     }
 }

@@ -23,9 +23,6 @@ pub const ASCII_LENGTH: usize = 47;
 /// Length of a binary record, bytes.
 pub const BINARY_LENGTH: usize = 32;
 
-/// Stations of a FASTRAK.
-pub const STATIONS: u16 = 4;
-
 const HEAD: usize = 3;
 const FIELD: usize = 7;
 const FIELDS: [&str; 6] = ["x", "y", "z", "azimuth", "elevation", "roll"];

@@ -104,11 +104,6 @@ impl NdiDriver {
         }
     }
 
-    /// Number of tool entries that repeated the previous frame and gave no record.
-    pub fn repeats(&self) -> u64 {
-        self.repeats.count
-    }
-
     /// Whether the device tracks.
     pub fn is_tracking(&self) -> bool {
         matches!(self.state, State::Ask(Step::Poll, _) | State::Asked(Step::Poll, _))

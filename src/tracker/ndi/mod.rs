@@ -29,9 +29,6 @@ mod reply;
 pub use decoder::Decoder;
 pub use driver::NdiDriver;
 
-/// TCP port of a Vega.
-pub const TCP_PORT: u16 = 8765;
-
 /// Speed of a serial device after power-on or reset, baud.
 pub const START_BAUD: u32 = 9600;
 

@@ -1,6 +1,6 @@
 //! Primitive solids. Formulas after I. Quilez, "Distance functions" (iquilezles.org/articles/distfunctions).
 
-use glam::{Vec2, Vec3, Vec3Swizzles};
+use glam::Vec3;
 
 use super::{Bounds, Solid};
 
@@ -65,15 +65,6 @@ pub fn rounded_box(centre: Vec3, half: Vec3, rounding: f32) -> Solid {
     Solid::new(Bounds::around(centre, half), move |p| {
         let q = (p - centre).abs() - core;
         q.max(Vec3::ZERO).length() + q.max_element().min(0.0) - rounding
-    })
-}
-
-/// Torus about the `y` axis through `centre`: tube radius `minor`, centre-line radius `major`.
-pub fn torus(centre: Vec3, major: f32, minor: f32) -> Solid {
-    let half = Vec3::new(major + minor, minor, major + minor);
-    Solid::new(Bounds::around(centre, half), move |p| {
-        let q = p - centre;
-        Vec2::new(q.xz().length() - major, q.y).length() - minor
     })
 }
 
