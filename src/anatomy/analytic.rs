@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::{Quat, Vec3};
 
-use super::{Mesh, Motion, Scene, Surface, TissueTable, specimens};
+use super::{Mesh, Motion, Scene, Surface, TissueTable};
 
 /// A surface with the name of its tissue; needs no tissue table.
 #[derive(Debug, Clone, PartialEq)]
@@ -220,21 +220,6 @@ pub fn bone_plate() -> Vec<Part> {
     vec![Part { name: "plate", tissue: "bone_adult", priority: 1, mesh }]
 }
 
-/// Constructor of a scene's parts.
-pub type MakeParts = fn() -> Vec<Part>;
-
-/// Scenes of `assets/scenes`, by file stem. `cargo run --example make_scenes` writes them.
-pub const SCENES: [(&str, MakeParts); 8] = [
-    ("speckle_block", speckle_block),
-    ("sphere", cyst),
-    ("slabs", slabs),
-    ("bone_plate", bone_plate),
-    ("qa_phantom", specimens::qa_phantom),
-    ("vessel_needle", specimens::vessel_needle),
-    ("gallbladder_stones", specimens::gallbladder_stones),
-    ("lung_air", specimens::lung_air),
-];
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -269,18 +254,6 @@ mod tests {
         let exact = 4.0 / 3.0 * std::f64::consts::PI * 8000.0;
         let volume = sphere(CYST_CENTRE_MM, 20.0, 5).signed_volume_mm3();
         assert!((volume / exact - 1.0).abs() < 1e-3, "{volume}");
-    }
-
-    #[test]
-    fn every_scene_has_sound_surfaces_and_known_tissues() {
-        let table = TissueTable::builtin().unwrap();
-        for (name, parts) in SCENES {
-            for part in parts() {
-                assert_eq!(part.mesh.unpaired_edges(), 0, "{name}: {}", part.name);
-                assert!(part.mesh.signed_volume_mm3() > 0.0, "{name}: {}", part.name);
-            }
-            assert!(scene(parts(), &table, "gel").is_some(), "{name}");
-        }
     }
 
     #[test]

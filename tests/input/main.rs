@@ -7,6 +7,9 @@ mod builder;
 mod doctor;
 mod exporters;
 mod gltf_files;
+#[path = "../../examples/make_scenes/scenes/mod.rs"]
+#[allow(dead_code, reason = "other tests use the rest")]
+mod made_scenes;
 mod moving_scenes;
 mod scenes;
 mod station_files;

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use insonify::anatomy::TissueTable;
-use insonify::anatomy::analytic::{self, SCENES};
 use insonify::anatomy::import::load_with_findings;
+use insonify::anatomy::{TissueTable, analytic};
 use insonify::station::{SceneSource, Station};
+
+use super::made_scenes::SCENES;
 
 fn repository() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -37,6 +38,18 @@ fn every_committed_scene_is_closed_and_outward_and_equals_its_function() {
                 assert!((0..3).all(|i| (read[i] - made[i]).length() < 1e-4), "{name}: {read:?} {made:?}");
             }
         }
+    }
+}
+
+#[test]
+fn every_scene_has_sound_surfaces_and_known_tissues() {
+    let table = TissueTable::builtin().unwrap();
+    for (name, parts) in SCENES {
+        for part in parts() {
+            assert_eq!(part.mesh.unpaired_edges(), 0, "{name}: {}", part.name);
+            assert!(part.mesh.signed_volume_mm3() > 0.0, "{name}: {}", part.name);
+        }
+        assert!(analytic::scene(parts(), &table, "gel").is_some(), "{name}");
     }
 }
 

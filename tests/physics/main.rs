@@ -13,6 +13,9 @@ mod points;
 mod qa;
 mod reflections;
 mod refraction;
+#[path = "../../examples/make_scenes/scenes/mod.rs"]
+#[allow(dead_code, reason = "other tests use the rest")]
+mod scenes;
 mod selftest;
 mod sizes;
 mod specimens;

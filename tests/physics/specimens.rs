@@ -4,13 +4,14 @@ use std::path::Path;
 
 use glam::DVec2;
 use insonify::anatomy::analytic::Part;
-use insonify::anatomy::specimens::{lung_air, vessel_needle_at};
 use insonify::anatomy::{Scene, TissueTable, analytic};
 use insonify::render::{Frame, Quality};
 use insonify::station::Station;
 use insonify::transducer::Sector;
 
 use super::bench::{Rig, at};
+use super::scenes::lung_air;
+use super::scenes::needle::vessel_needle_at;
 
 struct Shot {
     frame: Frame,

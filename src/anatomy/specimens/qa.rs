@@ -1,4 +1,4 @@
-//! Quality-assurance phantom of the usual multi-purpose kind.
+//! Layout of the quality-assurance phantom, one of the usual multi-purpose kind. `examples/make_scenes` builds it.
 //!
 //! The groups are those of two commercial phantoms. CIRS 040GSE (user guide at support.cirsinc.com): near field,
 //! vertical and horizontal distances, axial and lateral resolution, stepped anechoic cylinders, grey-scale targets of
@@ -10,18 +10,8 @@
 //! ones. The wires of the vertical group are offset sideways by 0.4 mm, out of each other's shadow, which diffraction
 //! fills in a real phantom.
 
-use std::f32::consts::FRAC_1_SQRT_2;
-
-use glam::Vec3;
-
-use super::layer;
-use crate::anatomy::Mesh;
-use crate::anatomy::analytic::{Part, joined, tube};
-
 /// Side of a wire, mm.
 pub const WIRE_MM: f32 = 0.3;
-/// Lateral positions and depths of the near-field wires, mm.
-pub const NEAR_FIELD_MM: [(f32, f32); 5] = [(-28.0, 1.0), (-26.0, 2.0), (-24.0, 3.0), (-22.0, 4.0), (-20.0, 5.0)];
 /// Distance between wires of the vertical group, and depth of the first, mm.
 pub const VERTICAL_STEP_MM: f32 = 10.0;
 /// Number of wires of the vertical group.
@@ -61,39 +51,6 @@ pub const CYSTS_MM: [(f32, f32, f32); 10] = [
     (22.0, 14.0, 1.3),
 ];
 
-const HALF_LENGTH_MM: f32 = 38.0;
-
-/// The phantom: a block of tissue-mimicking material from x = −45 to 45 mm and z = 0.3 to 130 mm, the probe's gel above
-/// it.
-pub fn qa_phantom() -> Vec<Part> {
-    let mut parts = vec![
-        layer("background", "tmm", 1, (45.0, 40.0), (0.3, 130.0)),
-        Part { name: "wires", tissue: "nylon", priority: 3, mesh: wires() },
-        Part {
-            name: "cysts",
-            tissue: "tmm_anechoic",
-            priority: 2,
-            mesh: joined(CYSTS_MM.map(|(x, depth, diameter)| cylinder(x, depth, diameter))),
-        },
-    ];
-    let names = ["target -9 dB", "target -6 dB", "target -3 dB", "target +3 dB", "target +6 dB", "target +15 dB"];
-    parts.extend(names.into_iter().zip(CONTRAST).map(|(name, (x, _, tissue))| {
-        let mesh = cylinder(x, CONTRAST_DEPTH_MM, CONTRAST_DIAMETER_MM);
-        Part { name, tissue, priority: 2, mesh }
-    }));
-    parts
-}
-
-fn wires() -> Mesh {
-    let vertical = (0..VERTICAL_COUNT).map(vertical);
-    let horizontal = HORIZONTAL_DEPTHS_MM.into_iter().flat_map(|depth| HORIZONTAL_MM.map(|x| (x, depth)));
-    let places = NEAR_FIELD_MM.into_iter().chain(vertical).chain(horizontal);
-    joined(places.chain(RESOLUTION_DEPTHS_MM.into_iter().flat_map(resolution)).map(|(x, depth)| {
-        let half = WIRE_MM * FRAC_1_SQRT_2;
-        along_y(x, depth + 0.5 * WIRE_MM, half, 4)
-    }))
-}
-
 /// Lateral position and depth of a wire of the vertical group, mm.
 pub fn vertical(index: u16) -> (f32, f32) {
     (0.4 * (f32::from(index) - 5.5), VERTICAL_STEP_MM * f32::from(index + 1))
@@ -112,13 +69,4 @@ pub fn resolution(depth_mm: f32) -> Vec<(f32, f32)> {
         }
     }
     places
-}
-
-fn cylinder(x_mm: f32, depth_mm: f32, diameter_mm: f32) -> Mesh {
-    along_y(x_mm, depth_mm, 0.5 * diameter_mm, 48)
-}
-
-fn along_y(x_mm: f32, depth_mm: f32, radius_mm: f32, sides: u32) -> Mesh {
-    let ring = |y| (Vec3::new(x_mm, y, depth_mm), (radius_mm, radius_mm));
-    tube(&[ring(-HALF_LENGTH_MM), ring(HALF_LENGTH_MM)], sides)
 }

@@ -1,10 +1,10 @@
 //! Gallbladder with stones below the liver.
 
 use glam::{Quat, Vec3};
+use insonify::anatomy::Mesh;
+use insonify::anatomy::analytic::{Part, joined, sphere};
 
 use super::{layer, wavy_layer};
-use crate::anatomy::Mesh;
-use crate::anatomy::analytic::{Part, joined, sphere};
 
 /// Centre of the gallbladder, mm.
 const CENTRE_MM: Vec3 = Vec3::new(2.0, 0.0, 62.0);
@@ -17,7 +17,7 @@ const STONES: [(f32, f32); 3] = [(-0.36, 5.5), (0.12, 4.0), (0.48, 3.0)];
 
 /// Skin, fat, muscle and liver over a gallbladder with bile and three stones on its posterior wall. The lung bounds the
 /// liver from below, so that shadow and enhancement show on a bright line.
-pub fn gallbladder_stones() -> Vec<Part> {
+pub(crate) fn gallbladder_stones() -> Vec<Part> {
     let half = (140.0, 60.0);
     vec![
         layer("skin", "skin", 1, half, (0.0, 2.0)),

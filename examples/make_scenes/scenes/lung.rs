@@ -1,9 +1,9 @@
 //! Chest wall over aerated lung.
 
 use glam::Vec3;
+use insonify::anatomy::analytic::{Part, joined, tube};
 
 use super::{layer, wavy_layer};
-use crate::anatomy::analytic::{Part, joined, tube};
 
 /// Depth of the visceral pleura, where the air begins, mm.
 pub(super) const AIR_MM: f32 = 20.4;
@@ -14,7 +14,7 @@ pub(super) const AIR_MM: f32 = 20.4;
 /// sheet above the skin, stands for the probe; it reflects partly, like a transducer's layers. This holds while the
 /// probe is level on the skin, anywhere along the chest. B-lines come from bubbles in fluid far smaller than a
 /// millimetre, which surfaces can't represent: there are none.
-pub fn lung_air() -> Vec<Part> {
+pub(crate) fn lung_air() -> Vec<Part> {
     let half = (80.0, 40.0);
     let rib = |x: f32| {
         let ring = |y| (Vec3::new(x, y, 13.6), (6.5, 3.6));

@@ -1,9 +1,12 @@
 //! Writes the analytic scenes of `assets/scenes`: `cargo run --release --example make_scenes [DIRECTORY]`.
 
+mod scenes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use insonify::anatomy::analytic::{Part, SCENES};
+use insonify::anatomy::analytic::Part;
+use scenes::SCENES;
 use serde_json::{Value, json};
 
 fn main() -> anyhow::Result<()> {

@@ -1,10 +1,10 @@
 //! Needle on its way into a vessel, and a guide wire through it, both in the imaging plane.
 
 use glam::Vec3;
+use insonify::anatomy::Mesh;
+use insonify::anatomy::analytic::{Part, tube};
 
 use super::{layer, wavy_layer};
-use crate::anatomy::Mesh;
-use crate::anatomy::analytic::{Part, tube};
 
 /// Position of the needle's tip, in the vessel, mm.
 const TIP_MM: Vec3 = Vec3::new(-2.0, 0.0, 20.0);
@@ -14,7 +14,7 @@ const NEEDLE_RADIUS_MM: f32 = 0.63;
 const WIRE_RADIUS_MM: f32 = 0.445;
 
 /// Scene with the needle at 32° to the skin.
-pub fn vessel_needle() -> Vec<Part> {
+pub(crate) fn vessel_needle() -> Vec<Part> {
     vessel_needle_at(32.0)
 }
 
@@ -26,7 +26,7 @@ pub fn vessel_needle() -> Vec<Part> {
 /// The needle deflects the beam, all of it beyond 15.5° (Snell, from muscle into steel; solids have no shear waves
 /// here), and is fainter the steeper it is. The wire is perpendicular to the beam, which enters it and reverberates
 /// between its sides.
-pub fn vessel_needle_at(angle_deg: f32) -> Vec<Part> {
+pub(crate) fn vessel_needle_at(angle_deg: f32) -> Vec<Part> {
     let half = (60.0, 30.0);
     let angle = angle_deg.clamp(10.0, 80.0).to_radians();
     let along = Vec3::new(angle.cos(), 0.0, angle.sin());
