@@ -123,7 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let task = Task { args, scene: scene_name(&station), skin: &scene.skin, planes, duration_s };
     let Some(count) = args.sessions else {
-        make_parent(&args.out)?;
+        output::make_parent(&args.out)?;
         let report = task.make(args.seed, &args.out)?;
         return if args.json { output::json(&report) } else { print(&report) };
     };
@@ -187,7 +187,7 @@ impl Task<'_> {
 
 /// The sweep of `assets/exams`.
 fn sweep(args: &Args) -> Result<(), Failure> {
-    make_parent(&args.out)?;
+    output::make_parent(&args.out)?;
     sweep::write(&args.out, args.seed)?;
     let key_frames = sweep::KEY_FRAMES.map(|(name, time_s)| KeyFrame { name: name.to_owned(), time_s });
     let report = Report {
@@ -199,13 +199,6 @@ fn sweep(args: &Args) -> Result<(), Failure> {
         key_frames: key_frames.into(),
     };
     if args.json { output::json(&report) } else { print(&report) }
-}
-
-fn make_parent(path: &Path) -> Result<(), Failure> {
-    match path.parent().filter(|d| !d.as_os_str().is_empty()) {
-        Some(directory) => Ok(create_dir(directory)?),
-        None => Ok(()),
-    }
 }
 
 fn print(report: &Report) -> Result<(), Failure> {

@@ -78,33 +78,6 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-impl From<SinkError> for Failure {
-    fn from(error: SinkError) -> Self {
-        match error {
-            SinkError::FrameRate { .. } => Self::Input(error.into()),
-            _ => Self::Other(error.into()),
-        }
-    }
-}
-
-impl From<RecordingError> for Failure {
-    fn from(error: RecordingError) -> Self {
-        match error {
-            RecordingError::Write { .. } => Self::Other(error.into()),
-            _ => Self::Input(error.into()),
-        }
-    }
-}
-
-impl From<TrackerError> for Failure {
-    fn from(error: TrackerError) -> Self {
-        match error {
-            TrackerError::Thread(_) => Self::Other(error.into()),
-            _ => Self::Input(error.into()),
-        }
-    }
-}
-
 impl From<InterchangeError> for Failure {
     fn from(error: InterchangeError) -> Self {
         match error {
@@ -171,41 +144,35 @@ impl From<SelfTestError> for Failure {
     }
 }
 
-impl From<GeneratorError> for Failure {
-    fn from(error: GeneratorError) -> Self {
-        match error {
-            GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Self::Other(error.into()),
-            // A model that gives no image is a model to mend or replace.
-            _ => Self::Input(error.into()),
-        }
-    }
-}
-
-impl From<ExportError> for Failure {
-    fn from(error: ExportError) -> Self {
-        Self::Other(error.into())
-    }
-}
-
-macro_rules! input_errors {
-    ($($error:ty),*) => {$(
+/// Classes of errors that wrap no other classified error, one enum a line.
+macro_rules! classified {
+    ($($error:ident { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
             fn from(error: $error) -> Self {
-                Self::Input(error.into())
+                match error {
+                    $($case => Self::$class(error.into()),)+
+                }
             }
         }
     )*};
 }
-input_errors!(
-    StationError,
-    DatasetError,
-    PlanesError,
-    SceneError,
-    SettingsError,
-    PhantomError,
-    CalibrationError,
-    QualityError
-);
+
+classified! {
+    SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
+    RecordingError { RecordingError::Write { .. } => Other, _ => Input }
+    TrackerError { TrackerError::Thread(_) => Other, _ => Input }
+    // A model that gives no image is a model to mend or replace.
+    GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
+    ExportError { _ => Other }
+    StationError { _ => Input }
+    DatasetError { _ => Input }
+    PlanesError { _ => Input }
+    SceneError { _ => Input }
+    SettingsError { _ => Input }
+    PhantomError { _ => Input }
+    CalibrationError { _ => Input }
+    QualityError { _ => Input }
+}
 
 #[cfg(test)]
 mod tests {

@@ -81,17 +81,9 @@ struct Report<'a> {
     library: PathBuf,
     provider: Provider,
     manifest: &'a Manifest,
-    parity: Parity,
+    parity: &'a ParityReport,
     times: Option<Times>,
     written: Option<PathBuf>,
-}
-
-#[derive(Serialize)]
-struct Parity {
-    difference: f32,
-    row: usize,
-    column: usize,
-    tolerance: f32,
 }
 
 #[derive(Serialize)]
@@ -124,14 +116,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let parity = generator.parity();
     if args.json {
-        let &ParityReport { difference, row, column, tolerance } = parity;
         return output::json(&Report {
             version: env!("CARGO_PKG_VERSION"),
             model: &args.model,
             library: runtime.library().to_owned(),
             provider: args.provider,
             manifest: generator.manifest(),
-            parity: Parity { difference, row, column, tolerance },
+            parity,
             times,
             written,
         });

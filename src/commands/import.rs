@@ -5,7 +5,6 @@ use std::io::BufReader;
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::sink::create_dir;
 use insonify::tracker::interchange::meta_image::Sequence;
 use insonify::tracker::interchange::{Imported, InterchangeError, TrackedRow, csv, tracked, write_recording};
 use serde::Serialize;
@@ -57,9 +56,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let rows = rows(args)?;
-    if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
-        create_dir(directory)?;
-    }
+    output::make_parent(&args.out)?;
     let imported = write_recording(&rows, &args.file, &args.out)?;
     if args.json {
         return output::json(&Report { path: &args.out, imported });

@@ -1,6 +1,7 @@
 //! Output to stdout.
 
 use std::io::Write;
+use std::path::Path;
 
 use anyhow::Context;
 use serde::Serialize;
@@ -18,6 +19,14 @@ pub(crate) fn line(text: impl std::fmt::Display) -> Result<(), Failure> {
 /// Prints a value as indented JSON.
 pub(crate) fn json(value: &impl Serialize) -> Result<(), Failure> {
     line(serde_json::to_string_pretty(value).other()?)
+}
+
+/// Creates the directory of the file `path`.
+pub(crate) fn make_parent(path: &Path) -> Result<(), Failure> {
+    match path.parent().filter(|d| !d.as_os_str().is_empty()) {
+        Some(directory) => Ok(insonify::sink::create_dir(directory)?),
+        None => Ok(()),
+    }
 }
 
 /// A whole number with its thousands apart.

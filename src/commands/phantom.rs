@@ -123,9 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let progress = Progress::new("phantom", 0);
     let surfaces = build(&args.options(), &|p| progress.set(p.done, p.total))?;
     drop(progress);
-    if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
-        insonify::sink::create_dir(directory)?;
-    }
+    output::make_parent(&args.out)?;
     let parameters = args.options().parameters;
     write_moving_glb(&surfaces, &movement(&parameters), &args.out)?;
     write_json(&planes::file_beside(&args.out), &planes::obstetric(&parameters))?;

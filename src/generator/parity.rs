@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::Path;
 
+use serde::Serialize;
+
 use super::manifest::ParityManifest;
 use super::{GeneratorError, Input};
 
@@ -10,7 +12,7 @@ use super::{GeneratorError, Input};
 const LARGEST: u64 = 4096;
 
 /// Result of a model's parity pair.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ParityReport {
     /// Greatest difference, grey levels.
     pub difference: f32,
