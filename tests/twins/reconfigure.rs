@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 use insonify::render::{
     BackendError, Frame, FrameTimes, ImageSettings, Quality, RenderError, RenderSettings, Renderer, ShaderSet,
 };
+use insonify::settings::{Kind, Setting, SettingsGroup as _};
 use insonify::transducer::{Probe, ProbeKind};
 
 use crate::scenes::{Case, cases, nested};
@@ -84,6 +85,44 @@ fn a_renderer_configured_anew_is_one_that_was_built_so() {
         renderer.reconfigure(&case.probe, &case.settings).unwrap();
         renderer.reconfigure(&start.probe, &start.settings).unwrap();
         assert!(render(&mut renderer, &start) == begun, "there and back without a frame: {name}");
+    }
+}
+
+/// The nested scene with another value of a setting, in its range.
+fn changed(setting: &Setting) -> Case {
+    let mut case = nested();
+    let stored = match setting.table {
+        "probe" => case.probe.stored_mut(setting.key),
+        _ => case.settings.stored_mut(setting.key),
+    };
+    let stored = stored.unwrap();
+    let last = setting.count() - 1;
+    let value = stored.get(last);
+    let other = match setting.kind {
+        Kind::Whole if value + 2.0 <= setting.max => value + 2.0,
+        Kind::Whole => value - 2.0,
+        _ if value == 0.0 => 5.0,
+        _ => 0.8 * value,
+    };
+    setting.check(other).unwrap();
+    stored.set(last, other);
+    case
+}
+
+#[test]
+fn a_change_of_any_setting_makes_what_it_needs() {
+    let start = nested();
+    let mut renderer = start.renderer(&ShaderSet::default());
+    let groups =
+        [Probe::settings(), ImageSettings::settings(), Quality::settings(), RenderSettings::settings()];
+    for setting in groups.into_iter().flatten() {
+        let case = changed(setting);
+        let needed = start.probe.change_to(&case.probe).max(start.settings.change_to(&case.settings));
+        assert_eq!(needed, setting.change, "{}", setting.path);
+        let built = render(&mut case.renderer(&ShaderSet::default()), &case);
+        renderer.reconfigure(&case.probe, &case.settings).unwrap();
+        assert!(render(&mut renderer, &case) == built, "{}", setting.path);
+        renderer.reconfigure(&start.probe, &start.settings).unwrap();
     }
 }
 
