@@ -113,8 +113,7 @@ fn changed(setting: &Setting) -> Case {
 fn a_change_of_any_setting_makes_what_it_needs() {
     let start = nested();
     let mut renderer = start.renderer(&ShaderSet::default());
-    let groups =
-        [Probe::settings(), ImageSettings::settings(), Quality::settings(), RenderSettings::settings()];
+    let groups = [Probe::settings(), ImageSettings::settings(), Quality::settings(), RenderSettings::settings()];
     for setting in groups.into_iter().flatten() {
         let case = changed(setting);
         let needed = start.probe.change_to(&case.probe).max(start.settings.change_to(&case.settings));
