@@ -245,17 +245,28 @@ fn unusable_poses_and_arguments_are_refused() {
     refused(&insonify(&["demo", "--out", text(dir.path()), "--fps", "0"]), &["frames a second"]);
 }
 
-#[test]
-fn a_missing_driver_is_refused_with_the_remedy() {
-    let dir = directory();
-    let station = station(&dir, SMALL);
+/// `render` of a small station on a machine without a Vulkan driver.
+fn render_without_driver(dir: &TempDir, arguments: &[&str]) -> Output {
+    let station = station(dir, SMALL);
     let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
-    command.args(["render", text(&station), ORIGIN[0], ORIGIN[1]]);
-    command
-        .env("WGPU_BACKEND", "vulkan")
-        .env("VK_DRIVER_FILES", "/nonexistent")
-        .env("VK_ICD_FILENAMES", "/nonexistent");
-    refused(&command.output().unwrap(), &["no GPU driver", "mesa-vulkan-drivers"]);
+    command.args(["render", text(&station), ORIGIN[0], ORIGIN[1], "--out", text(&dir.path().join("out"))]);
+    command.args(arguments).env("WGPU_BACKEND", "vulkan");
+    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent").output().unwrap()
+}
+
+#[test]
+fn a_missing_driver_is_refused_with_the_remedy_where_a_device_is_asked_for() {
+    let output = render_without_driver(&directory(), &["--backend", "device"]);
+    refused(&output, &["no GPU driver", "mesa-vulkan-drivers"]);
+}
+
+#[test]
+fn without_a_driver_frames_are_made_on_the_host() {
+    let dir = directory();
+    let output = render_without_driver(&dir, &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let record = std::fs::read_to_string(dir.path().join("out/frame.json")).unwrap();
+    assert!(record.contains("insonify host"), "{record}");
 }
 
 #[test]
