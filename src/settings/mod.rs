@@ -1,6 +1,6 @@
 //! Every setting of probe, image, quality, effects and live session, each defined once.
 //!
-//! A block of [`settings!`] in `probe.rs`, `image.rs`, `quality.rs`, `pipeline.rs` or `live.rs` holds a setting's key,
+//! A block of `settings!` in `probe.rs`, `image.rs`, `quality.rs`, `pipeline.rs` or `live.rs` holds a setting's key,
 //! type, default, unit, range, documentation, the work that a change needs, and its control on live displays. Derived
 //! from it: station keys and their checks, `insonify station-keys`, the page's controls, hot keys, live controls,
 //! recorded settings and their replay, and the choice of what a renderer makes again.

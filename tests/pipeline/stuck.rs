@@ -131,6 +131,9 @@ fn the_recording_says_that_the_sensor_is_stuck() {
     assert!(limit.contains(&events[0]) && limit.contains(&poses[0]), "{} {}", events[0], poses[0]);
 }
 
+/// Wait before a frame is presented again.
+const AGAIN: Duration = Duration::from_millis(200);
+
 /// The first message that a page gets of `frame`.
 fn page_header(frame: &PresentedFrame) -> Vec<u8> {
     let scene = SceneInfo { tissues: vec![], surfaces: None };
@@ -140,10 +143,13 @@ fn page_header(frame: &PresentedFrame) -> Vec<u8> {
     let bytes = runtime.block_on(async {
         let url = format!("ws://{}/stream", page.local_address());
         let (mut socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
-        page.present(frame).unwrap();
         loop {
-            if let Message::Binary(bytes) = socket.next().await.unwrap().unwrap() {
-                return bytes.to_vec();
+            // A page that is not listening yet misses a frame.
+            page.present(frame).unwrap();
+            while let Ok(message) = tokio::time::timeout(AGAIN, socket.next()).await {
+                if let Message::Binary(bytes) = message.unwrap().unwrap() {
+                    return bytes.to_vec();
+                }
             }
         }
     });
@@ -155,11 +161,14 @@ fn page_header(frame: &PresentedFrame) -> Vec<u8> {
 fn openigtlink_messages(frame: &PresentedFrame) -> Vec<(String, Vec<u8>)> {
     let mut server = OpenIgtLink::new(IgtlSettings { port: 0, ..IgtlSettings::default() }, Probe::default()).unwrap();
     let mut stream = TcpStream::connect(server.address()).unwrap();
+    stream.set_read_timeout(Some(AGAIN)).unwrap();
+    // A client that is not listening yet misses a frame.
+    let presented = (0..100).find(|_| {
+        server.present(frame).unwrap();
+        stream.peek(&mut [0]).is_ok()
+    });
+    assert!(presented.is_some(), "the client got nothing");
     stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
-    while server.counters().accepted.load(Ordering::Relaxed) == 0 {
-        std::thread::yield_now();
-    }
-    server.present(frame).unwrap();
     let mut messages = Vec::new();
     while messages.last().is_none_or(|(kind, _)| kind != "IMAGE") {
         let mut head = [0; 58];
