@@ -4,11 +4,11 @@ use insonify::render::{Backend, BackendChoice};
 
 use super::Failure;
 
-/// Where frames are made.
+/// Choice of the rendering backend.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BackendArgs {
-    /// Where frames are made: auto (on a GPU if there is one, else on the processors), host (on the processors) or device
-    /// (on a GPU, else by software Vulkan) [default: INSONIFY_BACKEND, else the station's]
+    /// Rendering backend: auto (a GPU if there is one, else the processors), host (the processors) or device (a GPU,
+    /// else software Vulkan) [default: INSONIFY_BACKEND, else the station's]
     #[arg(long, value_name = "WHERE")]
     backend: Option<BackendChoice>,
 }

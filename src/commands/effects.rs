@@ -14,7 +14,7 @@ pub(crate) struct EffectArgs {
 }
 
 impl EffectArgs {
-    /// Puts what was said over what the settings say.
+    /// Overrides the settings with the given choices.
     pub(crate) fn apply(&self, settings: &mut RenderSettings) {
         for Said { effect, choice } in &self.effects {
             settings.effects = settings.effects.with(*effect, *choice);
@@ -22,7 +22,7 @@ impl EffectArgs {
     }
 }
 
-/// What is said of an effect.
+/// Choice for one effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Said {
     effect: Effect,

@@ -28,7 +28,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// What the pixels are
+    /// Map to export as pixels
     #[arg(long, value_enum, default_value_t)]
     map: Map,
 

@@ -34,19 +34,19 @@ pub(crate) struct Args {
     #[arg(long, value_name = "WEEKS", default_value_t = Parameters::default().gestational_weeks, allow_negative_numbers = true)]
     weeks: f64,
 
-    /// Which way the fetus lies: head down, head up, or across
+    /// Fetal lie: head down, head up, or across
     #[arg(long, value_name = "LIE", default_value = Parameters::default().lie.word(), value_parser = lie())]
     lie: Lie,
 
-    /// Turn of the fetus about its long axis from where its left side is up, degrees, -180..=180
+    /// Roll of the fetus about its long axis, degrees, -180..=180; 0 is left side up
     #[arg(long, value_name = "DEG", default_value_t = Parameters::default().roll_deg, allow_negative_numbers = true)]
     roll: f64,
 
-    /// How curled the fetus is: 0 is stretched, 1 tightly curled, 0..=1
+    /// Flexion of the fetus, 0..=1: 0 is stretched, 1 tightly curled
     #[arg(long, value_name = "F", default_value_t = Parameters::default().flexion, allow_negative_numbers = true)]
     flexion: f64,
 
-    /// Where on the uterine wall the placenta sits
+    /// Placental site on the uterine wall
     #[arg(long, value_name = "SITE", default_value = Parameters::default().placenta.word(), value_parser = site())]
     placenta: PlacentaSite,
 

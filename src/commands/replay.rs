@@ -40,7 +40,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "out/replay")]
     out: PathBuf,
 
-    /// How fast: max (as fast as it can), 1 (in real time), or another factor in 0.01..=1000; the frames are the same
+    /// Speed: max (no pacing), 1 (real time), or another factor in 0.01..=1000; the frames are the same
     #[arg(long, value_name = "SPEED", default_value = "max", allow_negative_numbers = true)]
     speed: Speed,
 

@@ -21,7 +21,7 @@ use super::quality::{self, RaysLayers};
 use super::timeline::{Timeline, check_length, check_span};
 use super::{Failure, session};
 
-/// What to replay, and how.
+/// Recording to replay, and the options for it.
 #[derive(Debug, Args)]
 pub(crate) struct ReplayArgs {
     /// Recording (.mcap)
@@ -203,7 +203,7 @@ impl ReplayArgs {
     }
 }
 
-/// Whether an event of a recorded session says rays or layers.
+/// Whether an event of a recorded session sets rays or layers.
 fn sets_quality(event: &Event) -> bool {
     let says = |key: &str| event.name == key || event.value.as_ref().is_some_and(|value| value.get(key).is_some());
     ["rays", "layers"].into_iter().any(says)
@@ -215,13 +215,13 @@ impl Replay {
         self.parts.first().ok_or_else(|| Failure::Input(anyhow!("the recording has no frame")))
     }
 
-    /// How often the settings change among the frames.
+    /// Number of changes of the settings among the frames.
     pub(crate) fn changes(&self) -> usize {
         self.parts.len().saturating_sub(1)
     }
 
-    /// Takes the quality that the station's budget chooses, if it is to, measured at the first, middle and last frame's
-    /// pose; says which.
+    /// Applies the quality chosen by the station's budget, if it has one, and reports it. Measured at the poses of the
+    /// first, middle and last frame.
     pub(crate) fn choose_quality(&mut self, backend: &Backend, scene: &Scene) -> Result<(), Failure> {
         let Some(budget_ms) = self.budget_ms else { return Ok(()) };
         let Part { probe, settings, .. } = self.first()?;

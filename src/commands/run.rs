@@ -63,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
 
-    /// Where frames go: null, png, video, browser, window, openigtlink; may be given again [default: the station's]
+    /// Sink of frames: null, png, video, browser, window, openigtlink; may be repeated [default: the station's]
     #[arg(long = "sink", value_name = "NAME")]
     sinks: Vec<LiveSinkKind>,
 

@@ -1,4 +1,4 @@
-//! What every rendering command needs: a device, a scene, a renderer.
+//! Common setup of the rendering commands: device, scene and renderer.
 
 use std::path::PathBuf;
 

@@ -20,7 +20,7 @@ pub(crate) struct TrackerArgs {
     #[arg(long, requires = "protocol")]
     pub(crate) address: Option<String>,
 
-    /// What it speaks: ascii-line, fastrak-ascii, fastrak-binary, liberty, patriot ...
+    /// Protocol of the tracker: ascii-line, fastrak-ascii, fastrak-binary, liberty, patriot ...
     #[arg(long)]
     pub(crate) protocol: Option<Protocol>,
 

@@ -21,8 +21,8 @@ pub use variation::parameters;
 /// Version of the directory's layout.
 pub const FORMAT: u32 = 1;
 
-/// What the planes of a tuple hold, in their order: grey levels of low and high quality, numbers of tissues
-/// ([`Header::classes`]), and 255 × the attenuation map to the power of [`ATTENUATION_POWER`].
+/// Planes of a tuple, in order: grey levels of low and high quality, numbers of tissues ([`Header::classes`]), and
+/// 255 × the attenuation map to the power of [`ATTENUATION_POWER`].
 pub const PLANES: [&str; 4] = ["lq", "hq", "segmentation", "attenuation"];
 
 /// Exponent of the attenuation map in a tuple: the map falls over ten decades, of which eight linear bits hold two. The

@@ -1,4 +1,4 @@
-//! Which picture a frame shows: a choice by deadline that doesn't flicker.
+//! Choice of the picture that a frame shows: by deadline, with hysteresis against flicker.
 
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ impl Chooser {
         self.last_in_time = Some(number);
     }
 
-    /// What the next frame shows, given whether its own generated picture is `own_ready`, and whether the last one is
+    /// Chooses the next frame's picture. `own_ready`: its own generated picture is ready; `held_near`: the last one is
     /// near enough to be held.
     pub fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
         self.near = if held_near { self.near.saturating_add(1) } else { 0 };

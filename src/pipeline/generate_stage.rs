@@ -38,7 +38,7 @@ pub(super) struct Generated {
     pub(super) tier: String,
 }
 
-/// What the stage is put together from.
+/// The generator stage.
 pub(super) struct GenerateStage {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) events: Events,
@@ -48,7 +48,7 @@ pub(super) struct GenerateStage {
     pub(super) to_presenter: Arc<Slot<Arc<Generated>>>,
 }
 
-/// How the runs went lately.
+/// Recent failures and the resulting back-off.
 struct Health {
     failures: u32,
     rest: Duration,

@@ -1,4 +1,4 @@
-//! What the other stages know of the generator: whether it is at work, for how long, and what it needs.
+//! Generator state shared with the other stages: current run, predicted duration and required inputs.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,44 +21,44 @@ const FORGET: f64 = 1.0625;
 /// aren't.
 const TRY_AGAIN: u32 = 16;
 
-/// How far the watch over one run has gone.
+/// Watchdog state of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Hang {
-    /// It is not too long yet.
+    /// Within the time limit.
     #[default]
     No,
-    /// It was told to end, or should have been, at this time.
+    /// Asked to end, or due to be asked, at this time.
     Told(Duration),
-    /// It does not end. Nobody waits for it any more; should it come back, the generator goes on.
+    /// Not responding. No stage waits for it any more; if it returns, the generator resumes.
     GivenUp,
 }
 
-/// What the other stages know of the generator while it runs.
+/// Generator state while it runs, as seen by the other stages.
 #[derive(Debug, Default)]
 pub(super) struct GeneratorState {
-    /// The last frame that it was given, until it is done with it.
+    /// Last frame handed to the generator; cleared once it is done.
     given: Option<u64>,
-    /// The frame at work, and since when.
+    /// Frame being translated, and its start time.
     busy: Option<(u64, Duration)>,
-    /// Time that a run takes, by the last ones; zero before the first.
+    /// Duration of a run, estimated from recent runs; zero before the first.
     estimate: Duration,
-    /// Time that a run takes while nothing disturbs it, by the fastest of the last ones; zero before the first.
+    /// Undisturbed duration of a run: the fastest of recent runs; zero before the first.
     undisturbed: Duration,
-    /// Frames in a row that did not wait for it.
+    /// Consecutive frames that did not wait for the generator.
     passed_over: u32,
-    /// What came of the run at work being too long.
+    /// Watchdog state of the current run.
     hang: Hang,
     pub(super) counts: GeneratorSummary,
 }
 
 impl GeneratorState {
-    /// A run took so long.
+    /// Updates the estimates with the duration of a run.
     pub(super) fn took(&mut self, time: Duration) {
         self.estimate = match self.estimate {
             Duration::ZERO => time,
             estimate => estimate.mul_f64(1.0 - WEIGHT) + time.mul_f64(WEIGHT),
         };
-        // Runs that were disturbed must not look like slow ones: nobody would give way to them any more.
+        // A disturbed run must not raise this estimate: frames would stop waiting for the generator.
         self.undisturbed = match self.undisturbed {
             Duration::ZERO => time,
             least => time.min(least.mul_f64(FORGET)),
@@ -67,7 +67,7 @@ impl GeneratorState {
 }
 
 impl GeneratorState {
-    /// Whether a frame waits for it, `until` at the latest.
+    /// Whether a frame waits for the generator, `until` at the latest.
     fn takes_a_turn(&mut self, now: Duration, until: Duration) -> bool {
         let Some(end) = self.busy_until(now) else { return false };
         let waits = end <= until || self.passed_over >= TRY_AGAIN;
@@ -75,8 +75,8 @@ impl GeneratorState {
         waits
     }
 
-    /// Until when it would be at work on all that it was given if it were left alone: for ever where a run is overdue; none
-    /// where that is nothing, or where a run hangs.
+    /// Predicted completion time of queued work, if undisturbed; `MAX` if a run is overdue. `None` if idle or if a run
+    /// hangs.
     fn busy_until(&self, now: Duration) -> Option<Duration> {
         let given = self.given.filter(|_| self.hang == Hang::No)?;
         let run = self.undisturbed;
@@ -115,18 +115,18 @@ impl GeneratorLink {
         }
     }
 
-    /// Whether frames need maps for it.
+    /// Whether frames need maps for the generator.
     pub(super) fn reads_maps(&self) -> bool {
         self.reads_maps.load(Ordering::Relaxed)
     }
 
-    /// It is about to be given frame `number`.
+    /// Records that frame `number` is about to be handed to the generator.
     pub(super) fn give(&self, number: u64) {
         lock(&self.state).given = Some(number);
     }
 
-    /// Waits until it is done with all that it was given, `until` at the latest, where it takes processors that others need
-    /// and would be done by then if it were left alone. Returns whether it waited.
+    /// Waits for the generator to finish its queued work, `until` at the latest. Waits only if the generator runs on
+    /// the processors, and is predicted to finish by then or was passed over too often. Returns whether it waited.
     pub(super) fn wait_for_turn(&self, clock: &dyn Clock, until: Duration) -> bool {
         let (seen, now) = (self.done.generation(), clock.now());
         let waits = self.on_processors && now < until && lock(&self.state).takes_a_turn(now, until);
@@ -136,27 +136,27 @@ impl GeneratorLink {
         waits
     }
 
-    /// What it says of itself to the other stages: whether it takes no frames, and whether the tier that takes them reads
-    /// their maps.
+    /// Publishes the generator's state to the other stages: whether it takes no frames, and whether its current tier
+    /// reads the maps.
     pub(super) fn say(&self, rests: bool, reads_maps: bool) {
         self.rests.store(rests, Ordering::Relaxed);
         self.reads_maps.store(reads_maps, Ordering::Relaxed);
     }
 
-    /// A run on frame `number` begins.
+    /// Records the start of a run on frame `number`.
     pub(super) fn begin(&self, number: u64, now: Duration) {
         let mut state = lock(&self.state);
         (state.busy, state.hang) = (Some((number, now)), Hang::No);
     }
 
-    /// The run has ended. Returns whether it had been given up.
+    /// Records the end of the run. Returns whether it had been given up.
     pub(super) fn end(&self) -> bool {
         let mut state = lock(&self.state);
         state.busy = None;
         std::mem::take(&mut state.hang) == Hang::GivenUp
     }
 
-    /// Frame `number` is translated or left out.
+    /// Records that frame `number` was translated or skipped.
     pub(super) fn done_with(&self, number: u64, clock: &dyn Clock) {
         {
             let mut state = lock(&self.state);
@@ -165,14 +165,14 @@ impl GeneratorLink {
         clock.notify(&self.done);
     }
 
-    /// When the picture of frame `number`, which the generator was given, may be expected.
+    /// Predicted completion time of the picture of frame `number`, which was handed to the generator.
     pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
-        // What rests makes nothing.
+        // A resting generator makes no pictures.
         if self.rests.load(Ordering::Relaxed) {
             return None;
         }
         let state = lock(&self.state);
-        // A run that hangs says nothing about when the next one is done.
+        // The end of a hanging run cannot be predicted, nor that of the next one.
         if state.estimate.is_zero() || state.hang != Hang::No {
             return None;
         }
@@ -184,7 +184,7 @@ impl GeneratorLink {
         }
     }
 
-    /// When the run at work is to be looked at again, if one is at work that was not given up.
+    /// Next watchdog check of the current run; none if idle or given up.
     pub(super) fn hangs_at(&self) -> Option<Duration> {
         let state = lock(&self.state);
         let (_, started) = state.busy?;
@@ -195,7 +195,7 @@ impl GeneratorLink {
         }
     }
 
-    /// Ends a run that takes too long, and gives up one that doesn't end. Returns what to say about it.
+    /// Terminates a run that takes too long, and gives up one that does not end. Returns the message to report.
     pub(super) fn watch(&self, now: Duration) -> Option<String> {
         let mut state = lock(&self.state);
         let (number, started) = state.busy?;

@@ -33,14 +33,14 @@ pub struct Status {
     /// State of the shown pose.
     #[serde(skip)]
     pub tracking: TrackingState,
-    /// Which picture is shown.
+    /// Source of the shown picture.
     #[serde(skip)]
     pub source: FrameSource,
-    /// Whether the picture stands still.
+    /// Whether the picture is frozen.
     pub frozen: bool,
     /// Frames that were begun and not presented.
     pub dropped: u64,
-    /// What went wrong lately.
+    /// Recent fault.
     pub notice: Option<String>,
 }
 
@@ -66,12 +66,12 @@ pub(super) struct Metrics {
     pub(super) refused: AtomicU64,
     /// Expected time from sampling to presentation, ns.
     expected_ns: AtomicU64,
-    /// What the budget did to the quality, where there is one.
+    /// Summary of the quality controller; none without a budget.
     quality: Mutex<Option<QualitySummary>>,
     shown: Mutex<Shown>,
 }
 
-/// What is known of presented frames.
+/// Statistics of presented frames.
 #[derive(Debug, Default)]
 pub(super) struct Shown {
     pub(super) presented: u64,
@@ -179,12 +179,12 @@ impl Metrics {
         Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed))
     }
 
-    /// What the budget did to the quality until now.
+    /// Stores the quality controller's summary so far.
     pub(super) fn set_quality(&self, summary: QualitySummary) {
         *lock(&self.quality) = Some(summary);
     }
 
-    /// What the budget did to the quality; none without one.
+    /// Summary of the quality controller; none without a budget.
     pub(super) fn quality(&self) -> Option<QualitySummary> {
         lock(&self.quality).clone()
     }

@@ -16,9 +16,9 @@ pub(super) struct Pace {
     period: Duration,
     /// Next tick.
     due: Duration,
-    /// How long the device takes for a frame.
+    /// Device time per frame.
     service: Duration,
-    /// When the device is expected to be done with all it was given.
+    /// Predicted completion time of the device's queued work.
     free_at: Duration,
     last_rendered: Duration,
     missed: u64,

@@ -22,7 +22,7 @@ use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
 /// Frames that sinks may hold together; a frame for which none is left is dropped.
 const FRAMES: usize = 64;
 
-/// What the stage is put together from.
+/// The presenter stage.
 pub(super) struct Presenter {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) stop: Stop,

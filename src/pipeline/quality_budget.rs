@@ -22,7 +22,7 @@ const SOON_S: f64 = 30.0;
 /// A rung that failed is not tried again for this time at first, and twice as long each time, s.
 const RETRY_S: [f64; 2] = [60.0, 3840.0];
 
-/// What the controller did.
+/// Summary of the quality controller's actions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct QualitySummary {
     /// Time that a frame may take, ms.
@@ -214,7 +214,7 @@ impl QualityBudget {
         self.rests_until = now_s + REST_S;
     }
 
-    /// What it did.
+    /// Summary of the actions so far.
     pub fn summary(&self, by_hand: bool) -> QualitySummary {
         QualitySummary {
             budget_ms: self.budget_ms,

@@ -1,4 +1,4 @@
-//! How a session ends: one request, then each thread in its turn, none waited for without bound.
+//! Shutdown of a session: one stop request, then each thread is joined in turn, with a bounded wait.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -99,14 +99,14 @@ impl Drop for AtEnd {
     }
 }
 
-/// How the wait for a thread ended.
+/// Outcome of joining a thread.
 #[derive(Debug)]
 pub enum Joined<T> {
-    /// It gave this.
+    /// The thread's result.
     Done(T),
-    /// It panicked.
+    /// The thread panicked.
     Panicked,
-    /// It hadn't ended in time. It is left to itself.
+    /// The thread had not ended in time; it is detached.
     Stuck,
 }
 
@@ -116,7 +116,7 @@ impl<T> Thread<T> {
         &self.name
     }
 
-    /// Waits until the time `until` for the thread's end.
+    /// Waits for the thread's end, `until` at the latest.
     pub fn join(self, until: Duration) -> Joined<T> {
         loop {
             let seen = self.ended.signal.generation();

@@ -26,11 +26,11 @@ pub struct SimulatedClock {
 #[derive(Debug)]
 struct State {
     now: Duration,
-    /// The place whose thread runs.
+    /// Place of the running thread.
     turn: Option<usize>,
     waiters: Vec<Waiter>,
     ready: VecDeque<usize>,
-    /// Where the thread of each place waits for its turn.
+    /// Condition variable on which the thread of each place waits for its turn.
     turns: Vec<Arc<Condvar>>,
 }
 

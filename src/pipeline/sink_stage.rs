@@ -45,7 +45,7 @@ impl SinkStage {
         Ok(Self { name, slot, counts, thread })
     }
 
-    /// Where its frames go.
+    /// Slot that takes the sink's frames.
     pub(super) fn slot(&self) -> &Arc<Slot<Arc<PresentedFrame>>> {
         &self.slot
     }

@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use super::clock::{Clock, Signal, lock};
 
-/// What a wait for an item came to.
+/// Outcome of waiting for an item.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Taken<T> {
     /// An item.
     Item(T),
-    /// None by the time.
+    /// No item before the timeout.
     TimedOut,
-    /// None, and none will come.
+    /// The slot is closed: no item will come.
     Closed,
 }
 

@@ -1,4 +1,4 @@
-//! How good an image is: PSNR, SSIM, pKL and the Fréchet distance of the paper's table, speckle statistics and missed
+//! Image quality metrics: PSNR, SSIM, pKL and the Fréchet distance of the paper's table, speckle statistics and missed
 //! structures.
 //!
 //! Images are 8-bit grey levels, compared in f64. Every metric of two images takes a [`Pair`]: the image judged, its

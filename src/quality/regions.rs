@@ -89,9 +89,9 @@ impl Scanlines {
         Self { lines, places }
     }
 
-    /// Which pixels [height × width] lie behind a pixel for whose number in `segmentation` `casts` is true: on the same
-    /// scanline, more than [`BEHIND_MM`] deeper than the nearest such pixel. Those pixels themselves, and what is outside
-    /// the sector (number 0), never do. Scanlines are taken as straight.
+    /// Mask [height × width] of the pixels behind a casting pixel: one whose number in `segmentation` passes `casts`.
+    /// They lie on the same scanline, more than [`BEHIND_MM`] deeper than the nearest casting pixel. Casting pixels and
+    /// pixels outside the sector (number 0) are excluded. Scanlines are taken as straight.
     pub fn behind(&self, segmentation: &[u8], casts: impl Fn(u8) -> bool) -> Vec<bool> {
         let casts: [bool; 256] = std::array::from_fn(|number| casts(number as u8));
         let mut nearest = vec![f32::INFINITY; self.lines];

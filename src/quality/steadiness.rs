@@ -1,4 +1,4 @@
-//! How steady frames are as the probe moves: what changes between two frames besides what the motion explains.
+//! Steadiness of frames under probe motion: changes between two frames that the motion does not explain.
 
 use serde::{Deserialize, Serialize};
 

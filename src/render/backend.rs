@@ -28,7 +28,7 @@ pub struct UnknownBackend {
 #[error("INSONIFY_BACKEND: {0}")]
 pub struct UnknownBackendVariable(UnknownBackend);
 
-/// Where frames shall be made.
+/// Choice of the rendering backend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum BackendChoice {
     /// On a GPU if there is one, else on the host. Software Vulkan is no GPU.

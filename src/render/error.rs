@@ -76,7 +76,7 @@ pub enum BackendError {
 /// Failure to render a frame.
 #[derive(Debug, Error)]
 pub enum RenderError {
-    /// What makes frames failed.
+    /// The backend failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
     /// The scene can't be traced.

@@ -10,7 +10,7 @@ use crate::transducer::Probe;
 const LATERAL_REACH: f64 = 2.5;
 const AXIAL_REACH: f64 = 4.0;
 
-/// Which kernel of the point-spread function.
+/// Kernel of the point-spread function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
     /// The beam across scanlines, of the pass `lateral`: at the most 32 scanlines to either side.
@@ -23,7 +23,7 @@ pub(crate) enum Kernel {
 /// its level stays right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClippedKernel {
-    /// Which one.
+    /// The clipped kernel.
     pub(crate) kernel: Kernel,
     /// Scanlines or samples to either side that it takes, where it is the widest.
     pub(crate) wanted: u32,

@@ -29,7 +29,7 @@ pub const LADDER: [QualityPoint; RUNGS] = [
 /// Frames whose median is a rung's time, after one that warms it up.
 const FRAMES: usize = 3;
 
-/// What climbing the ladder found.
+/// Result of climbing the quality ladder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Climbed {
     /// Time that a frame may take, ms.

@@ -1,4 +1,4 @@
-//! What is computed once, in f64, and uploaded: ray directions, beam kernels, the pulse, pixel positions, tissues.
+//! Tables computed once, in f64, and uploaded: ray directions, beam kernels, the pulse, pixel positions, tissues.
 
 use std::sync::Arc;
 

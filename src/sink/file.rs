@@ -49,7 +49,7 @@ pub(crate) fn commit(file: NamedTempFile, path: &Path) -> Result<(), SinkError> 
 /// Writes a file through `write`, and gives it its name when it is whole. Makes the directory if it is missing.
 ///
 /// # Errors
-/// What `write` returns, or an I/O error that names `path`; nothing is left at `path` then.
+/// The error of `write`, or an I/O error that names `path`. No file is left at `path` then.
 pub fn write_with(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), SinkError>,

@@ -1,4 +1,4 @@
-//! What a live station shows, and what comes back from those who watch.
+//! Live output: frames for the sinks, and input from their viewers.
 //!
 //! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`] that the presenter
 //! reuses once all sinks have dropped it: a sink that keeps a frame for long makes the presenter take another one.
@@ -11,7 +11,7 @@ use crate::settings::LiveSettings;
 
 use super::SinkError;
 
-/// Which picture a frame shows.
+/// Source of the picture in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrameSource {
     /// The generator's, of this frame.
@@ -23,7 +23,7 @@ pub enum FrameSource {
     LowQuality,
 }
 
-/// When a frame passed each stage, since the session began.
+/// Times at which a frame passed each stage, since the start of the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameTimeline {
     /// First byte of the tracker's record that the pose comes from; none without a tracker.
@@ -34,7 +34,7 @@ pub struct FrameTimeline {
     pub submitted: Duration,
     /// The rendered frame lay in memory.
     pub rendered: Duration,
-    /// The generator began and ended; none where none ran on this frame.
+    /// Start and end of the generator's run; none if none ran on this frame.
     pub inference: Option<(Duration, Duration)>,
     /// Handed to the sinks.
     pub presented: Duration,
@@ -49,7 +49,7 @@ pub struct FrameInfo {
     pub estimate: Estimate,
     /// Times at which it passed each stage so far.
     pub timeline: FrameTimeline,
-    /// Settings that it is made with.
+    /// Settings that it is rendered with.
     pub settings: LiveSettings,
 }
 
@@ -67,7 +67,7 @@ pub struct PresentedFrame {
     pub number: u64,
     /// Pose, times and settings.
     pub info: FrameInfo,
-    /// Which picture `image` is.
+    /// Source of `image`.
     pub source: FrameSource,
     /// Width, pixels.
     pub width: u32,
@@ -85,7 +85,7 @@ pub struct PresentedFrame {
     pub mask: Vec<u8>,
     /// Name of the generator tier at work; none on low quality.
     pub tier: Option<String>,
-    /// What went wrong lately and should be told to whoever watches.
+    /// Recent fault, to be shown to viewers.
     pub notice: Option<String>,
 }
 
@@ -116,7 +116,7 @@ impl PresentedFrame {
         column.zip(0_u32..).find(|(mask, _)| **mask > 0).map_or(0.0, |(_, row)| row.into())
     }
 
-    /// From the tracker's first byte, or where there is none from the sampling of the pose, until the sinks had it.
+    /// Latency from the tracker's first byte to the sinks. Without a tracker, it counts from the sampling of the pose.
     pub fn latency(&self) -> Duration {
         let timeline = &self.info.timeline;
         let from = timeline.first_byte.unwrap_or(timeline.sampled);
@@ -124,7 +124,7 @@ impl PresentedFrame {
     }
 }
 
-/// Says whether a sink reads segmentation and attenuation just now.
+/// Query for whether a sink currently reads segmentation and attenuation.
 pub type MapsWanted = Arc<dyn Fn() -> bool + Send + Sync>;
 
 /// Takes frames, on a thread of its own: a slow sink drops frames, counted under its name, and delays nobody.
@@ -132,8 +132,8 @@ pub trait LiveSink: Send {
     /// Name under which its drops and errors are counted.
     fn name(&self) -> &str;
 
-    /// What tells, for each frame anew and on another thread, whether it reads segmentation and attenuation; none if it
-    /// never does. Maps that nobody reads are not rendered.
+    /// Query for whether the sink reads segmentation and attenuation; `None` if it never does. It is called once per
+    /// frame, on another thread. Maps without readers are not rendered.
     fn maps_wanted(&self) -> Option<MapsWanted> {
         None
     }
@@ -147,6 +147,6 @@ pub trait LiveSink: Send {
     /// Ends: what is buffered is brought to where it belongs.
     ///
     /// # Errors
-    /// What could not be finished.
+    /// Failure to finish the output.
     fn finish(self: Box<Self>) -> Result<(), SinkError>;
 }

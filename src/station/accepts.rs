@@ -23,7 +23,7 @@ pub enum Accepts {
     },
     /// Numbers in brackets.
     Numbers {
-        /// How many.
+        /// Number of values.
         count: usize,
         /// Greatest magnitude of each.
         limit: f64,

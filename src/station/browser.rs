@@ -5,7 +5,7 @@ use super::accepts::{HOST_NAME, TOKEN};
 use super::values::Values;
 use crate::sink::browser::Settings;
 
-/// What the table `[browser]` says. An address, token or name that can't be used is refused here, not at the start.
+/// Settings from the table `[browser]`. An invalid address, token or name is refused here, not at the start.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
     values.set_server(&mut settings.address, &mut settings.port)?;

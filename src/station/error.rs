@@ -1,4 +1,4 @@
-//! What can be wrong with a station file.
+//! Errors in station files.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{SceneError, TissueError};
 use crate::pose::{CalibrationError, PoseError};
 
-/// Why a text is not a station. Keys are written with their table: `probe.depth_mm`.
+/// Error in a station file. Keys are written with their table: `probe.depth_mm`.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StationError {
@@ -26,7 +26,7 @@ pub enum StationError {
     InFile {
         /// File.
         path: PathBuf,
-        /// What is wrong in it.
+        /// Error in the file.
         source: Box<StationError>,
     },
     /// Not TOML.
@@ -64,7 +64,7 @@ pub enum StationError {
         key: String,
         /// Value found, as TOML.
         found: String,
-        /// What is right.
+        /// Accepted values.
         accepts: Accepts,
     },
     /// A number outside its range, or a word that is none of the choices.
@@ -74,7 +74,7 @@ pub enum StationError {
         key: String,
         /// Value found, as TOML.
         found: String,
-        /// What is right.
+        /// Accepted values.
         accepts: Accepts,
         /// Nearest choice, ready to print, or empty.
         suggestion: String,
@@ -84,7 +84,7 @@ pub enum StationError {
     Missing {
         /// Key with its table.
         key: String,
-        /// What it is needed for.
+        /// Purpose of the key.
         needed: String,
     },
     /// A key that means nothing beside another.
@@ -100,7 +100,7 @@ pub enum StationError {
     Text {
         /// Key with its table.
         key: String,
-        /// What is wrong with it, and what would be right.
+        /// Fault, and what would be valid.
         reason: String,
     },
     /// The background is no tissue.

@@ -36,7 +36,7 @@ pub use accepts::Accepts;
 pub use error::StationError;
 pub use keys::{KeyDoc, keys, print_keys};
 
-/// Where a station's surfaces come from.
+/// Source of a station's surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SceneSource {
     /// A `.glb` or `.gltf` file.
@@ -48,17 +48,17 @@ pub enum SceneSource {
 /// A station: what is scanned, by which probe, into which image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Station {
-    /// Where the surfaces come from.
+    /// Source of the surfaces.
     pub scene: SceneSource,
     /// Tissue outside of every surface; a name in `tissues`.
     pub background: String,
-    /// Whether what moves in the scene moves.
+    /// Whether the scene's motion is played.
     pub motion: bool,
     /// The probe.
     pub probe: Probe,
     /// Image and quality.
     pub settings: RenderSettings,
-    /// Where frames are made, unless a flag or the environment says otherwise.
+    /// Rendering backend, unless a flag or the environment overrides it.
     pub backend: BackendChoice,
     /// Time to render a frame that rays and layers are chosen by, ms; none: they are as set.
     pub quality_budget_ms: Option<f64>,
@@ -68,11 +68,11 @@ pub struct Station {
     pub tissues: TissueTable,
     /// Pose used when none is given.
     pub default_pose: Option<Pose>,
-    /// How the poses of a live tracker are filtered and predicted, and when they are stale.
+    /// Filtering, prediction and staleness of live tracker poses.
     pub filter: FilterSettings,
-    /// Where tracker, sensor and probe are; the file is not opened by parsing.
+    /// Calibration of tracker, sensor and probe; parsing does not open the file.
     pub calibration: CalibrationSource,
-    /// Where live poses come from.
+    /// Source of live poses.
     pub tracker: tracker::Settings,
     /// The OpenIGTLink server, where the station has one.
     pub openigtlink: Option<openigtlink_sink::Settings>,
@@ -82,7 +82,7 @@ pub struct Station {
     pub window: Option<window_sink::Settings>,
     /// Rate, budget and choice of a live session.
     pub pipeline: PipelineSettings,
-    /// Where a live session's frames go.
+    /// Sinks of a live session.
     pub sinks: Vec<LiveSinkKind>,
     /// The station file; the directory that paths are relative to where the station was parsed from a text.
     pub path: PathBuf,

@@ -5,7 +5,7 @@ use super::accepts::AXES;
 use super::values::Values;
 use crate::sink::openigtlink::Settings;
 
-/// What the table `[openigtlink]` says.
+/// Settings from the table `[openigtlink]`.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
     values.set_server(&mut settings.address, &mut settings.port)?;

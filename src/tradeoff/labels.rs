@@ -1,24 +1,25 @@
-//! Where the names of points go in a figure, so that none lies on another or on a point.
+//! Label placement in a figure, without overlap between labels or with points.
 
 /// A rectangle, pixels: left, top, right, bottom.
 pub(super) type Rect = [i32; 4];
 
-/// Distance of a name from its point, pixels.
+/// Distance of a label from its point, pixels.
 const GAP: i32 = 9;
-/// Half the height of a name with the space about it, pixels.
+/// Half the height of a label with its margin, pixels.
 const HALF_HEIGHT: i32 = 8;
-/// Half the side of what is kept free about a point, pixels.
+/// Half the side of the square kept free around a point, pixels.
 const MARKER: i32 = 6;
-/// Lines above and below the point at which a name is tried.
+/// Rows tried for a label, above and below its point.
 const LINES: i32 = 7;
 
-/// Rectangle that is kept free about a point.
+/// Rectangle kept free around a point.
 pub(super) fn marker((x, y): (i32, i32)) -> Rect {
     [x - MARKER, y - MARKER, x + MARKER, y + MARKER]
 }
 
-/// Where each name goes within `frame`: its left end and its middle. A name is given by its point and its width, pixels; the first have
-/// the first choice: beside the point, and further off where a name or something `taken` is already. None where there is no place.
+/// Position of each label within `frame`: left end and vertical middle; `None` if no place is free. `names` holds
+/// point and width of each, pixels, in order of priority. A label goes beside its point, or farther off if that place
+/// is taken by another label or by `taken`.
 pub(super) fn places(names: &[((i32, i32), i32)], mut taken: Vec<Rect>, frame: Rect) -> Vec<Option<(i32, i32)>> {
     names
         .iter()

@@ -1,5 +1,5 @@
-//! What accuracy costs in time: which points are measured, what a measured point holds, the Pareto front, what is noise,
-//! and the files that come out. Rendering and measuring themselves are `insonify tradeoff`'s.
+//! Trade-off between accuracy and time: measured points, their data, the Pareto front, the noise threshold and the
+//! output files. Rendering and measuring are done by `insonify tradeoff`.
 
 mod front;
 mod knobs;

@@ -1,4 +1,4 @@
-//! How the sector lies in the image.
+//! Placement of the sector in the image.
 
 use glam::DVec2;
 
@@ -38,8 +38,8 @@ impl Sector {
         (point_mm - self.corner_mm) / self.pixel_mm
     }
 
-    /// Where a probe-frame point (x, z) lies in `probe`'s sector: the fraction 0..1 of its lateral extent and the depth in
-    /// mm from the face. None outside the sector.
+    /// Sector coordinates of a probe-frame point (x, z): fraction 0..1 of `probe`'s lateral extent, and depth from the
+    /// face, mm. `None` outside the sector.
     pub fn polar(probe: &Probe, point_mm: DVec2) -> Option<(f64, f64)> {
         let (lateral, depth) = match probe.face_radius_mm() {
             Some(radius) => {

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     /// Poses of the pivoting sensor (MCAP recording or CSV)
     poses: PathBuf,
 
-    /// What was turned about its tip
+    /// Object that was pivoted
     #[arg(long, value_enum, default_value_t = Of::Stylus)]
     of: Of,
 

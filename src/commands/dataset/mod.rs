@@ -77,7 +77,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "shard"])]
     verify: Option<PathBuf>,
 
-    /// How many to render again, spread over the data set; 0: all
+    /// Number of tuples to render again, spread over the data set; 0: all
     #[arg(long, value_name = "N", default_value_t = 4, requires = "verify")]
     tuples: usize,
 

@@ -36,23 +36,23 @@ macro_rules! generator {
     };
 }
 
-/// What the live station needs, as it lies in the repository: part of the program, so that the demo runs from anywhere.
+/// Files of the live station, by their paths in the repository. They are embedded, so that the demo runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
 /// The generators that the station names.
 const GENERATORS: [[(&str, &[u8]); 4]; 1] = [generator!("fast_m")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 
-/// Time between two pictures that are kept.
+/// Interval between saved pictures.
 const STILL_PERIOD: Duration = Duration::from_secs(2);
 
-/// Beyond the exam's length: a session that takes this much longer is ended.
+/// Allowance beyond the exam's length, after which the session is ended.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// What the live part is told.
+/// Inputs of the live part.
 pub(super) struct Live<'a> {
     pub(super) effects: &'a EffectArgs,
-    /// Where files go: `live/` and `station/` below it.
+    /// Output directory: files go to `live/` and `station/` below it.
     pub(super) out: &'a Path,
     pub(super) backend: &'a Backend,
     pub(super) scene: &'a Arc<Scene>,
@@ -167,16 +167,16 @@ impl Live<'_> {
     }
 }
 
-/// When the live part is over by itself.
+/// Automatic end of the live part.
 struct End {
-    /// When the exam is played once, s of the session.
+    /// Session time at which the exam has been played once, s.
     end_s: f64,
     stays: bool,
     told: bool,
 }
 
 impl End {
-    /// Why the session shall end now, if it shall, with so many pages watching.
+    /// Reason to end the session now, if any, given the number of pages watching.
     fn due(&self, now_s: f64, watchers: usize) -> Option<&'static str> {
         (self.stays && self.played(now_s) && watchers == 0).then_some("the exam is over, and nobody watches")
     }

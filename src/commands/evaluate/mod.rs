@@ -48,11 +48,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     dataset: Option<PathBuf>,
 
-    /// Which tuples: test, train or all
+    /// Split of the data set: test, train or all
     #[arg(long, value_name = "SPLIT", default_value = "test", value_parser = ["test", "train", "all"])]
     split: String,
 
-    /// At most so many tuples, spread evenly over the split
+    /// Largest number of tuples, spread evenly over the split
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     limit: Option<u32>,
 
@@ -71,8 +71,8 @@ pub(crate) struct Args {
     /// Judge the high quality itself as well, rendered again N times with other random choices, 2..=64: one of these images,
     /// and their mean
     ///
-    /// What they are off by no generator can know, whatever it is given. The mean is the best guess by PSNR; it has less
-    /// speckle than any render. Takes N renders of high quality a tuple, and loads each phantom.
+    /// Their error is random, so no generator can avoid it. The mean is the best guess by PSNR; it has less speckle
+    /// than any render. Takes N high-quality renders per tuple, and loads each phantom.
     #[arg(long, value_name = "N", requires = "dataset", value_parser = clap::value_parser!(u32).range(2..=64))]
     again: Option<u32>,
 
@@ -108,14 +108,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MODEL")]
     features: Option<PathBuf>,
 
-    /// What grey levels become for it: signed (-1..1), unit (0..1) or grey (0..255)
+    /// Scale of its input grey levels: signed (-1..1), unit (0..1) or grey (0..255)
     #[arg(long, value_name = "SCALE", default_value_t, requires = "features")]
     features_scale: FeatureScale,
 
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// What generators run on: cpu, cuda or tensorrt
+    /// Execution provider of the generators: cpu, cuda or tensorrt
     #[arg(long, value_name = "NAME", default_value_t)]
     provider: Provider,
 

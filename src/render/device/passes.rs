@@ -25,7 +25,7 @@ struct Compiled {
 pub(crate) struct Pipelines {
     shaders: ShaderSet,
     compiled: Vec<Arc<Compiled>>,
-    /// How many of `compiled` the last call of `take_cold` saw.
+    /// Length of `compiled` at the last call of `take_cold`.
     warm: usize,
 }
 

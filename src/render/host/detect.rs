@@ -13,7 +13,7 @@ const BLOCK: usize = ROW_ALIGN as usize;
 const WINDOW_MAX: usize = 2 * (BLOCK + 2 * AXIAL_HALF_MAX as usize);
 const GREY_MAX: f32 = 65535.0;
 
-/// What the detector adds at each depth, over the dynamic range: gain, TGC and sliders. Kept for its memory.
+/// Gain at each depth, dB: overall gain, TGC and sliders. Kept between frames to reuse the allocation.
 #[derive(Debug, Default)]
 pub(crate) struct DepthGain(Vec<f32>);
 
@@ -28,7 +28,7 @@ impl DepthGain {
     }
 }
 
-/// Level of the sliders at a depth, dB: straight lines between them.
+/// Gain of the TGC sliders at a depth, dB: linear interpolation.
 fn slider_db(params: &Params, depth_mm: f32) -> f32 {
     let place = (7.0 * depth_mm / params.depth_mm).clamp(0.0, 7.0);
     let below = (place as usize).min(6);

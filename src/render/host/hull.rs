@@ -1,16 +1,16 @@
-//! What all rays of a packet have in common: where a box lies beside this, none of them meets it.
+//! Bounds of a packet's rays: a box outside these bounds is missed by every ray.
 
 use super::lanes::{Lanes, RAYS, fold};
 use super::traverse::{max, min, slack};
 use super::tree::{WIDTH, WideNode};
 
-/// Where the rays of a packet come from and go, along one axis.
+/// Ranges of origin and direction of a packet's rays, along one axis.
 #[derive(Debug, Clone, Copy)]
 struct Span {
     origin: [f32; 2],
     direction: [f32; 2],
     reciprocal: [f32; 2],
-    /// How far rounding takes a box's side from where a ray finds it, mm.
+    /// Rounding error of the distance to a box's side, mm.
     margin_mm: f32,
 }
 
@@ -18,11 +18,11 @@ struct Span {
 #[derive(Debug)]
 pub(super) struct Hull {
     axes: [Span; 3],
-    /// Rays that are not numbers have none: every box may be met.
+    /// False if any ray is not finite: any box may be met.
     bounded: bool,
 }
 
-/// Least and greatest of the lanes that are on.
+/// Minimum and maximum of the active lanes.
 #[inline(always)]
 fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
     let (mut least, mut most) = ([0.0; RAYS], [0.0; RAYS]);
@@ -34,7 +34,7 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
 }
 
 impl Hull {
-    /// Of the rays whose bits are set in `rays`, of which none looks beyond `last_mm` or before `first_mm`.
+    /// Bounds of the rays whose bits are set in `rays`. All search within `first_mm` to `last_mm`.
     #[inline(always)]
     pub(super) fn new(
         [origin, direction, reciprocal]: [&[Lanes; 3]; 3],
@@ -64,9 +64,10 @@ impl Hull {
         Self { axes, bounded: strays.iter().sum::<f32>() == 0.0 }
     }
 
-    /// Children of a node that a ray may meet from `first` to `last`, a bit each, and where it enters them at the `nearest`, or before.
+    /// Bit mask of a node's children that a ray may meet from `first` to `last`. `nearest` takes a lower bound of the
+    /// entry distance of each.
     ///
-    /// Rounding keeps order: what a ray computes of a side lies between what the ends of the ranges give.
+    /// Rounding is monotonic: a ray's distance to a side lies between the distances from the ends of the ranges.
     #[inline(always)]
     pub(super) fn meets(&self, node: &WideNode, [first, last]: [f32; 2], nearest: &mut [f32; WIDTH]) -> u32 {
         *nearest = [first; WIDTH];

@@ -1,5 +1,5 @@
-//! What an interface returns and lets pass, in f32: `shaders/shared/interface.wgsl` and the functions of `trace.wgsl`, without a
-//! branch, so that the compiler takes several paths at once.
+//! Reflection and transmission at an interface, in f32: `shaders/shared/interface.wgsl` and the functions of
+//! `trace.wgsl`. Branch-free, so that the compiler vectorises over paths.
 
 use super::constants::{
     APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, DIFFUSE_HALF_ROUGHNESS2,

@@ -24,10 +24,10 @@ const LN_FALL_MAX: f32 = 7.0;
 /// ln of the powers that are computed, scaled. Lanes that lie before their segment begins are louder than it, by a block's fall.
 const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
 
-/// What the paths of a batch left: `trace`'s outputs.
+/// Traced paths of a batch: the outputs of `trace`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Paths<'a> {
-    /// Where segments begin, mm of range [paths × STARTS].
+    /// Start of each segment, mm of range [paths × STARTS].
     pub(crate) starts: &'a [f32],
     /// Origin and level; step and its fall; mean, deviation, density, 0 [paths × SEGMENTS].
     pub(crate) segments: &'a [[f32; SEGMENT]],
@@ -35,7 +35,7 @@ pub(crate) struct Paths<'a> {
     pub(crate) hints: &'a [u32],
 }
 
-/// What samples are made with, beside the paths.
+/// Inputs of the samples besides the paths.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scatterers<'a> {
     pub(crate) constants: ImageConstants,
@@ -45,8 +45,8 @@ pub(crate) struct Scatterers<'a> {
     pub(crate) gain: &'a [f32],
 }
 
-/// Fills, or for later layers adds to, `baseband`, complex [scanlines × row_samples]. `powers` keeps the scatterers' from batch to
-/// batch of a frame: that of mean and deviation, scaled, as many.
+/// Fills `baseband`, complex [scanlines × row_samples]; later layers are added. `powers`, of the same size, carries the
+/// scatterers' power over the batches of a frame: that of mean and deviation, scaled.
 pub(crate) fn march(
     params: &Params,
     paths: Paths<'_>,
@@ -220,7 +220,7 @@ fn places(params: &Params, paths: &Paths<'_>, path: u32, first: u32) -> [Lanes; 
     lanes
 }
 
-/// Where the segment of a path that holds `sample` ends, and the segment.
+/// End of the path segment that holds `sample`, mm of range, and the segment.
 #[inline(always)]
 fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a [f32; SEGMENT]) {
     const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];

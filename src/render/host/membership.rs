@@ -1,4 +1,4 @@
-//! Which surfaces a point is inside, as `shaders/shared/surfaces.wgsl` has it.
+//! Surfaces that a point is inside, as in `shaders/shared/surfaces.wgsl`.
 
 use super::constants::TOUCH_MM;
 use super::traverse::Crossing;

@@ -64,7 +64,7 @@ impl Packet {
     }
 }
 
-/// What a packet has still to visit: where no ray has entered yet, a child, and which rays meet it.
+/// Pending visit of a packet: a lower bound of the entry distance, a child, and a mask of the rays that meet it.
 #[derive(Debug, Clone, Copy)]
 struct Visit {
     near: f32,
@@ -82,7 +82,7 @@ impl Visits {
     }
 }
 
-/// The lanes whose bits are set.
+/// Lanes whose bits are set.
 #[inline(always)]
 fn lanes(mut of: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -92,7 +92,7 @@ fn lanes(mut of: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Which rays meet each child of a node, and up to where none of them has entered it.
+/// Mask of the rays that meet each child of a node, and a lower bound of their entry distances.
 struct Met {
     near: [f32; WIDTH],
     rays: [u32; WIDTH],
@@ -145,7 +145,8 @@ fn meet(
     met
 }
 
-/// Where each ray of a packet meets the triangle, which do in (t_min, `last`], and which enter there, a bit each.
+/// Intersects a packet with a triangle: distances go to `t`. Returns bit masks of the rays that hit in
+/// (t_min, `last`], and of those that enter the surface.
 #[inline(always)]
 fn intersections(triangle: &PackedTriangle, packet: &Packet, last: &Lanes, t: &mut Lanes) -> (u32, u32) {
     let (mut hits, mut entering) = (0, 0);
@@ -159,8 +160,8 @@ fn intersections(triangle: &PackedTriangle, packet: &Packet, last: &Lanes, t: &m
     (hits, entering)
 }
 
-/// Goes through the tree, and calls `found(lane, t, triangle, enters)` for every crossing in its leaves; it returns how far
-/// that ray still looks.
+/// Traverses the tree, and calls `found(lane, t, triangle, enters)` for every crossing in its leaves. `found` returns
+/// the remaining search distance of that ray.
 #[inline(always)]
 pub(super) fn traverse(
     tree: &Tree<'_>,

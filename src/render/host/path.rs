@@ -17,16 +17,16 @@ use crate::render::constants::{
 use crate::render::params::Params;
 use crate::render::tables::PackedTissue;
 
-/// Crossings that are kept behind the face.
+/// Capacity for crossings behind the face.
 pub(super) const CROSSINGS_BEHIND: usize = shared::CROSSINGS_BEHIND as usize;
-/// Words of hints of the most samples.
+/// Words of hints for the largest number of samples.
 const HINT_WORDS: usize = (SAMPLES_MAX / (4 * HINT_BLOCK) + 1) as usize;
 
-/// What paths read.
+/// Inputs of path tracing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) tree: Tree<'a>,
-    /// How far each triangle is from its rest; empty where nothing moves.
+    /// Displacement of each triangle from its rest position; empty for static scenes.
     pub(super) displacements: &'a [[f32; 4]],
     /// Tissue of each surface, with [`MOVES`] where it moves.
     pub(super) surface_words: &'a [u32],
@@ -39,7 +39,7 @@ pub(super) struct Scene<'a> {
     pub(super) constants: TraceConstants,
 }
 
-/// Where the medium changes on a path's way.
+/// Change of medium along a path.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Boundary {
     /// Surfaces that the path was inside.
@@ -51,7 +51,7 @@ pub(super) struct Boundary {
     triangle: u32,
 }
 
-/// What is written of a path, as the device has it.
+/// Recorded data of a path, in the device's layout.
 #[derive(Debug)]
 pub(super) struct PathRecord {
     /// Surfaces that it starts inside.
@@ -124,7 +124,7 @@ impl Scene<'_> {
         place.iter().max_by_key(order).map_or(0, |c| c.triangle)
     }
 
-    /// Where path `path` begins.
+    /// Initial state of path `path`.
     pub(super) fn begin(&self, path: usize) -> PathState {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
@@ -149,13 +149,14 @@ impl Scene<'_> {
         }
     }
 
-    /// How far behind its first ray a path may have entered surfaces, mm.
+    /// Distance behind the first ray that is searched for surfaces entered before it, mm.
     #[inline(always)]
     pub(super) fn back_mm(&self) -> f32 {
         self.params.reach_mm * self.constants.reach()
     }
 
-    /// Which surfaces the path starts inside, by what lies `behind` its first ray; writes its first segment.
+    /// Finds the surfaces that the path starts inside, from the crossings `behind` its first ray. Writes its first
+    /// segment.
     #[inline(always)]
     pub(super) fn locate(&self, state: &mut PathState, behind: &mut [Crossing], record: &mut PathRecord) {
         behind.sort_unstable_by(by_distance);
@@ -173,7 +174,7 @@ impl Scene<'_> {
         self.tissues[state.here as usize].speed_ratio * state.stretch
     }
 
-    /// How far the path goes on in its medium at most, mm; not above 0 where it has ended.
+    /// Longest remaining path in its medium, mm; zero or less if the path has ended.
     #[inline(always)]
     pub(super) fn left_mm(&self, state: &PathState) -> f32 {
         if state.open { (self.params.depth_mm - state.range_mm) * self.path_per_range(state) } else { 0.0 }
@@ -266,7 +267,7 @@ impl Scene<'_> {
         })
     }
 
-    /// What a path that has come to the interface `at` must know of it.
+    /// State of a path on arrival at the interface `at`.
     #[inline(always)]
     pub(super) fn arrival(&self, state: &PathState, at: &Boundary) -> Arrival {
         let (tissue, beyond) = (&self.tissues[state.here as usize], &self.tissues[at.there as usize]);

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::membership::Inside;
 
-/// Where a path is, and what it carries.
+/// Position of a path, and its propagated quantities.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathState {
     pub(super) line_ray: u32,

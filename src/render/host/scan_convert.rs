@@ -52,7 +52,7 @@ impl Layout {
     }
 }
 
-/// What the maps are read from.
+/// Source data of the maps.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maps<'a> {
     /// Words of the section [map_rays × map_depths].

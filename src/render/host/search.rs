@@ -1,13 +1,13 @@
-//! What the rays of a packet cross: `shaders/shared/collect.wgsl`, and `nearest.wgsl` but for what lies below the medium. Each finds
-//! what it finds alone.
+//! Crossings of a packet's rays: `shaders/shared/collect.wgsl`, and `nearest.wgsl` except for surfaces below the
+//! medium. Each ray finds the same crossings as if traced alone.
 
 use super::constants::TOUCH_MM;
 use super::lanes::RAYS;
 use super::packet::{Packet, Visits, traverse};
 use super::traverse::{Crossing, Nearest, Tree, by_distance};
 
-/// The nearest crossing of each ray in (t_min, t_max], but for those of surfaces below the ray's one of `highest`: they go to
-/// `covered`, all those up to the nearest and [`TOUCH_MM`] beyond it, in no order, with others beyond.
+/// Nearest crossing of each ray in (t_min, t_max]. Crossings of surfaces below the ray's entry in `highest` go to
+/// `covered`, unsorted. It holds all of those up to [`TOUCH_MM`] beyond the nearest crossing, and maybe farther ones.
 #[inline(always)]
 pub(super) fn nearest(
     tree: &Tree<'_>,

@@ -16,7 +16,7 @@ use crate::render::params::Params;
 /// Crossings of one ray.
 const CROSSINGS: usize = CROSSINGS_OF_A_MAP_RAY as usize;
 
-/// What map rays read.
+/// Inputs of the map rays.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scene<'a> {
     pub(crate) tree: Tree<'a>,
@@ -28,12 +28,12 @@ pub(crate) struct Scene<'a> {
     pub(crate) rates_np_mm: &'a [f32; 256],
 }
 
-/// What the map rays cross.
+/// Media along the map rays.
 #[derive(Debug)]
 pub(crate) struct Section<'a> {
     /// Runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue] [map_rays × ENTRIES].
     pub(crate) entries: &'a mut [[f32; 4]],
-    /// How many of them a ray has.
+    /// Number of runs of each ray.
     pub(crate) entry_counts: &'a mut [u32],
     /// At every map_step_mm of depth Σμ without its sign and lowest 8 bits, whether the run reaches the next depth, and
     /// the tissue [map_rays × map_depths].
@@ -64,7 +64,7 @@ pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -
     lost.sum()
 }
 
-/// What some neighbouring rays cross.
+/// Crossings of a bundle of neighbouring rays.
 struct Follower {
     rays: usize,
     found: [[Crossing; CROSSINGS]; RAYS],

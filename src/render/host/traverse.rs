@@ -1,4 +1,4 @@
-//! Where a straight ray meets triangles: `shaders/shared/{bvh,collect}.wgsl`, eight boxes at once.
+//! Intersection of a straight ray with triangles: `shaders/shared/{bvh,collect}.wgsl`, eight boxes at once.
 
 use glam::Vec3;
 
@@ -15,7 +15,7 @@ pub(crate) struct Tree<'a> {
     pub(crate) triangles: &'a [PackedTriangle],
 }
 
-/// What a traversal has still to visit: where the ray enters, and a child.
+/// Pending visits of a traversal: entry distance and child.
 #[derive(Debug)]
 pub(crate) struct Stack([(f32, u32); STACK]);
 

@@ -1,4 +1,4 @@
-//! How far a frame without an effect may be from the frame with it.
+//! Error bounds of frames without an effect, against frames with it.
 
 use std::fmt;
 
@@ -20,21 +20,22 @@ pub enum Bound {
         /// The same, grey levels of 255.
         grey: f64,
     },
-    /// Where each sample looks: beside its place, within a scanline's share of the sector. Edges lie so far aside at the most.
+    /// Lateral shift of each sample's lookup position, within a scanline's share of the sector. It bounds the shift of
+    /// edges.
     Aside {
-        /// How far, mm.
+        /// Shift, mm.
         mm: f64,
-        /// How far it may be, mm: half a pixel, or a quarter of the lateral beam's σ where that is more.
+        /// Tolerance, mm: half a pixel or a quarter of the lateral beam's σ, whichever is larger.
         allowed_mm: f64,
     },
-    /// Where things lie.
+    /// Displacement of the anatomy.
     Displacement {
-        /// Farthest that a thing moves, mm.
+        /// Largest displacement, mm.
         mm: f64,
     },
-    /// There is none; what is missing.
+    /// No bound: part of the image is missing.
     None {
-        /// What a frame without it lacks.
+        /// Content missing from a frame without the effect.
         lacks: String,
     },
 }

@@ -1,4 +1,4 @@
-//! What of a scene decides which effects it calls for.
+//! Scene properties that decide which effects are needed.
 
 use crate::anatomy::{Scene, Tissue};
 
@@ -21,8 +21,8 @@ impl Medium {
     }
 }
 
-/// What of a scene decides which effects it calls for. Any two of its media are taken to meet: surfaces overlap, move, and
-/// may be open, so that nothing short of the paths themselves shows which do.
+/// Scene properties that decide which effects are needed. Any two of its media are assumed to meet: surfaces overlap,
+/// move and may be open, so only tracing the paths would show which do.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SceneFacts {
     /// Tissues of the surfaces that have triangles, and the background.

@@ -29,23 +29,23 @@ pub struct Decision {
     pub on: bool,
     /// Whether the scene calls for it.
     pub called_for: bool,
-    /// What the station says.
+    /// Choice in the station file.
     pub choice: Choice,
-    /// Why the scene calls for it or doesn't, with the numbers that decided it.
+    /// Reason for `called_for`, with the numbers that decided it.
     pub reason: String,
-    /// How far a frame without it is off at the most, in any pose.
+    /// Largest error of a frame without it, in any pose.
     pub bound: Bound,
 }
 
 impl Decision {
-    /// What a user who leaves it out against the plan must know.
+    /// Warning for a user who switches off an effect that the scene calls for.
     pub fn warning(&self) -> Option<String> {
         let against = self.called_for && !self.on;
         against.then(|| format!("{} is off though {} (bound without it: {})", self.effect, self.reason, self.bound))
     }
 }
 
-/// Which effects a frame is made of.
+/// Effects that a frame is rendered with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct EffectPlan {
@@ -87,7 +87,7 @@ impl EffectPlan {
         self.decisions.iter().filter(|d| d.on).map(|d| d.effect).collect()
     }
 
-    /// What is off against the plan, one line each.
+    /// Warnings about effects that are off against the plan, one line each.
     pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
         self.decisions.iter().filter_map(Decision::warning)
     }

@@ -16,7 +16,7 @@ const ASIDE_OF_BEAM: f64 = 0.25;
 /// Most that an interface returns over its pressure reflection, its lobe and its diffuse floor together.
 const RETURNING_MAX: f64 = 1.01;
 
-/// What a rule found: why, and how far a frame without the effect is off.
+/// Result of a rule: the reason, and the error bound of a frame without the effect.
 pub(super) struct Finding {
     pub(super) reason: String,
     pub(super) bound: Bound,
@@ -26,7 +26,7 @@ pub(super) fn finding(reason: impl Into<String>, bound: Bound) -> Finding {
     Finding { reason: reason.into(), bound }
 }
 
-/// What the rules decide by.
+/// Inputs of the rules.
 pub(super) struct Rules<'a> {
     pub(super) facts: &'a SceneFacts,
     pub(super) probe: &'a Probe,
@@ -272,7 +272,7 @@ impl Rules<'_> {
         finding("no interface echoes, bends or reflects: one path a scanline", bound)
     }
 
-    /// How far aside an edge may lie unseen, mm: half a pixel, or a part of the beam at its narrowest.
+    /// Largest invisible lateral shift of an edge, mm: half a pixel, or a fraction of the narrowest beam width.
     fn aside_allowed_mm(&self) -> f64 {
         let image = &self.settings.image;
         let focus_mm = self.probe.focus_mm.min(self.probe.depth_mm);
@@ -352,7 +352,7 @@ impl Rules<'_> {
     }
 }
 
-/// What a choice makes of what was found.
+/// Whether an effect is on, from the user's choice and the scene's need.
 pub(super) fn decided(choice: Choice, called_for: bool) -> bool {
     match choice {
         Choice::Auto => called_for,

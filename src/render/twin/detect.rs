@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::inputs::Inputs;
 use crate::acoustics::decibel::db_from_amplitude;
 
-/// What the detector makes of the focused baseband.
+/// Detector output for the focused baseband.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detected {
     /// Baseband after the pulse [scanlines × samples].

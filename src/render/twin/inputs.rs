@@ -1,4 +1,4 @@
-//! What the passes read of a frame: pose, probe, scene and settings as the device has them, widened to f64.
+//! Inputs of a frame's passes: pose, probe, scene and settings as uploaded to the device, widened to f64.
 
 use glam::{DMat3, DVec3, Vec3, Vec4};
 
@@ -11,9 +11,9 @@ use crate::settings::{Effect, EffectSet};
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Where it leaves the face, mm.
+    /// Origin on the probe face, mm.
     pub origin_mm: DVec3,
-    /// Where it goes.
+    /// Direction.
     pub direction: DVec3,
 }
 
@@ -87,7 +87,7 @@ pub struct Triangle {
     pub surface: u32,
     /// Index of the triangle in the scene.
     pub index: u32,
-    /// How far it is from where it rests, mm.
+    /// Displacement from the rest position, mm.
     pub displacement_mm: DVec3,
 }
 

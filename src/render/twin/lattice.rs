@@ -20,7 +20,7 @@ pub fn hash(cell: [i32; 3]) -> [u32; 3] {
     pcg3d(cell.map(|c| c as u32))
 }
 
-/// Where in its cell the scatterer lies, mm: three times ten bits.
+/// Position of the scatterer in cell `cell`, mm; `bits` holds three ten-bit offsets.
 pub fn scatterer_mm(cell: [i32; 3], bits: u32) -> DVec3 {
     let offset = |shift: u32| (f64::from((bits >> shift) & 1023) + 0.5) / 1024.0;
     let corner = DVec3::new(cell[0].into(), cell[1].into(), cell[2].into());

@@ -1,4 +1,4 @@
-//! Which surfaces each path starts inside.
+//! Surfaces that each path starts inside.
 
 use rayon::prelude::*;
 

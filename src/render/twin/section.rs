@@ -28,7 +28,7 @@ pub struct RasterPoint {
     pub tissue: usize,
 }
 
-/// What the map rays cross.
+/// Media along the map rays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sections {
     /// Runs of each map ray, nearest first; at least one each.

@@ -1,4 +1,4 @@
-//! Which closed surfaces a point is inside, and where straight rays cross them.
+//! Membership of points in closed surfaces, and crossings of straight rays with them.
 
 use glam::DVec3;
 
@@ -42,7 +42,7 @@ impl Membership {
     }
 }
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing<'a> {
     /// Distance along the ray, mm.

@@ -18,13 +18,13 @@ use crate::render::constants::{
 pub struct Segment {
     /// Range at which it begins, mm.
     pub start_mm: f64,
-    /// Where scatterers are read at ρ = 0, mm.
+    /// Scatterer lookup position at ρ = 0, mm.
     pub origin_mm: DVec3,
-    /// How far that place moves a mm of range.
+    /// Change of the lookup position per mm of range.
     pub step: DVec3,
     /// ln of the amplitude at ρ = 0, two-way.
     pub ln_amplitude_at_zero: f64,
-    /// Fall of it a mm of range.
+    /// Decrease of it per mm of range.
     pub fall_np_mm: f64,
     /// Mean amplitude of the medium's scatterers.
     pub scatterer_mean: f64,
@@ -39,7 +39,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// Where scatterers are read at `range_mm`, mm.
+    /// Scatterer lookup position at `range_mm`, mm.
     pub fn scatterer_mm(&self, range_mm: f64) -> DVec3 {
         self.origin_mm + self.step * range_mm
     }
@@ -64,7 +64,7 @@ pub fn segment_at(path: &Path, range_mm: f64) -> usize {
 
 /// Follows every path through the scene, from the surfaces it starts inside `[paths]`.
 ///
-/// Where the medium changes, the interface's echo returns, and the path reflects with probability R or goes on refracted
+/// At a change of medium, the interface returns an echo. The path then reflects with probability R or goes on refracted
 /// (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
 pub fn trace(inputs: &Inputs, starts_inside: &[Membership]) -> Vec<Path> {
     (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, starts_inside[path]).run()).collect()
@@ -85,13 +85,13 @@ struct Tracer<'a> {
     /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
     ln_scatter: f64,
     bounce: u32,
-    /// From where the medium rests to where it is, mm: speckle goes with its tissue.
+    /// Displacement of the medium from its rest position, mm: speckle moves with its tissue.
     carried_mm: DVec3,
 }
 
-/// Where a path meets a change of medium.
+/// Interface that a path meets.
 struct Meeting<'a> {
-    /// What the path was inside before.
+    /// Surfaces that the path was inside before.
     before: Membership,
     crossing: Crossing<'a>,
     /// Index of the tissue beyond.
@@ -320,7 +320,7 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// What an interface is like: as rough and as thick as the rougher and the thicker of its two sides.
+/// Interface properties: the larger roughness and thickness, and the smaller coherence, of its two sides.
 fn boundary(tissue: &Medium, beyond: &Medium) -> Medium {
     Medium {
         roughness: tissue.roughness.max(beyond.roughness),

@@ -34,7 +34,7 @@ pub(super) enum Request {
 /// Reads a message.
 ///
 /// # Errors
-/// What is wrong with it, for the page to show.
+/// Description of the fault, for the page to show.
 pub(super) fn read(text: &str) -> Result<Request, String> {
     let message = serde_json::from_str(text).map_err(|e| format!("not a message of this page: {e}"))?;
     if let Request::Set { assignments } = &message {
