@@ -19,8 +19,8 @@ fn tap(index: i32) -> f32 {
 fn slider_db(depth_mm: f32) -> f32 {
     let place = clamp(7.0 * depth_mm / params.depth_mm, 0.0, 7.0);
     let below = min(u32(place), 6u);
-    let low = params.sliders_db[below >> 2u][below & 3u];
-    let high = params.sliders_db[(below + 1u) >> 2u][(below + 1u) & 3u];
+    let low = image_tgc_sliders_db(below);
+    let high = image_tgc_sliders_db(below + 1u);
     return mix(low, high, place - f32(below));
 }
 
@@ -29,9 +29,9 @@ fn levels(first: u32, power: vec4<f32>) -> vec4<f32> {
     let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(i32(first))) * params.sample_spacing_mm;
     // The floor is far below any display.
     let level_db = DB_A_DOUBLING * log2(max(power, vec4<f32>(1.0e-37)))
-        + params.gain_db + params.tgc_db_per_mm * depth_mm
+        + image_gain_db() + params.tgc_db_per_mm * depth_mm
         + vec4<f32>(slider_db(depth_mm.x), slider_db(depth_mm.y), slider_db(depth_mm.z), slider_db(depth_mm.w));
-    return clamp(1.0 + level_db / params.dynamic_range_db, vec4<f32>(0.0), vec4<f32>(1.0));
+    return clamp(1.0 + level_db / image_dynamic_range_db(), vec4<f32>(0.0), vec4<f32>(1.0));
 }
 
 fn powers(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {

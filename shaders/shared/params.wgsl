@@ -1,4 +1,4 @@
-// What every pass may read of a frame: `Params` of src/render/params.rs, field by field.
+// Uniforms of every pass: `Params` of src/render/params.rs, field by field.
 struct Params {
     // Columns of scene_from_probe; w holds the translation's x, y, z relative to the tree's centre, mm.
     lateral: vec4<f32>,
@@ -13,8 +13,6 @@ struct Params {
     lateral_half: u32,
     axial_half: u32,
     map_rays: u32,
-    width: u32,
-    height: u32,
     // u32 words of a row of packed 8-bit pixels.
     row_words: u32,
     sample_spacing_mm: f32,
@@ -23,8 +21,6 @@ struct Params {
     phase_turns_per_mm: f32,
     aperture_mm: f32,
     reach_mm: f32,
-    dynamic_range_db: f32,
-    gain_db: f32,
     tgc_db_per_mm: f32,
     // Radius of the face; a negative one stands for a linear face.
     face_radius_mm: f32,
@@ -41,10 +37,10 @@ struct Params {
     reflections_max: u32,
     // Elevational layers of the frame, of which this dispatch has layer_count.
     layers: u32,
-    // Paths that say where the others' scatterers lie: one a scanline, none where a scanline has one path alone.
+    // Guide paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
     guides: u32,
-    // Gain at eight depths from the face to depth_mm, dB: the sliders.
-    sliders_db: array<vec4<f32>, 2>,
+    // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
+    image: array<vec4<u32>, IMAGE_QUADS>,
 }
 
 fn scene_from_probe_point(p: vec3<f32>) -> vec3<f32> {

@@ -1,4 +1,4 @@
-//! The uniforms that every pass reads, `shaders/shared/params.wgsl` field by field.
+//! Uniforms that every pass reads: `shaders/shared/params.wgsl` field by field, then the settings of the image.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -7,9 +7,14 @@ use super::constants::{HINT_BLOCK, ROW_ALIGN};
 use super::tables::Tables;
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
-use crate::settings::RenderSettings;
-use crate::settings::{Effect, EffectSet};
+use crate::settings::{Effect, EffectSet, ImageUniforms, RenderSettings};
 use crate::transducer::Probe;
+
+/// Words of the settings of the image, and zeros that make the uniforms a multiple of 16 bytes.
+const IMAGE_WORDS: usize = size_of::<ImageUniforms>() / 4;
+const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
+/// Vectors of four that hold the settings of the image.
+pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
 /// Uniforms of one dispatch.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
@@ -27,16 +32,12 @@ pub(crate) struct Params {
     pub(crate) lateral_half: u32,
     pub(crate) axial_half: u32,
     pub(crate) map_rays: u32,
-    pub(crate) width: u32,
-    pub(crate) height: u32,
     pub(crate) row_words: u32,
     pub(crate) sample_spacing_mm: f32,
     pub(crate) depth_mm: f32,
     pub(crate) phase_turns_per_mm: f32,
     pub(crate) aperture_mm: f32,
     pub(crate) reach_mm: f32,
-    pub(crate) dynamic_range_db: f32,
-    pub(crate) gain_db: f32,
     pub(crate) tgc_db_per_mm: f32,
     pub(crate) face_radius_mm: f32,
     pub(crate) background: u32,
@@ -48,13 +49,15 @@ pub(crate) struct Params {
     pub(crate) reflections_max: u32,
     pub(crate) layers: u32,
     pub(crate) guides: u32,
-    /// The sliders begin at a multiple of 16 bytes.
+    /// Zeros: `image` begins at a multiple of 16 bytes, as in WGSL. A new field takes a word of them.
     pub(crate) padding: [u32; 2],
-    pub(crate) sliders_db: [f32; 8],
+    /// Every setting of `[image]`.
+    pub(crate) image: ImageUniforms,
+    pub(crate) tail: [u32; TAIL],
 }
 
 impl Params {
-    /// Uniforms of a frame with the effects `on`, but for its pose and its batch of layers.
+    /// Uniforms of a frame with the effects `on`, except its pose and its batch of layers.
     pub(crate) fn new(
         background: u32,
         probe: &Probe,
@@ -77,16 +80,12 @@ impl Params {
             lateral_half: tables.kernels.lateral_half,
             axial_half: tables.kernels.axial_half,
             map_rays: tables.map_ray_count,
-            width: image.width,
-            height: image.height,
             row_words: image.width.div_ceil(4),
             sample_spacing_mm: probe.sample_spacing_mm() as f32,
             depth_mm: probe.depth_mm as f32,
             phase_turns_per_mm: probe.phase_turns_per_mm() as f32,
             aperture_mm: probe.aperture_mm as f32,
             reach_mm: 0.0,
-            dynamic_range_db: image.dynamic_range_db as f32,
-            gain_db: image.gain_db as f32,
             tgc_db_per_mm: (image.tgc_db_per_cm / 10.0) as f32,
             face_radius_mm: probe.face_radius_mm().map_or(-1.0, |r| r as f32),
             background,
@@ -99,7 +98,8 @@ impl Params {
             layers: settings.quality.layers,
             guides: if scatters && settings.quality.rays * settings.quality.layers > 1 { probe.scanlines } else { 0 },
             padding: [0; 2],
-            sliders_db: image.tgc_sliders_db.map(|db| db as f32),
+            image: image.into(),
+            tail: [0; TAIL],
         }
     }
 

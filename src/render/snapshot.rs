@@ -92,7 +92,7 @@ impl Snapshot {
             .iter()
             .map(|word| RasterPoint { sum_np: real((word & 0xffff_fe00) >> 1), tissue: (word & 0xff) as usize })
             .collect();
-        let (width, stride) = (inputs.width, 4 * params.row_words as usize);
+        let (width, stride) = (inputs.image.width as usize, 4 * params.row_words as usize);
         let cropped = |words: &[u32]| {
             let bytes: &[u8] = bytemuck::cast_slice(words);
             bytes.chunks_exact(stride).flat_map(|r| r[..width].to_vec()).collect::<Vec<_>>()

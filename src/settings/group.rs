@@ -40,11 +40,12 @@ pub(crate) fn check_own<G: SettingsGroup>(group: &G) -> Result<(), SettingsError
 ///
 /// A block of `struct` is one setting: documentation, field, type, default, unit, range, what a change needs, and the
 /// control of live displays where it has one. `nested` are groups within the group. `plain` are fields that no station
-/// key sets by itself, each with what a change of it needs.
+/// key sets by itself, each with what a change of it needs. `uniforms NAME` makes a second struct of the group's own
+/// settings, as words of 32 bits that the passes read.
 macro_rules! settings {
     (
         $(#[$meta:meta])*
-        pub struct $name:ident in $table:literal {
+        pub struct $name:ident in $table:literal $(, uniforms $uniforms:ident)? {
             $(
                 #[doc = $doc:literal]
                 $field:ident: $type:ty = $default:expr, $unit:literal, $range:expr, $change:ident $(, $control:expr)?;
@@ -63,6 +64,8 @@ macro_rules! settings {
                 pub $field: $type,
             )*
         }
+
+        settings!(@uniforms $name [$($uniforms)?] $($doc $field: $type,)*);
 
         impl Default for $name {
             fn default() -> Self {
@@ -126,6 +129,25 @@ macro_rules! settings {
                     $($( if self.$plain == other.$plain { Change::Nothing } else { Change::$plain_change }, )*)?
                 ];
                 fields.into_iter().max().unwrap_or(Change::Nothing)
+            }
+        }
+    };
+    (@uniforms $name:ident [] $($rest:tt)*) => {};
+    (@uniforms $name:ident [$uniforms:ident] $($doc:literal $field:ident: $type:ty,)*) => {
+        #[doc = concat!("[`", stringify!($name), "`] as words of 32 bits, in the order of their blocks.")]
+        #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        #[repr(C)]
+        pub struct $uniforms {
+            $(
+                #[doc = $doc]
+                pub $field: <$type as $crate::settings::Uniform>::Words,
+            )*
+        }
+
+        impl From<&$name> for $uniforms {
+            fn from(settings: &$name) -> Self {
+                use $crate::settings::Uniform;
+                Self { $( $field: settings.$field.words(), )* }
             }
         }
     };

@@ -11,20 +11,20 @@ pub const TGC_SLIDERS: usize = 8;
 settings! {
     /// The `[image]` of a station.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-    pub struct ImageSettings in "image" {
+    pub struct ImageSettings in "image", uniforms ImageUniforms {
         /// Image width.
         width: u32 = 1386, "pixels", 16.0..=4096.0, Everything;
 
         /// Image height.
         height: u32 = 1000, "pixels", 16.0..=4096.0, Everything;
 
-        /// Level added everywhere; at 0 an unattenuated perfect reflector is white.
+        /// Gain; at 0 dB an unattenuated perfect reflector is white.
         gain_db: f64 = 0.0, "dB", -200.0..=200.0, Nothing,
             slider("Gain", "image", -40.0..=80.0, 1.0)
                 .key("ArrowUp", "Up", "more gain", 1.0)
                 .key("ArrowDown", "Down", "less gain", -1.0);
 
-        /// Levels from black to white.
+        /// Dynamic range, from black to white.
         dynamic_range_db: f64 = 60.0, "dB", 1.0..=200.0, Nothing,
             slider("Dynamic range", "image", 20.0..=120.0, 1.0)
                 .caption("DR")

@@ -17,19 +17,21 @@ mod probe;
 mod quality;
 mod recorded;
 mod setting;
+mod uniform;
 
 pub use control::{Assignment, Control};
 pub use effect::{Choice, Effect, EffectChoices, EffectSet};
 pub use group::SettingsGroup;
 pub(crate) use group::{check_own, settings};
 pub use hot_keys::{Action, Display, HotKey, QUALITY_POINTS, QualityPointKey, hot_key, hot_keys};
-pub use image::{ImageSettings, TGC_SLIDERS};
+pub use image::{ImageSettings, ImageUniforms, TGC_SLIDERS};
 pub use live::{LiveSettings, live_settings};
 pub use live_control::{LiveControl, Slider, StepKey};
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use probe::{Face, Probe, ProbeKind};
 pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings};
 pub use setting::{Change, HasKind, Kind, Setting, SettingsError, Stored};
+pub use uniform::{Uniform, wgsl_readers};
 
 #[cfg(test)]
 mod tests {

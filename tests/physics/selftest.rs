@@ -90,7 +90,7 @@ const DAMAGES: [Damage; 19] = [
         "let bits = lattice_hash(cell & vec3<i32>(63, -1, -1))",
         "Speckle",
     ),
-    ("no gain", "detect", "+ params.gain_db", "", "Image"),
+    ("no gain", "detect", "+ image_gain_db()", "", "Image"),
     ("no sliders", "detect", "+ vec4<f32>(slider_db", "+ 0.0 * vec4<f32>(slider_db", "Twin"),
     ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *", "Image"),
     (

@@ -2,11 +2,12 @@
 //! frames in flight, new settings and maps behave as on a device.
 
 use insonify::render::{Choice, Frame, ImageConstants, Quality, RenderSettings, ShaderSet, Snapshot, TestHooks, twin};
+use insonify::settings::{ImageSettings, SettingsGroup};
 
 use crate::WITHOUT;
 use crate::compare::{PASSES, compare};
 use crate::moving::{TIME_S, beating};
-use crate::reconfigure::{CHANGES, untimed};
+use crate::reconfigure::{CHANGES, changed, untimed};
 use crate::scenes::{Case, HOST, RENDERED, cases, nested};
 
 fn snapshot(case: &Case) -> Snapshot {
@@ -47,6 +48,20 @@ fn without_some_effects_every_pass_of_the_host_is_its_twin() {
         wrong.extend(wrong_here.map(|e| (group, e)));
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn at_another_value_of_each_image_setting_host_device_and_twin_agree() {
+    let begun = frame(&nested());
+    for setting in ImageSettings::settings() {
+        let case = changed(setting);
+        assert!(frame(&case) != begun, "{}: no pass of the host reads it", setting.path);
+        for snapshot in [snapshot(&case), case.renderer(&ShaderSet::default()).snapshot(&case.pose).unwrap()] {
+            for pass in ["detect", "scan_convert"] {
+                assert_eq!(compare(pass, &snapshot).err().map(|e| format!("{e:?}")), None, "{}", setting.path);
+            }
+        }
+    }
 }
 
 #[test]

@@ -88,8 +88,8 @@ fn a_renderer_configured_anew_is_one_that_was_built_so() {
     }
 }
 
-/// The nested scene with another value of a setting, in its range.
-fn changed(setting: &Setting) -> Case {
+/// The nested scene with another value of a setting: 0.8 times a number or 5 for 0, 2 more for a count.
+pub(crate) fn changed(setting: &Setting) -> Case {
     let mut case = nested();
     let stored = match setting.table {
         "probe" => case.probe.stored_mut(setting.key),
@@ -113,6 +113,7 @@ fn changed(setting: &Setting) -> Case {
 fn a_change_of_any_setting_makes_what_it_needs() {
     let start = nested();
     let mut renderer = start.renderer(&ShaderSet::default());
+    let begun = render(&mut renderer, &start);
     let groups = [Probe::settings(), ImageSettings::settings(), Quality::settings(), RenderSettings::settings()];
     for setting in groups.into_iter().flatten() {
         let case = changed(setting);
@@ -121,6 +122,7 @@ fn a_change_of_any_setting_makes_what_it_needs() {
         let built = render(&mut case.renderer(&ShaderSet::default()), &case);
         renderer.reconfigure(&case.probe, &case.settings).unwrap();
         assert!(render(&mut renderer, &case) == built, "{}", setting.path);
+        assert!(built != begun, "{}: no pass reads it", setting.path);
         renderer.reconfigure(&start.probe, &start.settings).unwrap();
     }
 }

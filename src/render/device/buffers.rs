@@ -102,7 +102,7 @@ impl Buffers {
     ) -> Result<Self, BackendError> {
         let paths = u64::from(params.paths(plan.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
-        let pixels = u64::from(params.row_words * 4) * u64::from(params.height);
+        let pixels = u64::from(params.row_words * 4) * u64::from(params.image.height);
         let sector_pixels = tables.sector_words.len() as u64 * 16;
         type Of = fn(&Buffers) -> &wgpu::Buffer;
         let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();

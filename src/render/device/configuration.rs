@@ -72,8 +72,8 @@ impl DeviceConfiguration {
 
         let of_paths = (0..batches.batches).flat_map(|_| &path_passes);
         let shape = Shape {
-            width: params.width,
-            height: params.height,
+            width: params.image.width,
+            height: params.image.height,
             row_words: params.row_words,
             lines: if settings.lines { params.scanlines } else { 0 },
             samples: params.samples,

@@ -3,6 +3,8 @@
 
 use crate::anatomy::bvh::STACK_DEPTH_MAX;
 use crate::render::constants as shared;
+use crate::render::params::IMAGE_QUADS;
+use crate::settings::{ImageSettings, SettingsGroup, wgsl_readers};
 
 /// Sources of every pass. A test may change one, to see the comparison with its twin fail.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +59,7 @@ mod literal {
     }
 }
 
-/// Constants before every pass.
+/// Constants before every pass, and the functions that read the settings of the image.
 fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX LAYERS_MAX BLOCK_QUADS PULSE_QUADS
@@ -69,8 +71,9 @@ fn preamble() -> String {
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
             CONTRAST_MIN_NP_MM;
     };
+    let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(
-        "{declarations};\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\n",
+        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\n{readers}",
         shared::HINT_BLOCK.trailing_zeros(),
         shared::DEPTH_BLOCK.trailing_zeros(),
         shared::KRONECKER.map(literal::u32).join(", "),

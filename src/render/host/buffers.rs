@@ -68,7 +68,7 @@ impl Buffers {
             raster: zeros("map raster", map_rays * u64::from(params.map_depths))?,
             percentile_np: 0.0,
             gain: DepthGain::default(),
-            layout: Layout::new(params.width, params.height, &tables.pixels, &tables.sector_words),
+            layout: Layout::new(params.image.width, params.image.height, &tables.pixels, &tables.sector_words),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
         })
     }

@@ -9,7 +9,7 @@ use crate::render::params::Params;
 
 /// Complex samples that are made at once.
 const BLOCK: usize = ROW_ALIGN as usize;
-/// Numbers that a block's pulse reaches at the most.
+/// Most numbers in a block's convolution window.
 const WINDOW_MAX: usize = 2 * (BLOCK + 2 * AXIAL_HALF_MAX as usize);
 const GREY_MAX: f32 = 65535.0;
 
@@ -21,7 +21,7 @@ impl DepthGain {
     fn fill(&mut self, params: &Params) {
         let level_db = |sample: u32| {
             let depth_mm = (sample as f32 + 0.5) * params.sample_spacing_mm;
-            params.gain_db + params.tgc_db_per_mm * depth_mm + slider_db(params, depth_mm)
+            params.image.gain_db + params.tgc_db_per_mm * depth_mm + slider_db(params, depth_mm)
         };
         self.0.clear();
         self.0.extend((0..params.row_samples).map(level_db));
@@ -32,7 +32,7 @@ impl DepthGain {
 fn slider_db(params: &Params, depth_mm: f32) -> f32 {
     let place = (7.0 * depth_mm / params.depth_mm).clamp(0.0, 7.0);
     let below = (place as usize).min(6);
-    let [low, high] = [params.sliders_db[below], params.sliders_db[below + 1]];
+    let [low, high] = [params.image.tgc_sliders_db[below], params.image.tgc_sliders_db[below + 1]];
     low + (high - low) * (place - below as f32)
 }
 
@@ -89,7 +89,7 @@ fn detect_row_body(
     let row = &row[..2 * params.samples as usize];
     let mut lines = lines.as_chunks_mut::<{ 2 * BLOCK }>().0.iter_mut();
     let blocks = polar.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain.as_chunks::<BLOCK>().0);
-    let per_db = 1.0 / params.dynamic_range_db;
+    let per_db = 1.0 / params.image.dynamic_range_db;
     let mut edge = [0.0; WINDOW_MAX];
     for (block, (polar, gain)) in blocks.enumerate() {
         let first = block * BLOCK;

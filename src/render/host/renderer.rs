@@ -102,8 +102,8 @@ impl HostRenderer {
         }
 
         let b = &self.buffers;
-        let pixels = params.width as usize * params.height as usize;
-        (frame.width, frame.height) = (params.width, params.height);
+        let pixels = params.image.width as usize * params.image.height as usize;
+        (frame.width, frame.height) = (params.image.width, params.image.height);
         frame.bmode.resize(pixels, 0);
         frame.segmentation.resize(if maps { pixels } else { 0 }, 0);
         frame.attenuation.resize(if maps { pixels } else { 0 }, 0.0);

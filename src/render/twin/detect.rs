@@ -31,9 +31,9 @@ pub fn detect(inputs: &Inputs, focused: &[DVec2]) -> Detected {
             }
             let tgc_db = inputs.tgc_db_per_mm * inputs.range_mm(sample) + inputs.slider_db(inputs.range_mm(sample));
             // The device's floor: a power of 10⁻³⁷.
-            let level_db = db_from_amplitude(sum.length()).max(-370.0) + inputs.gain_db + tgc_db;
+            let level_db = db_from_amplitude(sum.length()).max(-370.0) + f64::from(inputs.image.gain_db) + tgc_db;
             lines.push(sum);
-            grey.push(255.0 * (1.0 + level_db / inputs.dynamic_range_db).clamp(0.0, 1.0));
+            grey.push(255.0 * (1.0 + level_db / f64::from(inputs.image.dynamic_range_db)).clamp(0.0, 1.0));
         }
     }
     Detected { lines, grey }
@@ -44,7 +44,8 @@ impl Inputs {
     pub fn slider_db(&self, depth_mm: f64) -> f64 {
         let place = (7.0 * depth_mm / self.depth_mm).clamp(0.0, 7.0);
         let below = (place as usize).min(6);
-        let (low, high) = (self.sliders_db[below], self.sliders_db[below + 1]);
+        let sliders_db = self.image.tgc_sliders_db.map(f64::from);
+        let (low, high) = (sliders_db[below], sliders_db[below + 1]);
         low + (high - low) * (place - below as f64)
     }
 }

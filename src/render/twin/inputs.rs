@@ -6,7 +6,7 @@ use crate::anatomy::Bvh;
 use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TISSUE_MASK};
 use crate::render::params::Params;
 use crate::render::tables::{PackedTissue, Tables, unpack_place};
-use crate::settings::{Effect, EffectSet};
+use crate::settings::{Effect, EffectSet, ImageUniforms};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -130,8 +130,8 @@ pub struct Inputs {
     pub axes: Vec<Ray>,
     /// Layers.
     pub layers: Vec<Layer>,
-    /// Paths behind those of all layers, one a scanline, that say where the others' scatterers lie; none where a scanline has
-    /// one path alone.
+    /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has only
+    /// one path.
     pub guides: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
@@ -151,14 +151,10 @@ pub struct Inputs {
     pub depth_block: usize,
     /// Envelope of the pulse, from −half to +half samples, 1 at its peak.
     pub pulse: Vec<f64>,
-    /// Levels from black to white, dB.
-    pub dynamic_range_db: f64,
-    /// Level added everywhere, dB.
-    pub gain_db: f64,
     /// Time-gain compensation, dB a mm of range.
     pub tgc_db_per_mm: f64,
-    /// Gain at eight depths from the face to the full depth, dB.
-    pub sliders_db: [f64; 8],
+    /// Settings of the image.
+    pub image: ImageUniforms,
     /// Radius of the face, mm: 0 for a phased array, none for a linear one.
     pub face_radius_mm: Option<f64>,
     /// Straight rays of the maps.
@@ -167,10 +163,6 @@ pub struct Inputs {
     pub map_depths: usize,
     /// Distance of those depths, mm.
     pub map_step_mm: f64,
-    /// Image width, pixels.
-    pub width: usize,
-    /// Image height, pixels.
-    pub height: usize,
     /// Scanline and sample of each pixel's centre, counted from the first ones' centres [height × width]; None outside.
     pub pixels: Vec<Option<[f64; 2]>>,
 }
@@ -206,7 +198,8 @@ impl Inputs {
             let [across, depth] = unpack_place(word)?;
             Some([across * f64::from(params.scanlines) - 0.5, depth * f64::from(params.samples) - 0.5])
         };
-        let pixels = tables.pixels.chunks_exact(stride).flat_map(|row| row[..params.width as usize].iter().map(place));
+        let pixels =
+            tables.pixels.chunks_exact(stride).flat_map(|row| row[..params.image.width as usize].iter().map(place));
         Self {
             scene_from_probe: DMat3::from_cols(
                 vector(params.lateral),
@@ -239,16 +232,12 @@ impl Inputs {
             lateral_kernels: kernels.lateral.chunks_exact(2 * kernels.lateral_half as usize + 1).map(wide).collect(),
             depth_block: DEPTH_BLOCK as usize,
             pulse: wide(&kernels.pulse[PULSE_PAD as usize..kernels.pulse.len() - PULSE_PAD as usize]),
-            dynamic_range_db: params.dynamic_range_db.into(),
-            gain_db: params.gain_db.into(),
             tgc_db_per_mm: params.tgc_db_per_mm.into(),
-            sliders_db: params.sliders_db.map(f64::from),
+            image: params.image,
             face_radius_mm: (params.face_radius_mm >= 0.0).then_some(params.face_radius_mm.into()),
             map_rays: rays(&tables.map_rays),
             map_depths: params.map_depths as usize,
             map_step_mm: params.map_step_mm.into(),
-            width: params.width as usize,
-            height: params.height as usize,
             pixels: pixels.collect(),
         }
     }
