@@ -71,7 +71,7 @@ pub fn wgsl_readers(prefix: &str, words: &str, settings: &[Setting]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{ImageSettings, ImageUniforms, SettingsGroup, Stored};
+    use crate::settings::{ImageSettings, ImageUniforms, SettingsGroup};
 
     #[test]
     fn words_follow_the_order_of_the_blocks() {
