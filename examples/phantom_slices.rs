@@ -33,10 +33,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (key, value) = argument.split_once('=').ok_or("options are KEY=VALUE")?;
         match key {
             "weeks" => parameters.gestational_weeks = value.parse()?,
-            "lie" => parameters.lie = Lie::from_word(value).ok_or("no such lie")?,
+            "lie" => parameters.lie = Lie::named(value).ok_or("no such lie")?,
             "roll" => parameters.roll_deg = value.parse()?,
             "flexion" => parameters.flexion = value.parse()?,
-            "placenta" => parameters.placenta = PlacentaSite::from_word(value).ok_or("no such site")?,
+            "placenta" => parameters.placenta = PlacentaSite::named(value).ok_or("no such site")?,
             "fluid" => parameters.fluid_index_mm = value.parse()?,
             "fat" => parameters.maternal_fat_mm = value.parse()?,
             "seed" => parameters.seed = value.parse()?,

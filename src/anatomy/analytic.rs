@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3, Vec3Swizzles};
 
 use super::{Mesh, Motion, Scene, Surface, TissueTable};
 
@@ -60,18 +60,6 @@ pub fn oblique_slab(min_mm: Vec3, max_mm: Vec3, tilt_deg: f32) -> Mesh {
 /// Box of `size_mm` about `centre_mm`, rotated by `rotation`.
 pub fn plate(centre_mm: Vec3, size_mm: Vec3, rotation: Quat) -> Mesh {
     hexahedron(|corner| centre_mm + rotation * (size_mm * (corner - 0.5)))
-}
-
-/// Layers along z: each `(top, bottom)` becomes a box. The first has the half width `half_width_mm` (x, y); each next
-/// one is 1 mm narrower all round.
-///
-/// Let neighbours overlap and give the deeper one the higher priority: then no two faces coincide.
-pub fn slab_stack(half_width_mm: (f32, f32), layers_mm: &[(f32, f32)]) -> Vec<Mesh> {
-    let slab = |(inset, &(top, bottom)): (usize, &(f32, f32))| {
-        let (x, y) = (half_width_mm.0 - inset as f32, half_width_mm.1 - inset as f32);
-        cuboid(Vec3::new(-x, -y, top), Vec3::new(x, y, bottom))
-    };
-    layers_mm.iter().enumerate().map(slab).collect()
 }
 
 /// Sphere: an icosahedron whose edges are halved `subdivisions` times (at most 7), with all vertices on the sphere.
@@ -149,19 +137,12 @@ pub fn joined(meshes: impl IntoIterator<Item = Mesh>) -> Mesh {
     })
 }
 
-fn icosahedron() -> (Vec<glam::DVec3>, Vec<[u32; 3]>) {
+fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
-    let mut directions = Vec::with_capacity(12);
     // Three golden rectangles; four corners each.
-    for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
-        directions.push(glam::DVec3::new(s, golden * t, 0.0).normalize());
-    }
-    for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
-        directions.push(glam::DVec3::new(0.0, s, golden * t).normalize());
-    }
-    for (s, t) in [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)] {
-        directions.push(glam::DVec3::new(golden * t, 0.0, s).normalize());
-    }
+    let first = [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(s, t)| DVec3::new(s, golden * t, 0.0));
+    let turned: [fn(DVec3) -> DVec3; 3] = [|v| v, |v| v.zxy(), |v| v.yzx()];
+    let directions: Vec<_> = turned.into_iter().flat_map(|turn| first.map(|v| turn(v).normalize())).collect();
     // Neighbours are one edge apart; each triple of neighbours is a face, wound by its normal.
     let edge = |a: usize, b: usize| directions[a].dot(directions[b]) > 0.4;
     let mut triangles = Vec::with_capacity(20);
@@ -207,11 +188,16 @@ pub fn cyst() -> Vec<Part> {
 /// Layers of different speed and attenuation: fat from 10 mm, muscle from 35 mm, liver from 75 mm at x = 0 (its face
 /// tilted by 10°) to 135 mm, containing water from 105 to 115 mm.
 pub fn slabs() -> Vec<Part> {
-    let mut stack = slab_stack((110.0, 40.0), &[(10.0, 40.0), (35.0, 110.0), (105.0, 115.0)]);
-    stack.insert(2, oblique_slab(Vec3::new(-108.5, -38.5, 75.0), Vec3::new(108.5, 38.5, 135.0), 10.0));
-    let labels = [("fat", "fat"), ("muscle", "muscle"), ("oblique liver", "liver"), ("water band", "water")];
-    let part = |((priority, (name, tissue)), mesh)| Part { name, tissue, priority, mesh };
-    (1..).zip(labels).zip(stack).map(part).collect()
+    // Neighbours overlap and have different widths, so that no two faces coincide.
+    let slab = |x: f32, y: f32, top: f32, bottom: f32| cuboid(Vec3::new(-x, -y, top), Vec3::new(x, y, bottom));
+    let liver = oblique_slab(Vec3::new(-108.5, -38.5, 75.0), Vec3::new(108.5, 38.5, 135.0), 10.0);
+    let part = |name, tissue, priority, mesh| Part { name, tissue, priority, mesh };
+    vec![
+        part("fat", "fat", 1, slab(110.0, 40.0, 10.0, 40.0)),
+        part("muscle", "muscle", 2, slab(109.0, 39.0, 35.0, 110.0)),
+        part("oblique liver", "liver", 3, liver),
+        part("water band", "water", 4, slab(108.0, 38.0, 105.0, 115.0)),
+    ]
 }
 
 /// Bone plate 4 mm thick at a depth of 50 mm, from x = −40 to 10 mm, for a background of tissue.

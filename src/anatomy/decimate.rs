@@ -39,13 +39,9 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     for &triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|i| merged[i as usize]);
         // Lowest index first: repeated triangles are recognised by their ordered corners.
-        let turned = if a < b && a < c {
-            [a, b, c]
-        } else if b < c {
-            [b, c, a]
-        } else {
-            [c, a, b]
-        };
+        let mut turned = [a, b, c];
+        let first = turned.iter().position(|&i| i == a.min(b).min(c));
+        turned.rotate_left(first.unwrap_or(0));
         if a != b && b != c && c != a && known.insert(turned) {
             triangles.push(turned);
         }

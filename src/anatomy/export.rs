@@ -87,35 +87,18 @@ pub fn write_moving_glb(surfaces: &[LabelledSurface], motion: &Motion, path: &Pa
     let [Ok(total), Ok(text_length), Ok(binary_length)] = lengths else {
         return Err(ExportError::TooLarge { path: path.to_owned(), bytes: binary.len() });
     };
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut file = tempfile::Builder::new().prefix(".insonify-").suffix(".glb").tempfile_in(folder).map_err(io)?;
-    let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(io);
-    write(b"glTF")?;
-    write(&2u32.to_le_bytes())?;
-    write(&total.to_le_bytes())?;
-    write(&text_length.to_le_bytes())?;
-    write(b"JSON")?;
-    write(&text)?;
-    write(&binary_length.to_le_bytes())?;
-    write(b"BIN\0")?;
-    write(&binary)?;
-    share(file.as_file()).map_err(io)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    // Temporary files are private by default; this one becomes an ordinary file.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.prefix(".insonify-").suffix(".glb").tempfile_in(folder).map_err(io)?;
+    let header = [*b"glTF", 2u32.to_le_bytes(), total.to_le_bytes(), text_length.to_le_bytes(), *b"JSON"];
+    let binary_header = [binary_length.to_le_bytes(), *b"BIN\0"];
+    for bytes in [header.as_flattened(), &text, binary_header.as_flattened(), &binary] {
+        file.write_all(bytes).map_err(io)?;
+    }
     file.persist(path).map_err(|e| io(e.error))?;
-    Ok(())
-}
-
-/// Gives a temporary file, which only its owner may read, the usual permissions.
-#[cfg(unix)]
-fn share(file: &std::fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn share(_: &std::fs::File) -> std::io::Result<()> {
     Ok(())
 }
 
@@ -152,11 +135,8 @@ impl Document {
             "bufferView": self.views.len(), "componentType": if short { UNSIGNED_SHORT } else { UNSIGNED_INT },
             "count": 3 * surface.mesh.triangles.len(), "type": "SCALAR",
         });
-        if short {
-            self.add_view(binary, ELEMENT_ARRAY_BUFFER, indices.flat_map(|&i| (i as u16).to_le_bytes()));
-        } else {
-            self.add_view(binary, ELEMENT_ARRAY_BUFFER, indices.flat_map(|i| i.to_le_bytes()));
-        }
+        let width = if short { 2 } else { 4 };
+        self.add_view(binary, ELEMENT_ARRAY_BUFFER, indices.flat_map(|i| i.to_le_bytes().into_iter().take(width)));
         let known = self.materials.iter().position(|m| *m == surface.tissue);
         let material = known.unwrap_or_else(|| {
             self.materials.push(surface.tissue.clone());

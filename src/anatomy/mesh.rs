@@ -3,6 +3,8 @@
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
+use super::Bounds;
+
 /// Triangles over shared vertices. A sound mesh is closed, and its triangles are counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
@@ -13,6 +15,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Corners of the triangle of this index, mm.
+    pub fn corners_of(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|i| self.vertices_mm[i as usize])
+    }
+
     /// Corners of every triangle, mm.
     pub fn corners_mm(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|i| self.vertices_mm[i as usize]))
@@ -41,9 +48,8 @@ impl Mesh {
         }
     }
 
-    /// Lowest and highest vertex coordinates, mm; `None` for an empty mesh.
-    pub fn bounds_mm(&self) -> Option<(Vec3, Vec3)> {
-        let first = *self.vertices_mm.first()?;
-        Some(self.vertices_mm.iter().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v))))
+    /// Smallest box that contains all vertices, mm; `None` for an empty mesh.
+    pub fn bounds_mm(&self) -> Option<Bounds> {
+        Bounds::of(self.vertices_mm.iter().copied())
     }
 }

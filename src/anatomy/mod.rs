@@ -2,6 +2,7 @@
 
 pub mod analytic;
 mod axes;
+pub mod bounds;
 pub mod builtin;
 pub mod bvh;
 pub mod decimate;
@@ -14,6 +15,7 @@ pub mod mesh;
 pub mod motion;
 pub mod phantom;
 pub mod planes;
+mod ray;
 pub mod scene;
 pub mod section;
 pub mod skin;
@@ -21,6 +23,7 @@ pub mod specimens;
 pub mod tissue;
 
 pub use axes::Axes;
+pub use bounds::Bounds;
 pub use bvh::{Bvh, BvhError};
 pub use mesh::Mesh;
 pub use motion::Motion;

@@ -147,6 +147,18 @@ impl Scene {
         self.surfaces.iter().map(|s| s.mesh.triangles.len()).sum()
     }
 
+    /// The scene at `time_s`, without the drift.
+    #[must_use]
+    pub fn displaced(&self, time_s: f64) -> Self {
+        let amounts: Vec<[f32; 2]> = self.motion.fields.iter().map(|f| f.amounts(time_s)).collect();
+        let mut scene = self.clone();
+        for surface in &mut scene.surfaces {
+            let fields = self.motion.mask_of(&surface.name);
+            surface.mesh.vertices_mm.iter_mut().for_each(|v| *v = self.motion.moved(*v, fields, &amounts));
+        }
+        scene
+    }
+
     /// Sorts surfaces by priority, keeping the order among equals.
     pub fn sort_by_priority(&mut self) {
         self.surfaces.sort_by_key(|s| s.priority);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use glam::{DVec3, Vec3A};
+use glam::{DVec3, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
@@ -11,6 +11,7 @@ use obvhs::triangle::Triangle;
 
 use super::phantom::sdf::Solid;
 use super::phantom::{self, Parameters};
+use super::ray::intersect;
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 
@@ -65,7 +66,7 @@ impl Skin {
                     let origin = (from_mm + aside_mm).as_vec3a();
                     tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
                         let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
-                        if let Some(t) = index.and_then(|i| intersect(triangles.get(i)?, ray)) {
+                        if let Some(t) = index.and_then(|i| distance_mm(triangles.get(i)?, ray)) {
                             last = last.max(t);
                         }
                     });
@@ -85,23 +86,13 @@ impl Skin {
     }
 }
 
-/// Distance along `ray` to `triangle` (Möller & Trumbore, J Graph Tools 2:21, 1997). Slightly enlarged, so that a ray
-/// through a corner meets one of its triangles.
-fn intersect(triangle: &Triangle, ray: &Ray) -> Option<f32> {
-    const MORE: f64 = 1e-5;
-    let d = |v: Vec3A| v.as_dvec3();
-    let (a, direction) = (d(triangle.v0), d(ray.direction));
-    let (ab, ac) = (d(triangle.v1) - a, d(triangle.v2) - a);
-    let p = direction.cross(ac);
-    let det = ab.dot(p);
-    if det == 0.0 {
-        return None;
-    }
-    let from_a = d(ray.origin) - a;
-    let q = from_a.cross(ab);
-    let (u, v, t) = (from_a.dot(p) / det, direction.dot(q) / det, ac.dot(q) / det);
-    let inside = u >= -MORE && v >= -MORE && u + v <= 1.0 + MORE;
-    (inside && t >= f64::from(ray.tmin) && t <= f64::from(ray.tmax)).then_some(t as f32)
+/// Distance along `ray` to `triangle`.
+fn distance_mm(triangle: &Triangle, ray: &Ray) -> Option<f32> {
+    /// Enlargement of triangles, so that a ray through a corner meets one of them.
+    const MARGIN: f64 = 1e-5;
+    let corners = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
+    let (t, _) = intersect(corners, MARGIN, ray.origin.as_dvec3(), ray.direction.as_dvec3())?;
+    (f64::from(ray.tmin)..=f64::from(ray.tmax)).contains(&t).then_some(t as f32)
 }
 
 /// Distance to the exit from the solid: the first crossing, refined by bisection.
@@ -119,15 +110,15 @@ fn exit_solid(skin: &Solid, from: DVec3, direction: DVec3) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anatomy::{Mesh, Motion, Surface, TissueTable, analytic};
+    use crate::anatomy::{TissueTable, analytic};
 
     #[test]
     fn the_exit_from_a_ball_of_triangles_is_its_outer_side() {
-        let mesh = |radius: f32| analytic::sphere(glam::Vec3::new(5.0, 0.0, 0.0), radius, 5);
-        let surface = |mesh: Mesh| Surface { name: "ball".into(), tissue: 0, priority: 0, mesh };
-        let tissues = TissueTable::builtin().unwrap();
-        let surfaces = vec![surface(mesh(20.0)), surface(mesh(50.0))];
-        let scene = Scene { tissues, background: 0, surfaces, motion: Motion::default() };
+        let ball = |radius: f32| {
+            let mesh = analytic::sphere(Vec3::new(5.0, 0.0, 0.0), radius, 5);
+            analytic::Part { name: "ball", tissue: "water", priority: 0, mesh }
+        };
+        let scene = analytic::scene(vec![ball(20.0), ball(50.0)], &TissueTable::builtin().unwrap(), "gel").unwrap();
         let skin = Skin::of_scene(&scene).unwrap();
         for direction in [DVec3::X, DVec3::Y, DVec3::new(0.6, 0.0, -0.8)] {
             let exit = skin.exit(DVec3::new(5.0, 0.0, 0.0), direction).unwrap();

@@ -5,33 +5,50 @@ use thiserror::Error;
 
 use crate::acoustics;
 
-/// Acoustic properties of one tissue.
+/// Acoustic properties of one tissue: numbers, or a `V` for each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Tissue {
+pub struct Tissue<V = f64> {
     /// Speed of sound, m/s.
-    pub speed_m_s: f64,
+    pub speed_m_s: V,
     /// Density, kg/m³.
-    pub density_kg_m3: f64,
+    pub density_kg_m3: V,
     /// Attenuation at 1 MHz, dB/cm.
-    pub attenuation_db_cm_mhz: f64,
+    pub attenuation_db_cm_mhz: V,
     /// Exponent of the frequency in the attenuation.
-    pub attenuation_exponent: f64,
+    pub attenuation_exponent: V,
     /// Fraction of the scatterer lattice's cells that contain a scatterer, 0..=1.
     #[serde(default)]
-    pub scatterer_density: f64,
+    pub scatterer_density: V,
     /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
     #[serde(default)]
-    pub scatterer_mean: f64,
+    pub scatterer_mean: V,
     /// Standard deviation of a scatterer's amplitude, relative to a perfect reflector.
     #[serde(default)]
-    pub scatterer_deviation: f64,
+    pub scatterer_deviation: V,
     /// RMS slope of the microfacets of its surfaces; 0 is a mirror.
     #[serde(default)]
-    pub roughness: f64,
+    pub roughness: V,
     /// Thickness of the transition at its surfaces, mm: echoes are spread over it.
     #[serde(default)]
-    pub thickness_mm: f64,
+    pub thickness_mm: V,
+}
+
+impl<V> Tissue<V> {
+    /// All properties by key, physical ones first.
+    pub fn properties(&self) -> [(&'static str, &V); 9] {
+        [
+            ("speed_m_s", &self.speed_m_s),
+            ("density_kg_m3", &self.density_kg_m3),
+            ("attenuation_db_cm_mhz", &self.attenuation_db_cm_mhz),
+            ("attenuation_exponent", &self.attenuation_exponent),
+            ("scatterer_density", &self.scatterer_density),
+            ("scatterer_mean", &self.scatterer_mean),
+            ("scatterer_deviation", &self.scatterer_deviation),
+            ("roughness", &self.roughness),
+            ("thickness_mm", &self.thickness_mm),
+        ]
+    }
 }
 
 impl Tissue {
@@ -119,19 +136,21 @@ impl TissueTable {
     }
 }
 
+/// Smallest and largest accepted values.
+const RANGES: Tissue<[f64; 2]> = Tissue {
+    speed_m_s: [100.0, 10_000.0],
+    density_kg_m3: [0.1, 25_000.0],
+    attenuation_db_cm_mhz: [0.0, 100.0],
+    attenuation_exponent: [0.0, 3.0],
+    scatterer_density: [0.0, 1.0],
+    scatterer_mean: [-10.0, 10.0],
+    scatterer_deviation: [0.0, 10.0],
+    roughness: [0.0, 2.0],
+    thickness_mm: [0.0, 10.0],
+};
+
 fn check(name: &str, tissue: &Tissue) -> Result<(), TissueError> {
-    let ranges = [
-        ("speed_m_s", tissue.speed_m_s, 100.0, 10_000.0),
-        ("density_kg_m3", tissue.density_kg_m3, 0.1, 25_000.0),
-        ("attenuation_db_cm_mhz", tissue.attenuation_db_cm_mhz, 0.0, 100.0),
-        ("attenuation_exponent", tissue.attenuation_exponent, 0.0, 3.0),
-        ("scatterer_density", tissue.scatterer_density, 0.0, 1.0),
-        ("scatterer_mean", tissue.scatterer_mean, -10.0, 10.0),
-        ("scatterer_deviation", tissue.scatterer_deviation, 0.0, 10.0),
-        ("roughness", tissue.roughness, 0.0, 2.0),
-        ("thickness_mm", tissue.thickness_mm, 0.0, 10.0),
-    ];
-    for (key, value, min, max) in ranges {
+    for ((key, &value), (_, &[min, max])) in tissue.properties().into_iter().zip(RANGES.properties()) {
         if !(value >= min && value <= max) {
             return Err(TissueError::Range { tissue: name.to_owned(), key, value, min, max });
         }

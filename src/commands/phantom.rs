@@ -35,7 +35,7 @@ pub(crate) struct Args {
     weeks: f64,
 
     /// Fetal lie: head down, head up, or across
-    #[arg(long, value_name = "LIE", default_value = Parameters::default().lie.word(), value_parser = lie())]
+    #[arg(long, value_name = "LIE", default_value = Parameters::default().lie.name(), value_parser = lie())]
     lie: Lie,
 
     /// Roll of the fetus about its long axis, degrees, -180..=180; 0 is left side up
@@ -47,7 +47,7 @@ pub(crate) struct Args {
     flexion: f64,
 
     /// Placental site on the uterine wall
-    #[arg(long, value_name = "SITE", default_value = Parameters::default().placenta.word(), value_parser = site())]
+    #[arg(long, value_name = "SITE", default_value = Parameters::default().placenta.name(), value_parser = site())]
     placenta: PlacentaSite,
 
     /// Amniotic fluid index in mm: oligohydramnios to polyhydramnios, 50..=250
@@ -68,11 +68,11 @@ pub(crate) struct Args {
 }
 
 fn lie() -> impl TypedValueParser<Value = Lie> {
-    PossibleValuesParser::new(Lie::WORDS).try_map(|word| Lie::from_word(&word).ok_or("no such lie"))
+    PossibleValuesParser::new(Lie::NAMES).try_map(|word| Lie::named(&word).ok_or("no such lie"))
 }
 
 fn site() -> impl TypedValueParser<Value = PlacentaSite> {
-    PossibleValuesParser::new(PlacentaSite::WORDS).try_map(|word| PlacentaSite::from_word(&word).ok_or("no such site"))
+    PossibleValuesParser::new(PlacentaSite::NAMES).try_map(|word| PlacentaSite::named(&word).ok_or("no such site"))
 }
 
 impl Args {

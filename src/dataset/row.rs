@@ -101,13 +101,13 @@ pub struct PhantomRow {
     pub scale: f64,
     /// Gestational age, weeks.
     pub weeks: f64,
-    /// [`Lie::word`].
+    /// [`Lie::name`].
     pub lie: String,
     /// Turn about the fetus' long axis, degrees.
     pub roll_deg: f64,
     /// 0..=1.
     pub flexion: f64,
-    /// [`PlacentaSite::word`].
+    /// [`PlacentaSite::name`].
     pub placenta: String,
     /// Amniotic fluid index, mm.
     pub fluid_index_mm: f64,
@@ -172,10 +172,10 @@ impl From<&PhantomOptions> for PhantomRow {
         Self {
             scale: options.scale,
             weeks: p.gestational_weeks,
-            lie: p.lie.word().to_owned(),
+            lie: p.lie.name().to_owned(),
             roll_deg: p.roll_deg,
             flexion: p.flexion,
-            placenta: p.placenta.word().to_owned(),
+            placenta: p.placenta.name().to_owned(),
             fluid_index_mm: p.fluid_index_mm,
             fat_mm: p.maternal_fat_mm,
             seed: p.seed,
@@ -191,10 +191,10 @@ impl PhantomRow {
     pub fn options(&self) -> Result<PhantomOptions, String> {
         let parameters = Parameters {
             gestational_weeks: self.weeks,
-            lie: Lie::from_word(&self.lie).ok_or_else(|| format!("`{}` is no lie", self.lie))?,
+            lie: Lie::named(&self.lie).ok_or_else(|| format!("`{}` is no lie", self.lie))?,
             roll_deg: self.roll_deg,
             flexion: self.flexion,
-            placenta: PlacentaSite::from_word(&self.placenta)
+            placenta: PlacentaSite::named(&self.placenta)
                 .ok_or_else(|| format!("`{}` is no site of a placenta", self.placenta))?,
             fluid_index_mm: self.fluid_index_mm,
             maternal_fat_mm: self.fat_mm,

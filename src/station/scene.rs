@@ -37,8 +37,8 @@ fn phantom(values: &Values) -> PhantomOptions {
     values.set("phantom_flexion", &mut p.flexion);
     values.set("phantom_fluid_index_mm", &mut p.fluid_index_mm);
     values.set("phantom_fat_mm", &mut p.maternal_fat_mm);
-    p.lie = values.text("phantom_lie").and_then(Lie::from_word).unwrap_or(p.lie);
-    p.placenta = values.text("phantom_placenta").and_then(PlacentaSite::from_word).unwrap_or(p.placenta);
+    p.lie = values.text("phantom_lie").and_then(Lie::named).unwrap_or(p.lie);
+    p.placenta = values.text("phantom_placenta").and_then(PlacentaSite::named).unwrap_or(p.placenta);
     p.seed = values.integer("phantom_seed").map_or(p.seed, u64::from);
     options
 }

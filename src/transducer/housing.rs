@@ -24,14 +24,9 @@ pub fn housing(probe: &Probe, scene_from_probe: &Pose) -> [Mesh; 2] {
         outline = vec![DVec3::new(-half_width, 0.0, 0.0), DVec3::new(half_width, 0.0, 0.0)];
     }
     let narrow = 0.7 * half_width;
-    outline.extend([
-        DVec3::new(half_width, 0.0, deepest - 8.0),
-        DVec3::new(narrow, 0.0, deepest - 20.0),
-        DVec3::new(narrow, 0.0, deepest - HOUSING_MM),
-        DVec3::new(-narrow, 0.0, deepest - HOUSING_MM),
-        DVec3::new(-narrow, 0.0, deepest - 20.0),
-        DVec3::new(-half_width, 0.0, deepest - 8.0),
-    ]);
+    let side = [(half_width, 8.0), (narrow, 20.0), (narrow, HOUSING_MM)];
+    let side = side.map(|(x, behind)| DVec3::new(x, 0.0, deepest - behind));
+    outline.extend(side.into_iter().chain(side.into_iter().rev().map(|p| p.with_x(-p.x))));
     let corners = outline.len() as u32;
     let scene = |p: DVec3, y: f64| scene_from_probe.transform_point(p + DVec3::Y * y).as_vec3();
     let mut mesh = Mesh::default();

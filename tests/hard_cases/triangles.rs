@@ -83,7 +83,7 @@ fn zero_area_triangles_do_not_divide_by_zero() {
 /// A slab whose upper face is a fan of `count` slivers from one corner.
 fn slivers(mesh: &Mesh, count: usize) -> Mesh {
     let mut mesh = mesh.clone();
-    let z = mesh.bounds_mm().unwrap().0.z;
+    let z = mesh.bounds_mm().unwrap().min.z;
     let is_top = |t: &[u32; 3]| t.iter().all(|&v| mesh.vertices_mm[v as usize].z == z);
     let (top, rest): (Vec<[u32; 3]>, Vec<[u32; 3]>) = mesh.triangles.iter().partition(|t| is_top(t));
     // Each of the two triangles becomes slivers along its longest side.

@@ -24,8 +24,8 @@ fn a_file_of_trimesh_is_read() {
         assert_eq!(surface.mesh.unpaired_edges(), 0);
         let volume = surface.mesh.signed_volume_mm3();
         assert!(volume > 0.0 && (volume_mm3 == 0.0 || (volume - volume_mm3).abs() < 0.1), "{}: {volume}", surface.name);
-        let (low, high) = surface.mesh.bounds_mm().unwrap();
-        assert!((0.5 * (low.x + high.x) - x_mm).abs() < 1e-3, "{}", surface.name);
+        let bounds = surface.mesh.bounds_mm().unwrap();
+        assert!((0.5 * (bounds.min.x + bounds.max.x) - x_mm).abs() < 1e-3, "{}", surface.name);
     }
 }
 
@@ -193,6 +193,6 @@ fn a_matrix_and_its_components_give_the_same_placement() {
     // Scaled, rotated by 90° about x (y → z, z → −y), moved.
     let parts = placed(json!({"scale": [2, 3, 1], "rotation": [half, 0, 0, half], "translation": [0.1, 0.2, 0.3]}));
     let matrix = placed(json!({"matrix": [2,0,0,0, 0,0,3,0, 0,-1,0,0, 0.1,0.2,0.3,1]}));
-    assert!(parts.0.distance(matrix.0) < 1e-3 && parts.1.distance(matrix.1) < 1e-3, "{parts:?} {matrix:?}");
-    assert!(parts.0.distance(glam::Vec3::new(100.0, 190.0, 300.0)) < 1e-3, "{parts:?}");
+    assert!(parts.min.distance(matrix.min) < 1e-3 && parts.max.distance(matrix.max) < 1e-3, "{parts:?} {matrix:?}");
+    assert!(parts.min.distance(glam::Vec3::new(100.0, 190.0, 300.0)) < 1e-3, "{parts:?}");
 }

@@ -100,9 +100,9 @@ fn node_transforms_are_chained_and_mirrors_stay_outward() {
     let mesh = b.load_mesh();
     assert_eq!(mesh.unpaired_edges(), 0);
     assert!((mesh.signed_volume_mm3() / (6.0 * TETRAHEDRON_MM3) - 1.0).abs() < 1e-3);
-    let (low, high) = mesh.bounds_mm().unwrap();
+    let bounds = mesh.bounds_mm().unwrap();
     // Rotated by 90° about z: x → y, y → −x.
-    for (found, expected) in [(low, [1090.0, 0.0, -30.0]), (high, [1100.0, 20.0, 0.0])] {
+    for (found, expected) in [(bounds.min, [1090.0, 0.0, -30.0]), (bounds.max, [1100.0, 20.0, 0.0])] {
         assert!((found - glam::Vec3::from(expected)).length() < 1e-3, "{found}");
     }
 }
@@ -140,7 +140,7 @@ fn each_primitive_of_a_node_is_a_surface_and_uses_part_of_shared_vertices() {
     assert_eq!((scene.surfaces[0].name.as_str(), scene.surfaces[1].name.as_str()), ("two/0", "two/1"));
     assert_eq!(tissue_names(&scene), ["liver", "brain"]);
     scene.surfaces.iter().for_each(|s| assert_eq!(s.mesh.vertices_mm.len(), 4));
-    assert!(scene.surfaces[1].mesh.bounds_mm().unwrap().0.x > 999.0);
+    assert!(scene.surfaces[1].mesh.bounds_mm().unwrap().min.x > 999.0);
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn a_moved_scene_is_cut_as_one_that_was_built_there() {
     for time_s in [TIME_S, 0.05] {
         renderer.set_time_s(time_s);
         renderer.render(&case.pose, &mut frame).unwrap();
-        let displaced = case.scene.motion.displaced(&case.scene, time_s);
+        let displaced = case.scene.displaced(time_s);
         let there = Case { scene: Scene { motion: Motion::default(), ..displaced }, ..beating() };
         there.renderer(&ShaderSet::default()).render(&case.pose, &mut fresh).unwrap();
         assert!(frame.segmentation == fresh.segmentation, "at {time_s} s");

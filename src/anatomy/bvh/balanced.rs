@@ -7,8 +7,9 @@ use obvhs::aabb::Aabb;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::{BvhBuildParams, triangle::Triangle};
 
-use super::PackedTriangle;
-use super::refit::{Extent, fit};
+use super::refit::fit;
+use super::{PackedTriangle, children};
+use crate::anatomy::Bounds;
 
 /// Random displacement of the centroids, as a fraction of their bounds' diagonal: 200 steps of the builder's Morton
 /// codes (21 bits per axis). It separates coincident triangles, yet is far below the spacing of an ordinary mesh.
@@ -35,24 +36,16 @@ pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
         .collect();
     let params = BvhBuildParams { reinsertion_batch_ratio: 0.0, ..BvhBuildParams::medium_build() };
     let mut tree = build_cwbvh(&points, params, &mut Duration::default());
-    let leaves: Vec<PackedTriangle> = tree
-        .primitive_indices
-        .iter()
-        .map(|&i| {
-            let t = &triangles[i as usize];
-            PackedTriangle::new([t.v0, t.v1, t.v2].map(glam::Vec3::from), 0, i)
-        })
-        .collect();
+    let leaves: Vec<PackedTriangle> =
+        tree.primitive_indices.iter().map(|&i| PackedTriangle::of(&triangles[i as usize], 0, i)).collect();
     let nodes: &mut [[u32; 20]] = bytemuck::cast_slice_mut(&mut tree.nodes);
     // Parents come before their children; boxes are computed in reverse order.
     let (mut order, mut next) = (vec![0usize], 0);
     while let Some(&node) = order.get(next) {
-        let words = &nodes[node];
-        let children = (words[3] >> 24).count_ones();
-        order.extend((0..children).map(|child| (words[4] + child) as usize));
+        order.extend(children(&nodes[node]).map(|child| child as usize));
         next += 1;
     }
-    let mut extents = vec![Extent::default(); nodes.len()];
+    let mut extents = vec![Bounds::EMPTY; nodes.len()];
     for &node in order.iter().rev() {
         extents[node] = fit(nodes, node, &leaves, &extents);
     }

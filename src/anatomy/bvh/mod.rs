@@ -17,9 +17,9 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::{BvhBuildParams, triangle::Triangle};
 use thiserror::Error;
 
-use super::Scene;
 use super::motion::Drift;
-use moving::{Group, Moving};
+use super::{Bounds, Scene};
+use moving::Moving;
 
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
 pub const STACK_DEPTH_MAX: usize = 32;
@@ -102,11 +102,8 @@ impl Bvh {
             .zip(0u32..)
             .flat_map(|(surface, index)| surface.mesh.corners_mm().map(move |c| (c, index)))
             .collect();
-        let first = corners.first().ok_or(BvhError::Empty)?.0[0].as_dvec3();
-        let (low, high) = corners.iter().flat_map(|(c, _)| c).fold((first, first), |(low, high), corner| {
-            let corner = corner.as_dvec3();
-            (low.min(corner), high.max(corner))
-        });
+        let bounds = Bounds::of(corners.iter().flat_map(|(c, _)| *c)).ok_or(BvhError::Empty)?;
+        let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let centre_mm = 0.5 * (low + high);
         let triangles: Vec<Triangle> = corners
             .iter()
@@ -132,10 +129,8 @@ impl Bvh {
             .collect();
         let order: Vec<u32> =
             trees.iter().flat_map(|(tree, of)| tree.primitive_indices.iter().map(|&i| of[i as usize])).collect();
-        let packed = order.iter().map(|&index| {
-            let t = &triangles[index as usize];
-            PackedTriangle::new([t.v0, t.v1, t.v2].map(Vec3::from), corners[index as usize].1, index)
-        });
+        let packed =
+            order.iter().map(|&index| PackedTriangle::of(&triangles[index as usize], corners[index as usize].1, index));
         let mut bvh = Self {
             centre_mm,
             nodes: Vec::new(),
@@ -146,7 +141,9 @@ impl Bvh {
             drift_mm: DVec3::ZERO,
         };
         match trees.as_slice() {
-            [(tree, _)] if groups.iter().all(Group::rests) => bvh.nodes = bytemuck::cast_slice(&tree.nodes).to_vec(),
+            [(tree, _)] if groups.iter().all(|group| group.fields == 0) => {
+                bvh.nodes = bytemuck::cast_slice(&tree.nodes).to_vec()
+            }
             _ => {
                 let (nodes, moving) = moving::join(scene, &groups, &trees, &order, centre_mm);
                 bvh.nodes = nodes;
@@ -163,7 +160,7 @@ impl Bvh {
 
     /// Displacement of each triangle from its rest position `[x, y, z, 0]`, mm, in leaf order; empty for static scenes.
     pub fn displacements(&self) -> &[[f32; 4]] {
-        self.moving.as_ref().map_or(&[], Moving::displacements)
+        self.moving.as_ref().map_or(&[], |moving| moving.displacements.as_slice())
     }
 
     /// Whether the scene has any motion.
@@ -187,11 +184,16 @@ impl Bvh {
 
     /// Ranges modified by the last change of time.
     pub fn changed(&self) -> &[Changed] {
-        self.moving.as_ref().map_or(&[], Moving::changed)
+        self.moving.as_ref().map_or(&[], |moving| moving.changed.as_slice())
     }
 }
 
 impl PackedTriangle {
+    /// Packs `t`, whose corners are relative to the tree's centre.
+    fn of(t: &Triangle, surface: u32, triangle: u32) -> Self {
+        Self::new([t.v0, t.v1, t.v2].map(Vec3::from), surface, triangle)
+    }
+
     /// Packs a triangle from its corners relative to the tree's centre, mm.
     fn new(corners: [Vec3; 3], surface: u32, triangle: u32) -> Self {
         let (edge1, edge2) = (corners[1] - corners[0], corners[2] - corners[0]);
@@ -218,22 +220,24 @@ fn depth(nodes: &[[u32; 20]]) -> usize {
     let mut open = vec![(0u32, 1usize)];
     while let Some((node, level)) = open.pop() {
         deepest = deepest.max(level);
-        let words = &nodes[node as usize];
-        let children = (words[3] >> 24).count_ones();
-        open.extend((0..children).map(|child| (words[4] + child, level + 1)));
+        open.extend(children(&nodes[node as usize]).map(|child| (child, level + 1)));
     }
     deepest
+}
+
+/// Indices of a node's inner children.
+fn children(node: &[u32; 20]) -> Range<u32> {
+    node[4]..node[4] + (node[3] >> 24).count_ones()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anatomy::{Mesh, Motion, Surface, TissueTable, analytic};
+    use crate::anatomy::{Mesh, TissueTable, analytic};
 
     fn scene(mesh: Mesh) -> Scene {
-        let tissues = TissueTable::builtin().unwrap();
-        let surfaces = vec![Surface { name: String::new(), tissue: 0, priority: 0, mesh }];
-        Scene { tissues, background: 0, surfaces, motion: Motion::default() }
+        let part = analytic::Part { name: "", tissue: "water", priority: 0, mesh };
+        analytic::scene(vec![part], &TissueTable::builtin().unwrap(), "gel").unwrap()
     }
 
     #[test]
@@ -247,11 +251,7 @@ mod tests {
         let mut heap = analytic::cuboid(Vec3::ZERO, Vec3::ONE);
         heap.triangles = vec![heap.triangles[0]; 5000];
         // The same coincident triangles in a corner of half a metre of ordinary triangles.
-        let mut wide = heap.clone();
-        let ball = analytic::sphere(Vec3::splat(250.0), 250.0, 3);
-        let first = wide.vertices_mm.len() as u32;
-        wide.vertices_mm.extend(ball.vertices_mm);
-        wide.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+        let wide = analytic::joined([heap.clone(), analytic::sphere(Vec3::splat(250.0), 250.0, 3)]);
         for mesh in [fan, heap, wide] {
             let count = mesh.triangles.len();
             let bvh = Bvh::build(&scene(mesh)).unwrap();

@@ -6,10 +6,10 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 use obvhs::cwbvh::CwBvh;
 
-use super::refit::{self, Extent};
+use super::refit;
 use super::{Changed, PackedTriangle, local};
-use crate::anatomy::Scene;
 use crate::anatomy::motion::Motion;
+use crate::anatomy::{Bounds, Scene};
 
 /// Triangles that share a tree: the static ones, or those with the same first field.
 #[derive(Debug)]
@@ -17,14 +17,7 @@ pub(super) struct Group {
     /// Indices of the triangles, counted through all surfaces.
     pub(super) triangles: Vec<u32>,
     /// Bit set of all fields that move any of them.
-    fields: u32,
-}
-
-impl Group {
-    /// Whether all of them are static.
-    pub(super) fn rests(&self) -> bool {
-        self.fields == 0
-    }
+    pub(super) fields: u32,
 }
 
 /// A moving vertex.
@@ -61,12 +54,13 @@ pub(super) struct Moving {
     /// Vertices of each moving triangle, in leaf order.
     corners: Vec<[u32; 3]>,
     /// Displacement of each triangle from its rest position, mm; all triangles.
-    displacements: Vec<[f32; 4]>,
+    pub(super) displacements: Vec<[f32; 4]>,
     /// First moving triangle.
     first_triangle: usize,
     /// Exact boxes of all nodes.
-    extents: Vec<Extent>,
-    changed: Vec<Changed>,
+    extents: Vec<Bounds>,
+    /// Ranges modified by the last call of [`Moving::set_time_s`].
+    pub(super) changed: Vec<Changed>,
 }
 
 /// Groups the triangles by the first field that ever moves one of their corners: the static ones first, then one group
@@ -145,7 +139,7 @@ pub(super) fn join(
             });
         }
     }
-    moving.extents = vec![Extent::default(); nodes.len()];
+    moving.extents = vec![Bounds::EMPTY; nodes.len()];
     (nodes, moving)
 }
 
@@ -224,16 +218,6 @@ impl Moving {
             self.changed.push(Changed { nodes: 0..1 + trees, triangles: 0..0 });
         }
     }
-
-    /// See [`super::Bvh::displacements`].
-    pub(super) fn displacements(&self) -> &[[f32; 4]] {
-        &self.displacements
-    }
-
-    /// Ranges modified by the last call of [`Moving::set_time_s`].
-    pub(super) fn changed(&self) -> &[Changed] {
-        &self.changed
-    }
 }
 
 #[cfg(test)]
@@ -271,9 +255,9 @@ mod tests {
     }
 
     /// Collects the triangles below a node; panics if one exceeds a box above it.
-    fn check(bvh: &Bvh, index: u32, found: &mut BTreeMap<u32, PackedTriangle>) -> Extent {
+    fn check(bvh: &Bvh, index: u32, found: &mut BTreeMap<u32, PackedTriangle>) -> Bounds {
         let node: &CwBvhNode = bytemuck::cast_ref(&bvh.nodes[index as usize]);
-        let mut all = Extent::default();
+        let mut all = Bounds::EMPTY;
         for slot in 0..8 {
             if node.is_child_empty(slot) {
                 continue;
@@ -284,14 +268,14 @@ mod tests {
                 for t in leaf {
                     assert!(found.insert(t.triangle, *t).is_none(), "triangle {} is in two leaves", t.triangle);
                 }
-                leaf.iter().fold(Extent::default(), |e, t| e.with(Extent::of(t)))
+                leaf.iter().fold(Bounds::EMPTY, |e, t| e.hull(refit::bounds_of(t)))
             } else {
                 check(bvh, node.child_node_index(slot), found)
             };
             let held = node.child_aabb(slot);
-            let held = Extent { low: Vec3::from(held.min) - 1e-4, high: Vec3::from(held.max) + 1e-4 };
-            assert_eq!(held.with(extent), held, "child {slot} of node {index}");
-            all = all.with(extent);
+            let held = Bounds { min: held.min.into(), max: held.max.into() }.grown(1e-4);
+            assert!(held.holds(extent), "child {slot} of node {index}");
+            all = all.hull(extent);
         }
         all
     }
@@ -308,7 +292,7 @@ mod tests {
             bvh.set_time_s(time_s);
             let mut found = BTreeMap::new();
             check(&bvh, 0, &mut found);
-            let displaced = Scene { motion: Motion::default(), ..scene.motion.displaced(&scene, time_s) };
+            let displaced = Scene { motion: Motion::default(), ..scene.displaced(time_s) };
             let fresh = Bvh::build(&displaced).unwrap();
             assert_eq!(fresh.centre_mm, bvh.centre_mm);
             let expected: BTreeMap<u32, PackedTriangle> = fresh.triangles.iter().map(|t| (t.triangle, *t)).collect();

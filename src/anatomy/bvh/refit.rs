@@ -4,34 +4,20 @@ use glam::Vec3;
 use obvhs::cwbvh::node::CwBvhNode;
 
 use super::PackedTriangle;
+use crate::anatomy::Bounds;
 
-/// Lowest and highest corner, mm.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Extent {
-    pub(super) low: Vec3,
-    pub(super) high: Vec3,
-}
-
-impl Extent {
-    /// Empty extent.
-    const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-
-    pub(super) fn with(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    pub(super) fn of(t: &PackedTriangle) -> Self {
-        let a = Vec3::from(t.corner);
-        let (b, c) = (a + Vec3::from(t.edge1), a + Vec3::from(t.edge2));
-        Self { low: a.min(b).min(c), high: a.max(b).max(c) }
-    }
+/// Box of a triangle.
+pub(super) fn bounds_of(t: &PackedTriangle) -> Bounds {
+    let a = Vec3::from(t.corner);
+    let (b, c) = (a + Vec3::from(t.edge1), a + Vec3::from(t.edge2));
+    Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
 }
 
 /// Sets the boxes of the children of node `index`. Inner children have theirs in `extents` already, indexed as `nodes`.
 /// Returns the node's own extent.
-pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTriangle], extents: &[Extent]) -> Extent {
+pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTriangle], extents: &[Bounds]) -> Bounds {
     let node: &mut CwBvhNode = bytemuck::cast_mut(&mut nodes[index]);
-    let mut children = [Extent::NONE; 8];
+    let mut children = [Bounds::EMPTY; 8];
     for (slot, extent) in children.iter_mut().enumerate() {
         if node.is_child_empty(slot) {
             continue;
@@ -39,7 +25,7 @@ pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTria
         *extent = if node.is_leaf(slot) {
             let (first, count) = node.child_primitives(slot);
             let leaf = &triangles[first as usize..(first + count) as usize];
-            leaf.iter().fold(Extent::NONE, |extent, t| extent.with(Extent::of(t)))
+            leaf.iter().fold(Bounds::EMPTY, |extent, t| extent.hull(bounds_of(t)))
         } else {
             extents[node.child_node_index(slot) as usize]
         };
@@ -49,17 +35,17 @@ pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTria
 
 /// Writes the root that joins `trees` trees, whose roots are the nodes after it.
 pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
-    let roots: Vec<Extent> = nodes[1..=trees]
+    let roots: Vec<Bounds> = nodes[1..=trees]
         .iter()
         .map(|words| {
             let node: &CwBvhNode = bytemuck::cast_ref(words);
-            (0..8).filter(|&slot| !node.is_child_empty(slot)).fold(Extent::NONE, |extent, slot| {
+            (0..8).filter(|&slot| !node.is_child_empty(slot)).fold(Bounds::EMPTY, |extent, slot| {
                 let child = node.child_aabb(slot);
-                extent.with(Extent { low: child.min.into(), high: child.max.into() })
+                extent.hull(Bounds { min: child.min.into(), max: child.max.into() })
             })
         })
         .collect();
-    let mut children = [Extent::NONE; 8];
+    let mut children = [Bounds::EMPTY; 8];
     children[..trees].copy_from_slice(&roots);
     quantise(bytemuck::cast_mut(&mut nodes[0]), &children);
 }
@@ -74,10 +60,10 @@ pub(super) fn joint(trees: usize) -> [u32; 20] {
 }
 
 /// Quantises boxes to steps of a power of two from the node's lowest corner, rounding outward (Ylitie et al. 2017).
-fn quantise(node: &mut CwBvhNode, children: &[Extent; 8]) -> Extent {
-    let whole = children.iter().fold(Extent::NONE, |all, child| all.with(*child));
-    node.p = whole.low;
-    let steps = ((whole.high - whole.low).max(Vec3::splat(1e-20)) / 255.0).to_array().map(|x| {
+fn quantise(node: &mut CwBvhNode, children: &[Bounds; 8]) -> Bounds {
+    let whole = children.iter().fold(Bounds::EMPTY, |all, child| all.hull(*child));
+    node.p = whole.min;
+    let steps = ((whole.max - whole.min).max(Vec3::splat(1e-20)) / 255.0).to_array().map(|x| {
         // Smallest power of two not below x.
         let bits = x.to_bits();
         f32::from_bits((bits + 0x007f_ffff) & 0x7f80_0000)
@@ -87,16 +73,10 @@ fn quantise(node: &mut CwBvhNode, children: &[Extent; 8]) -> Extent {
         if node.is_child_empty(slot) {
             continue;
         }
-        let low = ((child.low - whole.low) / Vec3::from(steps)).floor().clamp(Vec3::ZERO, Vec3::splat(255.0));
-        let high = ((child.high - whole.low) / Vec3::from(steps)).ceil().clamp(Vec3::ZERO, Vec3::splat(255.0));
+        let low = ((child.min - whole.min) / Vec3::from(steps)).floor().clamp(Vec3::ZERO, Vec3::splat(255.0));
+        let high = ((child.max - whole.min) / Vec3::from(steps)).ceil().clamp(Vec3::ZERO, Vec3::splat(255.0));
         [node.child_min_x[slot], node.child_min_y[slot], node.child_min_z[slot]] = low.to_array().map(|x| x as u8);
         [node.child_max_x[slot], node.child_max_y[slot], node.child_max_z[slot]] = high.to_array().map(|x| x as u8);
     }
     whole
-}
-
-impl Default for Extent {
-    fn default() -> Self {
-        Self::NONE
-    }
 }

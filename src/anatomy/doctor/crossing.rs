@@ -41,21 +41,15 @@ struct Pair {
 /// Finds pairs of triangles that cross by more than the tracer resolves. `part_of` gives each triangle's part, if
 /// known.
 pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
-    let mesh = tree.mesh();
-    let corners = |t: usize| mesh.triangles[t].map(|i| mesh.vertices_mm[i as usize]);
-    let found: Vec<Pair> = (0..mesh.triangles.len())
+    let mesh = tree.mesh;
+    let found: Vec<Pair> = (0..mesh.triangles.len() as u32)
         .into_par_iter()
         .with_min_len(256)
         .flat_map_iter(|t| {
             let mut pairs = Vec::new();
-            tree.near(corners(t), |u| {
-                let other = u as usize;
-                if other <= t {
-                    return;
-                }
-                let crossing = cross(mesh.triangles[t], mesh.triangles[other], corners(t), corners(other));
-                if let Some((point, depth_mm)) = crossing {
-                    pairs.push(Pair { triangles: [t as u32, u], point: point.as_vec3(), depth_mm });
+            tree.near(mesh.corners_of(t), |u| {
+                if let Some((point, depth_mm)) = (u > t).then(|| cross(mesh, t, u)).flatten() {
+                    pairs.push(Pair { triangles: [t, u], point: point.as_vec3(), depth_mm });
                 }
             });
             pairs
@@ -105,12 +99,13 @@ fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> boo
 }
 
 /// Place and depth of the crossing of two triangles, if any.
-fn cross(a: [u32; 3], b: [u32; 3], at: [Vec3; 3], bt: [Vec3; 3]) -> Option<(DVec3, f64)> {
+fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
+    let [a, b] = [first, second].map(|t| mesh.triangles[t as usize]);
     // Triangles that share an edge meet only there.
     if a.iter().filter(|i| b.contains(i)).count() > 1 {
         return None;
     }
-    let (at, bt) = (at.map(|v| v.as_dvec3()), bt.map(|v| v.as_dvec3()));
+    let [at, bt] = [first, second].map(|t| mesh.corners_of(t).map(|v| v.as_dvec3()));
     through(at, a, b, bt).or_else(|| through(bt, b, a, at))
 }
 

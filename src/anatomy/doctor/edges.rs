@@ -138,15 +138,11 @@ fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
     let mut groups = Groups::new(index_of.len());
     edges.iter().for_each(|[a, b]| groups.join(index_of[a], index_of[b]));
     let group = groups.numbered();
-    let mut points: Vec<Vec<Vec3>> = Vec::new();
+    let mut points: HashMap<u32, Vec<Vec3>> = HashMap::new();
     for (vertex, &index) in &index_of {
-        let number = group[index as usize] as usize;
-        if points.len() <= number {
-            points.resize(number + 1, Vec::new());
-        }
-        points[number].push(mesh.vertices_mm[*vertex as usize]);
+        points.entry(group[index as usize]).or_default().push(mesh.vertices_mm[*vertex as usize]);
     }
-    let mut places: Vec<Place> = points.into_iter().map(Place::of).collect();
+    let mut places: Vec<Place> = points.into_values().map(Place::of).collect();
     // The map's order is arbitrary.
     let key = |p: &Place| (p.size_mm, p.at_mm);
     places.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));

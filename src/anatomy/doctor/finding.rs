@@ -5,6 +5,8 @@ use std::fmt;
 use glam::Vec3;
 use serde::Serialize;
 
+use crate::anatomy::Bounds;
+
 /// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -17,13 +19,11 @@ pub enum Severity {
     Note,
 }
 
+crate::names::named!(Severity { Error = "error", Warning = "warning", Note = "note" });
+
 impl fmt::Display for Severity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Error => "error",
-            Self::Warning => "warning",
-            Self::Note => "note",
-        })
+        f.pad(self.name())
     }
 }
 
@@ -138,10 +138,9 @@ pub struct Place {
 
 impl Place {
     pub(super) fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
-        let far = Vec3::splat(f32::INFINITY);
-        let bounds = points.into_iter().fold((far, -far), |(low, high), p| (low.min(p), high.max(p)));
-        let (low, high) = if bounds.0.is_finite() { bounds } else { (Vec3::ZERO, Vec3::ZERO) };
-        Self { at_mm: (0.5 * (low + high)).to_array(), size_mm: (high - low).length() }
+        let bounds = Bounds::of(points).filter(|bounds| bounds.min.is_finite());
+        let Bounds { min, max } = bounds.unwrap_or(Bounds::around(Vec3::ZERO, Vec3::ZERO));
+        Self { at_mm: (0.5 * (min + max)).to_array(), size_mm: (max - min).length() }
     }
 }
 

@@ -32,7 +32,7 @@ use tree::Tree;
 use super::bvh::PackedTriangle;
 use super::import::{FindingKind, read_raw};
 use super::scene::SURFACES_MAX;
-use super::{SceneError, TissueTable};
+use super::{Bounds, SceneError, TissueTable};
 use crate::pose::Pose;
 
 /// Distance, mm, below which crossings coincide for the tracer.
@@ -113,7 +113,7 @@ pub fn examine(
     checks.par_iter_mut().zip(&trees).for_each(|(check, tree)| {
         let Some(tree) = tree else { return };
         check.check_with(tree);
-        let count = tree.mesh().triangles.len();
+        let count = tree.mesh.triangles.len();
         progress(done.fetch_add(count, Ordering::Relaxed) + count, total);
     });
     let among = nesting::examine(&checks, &trees);
@@ -135,22 +135,20 @@ pub fn examine(
         .retain(|f| !wrong_unit || !by_size.contains(&f.defect) || f.what.contains("NaN") || f.what.contains("inf"));
     findings.dedup();
     findings.sort_by_key(|f| f.severity);
-    let bounds_mm = bounds.map(|(low, high)| [low.to_array(), high.to_array()]);
+    let bounds_mm = bounds.map(|b| [b.min.to_array(), b.max.to_array()]);
     Ok(Report { surfaces, triangles, bounds_mm, findings })
 }
 
 /// Bounds of the scene, mm. A few vertices out of range are strays; if most are, the unit is wrong.
-fn bounds(checks: &[SurfaceCheck]) -> Option<(Vec3, Vec3)> {
-    let over = |of: &dyn Fn(&SurfaceCheck) -> Option<(Vec3, Vec3)>| {
-        surface_check::bounds(checks.iter().filter_map(of).flat_map(|(low, high)| [low, high]))
-    };
+fn bounds(checks: &[SurfaceCheck]) -> Option<Bounds> {
+    let over = |of: fn(&SurfaceCheck) -> Option<Bounds>| checks.iter().filter_map(of).reduce(Bounds::hull);
     let [vertices, bad] = [0, 1].map(|i| checks.iter().map(|p| p.vertices[i]).sum::<usize>());
-    let usable = over(&|p| p.bounds_mm).filter(|_| 2 * bad <= vertices);
-    usable.or_else(|| over(&|p| p.finite_mm))
+    let usable = over(|p| p.bounds_mm).filter(|_| 2 * bad <= vertices);
+    usable.or_else(|| over(|p| p.finite_mm))
 }
 
 /// Findings about the scene as a whole.
-fn whole(checks: &[SurfaceCheck], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> {
+fn whole(checks: &[SurfaceCheck], bounds: Option<Bounds>) -> Vec<Finding> {
     let mut findings = Vec::new();
     if checks.len() > SURFACES_MAX {
         let what = format!("{} surfaces; at most {SURFACES_MAX} are traced", checks.len());
@@ -167,7 +165,7 @@ fn whole(checks: &[SurfaceCheck], bounds: Option<(Vec3, Vec3)>) -> Vec<Finding> 
             format!("{triangles} triangles take {needed} MiB in one buffer; not every GPU binds more than {bound}");
         findings.push(Finding::new(Defect::TooLarge, what));
     }
-    let Some((low, high)) = bounds else { return findings };
+    let Some(Bounds { min: low, max: high }) = bounds else { return findings };
     let (size, [least, most]) = ((high.as_dvec3() - low.as_dvec3()).length() as f32, SIZE_MM);
     let place = Place { at_mm: (0.5 * low + 0.5 * high).to_array(), size_mm: size };
     if size > most {
@@ -200,15 +198,15 @@ fn unused(checks: &[SurfaceCheck], settings: &Settings<'_>) -> Vec<Finding> {
 fn starts(
     start: &Pose,
     depth_mm: f64,
-    bounds: Option<(Vec3, Vec3)>,
+    bounds: Option<Bounds>,
     checks: &[SurfaceCheck],
     trees: &[Option<Tree<'_>>],
     settings: &Settings<'_>,
 ) -> Option<Finding> {
     let face = start.position_mm + start.orientation * DVec3::Z * 0.01;
     let place = Place { at_mm: start.position_mm.as_vec3().to_array(), size_mm: 0.0 };
-    let (low, high) = bounds?;
-    let away = face.distance(face.clamp(low.as_dvec3(), high.as_dvec3()));
+    let bounds = bounds?;
+    let away = face.distance(face.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     if away > depth_mm {
         let what = format!("the probe starts {away:.0} mm from the scene, whose image is {depth_mm:.0} mm deep");
         return Some(Finding::new(Defect::StartsFar, what).at([place]));

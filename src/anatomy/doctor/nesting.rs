@@ -72,7 +72,7 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
             names.push(format!("{others} others"));
         }
         let what = format!("nothing of it (priority {}) is seen behind {}", check.priority, names.join(", "));
-        let place = check.bounds_mm.map(|(low, high)| Place::of([low, high]));
+        let place = check.bounds_mm.map(|bounds| Place::of(bounds.corners()));
         found.push((index, Finding::new(Defect::Hidden, what).at(place)));
     }
     // A few points just below the skin mean two meshes of one border.
@@ -107,16 +107,12 @@ fn holding<'a>(
     checks: &'a [SurfaceCheck],
     trees: &'a [Option<Tree<'a>>],
 ) -> impl Iterator<Item = usize> + 'a {
-    let within = move |check: &SurfaceCheck| {
-        let p = point.as_vec3();
-        check.bounds_mm.is_some_and(|(low, high)| low.cmple(p).all() && high.cmpge(p).all())
+    let p = point.as_vec3();
+    let within = move |check: &SurfaceCheck| check.bounds_mm.is_some_and(|bounds| bounds.distance_mm(p) == 0.0);
+    let is_held = move |check: &SurfaceCheck, tree: &Option<Tree<'_>>| {
+        check.closed && within(check) && tree.as_ref().is_some_and(|tree| tree.holds(point))
     };
-    let numbered = checks.iter().zip(trees).enumerate();
-    numbered
-        .filter(move |(_, (check, tree))| {
-            check.closed && within(check) && tree.as_ref().is_some_and(|tree| tree.holds(point))
-        })
-        .map(|(index, _)| index)
+    (0..checks.len()).filter(move |&index| is_held(&checks[index], &trees[index]))
 }
 
 /// Surface that is the medium at a point; `None` in the background.

@@ -18,7 +18,7 @@ const SKIN_DEEP_MM: f64 = 0.01;
 
 /// Sample points inside a closed surface, below at most `count` of its triangles.
 pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
-    let mesh = tree.mesh();
+    let mesh = tree.mesh;
     let step = mesh.triangles.len().div_ceil(count).max(1);
     // If there are few triangles, they are large: several samples below each.
     let each = (count / mesh.triangles.len().max(1)).clamp(1, PLACES_MAX_A_TRIANGLE);

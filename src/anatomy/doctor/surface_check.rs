@@ -8,7 +8,7 @@ use super::finding::{Defect, Finding, Place, Severity};
 use super::tree::Tree;
 use super::{crossing, edges};
 use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
-use crate::anatomy::{Mesh, TissueTable};
+use crate::anatomy::{Bounds, Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
 /// Height below which rays from 150 mm miss a triangle, mm: the tracer's edge tolerance is as wide.
@@ -21,7 +21,7 @@ const FOLDS_ONE_IN: usize = 25;
 const SLIVERS_ONE_IN: usize = 1000;
 
 /// Number of corners at which a part's surroundings are sampled: a single one may be where parts nearly touch.
-const ASKED: usize = 9;
+const CORNERS_SAMPLED: usize = 9;
 
 /// Crumbs: parts with less total volume than this, mm³, and less than a set fraction of the surface's volume.
 /// Decimation folds parts as small as its triangles, so their orientation is arbitrary.
@@ -32,6 +32,7 @@ const CRUMBS_PART: f64 = 1e-4;
 const CRUMBS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
 
 /// A surface under examination.
+#[derive(Default)]
 pub(super) struct SurfaceCheck {
     pub(super) name: String,
     /// Index of its glTF node.
@@ -49,9 +50,9 @@ pub(super) struct SurfaceCheck {
     /// Corners of its open edges, in the direction of their triangles, mm.
     pub(super) open_mm: Vec<[Vec3; 2]>,
     /// Bounds of all usable vertices, mm.
-    pub(super) bounds_mm: Option<(Vec3, Vec3)>,
+    pub(super) bounds_mm: Option<Bounds>,
     /// Bounds of all finite vertices, mm, however far away.
-    pub(super) finite_mm: Option<(Vec3, Vec3)>,
+    pub(super) finite_mm: Option<Bounds>,
     /// Number of vertices in use, and of unusable ones among them.
     pub(super) vertices: [usize; 2],
     /// Number of triangles in the file.
@@ -66,23 +67,7 @@ impl SurfaceCheck {
     pub(super) fn new(raw: RawSurface, tissues: &TissueTable) -> Self {
         let RawSurface { name, node, tissue, priority, mesh } = raw;
         let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
-        let mut check = Self {
-            name,
-            node,
-            tissue_index,
-            tissue,
-            priority,
-            mesh: Mesh::default(),
-            closed: false,
-            inverted: false,
-            open_mm: Vec::new(),
-            bounds_mm: None,
-            finite_mm: None,
-            vertices: [0; 2],
-            triangles: 0,
-            findings: Vec::new(),
-            part: Vec::new(),
-        };
+        let mut check = Self { name, node, tissue_index, tissue, priority, ..Self::default() };
         check.check_tissue(tissues);
         match mesh {
             Ok(raw) => check.check_mesh(&raw),
@@ -112,8 +97,8 @@ impl SurfaceCheck {
         self.triangles = raw.triangles.len();
         let mut mesh = raw.welded();
         let vertices = || mesh.vertices_mm.iter().copied();
-        self.finite_mm = bounds(vertices().filter(|v| v.is_finite()));
-        self.bounds_mm = bounds(vertices().filter(|v| is_usable(*v)));
+        self.finite_mm = Bounds::of(vertices().filter(|v| v.is_finite()));
+        self.bounds_mm = Bounds::of(vertices().filter(|v| is_usable(*v)));
         self.vertices = [mesh.vertices_mm.len(), vertices().filter(|v| !is_usable(*v)).count()];
         if raw.left_over > 0 {
             let what = format!("the last {} indices make no whole triangle and are left out", raw.left_over);
@@ -192,8 +177,7 @@ impl SurfaceCheck {
             if alike { &mut copies } else { &mut backs }.push(group[0].2);
             group.iter().filter(|(_, _, i)| Some(*i) != kept).for_each(|(_, _, i)| gone[*i as usize] = true);
         }
-        let corners = |i: u32| mesh.triangles[i as usize].map(|v| mesh.vertices_mm[v as usize]);
-        let all = |of: &[u32]| Place::of(of.iter().flat_map(|&i| corners(i)));
+        let all = |of: &[u32]| Place::of(of.iter().flat_map(|&i| mesh.corners_of(i)));
         let mut found = Vec::new();
         if !copies.is_empty() {
             let what = format!("{} triangles are there more than once", copies.len());
@@ -202,12 +186,13 @@ impl SurfaceCheck {
         let (backs_at, walls) = (all(&backs), backs.iter().map(|&i| mesh.triangles[i as usize]).collect::<Vec<_>>());
         let mut gone = gone.into_iter();
         mesh.triangles.retain(|_| !gone.next().unwrap_or(false));
-        if !backs.is_empty() && is_inner_wall(&walls, mesh) {
-            let what = format!("{} pairs of triangles lie back to back: a wall between joined parts", backs.len());
-            found.push(Finding::new(Defect::NonManifold, what).at([backs_at]));
-        } else if !backs.is_empty() {
-            let what = format!("{} pairs of triangles lie back to back: a sheet without thickness", backs.len());
-            found.push(Finding::new(Defect::ThinSheet, what).at([backs_at]));
+        if !backs.is_empty() {
+            let (defect, meaning) = match is_inner_wall(&walls, mesh) {
+                true => (Defect::NonManifold, "a wall between joined parts"),
+                false => (Defect::ThinSheet, "a sheet without thickness"),
+            };
+            let what = format!("{} pairs of triangles lie back to back: {meaning}", backs.len());
+            found.push(Finding::new(defect, what).at([backs_at]));
         }
         found.into_iter().for_each(|finding| self.report(finding));
     }
@@ -230,7 +215,7 @@ impl SurfaceCheck {
         if overlaps > 0 {
             let what = format!("{overlaps} pairs of its triangles pass through each other");
             self.report(Finding::new(Defect::SelfIntersection, what).at(places));
-        } else if folds * FOLDS_ONE_IN > tree.mesh().triangles.len() {
+        } else if folds * FOLDS_ONE_IN > tree.mesh.triangles.len() {
             let what = format!("{folds} pairs of neighbouring triangles fold through each other");
             self.report(Finding::new(Defect::Crumpled, what).at(places));
         }
@@ -240,7 +225,7 @@ impl SurfaceCheck {
     }
 
     fn check_parts(&mut self, tree: &Tree<'_>) {
-        let parts = parts(tree.mesh(), &self.part);
+        let parts = parts(tree.mesh, &self.part);
         if self.inverted {
             self.report(Finding::new(Defect::Inverted, "it faces inward; it is turned over while loading"));
         }
@@ -273,7 +258,7 @@ impl SurfaceCheck {
 fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Finding {
     let volume_mm3 = |parts: &mut dyn Iterator<Item = &Part>| parts.map(|p| p.volume_mm3.abs()).sum::<f64>();
     let (of_wrong, of_all) = (volume_mm3(&mut wrong.iter().copied()), volume_mm3(&mut parts.iter()));
-    let mut finding = Finding::new(defect, what).at(wrong.iter().map(|part| part.place()));
+    let mut finding = Finding::new(defect, what).at(wrong.iter().map(|part| Place::of(part.bounds.corners())));
     if of_wrong <= CRUMBS_MM3.min(CRUMBS_PART * of_all) {
         finding.what += &format!("; they are crumbs of {of_wrong:.1e} mm³ in all");
         (finding.severity, finding.remedy) = (Severity::Warning, CRUMBS_REMEDY);
@@ -296,37 +281,23 @@ fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
 
 /// A component connected over edges.
 struct Part {
-    low: Vec3,
-    high: Vec3,
+    bounds: Bounds,
     /// Some of its corners, spread evenly over its triangles.
     corners: Vec<Vec3>,
     triangles: usize,
     volume_mm3: f64,
 }
 
-impl Part {
-    fn place(&self) -> Place {
-        Place::of([self.low, self.high])
-    }
-}
-
 fn parts(mesh: &Mesh, part_of: &[u32]) -> Vec<Part> {
-    let mut counts = Vec::new();
-    for &index in part_of {
-        let index = index as usize;
-        if counts.len() <= index {
-            counts.resize(index + 1, 0usize);
-        }
-        counts[index] += 1;
-    }
-    let far = Vec3::splat(f32::INFINITY);
-    let empty = |_: &usize| Part { low: far, high: -far, corners: Vec::new(), triangles: 0, volume_mm3: 0.0 };
+    let mut counts = vec![0usize; part_of.iter().max().map_or(0, |&last| last as usize + 1)];
+    part_of.iter().for_each(|&index| counts[index as usize] += 1);
+    let empty = |_: &usize| Part { bounds: Bounds::EMPTY, corners: Vec::new(), triangles: 0, volume_mm3: 0.0 };
     let mut parts: Vec<Part> = counts.iter().map(empty).collect();
     let centre = mesh.vertices_mm.first().copied().unwrap_or_default().as_dvec3();
     for (corners, &index) in mesh.corners_mm().zip(part_of) {
         let part = &mut parts[index as usize];
-        corners.iter().for_each(|&c| (part.low, part.high) = (part.low.min(c), part.high.max(c)));
-        if part.triangles.is_multiple_of(counts[index as usize].div_ceil(ASKED)) {
+        part.bounds = corners.into_iter().fold(part.bounds, Bounds::with);
+        if part.triangles.is_multiple_of(counts[index as usize].div_ceil(CORNERS_SAMPLED)) {
             part.corners.push(corners[0]);
         }
         part.triangles += 1;
@@ -339,8 +310,8 @@ fn parts(mesh: &Mesh, part_of: &[u32]) -> Vec<Part> {
 /// Whether a part is inside an odd number of others, by a majority of its corners.
 fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'_>) -> bool {
     let part = &parts[index];
-    let meets = |other: &Part| other.low.cmple(part.high).all() && other.high.cmpge(part.low).all();
-    let others: Vec<usize> = (0..parts.len()).filter(|&other| other != index && meets(&parts[other])).collect();
+    let meets = |other: usize| parts[other].bounds.meets(part.bounds);
+    let others: Vec<usize> = (0..parts.len()).filter(|&other| other != index && meets(other)).collect();
     let around = |corner: &Vec3| {
         let holds = |other: usize| tree.winding(corner.as_dvec3(), |t| part_of[t as usize] as usize == other) != 0;
         others.iter().filter(|&&other| holds(other)).count()
@@ -356,8 +327,4 @@ fn keyed([a, b, c]: [u32; 3], index: u32) -> ([u32; 3], i32, u32) {
     // Even permutations of the sorted corners have their winding.
     let even = [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted);
     (sorted, if even { 1 } else { -1 }, index)
-}
-
-pub(super) fn bounds(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
-    points.fold(None, |bounds, p| Some(bounds.map_or((p, p), |(low, high): (Vec3, Vec3)| (low.min(p), high.max(p)))))
 }

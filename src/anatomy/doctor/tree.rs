@@ -11,6 +11,7 @@ use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 
 use crate::anatomy::Mesh;
+use crate::anatomy::ray::intersect;
 
 /// Directions along no axis and no common diagonal; two of three decide.
 const DIRECTIONS: [DVec3; 3] =
@@ -29,7 +30,7 @@ pub(super) struct Crossing {
 /// BVH over a mesh's triangles.
 pub(super) struct Tree<'m> {
     bvh: Bvh2,
-    mesh: &'m Mesh,
+    pub(super) mesh: &'m Mesh,
 }
 
 impl<'m> Tree<'m> {
@@ -40,14 +41,6 @@ impl<'m> Tree<'m> {
         let config = BvhBuildParams::fast_build();
         (!triangles.is_empty())
             .then(|| Self { bvh: build_bvh2_from_tris(&triangles, config, &mut Duration::default()), mesh })
-    }
-
-    pub(super) fn mesh(&self) -> &'m Mesh {
-        self.mesh
-    }
-
-    fn corners(&self, triangle: u32) -> [Vec3; 3] {
-        self.mesh.triangles[triangle as usize].map(|i| self.mesh.vertices_mm[i as usize])
     }
 
     /// Calls `each` for all triangles whose boxes intersect that of `corners`.
@@ -69,7 +62,8 @@ impl<'m> Tree<'m> {
         let ray = Ray::new_inf(from_mm.as_vec3().into(), Vec3::new(x, y, z).into());
         self.bvh.ray_traverse_anyhit(ray, |_, index| {
             let triangle = self.bvh.primitive_indices[index];
-            if let Some((t_mm, leaves)) = intersect(self.corners(triangle), from_mm, direction) {
+            let hit = intersect(self.mesh.corners_of(triangle), 0.0, from_mm, direction);
+            if let Some((t_mm, leaves)) = hit.filter(|(t_mm, _)| *t_mm > 0.0) {
                 each(Crossing { t_mm, leaves, triangle });
             }
         });
@@ -94,20 +88,4 @@ impl<'m> Tree<'m> {
     pub(super) fn holds(&self, point_mm: DVec3) -> bool {
         self.winding(point_mm, |_| true) != 0
     }
-}
-
-/// Distance along the line (above 0) and whether it leaves (Möller & Trumbore, J Graph Tools 2:21, 1997).
-fn intersect(corners: [Vec3; 3], from: DVec3, direction: DVec3) -> Option<(f64, bool)> {
-    let [a, b, c] = corners.map(|v| v.as_dvec3());
-    let (ab, ac) = (b - a, c - a);
-    let p = direction.cross(ac);
-    let det = ab.dot(p);
-    if det == 0.0 {
-        return None;
-    }
-    let s = from - a;
-    let q = s.cross(ab);
-    let (u, v, t) = (s.dot(p) / det, direction.dot(q) / det, ac.dot(q) / det);
-    // The determinant is −direction · normal.
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, det < 0.0))
 }

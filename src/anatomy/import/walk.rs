@@ -1,6 +1,6 @@
 //! Traversal of nodes to collect the primitives that become surfaces.
 
-use glam::{DMat4, DQuat, DVec3, Vec3, Vec4};
+use glam::{DMat4, DQuat, DVec3, Vec3};
 use gltf::mesh::Mode;
 use gltf::scene::Transform;
 use gltf::{Node, Primitive, Scene};
@@ -28,46 +28,53 @@ pub(super) struct Part<'a> {
     pub(super) primitive: Primitive<'a>,
 }
 
-/// Properties inherited by a node's children.
-#[derive(Clone)]
-struct Inherited {
-    scene_from_parent: DMat4,
+/// Tissue and priority named by extras.
+#[derive(Clone, Default)]
+struct Labels {
     tissue: Option<String>,
     priority: Option<i32>,
 }
 
-/// Properties of a node itself.
-struct NodeProperties {
-    /// Tissue and priority of its own extras.
-    own: (Option<String>, Option<i32>),
-    /// Properties including those of its ancestors.
-    inherited: Inherited,
+impl Labels {
+    /// These labels; `others` where they name nothing.
+    fn or(self, others: &Self) -> Self {
+        let tissue = self.tissue.or_else(|| others.tissue.clone());
+        Self { tissue, priority: self.priority.or(others.priority) }
+    }
 }
 
 /// Triangle primitives in depth-first order. Adds findings about skipped content, and problems that make the scene
 /// unusable.
 pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &mut Vec<SceneError>) -> Vec<Part<'a>> {
-    let root = Inherited { scene_from_parent: DMat4::IDENTITY, tissue: None, priority: None };
     let mut seen = vec![false; file.document.nodes().len()];
-    let mut stack: Vec<_> = roots(file).into_iter().rev().map(|node| (node, root.clone())).collect();
+    let mut stack: Vec<_> =
+        roots(file).into_iter().rev().map(|node| (node, DMat4::IDENTITY, Labels::default())).collect();
     let mut parts = Vec::new();
-    while let Some((node, above)) = stack.pop() {
+    while let Some((node, scene_from_parent, above)) = stack.pop() {
         // A second visit means a node with two parents, or a cycle.
         if std::mem::replace(&mut seen[node.index()], true) {
             let name = node_name(&node);
             problems.push(file.format_error(format!("node `{name}` is reached twice; nodes must form trees")));
             continue;
         }
-        let properties = match inherit(file, &node, &above, problems) {
-            Ok(properties) => properties,
-            Err(problem) => {
-                problems.push(problem);
+        let scene_from_node = match local_transform(&node) {
+            Ok(parent_from_node) => scene_from_parent * parent_from_node,
+            Err(reason) => {
+                problems.push(file.format_error(format!("node `{}`: {reason}", node_name(&node))));
                 continue;
             }
         };
-        push_parts(file, &node, &properties, &mut parts, findings, problems);
+        let own = labels(file, &node, node.extras(), problems);
+        if let Some(mesh) = node.mesh() {
+            // trimesh puts a mesh's metadata properties, and Blender the custom properties of an object's data: they
+            // apply to this mesh only.
+            let of_mesh = labels(file, &node, mesh.extras(), problems);
+            let labels = own.clone().or(&of_mesh).or(&above);
+            push_parts(&node, &mesh, scene_from_node, &labels, &mut parts, findings);
+        }
+        let inherited = own.or(&above);
         let children: Vec<_> = node.children().collect();
-        stack.extend(children.into_iter().rev().map(|child| (child, properties.inherited.clone())));
+        stack.extend(children.into_iter().rev().map(|child| (child, scene_from_node, inherited.clone())));
     }
     let elsewhere = file.document.nodes().filter(|node| node.mesh().is_some() && !seen[node.index()]).count();
     if let Some(scene) = chosen_scene(file).filter(|_| elsewhere > 0) {
@@ -94,19 +101,13 @@ fn roots(file: &File) -> Vec<Node<'_>> {
 }
 
 fn push_parts<'a>(
-    file: &'a File,
     node: &Node<'a>,
-    properties: &NodeProperties,
+    mesh: &gltf::Mesh<'a>,
+    scene_from_mesh: DMat4,
+    labels: &Labels,
     parts: &mut Vec<Part<'a>>,
     findings: &mut Vec<Finding>,
-    problems: &mut Vec<SceneError>,
 ) {
-    let Some(mesh) = node.mesh() else { return };
-    // trimesh puts a mesh's metadata properties, and Blender the custom properties of an object's data: they apply to this
-    // mesh only.
-    let of_mesh = extras(file, node, mesh.extras(), problems);
-    let tissue = properties.own.0.as_ref().or(of_mesh.0.as_ref()).or(properties.inherited.tissue.as_ref());
-    let priority = properties.own.1.or(of_mesh.1).or(properties.inherited.priority);
     let several = mesh.primitives().len() > 1;
     for primitive in mesh.primitives() {
         let mut name = node_name(node);
@@ -123,38 +124,16 @@ fn push_parts<'a>(
         parts.push(Part {
             name,
             node: node.index(),
-            tissue: tissue.cloned().or_else(|| primitive.material().name().map(str::to_owned)),
-            priority: priority.unwrap_or(0),
-            scene_from_mesh: properties.inherited.scene_from_parent,
+            tissue: labels.tissue.clone().or_else(|| primitive.material().name().map(str::to_owned)),
+            priority: labels.priority.unwrap_or(0),
+            scene_from_mesh,
             primitive,
         });
     }
 }
 
-fn inherit(
-    file: &File,
-    node: &Node<'_>,
-    above: &Inherited,
-    problems: &mut Vec<SceneError>,
-) -> Result<NodeProperties, SceneError> {
-    let parent_from_node =
-        local_transform(node).map_err(|reason| file.format_error(format!("node `{}`: {reason}", node_name(node))))?;
-    let own = extras(file, node, node.extras(), problems);
-    let inherited = Inherited {
-        scene_from_parent: above.scene_from_parent * parent_from_node,
-        tissue: own.0.clone().or_else(|| above.tissue.clone()),
-        priority: own.1.or(above.priority),
-    };
-    Ok(NodeProperties { own, inherited })
-}
-
 /// `tissue` and `priority` from the extras of a node or its mesh; other extras are ignored.
-fn extras(
-    file: &File,
-    node: &Node<'_>,
-    extras: &gltf::json::Extras,
-    problems: &mut Vec<SceneError>,
-) -> (Option<String>, Option<i32>) {
+fn labels(file: &File, node: &Node<'_>, extras: &gltf::json::Extras, problems: &mut Vec<SceneError>) -> Labels {
     #[derive(Deserialize, Default)]
     struct Extras {
         tissue: Option<Value>,
@@ -182,12 +161,12 @@ fn extras(
         }
         whole.map(|v| v as i32)
     });
-    (tissue, priority)
+    Labels { tissue, priority }
 }
 
 fn local_transform(node: &Node<'_>) -> Result<DMat4, String> {
     let matrix = match node.transform() {
-        Transform::Matrix { matrix: [x, y, z, w] } => DMat4::from_cols(column(x), column(y), column(z), column(w)),
+        Transform::Matrix { matrix } => DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from))),
         Transform::Decomposed { translation, rotation: [x, y, z, w], scale } => {
             let rotation = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
             let norm = rotation.length();
@@ -205,10 +184,6 @@ fn local_transform(node: &Node<'_>) -> Result<DMat4, String> {
         return Err("the last row of its matrix is not 0 0 0 1".to_owned());
     }
     Ok(matrix)
-}
-
-fn column(c: [f32; 4]) -> glam::DVec4 {
-    Vec4::from(c).as_dvec4()
 }
 
 fn node_name(node: &Node<'_>) -> String {

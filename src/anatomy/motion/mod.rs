@@ -6,7 +6,6 @@
 
 mod rhythm;
 mod shape;
-mod vector;
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -14,8 +13,6 @@ use thiserror::Error;
 
 pub use rhythm::Rhythm;
 pub use shape::Shape;
-
-use super::Scene;
 
 /// Most fields of a scene: each has a tree of its own below one node with eight children.
 pub const FIELDS_MAX: usize = 7;
@@ -51,7 +48,6 @@ pub struct Field {
 #[serde(deny_unknown_fields)]
 pub struct Drift {
     /// Displacement of the scene at the largest amount, scene frame, mm; at most 50 mm long.
-    #[serde(with = "vector")]
     pub way_mm: Vec3,
     /// Course in time.
     pub rhythm: Rhythm,
@@ -123,17 +119,6 @@ impl Motion {
             }
         }
         Ok(())
-    }
-
-    /// `scene` at `time_s`, without the drift.
-    pub fn displaced(&self, scene: &Scene, time_s: f64) -> Scene {
-        let amounts: Vec<[f32; 2]> = self.fields.iter().map(|f| f.amounts(time_s)).collect();
-        let mut scene = scene.clone();
-        for surface in &mut scene.surfaces {
-            let fields = self.mask_of(&surface.name);
-            surface.mesh.vertices_mm.iter_mut().for_each(|v| *v = self.moved(*v, fields, &amounts));
-        }
-        scene
     }
 
     /// Bit set of the fields that may move the surface `name`.

@@ -17,10 +17,8 @@ pub enum Shape {
     /// A heart: it narrows about its long axis, and its valve plane moves towards the apex.
     Beat {
         /// Centre of the valve plane.
-        #[serde(with = "super::vector")]
         centre_mm: Vec3,
         /// Direction from the base to the apex; any non-zero length.
-        #[serde(with = "super::vector")]
         axis: Vec3,
         /// Radius of the heart.
         radius_mm: f32,
@@ -32,10 +30,8 @@ pub enum Shape {
     /// A breathing trunk: it widens (or narrows) about an axis, and its inside moves along the axis.
     Breath {
         /// Centre of the moving part.
-        #[serde(with = "super::vector")]
         centre_mm: Vec3,
         /// Direction of the inside's movement; any non-zero length.
-        #[serde(with = "super::vector")]
         axis: Vec3,
         /// Half of the moving part's length along the axis.
         half_length_mm: f32,
@@ -49,13 +45,10 @@ pub enum Shape {
     /// A limb that rotates about a joint.
     Swing {
         /// Position of the joint.
-        #[serde(with = "super::vector")]
         joint_mm: Vec3,
         /// Far end of the limb at rest.
-        #[serde(with = "super::vector")]
         end_mm: Vec3,
         /// Axis of rotation; any non-zero length.
-        #[serde(with = "super::vector")]
         axis: Vec3,
         /// Radius about the limb's line that belongs to it.
         radius_mm: f32,

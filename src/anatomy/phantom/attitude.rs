@@ -210,16 +210,6 @@ impl Attitude {
     pub fn head_point(&self, drawn: Vec3) -> Vec3 {
         self.fetus_from_head.point(drawn * self.biometry.head_scale())
     }
-
-    /// Converts a point from the fetal frame to the scene, mm.
-    pub fn scene_point(&self, fetal: Vec3) -> Vec3 {
-        self.scene_from_fetus.point(fetal)
-    }
-
-    /// Converts a direction from the fetal frame to the scene.
-    pub fn scene_vector(&self, fetal: Vec3) -> Vec3 {
-        self.scene_from_fetus.vector(fetal)
-    }
 }
 
 #[cfg(test)]
@@ -249,12 +239,15 @@ mod tests {
         ];
         for (lie, towards) in head {
             let attitude = Attitude::of(&Parameters { lie, ..Parameters::default() });
-            assert!(attitude.scene_vector(Vec3::Y).dot(towards) > 0.85, "{lie:?}");
-            assert!(attitude.scene_vector(Vec3::X).z > 0.85, "{lie:?}: the left side is up");
-            assert!(attitude.scene_point(attitude.fetus_from_head.translation).dot(towards) > 30.0, "{lie:?}");
+            assert!(attitude.scene_from_fetus.vector(Vec3::Y).dot(towards) > 0.85, "{lie:?}");
+            assert!(attitude.scene_from_fetus.vector(Vec3::X).z > 0.85, "{lie:?}: the left side is up");
+            assert!(
+                attitude.scene_from_fetus.point(attitude.fetus_from_head.translation).dot(towards) > 30.0,
+                "{lie:?}"
+            );
         }
         // A quarter turn brings the back or the belly up.
         let rolled = Attitude::of(&Parameters { roll_deg: 90.0, ..Parameters::default() });
-        assert!(rolled.scene_vector(Vec3::Z).z.abs() > 0.85);
+        assert!(rolled.scene_from_fetus.vector(Vec3::Z).z.abs() > 0.85);
     }
 }

@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use super::sdf::bisect;
+
 /// Sizes of a fetus that determine every organ, mm.
 ///
 /// Sources, by field: [`Biometry::at_weeks`].
@@ -186,12 +188,7 @@ impl Biometry {
 /// ellipse's by the factor [`BROW`].
 fn occipitofrontal_mm(width_mm: f32, circumference_mm: f32) -> f32 {
     const BROW: f32 = 1.012;
-    let (mut short, mut long) = (width_mm, 2.0 * width_mm);
-    for _ in 0..30 {
-        let middle = 0.5 * (short + long);
-        if BROW * ellipse_circumference(width_mm, middle) < circumference_mm { short = middle } else { long = middle }
-    }
-    short
+    bisect(width_mm, 2.0 * width_mm, 30, |long| BROW * ellipse_circumference(width_mm, long) < circumference_mm)
 }
 
 impl Default for Biometry {

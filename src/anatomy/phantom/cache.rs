@@ -57,17 +57,17 @@ fn file_name(options: &PhantomOptions) -> String {
     let what = format!(
         "{GENERATOR} {} {} {} {} {} {} {} {}",
         p.gestational_weeks,
-        p.lie.word(),
+        p.lie.name(),
         p.roll_deg,
         p.flexion,
-        p.placenta.word(),
+        p.placenta.name(),
         p.fluid_index_mm,
         p.maternal_fat_mm,
         p.seed
     );
     // FNV-1a: small, and the same on every machine and Rust version.
     let hash = what.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-    format!("phantom-{scale}-{}w-{}-{hash:016x}.glb", p.gestational_weeks, p.lie.word())
+    format!("phantom-{scale}-{}w-{}-{hash:016x}.glb", p.gestational_weeks, p.lie.name())
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Removal of crumbs from a mesh: parts too small for its grid, and parts turned inside out by a fold.
 
-use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
-use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
+use crate::anatomy::{Bounds, Mesh};
 
 /// Largest volume of a crumb, in cells.
 const CRUMB_CELLS: f64 = 0.25;
@@ -13,26 +12,18 @@ const CRUMB_CELLS: f64 = 0.25;
 #[derive(Debug, Clone)]
 struct Part {
     signed_volume_mm3: f64,
-    min: Vec3,
-    max: Vec3,
-}
-
-impl Part {
-    fn holds(&self, other: &Self) -> bool {
-        self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
-    }
+    bounds: Bounds,
 }
 
 /// Removes the crumbs of `mesh`, made of cells of `cell_mm`: parts smaller than a quarter of a cell, and inward-facing
 /// parts without a part around them. Cavities stay.
 pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     let part_of = parts_of_triangles(&mesh);
-    let far = Vec3::splat(f32::INFINITY);
     let count = part_of.iter().max().map_or(0, |&last| last as usize + 1);
-    let mut parts = vec![Part { signed_volume_mm3: 0.0, min: far, max: -far }; count];
+    let mut parts = vec![Part { signed_volume_mm3: 0.0, bounds: Bounds::EMPTY }; count];
     for (corners, &part) in mesh.corners_mm().zip(&part_of) {
         let part = &mut parts[part as usize];
-        corners.iter().for_each(|&c| (part.min, part.max) = (part.min.min(c), part.max.max(c)));
+        part.bounds = corners.into_iter().fold(part.bounds, Bounds::with);
         let [a, b, c] = corners.map(|v| v.as_dvec3());
         part.signed_volume_mm3 += a.dot(b.cross(c)) / 6.0;
     }
@@ -40,7 +31,7 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     let large: Vec<&Part> = parts.iter().filter(|p| p.signed_volume_mm3 >= least_mm3).collect();
     let stays = |part: &Part| {
         part.signed_volume_mm3 >= least_mm3
-            || part.signed_volume_mm3 <= -least_mm3 && large.iter().any(|outer| outer.holds(part))
+            || part.signed_volume_mm3 <= -least_mm3 && large.iter().any(|outer| outer.bounds.holds(part.bounds))
     };
     let kept: Vec<bool> = parts.iter().map(stays).collect();
     // A surface of crumbs only is kept: otherwise an organ would vanish.
@@ -83,6 +74,8 @@ fn parts_of_triangles(mesh: &Mesh) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::anatomy::analytic::{joined, sphere};
 

@@ -93,7 +93,7 @@ pub struct Landmarks {
 pub fn landmarks(parameters: &Parameters) -> Landmarks {
     let attitude = Attitude::of(parameters);
     let biometry = attitude.biometry;
-    let scene = |fetal: Vec3| attitude.scene_point(fetal);
+    let scene = |fetal: Vec3| attitude.scene_from_fetus.point(fetal);
     let head = attitude.scene_from_fetus.then(&attitude.fetus_from_head);
     let abdomen = attitude.scene_from_fetus.then(&attitude.vertebra(fetus::ABDOMEN_LEVEL));
     let heart = attitude.scene_from_fetus.then(&fetus::heart_frame(&attitude));
@@ -104,6 +104,7 @@ pub fn landmarks(parameters: &Parameters) -> Landmarks {
     let ocular = 0.5 * biometry.ocular_mm * head.vector(Vec3::X);
     let (chambers, crux) = fetus::chamber_centres(&attitude);
     let pair = |of: &dyn Fn(usize) -> [Vec3; 2]| [0, 1].map(|side| of(side).map(scene));
+    let axes = [Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X];
     let [left_femur_mm, right_femur_mm] = pair(&|side| fetus::femur_tips(&attitude, side));
     Landmarks {
         head_centre_mm: head.translation,
@@ -137,12 +138,7 @@ pub fn landmarks(parameters: &Parameters) -> Landmarks {
             .map(|level| scene(fetus::descending_aorta(&attitude, level))),
         humeri_mm: pair(&|side| fetus::humerus_tips(&attitude, side)),
         tibiae_mm: pair(&|side| fetus::tibia_tips(&attitude, side)),
-        abdomen_axes_mm: fetus::skin_points(
-            &attitude,
-            fetus::ABDOMEN_LEVEL,
-            [Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X],
-        )
-        .map(scene),
+        abdomen_axes_mm: fetus::skin_points(&attitude, fetus::ABDOMEN_LEVEL, axes).map(scene),
         portal_sinus_mm: scene(fetus::portal_sinus(&attitude)),
         cord_insertion_mm: scene(fetus::navel(&attitude)),
         fetal_bladder_mm: scene(fetus::bladder_centre(&attitude)),

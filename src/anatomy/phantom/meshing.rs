@@ -33,8 +33,7 @@ struct Samples {
 
 /// Closed mesh of `solid` with cells of `cell_mm`, without crumbs; empty if the solid contains no grid point.
 pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
-    let mut samples = Samples::of(solid, cell_mm);
-    samples.make_manifold();
+    let samples = Samples::of(solid, cell_mm);
     let shape = RuntimeShape::<u32, 3>::new(samples.size.to_array());
     let mut net = SurfaceNetsBuffer::default();
     surface_nets(&samples.values, &shape, [0; 3], (samples.size - 1).to_array(), &mut net);
@@ -46,8 +45,7 @@ pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
 
 /// Number of triangles of [`mesh`], crumbs included, without computing the vertices.
 pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
-    let mut samples = Samples::of(solid, cell_mm);
-    samples.make_manifold();
+    let samples = Samples::of(solid, cell_mm);
     let strides = samples.strides();
     let crossings: usize = (0..3)
         .map(|axis| {
@@ -90,7 +88,9 @@ impl Samples {
                 }
             }
         });
-        Self { values, size, origin, cell_mm }
+        let mut samples = Self { values, size, origin, cell_mm };
+        samples.make_manifold();
+        samples
     }
 
     fn strides(&self) -> [usize; 3] {

@@ -35,20 +35,10 @@ pub fn movement(parameters: &Parameters) -> Motion {
         let foot = leg.ankle + leg.toes * (0.7 * attitude.biometry.foot_mm);
         let hand = arm.wrist + arm.fingers * (0.5 * attitude.biometry.foot_mm);
         let (leg_mm, arm_mm) = (8.0 * attitude.biometry.leg_scale(), 6.5 * attitude.biometry.arm_scale());
-        fields.push(stretch(
-            &attitude,
-            format!("{side} leg"),
-            [leg.hip, leg.knee, leg.ankle, foot],
-            leg_mm,
-            seed.wrapping_add(11),
-        ));
-        fields.push(stretch(
-            &attitude,
-            format!("{side} arm"),
-            [arm.shoulder, arm.elbow, arm.wrist, hand],
-            arm_mm,
-            seed,
-        ));
+        let leg = [leg.hip, leg.knee, leg.ankle, foot];
+        let arm = [arm.shoulder, arm.elbow, arm.wrist, hand];
+        fields.push(stretch(&attitude, format!("{side} leg"), leg, leg_mm, seed.wrapping_add(11)));
+        fields.push(stretch(&attitude, format!("{side} arm"), arm, arm_mm, seed));
     }
     let rhythm = Rhythm::Breath { breaths_per_min: MATERNAL_BREATHS_PER_MIN, bout_s: 1.0, pause_s: 0.0, seed };
     // Along the skin, so that the probe keeps its contact.
@@ -67,8 +57,8 @@ fn heart(attitude: &Attitude, seed: u64) -> Field {
         name: "heartbeat".into(),
         surfaces: named(&["heart*"]),
         shape: Shape::Beat {
-            centre_mm: attitude.scene_point(crux),
-            axis: attitude.scene_vector(axis.normalize()),
+            centre_mm: attitude.scene_from_fetus.point(crux),
+            axis: attitude.scene_from_fetus.vector(axis.normalize()),
             radius_mm: 13.0 * attitude.biometry.trunk_scale(),
             squeeze: SHORTENING,
             shorten: 0.16,
@@ -99,8 +89,8 @@ fn breathing(attitude: &Attitude, seed: u64) -> Field {
             "airway",
         ]),
         shape: Shape::Breath {
-            centre_mm: attitude.scene_point(attitude.trunk(level, 0.0, 20.0)),
-            axis: -attitude.scene_vector(attitude.vertebra(level).vector(Vec3::Y)),
+            centre_mm: attitude.scene_from_fetus.point(attitude.trunk(level, 0.0, 20.0)),
+            axis: -attitude.scene_from_fetus.vector(attitude.vertebra(level).vector(Vec3::Y)),
             half_length_mm: 22.0 * scale,
             radius_mm: 24.0 * scale,
             widen: CHEST_WALL,
@@ -122,9 +112,9 @@ fn stretch(attitude: &Attitude, name: String, joints: [Vec3; 4], radius_mm: f32,
         name,
         surfaces: named(&["fetal_skin", "fetal_body", "long_bones", "hand_and_foot_bones", "cartilage"]),
         shape: Shape::Swing {
-            joint_mm: attitude.scene_point(hinge),
-            end_mm: attitude.scene_point(end),
-            axis: attitude.scene_vector(axis),
+            joint_mm: attitude.scene_from_fetus.point(hinge),
+            end_mm: attitude.scene_from_fetus.point(end),
+            axis: attitude.scene_from_fetus.vector(axis),
             radius_mm,
             angle_deg: -STRETCH_DEG,
         },

@@ -1,5 +1,7 @@
 //! Organ: a closed surface before meshing.
 
+use super::PhantomSurface;
+use super::meshing::mesh;
 use super::sdf::Solid;
 
 /// Body whose triangle budget a surface draws on.
@@ -28,4 +30,27 @@ pub struct Organ {
     pub coarsest_mm: f32,
     /// The solid, scene frame.
     pub solid: Solid,
+}
+
+impl Body {
+    /// A surface of this body.
+    pub(super) fn organ(
+        self,
+        name: &'static str,
+        tissue: &'static str,
+        priority: i32,
+        grain_mm: f32,
+        coarsest_mm: f32,
+        solid: Solid,
+    ) -> Organ {
+        Organ { name, tissue, priority, body: self, grain_mm, coarsest_mm, solid }
+    }
+}
+
+impl Organ {
+    /// The organ meshed with cells of `cell_mm`.
+    pub(super) fn surface(&self, cell_mm: f32) -> PhantomSurface {
+        let mesh = mesh(&self.solid, cell_mm);
+        PhantomSurface { name: self.name.into(), tissue: self.tissue.into(), priority: self.priority, mesh }
+    }
 }

@@ -43,39 +43,20 @@ pub enum PlacentaSite {
     Right,
 }
 
-impl Lie {
-    /// Names of the variants in station files and on the command line, in order.
-    pub const WORDS: &'static [&'static str] = &["cephalic", "breech", "transverse-head-left", "transverse-head-right"];
+crate::names::named!(Lie {
+    Cephalic = "cephalic",
+    Breech = "breech",
+    TransverseHeadLeft = "transverse-head-left",
+    TransverseHeadRight = "transverse-head-right",
+});
 
-    /// Lie with the name `word`.
-    pub fn from_word(word: &str) -> Option<Self> {
-        [Self::Cephalic, Self::Breech, Self::TransverseHeadLeft, Self::TransverseHeadRight]
-            .into_iter()
-            .find(|lie| lie.word() == word)
-    }
-
-    /// Name of this lie.
-    pub fn word(self) -> &'static str {
-        Self::WORDS[self as usize]
-    }
-}
-
-impl PlacentaSite {
-    /// Names of the variants in station files and on the command line, in order.
-    pub const WORDS: &'static [&'static str] = &["anterior", "posterior", "fundal", "left", "right"];
-
-    /// Site with the name `word`.
-    pub fn from_word(word: &str) -> Option<Self> {
-        [Self::Anterior, Self::Posterior, Self::Fundal, Self::Left, Self::Right]
-            .into_iter()
-            .find(|site| site.word() == word)
-    }
-
-    /// Name of this site.
-    pub fn word(self) -> &'static str {
-        Self::WORDS[self as usize]
-    }
-}
+crate::names::named!(PlacentaSite {
+    Anterior = "anterior",
+    Posterior = "posterior",
+    Fundal = "fundal",
+    Left = "left",
+    Right = "right",
+});
 
 /// Parameters of a phantom; equal parameters give equal bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -156,9 +137,9 @@ mod tests {
 
     #[test]
     fn names_select_their_variants() {
-        assert!(Lie::WORDS.iter().all(|word| Lie::from_word(word).is_some_and(|lie| lie.word() == *word)));
-        assert!(PlacentaSite::WORDS.iter().all(|w| PlacentaSite::from_word(w).is_some_and(|site| site.word() == *w)));
-        assert_eq!((Lie::from_word("oblique"), PlacentaSite::from_word("")), (None, None));
+        assert_eq!(Lie::NAMES.iter().filter_map(|name| Lie::named(name)).collect::<Vec<_>>(), Lie::ALL);
+        assert!(PlacentaSite::ALL.iter().all(|&site| PlacentaSite::named(site.name()) == Some(site)));
+        assert_eq!((Lie::named("oblique"), PlacentaSite::named("")), (None, None));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::meshing::mesh;
 use super::sdf::Solid;
 use super::*;
+use crate::anatomy::ray::intersect;
 
 fn at_weeks(weeks: f64) -> Parameters {
     Parameters { gestational_weeks: weeks, ..Parameters::default() }
@@ -23,18 +24,9 @@ fn solid(organs: &[Organ], name: &str) -> Solid {
 
 /// Distance from `from` along the unit `direction` to the first crossing with `mesh`, mm.
 pub(super) fn cast(mesh: &crate::anatomy::Mesh, from: Vec3, direction: Vec3) -> f32 {
-    let hit = |[a, b, c]: [Vec3; 3]| {
-        let (e, f, s) = (b - a, c - a, from - a);
-        let h = direction.cross(f);
-        let det = e.dot(h);
-        if det.abs() < 1e-9 {
-            return None;
-        }
-        let q = s.cross(e);
-        let (u, v, t) = (s.dot(h) / det, direction.dot(q) / det, f.dot(q) / det);
-        (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
-    };
-    mesh.corners_mm().filter_map(hit).fold(f32::INFINITY, f32::min)
+    let (from, direction) = (from.as_dvec3(), direction.as_dvec3());
+    let hits = mesh.corners_mm().filter_map(|corners| intersect(corners, 0.0, from, direction));
+    hits.map(|(t, _)| t).filter(|&t| t > 0.0).fold(f64::INFINITY, f64::min) as f32
 }
 
 fn circumference(mesh: &crate::anatomy::Mesh, centre: Vec3, u: Vec3, v: Vec3) -> f32 {
@@ -138,9 +130,7 @@ fn callipers_end_on_the_structures_they_measure() {
 fn the_fetus_fits_the_cavity() {
     let mut cases = Vec::new();
     for (i, weeks) in [16.0, 22.0, 28.0, 34.0].into_iter().enumerate() {
-        for (k, lie) in
-            [Lie::Cephalic, Lie::Breech, Lie::TransverseHeadLeft, Lie::TransverseHeadRight].into_iter().enumerate()
-        {
+        for (k, lie) in Lie::ALL.into_iter().enumerate() {
             for (m, roll_deg) in [0.0, 90.0, -90.0, 180.0].into_iter().enumerate() {
                 // Every flexion and fluid index is combined with every age, lie and roll somewhere.
                 let turn = i + 2 * k + m;

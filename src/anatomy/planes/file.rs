@@ -41,16 +41,12 @@ pub enum PlanesError {
         reason: String,
     },
     /// A value outside its range.
-    #[error("standard planes {path}: `{key}` is {found}; it must be {expected}")]
+    #[error("standard planes {path}: {wrong}")]
     Value {
         /// File.
         path: PathBuf,
-        /// Key of the value, with the names of its plane and view.
-        key: String,
-        /// Value found, as text.
-        found: String,
-        /// Accepted values.
-        expected: String,
+        /// Value and correct form.
+        wrong: WrongValue,
     },
     /// A caliper or outline names a surface that the scene lacks.
     #[error("the standard planes name the surface `{name}`, which the scene does not have{suggestion}")]
@@ -102,16 +98,11 @@ impl StandardPlanes {
     pub fn from_json(text: &str, path: &Path) -> Result<Self, PlanesError> {
         let mut planes: Self = serde_json::from_str(text)
             .map_err(|e| PlanesError::Syntax { path: path.to_owned(), reason: e.to_string() })?;
-        planes.check().map_err(|Wrong { key, found, expected }| PlanesError::Value {
-            path: path.to_owned(),
-            key,
-            found,
-            expected,
-        })?;
+        planes.check().map_err(|wrong| PlanesError::Value { path: path.to_owned(), wrong })?;
         Ok(planes)
     }
 
-    fn check(&mut self) -> Result<(), Wrong> {
+    fn check(&mut self) -> Result<(), WrongValue> {
         if self.version != PLANES_VERSION {
             return Err(wrong("version", self.version, PLANES_VERSION));
         }
@@ -125,25 +116,38 @@ impl StandardPlanes {
                 let expected = "a name without spaces and commas that no other plane has";
                 return Err(wrong("planes.name", format!("`{name}`"), expected));
             }
-            check_plane(plane).map_err(|w| Wrong { key: format!("planes.{name}.{}", w.key), ..w })?;
+            check_plane(plane).map_err(|w| WrongValue { key: format!("planes.{name}.{}", w.key), ..w })?;
             names.push(name);
         }
         Ok(())
     }
 }
 
-/// An invalid value.
-struct Wrong {
-    key: String,
-    found: String,
-    expected: String,
+/// A value outside its range.
+#[derive(Debug, Error)]
+#[error("`{key}` is {found}; it must be {expected}")]
+pub struct WrongValue {
+    /// Key of the value, with the names of its plane and view.
+    pub key: String,
+    /// Value found, as text.
+    pub found: String,
+    /// Accepted values.
+    pub expected: String,
 }
 
-fn wrong(key: impl Into<String>, found: impl ToString, expected: impl ToString) -> Wrong {
-    Wrong { key: key.into(), found: found.to_string(), expected: expected.to_string() }
+fn wrong(key: impl Into<String>, found: impl ToString, expected: impl ToString) -> WrongValue {
+    WrongValue { key: key.into(), found: found.to_string(), expected: expected.to_string() }
 }
 
-fn check_plane(plane: &mut StandardPlane) -> Result<(), Wrong> {
+/// Checks that `value`, if any, is above 0 and at most `max`.
+fn check_size(key: String, value: Option<f64>, max: f64) -> Result<(), WrongValue> {
+    match value {
+        Some(value) if !(value > 0.0 && value <= max) => Err(wrong(key, value, format!("above 0 and at most {max}"))),
+        _ => Ok(()),
+    }
+}
+
+fn check_plane(plane: &mut StandardPlane) -> Result<(), WrongValue> {
     let t = &plane.tolerances;
     let numbers = [
         ("angle_deg", Some(t.angle_deg), 90.0),
@@ -152,9 +156,7 @@ fn check_plane(plane: &mut StandardPlane) -> Result<(), Wrong> {
         ("centring_mm", Some(t.centring_mm), 1000.0),
     ];
     for (key, value, max) in numbers {
-        if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= max)) {
-            return Err(wrong(format!("tolerances.{key}"), value, format!("above 0 and at most {max}")));
-        }
+        check_size(format!("tolerances.{key}"), value, max)?;
     }
     let [least, greatest] = t.depth_mm;
     if !(least >= 0.0 && greatest > least && greatest <= 1000.0) {
@@ -166,11 +168,11 @@ fn check_plane(plane: &mut StandardPlane) -> Result<(), Wrong> {
     }
     plane.views.iter_mut().try_for_each(|view| {
         let name = view.name.clone();
-        check_view(view).map_err(|w| Wrong { key: format!("views.{name}.{}", w.key), ..w })
+        check_view(view).map_err(|w| WrongValue { key: format!("views.{name}.{}", w.key), ..w })
     })
 }
 
-fn check_view(view: &mut View) -> Result<(), Wrong> {
+fn check_view(view: &mut View) -> Result<(), WrongValue> {
     let landmarks = view.landmarks.iter().map(|l| l.position_mm);
     let points = landmarks.chain(view.calipers.iter().flat_map(|c| c.points_mm.iter().copied()));
     for point in points.chain([view.centre_mm]) {
@@ -194,9 +196,7 @@ fn check_view(view: &mut View) -> Result<(), Wrong> {
     view.to_probe = square("to_probe", unit("to_probe", view.to_probe)?, view.normal)?;
     view.to_probe = square("to_probe", view.to_probe, view.lateral)?;
     for landmark in &view.landmarks {
-        if let Some(value) = landmark.within_mm.filter(|v| !(*v > 0.0 && *v <= 1e3)) {
-            return Err(wrong(format!("landmarks.{}.within_mm", landmark.name), value, "above 0 and at most 1000"));
-        }
+        check_size(format!("landmarks.{}.within_mm", landmark.name), landmark.within_mm, 1e3)?;
     }
     for caliper in &view.calipers {
         let key = |k: &str| format!("calipers.{}.{k}", caliper.name);
@@ -207,11 +207,8 @@ fn check_view(view: &mut View) -> Result<(), Wrong> {
         if caliper.points_mm.chunks_exact(2).any(|p| p[0].distance(p[1]) < 1e-3) {
             return Err(wrong(key("points_mm"), "two points at one place", "the ends of a line"));
         }
-        for (k, value) in [("reach_mm", Some(caliper.reach_mm)), ("true_mm", caliper.true_mm)] {
-            if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= 1e4)) {
-                return Err(wrong(key(k), value, "above 0 and at most 10000"));
-            }
-        }
+        check_size(key("reach_mm"), Some(caliper.reach_mm), 1e4)?;
+        check_size(key("true_mm"), caliper.true_mm, 1e4)?;
     }
     Ok(())
 }

@@ -7,14 +7,13 @@
 //! qw, qx, qy, qz]`, as in a station file.
 
 mod file;
-mod json;
 mod obstetric;
 mod pose;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-pub use file::{PlanesError, beside, file_beside};
+pub use file::{PlanesError, WrongValue, beside, file_beside};
 pub use obstetric::{obstetric, obstetric_of};
 
 use super::Skin;
@@ -78,22 +77,18 @@ pub struct View {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// Centre of the target, in the plane.
-    #[serde(with = "json::vector")]
     pub centre_mm: DVec3,
     /// Normal of the plane; its sign is irrelevant.
-    #[serde(with = "json::vector")]
     pub normal: DVec3,
     /// Direction in the plane across the beam, horizontal in the best image.
-    #[serde(with = "json::vector")]
     pub lateral: DVec3,
     /// Whether any plane through the line along [`View::lateral`] will do, as for a long bone.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub any_turn_about_lateral: bool,
     /// Direction from the centre to the probe on the skin; in the plane, perpendicular to `lateral`.
-    #[serde(with = "json::vector")]
     pub to_probe: DVec3,
     /// `scene_from_probe` of a probe on the skin that shows the view, for display.
-    #[serde(default, skip_serializing_if = "Option::is_none", with = "json::optional_pose")]
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "pose")]
     pub pose: Option<Pose>,
     /// Names of the glTF nodes whose outlines orient the viewer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -113,7 +108,6 @@ pub struct PlaneLandmark {
     /// Name of the structure.
     pub name: String,
     /// Position, mm.
-    #[serde(with = "json::vector")]
     pub position_mm: DVec3,
     /// Largest distance from the image plane at which it is visible, mm; `None` if it need only be within the sector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -131,7 +125,6 @@ pub struct Caliper {
     /// Line or ellipse.
     pub kind: CaliperKind,
     /// Both ends of a line, or the ends of an ellipse's first axis, then of its second.
-    #[serde(with = "json::vectors")]
     pub points_mm: Vec<DVec3>,
     /// Name of the glTF node whose border is measured.
     pub surface: String,

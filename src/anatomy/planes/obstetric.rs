@@ -10,7 +10,7 @@
 //! Measurements in practice differ by several percent between observers (Sarris et al., Ultrasound Obstet Gynecol
 //! 39:266, 2012), more than by such errors.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::{Caliper, CaliperKind, PLANES_VERSION, PlaneLandmark, StandardPlane, StandardPlanes, Tolerances, View};
 use crate::anatomy::phantom::{Biometry, Landmarks, Parameters, landmarks};
@@ -33,77 +33,44 @@ pub fn obstetric(parameters: &Parameters) -> StandardPlanes {
 /// Planes of a phantom with these landmarks and sizes.
 pub fn obstetric_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlanes {
     let anatomy = Anatomy::of(landmarks, biometry);
-    let planes = vec![
-        head(&anatomy, biometry),
-        cerebellum(&anatomy),
-        abdomen(&anatomy, biometry),
-        femur(&anatomy, biometry),
-        heart(&anatomy),
-        spine(&anatomy),
-        profile(&anatomy),
-    ];
-    StandardPlanes { version: PLANES_VERSION, planes }
+    let planes = [head, cerebellum, abdomen, femur, heart, spine, profile].map(|plane| plane(&anatomy));
+    StandardPlanes { version: PLANES_VERSION, planes: planes.into() }
 }
 
-/// Landmarks in double precision, from which the planes are made.
-struct Anatomy {
-    head: DVec3,
+/// Landmarks and sizes, and the directions that several planes need.
+struct Anatomy<'a> {
+    landmarks: &'a Landmarks,
+    biometry: &'a Biometry,
     left: DVec3,
     /// Side of the fetus nearer to the belly, where the probe is.
     near: DVec3,
     vertex: DVec3,
     face: DVec3,
-    /// Centres of the cavum septi pellucidi and of the cerebellum; half the cerebellum's width.
-    cavum: DVec3,
-    cerebellum: DVec3,
-    cerebellum_half_mm: f64,
-    forehead: DVec3,
-    nose: DVec3,
-    chin: DVec3,
-    abdomen: DVec3,
-    cranial: DVec3,
+    /// Direction from the spine to the belly.
     ventral: DVec3,
-    stomach: DVec3,
-    heart: DVec3,
-    heart_cranial: DVec3,
-    femurs: [[DVec3; 2]; 2],
-    /// A thoracic vertebra, the middle of the spine's straight part, and a lumbar vertebra.
-    spine: [DVec3; 3],
 }
 
-impl Anatomy {
-    fn of(l: &Landmarks, biometry: &Biometry) -> Self {
-        let d = |v: glam::Vec3| v.as_dvec3();
-        let (head, left) = (d(l.head_centre_mm), d(l.fetus_left).normalize());
-        let vertex = d(l.head_vertex).normalize();
-        let face = d(l.head_face).normalize();
-        // The model's head is drawn for 22 weeks and scales with the skull.
-        let size = d(biometry.skull_semi_mm() / Biometry::default().skull_semi_mm());
-        let in_head = |x: f64, y: f64, z: f64| {
-            let p = DVec3::new(x, y, z) * size;
-            head + left * p.x + vertex * p.y + face * p.z
-        };
+impl<'a> Anatomy<'a> {
+    fn of(landmarks: &'a Landmarks, biometry: &'a Biometry) -> Self {
+        let unit = |v: Vec3| v.as_dvec3().normalize();
+        let left = unit(landmarks.fetus_left);
         Self {
-            head,
+            landmarks,
+            biometry,
             left,
             near: if left.z < 0.0 { -left } else { left },
-            vertex,
-            face,
-            cavum: d(l.cavum_mm),
-            cerebellum: 0.5 * (d(l.cerebellum_mm[0]) + d(l.cerebellum_mm[1])),
-            cerebellum_half_mm: 0.5 * d(l.cerebellum_mm[0]).distance(d(l.cerebellum_mm[1])),
-            forehead: in_head(0.0, 8.0, 33.0),
-            nose: d(l.nose_tip_mm),
-            chin: d(l.chin_mm),
-            abdomen: d(l.abdomen_centre_mm),
-            cranial: d(l.abdomen_cranial).normalize(),
-            ventral: d(l.abdomen_ventral).normalize(),
-            stomach: d(l.stomach_mm),
-            heart: d(l.heart_centre_mm),
-            heart_cranial: d(l.heart_cranial).normalize(),
-            femurs: [l.left_femur_mm, l.right_femur_mm].map(|tips| tips.map(d)),
-            spine: [3, 4, 5].map(|i: usize| d(l.spine_mm[i])),
+            vertex: unit(landmarks.head_vertex),
+            face: unit(landmarks.head_face),
+            ventral: unit(landmarks.abdomen_ventral),
         }
+    }
+
+    /// Scene position of the point `(x, y, z)` of the model's head, which is drawn for 22 weeks and scales with the
+    /// skull.
+    fn in_head(&self, x: f64, y: f64, z: f64) -> DVec3 {
+        let size = (self.biometry.skull_semi_mm() / Biometry::default().skull_semi_mm()).as_dvec3();
+        let p = DVec3::new(x, y, z) * size;
+        self.landmarks.head_centre_mm.as_dvec3() + self.left * p.x + self.vertex * p.y + self.face * p.z
     }
 }
 
@@ -184,100 +151,96 @@ fn caliper(name: &str, title: &str, points_mm: Vec<DVec3>, surface: &str, reach_
 }
 
 /// Axial at the thalami: midline across the beam, cavum septi pellucidi in front, no cerebellum.
-fn head(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
+fn head(a: &Anatomy) -> StandardPlane {
+    let (centre, biometry) = (a.landmarks.head_centre_mm.as_dvec3(), a.biometry);
     let semi = biometry.skull_semi_mm().as_dvec3();
     let inner = semi.x - f64::from(biometry.skull_thickness_mm);
     let (left, face) = (a.left * semi.x, a.face * semi.z);
-    let mut view = view("", a.head, a.face, a.near);
+    let mut view = view("", centre, a.face, a.near);
     view.outlines = outlines(&["skull", "subarachnoid_space", "ventricles", "falx_and_tentorium"]);
     let thalamus = a.left * 0.22 * semi.x;
     view.landmarks = marks(&[
-        ("cavum septi pellucidi", a.cavum, 5.0),
-        ("left thalamus", a.head + thalamus, 6.0),
-        ("right thalamus", a.head - thalamus, 6.0),
+        ("cavum septi pellucidi", a.landmarks.cavum_mm.as_dvec3(), 5.0),
+        ("left thalamus", centre + thalamus, 6.0),
+        ("right thalamus", centre - thalamus, 6.0),
     ]);
+    let across = vec![centre + left, centre - a.left * inner];
+    let ring = vec![centre + face, centre - face, centre + left, centre - left];
     view.calipers = vec![
         Caliper {
             far_surface: Some("subarachnoid_space".to_owned()),
             true_mm: Some(f64::from(biometry.biparietal_mm)),
-            ..caliper(
-                "BPD",
-                "biparietal diameter, outer to inner",
-                vec![a.head + left, a.head - a.left * inner],
-                "skull",
-                10.0,
-            )
+            ..caliper("BPD", "biparietal diameter, outer to inner", across, "skull", 10.0)
         },
-        caliper(
-            "HC",
-            "head circumference",
-            vec![a.head + face, a.head - face, a.head + left, a.head - left],
-            "skull",
-            10.0,
-        ),
+        caliper("HC", "head circumference", ring, "skull", 10.0),
     ];
     plane("head", "transthalamic plane of the head", BIOMETRY_GUIDE, tolerances(10.0, 5.0, Some(45.0)), vec![view])
 }
 
 /// Transcerebellar plane, through cavum septi pellucidi and cerebellum: the axial plane with its back tilted down.
 fn cerebellum(a: &Anatomy) -> StandardPlane {
-    let mut view = view("", 0.5 * (a.cavum + a.cerebellum), a.cavum - a.cerebellum, a.near);
+    let cavum = a.landmarks.cavum_mm.as_dvec3();
+    let [left, right] = a.landmarks.cerebellum_mm.map(|v| v.as_dvec3());
+    let centre = 0.5 * (left + right);
+    let mut view = view("", 0.5 * (cavum + centre), cavum - centre, a.near);
     view.outlines = outlines(&["skull", "subarachnoid_space", "cerebellum", "ventricles"]);
-    let half = a.left * a.cerebellum_half_mm;
-    view.landmarks = marks(&[("cavum septi pellucidi", a.cavum, 5.0), ("cerebellum", a.cerebellum, 6.0)]);
-    let ends = vec![a.cerebellum + half, a.cerebellum - half];
+    let half = a.left * (0.5 * left.distance(right));
+    view.landmarks = marks(&[("cavum septi pellucidi", cavum, 5.0), ("cerebellum", centre, 6.0)]);
+    let ends = vec![centre + half, centre - half];
     view.calipers = vec![caliper("TCD", "transcerebellar diameter", ends, "cerebellum", 7.0)];
     let title = "transcerebellar plane of the head";
     plane("cerebellum", title, BRAIN_GUIDE, tolerances(10.0, 4.0, Some(45.0)), vec![view])
 }
 
 /// Cross-section of the belly at the level of stomach and portal sinus, as round as possible.
-fn abdomen(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
-    let radius = f64::from(biometry.abdominal_radius_mm());
-    let mut view = view("", a.abdomen, a.ventral, a.near.reject_from(a.cranial));
+fn abdomen(a: &Anatomy) -> StandardPlane {
+    let radius = f64::from(a.biometry.abdominal_radius_mm());
+    let centre = a.landmarks.abdomen_centre_mm.as_dvec3();
+    let cranial = a.landmarks.abdomen_cranial.as_dvec3().normalize();
+    let mut view = view("", centre, a.ventral, a.near.reject_from(cranial));
     view.outlines = outlines(&["fetal_skin", "stomach", "liver", "vertebrae", "kidneys"]);
     let (across, front) = (view.to_probe * radius, a.ventral * radius);
-    view.landmarks = marks(&[("stomach", a.stomach, 6.0), ("spine", a.abdomen - 0.68 * front, 8.0)]);
+    view.landmarks =
+        marks(&[("stomach", a.landmarks.stomach_mm.as_dvec3(), 6.0), ("spine", centre - 0.68 * front, 8.0)]);
+    let ring = vec![centre + front, centre - front, centre + across, centre - across];
     view.calipers = vec![Caliper {
-        true_mm: Some(f64::from(biometry.abdominal_circumference_mm)),
-        ..caliper(
-            "AC",
-            "abdominal circumference",
-            vec![a.abdomen + front, a.abdomen - front, a.abdomen + across, a.abdomen - across],
-            "fetal_skin",
-            8.0,
-        )
+        true_mm: Some(f64::from(a.biometry.abdominal_circumference_mm)),
+        ..caliper("AC", "abdominal circumference", ring, "fetal_skin", 8.0)
     }];
     plane("abdomen", "transverse plane of the abdomen (AC)", BIOMETRY_GUIDE, tolerances(10.0, 5.0, None), vec![view])
 }
 
 /// Along either femur, both ends of the ossified shaft in view, at most 45° from horizontal in the image.
-fn femur(a: &Anatomy, biometry: &Biometry) -> StandardPlane {
-    let views = ["left", "right"].into_iter().zip(a.femurs).map(|(name, [hip, knee])| {
+fn femur(a: &Anatomy) -> StandardPlane {
+    let femurs = [("left", a.landmarks.left_femur_mm), ("right", a.landmarks.right_femur_mm)];
+    let views = femurs.map(|(name, tips)| {
+        let [hip, knee] = tips.map(|v| v.as_dvec3());
         // The belly is the mother's front, +z.
         let mut view = view(name, 0.5 * (hip + knee), knee - hip, DVec3::Z);
         view.any_turn_about_lateral = true;
         view.outlines = outlines(&["fetal_skin", "long_bones"]);
         view.landmarks = marks(&[("proximal end", hip, 3.0), ("distal end", knee, 3.0)]);
         let line = caliper("FL", "femur length", vec![hip, knee], "long_bones", 4.0);
-        view.calipers = vec![Caliper { true_mm: Some(f64::from(biometry.femur_mm)), ..line }];
+        view.calipers = vec![Caliper { true_mm: Some(f64::from(a.biometry.femur_mm)), ..line }];
         view
     });
-    plane("femur", "long axis of a femur", BIOMETRY_GUIDE, tolerances(8.0, 3.0, Some(45.0)), views.collect())
+    plane("femur", "long axis of a femur", BIOMETRY_GUIDE, tolerances(8.0, 3.0, Some(45.0)), views.into())
 }
 
 /// Cross-section of the chest with the heart's four chambers.
 fn heart(a: &Anatomy) -> StandardPlane {
-    let up = a.near.reject_from(a.heart_cranial).normalize_or(a.near);
-    let mut view = view("", a.heart, up.cross(a.heart_cranial), up);
+    let (centre, cranial) = (a.landmarks.heart_centre_mm.as_dvec3(), a.landmarks.heart_cranial.as_dvec3().normalize());
+    let up = a.near.reject_from(cranial).normalize_or(a.near);
+    let mut view = view("", centre, up.cross(cranial), up);
     view.outlines = outlines(&["fetal_skin", "heart", "heart_chambers", "ribs", "vertebrae"]);
-    view.landmarks = marks(&[("heart", a.heart, 5.0)]);
+    view.landmarks = marks(&[("heart", centre, 5.0)]);
     plane("heart", "four-chamber view of the heart", HEART_GUIDE, tolerances(12.0, 4.0, None), vec![view])
 }
 
 /// Midsagittal plane of the back, from behind where a probe can reach it.
 fn spine(a: &Anatomy) -> StandardPlane {
-    let [chest, middle, lumbar] = a.spine;
+    // A thoracic vertebra, the middle of the straight part, and a lumbar vertebra.
+    let [chest, middle, lumbar] = [3, 4, 5].map(|i: usize| a.landmarks.spine_mm[i].as_dvec3());
     let lateral = (chest - lumbar).reject_from(a.left);
     let mut view = midsagittal(a, middle, lateral, -a.ventral);
     view.outlines = outlines(&["fetal_skin", "vertebrae"]);
@@ -287,9 +250,11 @@ fn spine(a: &Anatomy) -> StandardPlane {
 
 /// Midsagittal plane of the face, from the front where a probe can reach it.
 fn profile(a: &Anatomy) -> StandardPlane {
-    let mut view = midsagittal(a, 0.5 * (a.nose + a.forehead), a.vertex, a.face);
+    let [nose, chin] = [a.landmarks.nose_tip_mm, a.landmarks.chin_mm].map(|v| v.as_dvec3());
+    let forehead = a.in_head(0.0, 8.0, 33.0);
+    let mut view = midsagittal(a, 0.5 * (nose + forehead), a.vertex, a.face);
     view.outlines = outlines(&["fetal_skin", "skull", "face_and_skull_base"]);
-    view.landmarks = marks(&[("forehead", a.forehead, 5.0), ("nose", a.nose, 5.0), ("chin", a.chin, 5.0)]);
+    view.landmarks = marks(&[("forehead", forehead, 5.0), ("nose", nose, 5.0), ("chin", chin, 5.0)]);
     plane("profile", "midsagittal plane of the face", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
 }
 

@@ -1,4 +1,6 @@
-//! Probe pose that shows a view.
+//! Probe pose that shows a view, and its serialisation as `[x, y, z, qw, qx, qy, qz]`.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::View;
 use crate::anatomy::Skin;
@@ -11,4 +13,13 @@ impl View {
         let contact = skin.exit(self.centre_mm, self.to_probe)?;
         Some(Pose::looking(contact - self.to_probe * press_mm, -self.to_probe, self.lateral))
     }
+}
+
+pub(super) fn serialize<S: Serializer>(pose: &Option<Pose>, serializer: S) -> Result<S::Ok, S::Error> {
+    pose.as_ref().map(Pose::components).serialize(serializer)
+}
+
+pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Pose>, D::Error> {
+    let components: Option<[f64; 7]> = Deserialize::deserialize(deserializer)?;
+    components.map(|c| Pose::from_components(c).map_err(D::Error::custom)).transpose()
 }

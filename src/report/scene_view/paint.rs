@@ -50,7 +50,7 @@ impl SceneView {
             let Some(surface) = scene.surfaces.get(index) else { continue };
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
-            let bounds = surface.mesh.bounds_mm().map(|(low, high)| [low.as_dvec3(), high.as_dvec3()]);
+            let bounds = surface.mesh.bounds_mm().map(|b| [b.min.as_dvec3(), b.max.as_dvec3()]);
             corners_mm.extend(
                 bounds
                     .into_iter()

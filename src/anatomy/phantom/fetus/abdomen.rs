@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 
-use super::{organ, thorax};
+use super::thorax;
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Isometry, Solid, catmull_rom, ellipsoid, smooth_union, sweep, union};
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
+use crate::anatomy::phantom::sdf::{Isometry, Solid, ellipsoid, smooth_sweep, smooth_union, sweep, union};
 
 /// Semi-axes of a kidney, mm as drawn; half its length follows the biometry.
 const KIDNEY_SEMI: Vec3 = Vec3::new(5.4, 10.8, 5.6);
@@ -43,16 +43,16 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         at(level, centre + v(-1.5 * side, 10.0, 0.5), v(3.4, 2.6, 3.0))
     }));
     vec![
-        organ("fetal_bowel", "bowel", 109, 0.95, 2.6 * scale, bowel(attitude).smooth_intersect(cavity, 1.5)),
-        organ("liver", "liver", 110, 0.95, 5.0 * scale, liver),
-        organ("spleen", "spleen", 111, 0.8, 2.6 * scale, spleen),
-        organ("adrenals", "spleen", 111, 0.7, 2.2 * scale, adrenals),
-        organ("kidneys", "kidney", 112, 0.75, 3.5 * scale, kidneys(attitude)),
-        organ("renal_pyramids", "renal_medulla", 113, 0.55, 0.95 * scale, pyramids(attitude)),
-        organ("renal_pelves", "urine", 114, 0.5, 1.2 * scale, pelves(attitude)),
-        organ("gall_bladder", "urine", 114, 0.55, 1.6 * scale, gall),
-        organ("stomach", "amniotic_fluid", 115, 0.65, 2.4 * scale, stomach(attitude)),
-        organ("fetal_bladder", "urine", 115, 0.65, 2.6 * scale, bladder),
+        Fetus.organ("fetal_bowel", "bowel", 109, 0.95, 2.6 * scale, bowel(attitude).smooth_intersect(cavity, 1.5)),
+        Fetus.organ("liver", "liver", 110, 0.95, 5.0 * scale, liver),
+        Fetus.organ("spleen", "spleen", 111, 0.8, 2.6 * scale, spleen),
+        Fetus.organ("adrenals", "spleen", 111, 0.7, 2.2 * scale, adrenals),
+        Fetus.organ("kidneys", "kidney", 112, 0.75, 3.5 * scale, kidneys(attitude)),
+        Fetus.organ("renal_pyramids", "renal_medulla", 113, 0.55, 0.95 * scale, pyramids(attitude)),
+        Fetus.organ("renal_pelves", "urine", 114, 0.5, 1.2 * scale, pelves(attitude)),
+        Fetus.organ("gall_bladder", "urine", 114, 0.55, 1.6 * scale, gall),
+        Fetus.organ("stomach", "amniotic_fluid", 115, 0.65, 2.4 * scale, stomach(attitude)),
+        Fetus.organ("fetal_bladder", "urine", 115, 0.65, 2.6 * scale, bladder),
     ]
 }
 
@@ -127,7 +127,7 @@ fn stomach(attitude: &Attitude) -> Solid {
         attitude.knot(18.5, 10.0, 21.5, 4.0),
         attitude.knot(18.8, 5.0, 22.5, 2.4),
     ];
-    sweep(&catmull_rom(&knots, 6))
+    smooth_sweep(&knots, 6)
 }
 
 /// Coils of small bowel between liver and bladder.
@@ -141,7 +141,7 @@ fn bowel(attitude: &Attitude) -> Solid {
                 attitude.knot(level + 0.2 * (i % 3) as f32, left * (1.0 - 0.14 * row as f32), ventral, 2.5)
             })
             .collect();
-        sweep(&catmull_rom(&knots, 5))
+        smooth_sweep(&knots, 5)
     });
     union(coils)
 }

@@ -3,13 +3,12 @@
 
 use glam::Vec3;
 
-use super::{head, organ};
+use super::head;
 use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::biometry::Biometry;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
 use crate::anatomy::phantom::sdf::{
-    Isometry, Solid, catmull_rom, ellipsoid, half_space, plate, round_cone, rounded_box, smooth_union, sphere, sweep,
-    union,
+    Isometry, Solid, ellipsoid, half_space, plate, round_cone, rounded_box, smooth_sweep, smooth_union, sphere, union,
 };
 
 /// Thickness of the fluid between the skull and the brain, mm.
@@ -27,14 +26,14 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let inside = head::cranium(biometry, -head::table(biometry));
     let fossa = PosteriorFossa::of(biometry);
     vec![
-        organ("subarachnoid_space", "csf", 142, 0.95, 6.0 * scale, place(inside.clone())),
-        organ("brain", "brain", 144, 0.85, 5.0 * scale, place(brain(biometry))),
-        organ("deep_brain", "brain_deep", 146, 0.7, 1.8 * scale, place(union([deep_brain(), fossa.brainstem()]))),
-        organ("falx_and_tentorium", "falx", 148, 0.55, 1.1 * scale, place(falx(&inside))),
-        organ("ventricles", "csf", 150, 0.55, 1.8 * scale, place(ventricles(biometry, &inside, &fossa))),
-        organ("cerebellum", "cerebellum", 151, 0.7, 3.2 * scale, place(fossa.hemispheres())),
-        organ("choroid_plexus", "choroid_plexus", 152, 0.5, 1.7 * scale, place(choroid_plexus(biometry))),
-        organ("vermis", "cerebellar_vermis", 153, 0.6, 2.0 * scale, place(fossa.vermis())),
+        Fetus.organ("subarachnoid_space", "csf", 142, 0.95, 6.0 * scale, place(inside.clone())),
+        Fetus.organ("brain", "brain", 144, 0.85, 5.0 * scale, place(brain(biometry))),
+        Fetus.organ("deep_brain", "brain_deep", 146, 0.7, 1.8 * scale, place(union([deep_brain(), fossa.brainstem()]))),
+        Fetus.organ("falx_and_tentorium", "falx", 148, 0.55, 1.1 * scale, place(falx(&inside))),
+        Fetus.organ("ventricles", "csf", 150, 0.55, 1.8 * scale, place(ventricles(biometry, &inside, &fossa))),
+        Fetus.organ("cerebellum", "cerebellum", 151, 0.7, 3.2 * scale, place(fossa.hemispheres())),
+        Fetus.organ("choroid_plexus", "choroid_plexus", 152, 0.5, 1.7 * scale, place(choroid_plexus(biometry))),
+        Fetus.organ("vermis", "cerebellar_vermis", 153, 0.6, 2.0 * scale, place(fossa.vermis())),
     ]
 }
 
@@ -63,7 +62,7 @@ fn brain(biometry: &Biometry) -> Solid {
 fn deep_brain() -> Solid {
     let v = Vec3::new;
     let thalamus = ellipsoid(v(5.6, -1.5, -1.2), v(4.9, 5.4, 7.4)).with_mirror_image();
-    let callosum = sweep(&catmull_rom(
+    let callosum = smooth_sweep(
         &[
             (v(0.0, 0.5, 20.6), 0.9),
             (v(0.0, 5.0, 19.6), 1.3),
@@ -73,7 +72,7 @@ fn deep_brain() -> Solid {
             (v(0.0, 5.6, -10.6), 1.6),
         ],
         5,
-    ));
+    );
     // Broader than high.
     let callosum =
         Solid::new(callosum.bounds().grown(3.0), move |p| callosum.distance_mm(p.with_x(p.x - p.x.clamp(-3.0, 3.0))));
@@ -94,10 +93,6 @@ fn falx(inside: &Solid) -> Solid {
     let right = half_space(v(21.0, 0.0, 0.0), Vec3::X);
     let tent =
         plate(v(0.0, -6.0, -18.0), slope, 0.45).intersect(within).intersect(behind).intersect(right).subtract(notch);
-    let bounds = tent.bounds();
-    let tent = Solid::new(crate::anatomy::phantom::sdf::Bounds { min: bounds.min.with_x(0.0), ..bounds }, move |p| {
-        tent.distance_mm(p)
-    });
     union([falx, tent.with_mirror_image()])
 }
 
@@ -124,7 +119,7 @@ fn ventricles(biometry: &Biometry, inside: &Solid, fossa: &PosteriorFossa) -> So
     let width = ventricle_width(biometry);
     let tube = |knots: &[(Vec3, f32)]| {
         let knots: Vec<_> = knots.iter().map(|&(p, r)| (p, r * width)).collect();
-        sweep(&catmull_rom(&knots, 6))
+        smooth_sweep(&knots, 6)
     };
     let occipital = [(v(12.0, 3.0, -13.0), 3.2), (v(10.8, 2.5, -19.0), 2.4), (v(9.0, 2.0, -24.0), 1.2)];
     let lateral = smooth_union([tube(&LATERAL), tube(&occipital)], 2.0).with_mirror_image();
@@ -140,7 +135,7 @@ fn choroid_plexus(biometry: &Biometry) -> Solid {
     let knots =
         [(v(8.2, 8.0, 2.0), 1.1), (v(10.3, 6.6, -6.0), 1.9), (v(12.2, 2.8, -13.0), 2.6), (v(13.9, -3.0, -9.8), 1.5)];
     let knots = knots.map(|(p, r)| (p, r * width));
-    let glomus = sweep(&catmull_rom(&knots, 6));
+    let glomus = smooth_sweep(&knots, 6);
     glomus.displaced(0.25, |p| 0.25 * (p.x * 2.9).sin() * (p.y * 2.5).sin() * (p.z * 2.7).sin()).with_mirror_image()
 }
 

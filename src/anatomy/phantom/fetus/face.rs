@@ -2,12 +2,11 @@
 
 use glam::Vec3;
 
-use super::{head, organ};
 use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::biometry::Biometry;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
 use crate::anatomy::phantom::sdf::{
-    Solid, capsule, catmull_rom, ellipsoid, round_cone, smooth_union, sphere, sweep, union,
+    Solid, capsule, ellipsoid, round_cone, smooth_sweep, smooth_union, sphere, sweep, union,
 };
 
 /// Centre and radius of the left eye.
@@ -23,23 +22,13 @@ pub(in crate::anatomy::phantom) fn eye_centres(attitude: &Attitude) -> [Vec3; 2]
     [1.0, -1.0].map(|side| attitude.head_point(eye * Vec3::new(side, 1.0, 1.0)))
 }
 
-const NOSE_TIP: Vec3 = Vec3::new(0.0, -18.3, 36.0);
-const NOSE_TIP_RADIUS: f32 = 2.2;
-
-/// Skin over the tip of the nose, fetal frame, mm.
-pub(in crate::anatomy::phantom) fn nose_tip(attitude: &Attitude) -> Vec3 {
-    head::skin_along(attitude, NOSE_TIP, Vec3::Z)
-}
-
-/// Skin over the chin, fetal frame, mm.
-pub(in crate::anatomy::phantom) fn chin(attitude: &Attitude) -> Vec3 {
-    head::skin_along(attitude, Vec3::new(0.0, -34.0, 24.0), Vec3::Z)
-}
+/// Centre of the ball at the tip of the nose.
+pub(super) const NOSE_TIP: Vec3 = Vec3::new(0.0, -18.3, 36.0);
 
 /// Protruding nose, lips and chin.
 pub(super) fn features() -> Solid {
     let v = Vec3::new;
-    let bridge = sweep(&[(v(0.0, -10.5, 31.5), 2.0), (v(0.0, -14.5, 33.6), 2.0), (NOSE_TIP, NOSE_TIP_RADIUS)]);
+    let bridge = sweep(&[(v(0.0, -10.5, 31.5), 2.0), (v(0.0, -14.5, 33.6), 2.0), (NOSE_TIP, 2.2)]);
     let wings = sphere(v(2.9, -19.2, 33.4), 2.0).with_mirror_image();
     let septum = round_cone(NOSE_TIP, v(0.0, -21.6, 31.6), 1.6, 1.3);
     let arch = |y: f32, z: f32, width: f32, radius: f32| {
@@ -50,7 +39,7 @@ pub(super) fn features() -> Solid {
             (v(0.5 * width, y, z - 0.8), 0.95 * radius),
             (v(width, y - 0.6, z - 3.4), 0.55 * radius),
         ];
-        sweep(&catmull_rom(&knots, 4))
+        smooth_sweep(&knots, 4)
     };
     let upper_lip =
         union([arch(-23.7, 29.7, 6.0, 1.75), round_cone(v(0.0, -21.5, 29.4), v(0.0, -23.4, 29.8), 1.6, 1.6)]);
@@ -68,16 +57,16 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let lenses = ellipsoid(lens, Vec3::new(0.34, 0.34, 0.25) * radius).with_mirror_image();
     let place = |solid: Solid| attitude.in_head(solid);
     vec![
-        organ("face_and_skull_base", "bone_fetal", 154, 0.6, 1.7 * scale, place(bones(eye, radius))),
-        organ("eyes", "csf", 156, 0.6, 1.8 * scale, place(eyes)),
-        organ("lenses", "cartilage", 158, 0.4, 0.9 * scale, place(lenses)),
+        Fetus.organ("face_and_skull_base", "bone_fetal", 154, 0.6, 1.7 * scale, place(bones(eye, radius))),
+        Fetus.organ("eyes", "csf", 156, 0.6, 1.8 * scale, place(eyes)),
+        Fetus.organ("lenses", "cartilage", 158, 0.4, 0.9 * scale, place(lenses)),
     ]
 }
 
 /// Bones other than the vault. Each side is built at x ≥ 0.
 fn bones(eye: Vec3, radius: f32) -> Solid {
     let v = Vec3::new;
-    let tube = |knots: &[(Vec3, f32)]| sweep(&catmull_rom(knots, 6));
+    let tube = |knots: &[(Vec3, f32)]| smooth_sweep(knots, 6);
     // Walls of the orbit: a cup about the eye, open to the front.
     let orbit = sphere(eye - Vec3::Z * 0.6, radius + 2.0)
         .subtract(sphere(eye - Vec3::Z * 0.2, radius + 0.8))

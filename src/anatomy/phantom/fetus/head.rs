@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::face;
 use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::biometry::Biometry;
-use crate::anatomy::phantom::sdf::{Solid, ellipsoid, smooth_union, sphere, sweep, union};
+use crate::anatomy::phantom::sdf::{Solid, bisect, ellipsoid, smooth_union, sphere, sweep, union};
 
 /// Skin and scalp over the skull, mm as drawn.
 const SCALP_MM: f32 = 2.6;
@@ -56,26 +56,25 @@ pub(super) fn outline(attitude: &Attitude) -> Solid {
 pub(in crate::anatomy::phantom) fn occipitofrontal_ends(attitude: &Attitude) -> [Vec3; 2] {
     let skull = cranium(&attitude.biometry, 0.0);
     [Vec3::Z, Vec3::NEG_Z].map(|direction| {
-        let (mut inside, mut outside) = (0.0f32, 80.0f32);
-        for _ in 0..30 {
-            let middle = 0.5 * (inside + outside);
-            if skull.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
-        }
-        attitude.head_point(direction * inside)
+        attitude.head_point(direction * bisect(0.0, 80.0, 30, |t| skull.distance_mm(direction * t) < 0.0))
     })
 }
 
-/// Point of the head's skin from `from` along the unit `direction` (both in the head frame as drawn), in the fetal
-/// frame, mm.
-pub(super) fn skin_along(attitude: &Attitude, from: Vec3, direction: Vec3) -> Vec3 {
+/// Skin over the tip of the nose, fetal frame, mm.
+pub(in crate::anatomy::phantom) fn nose_tip(attitude: &Attitude) -> Vec3 {
+    skin_before(attitude, face::NOSE_TIP)
+}
+
+/// Skin over the chin, fetal frame, mm.
+pub(in crate::anatomy::phantom) fn chin(attitude: &Attitude) -> Vec3 {
+    skin_before(attitude, Vec3::new(0.0, -34.0, 24.0))
+}
+
+/// Point of the head's skin in front of `inner` (head frame, mm as drawn), in the fetal frame, mm.
+fn skin_before(attitude: &Attitude, inner: Vec3) -> Vec3 {
     let outline = outline(attitude);
-    let (mut inside, mut outside) = (0.0f32, 20.0f32);
-    for _ in 0..24 {
-        let middle = 0.5 * (inside + outside);
-        let at = attitude.head_point(from + direction * middle);
-        if outline.distance_mm(at) < 0.0 { inside = middle } else { outside = middle }
-    }
-    attitude.head_point(from + direction * inside)
+    let at = |forward: f32| attitude.head_point(inner + Vec3::Z * forward);
+    at(bisect(0.0, 20.0, 24, |forward| outline.distance_mm(at(forward)) < 0.0))
 }
 
 /// Balls that cover the head up to the skin, fetal frame, mm.

@@ -2,9 +2,8 @@
 
 use glam::Vec3;
 
-use super::organ;
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
 use crate::anatomy::phantom::sdf::{Isometry, Solid, ellipsoid, round_cone, smooth_union, sphere, union};
 
 /// Level of the four-chamber plane: T6 to T7.
@@ -73,9 +72,9 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let foramen = round_cone(at(-6.4, -1.6, 0.0), at(-6.4, 1.6, 0.0), 1.2, 1.2);
     let blood = union(chambers.into_iter().chain(orifices).chain([foramen]));
     vec![
-        organ("heart", "heart", 118, 0.75, 3.5 * scale, place(muscle)),
-        organ("heart_chambers", "blood", 120, 0.5, 1.6 * scale, place(blood)),
-        organ("heart_valves", "heart", 121, 0.4, 0.75 * scale, place(leaflets())),
+        Fetus.organ("heart", "heart", 118, 0.75, 3.5 * scale, place(muscle)),
+        Fetus.organ("heart_chambers", "blood", 120, 0.5, 1.6 * scale, place(blood)),
+        Fetus.organ("heart_valves", "heart", 121, 0.4, 0.75 * scale, place(leaflets())),
     ]
 }
 

@@ -2,11 +2,10 @@
 
 use glam::Vec3;
 
-use super::organ;
 use crate::anatomy::phantom::attitude::{Arm, Attitude, Leg};
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
 use crate::anatomy::phantom::sdf::{
-    Isometry, Solid, catmull_rom, ellipsoid, round_cone, smooth_union, sphere, sweep, union,
+    Isometry, Solid, ellipsoid, round_cone, smooth_sweep, smooth_union, sphere, sweep, union,
 };
 
 /// The limbs up to the skin, fetal frame.
@@ -197,7 +196,7 @@ fn shaft([a, b]: [Vec3; 2], middle_mm: f32, end_mm: f32, bow: Vec3) -> Solid {
         (a.lerp(b, 0.82) + bow * 0.6, middle_mm),
         (b, end_mm),
     ];
-    sweep(&catmull_rom(&knots, 5))
+    smooth_sweep(&knots, 5)
 }
 
 /// Shafts, cartilage ends, small bones and girdles.
@@ -238,10 +237,10 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     }
     let trunk = biometry.trunk_scale();
     vec![
-        organ("cartilage", "cartilage", 122, 0.8, 3.2 * a, union(ends)),
-        organ("long_bones", "bone_fetal", 124, 0.6, 1.6 * a, union(shafts)),
-        organ("hand_and_foot_bones", "bone_fetal", 126, 0.5, 1.05 * a, union(small)),
-        organ("limb_girdles", "bone_fetal", 128, 0.6, 1.15 * trunk, girdles(attitude)),
+        Fetus.organ("cartilage", "cartilage", 122, 0.8, 3.2 * a, union(ends)),
+        Fetus.organ("long_bones", "bone_fetal", 124, 0.6, 1.6 * a, union(shafts)),
+        Fetus.organ("hand_and_foot_bones", "bone_fetal", 126, 0.5, 1.05 * a, union(small)),
+        Fetus.organ("limb_girdles", "bone_fetal", 128, 0.6, 1.15 * trunk, girdles(attitude)),
     ]
 }
 
@@ -278,7 +277,7 @@ fn girdles(attitude: &Attitude) -> Solid {
         let scale = attitude.biometry.trunk_scale();
         let tube = |knots: &[(Vec3, f32)]| {
             let knots: Vec<_> = knots.iter().map(|&(p, r)| (p, r * scale)).collect();
-            sweep(&catmull_rom(&knots, 5))
+            smooth_sweep(&knots, 5)
         };
         let wing = union([
             tube(&[(at(24.4, 6.5, 0.0), 1.1), (at(23.2, 10.5, 3.5), 1.2), (at(23.4, 13.0, 8.5), 1.0)]),

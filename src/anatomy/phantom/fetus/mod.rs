@@ -15,13 +15,12 @@ mod trunk;
 mod vessels;
 
 use super::attitude::Attitude;
-use super::organ::{Body, Organ};
-use super::sdf::Solid;
+use super::organ::Organ;
 
 pub(super) use abdomen::{bladder_centre, kidney_poles, stomach_centre};
 pub(super) use brain::{atrium_walls, cavum_centre, cerebellum_ends, cisterna_magna};
-pub(super) use face::{chin, eye_centres, nose_tip};
-pub(super) use head::occipitofrontal_ends;
+pub(super) use face::eye_centres;
+pub(super) use head::{chin, nose_tip, occipitofrontal_ends};
 pub(super) use heart::{LEVEL as HEART_LEVEL, chamber_centres, heart_frame};
 pub(super) use limbs::{crossing_bones, femur_tips, humerus_tips, tibia_tips};
 pub(super) use skin::{balls, outline};
@@ -46,16 +45,4 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     ];
     let place = |o: Organ| Organ { solid: o.solid.placed(attitude.scene_from_fetus), ..o };
     parts.into_iter().flatten().map(place).collect()
-}
-
-/// A surface of the fetus, in the fetal frame.
-fn organ(
-    name: &'static str,
-    tissue: &'static str,
-    priority: i32,
-    grain_mm: f32,
-    coarsest_mm: f32,
-    solid: Solid,
-) -> Organ {
-    Organ { name, tissue, priority, body: Body::Fetus, grain_mm, coarsest_mm, solid }
 }

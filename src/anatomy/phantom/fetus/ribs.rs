@@ -2,11 +2,10 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::trunk::under_skin;
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Isometry, catmull_rom, ellipsoid, sweep, union};
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
+use crate::anatomy::phantom::sdf::{Isometry, ellipsoid, smooth_sweep, union};
 
 /// Depth of the ribs below the skin, mm as drawn.
 const UNDER_SKIN_MM: f32 = 4.6;
@@ -31,7 +30,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
             let at = under_skin(attitude, level, side, angle, UNDER_SKIN_MM);
             knots.push((at, scale * RIB_RADIUS_MM * (1.0 - 0.12 * t)));
         }
-        sweep(&catmull_rom(&knots, 4))
+        smooth_sweep(&knots, 4)
     });
     let sternum = (0..4).map(|i| {
         let level = 10.6 + 1.5 * i as f32;
@@ -40,5 +39,5 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
             .placed(Isometry { translation: at, ..attitude.vertebra(level) })
     });
     let cage: Vec<_> = ribs.collect();
-    vec![organ("ribs", "bone_fetal", 136, 0.55, 1.05 * scale, union(cage.into_iter().chain(sternum)))]
+    vec![Fetus.organ("ribs", "bone_fetal", 136, 0.55, 1.05 * scale, union(cage.into_iter().chain(sternum)))]
 }

@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 
-use super::{head, limbs, organ, trunk};
+use super::{head, limbs, trunk};
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, smooth_union, union};
 
 /// The fetus up to its skin, fetal frame.
@@ -26,7 +26,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let outline = outline(attitude);
     let body = outline.grown(-attitude.biometry.skin_thickness_mm);
     vec![
-        organ("fetal_skin", "skin", 100, 1.2, 5.0 * scale, outline),
-        organ("fetal_body", "soft_tissue", 102, 1.3, 5.0 * scale, body),
+        Fetus.organ("fetal_skin", "skin", 100, 1.2, 5.0 * scale, outline),
+        Fetus.organ("fetal_body", "soft_tissue", 102, 1.3, 5.0 * scale, body),
     ]
 }

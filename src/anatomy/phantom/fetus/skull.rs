@@ -5,19 +5,19 @@
 
 use glam::Vec3;
 
-use super::{head, organ};
+use super::head;
 use crate::anatomy::phantom::attitude::Attitude;
 use crate::anatomy::phantom::biometry::Biometry;
-use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, ellipsoid, sweep, union};
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
+use crate::anatomy::phantom::sdf::{Solid, bisect, ellipsoid, sweep, union};
 
 /// Skull, and the membranes of its gaps.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let biometry = &attitude.biometry;
     let scale = biometry.head_scale();
     vec![
-        organ("skull", "calvaria_fetal", 140, 0.85, 6.0 * scale, attitude.in_head(head::cranium(biometry, 0.0))),
-        organ("sutures", "fascia", 141, 0.75, 1.2 * scale, attitude.in_head(gaps(biometry))),
+        Fetus.organ("skull", "calvaria_fetal", 140, 0.85, 6.0 * scale, attitude.in_head(head::cranium(biometry, 0.0))),
+        Fetus.organ("sutures", "fascia", 141, 0.75, 1.2 * scale, attitude.in_head(gaps(biometry))),
     ]
 }
 
@@ -25,24 +25,19 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
 const SUTURE_MM: f32 = 0.95;
 const METOPIC_MM: f32 = 0.7;
 /// Extent of the membranes beyond the bone's outer and inner side, mm as drawn.
-const PAST_MM: f32 = 0.35;
+const MEMBRANE_MARGIN_MM: f32 = 0.35;
 
 fn gaps(biometry: &Biometry) -> Solid {
     let v = Vec3::new;
     let semi = head::semi(biometry);
-    let outer = head::cranium(biometry, PAST_MM);
-    let inner = head::cranium(biometry, -(head::table(biometry) + PAST_MM));
+    let outer = head::cranium(biometry, MEMBRANE_MARGIN_MM);
+    let inner = head::cranium(biometry, -(head::table(biometry) + MEMBRANE_MARGIN_MM));
     // Point of the skull on a ray from the head's centre: the vault is drawn for semi-axes of 27.9, 29.75 and 35 mm.
     let on_skull = {
         let skull = head::cranium(biometry, 0.0);
         move |x: f32, y: f32, z: f32| {
             let direction = (v(x, y, z) * semi / v(27.9, 29.75, 35.0)).normalize();
-            let (mut inside, mut outside) = (0.0f32, 80.0f32);
-            for _ in 0..24 {
-                let middle = 0.5 * (inside + outside);
-                if skull.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
-            }
-            direction * inside
+            direction * bisect(0.0, 80.0, 24, |t| skull.distance_mm(direction * t) < 0.0)
         }
     };
     // A suture is a tube along the bone's edge, thicker than the bone, cut to the table's depth.
@@ -75,7 +70,5 @@ fn gaps(biometry: &Biometry) -> Solid {
         ellipsoid(pterion, v(2.4, 2.6, 2.6)),
         ellipsoid(asterion, v(2.4, 2.6, 2.6)),
     ]);
-    // Parts that touch the midline extend beyond it.
-    let sides = Solid::new(sides.bounds(), move |p| sides.distance_mm(p)).with_mirror_image();
-    union(middle.into_iter().chain([sides])).intersect(outer).subtract(inner)
+    union(middle.into_iter().chain([sides.with_mirror_image()])).intersect(outer).subtract(inner)
 }

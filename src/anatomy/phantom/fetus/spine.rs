@@ -2,10 +2,9 @@
 
 use glam::Vec3;
 
-use super::organ;
 use crate::anatomy::phantom::attitude::{Attitude, VERTEBRAE};
-use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, ellipsoid, round_cone, smooth_union, sweep, union};
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
+use crate::anatomy::phantom::sdf::{Solid, ellipsoid, round_cone, smooth_sweep, smooth_union, union};
 
 /// Position of the canal's centre relative to the vertebral bodies' centres, mm as drawn; negative is dorsal.
 const CANAL_MM: f32 = -4.0;
@@ -18,16 +17,16 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
             .map(|i| from + (to - from) * i as f32 / 20.0)
             .map(|level| attitude.knot(level, 0.0, ventral, radius * taper(level)))
             .collect();
-        sweep(&catmull_rom(&knots, 3))
+        smooth_sweep(&knots, 3)
     };
     // Unossified cartilage and discs.
     let cartilage = smooth_union([tube(0.4, 28.6, 0.0, 2.9), tube(0.4, 26.0, CANAL_MM, 3.1)], 1.5 * scale);
     // At 22 weeks the cord ends at about L3; the sac continues to the sacrum.
     vec![
-        organ("spinal_cartilage", "cartilage", 129, 0.95, 3.2 * scale, cartilage),
-        organ("spinal_canal", "csf", 130, 0.75, 2.8 * scale, tube(0.2, 26.0, CANAL_MM, 2.5)),
-        organ("spinal_cord", "brain", 132, 0.6, 1.8 * scale, tube(0.2, 21.5, CANAL_MM, 1.35)),
-        organ("vertebrae", "bone_fetal", 134, 0.5, 1.4 * scale, vertebrae(attitude)),
+        Fetus.organ("spinal_cartilage", "cartilage", 129, 0.95, 3.2 * scale, cartilage),
+        Fetus.organ("spinal_canal", "csf", 130, 0.75, 2.8 * scale, tube(0.2, 26.0, CANAL_MM, 2.5)),
+        Fetus.organ("spinal_cord", "brain", 132, 0.6, 1.8 * scale, tube(0.2, 21.5, CANAL_MM, 1.35)),
+        Fetus.organ("vertebrae", "bone_fetal", 134, 0.5, 1.4 * scale, vertebrae(attitude)),
     ]
 }
 

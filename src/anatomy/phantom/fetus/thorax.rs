@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 
-use super::{organ, trunk};
+use super::trunk;
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
 use crate::anatomy::phantom::sdf::{Solid, smooth_union, sweep, union};
 
 /// Thickness of diaphragm and abdominal muscles, mm as drawn.
@@ -60,9 +60,9 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         nostril(-1.0),
     ]);
     vec![
-        organ("lungs", "lung_fetal", 106, 0.9, 5.0 * scale, lungs),
-        organ("diaphragm_and_belly_wall", "muscle", 107, 1.3, 5.0 * scale, belly(attitude, MUSCLE_MM)),
-        organ("belly", "soft_tissue", 108, 1.3, 5.0 * scale, belly(attitude, 0.0)),
-        organ("airway", "amniotic_fluid", 117, 0.55, 1.2 * scale, airway),
+        Fetus.organ("lungs", "lung_fetal", 106, 0.9, 5.0 * scale, lungs),
+        Fetus.organ("diaphragm_and_belly_wall", "muscle", 107, 1.3, 5.0 * scale, belly(attitude, MUSCLE_MM)),
+        Fetus.organ("belly", "soft_tissue", 108, 1.3, 5.0 * scale, belly(attitude, 0.0)),
+        Fetus.organ("airway", "amniotic_fluid", 117, 0.55, 1.2 * scale, airway),
     ]
 }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep};
+use crate::anatomy::phantom::sdf::{Solid, bisect, catmull_rom, sweep};
 
 /// Level of the stomach and the umbilical vein, where the abdominal circumference is measured: between T11 and T12.
 pub(in crate::anatomy::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
@@ -75,12 +75,8 @@ pub(in crate::anatomy::phantom) fn skin_points<const N: usize>(
     let (trunk, centre, frame) = (trunk(attitude, 0.0), trunk_centre(attitude, level), attitude.vertebra(level));
     directions.map(|direction| {
         let direction = frame.vector(direction);
-        let (mut inside, mut outside) = (0.0f32, 3.0 * attitude.biometry.abdominal_radius_mm());
-        for _ in 0..30 {
-            let middle = 0.5 * (inside + outside);
-            if trunk.distance_mm(centre + direction * middle) < 0.0 { inside = middle } else { outside = middle }
-        }
-        centre + direction * inside
+        let far = 3.0 * attitude.biometry.abdominal_radius_mm();
+        centre + direction * bisect(0.0, far, 30, |t| trunk.distance_mm(centre + direction * t) < 0.0)
     })
 }
 

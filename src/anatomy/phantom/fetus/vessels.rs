@@ -2,11 +2,10 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::trunk::NAVEL_LEVEL;
 use crate::anatomy::phantom::attitude::Attitude;
-use crate::anatomy::phantom::organ::Organ;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
+use crate::anatomy::phantom::organ::{Body::Fetus, Organ};
+use crate::anatomy::phantom::sdf::{Solid, smooth_sweep, union};
 
 /// Thickness of a great vessel's wall, mm as drawn.
 const WALL_MM: f32 = 0.4;
@@ -88,16 +87,10 @@ pub(in crate::anatomy::phantom) fn descending_aorta(attitude: &Attitude, level: 
 /// Blood and vessel walls.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let scale = attitude.biometry.trunk_scale();
+    let blood = union([great_vessels(attitude, 0.0), small_vessels(attitude)]);
     vec![
-        organ("fetal_vessel_walls", "vessel_wall", 116, 0.7, 2.0 * scale, great_vessels(attitude, WALL_MM)),
-        organ(
-            "fetal_vessels",
-            "blood",
-            119,
-            0.55,
-            1.2 * scale,
-            union([great_vessels(attitude, 0.0), small_vessels(attitude)]),
-        ),
+        Fetus.organ("fetal_vessel_walls", "vessel_wall", 116, 0.7, 2.0 * scale, great_vessels(attitude, WALL_MM)),
+        Fetus.organ("fetal_vessels", "blood", 119, 0.55, 1.2 * scale, blood),
     ]
 }
 
@@ -105,7 +98,7 @@ fn tubes<'a>(attitude: &Attitude, lines: impl IntoIterator<Item = &'a [Knot]>, g
     let tube = |line: &[Knot]| {
         let knots: Vec<_> =
             line.iter().map(|&(l, left, ventral, r)| attitude.knot(l, left, ventral, r + grown)).collect();
-        sweep(&catmull_rom(&knots, 6))
+        smooth_sweep(&knots, 6)
     };
     union(lines.into_iter().map(tube))
 }

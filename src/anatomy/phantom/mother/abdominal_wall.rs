@@ -5,11 +5,10 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::proportions::Proportions;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
-use crate::anatomy::phantom::sdf::{Bounds, Solid, ellipsoid, half_space, rounded_box, smooth_union};
+use crate::anatomy::phantom::sdf::{Solid, bisect, ellipsoid, half_space, rounded_box, smooth_union};
 
 /// Height of the belly's skin above the reference cavity at [`REFERENCE_FAT_MM`], mm.
 const BELLY_ABOVE_CAVITY_MM: f32 = 33.0;
@@ -64,42 +63,24 @@ impl AbdominalWall {
     /// Height of the belly's skin above the origin, mm.
     pub(super) fn belly_top_mm(&self) -> f32 {
         let skin = self.under_skin(0.0);
-        let (mut inside, mut outside) = (0.0f32, 600.0f32);
-        for _ in 0..40 {
-            let middle = 0.5 * (inside + outside);
-            if skin.distance_mm(Vec3::Z * middle) < 0.0 { inside = middle } else { outside = middle }
-        }
-        inside
+        bisect(0.0, 600.0, 40, |height| skin.distance_mm(Vec3::Z * height) < 0.0)
     }
 
     /// Skin, fat, fasciae, muscles, peritoneum and interior, each closed and around the next.
     pub(super) fn organs(&self) -> Vec<Organ> {
         let under_sheath = FASCIA_MM + MUSCLE_MM;
+        let under_fascia = under_sheath + POSTERIOR_FASCIA_MM;
         let layer = |depth_mm: f32| self.under_fat.grown(-depth_mm);
         let mut organs = vec![
-            organ("skin", "skin", 1, 7.0, 30.0, self.under_skin(0.0)),
-            organ("subcutaneous_fat", "fat", 2, 7.0, 30.0, self.under_skin(SKIN_MM)),
-            organ("abdominal_fascia", "fascia", 5, 7.0, 30.0, layer(0.0)),
-            organ("rectus_muscles", "muscle", 6, 4.5, 18.0, self.recti()),
-            organ("back_muscles", "muscle", 6, 9.0, 30.0, self.back_muscles()),
-            organ("transversalis_fascia", "fascia", 12, 7.0, 26.0, self.behind_linea_alba(under_sheath)),
-            organ(
-                "preperitoneal_fat",
-                "fat",
-                13,
-                7.0,
-                26.0,
-                self.behind_linea_alba(under_sheath + POSTERIOR_FASCIA_MM),
-            ),
-            organ(
-                "peritoneum",
-                "peritoneum",
-                14,
-                8.0,
-                30.0,
-                layer(under_sheath + POSTERIOR_FASCIA_MM + PREPERITONEAL_FAT_MM),
-            ),
-            organ("abdominal_interior", "soft_tissue_maternal", 15, 8.0, 30.0, self.interior()),
+            Mother.organ("skin", "skin", 1, 7.0, 30.0, self.under_skin(0.0)),
+            Mother.organ("subcutaneous_fat", "fat", 2, 7.0, 30.0, self.under_skin(SKIN_MM)),
+            Mother.organ("abdominal_fascia", "fascia", 5, 7.0, 30.0, layer(0.0)),
+            Mother.organ("rectus_muscles", "muscle", 6, 4.5, 18.0, self.recti()),
+            Mother.organ("back_muscles", "muscle", 6, 9.0, 30.0, self.back_muscles()),
+            Mother.organ("transversalis_fascia", "fascia", 12, 7.0, 26.0, self.behind_linea_alba(under_sheath)),
+            Mother.organ("preperitoneal_fat", "fat", 13, 7.0, 26.0, self.behind_linea_alba(under_fascia)),
+            Mother.organ("peritoneum", "peritoneum", 14, 8.0, 30.0, layer(under_fascia + PREPERITONEAL_FAT_MM)),
+            Mother.organ("abdominal_interior", "soft_tissue_maternal", 15, 8.0, 30.0, self.interior()),
         ];
         let flat = [
             ("external_obliques", "muscle"),
@@ -109,7 +90,7 @@ impl AbdominalWall {
             ("transversus_muscles", "muscle"),
         ];
         for (i, (name, tissue)) in flat.into_iter().enumerate() {
-            organs.push(organ(name, tissue, 7 + i as i32, 7.0, 17.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
+            organs.push(Mother.organ(name, tissue, 7 + i as i32, 7.0, 17.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
         }
         organs
     }
@@ -128,9 +109,7 @@ impl AbdominalWall {
         let alba = half_space(Vec3::X * (4.0 + 0.1 * self.proportions.excess.x.max(0.0)), Vec3::NEG_X);
         let front = half_space(Vec3::Z * self.front_mm(), Vec3::NEG_Z);
         let band = semilunaris.smooth_intersect(alba, 3.0).intersect(front);
-        let half = sheath.subtract(deep).smooth_intersect(band, 4.0);
-        let Bounds { min, max } = half.bounds();
-        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+        sheath.subtract(deep).smooth_intersect(band, 4.0).with_mirror_image()
     }
 
     /// Region deeper than `depth_mm` under the fat; shallower behind the linea alba, which is thinner than the muscles
@@ -151,9 +130,7 @@ impl AbdominalWall {
         let sheath = self.under_fat.grown(-FASCIA_MM);
         let back = half_space(Vec3::Z * (self.front_mm() - 53.0), Vec3::Z);
         let midline = half_space(Vec3::X * 3.0, Vec3::NEG_X);
-        let half = sheath.smooth_intersect(back.smooth_intersect(midline, 3.0), 6.0);
-        let Bounds { min, max } = half.bounds();
-        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+        sheath.smooth_intersect(back.smooth_intersect(midline, 3.0), 6.0).with_mirror_image()
     }
 
     /// Coordinate at which the belly's front ends and its flanks begin, mm.
@@ -169,9 +146,7 @@ impl AbdominalWall {
         let edge = self.semilunaris_mm() + 1.0 + 0.6 * depth_mm;
         let beyond = half_space(Vec3::X * edge, Vec3::new(-0.94, 0.0, 0.34));
         let loins = half_space(Vec3::Z * (self.front_mm() - 50.0), Vec3::NEG_Z);
-        let half = layer.subtract(deep).smooth_intersect(beyond, 4.0).intersect(loins);
-        let Bounds { min, max } = half.bounds();
-        Solid::new(Bounds { min: min.with_x(0.0), max }, move |p| half.distance_mm(p)).with_mirror_image()
+        layer.subtract(deep).smooth_intersect(beyond, 4.0).intersect(loins).with_mirror_image()
     }
 }
 
@@ -195,14 +170,12 @@ mod tests {
     #[test]
     fn the_uterus_is_inside_the_wall() {
         for weeks in [16.0, 22.0, 34.0] {
-            for lie in [crate::anatomy::phantom::parameters::Lie::Cephalic] {
-                let p = Parameters { gestational_weeks: weeks, lie, ..Parameters::default() };
-                let interior = AbdominalWall::of(&p).interior();
-                let semi = Proportions::of(&p).cavity_semi + super::super::proportions::UTERINE_WALL_MM;
-                for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                    let d = interior.distance_mm(axis * semi);
-                    assert!(d < 0.6, "{axis} at {weeks} weeks: {d}");
-                }
+            let p = Parameters { gestational_weeks: weeks, ..Parameters::default() };
+            let interior = AbdominalWall::of(&p).interior();
+            let semi = Proportions::of(&p).cavity_semi + super::super::proportions::UTERINE_WALL_MM;
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                let d = interior.distance_mm(axis * semi);
+                assert!(d < 0.6, "{axis} at {weeks} weeks: {d}");
             }
         }
     }

@@ -3,9 +3,8 @@
 use glam::Vec3;
 
 use super::abdominal_wall::AbdominalWall;
-use super::organ;
 use super::proportions::Proportions;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{ellipsoid, smooth_union};
 
@@ -31,7 +30,7 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
     // The uterus indents its roof; the wall of the belly bounds it.
     .smooth_intersect(wall.interior().grown(-4.0), 6.0);
     vec![
-        organ("maternal_bladder_wall", "muscle", 24, 2.8, 8.0, urine.grown(3.0)),
-        organ("maternal_bladder", "urine", 26, 2.6, 8.0, urine),
+        Mother.organ("maternal_bladder_wall", "muscle", 24, 2.8, 8.0, urine.grown(3.0)),
+        Mother.organ("maternal_bladder", "urine", 26, 2.6, 8.0, urine),
     ]
 }

@@ -3,10 +3,9 @@
 use glam::Vec3;
 
 use super::abdominal_wall::AbdominalWall;
-use super::organ;
 use super::proportions::Proportions;
 use super::vary::{random, vary};
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, smooth_union, sphere, sweep, union};
 
@@ -95,8 +94,8 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
     let lumen = loops(&lines, WALL_MM, &interior);
     let gas = gas(parameters, &lines).smooth_intersect(lumen.grown(-0.3), 1.0);
     vec![
-        organ("maternal_bowel_wall", "muscle", 20, 3.2, 12.0, loops(&lines, 0.0, &interior)),
-        organ("maternal_bowel", "bowel", 21, 3.2, 9.5, lumen),
-        organ("bowel_gas", "air", 22, 2.6, 4.6, gas),
+        Mother.organ("maternal_bowel_wall", "muscle", 20, 3.2, 12.0, loops(&lines, 0.0, &interior)),
+        Mother.organ("maternal_bowel", "bowel", 21, 3.2, 9.5, lumen),
+        Mother.organ("bowel_gas", "air", 22, 2.6, 4.6, gas),
     ]
 }

@@ -5,11 +5,9 @@ use std::f32::consts::TAU;
 use glam::Vec3;
 
 use super::cord_path::{End, Surroundings, route};
-use super::organ;
-use super::placenta::Placenta;
 use super::proportions::growth;
 use super::vary::{random, vary};
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
 
@@ -35,21 +33,12 @@ pub(super) struct Cord {
 }
 
 impl Cord {
-    /// Cord from its insertion in the placenta's `body` to the `navel` of a `fetus`.
-    pub(super) fn of(
-        parameters: &Parameters,
-        placenta: &Placenta,
-        body: &Solid,
-        root: (Vec3, Vec3),
-        fetus: &Solid,
-        navel: End,
-    ) -> Self {
+    /// Cord between its insertions in the placenta, `from`, and in the `navel`.
+    pub(super) fn of(parameters: &Parameters, around: &Surroundings, from: End, navel: End) -> Self {
         let seed = parameters.seed;
         let size = growth(parameters).powf(0.8);
         let radius_mm = CORD_RADIUS_22_MM * size * (1.0 + 0.08 * vary(seed, 2000));
-        let around = Surroundings { cavity: placenta.cavity(), placenta: body, fetus };
-        let from = End { at: root.0, away: root.1 };
-        let course = route(&around, from, navel, radius_mm, seed);
+        let course = route(around, from, navel, radius_mm, seed);
         // Rooted in the placenta, not through it.
         let mut knots = vec![from.at - from.away * ROOTED_MM];
         knots.extend(&course);
@@ -95,10 +84,10 @@ impl Cord {
         let [left, right] = self.arteries(VESSEL_WALL_MM);
         let walls = union([self.vein(VESSEL_WALL_MM), left, right]);
         vec![
-            organ("cord", "cord_jelly", 70, 1.2, 6.0, jelly),
-            organ("cord_vessel_walls", "vessel_wall", 72, 0.8, 2.4, walls),
-            organ("cord_arteries", "blood", 74, 0.65, 1.6, union(self.arteries(0.0))),
-            organ("cord_vein", "blood", 75, 0.8, 2.5, self.vein(0.0)),
+            Mother.organ("cord", "cord_jelly", 70, 1.2, 6.0, jelly),
+            Mother.organ("cord_vessel_walls", "vessel_wall", 72, 0.8, 2.4, walls),
+            Mother.organ("cord_arteries", "blood", 74, 0.65, 1.6, union(self.arteries(0.0))),
+            Mother.organ("cord_vein", "blood", 75, 0.8, 2.5, self.vein(0.0)),
         ]
     }
 }

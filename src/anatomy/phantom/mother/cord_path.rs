@@ -92,10 +92,13 @@ impl Grid {
         grid
     }
 
-    fn place(&self, index: usize) -> Vec3 {
+    fn coordinates(&self, index: usize) -> IVec3 {
         let (x, y) = (self.size.x as usize, self.size.y as usize);
-        let at = IVec3::new((index % x) as i32, (index / x % y) as i32, (index / (x * y)) as i32);
-        self.origin + at.as_vec3() * self.cell_mm
+        IVec3::new((index % x) as i32, (index / x % y) as i32, (index / (x * y)) as i32)
+    }
+
+    fn place(&self, index: usize) -> Vec3 {
+        self.origin + self.coordinates(index).as_vec3() * self.cell_mm
     }
 
     fn index(&self, at: IVec3) -> Option<usize> {
@@ -110,8 +113,7 @@ impl Grid {
 
     /// The 26 neighbours and their distances.
     fn neighbours(&self, index: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
-        let (x, y) = (self.size.x as usize, self.size.y as usize);
-        let at = IVec3::new((index % x) as i32, (index / x % y) as i32, (index / (x * y)) as i32);
+        let at = self.coordinates(index);
         (0..27).filter(|&n| n != 13).filter_map(move |n| {
             let step = IVec3::new(n % 3, n / 3 % 3, n / 9) - 1;
             Some((self.index(at + step)?, step.as_vec3().length() * self.cell_mm))

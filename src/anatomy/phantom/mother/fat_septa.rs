@@ -7,9 +7,8 @@
 use glam::Vec3;
 
 use super::abdominal_wall::{AbdominalWall, SKIN_MM};
-use super::organ;
 use super::vary::random;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{Bounds, Solid};
 
@@ -28,7 +27,7 @@ const BENT_MM: f32 = 24.0;
 /// Fat thickness above which oblique septa extend farther, mm: each additional mm of fat adds a mm along and across the
 /// belly, and, as the belly's ends fall off, more depth.
 const MODERATE_FAT_MM: f32 = 14.0;
-const DEEPER: f32 = 2.5;
+const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
 /// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum lies along that
 /// side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
@@ -66,7 +65,9 @@ impl Lattice {
         let more = (self.fat_mm - MODERATE_FAT_MM).max(0.0);
         let bent = BENT_MM + more;
         let side = self.radius_mm * (across / self.radius_mm).sin() + bent;
-        let low = AXIS_Z_MM + self.radius_mm * (across / self.radius_mm).cos() * 0.6 - self.fat_mm - DEEPER * more;
+        let low = AXIS_Z_MM + self.radius_mm * (across / self.radius_mm).cos() * 0.6
+            - self.fat_mm
+            - DEPTH_PER_MM_OF_FAT * more;
         Bounds {
             min: Vec3::new(-side, -along - bent, low),
             max: Vec3::new(side, along + bent, self.radius_mm + AXIS_Z_MM),
@@ -154,11 +155,11 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
         "fat_lobules_8",
     ];
     let lattice = Lattice::of(parameters, wall);
-    let mut organs = vec![organ("fat_septa", "septum", 3, 5.0, 20.0, lattice.slab())];
+    let mut organs = vec![Mother.organ("fat_septa", "septum", 3, 5.0, 20.0, lattice.slab())];
     for (n, name) in NAMES.into_iter().enumerate() {
         let parity = [n & 1, n >> 1 & 1, n >> 2 & 1].map(|b| b as i32);
         if parity[2] < lattice.layers {
-            organs.push(organ(name, "fat", 4, 2.6, 6.0, lattice.lobules(parity)));
+            organs.push(Mother.organ(name, "fat", 4, 2.6, 6.0, lattice.lobules(parity)));
         }
     }
     organs

@@ -23,13 +23,13 @@ use glam::Vec3;
 
 use super::attitude::Attitude;
 use super::fetus;
-use super::organ::{Body, Organ};
+use super::organ::Organ;
 use super::parameters::Parameters;
 use super::sdf::Solid;
 use super::vary;
 use abdominal_wall::AbdominalWall;
 use cord::Cord;
-use cord_path::End;
+use cord_path::{End, Surroundings};
 use placenta::Placenta;
 
 pub(super) use bladder::bladder_centre;
@@ -51,21 +51,40 @@ pub(super) fn cavity(parameters: &Parameters) -> Solid {
     uterus::cavity(cavity_semi_mm(parameters))
 }
 
-/// All surfaces of the mother, with placenta, cord and fluid.
-pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ> {
-    let outline = fetus::outline(attitude).placed(attitude.scene_from_fetus);
+/// The fetus up to its skin, and its navel; scene frame.
+fn fetus_in_scene(attitude: &Attitude) -> (Solid, End) {
+    let scene_from_fetus = attitude.scene_from_fetus;
     let ventral = attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z);
-    let navel = End { at: attitude.scene_point(fetus::navel(attitude)), away: attitude.scene_vector(ventral) };
-    organs_around(parameters, &outline, navel)
+    let navel = End { at: scene_from_fetus.point(fetus::navel(attitude)), away: scene_from_fetus.vector(ventral) };
+    (fetus::outline(attitude).placed(scene_from_fetus), navel)
 }
 
-/// All surfaces of the mother of a fetus with the given skin and navel, scene frame.
-fn organs_around(parameters: &Parameters, fetus: &Solid, navel: End) -> Vec<Organ> {
+/// Placenta and cord of a fetus.
+struct Afterbirth {
+    placenta: Placenta,
+    body: Solid,
+    /// Insertion of the cord in the placenta.
+    root: End,
+    cord: Cord,
+}
+
+impl Afterbirth {
+    fn of(parameters: &Parameters, fetus: &Solid, navel: End) -> Self {
+        let placenta = Placenta::of(parameters);
+        let body = placenta.body(fetus);
+        let root = placenta.insertion(&body, fetus);
+        let around = Surroundings { cavity: &placenta.cavity, placenta: &body, fetus };
+        let cord = Cord::of(parameters, &around, root, navel);
+        Self { placenta, body, root, cord }
+    }
+}
+
+/// All surfaces of the mother, with placenta, cord and fluid.
+pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ> {
     let wall = AbdominalWall::of(parameters);
-    let placenta = Placenta::of(parameters);
-    let body = placenta.body(fetus);
-    let root = placenta.insertion(&body, fetus);
-    let cord = Cord::of(parameters, &placenta, &body, root, fetus, navel);
+    let (fetus, navel) = fetus_in_scene(attitude);
+    let Afterbirth { placenta, body, root, cord } = Afterbirth::of(parameters, &fetus, navel);
+    let vessels = placental_vessels::tree(&placenta, &body, root.at);
     let parts = [
         wall.organs(),
         fat_septa::organs(parameters, &wall),
@@ -75,20 +94,8 @@ fn organs_around(parameters: &Parameters, fetus: &Solid, navel: End) -> Vec<Orga
         vessels::organs(parameters),
         pelvis::organs(parameters),
         uterus::organs(parameters, &placenta),
-        placenta.organs(&body, root.0),
+        placenta.organs(&body, vessels),
         cord.organs(),
     ];
     parts.into_iter().flatten().collect()
-}
-
-/// A surface of the mother.
-fn organ(
-    name: &'static str,
-    tissue: &'static str,
-    priority: i32,
-    grain_mm: f32,
-    coarsest_mm: f32,
-    solid: Solid,
-) -> Organ {
-    Organ { name, tissue, priority, body: Body::Mother, grain_mm, coarsest_mm, solid }
 }

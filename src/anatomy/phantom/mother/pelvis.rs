@@ -2,10 +2,9 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::proportions::Proportions;
 use super::spine::SACRUM_TOP_22_MM;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{
     Isometry, Solid, capsule, ellipsoid, round_cone, rounded_box, smooth_union, sphere, union,
@@ -15,9 +14,9 @@ use crate::anatomy::phantom::sdf::{
 pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     let shift = Isometry { translation: Proportions::of(parameters).skeleton_shift(), ..Isometry::IDENTITY };
     vec![
-        organ("symphysis", "cartilage", 29, 1.8, 6.0, symphysis().placed(shift)),
-        organ("maternal_pelvis", "bone_adult", 30, 3.4, 10.0, hip_bones().placed(shift)),
-        organ("sacrum", "bone_adult", 31, 3.2, 9.5, sacrum().placed(shift)),
+        Mother.organ("symphysis", "cartilage", 29, 1.8, 6.0, symphysis().placed(shift)),
+        Mother.organ("maternal_pelvis", "bone_adult", 30, 3.4, 10.0, hip_bones().placed(shift)),
+        Mother.organ("sacrum", "bone_adult", 31, 3.2, 9.5, sacrum().placed(shift)),
     ]
 }
 

@@ -4,12 +4,13 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
+use super::cord_path::End;
 use super::proportions::growth;
 use super::vary::{random, vary};
-use super::{cavity, cavity_semi_mm, organ, placental_vessels};
-use crate::anatomy::phantom::organ::Organ;
+use super::{cavity, cavity_semi_mm};
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::{Parameters, PlacentaSite};
-use crate::anatomy::phantom::sdf::{Bounds, Solid, smooth_union, sphere};
+use crate::anatomy::phantom::sdf::{Bounds, Solid, bisect, smooth_union, sphere};
 
 /// Radius at 22 weeks, mm.
 const RADIUS_22_MM: f32 = 72.0;
@@ -31,8 +32,8 @@ const BED_MM: f32 = 5.0;
 /// Site and size of a placenta.
 #[derive(Clone)]
 pub(super) struct Placenta {
-    parameters: Parameters,
-    cavity: Solid,
+    pub(super) parameters: Parameters,
+    pub(super) cavity: Solid,
     /// Point of the wall at its centre.
     wall: Vec3,
     /// Outward normal at that point.
@@ -57,12 +58,8 @@ impl Placenta {
         let about = Vec3::new(vary(seed, 701), vary(seed, 702), vary(seed, 703)) * 0.12;
         let direction = ((towards + about) * semi).normalize();
         // The cavity is convex about the origin: bisection along the ray.
-        let (mut inside, mut outside) = (0.0f32, 2.0 * semi.max_element());
-        for _ in 0..40 {
-            let middle = 0.5 * (inside + outside);
-            if cavity.distance_mm(direction * middle) < 0.0 { inside = middle } else { outside = middle }
-        }
-        let wall = direction * inside;
+        let far = 2.0 * semi.max_element();
+        let wall = direction * bisect(0.0, far, 40, |t| cavity.distance_mm(direction * t) < 0.0);
         let outward = cavity.normal(wall);
         let mut placenta = Self { parameters: *parameters, cavity, wall, outward, lobes: [].into() };
         placenta.lobes = placenta.lobe_centres().into();
@@ -116,15 +113,8 @@ impl Placenta {
     /// Point on the fetal side of `body` under the point `on_wall`; `None` beyond the rim.
     pub(super) fn fetal_side(&self, body: &Solid, on_wall: Vec3) -> Option<Vec3> {
         let inward = self.inward(on_wall);
-        let (mut inside, mut outside) = (1.0f32, 1.6 * self.thickness_mm());
-        if body.distance_mm(on_wall + inward * inside) >= 0.0 {
-            return None;
-        }
-        for _ in 0..30 {
-            let middle = 0.5 * (inside + outside);
-            if body.distance_mm(on_wall + inward * middle) < 0.0 { inside = middle } else { outside = middle }
-        }
-        Some(on_wall + inward * inside)
+        let is_inside = |depth: f32| body.distance_mm(on_wall + inward * depth) < 0.0;
+        is_inside(1.0).then(|| on_wall + inward * bisect(1.0, 1.6 * self.thickness_mm(), 30, is_inside))
     }
 
     /// Lobes on a hexagonal lattice, displaced at random.
@@ -148,8 +138,7 @@ impl Placenta {
 
     /// Approximate distance of `p` from the border between two lobes, mm, seen from the wall.
     fn lobe_border_distance(&self, p: Vec3) -> f32 {
-        let [a, b] = self.tangents();
-        let at = Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b));
+        let at = self.tangent_place(p);
         let (mut nearest, mut second) = (f32::MAX, f32::MAX);
         for centre in self.lobes.iter() {
             let d = at.distance(*centre);
@@ -259,8 +248,9 @@ impl Placenta {
 
     /// Insertion of the cord on the fetal side of `body`, and the direction away from it: off the centre, where `fetus`
     /// leaves most room.
-    pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> (Vec3, Vec3) {
-        let mut best = (f32::MIN, self.wall - self.outward * self.thickness_mm(), -self.outward);
+    pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> End {
+        let fallback = End { at: self.wall - self.outward * self.thickness_mm(), away: -self.outward };
+        let mut best = (f32::MIN, fallback);
         for ring in 0..7 {
             for step in 0..16u64 {
                 let turn = TAU * (step as f32 + 0.5 * (ring % 2) as f32) / 16.0;
@@ -278,32 +268,24 @@ impl Placenta {
                     + thick.min(12.0)
                     + 3.0 * random(self.parameters.seed, 1700 + 16 * ring + step);
                 if score > best.0 {
-                    best = (score, fetal, inward);
+                    best = (score, End { at: fetal, away: inward });
                 }
             }
         }
-        (best.1, best.2)
+        best.1
     }
 
-    /// Plates, parenchyma, lakes, bed and the vessels on the chorionic plate; `root` is the cord's insertion.
-    pub(super) fn organs(&self, body: &Solid, root: Vec3) -> Vec<Organ> {
-        let lakes = self.lakes(body).map(|lakes| organ("placental_lakes", "blood", 63, 1.0, 2.6, lakes));
+    /// Plates, parenchyma, lakes, bed and the `vessels` on the chorionic plate.
+    pub(super) fn organs(&self, body: &Solid, vessels: Solid) -> Vec<Organ> {
+        let lakes = self.lakes(body).map(|lakes| Mother.organ("placental_lakes", "blood", 63, 1.0, 2.6, lakes));
         let parts = [
-            organ("placental_bed", "placental_bed", 45, 2.6, 9.0, self.bed()),
-            organ("placental_bed_veins", "blood", 46, 1.2, 2.0, self.bed_veins()),
-            organ("placental_plates", "placental_plate", 60, 1.9, 9.0, body.clone()),
-            organ("placenta", "placenta", 61, 1.7, 10.0, self.parenchyma(body)),
-            organ("placental_vessels", "blood", 64, 0.9, 1.85, placental_vessels::tree(self, body, root)),
+            Mother.organ("placental_bed", "placental_bed", 45, 2.6, 9.0, self.bed()),
+            Mother.organ("placental_bed_veins", "blood", 46, 1.2, 2.0, self.bed_veins()),
+            Mother.organ("placental_plates", "placental_plate", 60, 1.9, 9.0, body.clone()),
+            Mother.organ("placenta", "placenta", 61, 1.7, 10.0, self.parenchyma(body)),
+            Mother.organ("placental_vessels", "blood", 64, 0.9, 1.85, vessels),
         ];
         parts.into_iter().chain(lakes).collect()
-    }
-
-    pub(super) fn cavity(&self) -> &Solid {
-        &self.cavity
-    }
-
-    pub(super) fn seed(&self) -> u64 {
-        self.parameters.seed
     }
 
     /// Position of `p` in the tangent plane.

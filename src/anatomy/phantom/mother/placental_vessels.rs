@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::placenta::Placenta;
 use super::vary::random;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
+use crate::anatomy::phantom::sdf::{Solid, smooth_sweep, union};
 
 /// Number of main vessels at the root.
 const TRUNKS: u64 = 5;
@@ -17,7 +17,7 @@ const COVER_MM: f32 = 0.9;
 
 /// All vessels, under the fetal side of the placenta's `body`.
 pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
-    let seed = placenta.seed();
+    let seed = placenta.parameters.seed;
     let centre = placenta.tangent_place(root);
     let reach = placenta.radius_mm();
     let mut vessels = Vec::new();
@@ -32,14 +32,14 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
             let sway = toward.perp() * (0.06 * to_rim * (5.0 * t + TAU * r(1)).sin() * t);
             centre + toward * (0.86 * to_rim * t) + sway
         };
-        vessels.push(tube(placenta, body, &trunk, 1.0, RADIUS_MM, 0.55));
+        vessels.push(tube(placenta, body, &trunk, RADIUS_MM, 0.55));
         for (k, from) in [(2, 0.35f32), (4, 0.6)] {
             let side = if k == 2 { 1.0 } else { -1.0 };
             let aside = Vec2::from_angle(turn + side * (0.6 + 0.4 * r(k)));
             let length = to_rim * (0.8 - from) * (0.7 + 0.3 * r(k + 1));
             let start = trunk(from);
             let branch = move |t: f32| start + aside * (length * t);
-            vessels.push(tube(placenta, body, &branch, 1.0, RADIUS_MM * (0.95 - 0.5 * from), 0.6));
+            vessels.push(tube(placenta, body, &branch, RADIUS_MM * (0.95 - 0.5 * from), 0.6));
         }
     }
     // From the root to below the plate, all meet.
@@ -47,10 +47,10 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
 }
 
 /// Vessel under the fetal side along `line` of the tangent plane, tapering to `thin` of its radius.
-fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, end: f32, radius_mm: f32, thin: f32) -> Solid {
+fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, radius_mm: f32, thin: f32) -> Solid {
     let knots: Vec<(Vec3, f32)> = (0..=7)
         .filter_map(|k| {
-            let t = end * k as f32 / 7.0;
+            let t = k as f32 / 7.0;
             let on_wall = placenta.on_wall(line(t));
             let radius = radius_mm * (1.0 - (1.0 - thin) * t);
             let fetal = placenta.fetal_side(body, on_wall)?;
@@ -60,5 +60,5 @@ fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, end: f32,
                 .then(|| (fetal - placenta.inward(on_wall) * (COVER_MM + radius), radius))
         })
         .collect();
-    sweep(&catmull_rom(&knots, 4))
+    smooth_sweep(&knots, 4)
 }

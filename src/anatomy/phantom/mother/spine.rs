@@ -2,12 +2,11 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::proportions::Proportions;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{
-    Isometry, Solid, capsule, catmull_rom, round_cone, rounded_box, smooth_union, sweep, union,
+    Isometry, Solid, capsule, round_cone, rounded_box, smooth_sweep, smooth_union, union,
 };
 
 /// L5 to L1.
@@ -34,9 +33,9 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
         rounded_box(0.5 * (lower + body(i)), Vec3::new(22.0, 8.0, 16.0), 6.0)
     }));
     vec![
-        organ("psoas_muscles", "muscle", 17, 4.0, 17.0, psoas().placed(shift)),
-        organ("intervertebral_discs", "cartilage", 31, 2.8, 9.5, discs.placed(shift)),
-        organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 10.0, vertebrae().placed(shift)),
+        Mother.organ("psoas_muscles", "muscle", 17, 4.0, 17.0, psoas().placed(shift)),
+        Mother.organ("intervertebral_discs", "cartilage", 31, 2.8, 9.5, discs.placed(shift)),
+        Mother.organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 10.0, vertebrae().placed(shift)),
     ]
 }
 
@@ -74,5 +73,5 @@ fn psoas() -> Solid {
         (Vec3::new(54.0, -90.0, -66.0), 16.0),
         (Vec3::new(60.0, -130.0, -30.0), 13.0),
     ];
-    sweep(&catmull_rom(&line, 5)).with_mirror_image()
+    smooth_sweep(&line, 5).with_mirror_image()
 }

@@ -5,14 +5,12 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::cord::Cord;
-use super::cord_path::End;
-use super::placenta::Placenta;
 use super::*;
 use crate::anatomy::Mesh;
+use crate::anatomy::groups::Groups;
 use crate::anatomy::phantom::meshing;
 use crate::anatomy::phantom::parameters::{Lie, PlacentaSite};
-use crate::anatomy::phantom::sdf::sphere;
+use crate::anatomy::phantom::sdf::{bisect, sphere};
 use crate::anatomy::phantom::tests::cast;
 
 /// A solid far away from everything.
@@ -20,12 +18,10 @@ fn nowhere() -> Solid {
     sphere(Vec3::splat(5000.0), 1.0)
 }
 
-/// The fetus up to its skin, and its navel, scene frame.
-fn fetus_of(parameters: &Parameters) -> (Solid, End) {
-    let attitude = Attitude::of(parameters);
-    let outline = fetus::outline(&attitude).placed(attitude.scene_from_fetus);
-    let away = attitude.scene_vector(attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z));
-    (outline, End { at: attitude.scene_point(fetus::navel(&attitude)), away })
+/// The cord of `parameters`.
+fn cord(parameters: &Parameters) -> Cord {
+    let (fetus, navel) = fetus_in_scene(&Attitude::of(parameters));
+    Afterbirth::of(parameters, &fetus, navel).cord
 }
 
 /// Parameters that vary in every respect, with at least one of each lie and site.
@@ -58,11 +54,8 @@ fn grid() -> Vec<Parameters> {
 
 /// Faults of the cord of `parameters`; empty if there are none.
 fn faults(parameters: &Parameters) -> Vec<String> {
-    let (fetus, navel) = fetus_of(parameters);
-    let placenta = Placenta::of(parameters);
-    let body = placenta.body(&fetus);
-    let root = placenta.insertion(&body, &fetus);
-    let cord = Cord::of(parameters, &placenta, &body, root, &fetus, navel);
+    let (fetus, navel) = fetus_in_scene(&Attitude::of(parameters));
+    let Afterbirth { placenta, body, root, cord } = Afterbirth::of(parameters, &fetus, navel);
     let (line, radius) = (&cord.line, cord.radius_mm);
     let mut faults = Vec::new();
     let mut expect = |good: bool, what: String| {
@@ -72,16 +65,16 @@ fn faults(parameters: &Parameters) -> Vec<String> {
     };
     expect(body.distance_mm(line[0]) < 0.0, format!("begins {} mm off the placenta", body.distance_mm(line[0])));
     expect(fetus.distance_mm(line[line.len() - 1]) < 0.0, "does not reach the fetus".into());
-    let cavity = placenta.cavity();
+    let cavity = &placenta.cavity;
     let (mut skin, mut plate, mut wall) = (f32::MAX, f32::MAX, f32::MAX);
     for &p in &line[1..line.len() - 1] {
         if p.distance(navel.at) > 2.0 * radius {
             skin = skin.min(fetus.distance_mm(p));
         }
-        if p.distance(root.0) > 2.0 * radius {
+        if p.distance(root.at) > 2.0 * radius {
             plate = plate.min(body.distance_mm(p));
         }
-        if p.distance(root.0).min(p.distance(navel.at)) > 2.0 * radius {
+        if p.distance(root.at).min(p.distance(navel.at)) > 2.0 * radius {
             wall = wall.min(-cavity.distance_mm(p));
         }
     }
@@ -123,54 +116,35 @@ fn cords_find_their_way_through_the_fluid() {
 
 #[test]
 fn the_cord_is_reproducible_and_differs_by_seed() {
-    let line = |seed: u64| {
-        let parameters = Parameters { seed, ..Parameters::default() };
-        let (fetus, navel) = fetus_of(&parameters);
-        let placenta = Placenta::of(&parameters);
-        let body = placenta.body(&fetus);
-        let root = placenta.insertion(&body, &fetus);
-        Cord::of(&parameters, &placenta, &body, root, &fetus, navel).line
-    };
+    let line = |seed: u64| cord(&Parameters { seed, ..Parameters::default() }).line;
     assert_eq!(line(3), line(3));
     assert_ne!(line(3), line(4));
 }
 
 #[test]
 fn the_cord_has_two_arteries_and_a_vein_that_do_not_meet() {
-    for parameters in [Parameters::default()] {
-        let (fetus, navel) = fetus_of(&parameters);
-        let organs = organs_around(&parameters, &fetus, navel);
-        let solid = |name: &str| organs.iter().find(|o| o.name == name).unwrap();
-        let (vein, arteries, cord) = (solid("cord_vein"), solid("cord_arteries"), solid("cord"));
-        let meshes = [vein, arteries].map(|o| meshing::mesh(&o.solid, 0.35));
-        assert_eq!(bodies(&meshes[0]), 1, "one vein");
-        assert_eq!(bodies(&meshes[1]), 2, "two arteries of {parameters:?}");
-        // In tight bends they are nearer to each other than the walls are thick.
-        let wall_mm = 0.1;
-        let apart = meshes[0].vertices_mm.iter().map(|&v| arteries.solid.distance_mm(v)).fold(f32::MAX, f32::min);
-        assert!(apart > 2.0 * wall_mm, "{apart:.2} mm between vein and arteries of {parameters:?}");
-        for mesh in &meshes {
-            assert!(mesh.vertices_mm.iter().all(|&v| cord.solid.distance_mm(v) < -wall_mm), "vessels lie in the jelly");
-        }
+    let organs = cord(&Parameters::default()).organs();
+    let solid = |name: &str| organs.iter().find(|o| o.name == name).unwrap();
+    let (vein, arteries, cord) = (solid("cord_vein"), solid("cord_arteries"), solid("cord"));
+    let meshes = [vein, arteries].map(|o| meshing::mesh(&o.solid, 0.35));
+    assert_eq!(meshes.each_ref().map(bodies), [1, 2], "one vein and two arteries");
+    // In tight bends they are nearer to each other than the walls are thick.
+    let wall_mm = 0.1;
+    let apart = meshes[0].vertices_mm.iter().map(|&v| arteries.solid.distance_mm(v)).fold(f32::MAX, f32::min);
+    assert!(apart > 2.0 * wall_mm, "{apart:.2} mm between vein and arteries");
+    for mesh in &meshes {
+        assert!(mesh.vertices_mm.iter().all(|&v| cord.solid.distance_mm(v) < -wall_mm), "vessels lie in the jelly");
     }
 }
 
 /// Number of parts of a mesh that share no vertex.
-fn bodies(mesh: &Mesh) -> usize {
-    let mut parent: Vec<usize> = (0..mesh.vertices_mm.len()).collect();
-    fn root(parent: &mut [usize], mut i: usize) -> usize {
-        while parent[i] != i {
-            parent[i] = parent[parent[i]];
-            i = parent[i];
-        }
-        i
+fn bodies(mesh: &Mesh) -> u32 {
+    let mut groups = Groups::new(mesh.vertices_mm.len());
+    for &[a, b, c] in &mesh.triangles {
+        groups.join(a, b);
+        groups.join(a, c);
     }
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(|i| root(&mut parent, i as usize));
-        parent[b] = a;
-        parent[c] = a;
-    }
-    (0..parent.len()).filter(|&i| root(&mut parent, i) == i).count()
+    groups.numbered().into_iter().max().map_or(0, |last| last + 1)
 }
 
 #[test]
@@ -194,24 +168,16 @@ fn the_fat_has_the_requested_thickness() {
 
 #[test]
 fn the_placenta_is_as_many_mm_thick_as_weeks_old() {
-    use PlacentaSite::*;
     for weeks in [16.0, 22.0, 28.0, 34.0] {
-        for site in [Anterior, Posterior, Fundal, Left, Right] {
+        for site in PlacentaSite::ALL {
             let parameters = Parameters { gestational_weeks: weeks, placenta: site, ..Parameters::default() };
             let placenta = Placenta::of(&parameters);
             let body = placenta.body(&nowhere());
             let (centre, outward) = placenta.centre();
-            let span = |direction: Vec3| {
-                let (mut inside, mut outside) = (0.0f32, 60.0f32);
-                for _ in 0..30 {
-                    let middle = 0.5 * (inside + outside);
-                    if body.distance_mm(centre + direction * middle) < 0.0 { inside = middle } else { outside = middle }
-                }
-                inside
-            };
+            let span = |direction: Vec3| bisect(0.0, 60.0, 30, |t| body.distance_mm(centre + direction * t) < 0.0);
             let thickness = span(outward) + span(-outward);
             assert!((thickness / weeks as f32 - 1.0).abs() < 0.2, "{thickness:.1} mm at {weeks} weeks, {site:?}");
-            assert!(-placenta.cavity().distance_mm(centre) > 0.3 * thickness, "in the cavity");
+            assert!(-placenta.cavity.distance_mm(centre) > 0.3 * thickness, "in the cavity");
         }
     }
 }
@@ -219,8 +185,7 @@ fn the_placenta_is_as_many_mm_thick_as_weeks_old() {
 #[test]
 fn no_organ_is_empty_and_bones_are_in_the_body() {
     for parameters in [grid()[4], grid()[6], grid()[8]] {
-        let (fetus, navel) = fetus_of(&parameters);
-        let organs = organs_around(&parameters, &fetus, navel);
+        let organs = organs(&parameters, &Attitude::of(&parameters));
         let skin = &organs.iter().find(|o| o.name == "skin").unwrap().solid;
         for o in &organs {
             let mesh = meshing::mesh(&o.solid, (1.6 * o.grain_mm).min(o.coarsest_mm));

@@ -2,10 +2,9 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::placenta::Placenta;
 use super::proportions::{Proportions, UTERINE_WALL_MM};
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
 use crate::anatomy::phantom::sdf::{Bounds, Solid, capsule, round_cone, smooth_union, sphere, sweep};
 
@@ -56,14 +55,14 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     let vagina = smooth_union([capsule(os, vagina_end, 9.0), sphere(os, 19.0)], 8.0);
     let fluid = if parameters.gestational_weeks < VERNIX_WEEKS { "amniotic_fluid" } else { "amniotic_fluid_vernix" };
     vec![
-        organ("vagina", "muscle", 38, 3.0, 9.0, vagina),
-        organ("uterus", "uterus_wall", 40, 2.8, 18.0, wall),
-        organ("cervix", "cervix", 42, 2.2, 8.0, lips),
-        organ("cervical_lining", "cervical_mucosa", 43, 1.4, 3.2, lining),
-        organ("cervical_canal", "csf", 44, 0.9, 1.8, canal),
-        organ("chorionic_fluid", fluid, 48, 2.0, 6.2, parted(&cavity, placenta)),
-        organ("membranes", "amnion", 50, 3.2, 18.0, cavity.grown(MEMBRANES_MM)),
-        organ("amniotic_cavity", fluid, 51, 2.6, 18.0, cavity),
+        Mother.organ("vagina", "muscle", 38, 3.0, 9.0, vagina),
+        Mother.organ("uterus", "uterus_wall", 40, 2.8, 18.0, wall),
+        Mother.organ("cervix", "cervix", 42, 2.2, 8.0, lips),
+        Mother.organ("cervical_lining", "cervical_mucosa", 43, 1.4, 3.2, lining),
+        Mother.organ("cervical_canal", "csf", 44, 0.9, 1.8, canal),
+        Mother.organ("chorionic_fluid", fluid, 48, 2.0, 6.2, parted(&cavity, placenta)),
+        Mother.organ("membranes", "amnion", 50, 3.2, 18.0, cavity.grown(MEMBRANES_MM)),
+        Mother.organ("amniotic_cavity", fluid, 51, 2.6, 18.0, cavity),
     ]
 }
 

@@ -2,11 +2,10 @@
 
 use glam::Vec3;
 
-use super::organ;
 use super::proportions::Proportions;
-use crate::anatomy::phantom::organ::Organ;
+use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
-use crate::anatomy::phantom::sdf::{Solid, catmull_rom, sweep, union};
+use crate::anatomy::phantom::sdf::{Solid, smooth_sweep, union};
 
 /// Thickness of the walls, mm.
 const WALL_MM: f32 = 1.1;
@@ -17,7 +16,7 @@ fn vessels(shift: Vec3, top_mm: f32, grown_mm: f32) -> Solid {
     let v = Vec3::new;
     let tube = |knots: &[(Vec3, f32)]| {
         let knots: Vec<(Vec3, f32)> = knots.iter().map(|&(p, r)| (p + shift, r + grown_mm)).collect();
-        sweep(&catmull_rom(&knots, 5))
+        smooth_sweep(&knots, 5)
     };
     // Arteries run in front of the veins; the aorta ends higher than the vena cava begins.
     let trunk = |x: f32, radius: f32, fork: Vec3| {
@@ -48,7 +47,7 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     let proportions = Proportions::of(parameters);
     let (shift, top) = (proportions.skeleton_shift(), 150.0 + proportions.excess.y.abs());
     vec![
-        organ("maternal_vessel_walls", "vessel_wall", 28, 3.2, 9.0, vessels(shift, top, WALL_MM)),
-        organ("maternal_vessels", "blood", 29, 3.0, 8.5, vessels(shift, top, 0.0)),
+        Mother.organ("maternal_vessel_walls", "vessel_wall", 28, 3.2, 9.0, vessels(shift, top, WALL_MM)),
+        Mother.organ("maternal_vessels", "blood", 29, 3.0, 8.5, vessels(shift, top, 0.0)),
     ]
 }

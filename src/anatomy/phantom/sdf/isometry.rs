@@ -46,9 +46,6 @@ impl Isometry {
 
     /// Outer box that contains a local box.
     pub fn bounds(&self, local: Bounds) -> Bounds {
-        local.corners().into_iter().fold(Bounds::EMPTY, |hull, corner| {
-            let p = self.point(corner);
-            hull.hull(Bounds { min: p, max: p })
-        })
+        local.corners().into_iter().fold(Bounds::EMPTY, |all, corner| all.with(self.point(corner)))
     }
 }

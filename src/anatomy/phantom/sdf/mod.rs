@@ -3,7 +3,6 @@
 //! A [`Solid`] pairs such a function with a box that contains the solid. Values need to approximate the true distance
 //! only close to the surface; operations use the box to skip distant parts. Lengths are in mm.
 
-mod bounds;
 mod isometry;
 mod operations;
 mod primitives;
@@ -13,11 +12,21 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-pub use bounds::Bounds;
+pub use crate::anatomy::Bounds;
 pub use isometry::Isometry;
 pub use operations::{smooth_union, union};
 pub use primitives::{capsule, ellipsoid, half_space, plate, round_cone, rounded_box, sphere};
-pub use sweep::{catmull_rom, sweep};
+pub use sweep::{catmull_rom, smooth_sweep, sweep};
+
+/// Last number found inside, by `steps` bisections between `inside` and `outside`.
+pub fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -> bool) -> f32 {
+    let (mut inside, mut outside) = (inside, outside);
+    for _ in 0..steps {
+        let middle = 0.5 * (inside + outside);
+        if is_inside(middle) { inside = middle } else { outside = middle }
+    }
+    inside
+}
 
 /// Function of a solid: signed distance in mm at a point in mm, negative inside.
 type Field = dyn Fn(Vec3) -> f32 + Send + Sync;
@@ -70,15 +79,8 @@ mod tests {
                 let (s, c) = (i as f32 * 2.4).sin_cos();
                 let z = 1.0 - 2.0 * (i as f32 + 0.5) / 200.0;
                 let direction = Vec3::new(c, s, 0.0) * (1.0 - z * z).sqrt() + Vec3::Z * z;
-                let (mut inside, mut outside) = (0.0, solid.bounds().size().length());
-                for _ in 0..40 {
-                    let middle = 0.5 * (inside + outside);
-                    if solid.distance_mm(centre + direction * middle) < 0.0 {
-                        inside = middle
-                    } else {
-                        outside = middle
-                    }
-                }
+                let far = solid.bounds().size().length();
+                let inside = bisect(0.0, far, 40, |t| solid.distance_mm(centre + direction * t) < 0.0);
                 (solid.gradient(centre + direction * inside).length() - 1.0).abs()
             })
             .fold(0.0, f32::max)

@@ -82,7 +82,7 @@ impl Solid {
         Self::new(bounds, move |p| factor * self.distance_mm(p / factor))
     }
 
-    /// Union with its mirror image in the plane x = 0; the solid itself must be at x ≥ 0.
+    /// The solid's part at x ≥ 0 with its mirror image in the plane x = 0.
     pub fn with_mirror_image(self) -> Self {
         let Bounds { min, max } = self.bounds;
         let bounds = self.bounds.hull(Bounds { min: min.with_x(-max.x), max: max.with_x(-min.x) });

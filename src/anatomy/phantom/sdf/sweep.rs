@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::primitives::round_cone_distance;
-use super::{Bounds, Solid};
+use super::{Bounds, Solid, union};
 
 /// Number of segments that share a box.
 const CHUNK: usize = 6;
@@ -11,28 +11,20 @@ const CHUNK: usize = 6;
 /// Tube through `points`, each a centre and a radius in mm, straight between neighbours.
 pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
     let ball = |&(c, r): &(Vec3, f32)| Bounds::around(c, Vec3::splat(r));
-    let bounds = points.iter().fold(Bounds::EMPTY, |hull, point| hull.hull(ball(point)));
     // Chunks overlap by one point, so that each segment is in one of them.
-    let chunks: Vec<(Bounds, Vec<(Vec3, f32)>)> = (0..points.len().saturating_sub(1))
-        .step_by(CHUNK)
-        .map(|start| {
-            let chunk = points[start..points.len().min(start + CHUNK + 1)].to_vec();
-            (chunk.iter().fold(Bounds::EMPTY, |hull, point| hull.hull(ball(point))), chunk)
+    union((0..points.len().saturating_sub(1).max(1)).step_by(CHUNK).map(|start| {
+        let chunk = points[start..points.len().min(start + CHUNK + 1)].to_vec();
+        let bounds = chunk.iter().fold(Bounds::EMPTY, |hull, point| hull.hull(ball(point)));
+        Solid::new(bounds, move |p| {
+            let segments = chunk.windows(2).map(|pair| (pair[0], pair[1]));
+            segments.map(|((a, ra), (b, rb))| round_cone_distance(p, a, b, ra, rb)).fold(f32::MAX, f32::min)
         })
-        .collect();
-    Solid::new(bounds, move |p| {
-        let mut best = f32::MAX;
-        for (bounds, chunk) in &chunks {
-            let to_box = bounds.distance_mm(p);
-            if to_box == 0.0 || to_box < best {
-                for pair in chunk.windows(2) {
-                    let ((a, ra), (b, rb)) = (pair[0], pair[1]);
-                    best = best.min(round_cone_distance(p, a, b, ra, rb));
-                }
-            }
-        }
-        best
-    })
+    }))
+}
+
+/// Smooth tube through `knots`: [`sweep`] along [`catmull_rom`].
+pub fn smooth_sweep(knots: &[(Vec3, f32)], steps: usize) -> Solid {
+    sweep(&catmull_rom(knots, steps))
 }
 
 /// Smooth curve through `knots` (centre and radius), each interval divided into `steps` (centripetal ends, uniform

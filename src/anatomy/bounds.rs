@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 
 /// An axis-aligned box, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +17,18 @@ impl Bounds {
 
     /// A box far larger than any scene, for half-spaces.
     pub const EVERYWHERE: Self = Self { min: Vec3::splat(-1.0e6), max: Vec3::splat(1.0e6) };
+
+    /// Smallest box that contains all `points`; `None` if there are none.
+    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
+        let all = points.into_iter().fold(Self::EMPTY, Self::with);
+        (all != Self::EMPTY).then_some(all)
+    }
+
+    /// The box extended to contain `p`.
+    #[must_use]
+    pub fn with(self, p: Vec3) -> Self {
+        Self { min: self.min.min(p), max: self.max.max(p) }
+    }
 
     /// Box about `centre` that extends by `half` to each side.
     pub fn around(centre: Vec3, half: Vec3) -> Self {
@@ -38,6 +50,16 @@ impl Bounds {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
+    /// Whether the boxes share a point.
+    pub fn meets(self, other: Self) -> bool {
+        self.min.cmple(other.max).all() && self.max.cmpge(other.min).all()
+    }
+
+    /// Whether `other` is inside this box.
+    pub fn holds(self, other: Self) -> bool {
+        self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
+    }
+
     /// Extent along the axes; not positive if the box is empty.
     pub fn size(self) -> Vec3 {
         self.max - self.min
@@ -50,9 +72,6 @@ impl Bounds {
 
     /// The eight corners.
     pub fn corners(self) -> [Vec3; 8] {
-        std::array::from_fn(|i| {
-            let pick = |bit: usize, lo: f32, hi: f32| if i >> bit & 1 == 0 { lo } else { hi };
-            Vec3::new(pick(0, self.min.x, self.max.x), pick(1, self.min.y, self.max.y), pick(2, self.min.z, self.max.z))
-        })
+        std::array::from_fn(|i| Vec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), self.max, self.min))
     }
 }
