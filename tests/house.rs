@@ -32,8 +32,7 @@ const ORDER: [&[&str]; 16] = [
 ];
 
 /// Folders in which files may import each other in a circle, subfolders as one. In all others they may not.
-const WITH_CIRCLES: [&str; 4] =
-    ["anatomy", "anatomy::phantom::fetus", "anatomy::phantom::mother", "tracker::interchange"];
+const WITH_CIRCLES: [&str; 3] = ["anatomy", "anatomy::phantom::fetus", "anatomy::phantom::mother"];
 
 type Module = Vec<String>;
 
