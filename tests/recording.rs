@@ -10,12 +10,12 @@ use std::process::{Child, Command, Stdio};
 use bytes::BytesMut;
 use glam::{DQuat, DVec3};
 use insonify::pose::{Pose, Reading, TimedPose, TrackingState};
-use insonify::tracker::ascii_line::{self, Checksum, Decoder, LINE_LIMIT};
+use insonify::tracker::ascii_line::{self, LINE_LIMIT};
 use insonify::tracker::recording::{
     DecodedRecording, Event, Item, QueueLimits, Recorder, RecordingError, RecordingInfo, RecordingReader,
     RecordingSummary, RecordingWriter, SessionPose, SessionSettings, part_path, poses, poses_of,
 };
-use insonify::tracker::{Protocol, Record};
+use insonify::tracker::{DecodeError, Protocol, Record};
 use proptest::prelude::*;
 
 const START_NS: u64 = 1_790_000_000_000_000_000;
@@ -177,9 +177,7 @@ fn wrong_lines_are_counted_and_the_rest_is_used() {
     assert_eq!((found.len(), summary.decode_errors, summary.missing_records), (57, 3, 2));
     let offset: usize = lines[..10].iter().map(String::len).sum();
     let text = summary.to_string();
-    for part in
-        [&format!("line at byte {offset} "), "has the checksum", "starts with `boot v1.2`", "ends after 20 bytes"]
-    {
+    for part in [&format!("byte {offset} of"), "has the checksum", "starts with `boot v1.2`", "ends after 20 bytes"] {
         assert!(text.contains(part), "{part} is not in {text}");
     }
 }
@@ -249,7 +247,7 @@ fn the_metadata_is_checked() {
         assert!(error.contains(message), "{error}");
     }
     let error = read_bytes(&foreign("/tracker/raw", &good, b"noise\n")).unwrap_err().to_string();
-    assert!(error.contains("holds no whole pose: line at byte 0"), "{error}");
+    assert!(error.contains("holds no whole pose: byte 0"), "{error}");
 }
 
 fn settings() -> SessionSettings {
@@ -511,12 +509,11 @@ fn any_record() -> impl Strategy<Value = Record> {
 }
 
 /// Records and errors of `bytes`, received in pieces that end at `cuts`.
-fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, ascii_line::DecodeError>> {
+fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, DecodeError>> {
     let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
     ends.push(bytes.len());
     ends.sort_unstable();
-    let (mut decoder, mut buffer, mut out, mut start) =
-        (Decoder::new(Checksum::Required), BytesMut::new(), Vec::new(), 0);
+    let (mut decoder, mut buffer, mut out, mut start) = (Protocol::AsciiLine.decoder(), BytesMut::new(), Vec::new(), 0);
     for end in ends {
         buffer.extend_from_slice(&bytes[start..end]);
         start = end;
@@ -554,7 +551,7 @@ proptest! {
     fn a_line_returns_its_record(record in any_record()) {
         let line = line(&record);
         prop_assert!(line.len() <= LINE_LIMIT);
-        let found = Decoder::new(Checksum::Required).decode(&mut BytesMut::from(line.as_str())).unwrap().unwrap();
+        let found = Protocol::AsciiLine.decoder().decode(&mut BytesMut::from(line.as_str())).unwrap().unwrap();
         prop_assert_eq!((found.sequence, found.device_time_us), (record.sequence, record.device_time_us));
         for (a, b) in pose_of(&found).components().into_iter().zip(pose_of(&record).components()).take(3) {
             prop_assert!((a - b).abs() <= 5.1e-5);

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Skin;
 use super::phantom::Parameters;
-use crate::pose::csv::NamedPoint;
+use crate::pose::csv::Named;
 
 /// Directions of the obstetric phantom's fiducials from inside the uterus: x mother's left, y cranial, z anterior. They
 /// surround the belly and are not coplanar.
@@ -19,11 +19,11 @@ const PHANTOM: [(&str, [f64; 3]); 7] = [
 ];
 
 /// Fiducials of the obstetric phantom, mm in the scene: exit points of straight lines from the middle of the uterus.
-pub fn of_phantom(parameters: &Parameters) -> Vec<NamedPoint> {
+pub fn of_phantom(parameters: &Parameters) -> Vec<Named<DVec3>> {
     let skin = Skin::phantom(parameters);
     let point = |(name, direction): (&str, [f64; 3])| {
-        let point_mm = skin.exit(DVec3::ZERO, DVec3::from_array(direction).normalize())?;
-        Some(NamedPoint { name: name.to_owned(), point_mm })
+        let value = skin.exit(DVec3::ZERO, DVec3::from_array(direction).normalize())?;
+        Some(Named { name: name.to_owned(), value })
     };
     PHANTOM.into_iter().filter_map(point).collect()
 }
@@ -37,10 +37,8 @@ mod tests {
     fn the_phantoms_points_register_a_tracker() {
         let points = of_phantom(&Parameters::default());
         assert_eq!(points.len(), PHANTOM.len());
-        let pairs: Vec<_> = points
-            .iter()
-            .map(|p| PointPair { scene_mm: p.point_mm, tracker_mm: p.point_mm + DVec3::X * 300.0 })
-            .collect();
+        let pairs: Vec<_> =
+            points.iter().map(|p| PointPair { scene_mm: p.value, tracker_mm: p.value + DVec3::X * 300.0 }).collect();
         let found = register(&pairs).unwrap();
         assert!(found.rms_mm < 1e-9 && !found.coplanar, "{found:?}");
         // A reversed axis is detected.

@@ -5,8 +5,7 @@ use std::io::BufReader;
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::tracker::interchange::meta_image::Sequence;
-use insonify::tracker::interchange::{Imported, InterchangeError, TrackedRow, csv, tracked, write_recording};
+use insonify::tracker::interchange::{Imported, InterchangeError, Sequence, TrackedRow, csv, tracked, write_recording};
 use serde::Serialize;
 
 use super::{Failure, output};

@@ -17,7 +17,7 @@ use insonify::tracker::recording::{
 };
 use insonify::tracker::{
     Listener, Monitor, Protocol, Record, SessionHandle, SessionState, Settings, TrackerEvent, Transport, host_time_ns,
-    spawn, stream_protocol, stream_sensor,
+    spawn, stream_of,
 };
 use serde::Serialize;
 use tokio::sync::oneshot;
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
     let (protocol, sensor) = match &tracker {
-        Some(tracker) => (stream_protocol(tracker)?, stream_sensor(tracker)?),
+        Some(tracker) => stream_of(tracker)?,
         None => {
             let Settings { protocol: own, device, .. } = &station.tracker;
             let protocol = args.tracker.protocol.unwrap_or(*own);

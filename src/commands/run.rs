@@ -20,7 +20,7 @@ use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
 use insonify::tracker::recording::{QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
-use insonify::tracker::{Protocol, Speed, Transport, stream_protocol, stream_sensor};
+use insonify::tracker::{Protocol, Speed, Transport, stream_of};
 use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;
@@ -126,7 +126,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (poses, tracked) = pose_source(args, &station)?;
     // A recording that can't be played is refused before anything is opened; one that nobody plays may be missing.
     let stream = match &tracked {
-        Some(_) => Some((stream_protocol(&station.tracker)?, stream_sensor(&station.tracker)?)),
+        Some(_) => Some(stream_of(&station.tracker)?),
         None => None,
     };
     if args.record.is_some() && stream.is_none() {

@@ -10,7 +10,7 @@ use super::shutdown::{Part, Stop};
 use crate::pose::{Counters, Estimate, Estimator, Measurement, Reading};
 use crate::tracker::recording::{self, RecorderHandle};
 use crate::tracker::{
-    Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_protocol,
+    Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_of,
 };
 
 /// Poses of a live tracker; clones look at the same estimator.
@@ -39,7 +39,7 @@ impl TrackedPoses {
         stop: Stop,
     ) -> Result<TrackerPart, TrackerError> {
         let cancel = CancellationToken::new();
-        let rates = stream_protocol(settings)? == Protocol::SpaceMouse;
+        let rates = stream_of(settings)?.0 == Protocol::SpaceMouse;
         let listener = TrackerListener { estimator: self.0.clone(), recorder, stop, rates };
         let session = spawn(settings, Box::new(listener), cancel.clone())?;
         Ok(TrackerPart { session, cancel })

@@ -22,7 +22,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -231,8 +231,8 @@ impl Transform {
     }
 
     fn pose(self, table: &'static str) -> Result<Fitted<Pose>, CalibrationError> {
-        let ([x, y, z], [qw, qx, qy, qz]) = (self.position_mm, self.quaternion);
-        let value = Pose::from_components([x, y, z, qw, qx, qy, qz])
+        let [qw, qx, qy, qz] = self.quaternion;
+        let value = Pose::new(self.position_mm.into(), DQuat::from_xyzw(qx, qy, qz, qw))
             .map_err(|source| CalibrationError::Pose { table, source })?;
         Ok(Fitted { value, rms_mm: self.rms_mm })
     }
@@ -250,8 +250,6 @@ impl Stylus {
 
 #[cfg(test)]
 mod tests {
-    use glam::DQuat;
-
     use super::*;
 
     fn whole() -> Calibration {

@@ -206,6 +206,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::random;
+    use crate::statistics::mean_and_deviation;
 
     const START_NS: u64 = 1_790_000_000_000_000_000;
     const PERIOD_NS: u64 = 16_666_667;
@@ -217,19 +219,6 @@ mod tests {
         }
     }
 
-    /// Pseudo-random numbers in 0..1.
-    fn noise(i: u64) -> f64 {
-        let mut z = i.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 31)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        (z >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// RMS deviation from the mean, ns.
-    fn spread(errors: &[f64]) -> f64 {
-        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64).sqrt()
-    }
-
     #[test]
     fn jitter_of_the_transport_is_removed() {
         let mut clock = ClockRegression::default();
@@ -237,7 +226,7 @@ mod tests {
         for i in 0..500 {
             let made = START_NS + i * PERIOD_NS;
             // An FTDI adapter's latency timer: up to 16 ms.
-            let arrived = made + (noise(i) * 16e6) as u64;
+            let arrived = made + (random::at(1, i) * 16e6) as u64;
             let at = time(clock.push(arrived, Some(i)));
             if i >= 20 {
                 raw.push(arrived as f64 - made as f64);
@@ -245,7 +234,8 @@ mod tests {
             }
         }
         // The end of a line fitted to n points has √((4n − 2)/(n(n + 1))) of the points' deviation: 0.43.
-        let ratio = spread(&fitted) / spread(&raw);
+        let deviation = |errors: &[f64]| mean_and_deviation(errors).unwrap().1;
+        let ratio = deviation(&fitted) / deviation(&raw);
         assert!((0.3..0.5).contains(&ratio), "{ratio}");
     }
 

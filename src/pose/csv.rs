@@ -37,22 +37,13 @@ pub enum CsvError {
     },
 }
 
-/// A landmark with a name.
+/// A value with a name.
 #[derive(Debug, Clone, PartialEq)]
-pub struct NamedPair {
+pub struct Named<T> {
     /// Name, or the number from 1.
     pub name: String,
-    /// Its coordinates in both frames.
-    pub pair: PointPair,
-}
-
-/// A point with a name.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NamedPoint {
-    /// Name, or the number from 1.
-    pub name: String,
-    /// Coordinates, mm.
-    pub point_mm: DVec3,
+    /// The value.
+    pub value: T,
 }
 
 const POINT: &str = "`x,y,z` and perhaps `,name` (mm)";
@@ -63,43 +54,19 @@ const POSE: &str = "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)";
 ///
 /// # Errors
 /// A malformed line, or no point at all.
-pub fn points(text: &str) -> Result<Vec<NamedPoint>, CsvError> {
-    let mut points = Vec::new();
-    for (line, content) in data_lines(text) {
-        let ([x, y, z], name) =
-            named(content).ok_or_else(|| CsvError::Line { line, expected: POINT, found: shown(content) })?;
-        let name = name.unwrap_or_else(|| (points.len() + 1).to_string());
-        points.push(NamedPoint { name, point_mm: DVec3::new(x, y, z) });
-    }
-    if points.is_empty() { Err(CsvError::Empty { expected: POINT }) } else { Ok(points) }
-}
-
-/// Numbers at the front of a line, and the name behind them, if any.
-fn named<const N: usize>(content: &str) -> Option<([f64; N], Option<String>)> {
-    let fields: Vec<_> = content.splitn(N + 1, ',').map(str::trim).collect();
-    let (numbers, name) = fields.split_at_checked(N)?;
-    let mut values = [0.0; N];
-    for (value, field) in values.iter_mut().zip(numbers) {
-        *value = field.parse().ok()?;
-    }
-    let name = name.first().map(|n| n.trim_matches('"').trim()).filter(|n| !n.is_empty());
-    Some((values, name.map(str::to_owned)))
+pub fn points(text: &str) -> Result<Vec<Named<DVec3>>, CsvError> {
+    named(text, POINT, DVec3::from_array)
 }
 
 /// Parses landmarks from lines `x,y,z,tx,ty,tz[,name]`: the point in the scene, and as the tracker measures it, mm.
 ///
 /// # Errors
 /// A malformed line, or no pair at all.
-pub fn pairs(text: &str) -> Result<Vec<NamedPair>, CsvError> {
-    let mut pairs = Vec::new();
-    for (line, content) in data_lines(text) {
-        let ([x, y, z, tx, ty, tz], name) =
-            named(content).ok_or_else(|| CsvError::Line { line, expected: PAIR, found: shown(content) })?;
-        let name = name.unwrap_or_else(|| (pairs.len() + 1).to_string());
-        let pair = PointPair { scene_mm: DVec3::new(x, y, z), tracker_mm: DVec3::new(tx, ty, tz) };
-        pairs.push(NamedPair { name, pair });
-    }
-    if pairs.is_empty() { Err(CsvError::Empty { expected: PAIR }) } else { Ok(pairs) }
+pub fn pairs(text: &str) -> Result<Vec<Named<PointPair>>, CsvError> {
+    named(text, PAIR, |[x, y, z, tx, ty, tz]: [f64; 6]| PointPair {
+        scene_mm: DVec3::new(x, y, z),
+        tracker_mm: DVec3::new(tx, ty, tz),
+    })
 }
 
 /// Parses poses from lines `x,y,z,qw,qx,qy,qz`, mm and a unit quaternion.
@@ -107,14 +74,41 @@ pub fn pairs(text: &str) -> Result<Vec<NamedPair>, CsvError> {
 /// # Errors
 /// A malformed line, or no pose at all.
 pub fn poses(text: &str) -> Result<Vec<Pose>, CsvError> {
-    let mut poses = Vec::new();
-    for (line, content) in data_lines(text) {
-        poses.push(content.parse().map_err(|source| match source {
-            PoseError::Syntax { .. } => CsvError::Line { line, expected: POSE, found: shown(content) },
-            source => CsvError::Pose { line, source },
-        })?);
-    }
-    if poses.is_empty() { Err(CsvError::Empty { expected: POSE }) } else { Ok(poses) }
+    parsed(text, POSE, |line, content| match content.parse::<Pose>() {
+        Err(PoseError::Syntax { .. }) => Ok(None),
+        Err(source) => Err(CsvError::Pose { line, source }),
+        Ok(pose) => Ok(Some(pose)),
+    })
+}
+
+/// Values of `N` numbers each, with the names behind them, if any.
+fn named<const N: usize, T>(
+    text: &str,
+    expected: &'static str,
+    value: impl Fn([f64; N]) -> T,
+) -> Result<Vec<Named<T>>, CsvError> {
+    let mut number = 0;
+    parsed(text, expected, |_, content| {
+        number += 1;
+        let fields: Vec<_> = content.splitn(N + 1, ',').map(str::trim).collect();
+        let Some((numbers, name)) = fields.split_at_checked(N) else { return Ok(None) };
+        let numbers: Option<Vec<f64>> = numbers.iter().map(|field| field.parse().ok()).collect();
+        let name = name.first().map(|n| n.trim_matches('"').trim()).filter(|n| !n.is_empty());
+        let name = name.map_or_else(|| number.to_string(), str::to_owned);
+        Ok(numbers.and_then(|n| n.try_into().ok()).map(|numbers| Named { name, value: value(numbers) }))
+    })
+}
+
+/// Parses each data line, given its number; `None` is a malformed one.
+fn parsed<T>(
+    text: &str,
+    expected: &'static str,
+    mut parse: impl FnMut(usize, &str) -> Result<Option<T>, CsvError>,
+) -> Result<Vec<T>, CsvError> {
+    let malformed = |line, content: &str| CsvError::Line { line, expected, found: content.chars().take(80).collect() };
+    let values: Result<Vec<T>, _> =
+        data_lines(text).map(|(line, content)| parse(line, content)?.ok_or_else(|| malformed(line, content))).collect();
+    values.and_then(|values| if values.is_empty() { Err(CsvError::Empty { expected }) } else { Ok(values) })
 }
 
 /// Data lines with their numbers from 1.
@@ -129,10 +123,6 @@ fn data_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-fn shown(line: &str) -> String {
-    line.chars().take(80).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -145,8 +135,8 @@ mod tests {
         let found = pairs(text).unwrap();
         let names: Vec<_> = found.iter().map(|p| p.name.as_str()).collect();
         assert_eq!(names, ["navel", "2", "left, upper"]);
-        assert_eq!(found[1].pair.scene_mm, DVec3::new(-1.5, 20.0, 3.0));
-        assert_eq!(found[0].pair.tracker_mm, DVec3::new(4.0, 5.0, 6.0));
+        assert_eq!(found[1].value.scene_mm, DVec3::new(-1.5, 20.0, 3.0));
+        assert_eq!(found[0].value.tracker_mm, DVec3::new(4.0, 5.0, 6.0));
     }
 
     #[test]

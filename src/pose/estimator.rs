@@ -67,7 +67,7 @@ impl Estimator {
             order: StreamOrder::default(),
             clock: ClockRegression::default(),
             gate: JumpGate::new(filter.max_speed_mm_s, filter.max_speed_deg_s),
-            filter: OneEuro::new(filter.cutoffs()),
+            filter: OneEuro::new(settings.filter),
             rates: RateIntegrator::new(settings.initial_pose, filter.puck_mm_s, filter.puck_deg_s),
             stuck: StuckWatch::new(filter.stuck_ms),
             tracking: TrackingClock::new(filter.held_ms, filter.stale_ms, filter.lost_ms),
@@ -193,7 +193,7 @@ impl Estimator {
             }
             Reading::OutOfView => return None,
         };
-        let Ok(pose) = Pose::from_components(pose.components()) else {
+        let Ok(pose) = Pose::new(pose.position_mm, pose.orientation) else {
             self.counters.invalid += 1;
             return None;
         };
@@ -239,7 +239,7 @@ impl Estimator {
 fn is_valid(reading: &Reading) -> bool {
     let is_unit = |q: glam::DQuat| q.is_finite() && (q.length() - 1.0).abs() <= QUATERNION_NORM_TOLERANCE;
     match reading {
-        Reading::Pose(pose) => Pose::from_components(pose.components()).is_ok(),
+        Reading::Pose(pose) => Pose::new(pose.position_mm, pose.orientation).is_ok(),
         Reading::Orientation(orientation) => is_unit(*orientation),
         Reading::Rates { translation, rotation } => translation.is_finite() && rotation.is_finite(),
         Reading::OutOfView => true,

@@ -47,6 +47,9 @@ pub use transform::{angle_between, rotation_vector};
 /// Largest accepted deviation of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
+/// Largest accepted deviation of a rotation matrix from an orthonormal one: some programs print four decimals only.
+pub const ROTATION_TOLERANCE: f64 = 1e-3;
+
 /// Largest accepted coordinate: at one kilometre f32 resolves 0.06 mm, too coarse for an echo's phase.
 pub const POSITION_LIMIT_MM: f64 = 1.0e5;
 
@@ -77,6 +80,12 @@ pub enum PoseError {
         /// Its value.
         value: f64,
     },
+    /// A matrix that is not a rotation.
+    #[error("the matrix is no rotation: {fault}")]
+    NotRotation {
+        /// Its fault.
+        fault: &'static str,
+    },
     /// Not seven comma-separated numbers.
     #[error("`{text}` is not a pose: expected seven numbers `x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)")]
     Syntax {
@@ -87,7 +96,7 @@ pub enum PoseError {
 
 /// Rigid transform `scene_from_probe`: position and orientation of the probe in the scene. Other rigid transforms use
 /// this type, too, each named `a_from_b`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pose {
     /// Centre of the transducer's face in the scene, mm.
     pub position_mm: DVec3,
@@ -101,8 +110,17 @@ impl Pose {
     /// # Errors
     /// A component that is not finite, a position beyond [`POSITION_LIMIT_MM`], or a quaternion whose norm is
     /// not 1 within [`QUATERNION_NORM_TOLERANCE`].
-    pub fn from_components(components: [f64; 7]) -> Result<Self, PoseError> {
+    pub fn from_components([x, y, z, qw, qx, qy, qz]: [f64; 7]) -> Result<Self, PoseError> {
+        Self::new(DVec3::new(x, y, z), DQuat::from_xyzw(qx, qy, qz, qw))
+    }
+
+    /// A pose from position (mm) and quaternion, checked and normalised.
+    ///
+    /// # Errors
+    /// As [`from_components`](Self::from_components).
+    pub fn new(position_mm: DVec3, orientation: DQuat) -> Result<Self, PoseError> {
         const NAMES: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
+        let components = Self { position_mm, orientation }.components();
         for (name, value) in NAMES.into_iter().zip(components) {
             if !value.is_finite() {
                 return Err(PoseError::NotFinite { name, value });
@@ -113,13 +131,33 @@ impl Pose {
                 return Err(PoseError::TooFar { name, value });
             }
         }
-        let [x, y, z, qw, qx, qy, qz] = components;
-        let q = DQuat::from_xyzw(qx, qy, qz, qw);
-        let norm = q.length();
+        let norm = orientation.length();
         if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
             return Err(PoseError::NotUnit { norm });
         }
-        Ok(Self { position_mm: DVec3::new(x, y, z), orientation: q.normalize() })
+        Ok(Self { position_mm, orientation: orientation.normalize() })
+    }
+
+    /// A pose from a rotation matrix and a position (mm) as other programs send them.
+    ///
+    /// # Errors
+    /// Columns that are not orthonormal within [`ROTATION_TOLERANCE`], a matrix that mirrors, or a position as for
+    /// [`from_components`](Self::from_components).
+    pub fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = rotation;
+        // NaN fails the comparisons.
+        let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= ROTATION_TOLERANCE;
+        let is_square = |a: DVec3, b: DVec3| a.dot(b).abs() <= ROTATION_TOLERANCE;
+        let fault = if !(is_unit(x) && is_unit(y) && is_unit(z)) {
+            "its columns must have length 1 within 0.001"
+        } else if !(is_square(x, y) && is_square(y, z) && is_square(z, x)) {
+            "its columns must be perpendicular within 0.001"
+        } else if rotation.determinant() < 0.0 {
+            "it mirrors"
+        } else {
+            return Self::new(position_mm, DQuat::from_mat3(&rotation).normalize());
+        };
+        Err(PoseError::NotRotation { fault })
     }
 
     /// The pose's seven numbers `[x, y, z, qw, qx, qy, qz]`.
@@ -164,5 +202,20 @@ impl std::str::FromStr for Pose {
             return Err(syntax());
         }
         Self::from_components(components)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn matrices_that_are_no_rotation_are_refused() {
+        let accepted = |x: DVec3, y: DVec3, z: DVec3| Pose::from_matrix(DMat3::from_cols(x, y, z), DVec3::ZERO).is_ok();
+        assert!(accepted(DVec3::X, DVec3::Y, DVec3::Z));
+        assert!(!accepted(DVec3::X, DVec3::Y, -DVec3::Z));
+        assert!(!accepted(2.0 * DVec3::X, DVec3::Y, DVec3::Z));
+        assert!(!accepted(DVec3::X, DVec3::X, DVec3::Z));
+        assert!(!accepted(DVec3::NAN, DVec3::Y, DVec3::Z));
     }
 }

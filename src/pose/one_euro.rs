@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::Pose;
 use super::transform::rotation_vector;
+use super::{FilterSettings, Pose};
 
 /// A pose and its velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,33 +29,18 @@ impl Motion {
     }
 }
 
-/// Cutoff frequencies of the filter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cutoffs {
-    /// Cutoff of the position at rest, Hz.
-    pub min_cutoff_hz: f64,
-    /// Increase of that cutoff with speed, Hz per mm/s.
-    pub beta: f64,
-    /// Cutoff of the rotation at rest, Hz.
-    pub rotation_min_cutoff_hz: f64,
-    /// Increase of that cutoff with angular speed, Hz per degree/s.
-    pub rotation_beta: f64,
-    /// Cutoff of both speeds, Hz.
-    pub speed_cutoff_hz: f64,
-}
-
 /// Filter of one stream of poses.
 #[derive(Debug, Clone)]
 pub struct OneEuro {
-    cutoffs: Cutoffs,
+    settings: FilterSettings,
     /// Last raw pose, and last filtered motion.
     state: Option<(Pose, Motion)>,
 }
 
 impl OneEuro {
     /// A filter without poses.
-    pub fn new(cutoffs: Cutoffs) -> Self {
-        Self { cutoffs, state: None }
+    pub fn new(settings: FilterSettings) -> Self {
+        Self { settings, state: None }
     }
 
     /// Forgets all poses; the next one passes unchanged, at rest.
@@ -73,7 +58,7 @@ impl OneEuro {
         if dt_s.is_nan() || dt_s <= 0.0 {
             return filtered;
         }
-        let c = &self.cutoffs;
+        let c = &self.settings;
         let speed_part = smoothing(c.speed_cutoff_hz, dt_s);
         let velocity = (pose.position_mm - raw.position_mm) / dt_s;
         let velocity_mm_s = filtered.velocity_mm_s.lerp(velocity, speed_part);
@@ -106,13 +91,17 @@ mod tests {
     use super::*;
     use crate::pose::transform::angle_between;
 
-    const CUTOFFS: Cutoffs = Cutoffs {
-        min_cutoff_hz: 2.0,
-        beta: 0.1,
-        rotation_min_cutoff_hz: 2.0,
-        rotation_beta: 0.1,
-        speed_cutoff_hz: 2.0,
-    };
+    fn filter() -> OneEuro {
+        OneEuro::new(FilterSettings {
+            min_cutoff_hz: 2.0,
+            beta: 0.1,
+            rotation_min_cutoff_hz: 2.0,
+            rotation_beta: 0.1,
+            speed_cutoff_hz: 2.0,
+            ..FilterSettings::default()
+        })
+    }
+
     const DT_S: f64 = 1.0 / 60.0;
 
     fn pose(x: f64, angle: f64) -> Pose {
@@ -121,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_constant_pose_passes_and_a_step_is_approached() {
-        let mut filter = OneEuro::new(CUTOFFS);
+        let mut filter = filter();
         for _ in 0..10 {
             let motion = filter.push(pose(3.0, 0.5), DT_S);
             assert!(motion.pose.position_mm.distance(DVec3::X * 3.0) < 1e-12);
@@ -140,7 +129,7 @@ mod tests {
     #[test]
     fn steady_motion_lags_by_the_time_constant_and_shows_its_speed() {
         let (speed, turn) = (50.0, 0.6);
-        let mut filter = OneEuro::new(CUTOFFS);
+        let mut filter = filter();
         let mut motion = Motion::at_rest(pose(0.0, 0.0));
         for i in 0..300 {
             motion = filter.push(pose(speed * DT_S * f64::from(i), turn * DT_S * f64::from(i)), DT_S);
@@ -155,7 +144,7 @@ mod tests {
 
     #[test]
     fn unchanged_time_changes_nothing() {
-        let mut filter = OneEuro::new(CUTOFFS);
+        let mut filter = filter();
         let first = filter.push(pose(0.0, 0.0), DT_S);
         for dt_s in [0.0, -1.0, f64::NAN] {
             assert_eq!(filter.push(pose(9.0, 1.0), dt_s), first);
@@ -164,7 +153,7 @@ mod tests {
 
     #[test]
     fn half_turns_stay_rotations() {
-        let mut filter = OneEuro::new(CUTOFFS);
+        let mut filter = filter();
         for i in 0..100 {
             let angle = if i % 2 == 0 { 0.0 } else { std::f64::consts::PI };
             let motion = filter.push(pose(0.0, angle), DT_S);
@@ -179,7 +168,7 @@ mod tests {
         fn quaternion_signs_make_no_difference(
             poses in prop::collection::vec((-50.0..50.0_f64, -9.0..9.0_f64, any::<bool>(), 1e-6..0.5_f64), 1..60),
         ) {
-            let (mut plain, mut mixed) = (OneEuro::new(CUTOFFS), OneEuro::new(CUTOFFS));
+            let (mut plain, mut mixed) = (filter(), filter());
             for (x, angle, negate, dt_s) in poses {
                 let p = pose(x, angle);
                 let q = Pose { orientation: if negate { -p.orientation } else { p.orientation }, ..p };

@@ -195,7 +195,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::pose::transform::angle_between;
+    use crate::pose::transform::{angle_between, any_pose};
 
     /// Landmarks about a belly, mm.
     const SCENE: [[f64; 3]; 6] = [
@@ -209,14 +209,6 @@ mod tests {
 
     fn pairs(tracker: impl Fn(DVec3) -> DVec3) -> Vec<PointPair> {
         SCENE.map(|p| PointPair { scene_mm: p.into(), tracker_mm: tracker(p.into()) }).to_vec()
-    }
-
-    fn any_pose() -> impl Strategy<Value = Pose> {
-        let three = || prop::array::uniform3(-1.0..1.0_f64).prop_map(DVec3::from_array);
-        (three(), three(), -4.0..4.0_f64).prop_map(|(p, axis, angle)| Pose {
-            position_mm: 1000.0 * p,
-            orientation: DQuat::from_axis_angle(axis.normalize_or(DVec3::X), angle),
-        })
     }
 
     proptest! {

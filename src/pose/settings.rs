@@ -1,6 +1,5 @@
 //! Settings of the pose estimator.
 
-use super::one_euro::Cutoffs;
 use super::{Calibration, Pose};
 use crate::settings::settings;
 
@@ -56,21 +55,8 @@ settings! {
     }
 }
 
-impl FilterSettings {
-    /// Cutoffs of the One-Euro filter.
-    pub fn cutoffs(&self) -> Cutoffs {
-        Cutoffs {
-            min_cutoff_hz: self.min_cutoff_hz,
-            beta: self.beta,
-            rotation_min_cutoff_hz: self.rotation_min_cutoff_hz,
-            rotation_beta: self.rotation_beta,
-            speed_cutoff_hz: self.speed_cutoff_hz,
-        }
-    }
-}
-
 /// Settings of an [`Estimator`](super::Estimator).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {
     /// Filter, prediction, tracking states.
     pub filter: FilterSettings,
@@ -78,10 +64,4 @@ pub struct Settings {
     pub calibration: Calibration,
     /// `scene_from_probe` at which a puck starts. Its position is used for devices that measure only orientation.
     pub initial_pose: Pose,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { filter: FilterSettings::default(), calibration: Calibration::default(), initial_pose: Pose::IDENTITY }
-    }
 }

@@ -46,19 +46,23 @@ pub fn angle_between(a: DQuat, b: DQuat) -> f64 {
     rotation_vector(a * b.conjugate()).length()
 }
 
+/// Poses up to a metre from the origin in each direction, for property tests.
+#[cfg(test)]
+pub(super) fn any_pose() -> impl proptest::strategy::Strategy<Value = Pose> {
+    use proptest::prelude::*;
+
+    let three = || prop::array::uniform3(-1.0..1.0_f64).prop_map(DVec3::from_array);
+    (three(), three(), -4.0..4.0_f64).prop_map(|(p, axis, angle)| Pose {
+        position_mm: 1000.0 * p,
+        orientation: DQuat::from_axis_angle(axis.normalize_or(DVec3::X), angle),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
-
-    fn any_pose() -> impl Strategy<Value = Pose> {
-        let three = || prop::array::uniform3(-1.0..1.0_f64).prop_map(DVec3::from_array);
-        (three(), three(), -4.0..4.0_f64).prop_map(|(p, axis, angle)| Pose {
-            position_mm: 300.0 * p,
-            orientation: DQuat::from_axis_angle(axis.normalize_or(DVec3::X), angle),
-        })
-    }
 
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]

@@ -1,26 +1,31 @@
-//! Arrival times of the pieces of a byte stream.
+//! Received bytes with their arrival times.
 
 use std::collections::VecDeque;
 
-/// Arrival times of the pieces of a stream that a decoder has not consumed yet.
+use bytes::BytesMut;
+
+/// Bytes of a stream that a decoder has not consumed yet, and their arrival times.
 #[derive(Debug, Default)]
-pub(crate) struct ArrivalTimes {
+pub(super) struct StampedBuffer {
+    /// The bytes; a decoder removes them from the front.
+    pub(super) bytes: BytesMut,
     /// Bytes received so far.
     total: u64,
     /// End offset of each piece in the stream, and its arrival time, ns. Consumed pieces are removed.
     pieces: VecDeque<(u64, u64)>,
 }
 
-impl ArrivalTimes {
-    /// Notes that the next `length` bytes arrived at `time_ns`.
-    pub(crate) fn push(&mut self, length: usize, time_ns: u64) {
-        self.total += length as u64;
+impl StampedBuffer {
+    /// Appends `bytes`, which arrived at `time_ns`.
+    pub(super) fn push(&mut self, bytes: &[u8], time_ns: u64) {
+        self.bytes.extend_from_slice(bytes);
+        self.total += bytes.len() as u64;
         self.pieces.push_back((self.total, time_ns));
     }
 
-    /// Arrival time, ns, of the first of the last `left` bytes.
-    pub(crate) fn of_first_of(&mut self, left: usize) -> u64 {
-        let position = self.total - left as u64;
+    /// Arrival time of the first byte left, ns.
+    pub(super) fn first_byte_ns(&mut self) -> u64 {
+        let position = self.total - self.bytes.len() as u64;
         while self.pieces.len() > 1 && self.pieces.front().is_some_and(|(end, _)| *end <= position) {
             self.pieces.pop_front();
         }
@@ -30,18 +35,23 @@ impl ArrivalTimes {
 
 #[cfg(test)]
 mod tests {
+    use bytes::Buf;
+
     use super::*;
 
     #[test]
     fn the_time_is_that_of_the_first_byte_left() {
-        let mut times = ArrivalTimes::default();
-        times.push(4, 10);
-        times.push(3, 20);
-        assert_eq!(times.of_first_of(7), 10);
-        assert_eq!(times.of_first_of(4), 10);
-        assert_eq!(times.of_first_of(3), 20);
-        times.push(1, 30);
-        assert_eq!(times.of_first_of(2), 20);
-        assert_eq!(times.of_first_of(1), 30);
+        let mut buffer = StampedBuffer::default();
+        let mut after = |consumed: usize, received: Option<(&[u8], u64)>| {
+            buffer.bytes.advance(consumed);
+            received.into_iter().for_each(|(bytes, time_ns)| buffer.push(bytes, time_ns));
+            buffer.first_byte_ns()
+        };
+        assert_eq!(after(0, Some((b"abcd", 10))), 10);
+        assert_eq!(after(0, Some((b"efg", 20))), 10);
+        assert_eq!(after(3, None), 10);
+        assert_eq!(after(1, None), 20);
+        assert_eq!(after(2, Some((b"h", 30))), 20);
+        assert_eq!(after(1, None), 30);
     }
 }

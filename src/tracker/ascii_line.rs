@@ -10,68 +10,42 @@
 //!
 //! A line may end in CR LF. Numbers may be padded by spaces, and empty lines are skipped.
 
-use bytes::{Buf, BytesMut};
+use bytes::BytesMut;
 use thiserror::Error;
 
-use super::Record;
+use super::decoder::{Offset, StreamDecoder};
+use super::framing::quote;
+use super::{DecodeError, Fault, Record};
 use crate::pose::{Pose, PoseError};
 
 /// Longest line without its line feed, bytes.
 pub const LINE_LIMIT: usize = 256;
 
-/// Most characters of a wrong field that an error message quotes.
-const QUOTE_LIMIT: usize = 32;
-
 const FIELDS: [&str; 9] = ["seq", "t_us", "x", "y", "z", "qw", "qx", "qy", "qz"];
-
-/// Whether a line needs its `*HH`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Checksum {
-    /// A line without a checksum is an error.
-    Required,
-    /// A line without a checksum is accepted; a wrong checksum is still an error.
-    Optional,
-}
-
-/// A line that is not a record.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("line at byte {offset} of the tracker's stream: {reason}")]
-pub struct DecodeError {
-    /// Stream offset of the first byte of the line.
-    pub offset: u64,
-    /// Fault of the line.
-    pub reason: Reason,
-}
 
 /// Fault of a line.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// No line feed within the limit.
-    #[error("longer than {LINE_LIMIT} bytes; a line is `P,seq,t_us,x,y,z,qw,qx,qy,qz*HH` and a line feed")]
+    #[error("a line is longer than {LINE_LIMIT} bytes; it must be `P,seq,t_us,x,y,z,qw,qx,qy,qz*HH` and a line feed")]
     TooLong,
-    /// The stream ended within the line.
-    #[error("the stream ends after {length} bytes of it, before its line feed")]
-    Incomplete {
-        /// Bytes present.
-        length: usize,
-    },
     /// Another kind of line, or noise.
-    #[error("starts with `{start}`; a line starts with `P,`")]
+    #[error("a line starts with `{start}`; it must start with `P,`")]
     NotAPose {
         /// First bytes of the line, escaped.
         start: String,
     },
     /// No checksum.
-    #[error("has no checksum; it must end in `*` and two hexadecimal digits")]
+    #[error("a line has no checksum; it must end in `*` and two hexadecimal digits")]
     ChecksumMissing,
     /// A checksum that is not two hexadecimal digits.
-    #[error("has the checksum `{text}`; it must be two hexadecimal digits")]
+    #[error("a line has the checksum `{text}`; it must be two hexadecimal digits")]
     ChecksumSyntax {
         /// Text behind the `*`, escaped.
         text: String,
     },
     /// Bytes damaged in transmission.
-    #[error("has the checksum {found:02X}, but its bytes give {computed:02X}")]
+    #[error("a line has the checksum {found:02X}, but its bytes give {computed:02X}")]
     ChecksumMismatch {
         /// Checksum on the line.
         found: u8,
@@ -79,7 +53,7 @@ pub enum Reason {
         computed: u8,
     },
     /// Too few or too many fields.
-    #[error("has {found} fields after `P`; there must be 9: seq,t_us,x,y,z,qw,qx,qy,qz")]
+    #[error("a line has {found} fields after `P`; there must be 9: seq,t_us,x,y,z,qw,qx,qy,qz")]
     FieldCount {
         /// Fields found.
         found: usize,
@@ -100,89 +74,66 @@ pub enum Reason {
 }
 
 /// Decoder of one stream of lines.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Decoder {
-    checksum: Checksum,
-    /// Bytes removed from the stream so far.
-    offset: u64,
+    offset: Offset,
     /// Whether the rest of an overlong line is being skipped.
     skipping: bool,
 }
 
-impl Decoder {
-    /// A decoder at the start of a stream.
-    pub fn new(checksum: Checksum) -> Self {
-        Self { checksum, offset: 0, skipping: false }
-    }
-
-    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
-    ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds at most
-    /// [`LINE_LIMIT`] bytes.
-    ///
-    /// # Errors
-    /// A line that is not a record. It is removed, and the next call continues with the next line.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+impl StreamDecoder for Decoder {
+    /// After `Ok(None)` the buffer holds at most [`LINE_LIMIT`] bytes.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if self.skipping {
                 let line_feed = buffer.iter().position(|&b| b == b'\n');
-                self.remove(buffer, line_feed.map_or(buffer.len(), |at| at + 1));
+                self.offset.take(buffer, line_feed.map_or(buffer.len(), |at| at + 1));
                 if line_feed.is_none() {
                     return Ok(None);
                 }
                 self.skipping = false;
             }
-            let offset = self.offset;
             // Searched up to the limit only, so that the result doesn't depend on how the stream was split.
             let Some(length) = buffer.iter().take(LINE_LIMIT + 1).position(|&b| b == b'\n') else {
                 if buffer.len() <= LINE_LIMIT {
                     return Ok(None);
                 }
                 self.skipping = true;
-                self.remove(buffer, LINE_LIMIT + 1);
-                return Err(DecodeError { offset, reason: Reason::TooLong });
+                return Err(self.offset.reject(buffer, LINE_LIMIT + 1, Reason::TooLong));
             };
-            let line = buffer.split_to(length);
-            buffer.advance(1);
-            self.offset += length as u64 + 1;
-            let line = line.strip_suffix(b"\r").unwrap_or(&line);
-            if !line.is_empty() {
-                return parse(line, self.checksum).map(Some).map_err(|reason| DecodeError { offset, reason });
+            let line = &buffer[..length];
+            let line = line.strip_suffix(b"\r").unwrap_or(line);
+            let record = (!line.is_empty()).then(|| parse(line));
+            let offset = self.offset.take(buffer, length + 1);
+            if let Some(record) = record {
+                return record.map(Some).map_err(|reason| DecodeError { offset, fault: reason.into() });
             }
         }
     }
 
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// A line without a line feed is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        let (offset, length) = (self.offset, buffer.len());
-        self.remove(buffer, length);
-        if length == 0 || std::mem::take(&mut self.skipping) {
-            return Ok(());
-        }
-        Err(DecodeError { offset, reason: Reason::Incomplete { length } })
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 
-    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
-        buffer.advance(length);
-        self.offset += length as u64;
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        let skipping = std::mem::take(&mut self.skipping);
+        match buffer.len() {
+            length if length == 0 || skipping => {
+                self.offset.take(buffer, length);
+                Ok(())
+            }
+            length => Err(self.offset.reject(buffer, length, Fault::Incomplete { length })),
+        }
     }
 }
 
-fn parse(line: &[u8], checksum: Checksum) -> Result<Record, Reason> {
+fn parse(line: &[u8]) -> Result<Record, Reason> {
     let Some(body) = line.strip_prefix(b"P").filter(|body| body.starts_with(b",")) else {
         return Err(Reason::NotAPose { start: quote(line) });
     };
-    let body = match body.iter().position(|&b| b == b'*') {
-        Some(star) => {
-            check(&body[..star], &body[star + 1..])?;
-            &body[..star]
-        }
-        None if checksum == Checksum::Optional => body,
-        None => return Err(Reason::ChecksumMissing),
-    };
+    let star = body.iter().position(|&b| b == b'*').ok_or(Reason::ChecksumMissing)?;
+    let (body, digits) = (&body[..star], &body[star + 1..]);
+    check(body, digits)?;
     let mut fields = [&b""[..]; FIELDS.len()];
     let mut found = 0;
     for field in body[1..].split(|&b| b == b',') {
@@ -225,11 +176,6 @@ fn xor(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum ^ byte)
 }
 
-fn quote(bytes: &[u8]) -> String {
-    let more = if bytes.len() > QUOTE_LIMIT { "..." } else { "" };
-    format!("{}{more}", bytes[..bytes.len().min(QUOTE_LIMIT)].escape_ascii())
-}
-
 /// Line of a pose, line feed included: positions to 0.1 µm, quaternions to 1e-8, as a board would print them.
 pub fn encode(sequence: u32, device_time_us: u64, pose: &Pose) -> String {
     let [x, y, z, qw, qx, qy, qz] = pose.components();
@@ -240,44 +186,44 @@ pub fn encode(sequence: u32, device_time_us: u64, pose: &Pose) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tracker::decoder::decode_all;
 
     const LINE: &str = "P,7,1000,1.5,-2,80.25,1,0,0,0*0F\n";
 
-    fn first(text: &str, checksum: Checksum) -> Result<Option<Record>, DecodeError> {
-        Decoder::new(checksum).decode(&mut BytesMut::from(text))
+    fn decode(text: &str) -> Vec<Result<Record, Fault>> {
+        decode_all(&mut Decoder::default(), text.as_bytes())
     }
 
-    fn reason(text: &str) -> Reason {
-        first(text, Checksum::Required).unwrap_err().reason
+    fn sealed(body: &str) -> String {
+        format!("P{body}*{:02X}\n", xor(body.as_bytes()))
     }
 
     #[test]
     fn decodes_a_line_checked_by_hand() {
-        let record = first(LINE, Checksum::Required).unwrap().unwrap();
         let pose = Pose::from_components([1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]).unwrap();
-        assert_eq!(record, Record::pose(7, 1000, pose));
-        let padded = "\r\n\nP, 7,1000, 1.50,-2,80.25,1,0,0,0\r\n";
-        assert_eq!(first(padded, Checksum::Optional).unwrap(), Some(record));
+        let record = Record::pose(7, 1000, pose);
+        assert_eq!(decode(LINE), [Ok(record)]);
+        let padded = sealed(", 7,1000, 1.50,-2,80.25,1,0,0,0").replace('\n', "\r\n");
+        assert_eq!(decode(&format!("\r\n\n{padded}")), [Ok(record)]);
     }
 
     #[test]
-    fn a_checksum_may_be_optional_but_never_wrong() {
-        let bare = "P,7,1000,1.5,-2,80.25,1,0,0,0\n";
-        assert_eq!(reason(bare), Reason::ChecksumMissing);
-        assert!(first(bare, Checksum::Optional).unwrap().is_some());
-        for checksum in [Checksum::Required, Checksum::Optional] {
-            let error = first(&LINE.replace("1.5", "1.6"), checksum).unwrap_err();
-            assert_eq!(error.reason, Reason::ChecksumMismatch { found: 0x0F, computed: 0x0C });
+    fn a_checksum_is_required_and_checked() {
+        let cases = [
+            (LINE.replace("*0F", ""), Reason::ChecksumMissing),
+            (LINE.replace("1.5", "1.6"), Reason::ChecksumMismatch { found: 0x0F, computed: 0x0C }),
+            (LINE.replace("*0F", "*0"), Reason::ChecksumSyntax { text: "0".into() }),
+            (LINE.replace("*0F", "*+6"), Reason::ChecksumSyntax { text: "+6".into() }),
+        ];
+        for (line, reason) in cases {
+            assert_eq!(decode(&line), [Err(reason.into())]);
         }
-        assert_eq!(reason(&LINE.replace("*0F", "*0")), Reason::ChecksumSyntax { text: "0".into() });
-        assert_eq!(reason(&LINE.replace("*0F", "*+6")), Reason::ChecksumSyntax { text: "+6".into() });
     }
 
     #[test]
     fn wrong_lines_are_named_and_the_next_line_is_decoded() {
-        let sealed = |body: &str| format!("P{body}*{:02X}\n", xor(body.as_bytes()));
         let cases = [
-            ("hello\n".to_owned(), "starts with `hello`; a line starts with `P,`"),
+            ("hello\n".to_owned(), "a line starts with `hello`; it must start with `P,`"),
             ("\u{1}\u{7f}P,\n".to_owned(), "starts with `\\x01\\x7fP,`"),
             (sealed(",1,2,3"), "has 3 fields after `P`; there must be 9"),
             (sealed(",1,2,3,4,5,1,0,0,0,0"), "has 10 fields"),
@@ -289,10 +235,10 @@ mod tests {
         ];
         for (bad, message) in cases {
             let mut buffer = BytesMut::from(format!("{LINE}{bad}{LINE}").as_str());
-            let mut decoder = Decoder::new(Checksum::Required);
+            let mut decoder = Decoder::default();
             assert!(decoder.decode(&mut buffer).unwrap().is_some());
             let text = decoder.decode(&mut buffer).unwrap_err().to_string();
-            assert!(text.starts_with("line at byte 33 of the tracker's stream: ") && text.contains(message), "{text}");
+            assert!(text.starts_with("byte 33 of the tracker's stream: ") && text.contains(message), "{text}");
             assert!(decoder.decode(&mut buffer).unwrap().is_some(), "no record after {bad:?}");
             assert_eq!(decoder.decode(&mut buffer), Ok(None));
             assert!(buffer.is_empty());
@@ -302,10 +248,10 @@ mod tests {
     #[test]
     fn an_end_within_a_line_is_an_error() {
         let mut buffer = BytesMut::from(&LINE[..12]);
-        let mut decoder = Decoder::new(Checksum::Required);
+        let mut decoder = Decoder::default();
         assert_eq!(decoder.decode(&mut buffer), Ok(None));
         let error = decoder.finish(&mut buffer).unwrap_err();
-        assert_eq!(error, DecodeError { offset: 0, reason: Reason::Incomplete { length: 12 } });
+        assert_eq!(error, DecodeError { offset: 0, fault: Fault::Incomplete { length: 12 } });
         assert_eq!(decoder.finish(&mut buffer), Ok(()));
     }
 }

@@ -90,13 +90,7 @@ mod tests {
     #[test]
     fn axes_are_moved_and_signs_reversed() {
         let map: AxisMap = "x, -z, y, rx, -rz,ry".parse().unwrap();
-        let rates = |translation, rotation| Record {
-            sensor: 0,
-            sequence: None,
-            device_time_us: None,
-            buttons: 0,
-            reading: Reading::Rates { translation, rotation },
-        };
+        let rates = |translation, rotation| Record::new(0, Reading::Rates { translation, rotation });
         let found = map.apply(rates(DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.4, 0.5, 0.6)));
         assert_eq!(found, rates(DVec3::new(0.1, -0.3, 0.2), DVec3::new(0.4, -0.6, 0.5)));
         assert_eq!(map.to_string().parse(), Ok(map));

@@ -16,8 +16,8 @@ use bytes::BytesMut;
 use glam::{DQuat, EulerRot};
 use thiserror::Error;
 
-use super::Record;
-use super::framing::Offset;
+use super::decoder::{Offset, StreamDecoder};
+use super::{DecodeError, Record};
 use crate::pose::Reading;
 
 /// Length of a frame, bytes.
@@ -37,16 +37,6 @@ pub enum AngleOrder {
     PitchFirst,
     /// Roll, then pitch.
     RollFirst,
-}
-
-/// Bytes that are not a frame.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("byte {offset} of the BNO08x's stream: {reason}")]
-pub struct DecodeError {
-    /// Stream offset of the first byte.
-    pub offset: u64,
-    /// Fault of these bytes.
-    pub reason: Reason,
 }
 
 /// Fault of a frame.
@@ -74,12 +64,6 @@ pub enum Reason {
         /// Its value, degrees.
         value_deg: f64,
     },
-    /// The stream ended within a frame.
-    #[error("the stream ends after {length} bytes of a frame")]
-    Incomplete {
-        /// Bytes present.
-        length: usize,
-    },
 }
 
 /// Decoder of one stream.
@@ -97,48 +81,6 @@ impl Decoder {
     /// A decoder at the start of a stream.
     pub fn new(order: AngleOrder) -> Self {
         Self { order, offset: Offset::default(), sequence: None, lost: false }
-    }
-
-    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
-    ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. One error covers everything skipped until the
-    /// next frame. After `Ok(None)` the buffer holds less than a frame.
-    ///
-    /// # Errors
-    /// Bytes that are not a frame. They are removed up to the next possible frame.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        loop {
-            let (length, reason) = match start(buffer) {
-                0 if buffer.len() < LENGTH => return Ok(None),
-                0 => match self.frame(buffer) {
-                    Ok(record) => {
-                        self.offset.take(buffer, LENGTH);
-                        self.lost = false;
-                        return Ok(Some(record));
-                    }
-                    // A frame that lost a byte contains the start of the next one.
-                    Err(reason) => (1, reason),
-                },
-                length => (length, Reason::Noise { byte: buffer[0] }),
-            };
-            let offset = self.offset.take(buffer, length);
-            if !std::mem::replace(&mut self.lost, true) {
-                return Err(DecodeError { offset, reason });
-            }
-        }
-    }
-
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// Part of a frame is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        match buffer.len() {
-            0 => Ok(()),
-            length => {
-                Err(DecodeError { offset: self.offset.take(buffer, length), reason: Reason::Incomplete { length } })
-            }
-        }
     }
 
     fn frame(&mut self, bytes: &[u8]) -> Result<Record, Reason> {
@@ -161,20 +103,44 @@ impl Decoder {
             }
         }
         let [yaw, pitch, roll] = angles_deg.map(f64::to_radians);
-        let sequence = carried_on(self.sequence, bytes[2]);
+        let sequence = extended_counter(self.sequence, bytes[2]);
         self.sequence = Some(sequence);
-        Ok(Record {
-            sensor: 0,
-            sequence: Some(sequence),
-            device_time_us: None,
-            buttons: 0,
-            reading: Reading::Orientation(DQuat::from_euler(EulerRot::ZYX, yaw, pitch, roll)),
-        })
+        let orientation = DQuat::from_euler(EulerRot::ZYX, yaw, pitch, roll);
+        Ok(Record { sequence: Some(sequence), ..Record::new(0, Reading::Orientation(orientation)) })
+    }
+}
+
+impl StreamDecoder for Decoder {
+    /// One error covers everything skipped until the next frame. After `Ok(None)` the buffer holds less than a frame.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        loop {
+            let (length, reason) = match start(buffer) {
+                0 if buffer.len() < LENGTH => return Ok(None),
+                0 => match self.frame(buffer) {
+                    Ok(record) => {
+                        self.offset.take(buffer, LENGTH);
+                        self.lost = false;
+                        return Ok(Some(record));
+                    }
+                    // A frame that lost a byte contains the start of the next one.
+                    Err(reason) => (1, reason),
+                },
+                length => (length, Reason::Noise { byte: buffer[0] }),
+            };
+            let error = self.offset.reject(buffer, length, reason);
+            if !std::mem::replace(&mut self.lost, true) {
+                return Err(error);
+            }
+        }
+    }
+
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 }
 
 /// 32-bit counter whose lowest 8 bits are `index`, at most 255 ahead of `last`.
-fn carried_on(last: Option<u32>, index: u8) -> u32 {
+fn extended_counter(last: Option<u32>, index: u8) -> u32 {
     last.map_or(u32::from(index), |last| last.wrapping_add(u32::from(index.wrapping_sub(last as u8))))
 }
 
@@ -231,10 +197,10 @@ mod tests {
 
     #[test]
     fn the_index_is_extended_to_32_bits() {
-        assert_eq!(carried_on(None, 200), 200);
-        assert_eq!(carried_on(Some(255), 0), 256);
-        assert_eq!(carried_on(Some(0x1_05), 0x04), 0x2_04);
-        assert_eq!(carried_on(Some(u32::MAX), 0), 0);
+        assert_eq!(extended_counter(None, 200), 200);
+        assert_eq!(extended_counter(Some(255), 0), 256);
+        assert_eq!(extended_counter(Some(0x1_05), 0x04), 0x2_04);
+        assert_eq!(extended_counter(Some(u32::MAX), 0), 0);
     }
 
     #[test]
@@ -243,11 +209,11 @@ mod tests {
         let mut buffer = BytesMut::from(&[1_u8, 2, 0xAA, 3][..]);
         buffer.extend_from_slice(&frame(7, [0, 0, 0]));
         let error = decoder.decode(&mut buffer).unwrap_err();
-        assert_eq!(error, DecodeError { offset: 0, reason: Reason::Noise { byte: 1 } });
+        assert_eq!(error, DecodeError { offset: 0, fault: Reason::Noise { byte: 1 }.into() });
         assert_eq!(decoder.decode(&mut buffer).unwrap().unwrap().sequence, Some(7));
         let mut damaged = BytesMut::from(&frame(8, [0, 0, 20_000])[..]);
         let error = decoder.decode(&mut damaged).unwrap_err();
-        assert_eq!(error.reason, Reason::Angle { name: "roll", value_deg: 200.0 });
+        assert_eq!(error.fault, Reason::Angle { name: "roll", value_deg: 200.0 }.into());
         assert_eq!(decoder.decode(&mut damaged), Ok(None));
     }
 }

@@ -10,11 +10,12 @@
 //! A binary record has no checksum. It is checked by its head, its last byte and the norm of its quaternion.
 
 use bytes::{Bytes, BytesMut};
-use glam::{DQuat, EulerRot};
+use glam::{DQuat, DVec3, EulerRot};
 use thiserror::Error;
 
-use super::Record;
-use super::framing::{Offset, f32_at, next_head, noise};
+use super::decoder::{Offset, StreamDecoder};
+use super::framing::{f32_at, next_head, noise};
+use super::{DecodeError, Record};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Length of an ASCII record, bytes.
@@ -35,16 +36,6 @@ pub enum Format {
     Ascii,
     /// IEEE floats.
     Binary,
-}
-
-/// Bytes that are not a record.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("FASTRAK, byte {offset} of the stream: {reason}")]
-pub struct DecodeError {
-    /// Stream offset of the first byte.
-    pub offset: u64,
-    /// Fault of these bytes.
-    pub reason: Reason,
 }
 
 /// Fault of a record.
@@ -87,12 +78,6 @@ pub enum Reason {
     /// Numbers that are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
-    /// The stream ended within a record.
-    #[error("the stream ends after {length} bytes of a record")]
-    Incomplete {
-        /// Bytes present.
-        length: usize,
-    },
 }
 
 /// Decoder of one stream of records in centimetres.
@@ -108,39 +93,13 @@ impl Decoder {
         Self { format, offset: Offset::default() }
     }
 
-    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
-    ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than 64
-    /// bytes.
-    ///
-    /// # Errors
-    /// Bytes that are not a record, or an error that the device reports. They are removed up to the next possible
-    /// record.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        match self.format {
-            Format::Ascii => self.line(buffer),
-            Format::Binary => self.binary(buffer),
-        }
-    }
-
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// Part of a record is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        match buffer.len() {
-            0 => Ok(()),
-            length => Err(self.reject(buffer, length, Reason::Incomplete { length })),
-        }
-    }
-
     fn binary(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         if buffer.is_empty() {
             return Ok(None);
         }
         if !plausible(buffer) {
             return match noise(buffer, HEAD, plausible) {
-                Some(length) => Err(self.reject(buffer, length, Reason::Noise { length })),
+                Some(length) => Err(self.offset.reject(buffer, length, Reason::Noise { length })),
                 None => Ok(None),
             };
         }
@@ -154,7 +113,7 @@ impl Decoder {
                 // A device that reports an error sends a complete record.
                 let whole = matches!(reason, Reason::Device { .. });
                 let length = if whole { BINARY_LENGTH } else { next_head(frame, plausible) };
-                Err(self.reject(buffer, length, reason))
+                Err(self.offset.reject(buffer, length, reason))
             }
         }
     }
@@ -172,12 +131,22 @@ impl Decoder {
                 self.offset.take(buffer, length);
                 Ok(Some(record))
             }
-            Err(reason) => Err(self.reject(buffer, length, reason)),
+            Err(reason) => Err(self.offset.reject(buffer, length, reason)),
+        }
+    }
+}
+
+impl StreamDecoder for Decoder {
+    /// After `Ok(None)` the buffer holds less than 64 bytes.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        match self.format {
+            Format::Ascii => self.line(buffer),
+            Format::Binary => self.binary(buffer),
         }
     }
 
-    fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
-        DecodeError { offset: self.offset.take(buffer, length), reason }
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 }
 
@@ -202,7 +171,7 @@ fn binary(frame: &[u8]) -> Result<Record, Reason> {
     for centimetres in &mut components[..3] {
         *centimetres *= MM_PER_CM;
     }
-    Ok(record(station, Pose::from_components(components)?))
+    Ok(Record::new(station, Reading::Pose(Pose::from_components(components)?)))
 }
 
 fn text(line: &[u8]) -> Result<Record, Reason> {
@@ -220,9 +189,8 @@ fn text(line: &[u8]) -> Result<Record, Reason> {
         *value = number.ok_or_else(|| Reason::Field { name, text: field.escape_ascii().to_string() })?;
     }
     let [x, y, z, azimuth, elevation, roll] = values;
-    let q = orientation(azimuth, elevation, roll);
-    let pose = Pose::from_components([x * MM_PER_CM, y * MM_PER_CM, z * MM_PER_CM, q.w, q.x, q.y, q.z])?;
-    Ok(record(station, pose))
+    let pose = Pose::new(DVec3::new(x, y, z) * MM_PER_CM, orientation(azimuth, elevation, roll))?;
+    Ok(Record::new(station, Reading::Pose(pose)))
 }
 
 /// Station of a record that reports no error.
@@ -232,10 +200,6 @@ fn station(head: &[u8]) -> Result<u16, Reason> {
         b' ' => Ok(station),
         code => Err(Reason::Device { station, code: char::from(code) }),
     }
-}
-
-fn record(station: u16, pose: Pose) -> Record {
-    Record { sensor: station, sequence: None, device_time_us: None, buttons: 0, reading: Reading::Pose(pose) }
 }
 
 /// Rotation by azimuth about z, then elevation about the new y, then roll about the new x, degrees.
@@ -264,6 +228,8 @@ pub fn setup(format: Format, station: u16, hemisphere: [f64; 3]) -> Vec<Bytes> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tracker::Fault;
+    use crate::tracker::decoder::decode_all;
 
     /// Made with Python's `struct` from the layout in the manual: station 1, (10.5, −20.25, 30.125) cm, quaternion
     /// (0.5, 0.5, −0.5, 0.5).
@@ -280,17 +246,8 @@ mod tests {
         }
     }
 
-    fn all(format: Format, bytes: &[u8]) -> Vec<Result<Record, Reason>> {
-        let (mut decoder, mut buffer, mut out) = (Decoder::new(format), BytesMut::from(bytes), Vec::new());
-        loop {
-            match decoder.decode(&mut buffer) {
-                Ok(Some(record)) => out.push(Ok(record)),
-                Ok(None) => break,
-                Err(error) => out.push(Err(error.reason)),
-            }
-        }
-        assert!(buffer.len() < 64);
-        out
+    fn all(format: Format, bytes: &[u8]) -> Vec<Result<Record, Fault>> {
+        decode_all(&mut Decoder::new(format), bytes)
     }
 
     #[test]
@@ -307,9 +264,9 @@ mod tests {
         let record = all(Format::Ascii, LINE.as_bytes())[0].clone().unwrap();
         assert_eq!(record.sensor, 2);
         let found = pose(record);
-        assert!(found.position_mm.distance(glam::DVec3::new(105.0, -202.5, 301.2)) < 1e-9);
+        assert!(found.position_mm.distance(DVec3::new(105.0, -202.5, 301.2)) < 1e-9);
         // Azimuth 90° turns the sensor's x axis to the source's y.
-        assert!((found.orientation * glam::DVec3::X).distance(glam::DVec3::Y) < 1e-12);
+        assert!((found.orientation * DVec3::X).distance(DVec3::Y) < 1e-12);
     }
 
     #[test]
@@ -349,7 +306,7 @@ mod tests {
     fn errors_name_the_fault() {
         let mut broken = BINARY;
         broken[2] = b'a';
-        assert_eq!(all(Format::Binary, &broken), [Err(Reason::Device { station: 1, code: 'a' })]);
+        assert_eq!(all(Format::Binary, &broken), [Err(Reason::Device { station: 1, code: 'a' }.into())]);
         let cases = [
             ("hello\r\n".to_owned(), "a line of 7 bytes; a record has 47"),
             (LINE.replace("90.00", "9O.00"), "field `azimuth` is `  9O.00`"),
@@ -365,7 +322,7 @@ mod tests {
         let mut rest = BytesMut::from(&LINE[..20]);
         assert_eq!(decoder.decode(&mut rest), Ok(None));
         let error = decoder.finish(&mut rest).unwrap_err();
-        assert_eq!(error.to_string(), "FASTRAK, byte 0 of the stream: the stream ends after 20 bytes of a record");
+        assert_eq!(error.to_string(), "byte 0 of the tracker's stream: the stream ends after 20 bytes of a record");
     }
 
     #[test]

@@ -1,9 +1,7 @@
-//! Resynchronisation of head-and-length protocols in a damaged stream.
+//! Resynchronisation of head-and-length protocols in a damaged stream; numbers and texts in streams.
 //!
 //! The bytes removed depend only on the stream, never on how it was split into pieces. A search looks at a window of
 //! fixed length, and a possible start of a head at the window's end counts as one.
-
-use bytes::{Buf, BytesMut};
 
 /// Most bytes of noise covered by one error.
 pub(super) const NOISE_LIMIT: usize = 64;
@@ -22,18 +20,11 @@ pub(super) fn noise(buffer: &[u8], head_length: usize, plausible: impl Fn(&[u8])
     (window.len() == NOISE_LIMIT || start + head_length <= window.len()).then_some(start)
 }
 
-/// Number of bytes consumed from a stream.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Offset(u64);
-
-impl Offset {
-    /// Removes `length` bytes from the front of `buffer` and returns their stream offset.
-    pub(super) fn take(&mut self, buffer: &mut BytesMut, length: usize) -> u64 {
-        let start = self.0;
-        buffer.advance(length);
-        self.0 += length as u64;
-        start
-    }
+/// First bytes of a text, escaped, for an error message.
+pub(super) fn quote(bytes: &[u8]) -> String {
+    const LIMIT: usize = 32;
+    let more = if bytes.len() > LIMIT { "..." } else { "" };
+    format!("{}{more}", bytes[..bytes.len().min(LIMIT)].escape_ascii())
 }
 
 /// Little-endian u32 at `at`; 0 if the slice is too short, which callers rule out.

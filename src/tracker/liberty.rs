@@ -14,10 +14,12 @@
 //! the quaternion w x y z, 40 bytes. A frame has no checksum. It is checked by its head and the norm of its quaternion.
 
 use bytes::{Bytes, BytesMut};
+use glam::{DQuat, DVec3};
 use thiserror::Error;
 
-use super::Record;
-use super::framing::{Offset, f32_at, next_head, noise, u32_at};
+use super::decoder::{Offset, StreamDecoder};
+use super::framing::{f32_at, next_head, noise, u32_at};
+use super::{DecodeError, Record};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Output list that the driver requests.
@@ -56,8 +58,6 @@ impl Device {
 /// One item of an output list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Item {
-    /// 0: a space.
-    Space = 0,
     /// 1: CR LF.
     LineEnd = 1,
     /// 2: x y z, 3 × f32.
@@ -72,8 +72,6 @@ pub enum Item {
     Timestamp = 8,
     /// 9: u32.
     FrameCount = 9,
-    /// 10: stylus button, u32.
-    Stylus = 10,
     /// 11: i32; 0 if no metal is near.
     Distortion = 11,
 }
@@ -81,23 +79,12 @@ pub enum Item {
 impl Item {
     fn length(self) -> usize {
         match self {
-            Self::Space => 1,
             Self::LineEnd => 2,
-            Self::Timestamp | Self::FrameCount | Self::Stylus | Self::Distortion => 4,
+            Self::Timestamp | Self::FrameCount | Self::Distortion => 4,
             Self::Position | Self::ExtendedPosition | Self::Angles => 12,
             Self::Quaternion => 16,
         }
     }
-}
-
-/// Bytes that are not a record.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("LIBERTY or PATRIOT, byte {offset} of the stream: {reason}")]
-pub struct DecodeError {
-    /// Stream offset of the first byte.
-    pub offset: u64,
-    /// Fault of these bytes.
-    pub reason: Reason,
 }
 
 /// Fault of a frame.
@@ -134,12 +121,6 @@ pub enum Reason {
     /// Numbers that are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
-    /// The stream ended within a frame.
-    #[error("the stream ends after {length} bytes of a frame")]
-    Incomplete {
-        /// Bytes present.
-        length: usize,
-    },
 }
 
 /// Decoder of one stream of frames in centimetres.
@@ -162,15 +143,30 @@ impl Decoder {
         Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: Offset::default() }
     }
 
-    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
-    ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. After `Ok(None)` the buffer holds less than a
-    /// frame or 64 bytes.
-    ///
-    /// # Errors
-    /// Bytes that are not a record, or an error that the device reports. They are removed up to the next possible
-    /// frame.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+    fn record(&self, frame: &[u8]) -> Result<Record, Reason> {
+        let mut record = Record::new(u16::from(frame[2]), Reading::OutOfView);
+        let (mut position_cm, mut orientation) = (DVec3::ZERO, DQuat::IDENTITY);
+        let mut at = HEAD;
+        for item in self.items {
+            let number = |i: usize| f32_at(frame, at + 4 * i);
+            match item {
+                Item::Position | Item::ExtendedPosition => position_cm = DVec3::new(number(0), number(1), number(2)),
+                Item::Quaternion => orientation = DQuat::from_xyzw(number(1), number(2), number(3), number(0)),
+                Item::Angles => orientation = super::fastrak::orientation(number(0), number(1), number(2)),
+                Item::Timestamp => record.device_time_us = Some(u64::from(u32_at(frame, at)) * 1000),
+                Item::FrameCount => record.sequence = Some(u32_at(frame, at)),
+                Item::Distortion | Item::LineEnd => {}
+            }
+            at += item.length();
+        }
+        record.reading = Reading::Pose(Pose::new(position_cm * MM_PER_CM, orientation)?);
+        Ok(record)
+    }
+}
+
+impl StreamDecoder for Decoder {
+    /// After `Ok(None)` the buffer holds less than a frame or 64 bytes.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if buffer.is_empty() {
                 return Ok(None);
@@ -181,7 +177,7 @@ impl Decoder {
                 return match noise(buffer, HEAD, plausible) {
                     Some(length) => {
                         let expected = device.tag().escape_ascii().to_string();
-                        Err(self.reject(buffer, length, Reason::Noise { length, expected }))
+                        Err(self.offset.reject(buffer, length, Reason::Noise { length, expected }))
                     }
                     None => Ok(None),
                 };
@@ -189,10 +185,10 @@ impl Decoder {
             let Some(head) = buffer.get(..HEAD) else { return Ok(None) };
             let payload = usize::from(u16::from_le_bytes([head[6], head[7]]));
             let streamed = matches!(head[3], b'C' | b'P');
-            let well = matches!(head[4], 0 | b' ');
+            let is_ok = matches!(head[4], 0 | b' ');
             if !streamed || payload != self.payload {
                 // The length of an answer isn't trusted: a damaged one would swallow good frames.
-                let (length, reason) = match (well, streamed) {
+                let (length, reason) = match (is_ok, streamed) {
                     (false, _) => (HEAD, report(head)),
                     (true, true) => {
                         let reason = Reason::Length { found: payload, expected: self.payload };
@@ -203,12 +199,12 @@ impl Decoder {
                         continue;
                     }
                 };
-                return Err(self.reject(buffer, length, reason));
+                return Err(self.offset.reject(buffer, length, reason));
             }
             let Some(frame) = buffer.get(..HEAD + payload) else { return Ok(None) };
-            if !well {
+            if !is_ok {
                 let reason = report(frame);
-                return Err(self.reject(buffer, HEAD + payload, reason));
+                return Err(self.offset.reject(buffer, HEAD + payload, reason));
             }
             return match self.record(frame) {
                 Ok(record) => {
@@ -217,57 +213,14 @@ impl Decoder {
                 }
                 Err(reason) => {
                     let length = next_head(frame, plausible);
-                    Err(self.reject(buffer, length, reason))
+                    Err(self.offset.reject(buffer, length, reason))
                 }
             };
         }
     }
 
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// Part of a frame is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        match buffer.len() {
-            0 => Ok(()),
-            length => Err(self.reject(buffer, length, Reason::Incomplete { length })),
-        }
-    }
-
-    fn record(&self, frame: &[u8]) -> Result<Record, Reason> {
-        let mut record = Record {
-            sensor: u16::from(frame[2]),
-            sequence: None,
-            device_time_us: None,
-            buttons: 0,
-            reading: Reading::OutOfView,
-        };
-        let (mut position_cm, mut orientation) = (None, None);
-        let mut at = HEAD;
-        for item in self.items {
-            let number = |i: usize| f32_at(frame, at + 4 * i);
-            match item {
-                Item::Position | Item::ExtendedPosition => position_cm = Some([number(0), number(1), number(2)]),
-                Item::Quaternion => orientation = Some([number(0), number(1), number(2), number(3)]),
-                Item::Angles => {
-                    let q = super::fastrak::orientation(number(0), number(1), number(2));
-                    orientation = Some([q.w, q.x, q.y, q.z]);
-                }
-                Item::Timestamp => record.device_time_us = Some(u64::from(u32_at(frame, at)) * 1000),
-                Item::FrameCount => record.sequence = Some(u32_at(frame, at)),
-                Item::Stylus => record.buttons = u32_at(frame, at),
-                Item::Distortion | Item::Space | Item::LineEnd => {}
-            }
-            at += item.length();
-        }
-        let [x, y, z] = position_cm.unwrap_or_default().map(|centimetres| centimetres * MM_PER_CM);
-        let [qw, qx, qy, qz] = orientation.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-        record.reading = Reading::Pose(Pose::from_components([x, y, z, qw, qx, qy, qz])?);
-        Ok(record)
-    }
-
-    fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
-        DecodeError { offset: self.offset.take(buffer, length), reason }
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 }
 

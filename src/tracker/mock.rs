@@ -105,8 +105,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let around = Pose { position_mm: DVec3::ZERO, orientation: DQuat::IDENTITY };
-        Self { around, rate_hz: 60.0, seed: 0, schedule: Schedule::default() }
+        Self { around: Pose::IDENTITY, rate_hz: 60.0, seed: 0, schedule: Schedule::default() }
     }
 }
 

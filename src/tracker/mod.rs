@@ -6,29 +6,28 @@
 //! joins a transport, a driver and a [`Listener`] on a thread of its own, and survives all hardware faults.
 //!
 //! # Adding a protocol
-//! 1. Write `src/tracker/NAME.rs` with a decoder whose `decode(&mut BytesMut) -> Result<Option<Record>, DecodeError>`
-//!    keeps the promises of [`Decoder::decode`]. Its error type names the byte offset, the fault and the correct form.
-//! 2. Add a variant to [`Protocol`] and to its table of names, to [`Decoder`] and to [`DecodeError`]; the compiler then
-//!    shows each `match` to extend.
+//! 1. Write `src/tracker/NAME.rs` with a [`StreamDecoder`]. Its `Reason` names the fault and the correct form.
+//! 2. Add a variant to [`Protocol`] and to its table of names, and to [`Fault`]; the compiler then shows each `match` to
+//!    extend.
 //! 3. Let [`Protocol::driver`] make its driver: [`Passive`] if the device streams by itself.
 //! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames; any split of the stream gives the
 //!    same records; arbitrary bytes never panic and always make progress.
 
 use std::str::FromStr;
 
-use bytes::BytesMut;
 use thiserror::Error;
 
 use crate::pose::{Pose, Reading};
 use driver::Driver;
 use ndi::NdiDriver;
-use polhemus::{Model, PolhemusDriver};
+use polhemus::PolhemusDriver;
 
 mod arrival;
 pub mod ascii_line;
 mod axis_map;
 pub mod bno08x;
 mod clock;
+mod decoder;
 mod device_options;
 pub mod devices;
 pub mod driver;
@@ -54,13 +53,14 @@ mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
 pub use clock::host_time_ns;
+pub use decoder::{Offset, StreamDecoder};
 pub use device_options::DeviceOptions;
 pub use error::TrackerError;
 pub use listener::{Listener, TrackerEvent};
 pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
-pub use session::{SessionHandle, SessionSummary, spawn, stream_protocol, stream_sensor};
+pub use session::{SessionHandle, SessionSummary, spawn, stream_of};
 pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.
@@ -79,22 +79,32 @@ pub struct Record {
 }
 
 impl Record {
+    /// A reading of `sensor`, from a device without counter, clock and buttons.
+    pub fn new(sensor: u16, reading: Reading) -> Self {
+        Self { sensor, sequence: None, device_time_us: None, buttons: 0, reading }
+    }
+
     /// A pose from a device with one sensor, a counter and a clock.
     pub fn pose(sequence: u32, device_time_us: u64, pose: Pose) -> Self {
-        Self {
-            sensor: 0,
-            sequence: Some(sequence),
-            device_time_us: Some(device_time_us),
-            buttons: 0,
-            reading: Reading::Pose(pose),
-        }
+        Self { sequence: Some(sequence), device_time_us: Some(device_time_us), ..Self::new(0, Reading::Pose(pose)) }
+    }
+}
+
+/// Number of records missing between those with the counters `last` and `next`, and whether the counter failed to rise.
+fn counter_step(last: Option<u32>, next: Option<u32>) -> (u64, bool) {
+    let (Some(last), Some(next)) = (last, next) else { return (0, false) };
+    // The counter wraps: a step of more than half of its range counts as a step back.
+    match next.wrapping_sub(last) {
+        step @ 1..=0x7fff_ffff => (u64::from(step - 1), false),
+        _ => (0, true),
     }
 }
 
 /// Wire format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Protocol {
-    /// Lines of [`ascii_line`], checksum required.
+    /// Lines of [`ascii_line`].
+    #[default]
     AsciiLine,
     /// Text records of [`fastrak`].
     FastrakAscii,
@@ -120,12 +130,10 @@ pub enum Protocol {
 
 /// An unknown protocol name.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("unknown tracker protocol `{name}`; known: {known}")]
+#[error("unknown tracker protocol `{name}`; known: {}", Protocol::NAMES.join(", "))]
 pub struct UnknownProtocol {
     /// Name looked up.
     pub name: String,
-    /// Names of all protocols, separated by commas.
-    pub known: String,
 }
 
 crate::names::named!(Protocol {
@@ -143,43 +151,31 @@ crate::names::named!(Protocol {
 });
 
 impl Protocol {
-    /// Decoder at the start of a stream.
+    /// Decoder at the start of the stream of a device with default options.
     pub fn decoder(self) -> Decoder {
-        match self {
-            Self::AsciiLine => Decoder::AsciiLine(ascii_line::Decoder::new(ascii_line::Checksum::Required)),
-            Self::FastrakAscii => Decoder::Fastrak(fastrak::Decoder::new(fastrak::Format::Ascii)),
-            Self::FastrakBinary => Decoder::Fastrak(fastrak::Decoder::new(fastrak::Format::Binary)),
-            Self::Liberty => Decoder::Liberty(liberty::Decoder::new(liberty::Device::Liberty)),
-            Self::Patriot => Decoder::Liberty(liberty::Decoder::new(liberty::Device::Patriot)),
-            Self::Ndi => Decoder::Ndi(ndi::Decoder::new()),
-            Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(spacemouse::RANGE)),
-            Self::Bno08x => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::PitchFirst)),
-            Self::Bno08xRollFirst => Decoder::Bno08x(bno08x::Decoder::new(bno08x::AngleOrder::RollFirst)),
-            Self::OpenTrack => Decoder::OpenTrack(opentrack::Decoder::new()),
-            Self::OpenIgtLink => Decoder::OpenIgtLink(openigtlink::Decoder::new()),
-        }
+        self.decoder_of(&DeviceOptions::default())
     }
 
     /// Decoder at the start of the stream of a device with `options`.
     pub fn decoder_of(self, options: &DeviceOptions) -> Decoder {
         match self {
-            Self::SpaceMouse => Decoder::SpaceMouse(spacemouse::Decoder::new(options.puck_range)),
-            _ => self.decoder(),
+            Self::AsciiLine => Box::new(ascii_line::Decoder::default()),
+            Self::FastrakAscii => Box::new(fastrak::Decoder::new(fastrak::Format::Ascii)),
+            Self::FastrakBinary => Box::new(fastrak::Decoder::new(fastrak::Format::Binary)),
+            Self::Liberty => Box::new(liberty::Decoder::new(liberty::Device::Liberty)),
+            Self::Patriot => Box::new(liberty::Decoder::new(liberty::Device::Patriot)),
+            Self::Ndi => Box::new(ndi::Decoder::default()),
+            Self::SpaceMouse => Box::new(spacemouse::Decoder::new(options.puck_range)),
+            Self::Bno08x => Box::new(bno08x::Decoder::new(bno08x::AngleOrder::PitchFirst)),
+            Self::Bno08xRollFirst => Box::new(bno08x::Decoder::new(bno08x::AngleOrder::RollFirst)),
+            Self::OpenTrack => Box::new(opentrack::Decoder::default()),
+            Self::OpenIgtLink => Box::new(openigtlink::Decoder::default()),
         }
     }
 
     /// Sensor that the driver requests by default; `None` if the protocol needs no number.
     pub fn first_sensor(self) -> Option<u16> {
-        match self {
-            Self::AsciiLine
-            | Self::Ndi
-            | Self::SpaceMouse
-            | Self::Bno08x
-            | Self::Bno08xRollFirst
-            | Self::OpenTrack
-            | Self::OpenIgtLink => None,
-            Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
-        }
+        matches!(self, Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot).then_some(1)
     }
 
     /// Factory speed of the serial port, baud.
@@ -193,19 +189,12 @@ impl Protocol {
 
     /// Driver of a device with this protocol.
     pub fn driver(self, options: &DeviceOptions) -> Box<dyn Driver> {
-        let polhemus = |model| Box::new(PolhemusDriver::new(model, options));
         match self {
             Self::Ndi => Box::new(NdiDriver::new(options.ndi.clone())),
-            Self::AsciiLine
-            | Self::SpaceMouse
-            | Self::Bno08x
-            | Self::Bno08xRollFirst
-            | Self::OpenTrack
-            | Self::OpenIgtLink => Box::new(Passive::new(self, options)),
-            Self::FastrakAscii => polhemus(Model::Fastrak(fastrak::Format::Ascii)),
-            Self::FastrakBinary => polhemus(Model::Fastrak(fastrak::Format::Binary)),
-            Self::Liberty => polhemus(Model::Liberty(liberty::Device::Liberty)),
-            Self::Patriot => polhemus(Model::Liberty(liberty::Device::Patriot)),
+            Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => {
+                Box::new(PolhemusDriver::new(self, options))
+            }
+            _ => Box::new(Passive::new(self, options)),
         }
     }
 }
@@ -214,106 +203,66 @@ impl FromStr for Protocol {
     type Err = UnknownProtocol;
 
     fn from_str(name: &str) -> Result<Self, UnknownProtocol> {
-        Self::named(name).ok_or_else(|| UnknownProtocol { name: name.to_owned(), known: Self::NAMES.join(", ") })
+        Self::named(name).ok_or_else(|| UnknownProtocol { name: name.to_owned() })
     }
 }
 
-/// Bytes that are not a record, in any protocol.
+/// Decoder of a stream in any protocol.
+pub type Decoder = Box<dyn StreamDecoder>;
+
+/// Bytes that are not a record, or an error that a device reports.
 #[derive(Debug, Error, Clone, PartialEq)]
-pub enum DecodeError {
-    /// Fault of an ASCII line.
-    #[error(transparent)]
-    AsciiLine(#[from] ascii_line::DecodeError),
-    /// Fault of a FASTRAK's stream.
-    #[error(transparent)]
-    Fastrak(#[from] fastrak::DecodeError),
-    /// Fault of a LIBERTY's or PATRIOT's stream.
-    #[error(transparent)]
-    Liberty(#[from] liberty::DecodeError),
-    /// Fault of an NDI device's stream.
-    #[error(transparent)]
-    Ndi(#[from] ndi::DecodeError),
-    /// Fault of a SpaceMouse report.
-    #[error(transparent)]
-    SpaceMouse(#[from] spacemouse::DecodeError),
-    /// Fault of a BNO08x's stream.
-    #[error(transparent)]
-    Bno08x(#[from] bno08x::DecodeError),
-    /// Fault of an opentrack datagram.
-    #[error(transparent)]
-    OpenTrack(#[from] opentrack::DecodeError),
-    /// Fault of an OpenIGTLink stream.
-    #[error(transparent)]
-    OpenIgtLink(#[from] openigtlink::DecodeError),
+#[error("byte {offset} of the tracker's stream: {fault}")]
+pub struct DecodeError {
+    /// Stream offset of the first byte.
+    pub offset: u64,
+    /// Fault of these bytes.
+    pub fault: Fault,
 }
 
 impl DecodeError {
     /// Whether a well-formed frame reports an error of the device: the device is connected and responding.
     pub fn is_report(&self) -> bool {
-        match self {
-            Self::Fastrak(error) => matches!(error.reason, fastrak::Reason::Device { .. }),
-            Self::Liberty(error) => matches!(error.reason, liberty::Reason::Device { .. }),
-            Self::Ndi(error) => error.is_report(),
+        match &self.fault {
+            Fault::Fastrak(reason) => matches!(reason, fastrak::Reason::Device { .. }),
+            Fault::Liberty(reason) => matches!(reason, liberty::Reason::Device { .. }),
+            Fault::Ndi(reason) => reason.is_report(),
             _ => false,
         }
     }
 }
 
-/// Decoder of one stream.
-#[derive(Debug, Clone)]
-pub enum Decoder {
-    /// ASCII lines.
-    AsciiLine(ascii_line::Decoder),
-    /// Records of a FASTRAK.
-    Fastrak(fastrak::Decoder),
-    /// Frames of a LIBERTY or PATRIOT.
-    Liberty(liberty::Decoder),
-    /// Replies of an NDI device.
-    Ndi(ndi::Decoder),
-    /// Reports of a SpaceMouse.
-    SpaceMouse(spacemouse::Decoder),
-    /// Frames of a BNO08x.
-    Bno08x(bno08x::Decoder),
-    /// Datagrams of opentrack.
-    OpenTrack(opentrack::Decoder),
-    /// Messages of OpenIGTLink.
-    OpenIgtLink(openigtlink::Decoder),
-}
-
-impl Decoder {
-    /// Takes the next record from the front of `buffer`, to which new bytes are appended.
-    ///
-    /// `Ok(None)` asks for more bytes. Each record and each error removes bytes, so a loop until `Ok(None)` ends.
-    ///
-    /// # Errors
-    /// Bytes that are not a record. They are removed, and the next call continues behind them.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        match self {
-            Self::AsciiLine(decoder) => Ok(decoder.decode(buffer)?),
-            Self::Fastrak(decoder) => Ok(decoder.decode(buffer)?),
-            Self::Liberty(decoder) => Ok(decoder.decode(buffer)?),
-            Self::Ndi(decoder) => Ok(decoder.decode(buffer)?),
-            Self::SpaceMouse(decoder) => Ok(decoder.decode(buffer)?),
-            Self::Bno08x(decoder) => Ok(decoder.decode(buffer)?),
-            Self::OpenTrack(decoder) => Ok(decoder.decode(buffer)?),
-            Self::OpenIgtLink(decoder) => Ok(decoder.decode(buffer)?),
-        }
-    }
-
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// Part of a record is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        match self {
-            Self::AsciiLine(decoder) => Ok(decoder.finish(buffer)?),
-            Self::Fastrak(decoder) => Ok(decoder.finish(buffer)?),
-            Self::Liberty(decoder) => Ok(decoder.finish(buffer)?),
-            Self::Ndi(decoder) => Ok(decoder.finish(buffer)?),
-            Self::SpaceMouse(decoder) => Ok(decoder.finish(buffer)?),
-            Self::Bno08x(decoder) => Ok(decoder.finish(buffer)?),
-            Self::OpenTrack(decoder) => Ok(decoder.finish(buffer)?),
-            Self::OpenIgtLink(decoder) => Ok(decoder.finish(buffer)?),
-        }
-    }
+/// Fault of bytes that are not a record, in any protocol.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum Fault {
+    /// The stream ended within a record.
+    #[error("the stream ends after {length} bytes of a record")]
+    Incomplete {
+        /// Bytes present.
+        length: usize,
+    },
+    /// Fault of an ASCII line.
+    #[error(transparent)]
+    AsciiLine(#[from] ascii_line::Reason),
+    /// Fault of a FASTRAK's record.
+    #[error(transparent)]
+    Fastrak(#[from] fastrak::Reason),
+    /// Fault of a LIBERTY's or PATRIOT's frame.
+    #[error(transparent)]
+    Liberty(#[from] liberty::Reason),
+    /// Fault of an NDI device or its reply.
+    #[error(transparent)]
+    Ndi(#[from] ndi::Reason),
+    /// Fault of a SpaceMouse report.
+    #[error(transparent)]
+    SpaceMouse(#[from] spacemouse::Reason),
+    /// Fault of a BNO08x's frame.
+    #[error(transparent)]
+    Bno08x(#[from] bno08x::Reason),
+    /// Fault of an opentrack datagram.
+    #[error(transparent)]
+    OpenTrack(#[from] opentrack::Reason),
+    /// Fault of an OpenIGTLink message.
+    #[error(transparent)]
+    OpenIgtLink(#[from] openigtlink::Reason),
 }

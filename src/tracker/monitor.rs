@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::{Listener, Record, TrackerEvent};
+use super::{Listener, Record, TrackerEvent, counter_step};
 
 /// Capacity of the queue of unreported events; the oldest are dropped and counted.
 const EVENT_CAPACITY: usize = 32;
@@ -112,12 +112,9 @@ impl Listener for Monitor {
         }
         let last = std::mem::replace(&mut figures.sequence, record.sequence);
         let report = &mut figures.report;
-        if let (Some(last), Some(sequence)) = (last, record.sequence) {
-            match sequence.wrapping_sub(last) {
-                step @ 1..=0x7fff_ffff => report.missing += u64::from(step - 1),
-                _ => report.reversals += 1,
-            }
-        }
+        let (missing, reversed) = counter_step(last, record.sequence);
+        report.missing += missing;
+        report.reversals += u64::from(reversed);
         report.records += 1;
         report.last = Some(*record);
         report.state = SessionState::Streaming;
@@ -157,7 +154,7 @@ impl std::fmt::Display for TrackerEvent {
             }
             Self::DecodeError(error) => write!(f, "{error}"),
             Self::OtherSensor { sensor, used } => {
-                write!(f, "sensor {sensor} speaks, too, and is left out; sensor {used} is the probe")
+                write!(f, "sensor {sensor} also sends records, which are ignored; sensor {used} is the probe")
             }
             Self::Ended => write!(f, "the recording is at its end"),
         }

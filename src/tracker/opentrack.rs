@@ -8,10 +8,11 @@
 //! trackers`.
 
 use bytes::{Buf, BytesMut};
-use glam::{DQuat, EulerRot};
+use glam::{DQuat, DVec3, EulerRot};
 use thiserror::Error;
 
-use super::Record;
+use super::decoder::{Offset, StreamDecoder};
+use super::{DecodeError, Record};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Length of a datagram, bytes.
@@ -19,21 +20,11 @@ pub const LENGTH: usize = 48;
 
 const MM_PER_CM: f64 = 10.0;
 
-/// A datagram that is not a pose.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("datagram {number} of opentrack: {reason}")]
-pub struct DecodeError {
-    /// Number of earlier datagrams.
-    pub number: u64,
-    /// Fault of the datagram.
-    pub reason: Reason,
-}
-
 /// Fault of a datagram.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// Wrong length.
-    #[error("it has {length} bytes; it must have {LENGTH} (six doubles: x, y, z, yaw, pitch, roll)")]
+    #[error("a datagram has {length} bytes; it must have {LENGTH} (six doubles: x, y, z, yaw, pitch, roll)")]
     Length {
         /// Bytes found.
         length: usize,
@@ -57,48 +48,35 @@ pub const ANGLE_LIMIT_DEG: f64 = 400.0;
 /// Decoder of one sender's datagrams.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
-    number: u64,
+    offset: Offset,
 }
 
-impl Decoder {
-    /// A decoder before the first datagram.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Decodes and removes the first of the datagrams in `buffer`.
-    ///
-    /// # Errors
-    /// A datagram that is not a pose. It is removed; if its length is wrong, the whole buffer is.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        if buffer.is_empty() {
+impl StreamDecoder for Decoder {
+    /// If the buffer is not a number of whole datagrams, all of it is removed.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        let length = buffer.len();
+        if length == 0 {
             return Ok(None);
         }
-        let number = self.number;
-        self.number += 1;
-        let length = buffer.len();
-        let reading = if length.is_multiple_of(LENGTH) {
-            parse(&mut buffer.split_to(LENGTH))
-        } else {
-            buffer.clear();
-            Err(Reason::Length { length })
-        };
-        let reading = reading.map_err(|reason| DecodeError { number, reason })?;
-        Ok(Some(Record { sensor: 0, sequence: None, device_time_us: None, buttons: 0, reading }))
+        if !length.is_multiple_of(LENGTH) {
+            return Err(self.offset.reject(buffer, length, Reason::Length { length }));
+        }
+        match parse(buffer) {
+            Ok(reading) => {
+                self.offset.take(buffer, LENGTH);
+                Ok(Some(Record::new(0, reading)))
+            }
+            Err(reason) => Err(self.offset.reject(buffer, LENGTH, reason)),
+        }
     }
 
-    /// Ends the stream; a datagram is never left in part.
-    ///
-    /// # Errors
-    /// None; the signature is that of the other decoders.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        buffer.clear();
-        Ok(())
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 }
 
-fn parse(datagram: &mut BytesMut) -> Result<Reading, Reason> {
-    let [x, y, z] = [(); 3].map(|()| datagram.get_f64_le() * MM_PER_CM);
+fn parse(mut datagram: &[u8]) -> Result<Reading, Reason> {
+    let position_cm = DVec3::from_array([(); 3].map(|()| datagram.get_f64_le()));
     let angles = [(); 3].map(|()| datagram.get_f64_le());
     for (name, value) in ["yaw", "pitch", "roll"].into_iter().zip(angles) {
         if !(-ANGLE_LIMIT_DEG..=ANGLE_LIMIT_DEG).contains(&value) {
@@ -106,14 +84,13 @@ fn parse(datagram: &mut BytesMut) -> Result<Reading, Reason> {
         }
     }
     let [yaw, pitch, roll] = angles.map(f64::to_radians);
-    let q = DQuat::from_euler(EulerRot::YXZ, yaw, pitch, roll);
-    Ok(Reading::Pose(Pose::from_components([x, y, z, q.w, q.x, q.y, q.z])?))
+    let orientation = DQuat::from_euler(EulerRot::YXZ, yaw, pitch, roll);
+    Ok(Reading::Pose(Pose::new(position_cm * MM_PER_CM, orientation)?))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
 
     fn datagram(values: [f64; 6]) -> BytesMut {
         values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>().as_slice().into()
@@ -122,7 +99,7 @@ mod tests {
     #[test]
     fn a_datagram_is_a_pose() {
         let mut buffer = datagram([1.0, -2.0, 30.0, 90.0, 0.0, 0.0]);
-        let record = Decoder::new().decode(&mut buffer).unwrap().unwrap();
+        let record = Decoder::default().decode(&mut buffer).unwrap().unwrap();
         let Reading::Pose(pose) = record.reading else { panic!("{record:?}") };
         assert_eq!(pose.position_mm, DVec3::new(10.0, -20.0, 300.0));
         assert!((pose.orientation * DVec3::Z).distance(DVec3::X) < 1e-12);
@@ -130,7 +107,7 @@ mod tests {
 
         // All three rotations: yaw after pitch after roll.
         let mut buffer = datagram([0.0, 0.0, 0.0, 90.0, 90.0, 90.0]);
-        let Reading::Pose(pose) = Decoder::new().decode(&mut buffer).unwrap().unwrap().reading else { panic!() };
+        let Reading::Pose(pose) = Decoder::default().decode(&mut buffer).unwrap().unwrap().reading else { panic!() };
         let turned = DQuat::from_rotation_y(90_f64.to_radians())
             * DQuat::from_rotation_x(90_f64.to_radians())
             * DQuat::from_rotation_z(90_f64.to_radians());
@@ -140,7 +117,7 @@ mod tests {
     #[test]
     fn datagrams_that_are_no_pose_are_refused_and_the_next_is_decoded() {
         let good = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let mut decoder = Decoder::new();
+        let mut decoder = Decoder::default();
         for index in 0..6 {
             for bad in [f64::NAN, f64::INFINITY, -1e300] {
                 let mut values = good;
@@ -153,7 +130,7 @@ mod tests {
         let mut buffer = datagram(good);
         buffer.truncate(47);
         let error = decoder.decode(&mut buffer).unwrap_err();
-        assert_eq!(error, DecodeError { number: 18, reason: Reason::Length { length: 47 } });
+        assert_eq!(error, DecodeError { offset: 18 * LENGTH as u64, fault: Reason::Length { length: 47 }.into() });
         let mut two = datagram(good);
         two.extend_from_slice(&datagram(good));
         assert!(decoder.decode(&mut two).unwrap().is_some() && decoder.decode(&mut two).unwrap().is_some());

@@ -14,18 +14,15 @@ const START_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 /// Driver of a device that streams by itself; only listens.
 pub struct Passive {
     protocol: Protocol,
-    /// Decoder at the start of a stream.
-    fresh: Decoder,
+    options: DeviceOptions,
     decoder: Decoder,
-    silence: Duration,
     streaming: bool,
 }
 
 impl Passive {
     /// Driver of a device that speaks `protocol`.
     pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
-        let fresh = protocol.decoder_of(options);
-        Self { protocol, decoder: fresh.clone(), fresh, silence: options.silence, streaming: false }
+        Self { protocol, options: options.clone(), decoder: protocol.decoder_of(options), streaming: false }
     }
 }
 
@@ -35,7 +32,7 @@ impl Driver for Passive {
     }
 
     fn start(&mut self, _: Duration, _: u32) {
-        self.decoder = self.fresh.clone();
+        self.decoder = self.protocol.decoder_of(&self.options);
         self.streaming = false;
     }
 
@@ -48,7 +45,7 @@ impl Driver for Passive {
     }
 
     fn silence_limit(&self) -> Duration {
-        if self.streaming { self.silence } else { self.silence.max(START_SILENCE_LIMIT) }
+        if self.streaming { self.options.silence } else { self.options.silence.max(START_SILENCE_LIMIT) }
     }
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {

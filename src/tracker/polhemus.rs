@@ -17,50 +17,20 @@ const STOP_PAUSE: Duration = Duration::from_millis(250);
 /// Allowance for the first record after the start of the stream, in addition to the usual silence limit.
 const FIRST_RECORD: Duration = Duration::from_millis(500);
 
-/// Control-Y: restarts the device like power-on.
-const RESET: u8 = 0x19;
-
-/// Device model and its format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Model {
-    /// FASTRAK.
-    Fastrak(fastrak::Format),
-    /// LIBERTY or PATRIOT.
-    Liberty(liberty::Device),
-}
-
-impl Model {
-    fn protocol(self) -> Protocol {
-        match self {
-            Self::Fastrak(fastrak::Format::Ascii) => Protocol::FastrakAscii,
-            Self::Fastrak(fastrak::Format::Binary) => Protocol::FastrakBinary,
-            Self::Liberty(liberty::Device::Liberty) => Protocol::Liberty,
-            Self::Liberty(liberty::Device::Patriot) => Protocol::Patriot,
-        }
-    }
-
-    fn stop(self) -> &'static [u8] {
-        match self {
-            Self::Fastrak(_) => b"c",
-            Self::Liberty(_) => b"P",
-        }
-    }
-
-    fn reset(self) -> &'static [u8] {
-        match self {
-            Self::Fastrak(_) => &[RESET],
-            Self::Liberty(_) => &[RESET, b'\r'],
-        }
-    }
-}
-
 /// Driver of one Polhemus device.
 ///
 /// Attempt 0 stops an earlier stream and configures the device. Attempt 1 sends a carriage return first, which ends an
 /// incomplete command. From attempt 2 on the device is reset, and the driver waits for its start-up.
 pub struct PolhemusDriver {
-    model: Model,
-    options: DeviceOptions,
+    protocol: Protocol,
+    /// Command that stops the stream.
+    stop: &'static [u8],
+    /// Control-Y: restarts the device like power-on.
+    reset: &'static [u8],
+    /// Commands that configure the device and start the stream.
+    setup: Vec<Bytes>,
+    reset_delay: Duration,
+    silence: Duration,
     decoder: Decoder,
     /// Commands still to be sent, with their times in ascending order.
     script: VecDeque<(Duration, Bytes)>,
@@ -70,12 +40,22 @@ pub struct PolhemusDriver {
 }
 
 impl PolhemusDriver {
-    /// Driver that sends nothing before it is started.
-    pub fn new(model: Model, options: &DeviceOptions) -> Self {
+    /// Driver of a device with one of the four Polhemus protocols; sends nothing before it is started.
+    pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
+        let fastrak = |format| fastrak::setup(format, options.sensor.unwrap_or(1), options.hemisphere);
+        let (stop, reset, setup): (&[u8], &[u8], _) = match protocol {
+            Protocol::FastrakAscii => (b"c", b"\x19", fastrak(fastrak::Format::Ascii)),
+            Protocol::FastrakBinary => (b"c", b"\x19", fastrak(fastrak::Format::Binary)),
+            _ => (b"P", b"\x19\r", liberty::setup(options.hemisphere)),
+        };
         Self {
-            model,
-            options: options.clone(),
-            decoder: model.protocol().decoder(),
+            protocol,
+            stop,
+            reset,
+            setup,
+            reset_delay: options.reset_delay,
+            silence: options.silence,
+            decoder: protocol.decoder(),
             script: VecDeque::new(),
             preparation: Duration::ZERO,
             streaming: false,
@@ -85,14 +65,14 @@ impl PolhemusDriver {
 
 impl Driver for PolhemusDriver {
     fn protocol(&self) -> Protocol {
-        self.model.protocol()
+        self.protocol
     }
 
     fn start(&mut self, now: Duration, attempt: u32) {
         self.script.clear();
         self.streaming = false;
         // The next bytes may belong to an earlier, incomplete record.
-        self.decoder = self.model.protocol().decoder();
+        self.decoder = self.protocol.decoder();
         let mut at = now;
         let mut schedule = |bytes: Bytes, pause: Duration| {
             self.script.push_back((at, bytes));
@@ -101,16 +81,12 @@ impl Driver for PolhemusDriver {
         if attempt > 0 {
             schedule(Bytes::from_static(b"\r"), COMMAND_PAUSE);
         }
-        schedule(Bytes::from_static(self.model.stop()), STOP_PAUSE);
+        schedule(Bytes::from_static(self.stop), STOP_PAUSE);
         if attempt > 1 {
-            schedule(Bytes::from_static(self.model.reset()), self.options.reset_delay);
+            schedule(Bytes::from_static(self.reset), self.reset_delay);
         }
-        let setup = match self.model {
-            Model::Fastrak(format) => fastrak::setup(format, self.options.sensor.unwrap_or(1), self.options.hemisphere),
-            Model::Liberty(_) => liberty::setup(self.options.hemisphere),
-        };
-        for command in setup {
-            schedule(command, COMMAND_PAUSE);
+        for command in &self.setup {
+            schedule(command.clone(), COMMAND_PAUSE);
         }
         self.preparation = at.saturating_sub(now) + FIRST_RECORD;
     }
@@ -123,7 +99,7 @@ impl Driver for PolhemusDriver {
     }
 
     fn stop(&mut self) -> Option<Bytes> {
-        Some(Bytes::from_static(self.model.stop()))
+        Some(Bytes::from_static(self.stop))
     }
 
     fn wake_at(&self) -> Option<Duration> {
@@ -131,7 +107,7 @@ impl Driver for PolhemusDriver {
     }
 
     fn silence_limit(&self) -> Duration {
-        if self.streaming { self.options.silence } else { self.options.silence + self.preparation }
+        if self.streaming { self.silence } else { self.silence + self.preparation }
     }
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {

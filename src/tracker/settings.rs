@@ -9,8 +9,8 @@ use thiserror::Error;
 
 use super::{AxisMap, DeviceOptions, Protocol, mock};
 
-/// A station's tracker.
-#[derive(Debug, Clone, PartialEq)]
+/// A station's tracker; by default there is none.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {
     /// Transport of its bytes.
     pub transport: Transport,
@@ -22,22 +22,11 @@ pub struct Settings {
     pub axis_map: AxisMap,
 }
 
-impl Default for Settings {
-    /// No tracker.
-    fn default() -> Self {
-        Self {
-            transport: Transport::None,
-            protocol: Protocol::AsciiLine,
-            device: DeviceOptions::default(),
-            axis_map: AxisMap::default(),
-        }
-    }
-}
-
 /// Transport of a tracker's bytes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub enum Transport {
     /// There is no tracker.
+    #[default]
     None,
     /// A serial port, 8N1.
     Serial {

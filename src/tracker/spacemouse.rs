@@ -17,7 +17,8 @@ use bytes::BytesMut;
 use glam::DVec3;
 use thiserror::Error;
 
-use super::Record;
+use super::decoder::{Offset, StreamDecoder};
+use super::{DecodeError, Record};
 use crate::pose::Reading;
 
 /// Report value at full deflection. Devices reach about this; none specifies it.
@@ -43,21 +44,11 @@ const BATTERY: u8 = 0x17;
 const SPLIT: usize = 7;
 const COMBINED: usize = 13;
 
-/// Bytes that are not a report.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("report {number} of the SpaceMouse: {reason}")]
-pub struct DecodeError {
-    /// Number of earlier reports.
-    pub number: u64,
-    /// Fault of the report.
-    pub reason: Reason,
-}
-
 /// Fault of a report.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
     /// Unknown kind of report.
-    #[error("it is of kind 0x{kind:02X}; known are 01 and 02 (axes), 03 (buttons) and 17 (battery)")]
+    #[error("a report is of kind 0x{kind:02X}; known are 01 and 02 (axes), 03 (buttons) and 17 (battery)")]
     Kind {
         /// First byte.
         kind: u8,
@@ -73,7 +64,7 @@ pub enum Reason {
         least: usize,
     },
     /// More bytes than a report can hold.
-    #[error("it has {length} bytes, more than the {REPORT_LIMIT} of a report")]
+    #[error("a report of {length} bytes; it must have at most {REPORT_LIMIT}")]
     TooLong {
         /// Bytes present.
         length: usize,
@@ -84,7 +75,7 @@ pub enum Reason {
 #[derive(Debug, Clone)]
 pub struct Decoder {
     range: f64,
-    number: u64,
+    offset: Offset,
     translation: DVec3,
     rotation: DVec3,
     buttons: u32,
@@ -94,32 +85,7 @@ impl Decoder {
     /// Decoder of a device that reports `range` at full deflection; larger values are clamped to it.
     pub fn new(range: f64) -> Self {
         let range = if range.is_finite() && range >= 1.0 { range } else { RANGE };
-        Self { range, number: 0, translation: DVec3::ZERO, rotation: DVec3::ZERO, buttons: 0 }
-    }
-
-    /// Decodes the report in `buffer` and empties it; `Ok(None)` if the report changes nothing.
-    ///
-    /// # Errors
-    /// A malformed report, or one of an unknown kind. It is removed.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        if buffer.is_empty() {
-            return Ok(None);
-        }
-        let changed = self.report(buffer);
-        buffer.clear();
-        let number = self.number;
-        self.number += 1;
-        let is_said = changed.map_err(|reason| DecodeError { number, reason })?;
-        Ok(is_said.then(|| self.record()))
-    }
-
-    /// Ends the stream; a report is never left in part.
-    ///
-    /// # Errors
-    /// None; the signature is that of the other decoders.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        buffer.clear();
-        Ok(())
+        Self { range, offset: Offset::default(), translation: DVec3::ZERO, rotation: DVec3::ZERO, buttons: 0 }
     }
 
     fn report(&mut self, report: &[u8]) -> Result<bool, Reason> {
@@ -159,25 +125,38 @@ impl Decoder {
         };
         DVec3::new(axis(0), axis(1), axis(2))
     }
+}
 
-    fn record(&self) -> Record {
-        Record {
-            sensor: 0,
-            sequence: None,
-            device_time_us: None,
-            buttons: self.buttons,
-            reading: Reading::Rates { translation: self.translation, rotation: self.rotation },
+impl StreamDecoder for Decoder {
+    /// Decodes the report in `buffer` and empties it; `Ok(None)` if the report changes nothing.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+        if buffer.is_empty() {
+            return Ok(None);
         }
+        let (changed, length) = (self.report(buffer), buffer.len());
+        match changed {
+            Ok(changed) => {
+                self.offset.take(buffer, length);
+                let reading = Reading::Rates { translation: self.translation, rotation: self.rotation };
+                Ok(changed.then(|| Record { buttons: self.buttons, ..Record::new(0, reading) }))
+            }
+            Err(reason) => Err(self.offset.reject(buffer, length, reason)),
+        }
+    }
+
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tracker::Fault;
 
-    fn decode(decoder: &mut Decoder, report: &[u8]) -> Result<Option<(DVec3, DVec3, u32)>, Reason> {
+    fn decode(decoder: &mut Decoder, report: &[u8]) -> Result<Option<(DVec3, DVec3, u32)>, Fault> {
         let mut buffer = BytesMut::from(report);
-        let decoded = decoder.decode(&mut buffer).map_err(|error| error.reason)?;
+        let decoded = decoder.decode(&mut buffer).map_err(|error| error.fault)?;
         assert!(buffer.is_empty());
         Ok(decoded.map(|record| match record.reading {
             Reading::Rates { translation, rotation } => (translation, rotation, record.buttons),
@@ -215,11 +194,11 @@ mod tests {
     #[test]
     fn malformed_reports_are_named() {
         let mut decoder = Decoder::new(350.0);
-        assert_eq!(decode(&mut decoder, &[9, 1, 2]), Err(Reason::Kind { kind: 9 }));
-        assert_eq!(decode(&mut decoder, &[1, 0, 0]), Err(Reason::Length { kind: 1, length: 3, least: 7 }));
-        assert_eq!(decode(&mut decoder, &[3]), Err(Reason::Length { kind: 3, length: 1, least: 2 }));
-        assert_eq!(decode(&mut decoder, &[1; 65]), Err(Reason::TooLong { length: 65 }));
+        assert_eq!(decode(&mut decoder, &[9, 1, 2]), Err(Reason::Kind { kind: 9 }.into()));
+        assert_eq!(decode(&mut decoder, &[1, 0, 0]), Err(Reason::Length { kind: 1, length: 3, least: 7 }.into()));
+        assert_eq!(decode(&mut decoder, &[3]), Err(Reason::Length { kind: 3, length: 1, least: 2 }.into()));
+        assert_eq!(decode(&mut decoder, &[1; 65]), Err(Reason::TooLong { length: 65 }.into()));
         let error = decoder.decode(&mut BytesMut::from(&[9_u8][..])).unwrap_err();
-        assert_eq!(error.number, 4);
+        assert_eq!(error.offset, 3 + 3 + 1 + 65);
     }
 }

@@ -4,7 +4,7 @@
 use bytes::BytesMut;
 use glam::{DMat3, DQuat, DVec3};
 use insonify::pose::{Pose, Reading};
-use insonify::tracker::{Decoder, Protocol, Record, ascii_line, openigtlink};
+use insonify::tracker::{Decoder, Fault, Protocol, Record, ascii_line, openigtlink};
 use proptest::prelude::*;
 
 use crate::messages::{floats, matrix, message, tool};
@@ -134,7 +134,7 @@ fn sound_streams_give_all_their_records() {
 }
 
 #[test]
-fn openigtlink_names_are_numbers_and_other_messages_are_counted() {
+fn openigtlink_names_are_numbers_and_other_messages_are_skipped() {
     let matrix = matrix(DMat3::IDENTITY, DVec3::new(1.0, 2.0, 3.0));
     let tools = [tool("Stylus", &matrix), tool("Probe", &matrix), tool("", &matrix)].concat();
     let stream = [
@@ -146,7 +146,7 @@ fn openigtlink_names_are_numbers_and_other_messages_are_counted() {
         message(1, "POSITION", "Stylus", 0, &floats(&[1.0, 2.0, 3.0])),
     ]
     .concat();
-    let mut decoder = openigtlink::Decoder::new();
+    let mut decoder = Protocol::OpenIgtLink.decoder();
     let mut buffer = BytesMut::from(&stream[..]);
     let mut found = Vec::new();
     while let Some(record) = decoder.decode(&mut buffer).unwrap() {
@@ -158,24 +158,23 @@ fn openigtlink_names_are_numbers_and_other_messages_are_counted() {
     let expected =
         [(0, Some(100 * second)), (1, Some(101 * second)), (0, Some(101 * second)), (2, Some(101 * second)), (1, None)];
     assert_eq!(found, expected);
-    assert_eq!((decoder.names(), decoder.skipped()), (vec!["Probe".into(), "Stylus".into(), "Tracker".into()], 2));
     assert!(buffer.is_empty());
 }
 
 #[test]
-fn openigtlink_numbers_can_be_fixed_and_end() {
+fn openigtlink_numbers_are_kept_and_end() {
     let matrix = matrix(DMat3::IDENTITY, DVec3::ZERO);
-    let mut decoder = openigtlink::Decoder::with_names(&["A", "B"]);
+    let mut decoder = Protocol::OpenIgtLink.decoder();
     let mut sensor_of = |name: &str| {
         let mut buffer = BytesMut::from(&message(1, "TRANSFORM", name, 0, &matrix)[..]);
         decoder.decode(&mut buffer).map(|record| record.unwrap().sensor)
     };
-    assert_eq!((sensor_of("B"), sensor_of("C"), sensor_of("A")), (Ok(1), Ok(2), Ok(0)));
+    assert_eq!(["A", "B", "C", "B", "A"].map(&mut sensor_of), [Ok(0), Ok(1), Ok(2), Ok(1), Ok(0)]);
     for n in 3..openigtlink::NAMES_LIMIT {
         assert_eq!(sensor_of(&format!("tool {n}")), Ok(n as u16));
     }
     let error = sensor_of("one more").unwrap_err();
-    assert!(matches!(error.reason, openigtlink::Reason::TooManyNames { .. }), "{error}");
+    assert!(matches!(error.fault, Fault::OpenIgtLink(openigtlink::Reason::TooManyNames { .. })), "{error}");
     assert_eq!(sensor_of("C"), Ok(2));
 }
 
@@ -188,7 +187,7 @@ fn openigtlink_refuses_messages_without_a_valid_pose() {
         errors[0].clone()
     };
     let mirrored = matrix(DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)), DVec3::ZERO);
-    assert!(refused("TRANSFORM", &mirrored).ends_with("the matrix of `D` is no rotation: it mirrors"));
+    assert!(refused("TRANSFORM", &mirrored).ends_with("`D`: the matrix is no rotation: it mirrors"));
     assert!(refused("TRANSFORM", &[7; 40]).ends_with("a TRANSFORM message has 40 bytes; it must have 48"));
     assert!(
         refused("POSITION", &floats(&[f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])).contains("must be a finite number")

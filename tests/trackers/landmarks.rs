@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use insonify::anatomy::fiducials;
-use insonify::pose::csv::NamedPoint;
+use insonify::pose::csv::Named;
 use insonify::pose::{Calibration, Fitted, Pose};
 use insonify::tracker::ascii_line;
 
@@ -140,7 +140,7 @@ impl Asked {
 
     /// Touches the requested point.
     #[track_caller]
-    fn take(&mut self, tracker: &Tracker, point: &NamedPoint, at_mm: DVec3, n: usize) {
+    fn take(&mut self, tracker: &Tracker, point: &Named<DVec3>, at_mm: DVec3, n: usize) {
         self.until(&format!("touch {} with the tip of the stylus", point.name));
         tracker.does(Hand::Still(touching(at_mm, n)));
         self.answer("");
@@ -165,7 +165,7 @@ fn landmarks_are_touched_one_by_one_and_the_calibration_file_is_written() {
     let points = fiducials::of_phantom(&Default::default());
     // First the hand slides, and then the tracker is lost: neither gives a landmark.
     asked.until(&points[0].name);
-    tracker.does(Hand::Moving(touching(points[0].point_mm, 0)));
+    tracker.does(Hand::Moving(touching(points[0].value, 0)));
     asked.answer("");
     let said = asked.until("is not taken");
     assert!(said.contains("hold it within 1 mm for 20 poses"), "{said}");
@@ -175,7 +175,7 @@ fn landmarks_are_touched_one_by_one_and_the_calibration_file_is_written() {
     let said = asked.until("is not taken");
     assert!(said.contains("the tracker gave") && said.contains("poses only"), "{said}");
     for (n, point) in points.iter().enumerate() {
-        asked.take(&tracker, point, point.point_mm, n);
+        asked.take(&tracker, point, point.value, n);
     }
     let (code, report, said) = asked.end();
     assert_eq!(code, Some(0), "{said}");
@@ -202,7 +202,7 @@ fn wrong_landmarks_leave_the_file_unchanged() {
         let mut asked = Asked::start(dir.path(), &tracker, &[]);
         let points = fiducials::of_phantom(&Default::default());
         for (n, point) in points.iter().take(count).enumerate() {
-            asked.take(&tracker, point, place(point.point_mm), n);
+            asked.take(&tracker, point, place(point.value), n);
         }
         points[count..].iter().for_each(|_| asked.answer("skip"));
         let (code, _, said) = asked.end();
@@ -218,7 +218,7 @@ fn an_early_end_of_input_is_named() {
     let points = dir.path().join("points.csv");
     std::fs::write(&points, "x,y,z,name\n0,0,80,NAVEL\n100,0,20,LEFT\n-100,0,20,RIGHT\n").unwrap();
     let mut asked = Asked::start(dir.path(), &tracker, &["--points", points.to_str().unwrap()]);
-    let point = |name: &str| NamedPoint { name: name.to_owned(), point_mm: DVec3::ZERO };
+    let point = |name: &str| Named { name: name.to_owned(), value: DVec3::ZERO };
     asked.take(&tracker, &point("NAVEL"), DVec3::Z * 80.0, 0);
     let (code, _, said) = asked.end();
     assert_eq!(code, Some(2), "{said}");

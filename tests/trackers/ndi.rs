@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use insonify::pose::Reading;
 use insonify::tracker::ndi::{Reason, ReplyFormat};
-use insonify::tracker::{DecodeError, Protocol, Record, Settings, TrackerEvent, Transport};
+use insonify::tracker::{DecodeError, Fault, Protocol, Record, Settings, TrackerEvent, Transport};
 
 use crate::listener::{Live, connected, decode_error, disconnected};
 use crate::ndi_device::{Device, pose};
@@ -70,7 +70,7 @@ fn check(record: &Record) {
 fn reasons(live: &Live) -> Vec<Reason> {
     live.listener.wait("what was heard", |heard| {
         let reason = |event: &TrackerEvent| match event {
-            TrackerEvent::DecodeError(DecodeError::Ndi(error)) => Some(error.reason.clone()),
+            TrackerEvent::DecodeError(DecodeError { fault: Fault::Ndi(reason), .. }) => Some(reason.clone()),
             _ => None,
         };
         Some(heard.events.iter().filter_map(reason).collect())
@@ -78,7 +78,7 @@ fn reasons(live: &Live) -> Vec<Reason> {
 }
 
 fn no_reply(event: &TrackerEvent) -> bool {
-    matches!(event, TrackerEvent::DecodeError(DecodeError::Ndi(error)) if matches!(error.reason, Reason::NoReply { .. }))
+    matches!(event, TrackerEvent::DecodeError(DecodeError { fault: Fault::Ndi(Reason::NoReply { .. }), .. }))
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 use clap::Parser;
 use insonify::pose::Fitted;
-use insonify::pose::csv::{self, NamedPair};
+use insonify::pose::csv::{self, Named};
 use insonify::pose::registration::{PointPair, Registration, register};
 use serde::Serialize;
 
@@ -67,8 +67,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Fits landmarks, wherever they come from; errors call it `source`.
-fn fit(pairs: &[NamedPair], source: &Path, arguments: &OutputArgs) -> Result<(), Failure> {
-    let points: Vec<PointPair> = pairs.iter().map(|p| p.pair).collect();
+fn fit(pairs: &[Named<PointPair>], source: &Path, arguments: &OutputArgs) -> Result<(), Failure> {
+    let points: Vec<PointPair> = pairs.iter().map(|p| p.value).collect();
     let found = register(&points).with_context(|| source.display().to_string()).input()?;
     let rows: Vec<Row> =
         pairs.iter().zip(&found.residuals_mm).map(|(pair, residual_mm)| row(pair, *residual_mm)).collect();
@@ -97,8 +97,8 @@ fn fit(pairs: &[NamedPair], source: &Path, arguments: &OutputArgs) -> Result<(),
     arguments.out.as_ref().map_or(Ok(()), |out| output::line(out.display()))
 }
 
-fn row(pair: &NamedPair, residual_mm: f64) -> Row {
-    let PointPair { scene_mm, tracker_mm } = pair.pair;
+fn row(pair: &Named<PointPair>, residual_mm: f64) -> Row {
+    let PointPair { scene_mm, tracker_mm } = pair.value;
     Row { name: pair.name.clone(), scene_mm: scene_mm.to_array(), tracker_mm: tracker_mm.to_array(), residual_mm }
 }
 

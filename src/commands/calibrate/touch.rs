@@ -8,7 +8,7 @@ use anyhow::{Context, anyhow};
 use glam::DVec3;
 use insonify::anatomy::fiducials;
 use insonify::pose::Calibration;
-use insonify::pose::csv::{self, NamedPair, NamedPoint};
+use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
 use insonify::pose::registration::PointPair;
 use insonify::station::{SceneSource, Station};
@@ -54,7 +54,11 @@ fn samples(text: &str) -> Result<usize, String> {
 
 /// Has the landmarks touched; gives them, and the calibration file that the result belongs into: `out`, else the
 /// station's.
-pub(super) fn run(path: &Path, args: &TouchArgs, out: Option<&Path>) -> Result<(Vec<NamedPair>, PathBuf), Failure> {
+pub(super) fn run(
+    path: &Path,
+    args: &TouchArgs,
+    out: Option<&Path>,
+) -> Result<(Vec<Named<PointPair>>, PathBuf), Failure> {
     let station = Station::load(path)?;
     let mut settings = station.tracker.clone();
     if settings.transport == Transport::None {
@@ -85,7 +89,7 @@ pub(super) fn run(path: &Path, args: &TouchArgs, out: Option<&Path>) -> Result<(
 }
 
 /// The points to touch.
-fn points(args: &TouchArgs, station: &Station) -> Result<Vec<NamedPoint>, Failure> {
+fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if let Some(path) = &args.points {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read the points {}", path.display()));
         return csv::points(&text.input()?).with_context(|| path.display().to_string()).input();
@@ -142,13 +146,13 @@ fn condition(stream: &PoseStream) -> String {
 
 /// Asks for one landmark after the other, a line of `input` each.
 fn ask(
-    points: &[NamedPoint],
+    points: &[Named<DVec3>],
     tip: &str,
     input: &mut impl BufRead,
-    mut take: impl FnMut(&NamedPoint) -> Result<Touched, String>,
-) -> Result<Vec<NamedPair>, Failure> {
+    mut take: impl FnMut(&Named<DVec3>) -> Result<Touched, String>,
+) -> Result<Vec<Named<PointPair>>, Failure> {
     // By point, none where it was skipped.
-    let mut taken: Vec<Option<NamedPair>> = Vec::with_capacity(points.len());
+    let mut taken: Vec<Option<Named<PointPair>>> = Vec::with_capacity(points.len());
     eprintln!(
         "Enter takes a landmark; `skip` leaves it out, `back` takes the one before again, `quit` ends without a result"
     );
@@ -169,8 +173,8 @@ fn ask(
                 Ok(Touched { tracker_mm, rms_mm }) => {
                     let [x, y, z] = tracker_mm.to_array();
                     eprintln!("   {} at {x:.2}, {y:.2}, {z:.2} mm, spread {rms_mm:.3} mm RMS", point.name);
-                    let pair = PointPair { scene_mm: point.point_mm, tracker_mm };
-                    taken.push(Some(NamedPair { name: point.name.clone(), pair }));
+                    let pair = PointPair { scene_mm: point.value, tracker_mm };
+                    taken.push(Some(Named { name: point.name.clone(), value: pair }));
                     trouble.clear();
                 }
                 Err(reason) => {
@@ -196,8 +200,8 @@ mod tests {
 
     use super::*;
 
-    fn points() -> Vec<NamedPoint> {
-        let point = |(i, name): (usize, &str)| NamedPoint { name: name.to_owned(), point_mm: DVec3::X * i as f64 };
+    fn points() -> Vec<Named<DVec3>> {
+        let point = |(i, name): (usize, &str)| Named { name: name.to_owned(), value: DVec3::X * i as f64 };
         ["A", "B", "C"].into_iter().enumerate().map(point).collect()
     }
 

@@ -46,8 +46,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, Interc
         rows.push(row.map_err(|reason| place.error(path, reason))?);
     }
     if columns.is_none() {
-        let reason = format!("it has no head line; the columns are {}", known());
-        return Err(InterchangeError::File { path: path.to_owned(), reason });
+        return Err(InterchangeError::file(path, format!("it has no head line; the columns are {}", known())));
     }
     Ok(rows)
 }

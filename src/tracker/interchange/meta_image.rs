@@ -1,5 +1,5 @@
 //! MetaImage sequences (`.mha`, `.igs.mha`) as PLUS and SlicerIGSIO write them: a header of `Key = value` lines, then
-//! pixels, raw or zlib. [`Sequence`] reads the header at once and the pixels image by image.
+//! pixels, raw or zlib. A [`Sequence`](super::Sequence) reads the header at once and the pixels image by image.
 //!
 //! The header's `Seq_FrameNNNN_KEY = value` lines belong to single images: a `Timestamp` in seconds, transforms
 //! `AToBTransform` (sixteen numbers in row order: `b_from_a` in mm) and their `AToBTransformStatus` (`OK` or
@@ -8,11 +8,9 @@
 //! Source: <https://plustoolkit.github.io/docs> (Sequence metafile), <https://itk.org/Wiki/ITK/MetaIO/Documentation>.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
-use super::pixels::Pixels;
 use super::{InterchangeError, Lines, Place, quote};
 
 /// Most images of a sequence.
@@ -47,71 +45,34 @@ pub struct Head {
     pub height: u32,
     /// Bytes of one image, uncompressed.
     pub image_bytes: usize,
-    /// Whether the pixels are compressed by zlib.
-    pub compressed: bool,
-    /// Bytes of the compressed pixels, if the header gives them.
-    pub compressed_bytes: Option<u64>,
-    /// Whether the pixels follow the header; otherwise they are in a separate file.
-    pub local: bool,
-    /// Fields of the whole sequence.
-    pub fields: Fields,
+    /// Storage of the pixels.
+    pub pixels: PixelStorage,
     /// Fields of each image, without `Seq_FrameNNNN_`.
     pub images: Vec<Fields>,
 }
 
-/// A sequence being read.
-pub struct Sequence<R> {
-    head: Head,
-    pixels: Pixels<R>,
+/// Storage of the pixels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PixelStorage {
+    /// Behind the header, uncompressed.
+    Raw,
+    /// Behind the header, as a zlib stream.
+    Zlib {
+        /// Length of the stream, if the header gives it.
+        bytes: Option<u64>,
+    },
+    /// In the file of this name.
+    File(PathBuf),
 }
 
-impl Sequence<BufReader<File>> {
-    /// Opens the file at `path` and reads its header.
-    ///
-    /// # Errors
-    /// As [`from_source`](Self::from_source), and a file that cannot be opened.
-    pub fn open(path: &Path) -> Result<Self, InterchangeError> {
-        match File::open(path) {
-            Ok(file) => Self::from_source(BufReader::new(file), path),
-            Err(source) => Err(InterchangeError::Read { path: path.to_owned(), source }),
-        }
-    }
-}
-
-impl<R: BufRead> Sequence<R> {
-    /// Reads the header of a sequence; errors name it `path`.
-    ///
-    /// # Errors
-    /// The source cannot be read; a line is not `Key = value`; a key is missing, repeated or has a wrong value; the
-    /// number of images differs from the header's.
-    pub fn from_source(source: R, path: &Path) -> Result<Self, InterchangeError> {
-        let mut lines = Lines::new(source, path);
-        let head = read_head(&mut lines)?;
-        let pixels = Pixels::new(lines.source, path, &head);
-        Ok(Self { head, pixels })
-    }
-
-    /// Header of the sequence.
-    pub fn head(&self) -> &Head {
-        &self.head
-    }
-
-    /// Reads the next image into `image`, replacing its content; false after the last one.
-    ///
-    /// # Errors
-    /// The pixels are in another file, end early, or are not a zlib stream.
-    pub fn next_image(&mut self, image: &mut Vec<u8>) -> Result<bool, InterchangeError> {
-        self.pixels.next_image(image)
-    }
-}
-
-fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, InterchangeError> {
+/// Reads a header up to its last line.
+pub(super) fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, InterchangeError> {
     let path = lines.path.clone();
     let (mut fields, mut images) = (Fields::new(), BTreeMap::<u32, Fields>::new());
     loop {
         let Some((place, line)) = lines.next_line()? else {
             let reason = "it ends within its head, before `ElementDataFile`; is it a MetaImage (.mha) file?";
-            return Err(InterchangeError::File { path, reason: reason.to_owned() });
+            return Err(InterchangeError::file(&path, reason));
         };
         if place.byte > HEAD_BYTES_MAX {
             return Err(place.error(&path, format!("its head is longer than {HEAD_BYTES_MAX} bytes")));
@@ -186,14 +147,18 @@ impl Keys<'_> {
         if !self.flag("BinaryData", true)? {
             return Err(self.wrong("BinaryData", self.need("BinaryData")?, "True: pixels as text are not read"));
         }
-        let compressed = self.flag("CompressedData", false)?;
-        let compressed_bytes = match self.fields.get("CompressedDataSize") {
-            Some(field) if compressed => {
-                Some(field.value.parse().map_err(|_| self.wrong("CompressedDataSize", field, "a whole number"))?)
-            }
-            _ => None,
+        let size = |field: &Field| {
+            field.value.parse::<u64>().map_err(|_| self.wrong("CompressedDataSize", field, "a whole number"))
         };
-        let local = self.need("ElementDataFile")?.value.eq_ignore_ascii_case("LOCAL");
+        let compressed = self.flag("CompressedData", false)?;
+        let file = &self.need("ElementDataFile")?.value;
+        let pixels = if !file.eq_ignore_ascii_case("LOCAL") {
+            PixelStorage::File(file.into())
+        } else if compressed {
+            PixelStorage::Zlib { bytes: self.fields.get("CompressedDataSize").map(size).transpose()? }
+        } else {
+            PixelStorage::Raw
+        };
         let (found, last) = (images.len(), images.last_key_value().map(|(number, _)| *number));
         if found as u64 != u64::from(count) || last != Some(count - 1) {
             let reason = format!(
@@ -202,21 +167,11 @@ impl Keys<'_> {
             );
             return Err(sizes.place.error(self.path, reason));
         }
-        Ok(Head {
-            width,
-            height,
-            image_bytes,
-            compressed,
-            compressed_bytes,
-            local,
-            fields: self.fields.clone(),
-            images: images.into_values().collect(),
-        })
+        Ok(Head { width, height, image_bytes, pixels, images: images.into_values().collect() })
     }
 
     fn need(&self, key: &str) -> Result<&Field, InterchangeError> {
-        let missing =
-            || InterchangeError::File { path: self.path.to_owned(), reason: format!("its head has no `{key}`") };
+        let missing = || InterchangeError::file(self.path, format!("its head has no `{key}`"));
         self.fields.get(key).ok_or_else(missing)
     }
 
@@ -249,9 +204,4 @@ impl Keys<'_> {
             _ => Err(self.wrong("ElementType", field, "MET_UCHAR or another of 1, 2, 4 or 8 bytes")),
         }
     }
-}
-
-/// Name of the file with the pixels, if they don't follow the header.
-pub(super) fn data_file(head: &Head) -> PathBuf {
-    head.fields.get("ElementDataFile").map(|field| PathBuf::from(&field.value)).unwrap_or_default()
 }

@@ -14,9 +14,10 @@ use crate::pose::Pose;
 
 pub mod csv;
 pub mod meta_image;
-mod pixels;
+mod sequence;
 mod tracking;
 
+pub use sequence::Sequence;
 pub use tracking::{tracked, transforms_of};
 
 /// Longest time from the first to the last pose, s: thirty years.
@@ -62,7 +63,7 @@ pub enum InterchangeError {
         /// File.
         path: PathBuf,
         /// Image, from 0.
-        image: u32,
+        image: usize,
         /// Uncompressed bytes before the fault.
         byte: u64,
         /// Fault and correct form.
@@ -71,6 +72,12 @@ pub enum InterchangeError {
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+}
+
+impl InterchangeError {
+    fn file(path: &Path, reason: impl Into<String>) -> Self {
+        Self::File { path: path.to_owned(), reason: reason.into() }
+    }
 }
 
 /// Place in a text file.
@@ -123,11 +130,10 @@ pub struct Imported {
 /// No row has a pose, times run backward or span thirty years, or the recording cannot be written.
 pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Result<Imported, InterchangeError> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
-        return Err(InterchangeError::File { path: source.to_owned(), reason: "it has no rows".to_owned() });
+        return Err(InterchangeError::file(source, "it has no rows"));
     };
     if rows.iter().all(|row| row.pose.is_none()) {
-        let reason = format!("none of its {} rows has a pose", rows.len());
-        return Err(InterchangeError::File { path: source.to_owned(), reason });
+        return Err(InterchangeError::file(source, format!("none of its {} rows has a pose", rows.len())));
     }
     let mut before_s = first.time_s;
     for row in rows {
@@ -145,11 +151,10 @@ pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Resul
     let origin_s = if (UNIX_FROM_S..SPAN_LIMIT_S * 10.0).contains(&first.time_s) { first.time_s } else { 0.0 };
     let origin_ns = (origin_s * 1e9).round() as u64;
     let info = RecordingInfo {
-        protocol: Protocol::AsciiLine,
         device: format!("imported from {}", source.file_name().unwrap_or(source.as_os_str()).display()),
-        scene: String::new(),
+        protocol: Protocol::AsciiLine,
         start_time_ns: origin_ns,
-        sensor: None,
+        ..RecordingInfo::default()
     };
     let mut writer = RecordingWriter::create(path, &info)?;
     let mut imported = Imported { poses: 0, without_pose: 0, events: 0, duration_s: last.time_s - first.time_s };
@@ -179,7 +184,7 @@ struct Lines<R> {
     text: Vec<u8>,
 }
 
-impl<R: std::io::BufRead> Lines<R> {
+impl<R: BufRead> Lines<R> {
     /// Longest line, bytes.
     const LIMIT: u64 = 1 << 16;
 

@@ -3,14 +3,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 
 use super::meta_image::{Field, Fields, Head};
 use super::{InterchangeError, TrackedRow, finite, quote};
 use crate::pose::Pose;
-
-/// Largest accepted departure of a rotation from an orthonormal matrix: PLUS prints six digits.
-const ROTATION_TOLERANCE: f64 = 1e-3;
 
 /// Names of the transforms that images of a sequence have.
 pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
@@ -30,7 +27,7 @@ pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedR
                 let known: Vec<_> = transforms_of(head).into_iter().collect();
                 let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
                 let reason = format!("image {number} has no `{key}`; the sequence's transforms: {known}");
-                InterchangeError::File { path: path.to_owned(), reason }
+                InterchangeError::file(path, reason)
             })
         };
         let time = need("Timestamp")?;
@@ -58,16 +55,5 @@ fn rigid(field: &Field) -> Result<Pose, String> {
         return Err(format!("its last row is {:?}; it must be 0 0 0 1", &m[12..]));
     }
     let rotation = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
-    let off = (rotation.transpose() * rotation - DMat3::IDENTITY).to_cols_array();
-    let off = off.into_iter().fold(0.0_f64, |worst, value| worst.max(value.abs()));
-    // The diagonal holds sums of squares: huge numbers make it infinite, never NaN.
-    if off > ROTATION_TOLERANCE {
-        return Err(format!("it scales or shears: RᵀR is off the unit matrix by {off:.3e}"));
-    }
-    if rotation.determinant() < 0.0 {
-        return Err("it mirrors".to_owned());
-    }
-    let q = DQuat::from_mat3(&rotation).normalize();
-    let p = DVec3::new(m[3], m[7], m[11]);
-    Pose::from_components([p.x, p.y, p.z, q.w, q.x, q.y, q.z]).map_err(|error| error.to_string())
+    Pose::from_matrix(rotation, DVec3::new(m[3], m[7], m[11])).map_err(|error| error.to_string())
 }

@@ -1,8 +1,8 @@
 //! Tests of the decoder.
 
-use glam::DVec3;
-
 use super::*;
+use crate::tracker::Fault;
+use crate::tracker::decoder::decode_all;
 
 /// A frame captured from a real LIBERTY, quoted in a public script (comment `b'LY\x01C \x00"\x00...'`): output list
 /// 9,8,2,4,1.
@@ -19,24 +19,13 @@ const FRAME: [u8; 48] = *b"LY\x02C \x00\x28\x00\x40\xe2\x01\x00\xd2\x1e\x00\x00\
                            \x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\x00\x00\x00\xbf\
                            \x00\x00\x00\x3f";
 
-fn all(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Record, Reason>> {
-    let (mut buffer, mut out) = (BytesMut::from(bytes), Vec::new());
-    loop {
-        match decoder.decode(&mut buffer) {
-            Ok(Some(record)) => out.push(Ok(record)),
-            Ok(None) => return out,
-            Err(error) => out.push(Err(error.reason)),
-        }
-    }
-}
-
-fn liberty(bytes: &[u8]) -> Vec<Result<Record, Reason>> {
-    all(&mut Decoder::new(Device::Liberty), bytes)
+fn liberty(bytes: &[u8]) -> Vec<Result<Record, Fault>> {
+    decode_all(&mut Decoder::new(Device::Liberty), bytes)
 }
 
 #[test]
 fn a_frame_of_a_real_liberty() {
-    let found = all(&mut Decoder::with_items(Device::Liberty, CAPTURED_ITEMS), &CAPTURED);
+    let found = decode_all(&mut Decoder::with_items(Device::Liberty, CAPTURED_ITEMS), &CAPTURED);
     let record = found[0].clone().unwrap();
     // 254182 frames at 240 Hz last 1059.091 s, the device's clock: the two fields are in the right order.
     assert_eq!((record.sensor, record.sequence, record.device_time_us), (1, Some(254_182), Some(1_059_091_000)));
@@ -54,7 +43,7 @@ fn a_frame_of_the_drivers_output_list() {
     assert_eq!(record.reading, Reading::Pose(pose));
     let mut patriot = FRAME;
     patriot[..2].copy_from_slice(b"PA");
-    assert_eq!(all(&mut Decoder::new(Device::Patriot), &patriot), [Ok(record)]);
+    assert_eq!(decode_all(&mut Decoder::new(Device::Patriot), &patriot), [Ok(record)]);
 }
 
 #[test]

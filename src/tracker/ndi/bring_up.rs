@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::fmt::Write;
 use std::time::Duration;
 
-use super::{BAUD_RATES, Options, Reason, ReplyFormat, quote, reply};
+use super::{BAUD_RATES, Options, Reason, ReplyFormat, reply};
+use crate::tracker::framing::quote;
 
 /// Bytes of a tool description written per command.
 const ROM_BLOCK: usize = 64;

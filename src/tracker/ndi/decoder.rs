@@ -2,9 +2,9 @@
 
 use bytes::BytesMut;
 
+use super::Reason;
 use super::frame::{Framer, Item};
-use super::{DecodeError, Reason};
-use crate::tracker::Record;
+use crate::tracker::{DecodeError, Offset, Record, StreamDecoder};
 
 /// Number of ports whose last frame is remembered.
 const PORTS: usize = 256;
@@ -20,8 +20,6 @@ pub struct Decoder {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Repeats {
     last: Vec<Option<u32>>,
-    /// Number of repeated frames.
-    pub(super) count: u64,
 }
 
 impl Repeats {
@@ -31,7 +29,6 @@ impl Repeats {
         let Some(last) = self.last.get_mut(usize::from(record.sensor)) else { return true };
         let is_new = *last != record.sequence;
         *last = record.sequence;
-        self.count += u64::from(!is_new);
         is_new
     }
 
@@ -46,24 +43,8 @@ pub(super) fn error_code(text: &str) -> Option<u8> {
     u8::from_str_radix(digits, 16).ok()
 }
 
-impl Decoder {
-    /// A decoder at the start of a stream.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Number of tool entries that repeated the previous frame and gave no record.
-    pub fn repeats(&self) -> u64 {
-        self.repeats.count
-    }
-
-    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
-    ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte.
-    ///
-    /// # Errors
-    /// Bytes that are not a reply, an error that the device reports, or its restart. They are removed.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+impl StreamDecoder for Decoder {
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             match self.framer.next(buffer)? {
                 None => return Ok(None),
@@ -73,22 +54,22 @@ impl Decoder {
                     let offset = self.framer.item_offset();
                     if let Some(code) = error_code(&text) {
                         let command = "a command that the recording doesn't hold".to_owned();
-                        return Err(DecodeError { offset, reason: Reason::Refused { code, command } });
+                        return Err(DecodeError { offset, fault: Reason::Refused { code, command }.into() });
                     }
                     if text == "RESET" {
                         self.repeats.forget();
-                        return Err(DecodeError { offset, reason: Reason::Restarted });
+                        return Err(DecodeError { offset, fault: Reason::Restarted.into() });
                     }
                 }
             }
         }
     }
 
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// Part of a reply is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+    fn offset(&mut self) -> &mut Offset {
+        self.framer.offset()
+    }
+
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         self.framer.finish(buffer)
     }
 }

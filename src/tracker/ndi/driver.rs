@@ -8,9 +8,9 @@ use bytes::{Bytes, BytesMut};
 use super::bring_up::{BringUp, Next, Step};
 use super::decoder::{Repeats, error_code};
 use super::frame::{Framer, Item};
-use super::{DecodeError, Options, Reason, START_BAUD, framed};
+use super::{Options, Reason, START_BAUD, framed};
 use crate::tracker::driver::{Driver, Line};
-use crate::tracker::{Protocol, Record};
+use crate::tracker::{DecodeError, Protocol, Record};
 
 /// Pause between `COMM` and changing the line's speed.
 const SPEED_PAUSE: Duration = Duration::from_millis(100);
@@ -334,15 +334,15 @@ impl Driver for NdiDriver {
         }
     }
 
-    fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, crate::tracker::DecodeError> {
+    fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if let Some(reason) = self.notices.pop_front() {
-                return Err(DecodeError { offset: self.framer.item_offset(), reason }.into());
+                return Err(DecodeError { offset: self.framer.item_offset(), fault: reason.into() });
             }
             match self.framer.next(buffer) {
                 Err(error) => {
                     self.damaged(now);
-                    return Err(error.into());
+                    return Err(error);
                 }
                 Ok(None) => return Ok(None),
                 Ok(Some(Item::Record(record))) if self.repeats.is_new(&record) => return Ok(Some(record)),
@@ -350,14 +350,14 @@ impl Driver for NdiDriver {
                 Ok(Some(Item::Tracked { system_status, absent })) => self.tracked(now, system_status, absent),
                 Ok(Some(Item::Text(text))) => {
                     let offset = self.framer.item_offset();
-                    self.text(now, &text).map_err(|reason| DecodeError { offset, reason })?;
+                    self.text(now, &text).map_err(|reason| DecodeError { offset, fault: reason.into() })?;
                 }
             }
         }
     }
 
-    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), crate::tracker::DecodeError> {
-        Ok(self.framer.finish(buffer)?)
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.framer.finish(buffer)
     }
 
     fn stop(&mut self) -> Option<Bytes> {

@@ -2,11 +2,12 @@
 
 use std::collections::VecDeque;
 
-use bytes::{Buf, BytesMut};
+use bytes::BytesMut;
 
 use super::reply::{self, Port};
-use super::{DecodeError, Reason, TEXT_LIMIT, crc16, quote};
-use crate::tracker::Record;
+use super::{Reason, TEXT_LIMIT, crc16};
+use crate::tracker::framing::quote;
+use crate::tracker::{DecodeError, Offset, Record};
 
 /// First bytes of a binary reply.
 const BINARY_START: [u8; 2] = [0xC4, 0xA5];
@@ -33,8 +34,7 @@ pub(super) enum Item {
 /// Splits the stream into replies, and tracking replies into records.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Framer {
-    /// Bytes removed so far.
-    offset: u64,
+    offset: Offset,
     /// Stream offset of the last item.
     item_offset: u64,
     /// Items already parsed from the front of the buffer, each with its number of bytes.
@@ -60,6 +60,11 @@ enum Front {
 }
 
 impl Framer {
+    /// Position in the stream.
+    pub(super) fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
+    }
+
     /// Stream offset of the last item, bytes.
     pub(super) fn item_offset(&self) -> u64 {
         self.item_offset
@@ -81,10 +86,9 @@ impl Framer {
         }
         let item = loop {
             if let Some((length, item)) = self.pending.pop_front() {
-                let offset = self.offset;
+                let offset = self.offset.take(buffer, length);
                 self.item_offset = offset;
-                self.remove(buffer, length);
-                break item.map(Some).map_err(|reason| DecodeError { offset, reason });
+                break item.map(Some).map_err(|reason| DecodeError { offset, fault: reason.into() });
             }
             match front(buffer) {
                 Front::Part => break Ok(None),
@@ -149,16 +153,9 @@ impl Framer {
     }
 
     fn reject(&mut self, buffer: &mut BytesMut, length: usize, reason: Reason) -> DecodeError {
-        let offset = self.offset;
-        self.remove(buffer, length);
-        DecodeError { offset, reason }
-    }
-
-    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
-        let length = length.min(buffer.len());
-        buffer.advance(length);
-        self.offset += length as u64;
+        let error = self.offset.reject(buffer, length, reason);
         self.left = buffer.len();
+        error
     }
 }
 

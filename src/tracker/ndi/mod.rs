@@ -177,23 +177,6 @@ pub fn pad_rom(mut rom: Vec<u8>) -> Result<Vec<u8>, OptionsError> {
     Ok(rom)
 }
 
-/// Bytes that are not a reply, or an error of the device.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("byte {offset} of the NDI device's stream: {reason}")]
-pub struct DecodeError {
-    /// Stream offset of the first byte.
-    pub offset: u64,
-    /// Fault.
-    pub reason: Reason,
-}
-
-impl DecodeError {
-    /// Whether a well-formed reply reports an error of the device: the device is connected and responding.
-    pub fn is_report(&self) -> bool {
-        matches!(self.reason, Reason::Refused { .. } | Reason::Restarted | Reason::NoTool)
-    }
-}
-
 /// Fault of a reply or of the device.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
@@ -274,8 +257,15 @@ pub enum Reason {
     },
 }
 
+impl Reason {
+    /// Whether a well-formed reply reports an error of the device: the device is connected and responding.
+    pub fn is_report(&self) -> bool {
+        matches!(self, Self::Refused { .. } | Self::Restarted | Self::NoTool)
+    }
+}
+
 /// Meaning of an error code of the device (`ndicapi.h`).
-pub fn error_name(code: u8) -> &'static str {
+fn error_name(code: u8) -> &'static str {
     match code {
         0x01 => "invalid command",
         0x02 => "command too long",
@@ -303,13 +293,6 @@ pub fn error_name(code: u8) -> &'static str {
         0x18 => "infrared light around could not be measured",
         _ => "see the device's manual",
     }
-}
-
-/// First bytes of a text, escaped, for an error message.
-fn quote(bytes: &[u8]) -> String {
-    const QUOTE_LIMIT: usize = 32;
-    let end = if bytes.len() > QUOTE_LIMIT { "…" } else { "" };
-    format!("{}{end}", bytes[..bytes.len().min(QUOTE_LIMIT)].escape_ascii())
 }
 
 #[cfg(test)]

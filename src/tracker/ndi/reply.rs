@@ -1,8 +1,9 @@
 //! Content of tracking replies.
 
-use super::{Reason, quote};
+use super::Reason;
 use crate::pose::{Pose, Reading};
 use crate::tracker::Record;
+use crate::tracker::framing::quote;
 
 /// One port of a tracking reply.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,21 +14,9 @@ pub(super) enum Port {
     Absent,
 }
 
-/// Bits of the port status.
-mod port_status {
-    /// Position of the first of three switch bits.
-    pub(super) const SWITCHES_SHIFT: u32 = 1;
-    pub(super) const SWITCHES: u32 = 7;
-}
-
 fn record(handle: u8, status: u32, frame: u32, reading: Reading) -> Record {
-    Record {
-        sensor: u16::from(handle),
-        sequence: Some(frame),
-        device_time_us: None,
-        buttons: (status >> port_status::SWITCHES_SHIFT) & port_status::SWITCHES,
-        reading,
-    }
+    // The three bits above the lowest one are the switches.
+    Record { sequence: Some(frame), buttons: (status >> 1) & 7, ..Record::new(u16::from(handle), reading) }
 }
 
 fn pose(handle: u8, quaternion: [f64; 4], position_mm: [f64; 3]) -> Result<Pose, Reason> {

@@ -2,14 +2,12 @@
 
 use std::collections::VecDeque;
 
-use bytes::{Buf, BytesMut};
+use bytes::BytesMut;
 
-use super::message::{
-    EXTENDED_HEAD, Field, HEAD, Head, MatrixError, TOOL, TRANSFORM, crc64, floats, pose_of_matrix, text,
-};
-use super::{DecodeError, Reason};
-use crate::pose::{Pose, Reading};
-use crate::tracker::Record;
+use super::Reason;
+use super::message::{EXTENDED_HEAD, Field, HEAD, Head, TOOL, TRANSFORM, crc64, floats, pose_of_matrix, text};
+use crate::pose::{Pose, PoseError, Reading};
+use crate::tracker::{DecodeError, Fault, Offset, Record, StreamDecoder};
 
 /// Largest number of devices and tools per stream.
 pub const NAMES_LIMIT: usize = 64;
@@ -61,8 +59,7 @@ impl Kind {
 /// Decoder of one stream.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
-    /// Bytes removed so far.
-    offset: u64,
+    offset: Offset,
     /// Bytes still to be skipped of a message.
     skip: u64,
     /// Whether an error was returned and no message found since.
@@ -71,7 +68,6 @@ pub struct Decoder {
     names: Vec<Field<20>>,
     /// Records of the message at the front, each with its number of bytes.
     pending: VecDeque<(usize, Result<Record, Reason>)>,
-    skipped: u64,
 }
 
 /// A message at the front of the buffer.
@@ -89,57 +85,25 @@ enum Front {
     Message(Message),
 }
 
-impl Decoder {
-    /// A decoder at the start of a stream.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Decoder that numbers `names` from 0, and further names after them.
-    pub fn with_names(names: &[&str]) -> Self {
-        Self {
-            names: names.iter().take(NAMES_LIMIT).map(|name| super::message::field(name)).collect(),
-            ..Self::default()
-        }
-    }
-
-    /// Names of the devices and tools received, by number.
-    pub fn names(&self) -> Vec<String> {
-        self.names.iter().map(|name| text(name)).collect()
-    }
-
-    /// Number of messages skipped because they hold no pose.
-    pub fn skipped(&self) -> u64 {
-        self.skipped
-    }
-
-    /// Takes the next record from the front of `buffer`; `Ok(None)` asks for more bytes.
-    ///
-    /// Every `Ok(Some(_))` and every error removes at least one byte. One error covers everything skipped until the
-    /// next message.
-    ///
-    /// # Errors
-    /// Bytes that are not a message, a damaged message, or one that lacks its pose. They are removed.
-    pub fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
+impl StreamDecoder for Decoder {
+    /// One error covers everything skipped until the next message.
+    fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if self.skip > 0 {
-                let length = buffer.len().min(usize::try_from(self.skip).unwrap_or(usize::MAX));
-                self.remove(buffer, length);
-                self.skip -= length as u64;
+                let start = self.offset.take(buffer, usize::try_from(self.skip).unwrap_or(usize::MAX));
+                self.skip -= self.offset.position() - start;
                 if self.skip > 0 {
                     return Ok(None);
                 }
             }
             if let Some((length, record)) = self.pending.pop_front() {
-                let offset = self.offset;
-                self.remove(buffer, length);
-                return record.map(Some).map_err(|reason| DecodeError { offset, reason });
+                let offset = self.offset.take(buffer, length);
+                return record.map(Some).map_err(|reason| DecodeError { offset, fault: reason.into() });
             }
             match front(buffer) {
                 Ok(Front::Part) => return Ok(None),
                 Ok(Front::Skip(length)) => {
                     self.skip = length;
-                    self.skipped += 1;
                     self.lost = false;
                 }
                 Ok(Front::Message(message)) => {
@@ -147,36 +111,35 @@ impl Decoder {
                     self.note(&message, buffer);
                     if self.pending.is_empty() {
                         // No tool is in view.
-                        self.remove(buffer, message.length);
+                        self.offset.take(buffer, message.length);
                     }
                 }
                 Err(reason) => {
-                    let offset = self.offset;
                     // A message that lost bytes contains the start of the next one.
                     let length = next_head(buffer);
-                    self.remove(buffer, length);
+                    let error = self.offset.reject(buffer, length, reason);
                     if !std::mem::replace(&mut self.lost, true) {
-                        return Err(DecodeError { offset, reason });
+                        return Err(error);
                     }
                 }
             }
         }
     }
 
-    /// Ends the stream.
-    ///
-    /// # Errors
-    /// Part of a message is left over. It is removed.
-    pub fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
-        self.pending.clear();
-        let (offset, length) = (self.offset, buffer.len());
-        self.remove(buffer, length);
-        if length == 0 && std::mem::take(&mut self.skip) == 0 {
-            return Ok(());
-        }
-        Err(DecodeError { offset, reason: Reason::Incomplete { length: length as u64 } })
+    fn offset(&mut self) -> &mut Offset {
+        &mut self.offset
     }
 
+    fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
+        self.pending.clear();
+        match (buffer.len(), std::mem::take(&mut self.skip)) {
+            (0, 0) => Ok(()),
+            (length, _) => Err(self.offset.reject(buffer, length, Fault::Incomplete { length })),
+        }
+    }
+}
+
+impl Decoder {
     /// Queues the records of a message.
     fn note(&mut self, message: &Message, bytes: &[u8]) {
         let content = message.content.clone();
@@ -188,17 +151,16 @@ impl Decoder {
             }
             Kind::Position => {
                 let [x, y, z] = floats(bytes, content.start);
-                let q = match content.len() {
-                    12 => Some([0.0, 0.0, 0.0, 1.0]),
+                let [qx, qy, qz, qw] = match content.len() {
+                    12 => [0.0, 0.0, 0.0, 1.0],
                     // The omitted part is positive by convention.
                     24 => {
                         let [qx, qy, qz] = floats(bytes, content.start + 12);
-                        Some([qx, qy, qz, (1.0 - qx * qx - qy * qy - qz * qz).max(0.0).sqrt()])
+                        [qx, qy, qz, (1.0 - qx * qx - qy * qy - qz * qz).max(0.0).sqrt()]
                     }
-                    _ => Some(floats(bytes, content.start + 12)),
+                    _ => floats(bytes, content.start + 12),
                 };
-                let [qx, qy, qz, qw] = q.unwrap_or_default();
-                let pose = Pose::from_components([x, y, z, qw, qx, qy, qz]).map_err(MatrixError::Pose);
+                let pose = Pose::from_components([x, y, z, qw, qx, qy, qz]);
                 self.note_pose(message.length, head.device, time_us, pose);
             }
             Kind::TrackingData => {
@@ -223,16 +185,15 @@ impl Decoder {
         length: usize,
         mut name: Field<20>,
         device_time_us: Option<u64>,
-        pose: Result<Pose, MatrixError>,
+        pose: Result<Pose, PoseError>,
     ) {
         // Bytes behind the first zero aren't part of the name.
         if let Some(end) = name.iter().position(|&b| b == 0) {
             name[end..].fill(0);
         }
         let record = self.number(name).and_then(|sensor| match pose {
-            Ok(pose) => Ok(Record { sensor, sequence: None, device_time_us, buttons: 0, reading: Reading::Pose(pose) }),
-            Err(MatrixError::Matrix(what)) => Err(Reason::Matrix { name: text(&name), what }),
-            Err(MatrixError::Pose(source)) => Err(Reason::Pose { name: text(&name), source }),
+            Ok(pose) => Ok(Record { device_time_us, ..Record::new(sensor, Reading::Pose(pose)) }),
+            Err(source) => Err(Reason::Pose { name: text(&name), source }),
         });
         self.pending.push_back((length, record));
     }
@@ -247,12 +208,6 @@ impl Decoder {
             self.names.push(name);
         }
         Ok(number as u16)
-    }
-
-    fn remove(&mut self, buffer: &mut BytesMut, length: usize) {
-        let length = length.min(buffer.len());
-        buffer.advance(length);
-        self.offset += length as u64;
     }
 }
 

@@ -27,16 +27,6 @@ pub use decoder::{Decoder, NAMES_LIMIT};
 /// TCP port.
 pub const TCP_PORT: u16 = 18_944;
 
-/// Bytes that are not a message, or a message that lacks its pose.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[error("byte {offset} of the OpenIGTLink stream: {reason}")]
-pub struct DecodeError {
-    /// Stream offset of the first byte.
-    pub offset: u64,
-    /// Fault.
-    pub reason: Reason,
-}
-
 /// Fault of a message.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
@@ -74,15 +64,7 @@ pub enum Reason {
         /// Size of the body, bytes.
         body: u64,
     },
-    /// A matrix that is not a rotation.
-    #[error("the matrix of `{name}` is no rotation: {what}")]
-    Matrix {
-        /// Device or tool.
-        name: String,
-        /// Fault of the matrix.
-        what: &'static str,
-    },
-    /// Twelve numbers that are not a pose.
+    /// Numbers that are not a pose.
     #[error("`{name}`: {source}")]
     Pose {
         /// Device or tool.
@@ -95,11 +77,5 @@ pub enum Reason {
     TooManyNames {
         /// The name.
         name: String,
-    },
-    /// The stream ended within a message.
-    #[error("the stream ends after {length} bytes of a message")]
-    Incomplete {
-        /// Bytes present.
-        length: u64,
     },
 }

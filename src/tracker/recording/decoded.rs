@@ -3,12 +3,10 @@
 use std::collections::VecDeque;
 use std::io::Read;
 
-use bytes::BytesMut;
-
 use super::{Entry, Event, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::pose::{Measurement, Reading};
-use crate::tracker::arrival::ArrivalTimes;
-use crate::tracker::{AxisMap, Decoder, Record, Settings};
+use crate::tracker::arrival::StampedBuffer;
+use crate::tracker::{AxisMap, Decoder, Record, Settings, counter_step};
 
 /// Item of a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +26,7 @@ pub struct DecodedRecording<R> {
     reader: RecordingReader<R>,
     decoder: Decoder,
     axis_map: AxisMap,
-    buffer: BytesMut,
-    times: ArrivalTimes,
+    buffer: StampedBuffer,
     items: VecDeque<Item>,
     sequence: Option<u32>,
     summary: RecordingSummary,
@@ -47,10 +44,10 @@ impl<R: Read> DecodedRecording<R> {
     pub fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
-        let mut summary = RecordingSummary::new(reader.info().clone());
-        summary.sensor = reader.info().sensor;
-        let (buffer, times, items) = (BytesMut::new(), ArrivalTimes::default(), VecDeque::new());
-        Self { reader, decoder, axis_map, buffer, times, items, sequence: None, summary, ended: false }
+        let info = reader.info().clone();
+        let summary = RecordingSummary { sensor: info.sensor, info, ..RecordingSummary::default() };
+        let (buffer, items) = (StampedBuffer::default(), VecDeque::new());
+        Self { reader, decoder, axis_map, buffer, items, sequence: None, summary, ended: false }
     }
 
     /// Next item; `None` at the end of the readable part.
@@ -71,7 +68,7 @@ impl<R: Read> DecodedRecording<R> {
                 }
                 None => {
                     self.ended = true;
-                    if let Err(error) = self.decoder.finish(&mut self.buffer) {
+                    if let Err(error) = self.decoder.finish(&mut self.buffer.bytes) {
                         self.summary.decode_error(error);
                     }
                 }
@@ -90,11 +87,10 @@ impl<R: Read> DecodedRecording<R> {
     fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) {
         self.summary.messages += 1;
         self.summary.bytes += bytes.len() as u64;
-        self.times.push(bytes.len(), host_time_ns);
-        self.buffer.extend_from_slice(bytes);
+        self.buffer.push(bytes, host_time_ns);
         loop {
-            let first_byte_ns = self.times.of_first_of(self.buffer.len());
-            match self.decoder.decode(&mut self.buffer) {
+            let first_byte_ns = self.buffer.first_byte_ns();
+            match self.decoder.decode(&mut self.buffer.bytes) {
                 Ok(Some(record)) => self.record(first_byte_ns, record),
                 Ok(None) => break,
                 Err(error) => self.summary.decode_error(error),
@@ -109,13 +105,9 @@ impl<R: Read> DecodedRecording<R> {
             return;
         }
         let last = std::mem::replace(&mut self.sequence, record.sequence);
-        if let (Some(last), Some(sequence)) = (last, record.sequence) {
-            // The counter wraps: a step of more than half of its range counts as a step back.
-            match sequence.wrapping_sub(last) {
-                step @ 1..=0x7fff_ffff => self.summary.missing_records += u64::from(step - 1),
-                _ => self.summary.sequence_reversals += 1,
-            }
-        }
+        let (missing, reversed) = counter_step(last, record.sequence);
+        self.summary.missing_records += missing;
+        self.summary.sequence_reversals += u64::from(reversed);
         let record = self.axis_map.apply(record);
         if !matches!(record.reading, Reading::Pose(_)) {
             self.summary.without_pose += 1;

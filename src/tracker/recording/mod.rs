@@ -68,7 +68,7 @@ pub const STATION_NAME: &str = "station.toml";
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Description of a recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RecordingInfo {
     /// Wire format of the bytes.
     pub protocol: Protocol,
@@ -123,9 +123,6 @@ impl Event {
     }
 }
 
-/// Name of the events of a tracker's session.
-pub const TRACKER_EVENT: &str = "tracker";
-
 /// Name of the event of a lost tracker port.
 pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
@@ -134,7 +131,7 @@ pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
         TrackerEvent::DecodeError(_) => return None,
         TrackerEvent::Disconnected { .. } => DISCONNECTED_EVENT,
-        _ => TRACKER_EVENT,
+        _ => "tracker",
     };
     Some(Event::new(host_time_ns, name).with(event.to_string()))
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::Deserialize;
 
 use super::SessionPose;
@@ -72,10 +72,9 @@ pub(super) fn decode(host_time_ns: u64, json: &[u8]) -> Result<SessionPose, Stri
     }
     let message: Message = serde_json::from_slice(json).map_err(|error| error.to_string())?;
     let Wire { position: p, orientation: q } = message.pose;
-    let mm = DVec3::new(p.x, p.y, p.z) * 1e3;
-    let pose = Pose::from_components([mm.x, mm.y, mm.z, q.w, q.x, q.y, q.z]).map_err(|error| error.to_string())?;
-    let state = TrackingState::ALL.into_iter().find(|state| state.name() == message.state);
-    let state = state
+    let (position_mm, orientation) = (DVec3::new(p.x, p.y, p.z) * 1e3, DQuat::from_xyzw(q.x, q.y, q.z, q.w));
+    let pose = Pose::new(position_mm, orientation).map_err(|error| error.to_string())?;
+    let state = TrackingState::named(&message.state)
         .ok_or_else(|| format!("state `{}` is none of good, held, stuck, stale, lost", message.state.escape_debug()))?;
     Ok(SessionPose { host_time_ns, pose, state })
 }

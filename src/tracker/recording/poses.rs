@@ -49,14 +49,19 @@ pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement
         }
     }
     let mut summary = decoded.finish();
-    summary.time_reversals = keep_in_order(&mut measurements, |measurement| measurement.host_time_ns);
+    order(&mut measurements, &mut summary, |measurement| measurement.host_time_ns);
     if measurements.iter().all(|measurement| measurement.reading == Reading::OutOfView) {
         return Err(no_pose(path, &summary));
     }
-    if let (Some(first), Some(last)) = (measurements.first(), measurements.last()) {
-        summary.duration = Duration::from_nanos(last.host_time_ns - first.host_time_ns);
-    }
     Ok((measurements, summary))
+}
+
+/// Removes items with implausible times; notes their number and the duration of the others.
+fn order<T>(items: &mut Vec<T>, summary: &mut RecordingSummary, time_ns: impl Fn(&T) -> u64) {
+    summary.time_reversals = keep_in_order(items, &time_ns);
+    if let (Some(first), Some(last)) = (items.first(), items.last()) {
+        summary.duration = Duration::from_nanos(time_ns(last) - time_ns(first));
+    }
 }
 
 fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
@@ -101,11 +106,8 @@ pub fn read_both<R: Read>(
         }
     }
     let mut summary = decoded.finish();
-    summary.time_reversals = keep_in_order(&mut poses, |pose| pose.host_time_ns);
+    order(&mut poses, &mut summary, |pose| pose.host_time_ns);
     used.sort_by_key(|pose| pose.host_time_ns);
-    if let (Some(first), Some(last)) = (poses.first(), poses.last()) {
-        summary.duration = Duration::from_nanos(last.host_time_ns - first.host_time_ns);
-    }
     Ok((poses, used, summary))
 }
 
@@ -119,13 +121,7 @@ mod tests {
     fn a_puck_has_the_range_and_the_axes_of_its_station() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.mcap");
-        let info = RecordingInfo {
-            protocol: Protocol::SpaceMouse,
-            device: String::new(),
-            scene: String::new(),
-            start_time_ns: 1,
-            sensor: None,
-        };
+        let info = RecordingInfo { protocol: Protocol::SpaceMouse, start_time_ns: 1, ..RecordingInfo::default() };
         let mut writer = RecordingWriter::create(&path, &info).unwrap();
         writer.raw(1, &[1, 10, 0, 20, 0, 30, 0, 0, 0, 0, 0, 0, 0]).unwrap();
         writer.finish().unwrap();

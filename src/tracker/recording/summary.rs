@@ -10,7 +10,7 @@ use crate::tracker::DecodeError;
 const DESCRIBED: usize = 8;
 
 /// Content of a recording, and the parts that could not be used. [`Display`](fmt::Display) prints it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct RecordingSummary {
     /// Description of the recording.
     pub info: RecordingInfo,
@@ -50,29 +50,6 @@ pub struct RecordingSummary {
 }
 
 impl RecordingSummary {
-    /// Summary before anything is read.
-    pub(super) fn new(info: RecordingInfo) -> Self {
-        Self {
-            info,
-            messages: 0,
-            bytes: 0,
-            records: 0,
-            decode_errors: 0,
-            decode_errors_first: Vec::new(),
-            missing_records: 0,
-            sequence_reversals: 0,
-            without_pose: 0,
-            other_sensors: 0,
-            sensor: None,
-            time_reversals: 0,
-            events: Vec::new(),
-            session_poses: 0,
-            settings: None,
-            damage: Damage::default(),
-            duration: Duration::ZERO,
-        }
-    }
-
     /// Counts bytes that are not a record.
     pub(super) fn decode_error(&mut self, error: DecodeError) {
         self.decode_errors += 1;

@@ -32,9 +32,8 @@ pub struct RecordingWriter {
     event_channel: u16,
     /// `None` before the first pose.
     pose_channel: Option<u16>,
-    raw_count: u32,
-    event_count: u32,
-    pose_count: u32,
+    /// Number of messages of each channel.
+    counts: BTreeMap<u16, u32>,
     /// Message of a pose; kept to reuse its memory.
     pose_json: String,
     chunk_start_ns: u64,
@@ -78,9 +77,7 @@ impl RecordingWriter {
             raw_channel,
             event_channel,
             pose_channel: None,
-            raw_count: 0,
-            event_count: 0,
-            pose_count: 0,
+            counts: BTreeMap::new(),
             pose_json: String::new(),
             chunk_start_ns: info.start_time_ns,
         })
@@ -104,9 +101,7 @@ impl RecordingWriter {
     /// # Errors
     /// The file cannot be written.
     pub fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        let (channel_id, sequence) = (self.raw_channel, self.raw_count);
-        self.raw_count = self.raw_count.wrapping_add(1);
-        self.message(channel_id, sequence, host_time_ns, bytes)
+        self.message(self.raw_channel, host_time_ns, bytes)
     }
 
     /// Appends an event.
@@ -114,13 +109,11 @@ impl RecordingWriter {
     /// # Errors
     /// The file cannot be written.
     pub fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
-        let (channel_id, sequence) = (self.event_channel, self.event_count);
-        self.event_count = self.event_count.wrapping_add(1);
         let mut json = serde_json::json!({ "name": event.name });
         if let Some(value) = &event.value {
             json["value"] = value.clone();
         }
-        self.message(channel_id, sequence, event.host_time_ns, json.to_string().as_bytes())
+        self.message(self.event_channel, event.host_time_ns, json.to_string().as_bytes())
     }
 
     /// Appends a pose that the session used.
@@ -136,11 +129,9 @@ impl RecordingWriter {
                 *self.pose_channel.insert(channel.map_err(|error| fail(&self.part, error))?)
             }
         };
-        let sequence = self.pose_count;
-        self.pose_count = self.pose_count.wrapping_add(1);
         let mut json = std::mem::take(&mut self.pose_json);
         pose_json::encode(pose, &mut json);
-        let written = self.message(channel_id, sequence, pose.host_time_ns, json.as_bytes());
+        let written = self.message(channel_id, pose.host_time_ns, json.as_bytes());
         self.pose_json = json;
         written
     }
@@ -153,13 +144,15 @@ impl RecordingWriter {
         self.mcap.flush().map_err(|error| fail(&self.part, error))
     }
 
-    fn message(&mut self, channel_id: u16, sequence: u32, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+    fn message(&mut self, channel_id: u16, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
         // In either direction: after a time far in the future, chunks still have to end.
         if time_ns.abs_diff(self.chunk_start_ns) >= CHUNK_NS {
-            self.mcap.flush().map_err(|error| fail(&self.part, error))?;
+            self.flush()?;
             self.chunk_start_ns = time_ns;
         }
-        let header = MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns };
+        let count = self.counts.entry(channel_id).or_default();
+        let header = MessageHeader { channel_id, sequence: *count, log_time: time_ns, publish_time: time_ns };
+        *count = count.wrapping_add(1);
         self.mcap.write_to_known_channel(&header, bytes).map_err(|error| fail(&self.part, error))
     }
 

@@ -9,17 +9,20 @@ use bytes::BytesMut;
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 use tokio_util::sync::CancellationToken;
 
-use crate::tracker::arrival::ArrivalTimes;
+use crate::tracker::arrival::StampedBuffer;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
 use crate::tracker::driver::Driver;
 use crate::tracker::passive::Passive;
-use crate::tracker::recording::RecordingReader;
+use crate::tracker::recording::{RecordingInfo, RecordingReader};
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
 use crate::tracker::{AxisMap, DecodeError, Listener, Protocol, Record, TrackerError, TrackerEvent};
 
+mod silence;
 #[cfg(test)]
 mod tests;
+
+use silence::SilenceWatch;
 
 /// First and longest pause before a port is reopened; it doubles in between.
 const RETRY: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(2)];
@@ -29,9 +32,6 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Longest wait for the last bytes to be sent at the end of a session.
 const STOP_TIMEOUT: Duration = Duration::from_millis(200);
-
-/// Limit on the factor by which repeated restarts extend the silence limit: each restart may itself take long.
-const SILENCE_FACTOR_MAX: u32 = 8;
 
 /// Longest sleep of the loop, so that no time exceeds the clock's range.
 const REST_LIMIT: Duration = Duration::from_secs(3600);
@@ -72,28 +72,24 @@ impl SessionHandle {
     }
 }
 
-/// Protocol of a tracker's bytes: the station's, or that of a recording.
+/// Protocol and selected sensor of a tracker's bytes: the station's, or those of a recording. Without a sensor the first
+/// one received is taken.
 ///
 /// # Errors
 /// An unreadable recording.
-pub fn stream_protocol(settings: &Settings) -> Result<Protocol, TrackerError> {
+pub fn stream_of(settings: &Settings) -> Result<(Protocol, Option<u16>), TrackerError> {
     match &settings.transport {
-        Transport::Recording { path, .. } => Ok(RecordingReader::open(path)?.info().protocol),
-        _ => Ok(settings.protocol),
+        Transport::Recording { path, .. } => Ok(selection(settings, Some(RecordingReader::open(path)?.info()))),
+        _ => Ok(selection(settings, None)),
     }
 }
 
-/// Selected sensor: the station's, else the one named by a recording or requested by the driver; `None` takes the first
-/// one received.
-///
-/// # Errors
-/// An unreadable recording.
-pub fn stream_sensor(settings: &Settings) -> Result<Option<u16>, TrackerError> {
-    match (&settings.transport, settings.device.sensor) {
-        (_, Some(sensor)) => Ok(Some(sensor)),
-        (Transport::Recording { path, .. }, None) => Ok(RecordingReader::open(path)?.info().sensor),
-        (_, None) => Ok(settings.protocol.first_sensor()),
-    }
+fn selection(settings: &Settings, recording: Option<&RecordingInfo>) -> (Protocol, Option<u16>) {
+    let (protocol, sensor) = match recording {
+        Some(info) => (info.protocol, info.sensor),
+        None => (settings.protocol, settings.protocol.first_sensor()),
+    };
+    (protocol, settings.device.sensor.or(sensor))
 }
 
 /// Starts a session. It ends soon after `cancel`, in any state, or after the last byte of a recording.
@@ -130,8 +126,7 @@ struct Session {
     listener: Box<dyn Listener>,
     cancel: CancellationToken,
     axis_map: AxisMap,
-    /// Whether silence of the device is normal.
-    may_rest: bool,
+    silence: SilenceWatch,
     /// Selected sensor: the station's, or the first one received.
     sensor: Option<u16>,
     /// Bit set of ignored sensors already reported on this connection.
@@ -140,37 +135,25 @@ struct Session {
     started: Instant,
     started_ns: u64,
     /// Bytes not decoded yet.
-    buffer: BytesMut,
-    arrivals: ArrivalTimes,
-    /// Time of the last record, or of opening the port.
-    last_record: Duration,
-    /// Start of the silence being judged: `last_record`, or the last restart.
-    silent_from: Duration,
-    /// Silence limit at the last check.
-    last_limit: Duration,
-    /// Whether the device had its extra time for a first record after set-up.
-    had_grace: bool,
-    /// Restarts since the last record.
-    attempt: u32,
+    buffer: StampedBuffer,
     retry: Duration,
     summary: SessionSummary,
 }
 
 impl Session {
     fn new(settings: &Settings, listener: Box<dyn Listener>, cancel: CancellationToken) -> Result<Self, TrackerError> {
-        let (transport, mut protocol) = (&settings.transport, settings.protocol);
-        if !transport.carries(protocol) {
-            return Err(TrackerError::Mismatch { protocol: protocol.name(), transport: transport.name() });
+        let transport = &settings.transport;
+        if !transport.carries(settings.protocol) {
+            let (protocol, transport) = (settings.protocol.name(), transport.name());
+            return Err(TrackerError::Mismatch { protocol, transport });
         }
         let port = Port::new(transport)?;
-        let mut sensor = settings.device.sensor;
+        let recording = if let Port::Recording(recording) = &port { Some(recording.info()) } else { None };
+        let (protocol, sensor) = selection(settings, recording);
         // A recorded device receives no commands.
-        let driver: Box<dyn Driver> = if let Port::Recording(recording) = &port {
-            protocol = recording.protocol();
-            sensor = sensor.or(recording.sensor());
+        let driver: Box<dyn Driver> = if recording.is_some() {
             Box::new(Passive::new(protocol, &settings.device))
         } else {
-            sensor = sensor.or(protocol.first_sensor());
             let mut device = settings.device.clone();
             if protocol == Protocol::Ndi {
                 device.ndi = device.ndi.load_roms()?;
@@ -183,18 +166,12 @@ impl Session {
             listener,
             cancel,
             axis_map: settings.axis_map,
-            may_rest: Transport::may_rest(protocol),
+            silence: SilenceWatch::new(Transport::may_rest(protocol)),
             sensor,
             reported: 0,
             started: Instant::now(),
             started_ns: host_time_ns(),
-            buffer: BytesMut::with_capacity(8192),
-            arrivals: ArrivalTimes::default(),
-            last_record: Duration::ZERO,
-            silent_from: Duration::ZERO,
-            last_limit: Duration::ZERO,
-            had_grace: false,
-            attempt: 0,
+            buffer: StampedBuffer::default(),
             retry: RETRY[0],
             summary: SessionSummary::default(),
         })
@@ -250,7 +227,7 @@ impl Session {
         self.summary.connections += 1;
         self.reported = 0;
         self.event(TrackerEvent::Connected { port });
-        self.last_record = self.now();
+        self.silence.opened(self.now());
         self.restart();
         let end = self.listen().await.unwrap_or_else(|error| ConnectionEnd::Lost(error.to_string()));
         self.finish();
@@ -259,32 +236,22 @@ impl Session {
 
     /// Time at which the device counts as silent.
     fn silent_at(&mut self) -> Duration {
-        let limit = self.silence_limit();
-        // A device whose set-up took long still gets the whole shorter limit for its first record. Only once per start:
-        // a device that is set up repeatedly and never answers is silent.
-        if limit < self.last_limit && !self.had_grace {
-            self.silent_from = self.now();
-            self.had_grace = true;
-        }
-        self.last_limit = limit;
-        self.silent_from.saturating_add(limit)
+        self.silence.deadline(self.driver.silence_limit(), self.now())
     }
 
     /// Restarts the device; an incomplete record is discarded.
     fn restart(&mut self) {
         self.finish();
-        self.silent_from = self.now();
-        // The previous start's limit does not apply to this one.
-        self.last_limit = Duration::ZERO;
-        self.had_grace = false;
-        self.driver.start(self.silent_from, self.attempt);
+        let now = self.now();
+        self.silence.restarted(now);
+        self.driver.start(now, self.silence.attempt());
     }
 
     /// Ends a message or the stream.
     fn finish(&mut self) {
-        let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
-        if let Err(error) = self.driver.finish(&mut self.buffer) {
-            self.wrong(first_byte_ns, error);
+        let first_byte_ns = self.buffer.first_byte_ns();
+        if let Err(error) = self.driver.finish(&mut self.buffer.bytes) {
+            self.decode_error(first_byte_ns, error);
         }
     }
 
@@ -316,28 +283,17 @@ impl Session {
             let now = self.now();
             // A record that has just arrived has moved the limit.
             if now >= self.silent_at() {
-                let for_ = now - self.last_record;
-                self.attempt = self.attempt.saturating_add(1);
+                let for_ = self.silence.silent(now);
                 self.summary.silences += 1;
-                self.event(TrackerEvent::Silent { for_, attempt: self.attempt });
-                if self.attempt > 1 && self.port.reopening_may_wake() {
-                    return Ok(ConnectionEnd::Lost(format!("nothing heard for {:.1} s", for_.as_secs_f64())));
-                }
+                self.event(TrackerEvent::Silent { for_, attempt: self.silence.attempt() });
                 if self.port.reopening_may_wake() {
+                    if self.silence.attempt() > 1 {
+                        return Ok(ConnectionEnd::Lost(format!("nothing received for {:.1} s", for_.as_secs_f64())));
+                    }
                     self.restart();
-                } else {
-                    self.silent_from = now;
                 }
             }
         }
-    }
-
-    /// Present silence limit.
-    fn silence_limit(&self) -> Duration {
-        if self.may_rest {
-            return Duration::MAX;
-        }
-        self.driver.silence_limit().saturating_mul(self.attempt.saturating_add(1).min(SILENCE_FACTOR_MAX))
     }
 
     /// Sends the driver's pending bytes.
@@ -357,8 +313,7 @@ impl Session {
         let time_ns = time_ns.unwrap_or_else(|| self.host_now());
         self.summary.bytes += piece.len() as u64;
         self.listener.bytes(time_ns, piece);
-        self.arrivals.push(piece.len(), time_ns);
-        self.buffer.extend_from_slice(piece);
+        self.buffer.push(piece, time_ns);
         self.decode();
         if self.port.has_messages() {
             self.finish();
@@ -368,33 +323,31 @@ impl Session {
     /// Passes on the records that the driver decodes from the bytes and the time so far.
     fn decode(&mut self) {
         loop {
-            let first_byte_ns = self.arrivals.of_first_of(self.buffer.len());
+            let first_byte_ns = self.buffer.first_byte_ns();
             let now = self.now();
-            match self.driver.decode(now, &mut self.buffer) {
+            match self.driver.decode(now, &mut self.buffer.bytes) {
                 Ok(Some(record)) => {
-                    self.alive(now);
+                    self.answered(now);
                     self.record(first_byte_ns, record);
                 }
                 Ok(None) => break,
                 Err(error) => {
                     if error.is_report() {
-                        self.alive(now);
+                        self.answered(now);
                     }
-                    self.wrong(first_byte_ns, error);
+                    self.decode_error(first_byte_ns, error);
                 }
             }
         }
     }
 
-    fn wrong(&mut self, host_time_ns: u64, error: DecodeError) {
+    fn decode_error(&mut self, host_time_ns: u64, error: DecodeError) {
         self.summary.decode_errors += 1;
         self.listener.event(host_time_ns, &TrackerEvent::DecodeError(error));
     }
 
-    fn alive(&mut self, now: Duration) {
-        (self.last_record, self.silent_from) = (now, now);
-        self.had_grace = false;
-        self.attempt = 0;
+    fn answered(&mut self, now: Duration) {
+        self.silence.answered(now);
         self.retry = RETRY[0];
     }
 

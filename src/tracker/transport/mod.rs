@@ -3,6 +3,7 @@
 use std::io;
 
 use bytes::BytesMut;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 use super::TrackerError;
 use super::driver::Line;
@@ -175,6 +176,23 @@ impl Port {
     pub(super) fn may_recover(&self) -> bool {
         !matches!(self, Self::Recording(_))
     }
+}
+
+/// Waits for bytes of a stream; `gone` names the reason for its end.
+async fn receive_from(
+    stream: &mut Option<impl AsyncRead + Unpin>,
+    piece: &mut BytesMut,
+    gone: &str,
+) -> io::Result<Received> {
+    match stream.as_mut().ok_or_else(not_open)?.read_buf(piece).await? {
+        0 => Err(io::Error::new(io::ErrorKind::UnexpectedEof, gone)),
+        _ => Ok(Received::Bytes { time_ns: None }),
+    }
+}
+
+/// Sends all of `bytes`. Not flushed: on a serial line that would block the thread until the last bit is sent.
+async fn send_to(stream: &mut Option<impl AsyncWrite + Unpin>, bytes: &[u8]) -> io::Result<()> {
+    stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
 }
 
 /// Error of a port that isn't open, which the session rules out.

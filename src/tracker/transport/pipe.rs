@@ -3,9 +3,9 @@
 use std::io;
 
 use bytes::BytesMut;
-use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
+use tokio::io::DuplexStream;
 
-use super::{Received, not_open};
+use super::{Received, receive_from, send_to};
 
 /// Connects the simulated device.
 pub(in crate::tracker) type Plug = Box<dyn FnMut() -> io::Result<DuplexStream> + Send>;
@@ -27,14 +27,11 @@ impl PipePort {
     }
 
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
-        match self.stream.as_mut().ok_or_else(not_open)?.read_buf(piece).await? {
-            0 => Err(io::ErrorKind::UnexpectedEof.into()),
-            _ => Ok(Received::Bytes { time_ns: None }),
-        }
+        receive_from(&mut self.stream, piece, "the pipe ended").await
     }
 
     pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
+        send_to(&mut self.stream, bytes).await
     }
 
     pub(super) fn close(&mut self) {

@@ -9,8 +9,7 @@ use bytes::BytesMut;
 use tokio::time::{Instant, sleep_until};
 
 use super::Received;
-use crate::tracker::Protocol;
-use crate::tracker::recording::{Entry, RecordingError, RecordingReader};
+use crate::tracker::recording::{Entry, RecordingError, RecordingInfo, RecordingReader};
 use crate::tracker::settings::Speed;
 
 /// Playback of a recording.
@@ -33,14 +32,9 @@ impl RecordingPort {
         Ok(Self { path: path.to_owned(), speed, repeat, reader, began: None, next: None, played: false })
     }
 
-    /// Protocol of the recorded bytes.
-    pub(in crate::tracker) fn protocol(&self) -> Protocol {
-        self.reader.info().protocol
-    }
-
-    /// Sensor selected when the recording was made.
-    pub(in crate::tracker) fn sensor(&self) -> Option<u16> {
-        self.reader.info().sensor
+    /// Description of the recording.
+    pub(in crate::tracker) fn info(&self) -> &RecordingInfo {
+        self.reader.info()
     }
 
     pub(super) fn name(&self) -> String {

@@ -4,10 +4,9 @@ use std::io;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{ClearBuffer, SerialPort as _, SerialPortBuilderExt, SerialStream};
 
-use super::{Received, not_open};
+use super::{Received, not_open, receive_from, send_to};
 use crate::tracker::devices;
 use crate::tracker::driver::Line;
 use crate::tracker::settings::PortName;
@@ -45,17 +44,12 @@ impl SerialPort {
     }
 
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
-        let stream = self.stream.as_mut().ok_or_else(not_open)?;
-        match stream.read_buf(piece).await? {
-            // An unplugged adapter reads as endless end-of-file.
-            0 => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the port is gone (unplugged?)")),
-            _ => Ok(Received::Bytes { time_ns: None }),
-        }
+        // An unplugged adapter reads as endless end-of-file.
+        receive_from(&mut self.stream, piece, "the port is gone (unplugged?)").await
     }
 
     pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        // Not flushed: flushing would block the thread until the last bit is sent.
-        self.stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
+        send_to(&mut self.stream, bytes).await
     }
 
     pub(super) async fn line(&mut self, line: Line) -> io::Result<()> {

@@ -4,11 +4,10 @@ use std::io;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use super::{Received, not_open};
+use super::{Received, receive_from, send_to};
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -35,14 +34,11 @@ impl TcpPort {
     }
 
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
-        match self.stream.as_mut().ok_or_else(not_open)?.read_buf(piece).await? {
-            0 => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the server closed the connection")),
-            _ => Ok(Received::Bytes { time_ns: None }),
-        }
+        receive_from(&mut self.stream, piece, "the server closed the connection").await
     }
 
     pub(super) async fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
+        send_to(&mut self.stream, bytes).await
     }
 
     pub(super) fn close(&mut self) {

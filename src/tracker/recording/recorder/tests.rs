@@ -4,7 +4,6 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::super::{RecordingInfo, part_path};
 use super::*;
-use crate::tracker::Protocol;
 
 /// Call received by a store.
 #[derive(Debug, PartialEq)]
@@ -174,13 +173,7 @@ fn a_recorder_that_is_dropped_leaves_an_earlier_recording_alone() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
     std::fs::write(&path, "earlier").unwrap();
-    let info = RecordingInfo {
-        protocol: Protocol::AsciiLine,
-        device: String::new(),
-        scene: String::new(),
-        start_time_ns: 1,
-        sensor: None,
-    };
+    let info = RecordingInfo { start_time_ns: 1, ..RecordingInfo::default() };
     for (bytes, part) in [(&b""[..], false), (b"x", true)] {
         let writer = RecordingWriter::create(&path, &info).unwrap();
         let recorder = Recorder::start(writer, QueueLimits::default()).unwrap();
