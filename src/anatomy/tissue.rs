@@ -1,37 +1,41 @@
 //! Acoustic properties of tissues.
 
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::acoustics;
+use crate::settings::{Setting, SettingsGroup as _, settings};
 
-/// Acoustic properties of one tissue.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tissue {
-    /// Speed of sound, m/s.
-    pub speed_m_s: f64,
-    /// Density, kg/m³.
-    pub density_kg_m3: f64,
-    /// Attenuation at 1 MHz, dB/cm.
-    pub attenuation_db_cm_mhz: f64,
-    /// Exponent of the frequency in the attenuation.
-    pub attenuation_exponent: f64,
-    /// Fraction of the scatterer lattice's cells that contain a scatterer, 0..=1.
-    #[serde(default)]
-    pub scatterer_density: f64,
-    /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
-    #[serde(default)]
-    pub scatterer_mean: f64,
-    /// Standard deviation of a scatterer's amplitude, relative to a perfect reflector.
-    #[serde(default)]
-    pub scatterer_deviation: f64,
-    /// RMS slope of the microfacets of its surfaces; 0 is a mirror.
-    #[serde(default)]
-    pub roughness: f64,
-    /// Thickness of the transition at its surfaces, mm: echoes are spread over it.
-    #[serde(default)]
-    pub thickness_mm: f64,
+settings! {
+    /// Acoustic properties of one tissue. Defaults are those of a soft tissue without speckle.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Tissue in "tissues.NAME" {
+        /// Speed of sound.
+        speed_m_s: f64 = 1540.0, "m/s", 100.0..=10_000.0, Everything;
+
+        /// Density.
+        density_kg_m3: f64 = 1000.0, "kg/m3", 0.1..=25_000.0, Everything;
+
+        /// Attenuation at 1 MHz, one way.
+        attenuation_db_cm_mhz: f64 = 0.5, "dB/cm", 0.0..=100.0, Everything;
+
+        /// Power of the frequency in the attenuation.
+        attenuation_exponent: f64 = 1.0, "", 0.0..=3.0, Everything;
+
+        /// Part of the lattice's cells with a scatterer.
+        scatterer_density: f64 = 0.0, "", 0.0..=1.0, Everything;
+
+        /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
+        scatterer_mean: f64 = 0.0, "", -10.0..=10.0, Everything;
+
+        /// Standard deviation of a scatterer's amplitude.
+        scatterer_deviation: f64 = 0.0, "", 0.0..=10.0, Everything;
+
+        /// RMS slope of its surfaces' microfacets; 0 is a mirror.
+        roughness: f64 = 0.0, "", 0.0..=2.0, Everything;
+
+        /// Thickness of the transition at its surfaces.
+        thickness_mm: f64 = 0.0, "mm", 0.0..=10.0, Everything;
+    }
 }
 
 impl Tissue {
@@ -120,19 +124,10 @@ impl TissueTable {
 }
 
 fn check(name: &str, tissue: &Tissue) -> Result<(), TissueError> {
-    let ranges = [
-        ("speed_m_s", tissue.speed_m_s, 100.0, 10_000.0),
-        ("density_kg_m3", tissue.density_kg_m3, 0.1, 25_000.0),
-        ("attenuation_db_cm_mhz", tissue.attenuation_db_cm_mhz, 0.0, 100.0),
-        ("attenuation_exponent", tissue.attenuation_exponent, 0.0, 3.0),
-        ("scatterer_density", tissue.scatterer_density, 0.0, 1.0),
-        ("scatterer_mean", tissue.scatterer_mean, -10.0, 10.0),
-        ("scatterer_deviation", tissue.scatterer_deviation, 0.0, 10.0),
-        ("roughness", tissue.roughness, 0.0, 2.0),
-        ("thickness_mm", tissue.thickness_mm, 0.0, 10.0),
-    ];
-    for (key, value, min, max) in ranges {
-        if !(value >= min && value <= max) {
+    for setting in Tissue::settings() {
+        let value = tissue.stored(setting.key).map_or(f64::NAN, |stored| stored.get(0));
+        if setting.check(value).is_err() {
+            let &Setting { key, min, max, .. } = setting;
             return Err(TissueError::Range { tissue: name.to_owned(), key, value, min, max });
         }
     }

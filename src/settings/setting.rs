@@ -194,6 +194,9 @@ impl Setting {
 
 /// Storage of a setting's value.
 pub trait Stored {
+    /// Type of the value.
+    fn kind(&self) -> Kind;
+
     /// The value; of a list that at `index`.
     fn get(&self, index: usize) -> f64;
 
@@ -201,55 +204,36 @@ pub trait Stored {
     fn set(&mut self, index: usize, value: f64);
 }
 
-/// The [`Kind`] of a stored type.
-pub trait HasKind: Stored {
-    /// The kind.
-    const KIND: Kind;
+macro_rules! stored {
+    ($($type:ty: $kind:ident, $value:ident => $from:expr;)+) => {$(
+        impl Stored for $type {
+            fn kind(&self) -> Kind {
+                Kind::$kind
+            }
+
+            fn get(&self, _index: usize) -> f64 {
+                (*self).into()
+            }
+
+            fn set(&mut self, _index: usize, $value: f64) {
+                *self = $from;
+            }
+        }
+    )+};
 }
 
-impl Stored for f64 {
-    fn get(&self, _index: usize) -> f64 {
-        *self
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = value;
-    }
-}
-
-impl HasKind for f64 {
-    const KIND: Kind = Kind::Number;
-}
-
-impl Stored for u32 {
-    fn get(&self, _index: usize) -> f64 {
-        (*self).into()
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = value as u32;
-    }
-}
-
-impl HasKind for u32 {
-    const KIND: Kind = Kind::Whole;
-}
-
-impl Stored for bool {
-    fn get(&self, _index: usize) -> f64 {
-        (*self).into()
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = value > 0.0;
-    }
-}
-
-impl HasKind for bool {
-    const KIND: Kind = Kind::Switch;
+stored! {
+    f64: Number, value => value;
+    u16: Whole, value => value as u16;
+    u32: Whole, value => value as u32;
+    bool: Switch, value => value > 0.0;
 }
 
 impl<const N: usize> Stored for [f64; N] {
+    fn kind(&self) -> Kind {
+        Kind::Numbers(N)
+    }
+
     fn get(&self, index: usize) -> f64 {
         self[index]
     }
@@ -257,8 +241,4 @@ impl<const N: usize> Stored for [f64; N] {
     fn set(&mut self, index: usize, value: f64) {
         self[index] = value;
     }
-}
-
-impl<const N: usize> HasKind for [f64; N] {
-    const KIND: Kind = Kind::Numbers(N);
 }

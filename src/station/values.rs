@@ -83,24 +83,17 @@ impl Values {
         *target = self.number(key).unwrap_or(*target);
     }
 
-    pub(super) fn set_integer(&self, key: &str, target: &mut u32) {
-        *target = self.integer(key).unwrap_or(*target);
-    }
-
-    /// Overwrites where a server listens by the keys `address` and `port`, as far as they are given.
-    pub(super) fn set_server(&self, address: &mut IpAddr, port: &mut u16) -> Result<(), StationError> {
+    /// Overwrites the address that a server listens at where it is given.
+    pub(super) fn set_address(&self, address: &mut IpAddr) -> Result<(), StationError> {
         if let Some(text) = self.text("address") {
             *address = text.parse().map_err(|_| self.wrong_text("address", text, LISTEN_ADDRESS))?;
-        }
-        if let Some(found) = self.integer("port").and_then(|port| u16::try_from(port).ok()) {
-            *port = found;
         }
         Ok(())
     }
 
     /// The error of a text that isn't what `key` takes.
     pub(super) fn wrong_text(&self, key: &str, found: &str, accepts: &'static str) -> StationError {
-        StationError::Range {
+        StationError::Value {
             key: format!("{}.{key}", self.table),
             found: format!("\"{found}\""),
             accepts: Accepts::Text(accepts),
@@ -143,7 +136,7 @@ pub(super) fn number(value: &Value) -> Option<f64> {
 }
 
 pub(super) fn wrong_type(key: String, found: &Value, accepts: Accepts) -> StationError {
-    StationError::WrongType { key, found: shown(found), accepts }
+    StationError::Value { key, found: shown(found), accepts, suggestion: String::new() }
 }
 
 /// A value as TOML, tables and long texts by their type.
@@ -188,5 +181,5 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
     if accepted {
         return Ok(());
     }
-    Err(StationError::Range { key: key(), found: shown(value), accepts: doc.range, suggestion })
+    Err(StationError::Value { key: key(), found: shown(value), accepts: doc.range, suggestion })
 }

@@ -1,6 +1,6 @@
 //! The generators and feature extractors that a command names.
 
-use insonify::generator::{Generator, LoadOptions, OnnxFeatures, Runtime};
+use insonify::generator::{Generator, OnnxFeatures, Runtime};
 use insonify::quality::FeatureExtractor;
 
 use super::super::{Classify, Failure};
@@ -13,7 +13,7 @@ pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String,
         return Ok(named);
     }
     let runtime = Runtime::get().input()?;
-    let options = LoadOptions { provider: args.provider, threads: args.threads, tissues };
+    let options = args.runtime.options(tissues);
     for path in &args.model {
         let generator = Generator::load(path, runtime, &options)?;
         let name = generator.manifest().name.clone();
