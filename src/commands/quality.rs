@@ -79,12 +79,10 @@ pub(crate) fn say_chosen(climbed: &Climbed) {
 
 /// The quality's short name in captions and tables.
 pub(crate) fn name(quality: &Quality) -> String {
-    let of = |q: Quality| (q.rays, q.layers);
-    match of(*quality) {
-        pair if pair == of(Quality::LQ) => "LQ".to_owned(),
-        pair if pair == of(Quality::HQ) => "HQ".to_owned(),
-        (rays, layers) => format!("{rays}x{layers}"),
-    }
+    let point = QualityPoint::from(*quality);
+    let named =
+        [(Quality::LQ, "LQ"), (Quality::HQ, "HQ")].into_iter().find(|(known, _)| point == QualityPoint::from(*known));
+    named.map_or_else(|| point.to_string(), |(_, name)| name.to_owned())
 }
 
 #[cfg(test)]

@@ -138,11 +138,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = session::adapter(&backend);
     let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
+    // Its sender is kept: the channel must stay open where no sink takes input.
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
-    // The sender is kept: the channel must stay open where no sink takes input.
-    let (sinks, log, controls, control) = (opened.sinks, opened.log, opened.controls, opened.control);
-    #[cfg(feature = "window")]
-    let window = opened.window;
     let mut recorded: Option<RecordedSlot> = None;
     let mut before: Vec<Box<dyn Part>> = Vec::new();
     let mut after: Vec<Box<dyn Part>> = Vec::new();
@@ -170,9 +167,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         render: station.settings,
         quality,
         enhancer,
-        sinks,
-        log,
-        controls,
+        sinks: opened.sinks,
+        log: opened.log,
+        controls: opened.controls,
         observer,
         before,
         after,
@@ -183,9 +180,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         limits,
         parts,
         #[cfg(feature = "window")]
-        window.map(|slot| (slot, control.clone())),
+        opened.window.map(|slot| (slot, opened.control.clone())),
     )?;
-    drop(control);
+    drop(opened.control);
     report(args, &summary, adapter)?;
     if let Some(tracked) = &tracked {
         live::say_left_out(&tracked.counters());

@@ -159,12 +159,8 @@ fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, us
         checks.extend(family.measure(&mut rig)?);
     }
     checks.extend(rig.checks());
-    let mut groups: Vec<&str> = Vec::new();
-    for check in &checks {
-        if !groups.contains(&check.group) {
-            groups.push(check.group);
-        }
-    }
+    // A group stands where its first check is.
+    let groups: Vec<&str> = checks.iter().map(|check| check.group).collect();
     checks.sort_by_key(|check| groups.iter().position(|group| *group == check.group));
     progress(families.len(), families.len());
     Ok(Report {

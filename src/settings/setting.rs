@@ -171,20 +171,17 @@ impl Setting {
     /// # Errors
     /// A value of another type.
     pub fn read_json(&self, value: &Value, stored: &mut dyn Stored) -> Result<(), String> {
-        let numbers = match self.kind {
-            Kind::Number => value.as_f64().map(|number| vec![number]),
-            Kind::Whole => value.as_u64().and_then(|whole| u32::try_from(whole).ok()).map(|whole| vec![whole.into()]),
-            Kind::Switch => value.as_bool().map(|on| vec![on.into()]),
-            Kind::Numbers(count) => value
-                .as_array()
-                .and_then(|values| values.iter().map(Value::as_f64).collect::<Option<Vec<_>>>())
-                .filter(|numbers| numbers.len() == count),
-        };
-        let expected = match self.kind {
-            Kind::Number => "a number".to_owned(),
-            Kind::Whole => "a whole number".to_owned(),
-            Kind::Switch => "true or false".to_owned(),
-            Kind::Numbers(count) => format!("{count} numbers"),
+        let (numbers, expected): (Option<Vec<f64>>, _) = match self.kind {
+            Kind::Number => (value.as_f64().map(|number| vec![number]), "a number".to_owned()),
+            Kind::Whole => {
+                let whole = value.as_u64().and_then(|whole| u32::try_from(whole).ok());
+                (whole.map(|whole| vec![whole.into()]), "a whole number".to_owned())
+            }
+            Kind::Switch => (value.as_bool().map(|on| vec![on.into()]), "true or false".to_owned()),
+            Kind::Numbers(count) => {
+                let numbers = value.as_array().and_then(|values| values.iter().map(Value::as_f64).collect());
+                (numbers.filter(|numbers: &Vec<f64>| numbers.len() == count), format!("{count} numbers"))
+            }
         };
         let numbers = numbers.ok_or_else(|| format!("`{}` is {value}; it must be {expected}", self.key))?;
         numbers.iter().enumerate().for_each(|(index, number)| stored.set(index, *number));

@@ -109,13 +109,8 @@ fn probe(values: &Values) -> Result<Probe, StationError> {
 }
 
 fn pose(root: &mut Table) -> Result<Option<Pose>, StationError> {
-    if !root.contains_key("pose") {
-        return Ok(None);
-    }
-    let values = section(root, "pose")?;
-    let [x, y, z] = values.numbers("position_mm").unwrap_or_default();
-    let [qw, qx, qy, qz] = values.numbers("quaternion").unwrap_or([1.0, 0.0, 0.0, 0.0]);
-    Ok(Some(Pose::from_components([x, y, z, qw, qx, qy, qz])?))
+    let pose = optional(root, "pose")?.map(|values| values.pose("position_mm", "quaternion"));
+    Ok(pose.transpose()?)
 }
 
 /// The built-in tissues, changed and added to by the station's.

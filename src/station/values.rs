@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use super::StationError;
 use super::accepts::{Accepts, LISTEN_ADDRESS};
 use super::keys::{KeyDoc, of_table};
+use crate::pose::{Pose, PoseError};
 use crate::settings::SettingsGroup;
 use crate::suggest::did_you_mean;
 
@@ -61,6 +62,13 @@ impl Values {
     pub(super) fn numbers<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let numbers: Vec<f64> = self.values.get(key)?.as_array()?.iter().filter_map(number).collect();
         numbers.try_into().ok()
+    }
+
+    /// The pose of two keys: where one is absent, at the origin or not turned.
+    pub(super) fn pose(&self, position: &str, quaternion: &str) -> Result<Pose, PoseError> {
+        let [x, y, z] = self.numbers(position).unwrap_or_default();
+        let [qw, qx, qy, qz] = self.numbers(quaternion).unwrap_or([1.0, 0.0, 0.0, 0.0]);
+        Pose::from_components([x, y, z, qw, qx, qy, qz])
     }
 
     /// Overwrites the settings of `group` whose keys are given.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use insonify::generator::{OnnxFeatures, Runtime};
-use insonify::quality::{FeatureExtractor, Pair, Scores, Summary, crops, frechet_distance_of};
+use insonify::quality::{Pair, Scores, Summary, frechet_distance_of};
 use insonify::sink::{write_json, write_text};
 use insonify::tradeoff::csv_field;
 use serde::Serialize;
@@ -15,6 +15,7 @@ use super::super::frame_dir::grey;
 use super::super::progress::Progress;
 use super::super::{Classify, Failure, output};
 use super::Args;
+use super::models::add_features;
 use super::tables::csv_scores;
 
 #[derive(Serialize)]
@@ -59,12 +60,8 @@ impl Features {
     }
 
     fn add(&mut self, images: [&[u8]; 2], size: [usize; 2]) -> Result<()> {
-        for (set, image) in self.sets.iter_mut().zip(images) {
-            for crop in crops(image, size, self.extractor.crop())? {
-                set.push(self.extractor.features(&crop)?);
-            }
-        }
-        Ok(())
+        let mut pairs = self.sets.iter_mut().zip(images);
+        Ok(pairs.try_for_each(|(set, image)| add_features(&mut self.extractor, image, size, set))?)
     }
 }
 
