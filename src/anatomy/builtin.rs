@@ -10,7 +10,7 @@ use super::{Tissue, TissueError, TissueTable};
 const TISSUES: &str = include_str!("../../assets/tissues.toml");
 
 /// A value of a tissue with its source.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Property {
     /// Value, in the unit of its key.
@@ -26,31 +26,61 @@ pub struct Property {
     pub assumed: bool,
 }
 
-/// A tissue with the sources of its values.
+/// A tissue with the sources of its values; keys as in [`Tissue`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SourcedTissue {
     /// Echogenicity in sonographers' terms: anechoic, hypo-, iso- or hyperechoic, and the texture.
     pub echogenicity: String,
-    /// Values with their sources.
-    #[serde(flatten)]
-    pub values: Tissue<Property>,
+    /// Speed of sound, m/s.
+    pub speed_m_s: Property,
+    /// Density, kg/m³.
+    pub density_kg_m3: Property,
+    /// Attenuation at 1 MHz, dB/cm.
+    pub attenuation_db_cm_mhz: Property,
+    /// Exponent of the frequency in the attenuation.
+    pub attenuation_exponent: Property,
+    /// Fraction of the lattice's cells that contain a scatterer.
+    pub scatterer_density: Property,
+    /// Mean amplitude of a scatterer.
+    pub scatterer_mean: Property,
+    /// Standard deviation of a scatterer's amplitude.
+    pub scatterer_deviation: Property,
+    /// RMS slope of the microfacets of its surfaces.
+    pub roughness: Property,
+    /// Thickness of the transition at its surfaces, mm.
+    pub thickness_mm: Property,
 }
 
 impl SourcedTissue {
     /// The tissue without sources.
     pub fn tissue(&self) -> Tissue {
-        let p = &self.values;
         Tissue {
-            speed_m_s: p.speed_m_s.value,
-            density_kg_m3: p.density_kg_m3.value,
-            attenuation_db_cm_mhz: p.attenuation_db_cm_mhz.value,
-            attenuation_exponent: p.attenuation_exponent.value,
-            scatterer_density: p.scatterer_density.value,
-            scatterer_mean: p.scatterer_mean.value,
-            scatterer_deviation: p.scatterer_deviation.value,
-            roughness: p.roughness.value,
-            thickness_mm: p.thickness_mm.value,
+            speed_m_s: self.speed_m_s.value,
+            density_kg_m3: self.density_kg_m3.value,
+            attenuation_db_cm_mhz: self.attenuation_db_cm_mhz.value,
+            attenuation_exponent: self.attenuation_exponent.value,
+            scatterer_density: self.scatterer_density.value,
+            scatterer_mean: self.scatterer_mean.value,
+            scatterer_deviation: self.scatterer_deviation.value,
+            roughness: self.roughness.value,
+            thickness_mm: self.thickness_mm.value,
         }
+    }
+
+    /// All properties by key, physical ones first.
+    pub fn properties(&self) -> [(&'static str, &Property); 9] {
+        [
+            ("speed_m_s", &self.speed_m_s),
+            ("density_kg_m3", &self.density_kg_m3),
+            ("attenuation_db_cm_mhz", &self.attenuation_db_cm_mhz),
+            ("attenuation_exponent", &self.attenuation_exponent),
+            ("scatterer_density", &self.scatterer_density),
+            ("scatterer_mean", &self.scatterer_mean),
+            ("scatterer_deviation", &self.scatterer_deviation),
+            ("roughness", &self.roughness),
+            ("thickness_mm", &self.thickness_mm),
+        ]
     }
 }
 
@@ -79,7 +109,7 @@ mod tests {
     #[test]
     fn every_value_has_a_source_or_is_marked_as_assumed() {
         for (name, tissue) in sourced_tissues().unwrap() {
-            for (key, p) in tissue.values.properties() {
+            for (key, p) in tissue.properties() {
                 assert!(p.assumed || p.source.is_some(), "{name}.{key}: neither source nor assumed");
                 assert!(p.assumed || p.range.is_some(), "{name}.{key}: a source without its range");
                 if let Some([low, high]) = p.range {

@@ -1,53 +1,40 @@
 //! Acoustic properties of tissues.
 
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::acoustics;
+use crate::settings::{Setting, SettingsGroup as _, settings};
 
-/// Acoustic properties of one tissue: numbers, or a `V` for each.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tissue<V = f64> {
-    /// Speed of sound, m/s.
-    pub speed_m_s: V,
-    /// Density, kg/m³.
-    pub density_kg_m3: V,
-    /// Attenuation at 1 MHz, dB/cm.
-    pub attenuation_db_cm_mhz: V,
-    /// Exponent of the frequency in the attenuation.
-    pub attenuation_exponent: V,
-    /// Fraction of the scatterer lattice's cells that contain a scatterer, 0..=1.
-    #[serde(default)]
-    pub scatterer_density: V,
-    /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
-    #[serde(default)]
-    pub scatterer_mean: V,
-    /// Standard deviation of a scatterer's amplitude, relative to a perfect reflector.
-    #[serde(default)]
-    pub scatterer_deviation: V,
-    /// RMS slope of the microfacets of its surfaces; 0 is a mirror.
-    #[serde(default)]
-    pub roughness: V,
-    /// Thickness of the transition at its surfaces, mm: echoes are spread over it.
-    #[serde(default)]
-    pub thickness_mm: V,
-}
+settings! {
+    /// Acoustic properties of one tissue. Defaults are those of a soft tissue without speckle.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Tissue in "tissues.NAME" {
+        /// Speed of sound.
+        speed_m_s: f64 = 1540.0, "m/s", 100.0..=10_000.0, Everything;
 
-impl<V> Tissue<V> {
-    /// All properties by key, physical ones first.
-    pub fn properties(&self) -> [(&'static str, &V); 9] {
-        [
-            ("speed_m_s", &self.speed_m_s),
-            ("density_kg_m3", &self.density_kg_m3),
-            ("attenuation_db_cm_mhz", &self.attenuation_db_cm_mhz),
-            ("attenuation_exponent", &self.attenuation_exponent),
-            ("scatterer_density", &self.scatterer_density),
-            ("scatterer_mean", &self.scatterer_mean),
-            ("scatterer_deviation", &self.scatterer_deviation),
-            ("roughness", &self.roughness),
-            ("thickness_mm", &self.thickness_mm),
-        ]
+        /// Density.
+        density_kg_m3: f64 = 1000.0, "kg/m3", 0.1..=25_000.0, Everything;
+
+        /// Attenuation at 1 MHz, one way.
+        attenuation_db_cm_mhz: f64 = 0.5, "dB/cm", 0.0..=100.0, Everything;
+
+        /// Power of the frequency in the attenuation.
+        attenuation_exponent: f64 = 1.0, "", 0.0..=3.0, Everything;
+
+        /// Part of the lattice's cells with a scatterer.
+        scatterer_density: f64 = 0.0, "", 0.0..=1.0, Everything;
+
+        /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
+        scatterer_mean: f64 = 0.0, "", -10.0..=10.0, Everything;
+
+        /// Standard deviation of a scatterer's amplitude.
+        scatterer_deviation: f64 = 0.0, "", 0.0..=10.0, Everything;
+
+        /// RMS slope of its surfaces' microfacets; 0 is a mirror.
+        roughness: f64 = 0.0, "", 0.0..=2.0, Everything;
+
+        /// Thickness of the transition at its surfaces.
+        thickness_mm: f64 = 0.0, "mm", 0.0..=10.0, Everything;
     }
 }
 
@@ -150,8 +137,10 @@ const RANGES: Tissue<[f64; 2]> = Tissue {
 };
 
 fn check(name: &str, tissue: &Tissue) -> Result<(), TissueError> {
-    for ((key, &value), (_, &[min, max])) in tissue.properties().into_iter().zip(RANGES.properties()) {
-        if !(value >= min && value <= max) {
+    for setting in Tissue::settings() {
+        let value = tissue.stored(setting.key).map_or(f64::NAN, |stored| stored.get(0));
+        if setting.check(value).is_err() {
+            let &Setting { key, min, max, .. } = setting;
             return Err(TissueError::Range { tissue: name.to_owned(), key, value, min, max });
         }
     }

@@ -1,6 +1,5 @@
 //! `insonify doctor`: what is wrong with a scene, and what to do about it.
 
-use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use anyhow::anyhow;
@@ -10,9 +9,9 @@ use insonify::anatomy::doctor::{Finding, Report, Settings, Severity, examine};
 use insonify::station::Station;
 use serde::Serialize;
 
-use super::output::thousands;
+use super::output::counted;
 use super::progress::Progress;
-use super::{Classify, Failure, output, session};
+use super::{Classify, Failure, input, output, session};
 
 /// Say what is wrong with a scene, where, and what to do about it in the modelling program.
 ///
@@ -42,7 +41,7 @@ struct Printed<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let builtin = TissueTable::builtin().other()?;
-    let (path, station) = if args.scene.extension() == Some(OsStr::new("toml")) {
+    let (path, station) = if input::is_station(&args.scene) {
         let station = Station::load(&args.scene)?;
         (session::scene_file(&station)?, Some(station))
     } else {
@@ -66,19 +65,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     match report.count(Severity::Error) {
         0 => Ok(()),
-        1 => Err(Failure::Other(anyhow!("{} has 1 error", path.display()))),
-        errors => Err(Failure::Other(anyhow!("{} has {errors} errors", path.display()))),
+        errors => Err(Failure::Other(anyhow!("{} has {}", path.display(), counted(errors, "error")))),
     }
 }
 
 fn print(report: &Report) -> Result<(), Failure> {
-    let count = |n: usize, name: &str| if n == 1 { format!("1 {name}") } else { format!("{} {name}s", thousands(n)) };
-    let of = format!("{}, {}", count(report.surfaces, "surface"), count(report.triangles, "triangle"));
+    let of = format!("{}, {}", counted(report.surfaces, "surface"), counted(report.triangles, "triangle"));
     if report.findings.is_empty() {
         return output::line(format!("nothing is wrong: {of}"));
     }
     report.findings.iter().try_for_each(|finding| output::line(line(finding)))?;
-    let of_severity = |severity, name| count(report.count(severity), name);
+    let of_severity = |severity, name| counted(report.count(severity), name);
     let errors = of_severity(Severity::Error, "error");
     let (warnings, notes) = (of_severity(Severity::Warning, "warning"), of_severity(Severity::Note, "note"));
     output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))

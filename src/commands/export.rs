@@ -8,10 +8,10 @@ use insonify::sink::meta_image::{ImageTracking, MetaImageWriter};
 use insonify::transducer::Sector;
 use serde::Serialize;
 
+use super::backend::BackendArgs;
 use super::progress::Progress;
 use super::replay_args::{Part, ReplayArgs};
 use super::{Failure, output, session};
-use crate::commands::backend::BackendArgs;
 
 /// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images, times, transforms.
 #[derive(Debug, Parser)]

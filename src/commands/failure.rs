@@ -1,5 +1,6 @@
 //! Exit codes and messages of failed commands.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use insonify::anatomy::SceneError;
@@ -37,6 +38,8 @@ pub(crate) enum Failure {
 pub(crate) trait Classify<T> {
     /// An error of what was asked for.
     fn input(self) -> Result<T, Failure>;
+    /// As [`Classify::input`], of the content of the file at `path`.
+    fn input_of(self, path: &Path) -> Result<T, Failure>;
     /// Any other error.
     fn other(self) -> Result<T, Failure>;
 }
@@ -44,6 +47,13 @@ pub(crate) trait Classify<T> {
 impl<T, E: Into<anyhow::Error>> Classify<T> for Result<T, E> {
     fn input(self) -> Result<T, Failure> {
         self.map_err(|e| Failure::Input(e.into()))
+    }
+
+    fn input_of(self, path: &Path) -> Result<T, Failure> {
+        self.map_err(|e| {
+            let error: anyhow::Error = e.into();
+            Failure::Input(error.context(path.display().to_string()))
+        })
     }
 
     fn other(self) -> Result<T, Failure> {
@@ -78,78 +88,13 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-impl From<InterchangeError> for Failure {
-    fn from(error: InterchangeError) -> Self {
-        match error {
-            InterchangeError::Recording(error) => error.into(),
-            error => Self::Input(error.into()),
-        }
-    }
-}
-
-impl From<CacheError> for Failure {
-    fn from(error: CacheError) -> Self {
-        match error {
-            CacheError::Build(error) => error.into(),
-            _ => Self::Other(error.into()),
-        }
-    }
-}
-
-impl From<ExamError> for Failure {
-    fn from(error: ExamError) -> Self {
-        match error {
-            ExamError::Recording(error) => error.into(),
-            ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Self::Input(error.into()),
-            error => Self::Other(error.into()),
-        }
-    }
-}
-
-impl From<BackendError> for Failure {
-    fn from(error: BackendError) -> Self {
-        match error {
-            // What the caller can mend: install a driver, ask for less.
-            BackendError::NoAdapter { .. }
-            | BackendError::NoDevice { .. }
-            | BackendError::Limit { .. }
-            | BackendError::Memory { .. } => Self::Input(error.into()),
-            _ => Self::Other(error.into()),
-        }
-    }
-}
-
-impl From<UnknownBackendVariable> for Failure {
-    fn from(error: UnknownBackendVariable) -> Self {
-        Self::Input(error.into())
-    }
-}
-
-impl From<RenderError> for Failure {
-    fn from(error: RenderError) -> Self {
-        match error {
-            RenderError::Backend(error) => error.into(),
-            RenderError::Bvh(_) | RenderError::Settings(_) => Self::Input(error.into()),
-            _ => Self::Other(error.into()),
-        }
-    }
-}
-
-impl From<SelfTestError> for Failure {
-    fn from(error: SelfTestError) -> Self {
-        match error {
-            SelfTestError::Render(error) => error.into(),
-            error => Self::Other(error.into()),
-        }
-    }
-}
-
-/// Classes of errors that wrap no other classified error, one enum a line.
+/// Class of each error, one enum a line; `as` names a case that wraps an error of another line.
 macro_rules! classified {
-    ($($error:ident { $($case:pat => $class:ident),+ $(,)? })*) => {$(
+    ($($error:ident $(as $wrapped:ident)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
             fn from(error: $error) -> Self {
                 match error {
+                    $($error::$wrapped(error) => error.into(),)?
                     $($case => Self::$class(error.into()),)+
                 }
             }
@@ -158,12 +103,26 @@ macro_rules! classified {
 }
 
 classified! {
+    // What the caller can mend: install a driver, ask for less.
+    BackendError {
+        BackendError::NoAdapter { .. }
+        | BackendError::NoDevice { .. }
+        | BackendError::Limit { .. }
+        | BackendError::Memory { .. } => Input,
+        _ => Other,
+    }
+    RenderError as Backend { RenderError::Bvh(_) | RenderError::Settings(_) => Input, _ => Other }
+    SelfTestError as Render { _ => Other }
+    ExamError as Recording { ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Input, _ => Other }
+    CacheError as Build { _ => Other }
+    InterchangeError as Recording { _ => Input }
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
     // A model that gives no image is a model to mend or replace.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
+    UnknownBackendVariable { _ => Input }
     StationError { _ => Input }
     DatasetError { _ => Input }
     PlanesError { _ => Input }

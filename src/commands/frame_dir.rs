@@ -6,8 +6,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use insonify::generator::{Channel, Input, Manifest};
 
-use super::generator::missing;
-
 /// The maps in a directory.
 pub(crate) struct FrameDir {
     pub(crate) directory: PathBuf,
@@ -25,10 +23,9 @@ impl FrameDir {
     /// Reads mask.png, and bmode.png, segmentation.png with tissues.json and attenuation.npy if they are there.
     pub(crate) fn read(directory: &Path) -> Result<Self> {
         let (mask, [width, height]) = grey(&directory.join("mask.png"))?;
-        let there = |name: &str| directory.join(name).exists();
         let optional = |name: &str| -> Result<Option<Vec<u8>>> {
             let path = directory.join(name);
-            if !there(name) {
+            if !path.exists() {
                 return Ok(None);
             }
             let (pixels, [w, h]) = grey(&path)?;
@@ -45,13 +42,15 @@ impl FrameDir {
 
     /// The maps for a generator of that manifest.
     pub(crate) fn input(&self, manifest: &Manifest) -> Result<Input<'_>> {
-        let lacks = |channel, there: bool, file| match manifest.takes(channel) && !there {
-            true => Err(missing(&self.directory, file, manifest.variant)),
-            false => Ok(()),
-        };
-        lacks(Channel::Image, self.image.is_some(), "bmode.png")?;
-        lacks(Channel::Segmentation, self.segmentation.is_some(), "segmentation.png")?;
-        lacks(Channel::Attenuation, self.attenuation.is_some(), "attenuation.npy")?;
+        for (channel, there, file) in [
+            (Channel::Image, self.image.is_some(), "bmode.png"),
+            (Channel::Segmentation, self.segmentation.is_some(), "segmentation.png"),
+            (Channel::Attenuation, self.attenuation.is_some(), "attenuation.npy"),
+        ] {
+            let (variant, directory) = (manifest.variant, self.directory.display());
+            let is_there = there || !manifest.takes(channel);
+            ensure!(is_there, "the generator is of the variant {variant:?}, and {directory} has no {file}");
+        }
         Ok(Input {
             width: self.width,
             height: self.height,

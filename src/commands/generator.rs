@@ -1,16 +1,16 @@
 //! `insonify generator`: a model, checked, timed and applied.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
-use anyhow::anyhow;
 use clap::Parser;
-use insonify::generator::{Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, RunTimes, Runtime};
+use insonify::generator::{
+    Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, RunTimes, Runtime, Settings,
+};
 use insonify::sink::png::{self, Effort};
 use serde::Serialize;
 
 use super::frame_dir::FrameDir;
-use super::{Classify, Failure, output};
+use super::{Classify, Failure, input, output};
 
 /// Check a generator against its manifest and parity pair, measure it, and apply it to a frame.
 #[derive(Debug, Parser)]
@@ -32,16 +32,11 @@ pub(crate) struct Args {
     runs: u16,
 
     /// Size to measure at, pixels [default: the frame's, or 1386x1000]
-    #[arg(long, value_name = "WxH")]
-    size: Option<Size>,
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
 
-    /// cpu, cuda or tensorrt
-    #[arg(long, value_name = "NAME", default_value_t)]
-    provider: Provider,
-
-    /// Threads of one run, 0..=256; 0 is one a processor
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256))]
-    threads: u32,
+    #[command(flatten)]
+    runtime: RuntimeArgs,
 
     /// Print everything as JSON
     #[arg(long)]
@@ -56,21 +51,30 @@ Examples:
   insonify render configs/obstetric.toml --out out/frame
   insonify generator assets/generators/fast_msa/fast_msa.onnx --frame out/frame --out out/enhanced.png";
 
-/// Width and height.
-#[derive(Debug, Clone, Copy)]
-struct Size {
-    width: u32,
-    height: u32,
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let in_range = input::product(text).filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h));
+    in_range.ok_or_else(|| "expected width x height such as `1386x1000`, each 16..=4096".to_owned())
 }
 
-impl FromStr for Size {
-    type Err = String;
+/// Execution provider and threads of generators.
+#[derive(Debug, clap::Args)]
+pub(super) struct RuntimeArgs {
+    /// Execution provider of generators: cpu, cuda or tensorrt
+    #[arg(long, value_name = "NAME", default_value_t)]
+    provider: Provider,
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-        let in_range = parsed.filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h));
-        let size = in_range.map(|(width, height)| Self { width, height });
-        size.ok_or_else(|| "expected width x height such as `1386x1000`, each 16..=4096".to_owned())
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
+    threads: u32,
+}
+
+fn threads(text: &str) -> Result<u32, String> {
+    input::whole::<Settings>("threads", text)
+}
+
+impl RuntimeArgs {
+    /// Options of a generator for tissues of those names, from number 1.
+    pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
+        LoadOptions { provider: self.provider, threads: self.threads, tissues }
     }
 }
 
@@ -101,10 +105,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let frame = args.frame.as_deref().map(FrameDir::read).transpose().input()?;
     let tissues = frame.as_ref().map_or(&[][..], |f| &f.tissues);
     let runtime = Runtime::get().input()?;
-    let options = LoadOptions { provider: args.provider, threads: args.threads, tissues };
-    let mut generator = Generator::load(&args.model, runtime, &options)?;
+    let mut generator = Generator::load(&args.model, runtime, &args.runtime.options(tissues))?;
     let default = frame.as_ref().map_or((1386, 1000), |f| (f.width, f.height));
-    let (width, height) = args.size.map_or(default, |s| (s.width, s.height));
+    let (width, height) = args.size.unwrap_or(default);
     let times = measure(&mut generator, width, height, args.runs.into())?;
     let mut written = None;
     if let Some(frame) = &frame {
@@ -120,7 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             version: env!("CARGO_PKG_VERSION"),
             model: &args.model,
             library: runtime.library().to_owned(),
-            provider: args.provider,
+            provider: args.runtime.provider,
             manifest: generator.manifest(),
             parity,
             times,
@@ -129,7 +132,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     print_manifest(generator.manifest())?;
     output::line(format!("parity     {parity}"))?;
-    output::line(format!("runs on    {} by {}", args.provider, runtime.library().display()))?;
+    output::line(format!("runs on    {} by {}", args.runtime.provider, runtime.library().display()))?;
     if let Some(t) = times {
         let (min, p50, p95) = (t.min_ms, t.p50_ms, t.p95_ms);
         let line =
@@ -167,9 +170,4 @@ fn print_manifest(manifest: &Manifest) -> Result<(), Failure> {
         output::line(format!("quality    PSNR {:.2} dB, SSIM {:.4}{more}", quality.psnr_db, quality.ssim))?;
     }
     Ok(())
-}
-
-/// A map that a generator of this variant needs and the frame does not have.
-pub(super) fn missing(directory: &std::path::Path, file: &str, variant: impl std::fmt::Debug) -> anyhow::Error {
-    anyhow!("the generator is of the variant {variant:?}, and {} has no {file}", directory.display())
 }

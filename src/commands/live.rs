@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tiers};
-use insonify::pipeline::{
-    Clock, Enhancer, Limits, LocalRenderer, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer,
-};
+use insonify::pipeline::{Clock, Enhancer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer};
 use insonify::pose::{Counters, Pose};
+use insonify::render::Renderer;
 use insonify::sink::frame_line::source_name;
 use insonify::station::Station;
 
@@ -59,7 +58,7 @@ fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
 /// Chooses the quality of a station with a budget at `pose` or where the station begins, says which, and returns what
 /// keeps it; none without a budget.
 pub(crate) fn choose_quality(
-    renderer: &mut LocalRenderer,
+    renderer: &mut Renderer,
     station: &mut Station,
     pose: Option<Pose>,
 ) -> Result<Option<QualityBudget>, Failure> {
@@ -72,12 +71,12 @@ pub(crate) fn choose_quality(
     Ok(Some(QualityBudget::new(&climbed)))
 }
 
-/// Runs a session and shows how it goes; `each` hears it, too.
+/// Runs a session and shows how it goes; `each` gets every status, too.
 pub(crate) fn run(
     station: &Station,
     limits: Limits,
     parts: Parts,
-    mut each: impl FnMut(&Status, &StatusLine),
+    mut each: impl FnMut(&Status),
 ) -> Result<Summary, Failure> {
     let mut settings = station.pipeline;
     // A run that is far over its budget is ended there, not only where it hangs.
@@ -85,9 +84,9 @@ pub(crate) fn run(
     let mut line = StatusLine::new();
     let summary = Pipeline::run(&settings, limits, parts, |now| {
         line.set(now.elapsed_s, || status(now));
-        each(now, &line);
+        each(now);
     });
-    line.clear();
+    drop(line);
     summary.other()
 }
 

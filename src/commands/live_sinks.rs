@@ -1,5 +1,6 @@
 //! Sinks of a live session.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use insonify::anatomy::Scene;
@@ -27,22 +28,16 @@ pub(crate) struct LiveSinks {
 
 /// Sinks named on the command line, else by the station: its `display.sinks` and every display that has a table.
 pub(crate) fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKind> {
-    let mut kinds = if asked.is_empty() { station.sinks.clone() } else { asked.to_vec() };
+    let mut kinds = asked.to_vec();
     if asked.is_empty() {
-        let tables = [
-            (station.browser.is_some(), LiveSinkKind::Browser),
-            (station.window.is_some(), LiveSinkKind::Window),
-            (station.openigtlink.is_some(), LiveSinkKind::OpenIgtLink),
-        ];
-        kinds.extend(tables.into_iter().filter(|(there, _)| *there).map(|(_, kind)| kind));
+        kinds.clone_from(&station.sinks);
+        kinds.extend(station.browser.as_ref().map(|_| LiveSinkKind::Browser));
+        kinds.extend(station.window.as_ref().map(|_| LiveSinkKind::Window));
+        kinds.extend(station.openigtlink.as_ref().map(|_| LiveSinkKind::OpenIgtLink));
     }
-    let mut seen = Vec::new();
-    for kind in kinds {
-        if !seen.contains(&kind) {
-            seen.push(kind);
-        }
-    }
-    seen
+    let mut seen = HashSet::new();
+    kinds.retain(|kind| seen.insert(*kind));
+    kinds
 }
 
 /// Opens the sinks; those of files write below `out`.
@@ -85,11 +80,18 @@ pub(crate) fn open(
     Ok(live)
 }
 
+/// Tissues and surfaces of the scene, for a page.
+#[cfg(feature = "browser")]
+pub(crate) fn scene_info(station: &Station, scene: &Scene) -> insonify::sink::browser::SceneInfo {
+    use insonify::sink::browser::{SceneInfo, ScenePacket};
+    let surfaces = ScenePacket::new(scene, &station.probe, super::view::axes_of(station));
+    SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) }
+}
+
 #[cfg(feature = "browser")]
 fn browser(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Result<Box<dyn LiveSink>, Failure> {
-    use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket};
-    let surfaces = ScenePacket::new(scene, &station.probe, super::view::axes_of(station));
-    let scene = SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) };
+    use insonify::sink::browser::BrowserSink;
+    let scene = scene_info(station, scene);
     let sink = BrowserSink::new(&station.browser.clone().unwrap_or_default(), control.clone(), &scene)?;
     eprintln!("page: {}", sink.address());
     Ok(Box::new(sink))

@@ -1,7 +1,6 @@
 //! One file a subcommand, each a few calls into the library.
 
 mod backend;
-mod cache;
 mod calibrate;
 mod dataset;
 mod demo;
@@ -14,6 +13,7 @@ mod failure;
 mod frame_dir;
 mod generator;
 mod import;
+mod input;
 mod inspect;
 mod live;
 mod live_sinks;
@@ -27,6 +27,7 @@ mod progress;
 mod qa;
 mod quality;
 mod record;
+mod recorder;
 mod render;
 mod replay;
 mod replay_args;

@@ -29,25 +29,42 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Lower-case hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// A whole number with its thousands apart.
 pub(crate) fn thousands(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
+    if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }
+}
+
+/// A number of things, as `1 error` or `3 errors`.
+pub(crate) fn counted(n: usize, name: &str) -> String {
+    format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
+}
+
+/// A duration in s, min or h.
+pub(crate) fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
     }
-    text
 }
 
 #[cfg(test)]
 mod tests {
-    use super::thousands;
+    use super::*;
 
     #[test]
     fn thousands_are_apart() {
         assert_eq!([0, 999, 1000, 675_012, 1_234_567].map(thousands), ["0", "999", "1,000", "675,012", "1,234,567"]);
+        assert_eq!([1, 2000].map(|n| counted(n, "error")), ["1 error", "2,000 errors"]);
+    }
+
+    #[test]
+    fn durations_have_a_unit_of_their_size() {
+        assert_eq!([12.4, 120.0, 9000.0].map(duration), ["12 s", "2 min", "2.5 h"]);
     }
 }

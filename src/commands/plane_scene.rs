@@ -19,29 +19,23 @@ pub(crate) struct PlaneScene {
 impl PlaneScene {
     /// Reads planes and, where it has a file, the scene; the phantom needs no mesh for that.
     pub(crate) fn open(station: &Station) -> Result<Self, Failure> {
-        match station.scene_file() {
-            Some(path) => Self::of(station, &station.load_scene_from(path)?),
-            None => Self::phantom(station),
+        match &station.scene {
+            SceneSource::File(path) => Self::of(station, &station.load_scene_from(path)?),
+            SceneSource::ObstetricPhantom(options) => Self::on(Skin::phantom(&options.parameters), station),
         }
     }
 
     /// Planes and skin of the station's `scene`.
     pub(crate) fn of(station: &Station, scene: &Scene) -> Result<Self, Failure> {
-        let planes = station.standard_planes()?;
         let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
-        planes.check_surfaces(&names)?;
-        if station.scene_file().is_none() {
-            return Self::phantom(station);
+        station.standard_planes()?.check_surfaces(&names)?;
+        match &station.scene {
+            SceneSource::File(_) => Self::on(Skin::of_scene(scene).input()?, station),
+            SceneSource::ObstetricPhantom(options) => Self::on(Skin::phantom(&options.parameters), station),
         }
-        let skin = Skin::of_scene(scene).input()?;
-        Ok(Self { planes: planes.with_poses(&skin, PRESS_MM), skin })
     }
 
-    fn phantom(station: &Station) -> Result<Self, Failure> {
-        let SceneSource::ObstetricPhantom(options) = &station.scene else {
-            return Err(Failure::Other(anyhow::anyhow!("the scene is no phantom")));
-        };
-        let skin = Skin::phantom(&options.parameters);
+    fn on(skin: Skin, station: &Station) -> Result<Self, Failure> {
         Ok(Self { planes: station.standard_planes()?.with_poses(&skin, PRESS_MM), skin })
     }
 }

@@ -37,9 +37,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json {
         return output::json(&planes);
     }
-    let head = ["plane", "view", "angle", "distance", "depth", "measured"];
-    let [name, view, angle, distance, depth, measured] = head;
-    output::line(format!("{name:12} {view:6} {angle:>7} {distance:>9} {depth:>9}  {measured}"))?;
+    let head = format!("{:12} {:6} {:>7} {:>9} {:>9}  measured", "plane", "view", "angle", "distance", "depth");
+    output::line(head)?;
     for plane in &planes.planes {
         let t = &plane.tolerances;
         for view in &plane.views {

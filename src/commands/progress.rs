@@ -1,12 +1,11 @@
 //! Progress of what takes over a second, on stderr: a bar on a terminal, else a line now and then.
 
-use std::io::IsTerminal;
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::terminal;
+use super::{output, terminal};
 
 /// Time between two lines where there is no terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
@@ -23,15 +22,8 @@ pub(crate) struct Progress {
 impl Progress {
     /// A task of `total` steps; 0 if that is not known yet.
     pub(crate) fn new(label: &'static str, total: usize) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(total as u64);
-            let template = "{msg:12} {wide_bar:.cyan/blue} {pos}/{len} {elapsed} (left: {eta})";
-            if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style);
-            }
-            bar.set_message(label);
-            terminal::show(bar)
-        });
+        let bar = ProgressBar::new(total as u64).with_message(label);
+        let bar = terminal::show(bar, "{msg:12} {wide_bar:.cyan/blue} {pos}/{len} {elapsed} (left: {eta})");
         Self { label, bar, last_line: Mutex::new(Instant::now()), began: OnceLock::new() }
     }
 
@@ -62,11 +54,7 @@ fn left(elapsed: Duration, steps: usize, total: usize, done: usize) -> String {
         return String::new();
     }
     let left_s = elapsed.as_secs_f64() / steps as f64 * total.saturating_sub(done) as f64;
-    match left_s {
-        s if s < 90.0 => format!(" (left: {s:.0} s)"),
-        s if s < 5400.0 => format!(" (left: {:.0} min)", s / 60.0),
-        s => format!(" (left: {:.1} h)", s / 3600.0),
-    }
+    format!(" (left: {})", output::duration(left_s))
 }
 
 impl Drop for Progress {

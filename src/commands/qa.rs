@@ -9,16 +9,16 @@ use glam::DVec3;
 use insonify::pose::Pose;
 use insonify::quality::levels::Levels;
 use insonify::quality::qa_phantom::{self, QaReport, RESOLVED_DIP_DB, SEEN_DB};
-use insonify::render::RenderSettings;
+use insonify::render::{RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::{self, png};
 use insonify::station::Station;
 use insonify::transducer::Sector;
 use serde::Serialize;
 
+use super::backend::BackendArgs;
 use super::progress::Progress;
 use super::{Failure, output, session};
-use crate::commands::backend::BackendArgs;
 
 /// Image the QA phantom and measure it as a scanner's service does: distances, resolution, contrast, cysts, penetration.
 ///
@@ -88,11 +88,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let backend = args.backend.open(station.backend)?;
     let settings = RenderSettings { maps: false, ..station.settings };
-    let mut renderer = session::renderer(&backend, &scene, &station, &settings)?;
+    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings)?;
     let image = station.settings.image;
     let mut levels = Levels::new(sector, image.dynamic_range_db);
     let mut first = Vec::new();
-    let progress = Progress::new("images", usize::from(args.images));
     let last = f64::from(args.images.max(2) - 1);
     let poses: Vec<Pose> = (0..args.images)
         .map(|i| {
@@ -100,18 +99,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             Pose { position_mm: DVec3::new(0.0, along, 0.0), ..Pose::IDENTITY }
         })
         .collect();
-    let mut count = 0;
+    let progress = Progress::new("images", poses.len());
     session::render_paced(
         &mut renderer,
         &poses,
         |_| 0.0,
-        |_, frame| {
-            if first.is_empty() {
+        |index, frame| {
+            if index == 0 {
                 first.clone_from(&frame.bmode);
             }
             levels.add(&frame.bmode);
-            count += 1;
-            progress.set(count, usize::from(args.images));
+            progress.set(index + 1, poses.len());
             Ok(())
         },
     )?;
@@ -125,7 +123,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         images: args.images,
         report: &report,
     };
-    let text = tables(&record);
+    let mut text = String::new();
+    // Writing to a String cannot fail.
+    let _ = write_tables(&mut text, &report);
     if let Some(out) = &args.out {
         sink::create_dir(out)?;
         png::write_grey(&out.join("qa_phantom.png"), image.width, image.height, &first, png::Effort::Small)?;
@@ -149,14 +149,6 @@ fn page(record: &Record<'_>, tables: &str) -> String {
 }
 
 /// The report as Markdown tables, which read well on a terminal, too.
-fn tables(record: &Record<'_>) -> String {
-    let report = record.report;
-    let mut text = String::new();
-    // Writing to a String cannot fail.
-    let _ = write_tables(&mut text, report);
-    text
-}
-
 fn write_tables(out: &mut String, report: &QaReport) -> std::fmt::Result {
     writeln!(out, "## Distances\n\n| direction | depth, mm | true, mm | measured, mm | off |\n|---|---|---|---|---|")?;
     for d in &report.distances {

@@ -3,9 +3,28 @@
 use std::str::FromStr;
 
 use insonify::render::{Climbed, LADDER, Preset, Quality, QualityPoint};
+use insonify::settings::SettingsGroup as _;
 
-/// Value of `--quality`.
-const ACCEPTS: &str = "fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x 1..=33";
+use super::input;
+
+/// Help of `--quality`.
+pub(crate) fn help(default: &str) -> String {
+    format!("{} [default: {default}]", accepts())
+}
+
+/// Help of `--seed`.
+pub(crate) fn seed_help() -> String {
+    format!("{} [default: the station's own]", input::described::<Quality>("seed"))
+}
+
+/// Values of `--quality`.
+fn accepts() -> String {
+    let presets = Preset::NAMES.iter().zip(Preset::ALL).map(|(name, preset)| format!("{name} ({})", preset.point()));
+    let presets: Vec<String> = presets.collect();
+    let [lq, hq] = [Quality::LQ, Quality::HQ].map(QualityPoint::from);
+    let [rays, layers] = ["rays", "layers"].map(input::range::<Quality>);
+    format!("{}, lq ({lq}), hq ({hq}), or rays x layers: {rays} x {layers}", presets.join(", "))
+}
 
 /// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,11 +49,9 @@ impl FromStr for RaysLayers {
             "lq" => Ok(Self(Quality::LQ.into())),
             "hq" => Ok(Self(Quality::HQ.into())),
             other => {
-                let parsed = other.split_once('x').and_then(|(r, l)| Some((r.parse().ok()?, l.parse().ok()?)));
-                let in_range = parsed.filter(|(r, l)| (1..=256).contains(r) && (1..=33).contains(l));
-                in_range
-                    .map(|(rays, layers)| Self(QualityPoint::new(rays, layers)))
-                    .ok_or_else(|| format!("expected {ACCEPTS}, such as `8x1`"))
+                let point = input::product(other).map(|(rays, layers)| QualityPoint::new(rays, layers));
+                let in_range = point.filter(|point| point.with_seed(0).validate().is_ok());
+                in_range.map(Self).ok_or_else(|| format!("expected {}, such as `8x1`", accepts()))
             }
         }
     }
@@ -62,12 +79,10 @@ pub(crate) fn say_chosen(climbed: &Climbed) {
 
 /// The quality's short name in captions and tables.
 pub(crate) fn name(quality: &Quality) -> String {
-    let of = |q: Quality| (q.rays, q.layers);
-    match of(*quality) {
-        pair if pair == of(Quality::LQ) => "LQ".to_owned(),
-        pair if pair == of(Quality::HQ) => "HQ".to_owned(),
-        (rays, layers) => format!("{rays}x{layers}"),
-    }
+    let point = QualityPoint::from(*quality);
+    let named =
+        [(Quality::LQ, "LQ"), (Quality::HQ, "HQ")].into_iter().find(|(known, _)| point == QualityPoint::from(*known));
+    named.map_or_else(|| point.to_string(), |(_, name)| name.to_owned())
 }
 
 #[cfg(test)]
@@ -83,7 +98,9 @@ mod tests {
         for (text, rays, layers) in [("fast", 1, 1), ("Balanced", 2, 3), ("accurate", 32, 3), ("reference", 128, 3)] {
             assert_eq!(quality(text), Ok(Quality { rays, layers, seed: 7 }));
         }
-        assert!(quality("best").unwrap_err().contains("balanced (2x3)"));
+        let error = quality("best").unwrap_err();
+        assert!(error.contains("balanced (2x3)") && error.contains("hq (32x3)"), "{error}");
+        assert!(error.contains("rays x layers: 1..=256 x 1..=33"), "{error}");
         for wrong in ["", "x", "8", "8x", "0x1", "1x0", "257x1", "1x34", "-1x1", "8x2x1", "mq"] {
             assert!(quality(wrong).is_err(), "{wrong}");
         }

@@ -7,14 +7,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use bytes::BytesMut;
 use clap::Parser;
-use insonify::sink::create_dir;
 use insonify::station::Station;
-use insonify::tracker::recording::{
-    Event, QueueLimits, Recorded, Recorder, RecorderHandle, RecordingInfo, RecordingWriter, SessionSettings, event_of,
-};
+use insonify::tracker::recording::{Event, Recorded, RecorderHandle, event_of};
 use insonify::tracker::{
     Listener, Monitor, Protocol, Record, SessionHandle, SessionState, Settings, TrackerEvent, Transport, host_time_ns,
     spawn, stream_of,
@@ -25,7 +22,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::status_line::StatusLine;
 use super::tracker_args::TrackerArgs;
-use super::{Classify, Failure, output};
+use super::{Classify, Failure, input, output, recorder, terminal};
 
 /// Period of the recording's status checks.
 const LOOK: Duration = Duration::from_millis(250);
@@ -66,9 +63,9 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with_all = ["port", "address", "baud"])]
     stdin: bool,
 
-    /// End after so many seconds
-    #[arg(long, value_name = "S")]
-    duration: Option<f64>,
+    /// End after so many seconds, up to 31 days
+    #[arg(long, value_name = "S", value_parser = input::seconds, allow_negative_numbers = true)]
+    duration: Option<Duration>,
 
     /// Replace FILE if it is there
     #[arg(long)]
@@ -90,9 +87,7 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let duration = args.duration.map(seconds).transpose()?;
     let station = Station::load(&args.station)?;
-    let text = std::fs::read_to_string(&args.station).context("cannot read the station file again").input()?;
     if args.out.exists() && !args.force {
         return Err(Failure::Input(anyhow!("{} is there already; --force replaces it", args.out.display())));
     }
@@ -107,25 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         }
     };
     let from = tracker.as_ref().map_or_else(|| "stdin".to_owned(), name);
-    let info = RecordingInfo {
-        protocol,
-        device: from.clone(),
-        scene: args.station.display().to_string(),
-        start_time_ns: host_time_ns(),
-        sensor,
-    };
-    if let Some(directory) = args.out.parent().filter(|d| !d.as_os_str().is_empty()) {
-        create_dir(directory)?;
-    }
-    let mut writer = RecordingWriter::create(&args.out, &info)?;
-    writer.settings(&SessionSettings {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        seed: station.settings.quality.seed,
-        adapter: String::new(),
-        station_path: args.station.display().to_string(),
-        station: text,
-    })?;
-    let recorder = Recorder::start(writer, QueueLimits::default()).other()?;
+    let recorder = recorder::start(&args.out, &station, (protocol, sensor), &from, "", host_time_ns())?;
     let tap = Tap::new(&recorder.handle(), tracker.as_ref());
     let source = match &tracker {
         Some(tracker) => {
@@ -135,7 +112,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => Source::Stdin(read_stdin(tap.clone(), protocol)?),
     };
     eprintln!("recording {from} to {}; Ctrl-C ends it", args.out.display());
-    let (reason, records) = wait(duration, source, &tap)?;
+    let (reason, records) = wait(args.duration, source, &tap)?;
     eprintln!("{reason}");
     tap.handle.event(Event::new(host_time_ns(), "end").with(reason));
     finish(args, recorder.finish(), records)
@@ -318,7 +295,7 @@ fn wait(duration: Option<Duration>, mut source: Source, tap: &Tap) -> Result<(St
     });
     source.end();
     progress.look(tap, started.elapsed(), &mut line);
-    line.clear();
+    drop(line);
     Ok((reason?, progress.records))
 }
 
@@ -335,11 +312,11 @@ impl Progress {
         self.records += report.records;
         self.state = report.state;
         for event in report.events.iter().take(TOLD) {
-            line.say(&format!("tracker: {event}"));
+            terminal::say(&format!("tracker: {event}"));
         }
         let more = report.events_dropped + report.events.len().saturating_sub(TOLD) as u64;
         if more > 0 {
-            line.say(&format!("tracker: and {more} more"));
+            terminal::say(&format!("tracker: and {more} more"));
         }
         line.set(elapsed.as_secs_f64(), || {
             let rate = report.rate_hz.map_or_else(|| "-".to_owned(), |rate| format!("{rate:.1}"));
@@ -368,11 +345,4 @@ async fn stop_signal() -> std::io::Result<()> {
     }
     #[cfg(not(unix))]
     tokio::signal::ctrl_c().await
-}
-
-fn seconds(seconds: f64) -> Result<Duration, Failure> {
-    match Duration::try_from_secs_f64(seconds) {
-        Ok(duration) if !duration.is_zero() => Ok(duration),
-        _ => Err(Failure::Input(anyhow!("--duration is {seconds}; it must be a number of seconds above 0"))),
-    }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::pose::Pose;
-use insonify::render::Frame;
+use insonify::render::{Frame, Quality, Renderer};
 use insonify::sink::{FrameFiles, FrameRecord};
 use insonify::station::Station;
 use serde::Serialize;
@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
-use super::{Classify, Failure, output, session};
+use super::{Failure, input, output, session};
 
 /// Render one frame: bmode.png, segmentation.png with tissues.json, attenuation.npy, mask.png, lines.npy, frame.json.
 #[derive(Debug, Parser)]
@@ -29,13 +29,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
 
-    /// fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
-    /// 1..=33 [default: the station's own]
-    #[arg(long, value_name = "QUALITY")]
+    #[arg(long, value_name = "QUALITY", help = quality::help("the station's own"))]
     quality: Option<RaysLayers>,
 
-    /// Seed of every random choice, 0..=4294967295 [default: the station's own]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
 
     /// When to show a scene that moves, s: hearts beat, mothers breathe; at 0 all is at rest
@@ -80,18 +77,14 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    let pose = args.pose.or(station.default_pose).ok_or_else(|| {
-        let station = args.station.display();
-        anyhow!("no pose: give --pose x,y,z,qw,qx,qy,qz, or a [pose] with position_mm and quaternion in {station}")
-    });
-    let pose = pose.input()?;
+    let pose = input::pose(args.pose, &station, "--pose x,y,z,qw,qx,qy,qz")?;
     let mut settings = station.settings;
     settings.lines = true;
     args.effects.apply(&mut settings);
     let seed = args.seed.unwrap_or(settings.quality.seed);
     settings.quality = match args.quality {
         Some(quality) => quality.with_seed(seed),
-        None => insonify::render::Quality { seed, ..settings.quality },
+        None => Quality { seed, ..settings.quality },
     };
     if !(0.0..=1e6).contains(&args.time) {
         return Err(Failure::Input(anyhow!(
@@ -102,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(&station)?;
     session::warn_of_effects(&scene, &station.probe, &settings);
-    let mut renderer = session::renderer(&backend, &scene, &station, &settings)?;
+    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings)?;
     let mut frame = Frame::default();
     renderer.set_time_s(args.time);
     if let (Some(budget_ms), None) = (station.quality_budget_ms, args.quality) {

@@ -16,11 +16,11 @@ use insonify::tracker::recording::RecordingSummary;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use super::backend::BackendArgs;
 use super::pace::{Pace, Speed};
 use super::progress::Progress;
 use super::replay_args::{Part, Replay, ReplayArgs};
 use super::{Failure, output, quality, session};
-use crate::commands::backend::BackendArgs;
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
 ///
@@ -221,11 +221,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let video = video.finish()?;
     let wall_s = started.elapsed().as_secs_f64();
     write_json(&args.out.join("tissues.json"), &tissue_numbers(&scene.tissues))?;
-    if overflowed > 0 {
-        tracing::warn!(
-            "in {overflowed} frames a few paths met more interfaces than are kept, and go on in the last medium"
-        );
-    }
+    session::warn_of_overflows(overflowed);
     let entry = |index: usize| FrameEntry {
         index,
         time_s: timeline.seconds(index),
@@ -247,7 +243,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         overflowed,
         wall_s,
         behind_s: pace.behind_s(),
-        frames_sha256: hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
+        frames_sha256: output::hex(&hash.finalize()),
         times: times.stages(),
         video,
         frames: (start..end).map(entry).collect(),

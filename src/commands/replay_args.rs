@@ -1,7 +1,7 @@
 //! A recorded session to render: its frames, with poses and settings as a live session had them.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::anyhow;
@@ -18,8 +18,8 @@ use insonify::transducer::Probe;
 
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
-use super::timeline::{Timeline, check_length, check_span};
-use super::{Failure, session};
+use super::timeline::Timeline;
+use super::{Failure, input, session};
 
 /// Recording to replay, and the options for it.
 #[derive(Debug, Args)]
@@ -30,13 +30,10 @@ pub(crate) struct ReplayArgs {
     /// Station file (TOML); `insonify station-keys` lists its keys
     pub(crate) station: PathBuf,
 
-    /// fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
-    /// 1..=33 [default: the recorded session's, else the station's]
-    #[arg(long, value_name = "QUALITY")]
+    #[arg(long, value_name = "QUALITY", help = quality::help("the recorded session's, else the station's"))]
     quality: Option<RaysLayers>,
 
-    /// Seed of every random choice, 0..=4294967295 [default: the station's own]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
 
     #[command(flatten)]
@@ -125,9 +122,7 @@ impl ReplayArgs {
         self.effects.apply(&mut station.settings);
         let (timeline, summary) = self.timeline(&station, rate)?;
         let mut timeline = timeline.since(summary.info.start_time_ns);
-        if !summary.is_clean() {
-            tracing::warn!("{}: {summary}", self.recording.display());
-        }
+        input::warn_of_damage(&self.recording, &summary);
         let frames = self.frames.within(timeline.poses.len(), self.fps)?;
         let mut settings = station.settings;
         settings.quality.seed = self.seed.unwrap_or(settings.quality.seed);
@@ -137,11 +132,7 @@ impl ReplayArgs {
         if let (Some(ms), None, None) = (station.quality_budget_ms, budget_ms, self.quality) {
             eprintln!("the recorded session says its quality: quality.budget_ms = {ms} chooses nothing");
         }
-        let begin = LiveSettings { probe: station.probe, render: settings, frozen: false, enhance: false };
-        let mut controls = ReplayedControls::new(begin, events);
-        for reason in controls.refused() {
-            tracing::warn!("{}: {reason}", self.recording.display());
-        }
+        let mut controls = recorded_controls(&self.recording, station.probe, settings, events);
         self.say_others(&station, &controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
@@ -170,16 +161,14 @@ impl ReplayArgs {
     fn timeline(&self, station: &Station, rate: FrameRate) -> Result<(Timeline, RecordingSummary), Failure> {
         if self.raw_poses {
             let (poses, summary) = recording::poses(&self.recording)?;
-            check_length(&poses, rate)?;
-            return Ok((Timeline::new(&poses, rate), summary));
+            return Ok((Timeline::new(&poses, rate)?, summary));
         }
         let (measurements, summary) = recording::measurements(&self.recording, &station.tracker)?;
         let span = measurements.first().zip(measurements.last());
         let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
-        check_span(first_ns, last_ns, rate)?;
         let estimator = Estimator::new(station.pose_settings()?);
         let mut poses = ReplayedPoses::new(estimator, measurements, &summary.events);
-        Ok((Timeline::replayed(&mut poses, first_ns, last_ns, rate), summary))
+        Ok((Timeline::replayed(&mut poses, first_ns, last_ns, rate)?, summary))
     }
 
     /// Stretches of equal settings in `frames`.
@@ -201,6 +190,21 @@ impl ReplayArgs {
         }
         parts
     }
+}
+
+/// Controls of the session recorded at `path`, which begins with `probe` and `render`. Warns of those that are refused.
+pub(crate) fn recorded_controls(
+    path: &Path,
+    probe: Probe,
+    render: RenderSettings,
+    events: &[Event],
+) -> ReplayedControls {
+    let begin = LiveSettings { probe, render, frozen: false, enhance: false };
+    let controls = ReplayedControls::new(begin, events);
+    for reason in controls.refused() {
+        tracing::warn!("{}: {reason}", path.display());
+    }
+    controls
 }
 
 /// Whether an event of a recorded session sets rays or layers.

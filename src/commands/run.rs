@@ -19,16 +19,16 @@ use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
-use insonify::tracker::recording::{QueueLimits, Recorded, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
+use insonify::tracker::recording::Recorded;
 use insonify::tracker::{Protocol, Speed, Transport, stream_of};
 use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;
 
+use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::run_table::SummaryTable;
-use super::{Classify, Failure, live, live_sinks, output, session};
-use crate::commands::backend::BackendArgs;
+use super::{Classify, Failure, input, live, live_sinks, output, recorder, session};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
@@ -56,7 +56,7 @@ pub(crate) struct Args {
     backend: BackendArgs,
 
     /// End after this many seconds, up to 31 days
-    #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = input::seconds, allow_negative_numbers = true)]
     duration: Option<Duration>,
 
     /// End after this many frames
@@ -114,12 +114,6 @@ struct SummaryLine<'a> {
     summary: &'a Summary,
 }
 
-fn seconds(text: &str) -> Result<Duration, String> {
-    let in_range = |s: &f64| *s > 0.0 && *s <= 31.0 * 86_400.0;
-    let seconds = text.parse().ok().filter(in_range).ok_or("expected seconds, above 0 and at most 2678400")?;
-    Ok(Duration::from_secs_f64(seconds))
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
@@ -144,18 +138,16 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = session::adapter(&backend);
     let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
+    // Its sender is kept: the channel must stay open where no sink takes input.
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
-    // The sender is kept: the channel must stay open where no sink takes input.
-    let (sinks, log, controls, control) = (opened.sinks, opened.log, opened.controls, opened.control);
-    #[cfg(feature = "window")]
-    let window = opened.window;
     let mut recorded: Option<RecordedSlot> = None;
     let mut before: Vec<Box<dyn Part>> = Vec::new();
     let mut after: Vec<Box<dyn Part>> = Vec::new();
     let mut recording = None;
     let mut observer: Option<Arc<dyn Observer>> = None;
     if let (Some(path), Some(stream)) = (&args.record, stream) {
-        let recorder = recorder(path, args, &station, stream, &adapter, clock.start_unix_ns())?;
+        let began_ns = clock.start_unix_ns();
+        let recorder = recorder::start(path, &station, stream, "station's tracker", &adapter.name, began_ns)?;
         recording = Some(recorder.handle());
         observer = Some(Arc::new(RecordingObserver(recorder.handle())));
         let (part, slot) = RecorderPart::new(recorder);
@@ -175,9 +167,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         render: station.settings,
         quality,
         enhancer,
-        sinks,
-        log,
-        controls,
+        sinks: opened.sinks,
+        log: opened.log,
+        controls: opened.controls,
         observer,
         before,
         after,
@@ -188,9 +180,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         limits,
         parts,
         #[cfg(feature = "window")]
-        window.map(|slot| (slot, control.clone())),
+        opened.window.map(|slot| (slot, opened.control.clone())),
     )?;
-    drop(control);
+    drop(opened.control);
     report(args, &summary, adapter)?;
     if let Some(tracked) = &tracked {
         live::say_left_out(&tracked.counters());
@@ -222,11 +214,8 @@ fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
         let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
         return Ok((Box::new(tracked.clone()), Some(tracked)));
     }
-    let pose = args.pose.or(station.default_pose).ok_or_else(|| {
-        let station = args.station.display();
-        anyhow!("no pose: give --replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [tracker], or a [pose] with position_mm and quaternion in {station}")
-    });
-    Ok((Box::new(StandingPose(pose.input()?)), None))
+    let pose = input::pose(args.pose, station, "--replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [tracker]")?;
+    Ok((Box::new(StandingPose(pose)), None))
 }
 
 /// Station, its tracker replaced by a recording if one is to be played.
@@ -242,37 +231,6 @@ fn station(args: &Args) -> Result<Station, Failure> {
     Ok(station)
 }
 
-/// A recorder in `path` of the session that began at `start_time_ns`: a replay's scene moves from then on.
-fn recorder(
-    path: &Path,
-    args: &Args,
-    station: &Station,
-    (protocol, sensor): (Protocol, Option<u16>),
-    adapter: &AdapterRecord,
-    start_time_ns: u64,
-) -> Result<Recorder, Failure> {
-    let text = std::fs::read_to_string(&args.station).context("cannot read the station file again").input()?;
-    if let Some(directory) = path.parent().filter(|d| !d.as_os_str().is_empty()) {
-        insonify::sink::create_dir(directory)?;
-    }
-    let info = RecordingInfo {
-        protocol,
-        device: "station's tracker".to_owned(),
-        scene: args.station.display().to_string(),
-        start_time_ns,
-        sensor,
-    };
-    let mut writer = RecordingWriter::create(path, &info)?;
-    writer.settings(&SessionSettings {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        seed: station.settings.quality.seed,
-        adapter: adapter.name.clone(),
-        station_path: args.station.display().to_string(),
-        station: text,
-    })?;
-    Recorder::start(writer, QueueLimits::default()).other()
-}
-
 /// Runs the session; a window takes the main thread meanwhile.
 fn session(
     station: &Station,
@@ -280,7 +238,7 @@ fn session(
     parts: Parts,
     #[cfg(feature = "window")] window: Option<(WindowSlot, mpsc::Sender<Control>)>,
 ) -> Result<Summary, Failure> {
-    let run = move || live::run(station, limits, parts, |_, _| {});
+    let run = move || live::run(station, limits, parts, |_| {});
     #[cfg(feature = "window")]
     if let Some((slot, control)) = window {
         let window = station.window.unwrap_or_default();
@@ -312,17 +270,4 @@ fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), 
     }
     output::line(format!("device             {} ({})", adapter.name, adapter.driver))?;
     output::line(SummaryTable(summary))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn durations_are_positive_and_finite() {
-        assert_eq!(seconds("1.5"), Ok(Duration::from_millis(1500)));
-        for wrong in ["0", "-1", "NaN", "inf", "1e9", "ten"] {
-            assert!(seconds(wrong).is_err(), "{wrong}");
-        }
-    }
 }

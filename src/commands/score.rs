@@ -10,14 +10,14 @@ use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::report::exam as exam_report;
-use insonify::settings::LiveSettings;
 use insonify::station::Station;
 use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
 
 use super::plane_scene::PlaneScene;
 use super::replay::RecordingReport;
-use super::{Failure, output, session};
+use super::replay_args::recorded_controls;
+use super::{Failure, input, output, session};
 
 /// Compare a recorded session with the standard planes of the station's scene.
 ///
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     planes: Vec<String>,
 
     /// Also write a page to look at (.html), with pictures of how far off the probe was and where it went
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = input::html)]
     out: Option<PathBuf>,
 
     /// Print the score as JSON
@@ -64,14 +64,9 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    if let Some(out) = args.out.as_ref().filter(|out| out.extension().is_none_or(|e| e != "html")) {
-        return Err(Failure::Input(anyhow!("--out {} must end in .html", out.display())));
-    }
     let station = Station::load(&args.station)?;
     let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
-    if !summary.is_clean() {
-        tracing::warn!("{}: {summary}", args.recording.display());
-    }
+    input::warn_of_damage(&args.recording, &summary);
     // What the session showed counts; without it, what the tracker says by the station's calibration.
     let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
         let calibration = station.pose_settings()?.calibration;
@@ -88,11 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if poses.is_empty() {
         return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
     }
-    let begin = LiveSettings { probe: station.probe, render: station.settings, frozen: false, enhance: false };
-    let mut controls = ReplayedControls::new(begin, &summary.events);
-    for reason in controls.refused() {
-        tracing::warn!("{}: {reason}", args.recording.display());
-    }
+    let mut controls = recorded_controls(&args.recording, station.probe, station.settings, &summary.events);
     let depths_mm = shown(&mut poses, &mut controls);
     let scene = session::load_scene(&station)?;
     let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
@@ -156,14 +147,12 @@ fn print(score: &Score) -> Result<(), Failure> {
     output::line(format!(
         "(angle, distance, steadiness and pressure in the best second; found: held within tolerance for {HOLD_S} s)"
     ))?;
-    let measures = score.planes.iter().flat_map(|plane| plane.measures.iter().map(move |m| (plane, m)));
-    let rows: Vec<_> = measures.map(|(plane, m)| (m.name.as_str(), plane.name.as_str(), m.measured_mm, m)).collect();
-    if !rows.is_empty() {
+    if score.planes.iter().any(|plane| !plane.measures.is_empty()) {
         output::line("\nwhat would be measured at the best moment:")?;
     }
-    for (name, plane, measured_mm, m) in rows {
-        let line = measure_line(name, measured_mm, m.true_mm, m.error_percent);
-        output::line(format!("{line}  {plane}: {}", m.title))?;
+    for (plane, m) in score.planes.iter().flat_map(|plane| plane.measures.iter().map(move |m| (plane, m))) {
+        let line = measure_line(&m.name, m.measured_mm, m.true_mm, m.error_percent);
+        output::line(format!("{line}  {}: {}", plane.name, m.title))?;
     }
     if !score.calipers.is_empty() {
         output::line("\nwhat the session measured:")?;
@@ -202,13 +191,13 @@ fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, erro
 
 #[cfg(test)]
 mod tests {
+    use insonify::settings::{LiveSettings, Probe};
     use insonify::tracker::recording::Event;
-    use insonify::transducer::Probe;
 
     use super::*;
 
     #[test]
-    fn what_counts_is_what_was_on_the_screen() {
+    fn the_picture_on_the_screen_counts() {
         let pose = |i: u64| {
             let pose = insonify::pose::Pose::from_components([i as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
             TimedPose { host_time_ns: 1000 + 10 * i, device_time_us: 0, pose }

@@ -9,9 +9,9 @@ use insonify::report::selftest::{self as selftest_report, figure};
 use insonify::selftest::{self, Report};
 use insonify::sink::write_json;
 
+use super::backend::BackendArgs;
 use super::progress::Progress;
-use super::{Failure, output};
-use crate::commands::backend::BackendArgs;
+use super::{Failure, input, output};
 
 /// Render small scenes whose answers are known, and compare: Snell, Fresnel, time of flight, attenuation, the point-spread
 /// function, speckle, shadows, maps, determinism. It takes less than a minute.
@@ -31,15 +31,12 @@ pub(crate) struct Args {
     json: Option<PathBuf>,
 
     /// Also write a page to print or to keep (.html)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = input::html)]
     html: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    if let Some(html) = args.html.as_ref().filter(|path| path.extension().is_none_or(|e| e != "html")) {
-        return Err(Failure::Input(anyhow!("--html {} must end in .html", html.display())));
-    }
     let backend = args.backend.open(BackendChoice::Auto)?;
     let progress = Progress::new("self-test", 0);
     let report = selftest::run(&backend, &|done, of| progress.set(done, of))?;

@@ -1,7 +1,9 @@
-//! Common setup of the rendering commands: device, scene and renderer.
+//! Rendering session of a command: its scene, its warnings, and frames one after the other.
 
 use std::path::PathBuf;
 
+use anyhow::Context;
+use etcetera::BaseStrategy;
 use insonify::anatomy::{Scene, phantom};
 use insonify::pose::Pose;
 use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings, Renderer};
@@ -10,7 +12,7 @@ use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
 
 use super::progress::Progress;
-use super::{Failure, cache};
+use super::{Classify, Failure};
 
 /// Name and driver of what makes the frames.
 pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
@@ -28,8 +30,19 @@ pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
         SceneSource::File(path) => Ok(path.clone()),
         SceneSource::ObstetricPhantom(options) => {
             let progress = Progress::new("phantom", 0);
-            Ok(phantom::cached(&cache::directory()?, options, &|p| progress.set(p.done, p.total))?)
+            Ok(phantom::cached(&cache_directory()?, options, &|p| progress.set(p.done, p.total))?)
         }
+    }
+}
+
+/// Directory of generated scenes: `$INSONIFY_CACHE`, else `insonify/` in the user's cache directory.
+fn cache_directory() -> Result<PathBuf, Failure> {
+    match std::env::var_os("INSONIFY_CACHE").filter(|v| !v.is_empty()) {
+        Some(directory) => Ok(directory.into()),
+        None => etcetera::choose_base_strategy()
+            .map(|strategy| strategy.cache_dir().join("insonify"))
+            .context("there is no home directory to keep generated scenes in; set INSONIFY_CACHE to a directory")
+            .input(),
     }
 }
 
@@ -48,14 +61,18 @@ pub(crate) fn warn_of_budget(station: &Station) {
     }
 }
 
-/// A renderer of `scene` for the station's probe.
-pub(crate) fn renderer(
-    backend: &Backend,
-    scene: &Scene,
-    station: &Station,
-    settings: &RenderSettings,
-) -> Result<Renderer, Failure> {
-    Ok(Renderer::new(backend, scene, &station.probe, settings)?)
+/// Says that frames lack crossings that did not fit the buffers.
+pub(crate) fn warn_of_overflows(frames: usize) {
+    if frames > 0 {
+        tracing::warn!(
+            "in {frames} frames a few paths met more interfaces than are kept, and go on in the last medium"
+        );
+    }
+}
+
+/// Indices of `count` of `total` things, spread evenly.
+pub(crate) fn evenly(count: usize, total: usize) -> impl Iterator<Item = usize> {
+    (0..count).map(move |i| (2 * i + 1) * total / (2 * count))
 }
 
 /// Renders `poses` in order, two in flight, and hands each frame to `each` with its index; `before` is called before each

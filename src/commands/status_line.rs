@@ -1,8 +1,6 @@
 //! Status of a running session: a line that is overwritten on a terminal, else a line now and then.
 
-use std::io::IsTerminal;
-
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::terminal;
 
@@ -18,14 +16,7 @@ pub(crate) struct StatusLine {
 impl StatusLine {
     /// Nothing said yet.
     pub(crate) fn new() -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new_spinner();
-            if let Ok(style) = ProgressStyle::with_template("{msg}") {
-                bar.set_style(style);
-            }
-            terminal::show(bar)
-        });
-        Self { bar, next_line_s: LINE_INTERVAL_S }
+        Self { bar: terminal::show(ProgressBar::new_spinner(), "{msg}"), next_line_s: LINE_INTERVAL_S }
     }
 
     /// Says `line`, which is only made where it is shown, at `elapsed_s` since the start.
@@ -39,14 +30,10 @@ impl StatusLine {
             None => {}
         }
     }
+}
 
-    /// Says something that stays, above the line.
-    pub(crate) fn say(&self, text: &str) {
-        terminal::say(text);
-    }
-
-    /// Takes the line away.
-    pub(crate) fn clear(&self) {
+impl Drop for StatusLine {
+    fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

@@ -1,10 +1,10 @@
 //! Text on stderr: warnings of one format, and progress bars that they don't tear.
 
 use std::fmt;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::sync::LazyLock;
 
-use indicatif::{MultiProgress, ProgressBar};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::format::Writer;
@@ -14,9 +14,10 @@ use tracing_subscriber::registry::LookupSpan;
 /// All progress bars of the process.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Shows a bar; text that is written by [`say`] or logged stays above it.
-pub(crate) fn show(bar: ProgressBar) -> ProgressBar {
-    BARS.add(bar)
+/// Shows a bar on a terminal; text that is written by [`say`] or logged stays above it. None elsewhere.
+pub(crate) fn show(bar: ProgressBar, template: &str) -> Option<ProgressBar> {
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    io::stderr().is_terminal().then(|| BARS.add(bar.with_style(style)))
 }
 
 /// Writes a line above the bars.

@@ -1,15 +1,13 @@
 //! A recording's poses at the times of a video's frames.
 
+use anyhow::anyhow;
 use insonify::pipeline::ReplayedPoses;
 use insonify::pose::{Pose, TimedPose, TrackingState, interpolate};
 use insonify::settings::LiveSettings;
 use insonify::sink::FrameRate;
 use insonify::tracker::recording::GAP_NS;
 
-use super::failure::Failure;
-
-/// Longest time without a pose that is bridged: what the probe did in a longer one is not known.
-pub(crate) const GAP_LIMIT_NS: u64 = GAP_NS;
+use super::Failure;
 
 /// Poses at equal distances in time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -29,51 +27,46 @@ pub(crate) struct Timeline {
 /// Most frames of a session: a day at ten a second.
 const FRAMES_MAX: u128 = 1_000_000;
 
-/// Refuses poses that would make more frames than a session can have: a wrong clock, most likely.
-pub(crate) fn check_length(poses: &[TimedPose], rate: FrameRate) -> Result<(), Failure> {
-    let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(()) };
-    check_span(first.host_time_ns, last.host_time_ns, rate)
-}
-
-/// As [`check_length`], by the first and the last time.
-pub(crate) fn check_span(first_ns: u64, last_ns: u64, rate: FrameRate) -> Result<(), Failure> {
-    let span_ns = u128::from(last_ns.saturating_sub(first_ns));
-    let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
-    if frames > FRAMES_MAX {
-        return Err(Failure::Input(anyhow::anyhow!(
-            "the recording's host times span {:.0} s: {frames} frames at {:.1} a second, at most {FRAMES_MAX} are rendered; is a time stamp wrong?",
-            span_ns as f64 * 1e-9,
-            rate.fps()
-        )));
-    }
-    Ok(())
-}
-
 impl Timeline {
     /// Samples `poses` from the first to the last at `rate`.
-    pub(crate) fn new(poses: &[TimedPose], rate: FrameRate) -> Self {
-        let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Self::default() };
+    pub(crate) fn new(poses: &[TimedPose], rate: FrameRate) -> Result<Self, Failure> {
+        let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(Self::default()) };
         Self::sampled(first.host_time_ns, last.host_time_ns, rate, |time_ns| {
-            let pose = interpolate(poses, time_ns, GAP_LIMIT_NS);
+            let pose = interpolate(poses, time_ns, GAP_NS);
             (pose, pose.is_some())
         })
     }
 
     /// As a live session had known the poses, from `first_ns` to `last_ns` at `rate`. It begins with the first pose.
-    pub(crate) fn replayed(poses: &mut ReplayedPoses, first_ns: u64, last_ns: u64, rate: FrameRate) -> Self {
+    pub(crate) fn replayed(
+        poses: &mut ReplayedPoses,
+        first_ns: u64,
+        last_ns: u64,
+        rate: FrameRate,
+    ) -> Result<Self, Failure> {
         Self::sampled(first_ns, last_ns, rate, |time_ns| {
             let estimate = poses.at(time_ns);
             (estimate.scene_from_probe, matches!(estimate.state, TrackingState::Good | TrackingState::Stuck))
         })
     }
 
-    /// Samples by `pose_at`, which also says whether the pose is one of its time.
+    /// Samples by `pose_at`, which also says whether the pose is one of its time. Refuses more frames than a session can
+    /// have: a wrong clock, most likely.
     fn sampled(
         first_ns: u64,
         last_ns: u64,
         rate: FrameRate,
         mut pose_at: impl FnMut(u64) -> (Option<Pose>, bool),
-    ) -> Self {
+    ) -> Result<Self, Failure> {
+        let span_ns = u128::from(last_ns.saturating_sub(first_ns));
+        let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
+        if frames > FRAMES_MAX {
+            return Err(Failure::Input(anyhow!(
+                "the recording's host times span {:.0} s: {frames} frames at {:.1} a second, at most {FRAMES_MAX} are rendered; is a time stamp wrong?",
+                span_ns as f64 * 1e-9,
+                rate.fps()
+            )));
+        }
         let mut timeline = Self { scene_start_ns: first_ns, ..Self::default() };
         for frame in 0u64.. {
             let offset_ns =
@@ -92,7 +85,7 @@ impl Timeline {
                 timeline.scene_times_ns.push(time_ns);
             }
         }
-        timeline
+        Ok(timeline)
     }
 
     /// The scene moves as in a session that began at `start_ns`; as told by nothing, it begins with the first pose.
@@ -154,13 +147,17 @@ mod tests {
         TimedPose { host_time_ns: 5_000_000_000 + ms * 1_000_000, device_time_us: 0, pose }
     }
 
+    fn timeline(poses: &[TimedPose], fps: f64) -> Timeline {
+        Timeline::new(poses, FrameRate::new(fps).unwrap()).unwrap()
+    }
+
     fn xs(timeline: &Timeline) -> Vec<f64> {
         timeline.poses.iter().map(|p| p.position_mm.x).collect()
     }
 
     #[test]
     fn frames_lie_between_poses_and_end_with_the_recording() {
-        let timeline = Timeline::new(&[pose(0, 0.0), pose(200, 2.0), pose(300, 4.0)], FrameRate::new(10.0).unwrap());
+        let timeline = timeline(&[pose(0, 0.0), pose(200, 2.0), pose(300, 4.0)], 10.0);
         assert_eq!(xs(&timeline), [0.0, 1.0, 2.0, 4.0]);
         assert_eq!(timeline.held_in(0..4), 0);
         assert!((timeline.seconds(3) - 0.3).abs() < 1e-12);
@@ -170,15 +167,14 @@ mod tests {
 
     #[test]
     fn a_gap_holds_the_last_pose_and_is_counted() {
-        let timeline = Timeline::new(&[pose(0, 0.0), pose(100, 1.0), pose(600, 6.0)], FrameRate::new(5.0).unwrap());
+        let timeline = timeline(&[pose(0, 0.0), pose(100, 1.0), pose(600, 6.0)], 5.0);
         assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 6.0]);
         assert_eq!((timeline.held_in(0..4), timeline.held_in(2..4)), (2, 1));
     }
 
     #[test]
     fn a_frozen_probe_stands_where_it_was() {
-        let mut timeline =
-            Timeline::new(&[pose(0, 0.0), pose(200, 2.0), pose(400, 4.0)], FrameRate::new(10.0).unwrap());
+        let mut timeline = timeline(&[pose(0, 0.0), pose(200, 2.0), pose(400, 4.0)], 10.0);
         let live = [false, true, true, false, true].map(|frozen| LiveSettings { frozen, ..LiveSettings::default() });
         timeline.freeze(&live);
         assert_eq!(xs(&timeline), [0.0, 0.0, 0.0, 3.0, 3.0]);
@@ -191,7 +187,7 @@ mod tests {
 
     #[test]
     fn a_scene_moves_as_in_its_session() {
-        let timeline = Timeline::new(&[pose(0, 0.0), pose(200, 2.0)], FrameRate::new(10.0).unwrap());
+        let timeline = timeline(&[pose(0, 0.0), pose(200, 2.0)], 10.0);
         assert_eq!(timeline.scene_s(0), 0.0);
         let session = timeline.clone().since(5_000_000_000 - 1_500_000_000);
         assert!((session.scene_s(0) - 1.5).abs() < 1e-9 && (session.scene_s(2) - 1.7).abs() < 1e-9);
@@ -201,8 +197,7 @@ mod tests {
 
     #[test]
     fn no_poses_make_no_frames() {
-        let rate = FrameRate::new(20.0).unwrap();
-        assert!(Timeline::new(&[], rate).poses.is_empty());
-        assert_eq!(Timeline::new(&[pose(0, 3.0)], rate).poses.len(), 1);
+        assert!(timeline(&[], 20.0).poses.is_empty());
+        assert_eq!(timeline(&[pose(0, 3.0)], 20.0).poses.len(), 1);
     }
 }

@@ -19,11 +19,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json {
         return output::json(&tissues);
     }
-    let heads = ["m/s", "kg/m3", "MRayl", "dB/cm/MHz", "exponent"];
-    let [speed, density, impedance, attenuation, exponent] = heads;
     output::line(format!(
-        "{:22} {speed:>7} {density:>7} {impedance:>8} {attenuation:>10} {exponent:>8}  echogenicity",
-        "tissue"
+        "{:22} {:>7} {:>7} {:>8} {:>10} {:>8}  echogenicity",
+        "tissue", "m/s", "kg/m3", "MRayl", "dB/cm/MHz", "exponent"
     ))?;
     for (name, sourced) in &tissues {
         let t = sourced.tissue();

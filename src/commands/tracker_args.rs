@@ -4,10 +4,15 @@ use std::net::SocketAddr;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use insonify::station::Station;
 use insonify::tracker::ndi::USUAL_BAUD;
-use insonify::tracker::{PortName, Protocol, Settings, Transport};
+use insonify::tracker::{BAUD_RANGE, PortName, Protocol, Settings, Transport};
 
 use super::{Classify, Failure};
+
+fn baud_help() -> String {
+    format!("Speed of the serial port, {BAUD_RANGE:?} baud [default: the protocol's usual one]")
+}
 
 /// Options of a tracker and its transport.
 #[derive(Debug, Args)]
@@ -24,13 +29,21 @@ pub(crate) struct TrackerArgs {
     #[arg(long)]
     pub(crate) protocol: Option<Protocol>,
 
-    /// Speed of the serial port, 300..=4000000 baud [default: the protocol's usual one]
-    #[arg(long, requires = "port", value_parser = clap::value_parser!(u32).range(300..=4_000_000))]
+    #[arg(long, requires = "port", value_parser = clap::value_parser!(u32).range(BAUD_RANGE), help = baud_help())]
     pub(crate) baud: Option<u32>,
 
     /// Station, port handle or tool that counts [default: the first that reports]
     #[arg(long)]
     pub(crate) sensor: Option<u16>,
+}
+
+/// The tracker of a station.
+pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
+    if station.tracker.transport == Transport::None {
+        let path = station.path.display();
+        return Err(Failure::Input(anyhow!("{path} has no tracker: its [tracker] has no `transport`")));
+    }
+    Ok(station.tracker.clone())
 }
 
 impl TrackerArgs {

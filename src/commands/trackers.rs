@@ -8,11 +8,11 @@ use clap::Parser;
 use insonify::pose::Reading;
 use insonify::station::Station;
 use insonify::tracker::devices::{self, HidDevice, SerialDevice};
-use insonify::tracker::{Monitor, Report, SessionState, Settings, Transport, spawn};
+use insonify::tracker::{Monitor, Report, SessionState, Settings, spawn};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 
-use super::tracker_args::TrackerArgs;
+use super::tracker_args::{self, TrackerArgs};
 use super::{Classify, Failure, output};
 
 /// List serial ports and HID devices, or print what a tracker says.
@@ -62,12 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn settings(args: &Args) -> Result<Option<Settings>, Failure> {
     if let Some(path) = &args.station {
-        let tracker = Station::load(path)?.tracker;
-        if tracker.transport == Transport::None {
-            let path = path.display();
-            return Err(Failure::Input(anyhow!("{path} has no tracker: its [tracker] has no `transport`")));
-        }
-        return Ok(Some(tracker));
+        return Ok(Some(tracker_args::of_station(&Station::load(path)?)?));
     }
     args.tracker.over(Settings::default())
 }
@@ -261,7 +256,7 @@ fn print(report: &Report, time: Duration, json: bool) -> Result<(), Failure> {
 /// Says what slows a serial adapter down.
 fn hint(settings: &Settings) {
     #[cfg(feature = "serial")]
-    if let Transport::Serial { port, .. } = &settings.transport
+    if let insonify::tracker::Transport::Serial { port, .. } = &settings.transport
         && let Ok(ports) = devices::serial_ports()
     {
         let used = |device: &&SerialDevice| match port {

@@ -1,6 +1,5 @@
 //! `insonify view`: pictures of a scene with the probe in it.
 
-use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -8,7 +7,7 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::{Axes, Scene, TissueTable, import};
 use insonify::pose::Pose;
-use insonify::render::Frame;
+use insonify::render::{Frame, Renderer};
 use insonify::report::scene_view::{
     BmodeImage, Cut, Direction, Fan, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
 };
@@ -18,7 +17,7 @@ use insonify::transducer::Probe;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::{Classify, Failure, output, session};
+use super::{Classify, Failure, input, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
 ///
@@ -97,10 +96,11 @@ fn size(text: &str) -> Result<(u32, u32), String> {
     let wrong = || {
         format!("expected WIDTHxHEIGHT in pixels, each 64..=8192 and at most {PIXELS_MAX} in all, for example 1280x960")
     };
-    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
-    let side = |text: &str| text.parse::<u32>().ok().filter(|n| (64..=8192).contains(n)).ok_or_else(wrong);
-    let (width, height) = (side(width)?, side(height)?);
-    if width * height <= PIXELS_MAX { Ok((width, height)) } else { Err(wrong()) }
+    let sides = 64..=8192;
+    let fits = |&(width, height): &(u32, u32)| {
+        sides.contains(&width) && sides.contains(&height) && width * height <= PIXELS_MAX
+    };
+    input::product(text).filter(fits).ok_or_else(wrong)
 }
 
 /// Runs the command.
@@ -145,7 +145,7 @@ pub(crate) fn axes_of(station: &Station) -> Axes {
 
 /// The scene, and the station where one was given.
 fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
-    if args.scene.extension() == Some(OsStr::new("toml")) {
+    if input::is_station(&args.scene) {
         let station = Station::load(&args.scene)?;
         return Ok((session::load_scene(&station)?, Some(station)));
     }
@@ -163,7 +163,7 @@ fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pos
     let pose = pose.ok_or(ViewError::NoFan { what: "--bmode" }).input()?;
     session::warn_of_budget(station);
     let backend = args.backend.open(station.backend)?;
-    let mut renderer = session::renderer(&backend, scene, station, &station.settings)?;
+    let mut renderer = Renderer::new(&backend, scene, &station.probe, &station.settings)?;
     let mut frame = Frame::default();
     renderer.render(&pose, &mut frame)?;
     Ok(BmodeImage { sector: *renderer.sector(), grey: frame.bmode })

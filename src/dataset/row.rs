@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::anatomy::phantom::{Lie, Parameters, PhantomOptions, PlacentaSite};
+use crate::anatomy::phantom::PhantomOptions;
 use crate::pose::Pose;
 
 /// `dataset.json`: what holds for all tuples. Two runs with the same header make the same tuples.
@@ -69,7 +69,7 @@ pub struct Row {
     pub station: String,
     /// The phantom, where the scene is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub phantom: Option<PhantomRow>,
+    pub phantom: Option<PhantomOptions>,
     /// The session that the pose is from.
     pub exam: ExamRow,
     /// Time in the session, and of the scene's motion, s.
@@ -92,29 +92,6 @@ pub struct Row {
     pub mask: String,
     /// SHA-256 of the tuple's file.
     pub sha256: String,
-}
-
-/// A generated phantom.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PhantomRow {
-    /// Triangles over those of the full phantom.
-    pub scale: f64,
-    /// Gestational age, weeks.
-    pub weeks: f64,
-    /// [`Lie::name`].
-    pub lie: String,
-    /// Turn about the fetus' long axis, degrees.
-    pub roll_deg: f64,
-    /// 0..=1.
-    pub flexion: f64,
-    /// [`PlacentaSite::name`].
-    pub placenta: String,
-    /// Amniotic fluid index, mm.
-    pub fluid_index_mm: f64,
-    /// Subcutaneous fat, mm.
-    pub fat_mm: f64,
-    /// Seed of the individual.
-    pub seed: u64,
 }
 
 /// A session of a simulated hand.
@@ -166,45 +143,6 @@ impl From<&PoseRow> for Pose {
     }
 }
 
-impl From<&PhantomOptions> for PhantomRow {
-    fn from(options: &PhantomOptions) -> Self {
-        let p = &options.parameters;
-        Self {
-            scale: options.scale,
-            weeks: p.gestational_weeks,
-            lie: p.lie.name().to_owned(),
-            roll_deg: p.roll_deg,
-            flexion: p.flexion,
-            placenta: p.placenta.name().to_owned(),
-            fluid_index_mm: p.fluid_index_mm,
-            fat_mm: p.maternal_fat_mm,
-            seed: p.seed,
-        }
-    }
-}
-
-impl PhantomRow {
-    /// The options that generate it; the error names an unknown word or a value outside its range.
-    ///
-    /// # Errors
-    /// As said.
-    pub fn options(&self) -> Result<PhantomOptions, String> {
-        let parameters = Parameters {
-            gestational_weeks: self.weeks,
-            lie: Lie::named(&self.lie).ok_or_else(|| format!("`{}` is no lie", self.lie))?,
-            roll_deg: self.roll_deg,
-            flexion: self.flexion,
-            placenta: PlacentaSite::named(&self.placenta)
-                .ok_or_else(|| format!("`{}` is no site of a placenta", self.placenta))?,
-            fluid_index_mm: self.fluid_index_mm,
-            maternal_fat_mm: self.fat_mm,
-            seed: self.seed,
-        };
-        parameters.validate().map_err(|e| e.to_string())?;
-        Ok(PhantomOptions { scale: self.scale, parameters })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -228,18 +166,22 @@ mod tests {
         #[test]
         fn a_phantom_comes_back_from_json_bit_for_bit(seed: u64) {
             let options = PhantomOptions { scale: 1.0, parameters: crate::dataset::parameters(seed) };
-            let row = PhantomRow::from(&options);
-            let again: PhantomRow = serde_json::from_str(&serde_json::to_string(&row).unwrap()).unwrap();
-            prop_assert_eq!(again.options().unwrap(), options);
+            let again: PhantomOptions = serde_json::from_str(&serde_json::to_string(&options).unwrap()).unwrap();
+            prop_assert_eq!(again, options);
         }
     }
 
     #[test]
     fn unknown_words_and_wrong_values_are_told() {
-        let row = PhantomRow::from(&PhantomOptions { scale: 1.0, parameters: Parameters::default() });
-        let error = |row: PhantomRow| row.options().unwrap_err();
-        assert!(error(PhantomRow { lie: "oblique".into(), ..row.clone() }).contains("oblique"));
-        assert!(error(PhantomRow { placenta: "low".into(), ..row.clone() }).contains("low"));
-        assert!(error(PhantomRow { weeks: 50.0, ..row }).contains("16..=34"));
+        let read = |key: &str, value: serde_json::Value| {
+            let mut row = serde_json::to_value(PhantomOptions::default()).unwrap();
+            row[key] = value;
+            let options = serde_json::from_value::<PhantomOptions>(row).map_err(|e| e.to_string())?;
+            options.parameters.validate().map_err(|e| e.to_string())
+        };
+        assert!(read("lie", "oblique".into()).unwrap_err().contains("oblique"));
+        assert!(read("placenta", "low".into()).unwrap_err().contains("low"));
+        assert!(read("weeks", 50.0.into()).unwrap_err().contains("16..=34"));
+        assert_eq!(read("fat_mm", 20.0.into()), Ok(()));
     }
 }

@@ -156,7 +156,7 @@ impl Off {
         let noise = Self::draw(&hand.rest, random);
         let mut parts = self.parts;
         for (part, noise) in parts.iter_mut().zip(noise.parts) {
-            let left = least + (most - least) * random.unit();
+            let left = random.between(least, most);
             if random.unit() < hand.corrects {
                 *part *= left;
             }

@@ -13,10 +13,10 @@ pub mod sweep;
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use thiserror::Error;
 
-use crate::pose::TimedPose;
+use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
 use crate::tracker::{Protocol, ascii_line};
 
@@ -64,6 +64,30 @@ pub enum ExamError {
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+}
+
+/// A probe whose hand aims at `target_mm` and trembles by `shift`: it slides on the skin, and what is left of the tremor
+/// along the beam is pressure. `press_mm` is the depth of the face in the skin; `skin` gives the point where a line from
+/// inside the body along a direction leaves it.
+fn on_skin(
+    device_time_us: u64,
+    (target_mm, orientation): (DVec3, DQuat),
+    shift: DVec3,
+    press_mm: f64,
+    skin: impl Fn(DVec3, DVec3) -> Option<DVec3>,
+) -> Result<TimedPose, ExamError> {
+    let target_mm = target_mm + orientation * DVec3::new(shift.x, shift.y, 0.0);
+    let into_body = orientation * DVec3::Z;
+    let contact = skin(target_mm, -into_body).ok_or_else(|| ExamError::NoSkin {
+        time_s: device_time_us as f64 * 1e-6,
+        target_mm,
+        direction: -into_body,
+    })?;
+    Ok(TimedPose {
+        host_time_ns: START_TIME_NS + device_time_us * 1000 + LATENCY_NS,
+        device_time_us,
+        pose: Pose { position_mm: contact + into_body * (press_mm + shift.z), orientation },
+    })
 }
 
 /// Writes a recording of `poses` as lines of a tracker, with `events` that ascend in time between them.

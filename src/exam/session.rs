@@ -15,7 +15,7 @@ use glam::{DQuat, DVec3};
 use serde_json::json;
 
 use super::hand::{Hand, Off, Skill};
-use super::{ExamError, LATENCY_NS, START_TIME_NS, encode};
+use super::{ExamError, START_TIME_NS, encode, on_skin};
 use crate::anatomy::Skin;
 use crate::anatomy::planes::{Caliper, StandardPlane, View};
 use crate::pose::freehand::{Tremor, Waypoint, minimum_jerk, view_at};
@@ -142,7 +142,7 @@ impl<'a> Plan<'a> {
     }
 
     fn within(&mut self, (least, most): (f64, f64)) -> f64 {
-        least + (most - least) * self.random.unit()
+        self.random.between(least, most)
     }
 
     /// `off`, or as much of it as leaves the probe on the body.
@@ -280,17 +280,10 @@ impl<'a> Plan<'a> {
             let (shift, turn) = tremor.at(time_s);
             let (shift, turn) = (strength * shift, DQuat::from_scaled_axis(strength * rotation_vector(turn)));
             let orientation = (orientation * turn).normalize();
-            // The hand slides on the skin; what is left of the tremor along the beam is pressure.
-            let target_mm = target_mm + orientation * DVec3::new(shift.x, shift.y, 0.0);
-            let into_body = orientation * DVec3::Z;
-            let contact = self.skin.exit(target_mm, -into_body);
-            let contact = contact.ok_or(ExamError::NoSkin { time_s, target_mm, direction: -into_body })?;
-            let press_mm = self.press_mm(&press_phases, time_s) + shift.z;
+            let press_mm = self.press_mm(&press_phases, time_s);
             let device_time_us = i * 1_000_000 / u64::from(RATE_HZ);
-            Ok(TimedPose {
-                host_time_ns: START_TIME_NS + device_time_us * 1000 + LATENCY_NS,
-                device_time_us,
-                pose: Pose { position_mm: contact + into_body * press_mm, orientation },
+            on_skin(device_time_us, (target_mm, orientation), shift, press_mm, |from, along| {
+                self.skin.exit(from, along)
             })
         };
         let poses: Vec<TimedPose> = (0..=count).map(pose).collect::<Result<_, ExamError>>()?;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::{ExamError, LATENCY_NS, START_TIME_NS, encode};
+use super::{ExamError, START_TIME_NS, encode, on_skin};
 use crate::anatomy::Skin;
 use crate::anatomy::phantom::{self, Landmarks, Parameters};
 use crate::pose::freehand::{Tremor, Waypoint, view_at};
@@ -60,17 +60,8 @@ pub fn sweep(
         let (target_mm, orientation) = view_at(&waypoints, time_s).unwrap_or_default();
         let (shift, turn) = tremor.at(time_s);
         let orientation = (orientation * turn).normalize();
-        // The hand slides on the skin; what is left of the tremor along the beam is pressure.
-        let target_mm = target_mm + orientation * DVec3::new(shift.x, shift.y, 0.0);
-        let into_body = orientation * DVec3::Z;
-        let contact = skin(target_mm, -into_body);
-        let contact = contact.ok_or(ExamError::NoSkin { time_s, target_mm, direction: -into_body })?;
         let device_time_us = u64::from(i) * 1_000_000 / u64::from(RATE_HZ);
-        Ok(TimedPose {
-            host_time_ns: START_TIME_NS + device_time_us * 1000 + LATENCY_NS,
-            device_time_us,
-            pose: Pose { position_mm: contact + into_body * (PRESS_MM + shift.z), orientation },
-        })
+        on_skin(device_time_us, (target_mm, orientation), shift, PRESS_MM, &skin)
     };
     (0..=DURATION_S * RATE_HZ).map(pose).collect()
 }
@@ -149,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn moves_as_a_hand_can() {
+    fn the_probe_moves_as_a_hand_can() {
         let exam = exam();
         assert_eq!(exam.len(), 1441);
         for pair in exam.windows(2) {

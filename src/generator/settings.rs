@@ -3,36 +3,38 @@
 use std::path::PathBuf;
 
 use super::{Budget, Provider};
+use crate::settings::settings;
 
-/// Generator settings of a station.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Whether any generator runs.
-    pub enabled: bool,
-    /// Models (`.onnx`, each with its manifest), the best first. None: the station shows what it renders.
-    pub models: Vec<PathBuf>,
-    /// Execution provider.
-    pub provider: Provider,
-    /// Threads of one run, 0 for one a processor.
-    pub threads: u32,
-    /// Time that one run may take, ms.
-    pub budget_ms: f64,
-}
+/// Least and greatest budget, ms.
+const BUDGET_MIN_MS: f64 = 1.0;
+const BUDGET_MAX_MS: f64 = 10_000.0;
 
-impl Settings {
-    /// Least and greatest budget, ms.
-    pub const BUDGET_MS: [f64; 2] = [1.0, 10_000.0];
+settings! {
+    /// Generator settings of a station.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Settings in "generator" {
+        /// Whether generators run at all.
+        enabled: bool = true, "", 0.0..=1.0, Everything;
 
-    /// The budget with everything that follows from it.
-    pub fn budget(&self) -> Budget {
-        let [least, greatest] = Self::BUDGET_MS;
-        // `max` before `min`, so that NaN becomes the least.
-        Budget::new(std::time::Duration::from_secs_f64(self.budget_ms.max(least).min(greatest) / 1000.0))
+        /// Threads of one run; 0 is one a processor.
+        threads: u32 = 0, "", 0.0..=256.0, Everything;
+
+        /// Time that one run may take; a generator that cannot keep it is not started.
+        budget_ms: f64 = 50.0, "ms", BUDGET_MIN_MS..=BUDGET_MAX_MS, Everything;
+    }
+    plain {
+        /// Models (`.onnx`, each with its manifest), the best first. None: the station shows what it renders.
+        models: Vec<PathBuf> = Vec::new(), Everything;
+        /// Execution provider.
+        provider: Provider = Provider::Cpu, Everything;
     }
 }
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self { enabled: true, models: Vec::new(), provider: Provider::Cpu, threads: 0, budget_ms: 50.0 }
+impl Settings {
+    /// The budget with everything that follows from it.
+    pub fn budget(&self) -> Budget {
+        // `max` before `min`, so that NaN becomes the least.
+        let [least, greatest] = [BUDGET_MIN_MS, BUDGET_MAX_MS];
+        Budget::new(std::time::Duration::from_secs_f64(self.budget_ms.max(least).min(greatest) / 1000.0))
     }
 }

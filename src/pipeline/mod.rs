@@ -44,7 +44,7 @@ pub use deadline::Chooser;
 pub use events::Observer;
 pub use frames::Pool;
 pub use histogram::{Histogram, Percentiles};
-pub use local_renderer::{LocalRenderer, LocalRendererFactory};
+pub use local_renderer::LocalRendererFactory;
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, Readiness, RenderFault, RendererFactory, Terminator,

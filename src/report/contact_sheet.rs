@@ -249,17 +249,7 @@ mod tests {
     use crate::transducer::Probe;
 
     fn tissues() -> TissueTable {
-        let tissue = crate::anatomy::Tissue {
-            speed_m_s: 1540.0,
-            density_kg_m3: 1000.0,
-            attenuation_db_cm_mhz: 0.5,
-            attenuation_exponent: 1.0,
-            scatterer_density: 0.0,
-            scatterer_mean: 0.0,
-            scatterer_deviation: 0.0,
-            roughness: 0.0,
-            thickness_mm: 0.0,
-        };
+        let tissue = crate::anatomy::Tissue::default();
         TissueTable::new(["blood", "bone_fetal", "liver"].map(|n| (n.to_owned(), tissue.clone()))).unwrap()
     }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::bench::{Bench, Places, at, linear, post, silent, slab, small};
+use super::bench::{Bench, at, linear, post, silent, slab, small};
 use super::measure::{half_width, line, magnitude};
 use super::{Check, Family, Rig};
 use crate::acoustics::pulse::FWHM_PER_SIGMA;
@@ -33,8 +33,8 @@ fn post_line(i: usize) -> u32 {
 }
 
 impl Beam {
-    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
-        let (posts, edge) = (places.next(), places.next());
+    pub(super) fn new(bench: &mut Bench) -> Self {
+        let (posts, edge) = (bench.place(), bench.place());
         let target = bench.tissue(silent(1540.0, 1.7));
         for (i, &depth) in POSTS_MM.iter().enumerate() {
             bench.add(target, 1, post(posts.extend(0.0), &fan(), post_line(i), depth, 300.0));

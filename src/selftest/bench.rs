@@ -18,12 +18,7 @@ pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
         speed_m_s,
         density_kg_m3: impedance_mrayl * 1e6 / speed_m_s,
         attenuation_db_cm_mhz: 0.0,
-        attenuation_exponent: 1.0,
-        scatterer_density: 0.0,
-        scatterer_mean: 0.0,
-        scatterer_deviation: 0.0,
-        roughness: 0.0,
-        thickness_mm: 0.0,
+        ..Tissue::default()
     }
 }
 
@@ -37,12 +32,21 @@ pub fn grainy(mean: f64, deviation: f64) -> Tissue {
 pub struct Bench {
     tissues: Vec<Tissue>,
     surfaces: Vec<Surface>,
+    /// Places taken.
+    places: u32,
 }
 
 impl Bench {
     /// A bench in `background`, which is tissue 0.
     pub fn new(background: Tissue) -> Self {
-        Self { tissues: vec![background], surfaces: Vec::new() }
+        Self { tissues: vec![background], ..Self::default() }
+    }
+
+    /// The next free place, (x, y) in mm, on a grid of 100 mm.
+    pub(super) fn place(&mut self) -> DVec2 {
+        let place = DVec2::new(f64::from(self.places % ROW), f64::from(self.places / ROW));
+        self.places += 1;
+        PITCH_MM * place
     }
 
     /// Adds a tissue and returns its index.
@@ -71,21 +75,6 @@ impl Bench {
         };
         scene.sort_by_priority();
         Ok(scene)
-    }
-}
-
-/// Places of the specimens: (x, y) on a grid of 100 mm, clear of each other.
-#[derive(Debug, Default)]
-pub(super) struct Places {
-    taken: u32,
-}
-
-impl Places {
-    /// The next free place, mm.
-    pub(super) fn next(&mut self) -> DVec2 {
-        let place = DVec2::new(f64::from(self.taken % ROW), f64::from(self.taken / ROW));
-        self.taken += 1;
-        PITCH_MM * place
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec2, DVec3};
 
-use super::bench::{Bench, Places, grainy, linear, silent, slab, small};
+use super::bench::{Bench, grainy, linear, silent, slab, small};
 use super::{Check, Family, Rig};
 use crate::anatomy::{Tissue, analytic};
 use crate::pose::Pose;
@@ -14,8 +14,8 @@ pub(super) struct Device {
 }
 
 impl Device {
-    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
-        let place = places.next();
+    pub(super) fn new(bench: &mut Bench) -> Self {
+        let place = bench.place();
         let grain = Tissue { attenuation_db_cm_mhz: 0.4, roughness: 0.2, ..grainy(0.002, 0.02) };
         let block = bench.tissue(grain.clone());
         let bone = bench.tissue(Tissue { attenuation_db_cm_mhz: 5.0, roughness: 0.1, ..silent(3200.0, 5.5) });
@@ -68,17 +68,10 @@ impl Family for Device {
         let other = inside.iter().filter(|&&i| snapshot.segmentation[i] != twin.segmentation[i]).count() as f64 * share;
         let level = inside.iter().map(|&i| (snapshot.attenuation[i] - twin.attenuation[i]).abs()).sum::<f64>() * share;
         Ok(vec![
-            Check::new(
-                "Determinism",
-                format!("words of {of} that differ in a second frame"),
-                "",
-                0.0,
-                differ as f64,
-                0.0,
-            ),
-            Check::new("Twin", "mean distance of grey levels from f64, of 255", "", 0.0, grey, 1.0),
+            Check::zero("Determinism", format!("words of {of} that differ in a second frame"), differ as f64, 0.0),
+            Check::zero("Twin", "mean distance of grey levels from f64, of 255", grey, 1.0),
             Check::new("Twin", "pixels of another tissue", "%", 0.0, 100.0 * other, 0.5),
-            Check::new("Twin", "mean distance of the attenuation map", "", 0.0, level, 1e-3),
+            Check::zero("Twin", "mean distance of the attenuation map", level, 1e-3),
         ])
     }
 }

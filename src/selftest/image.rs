@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::bench::{Bench, Places, at, grainy, linear, silent, slab, small};
+use super::bench::{Bench, at, grainy, linear, silent, slab, small};
 use super::{Check, Family, Rig};
 use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
@@ -51,8 +51,8 @@ fn settings() -> RenderSettings {
 }
 
 impl Image {
-    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
-        let place = places.next();
+    pub(super) fn new(bench: &mut Bench) -> Self {
+        let place = bench.place();
         let block = bench.tissue(Tissue { attenuation_db_cm_mhz: BLOCK_ALPHA, ..grainy(0.0, DEVIATION) });
         let plate_tissue =
             bench.tissue(Tissue { attenuation_db_cm_mhz: PLATE_ALPHA, ..silent(1540.0, PLATE_IMPEDANCE) });
@@ -112,6 +112,7 @@ impl Family for Image {
         let (depth_cm, level_db) = (middle(|row| row.0), middle(|row| row.1));
         let at_face_db = RANGE_DB + GAIN_DB + db_from_amplitude(DEVIATION) - LOG_SPECKLE_DB;
         let want_db = at_face_db + want_slope * depth_cm;
+        let grey = format!("level of the grey at {:.0} mm", 10.0 * depth_cm);
 
         // Pixels of the plate's tissue, as a depth.
         let number = self.plate_tissue as u8 + 1;
@@ -131,14 +132,7 @@ impl Family for Image {
             Check::new("Shadow", "depth behind an absorbing plate", "dB", want_shadow, shadow, 1.0),
             Check::new("Image", "slope of the grey levels with TGC", "dB/cm", want_slope, slope(&rows).0, 0.15),
             // Some 4000 independent speckles of 5.6 dB: 0.1 dB of chance, the same on every device; the rest is the lattice's.
-            Check::new(
-                "Image",
-                format!("level of the grey at {:.0} mm", 10.0 * depth_cm),
-                "dB",
-                want_db,
-                level_db,
-                0.75,
-            ),
+            Check::new("Image", grey, "dB", want_db, level_db, 0.75),
             Check::new("Maps", "segmentation: depth of the plate", "mm", PLATE_MM.0, top_mm, sector.pixel_mm),
             Check::new("Maps", "segmentation: thickness of the plate", "mm", thickness, plate_mm, sector.pixel_mm),
             Check::new("Maps", "attenuation at 50 mm, one-way", "dB", want_level, level, 0.1),

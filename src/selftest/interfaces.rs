@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec2};
 
-use super::bench::{Bench, Places, at, facing, linear, silent, slab, small};
+use super::bench::{Bench, at, facing, linear, silent, slab, small};
 use super::measure::{Echo, echoes, line, magnitude};
 use super::{Check, Family, Rig};
 use crate::acoustics::ASSUMED_SPEED_M_S;
@@ -48,10 +48,10 @@ pub(super) struct Interfaces {
 }
 
 impl Interfaces {
-    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
+    pub(super) fn new(bench: &mut Bench) -> Self {
         let normal = NORMAL.map(|(_, z1, z2)| {
             let (first, second) = (bench.tissue(silent(1540.0, z1)), bench.tissue(silent(1540.0, z2)));
-            let place = places.next();
+            let place = bench.place();
             bench.add(first, 1, slab(place, 20.0, -20.0, 60.0));
             bench.add(second, 2, slab(place, 19.0, NORMAL_MM, 80.0));
             place
@@ -59,7 +59,7 @@ impl Interfaces {
         let oblique = OBLIQUE.map(|(degrees, z2, c2)| {
             [OBLIQUE_SPEED, c2].map(|speed| {
                 let tissue = bench.tissue(silent(speed, z2));
-                let place = places.next();
+                let place = bench.place();
                 let rotation = DQuat::from_rotation_y(degrees.to_radians());
                 bench.add(tissue, 1, facing(place.extend(OBLIQUE_MM), 30.0, rotation));
                 place
@@ -69,7 +69,7 @@ impl Interfaces {
         let wall = bench.tissue(silent(1480.0, 1.7));
         let layers = LAYERS.map(|(_, speed)| {
             let layer = bench.tissue(silent(speed, 1.6));
-            let place = places.next();
+            let place = bench.place();
             bench.add(water, 1, slab(place, 22.0, -20.0, 80.0));
             bench.add(layer, 2, slab(place, 20.0, LAYER_MM.0, LAYER_MM.1));
             bench.add(wall, 2, slab(place, 20.0, BEHIND_MM, 70.0));
@@ -78,7 +78,7 @@ impl Interfaces {
         let lossy = bench.tissue(Tissue { attenuation_db_cm_mhz: ALPHA, ..silent(1540.0, 1.6) });
         let wall = bench.tissue(silent(1540.0, 1.8));
         let plates = PLATES_MM.map(|depth| {
-            let place = places.next();
+            let place = bench.place();
             bench.add(lossy, 1, slab(place, 22.0, -10.0, 70.0));
             bench.add(wall, 2, slab(place, 20.0, depth, 70.0));
             place

@@ -26,7 +26,7 @@ use crate::anatomy::{Bvh, Scene, TissueError};
 use crate::render::TestHooks;
 use crate::render::{Backend, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
-use bench::{Bench, Places, silent};
+use bench::{Bench, silent};
 use rig::{NewRenderer, Rig};
 
 /// Errors of the self-test.
@@ -71,6 +71,11 @@ impl Check {
         // A NaN fails.
         let passed = (measured - expected).abs() <= tolerance;
         Self { group, name: name.into(), unit, expected, measured, tolerance, passed }
+    }
+
+    /// A quantity without a unit that should be 0.
+    fn zero(group: &'static str, name: impl Into<String>, measured: f64, tolerance: f64) -> Self {
+        Self::new(group, name, "", 0.0, measured, tolerance)
     }
 }
 
@@ -139,14 +144,13 @@ pub fn run_with_hooks(
 fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
     let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
     let mut bench = Bench::new(silent(1540.0, 1.5));
-    let mut places = Places::default();
     let families: [Box<dyn Family>; 6] = [
-        Box::new(interfaces::Interfaces::new(&mut bench, &mut places)),
-        Box::new(refraction::Refraction::new(&mut bench, &mut places)),
-        Box::new(beam::Beam::new(&mut bench, &mut places)),
-        Box::new(speckle::Speckle::new(&mut bench, &mut places)),
-        Box::new(image::Image::new(&mut bench, &mut places)),
-        Box::new(device::Device::new(&mut bench, &mut places)),
+        Box::new(interfaces::Interfaces::new(&mut bench)),
+        Box::new(refraction::Refraction::new(&mut bench)),
+        Box::new(beam::Beam::new(&mut bench)),
+        Box::new(speckle::Speckle::new(&mut bench)),
+        Box::new(image::Image::new(&mut bench)),
+        Box::new(device::Device::new(&mut bench)),
     ];
     let mut rig = Rig::new(&bench.scene()?, new)?;
     let mut checks = Vec::new();
@@ -155,12 +159,8 @@ fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, us
         checks.extend(family.measure(&mut rig)?);
     }
     checks.extend(rig.checks());
-    let mut groups: Vec<&str> = Vec::new();
-    for check in &checks {
-        if !groups.contains(&check.group) {
-            groups.push(check.group);
-        }
-    }
+    // A group stands where its first check is.
+    let groups: Vec<&str> = checks.iter().map(|check| check.group).collect();
     checks.sort_by_key(|check| groups.iter().position(|group| *group == check.group));
     progress(families.len(), families.len());
     Ok(Report {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use super::bench::{Bench, Places, at, facing, linear, silent, slab, small};
+use super::bench::{Bench, at, facing, linear, silent, slab, small};
 use super::measure::{echoes, line};
 use super::{Check, Family, Rig};
 use crate::acoustics::ASSUMED_SPEED_M_S;
@@ -44,7 +44,7 @@ fn bent(&(c1, c2, incidence, azimuth): &(f64, f64, f64, f64)) -> (DVec3, DVec3) 
 }
 
 impl Refraction {
-    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
+    pub(super) fn new(bench: &mut Bench) -> Self {
         let of_case = |case: &(f64, f64, f64, f64)| {
             let &(c1, c2, incidence, azimuth) = case;
             let (normal, direction) = bent(case);
@@ -55,7 +55,7 @@ impl Refraction {
             // Rough, so that it is seen under any angle.
             let plane = bench.tissue(Tissue { roughness: 0.5, ..silent(c2, 1.2 * z2) });
             PLANES.map(|tilt| {
-                let place = places.next();
+                let place = bench.place();
                 let entry = place.extend(ENTRY_MM);
                 bench.add(first, 0, slab(place, 30.0, -20.0, 40.0));
                 bench.add(second, 1, facing(entry, 45.0, turned((incidence, azimuth))));
@@ -94,7 +94,7 @@ impl Family for Refraction {
             checks.push(Check::new("Snell", name, "°", want, got, 0.05));
             // A direction solved from three lengths is a unit vector only if all three are right.
             let name = format!("{c1:.0} to {c2:.0} m/s under {incidence:.0}°, off its plane and length");
-            checks.push(Check::new("Snell", name, "", 0.0, (measured - direction).length(), 2e-3));
+            checks.push(Check::zero("Snell", name, (measured - direction).length(), 2e-3));
         }
         Ok(checks)
     }

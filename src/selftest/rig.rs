@@ -60,24 +60,8 @@ impl Rig {
 
     /// Condition that held for all frames so far.
     pub(super) fn checks(&self) -> [Check; 2] {
-        let frames = self.frames;
-        [
-            Check::new(
-                "Soundness",
-                format!("values that are not finite, in {frames} frames"),
-                "",
-                0.0,
-                self.not_finite as f64,
-                0.0,
-            ),
-            Check::new(
-                "Soundness",
-                format!("paths or crossings lost, in {frames} frames"),
-                "",
-                0.0,
-                self.lost as f64,
-                0.0,
-            ),
-        ]
+        [("values that are not finite", self.not_finite), ("paths or crossings lost", self.lost)].map(
+            |(what, count)| Check::zero("Soundness", format!("{what}, in {} frames", self.frames), count as f64, 0.0),
+        )
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::bench::{Bench, Places, at, grainy, linear, slab, small};
+use super::bench::{Bench, at, grainy, linear, slab, small};
 use super::measure::{line, magnitude, mean_square};
 use super::{Check, Family, Rig};
 use crate::acoustics::attenuation::attenuation_db_mm;
@@ -37,9 +37,9 @@ pub(super) struct Speckle {
 }
 
 impl Speckle {
-    pub(super) fn new(bench: &mut Bench, places: &mut Places) -> Self {
+    pub(super) fn new(bench: &mut Bench) -> Self {
         let mut block = |tissue: Tissue| {
-            let (tissue, place) = (bench.tissue(tissue), places.next());
+            let (tissue, place) = (bench.tissue(tissue), bench.place());
             // The face lies inside, so that it is not seen.
             bench.add(tissue, 1, slab(place, 40.0, -20.0, 130.0));
             place
@@ -65,18 +65,22 @@ fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
 
 /// Magnitude of the correlation of pairs of lines of samples, 0..=1.
 fn correlation<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> f64 {
-    let [mut re, mut im, mut first, mut second] = [0.0; 4];
-    for (a, b) in pairs {
-        for (a, b) in a.iter().zip(b) {
-            let [ar, ai, br, bi] = [a[0], a[1], b[0], b[1]].map(f64::from);
-            re += br * ar + bi * ai;
-            im += bi * ar - br * ai;
-            first += ar * ar + ai * ai;
-            second += br * br + bi * bi;
-        }
-    }
+    let [re, im, first, second] = sums(pairs);
     // 0/0 stays NaN: a frame without speckle doesn't pass.
     re.hypot(im) / (first * second).sqrt()
+}
+
+/// Sums over pairs of lines: real and imaginary part of the second sample times the first's conjugate, and both powers.
+fn sums<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> [f64; 4] {
+    let [mut re, mut im, mut first, mut second] = [0.0; 4];
+    for (a, b) in pairs.flat_map(|(a, b)| a.iter().zip(b)) {
+        let [ar, ai, br, bi] = [a[0], a[1], b[0], b[1]].map(f64::from);
+        re += br * ar + bi * ai;
+        im += bi * ar - br * ai;
+        first += ar * ar + ai * ai;
+        second += br * br + bi * bi;
+    }
+    [re, im, first, second]
 }
 
 /// The larger of two, NaN where either is.
@@ -116,12 +120,7 @@ impl Family for Speckle {
         let level = db_from_amplitude(power.sqrt());
 
         let nearer = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y, NEARER_MM))?;
-        let (mut re, mut im) = (0.0, 0.0);
-        for (a, b) in first.lines.iter().zip(&nearer.lines) {
-            let [ar, ai, br, bi] = [a[0], a[1], b[0], b[1]].map(f64::from);
-            re += br * ar + bi * ai;
-            im += bi * ar - br * ai;
-        }
+        let [re, im, ..] = sums([(&first.lines[..], &nearer.lines[..])].into_iter());
         // Phase is −turns·z: what comes nearer turns forward.
         let moved_um = 1e3 * im.atan2(re) / (std::f64::consts::TAU * probe.phase_turns_per_mm());
 
@@ -139,15 +138,8 @@ impl Family for Speckle {
             Check::new("Speckle", "level", "dB", db_from_amplitude(DEVIATION), level, 0.5),
             // Thousands of independent speckles are alike by a few hundredths, a lattice that repeats by most of 1. Which
             // they are is exact integer arithmetic: devices differ in rounding alone.
-            Check::new("Speckle", "likeness to itself 3 to 80 mm deeper", "", 0.0, likeness_along(&probe, &first), 0.2),
-            Check::new(
-                "Speckle",
-                "likeness to itself 4 to 25 mm beside",
-                "",
-                0.0,
-                likeness_across(&probe, &first),
-                0.2,
-            ),
+            Check::zero("Speckle", "likeness to itself 3 to 80 mm deeper", likeness_along(&probe, &first), 0.2),
+            Check::zero("Speckle", "likeness to itself 4 to 25 mm beside", likeness_across(&probe, &first), 0.2),
             Check::new("Speckle", "nearer by, from its phase", "µm", 1e3 * NEARER_MM, moved_um, 0.5),
         ])
     }

@@ -15,13 +15,11 @@ macro_rules! effects {
             $( #[doc = $doc] $effect, )*
         }
 
+        crate::names::named!(Effect { $( $effect = $name ),* });
+
         impl Effect {
-            /// Every effect, in the order of tables.
-            pub const ALL: [Self; Self::COUNT] = [$( Self::$effect, )*];
-            /// Names of all, in their order.
-            pub const NAMES: [&'static str; Self::COUNT] = [$( $name, )*];
             /// Number of effects.
-            pub const COUNT: usize = [$( $name, )*].len();
+            pub const COUNT: usize = Self::ALL.len();
             const DOCS: [&'static str; Self::COUNT] = [$( $doc, )*];
         }
     };
@@ -57,21 +55,16 @@ effects! {
 }
 
 impl Effect {
-    /// Name in station files and on the command line.
-    pub const fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
     /// Documentation: one sentence.
     pub const fn doc(self) -> &'static str {
         Self::DOCS[self as usize].trim_ascii()
     }
 
     /// Words that a station file takes for it: the maps are never off.
-    pub const fn words(self) -> &'static [&'static str] {
+    pub fn words(self) -> &'static [&'static str] {
         match self {
             Self::Maps => &["auto", "on"],
-            _ => Choice::WORDS,
+            _ => Choice::NAMES,
         }
     }
 }
@@ -86,8 +79,8 @@ impl FromStr for Effect {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|effect| effect.name() == text).ok_or_else(|| {
-            let suggestion = did_you_mean(text, Self::NAMES);
+        Self::named(text).ok_or_else(|| {
+            let suggestion = did_you_mean(text, Self::NAMES.iter().copied());
             format!("`{text}` is no effect{suggestion}; effects are {}", Self::NAMES.join(", "))
         })
     }
@@ -112,21 +105,13 @@ pub enum Choice {
     Off,
 }
 
-impl Choice {
-    /// The words of the choices.
-    pub const WORDS: &'static [&'static str] = &["auto", "on", "off"];
-}
+crate::names::named!(Choice { Auto = "auto", On = "on", Off = "off" });
 
 impl FromStr for Choice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "on" => Ok(Self::On),
-            "off" => Ok(Self::Off),
-            _ => Err(format!("`{text}` is none of auto, on, off")),
-        }
+        Self::named(text).ok_or_else(|| format!("`{text}` is none of {}", Self::NAMES.join(", ")))
     }
 }
 

@@ -79,19 +79,20 @@ macro_rules! settings {
 
         impl $crate::settings::SettingsGroup for $name {
             fn settings() -> &'static [$crate::settings::Setting] {
-                use $crate::settings::{Change, HasKind, Setting, Stored};
+                use $crate::settings::{Change, Setting, Stored};
                 static SETTINGS: std::sync::LazyLock<Vec<Setting>> = std::sync::LazyLock::new(|| {
                     vec![$({
                         let range: std::ops::RangeInclusive<f64> = $range;
+                        let default: $type = $default;
                         Setting {
                             path: concat!($table, ".", stringify!($field)),
                             table: $table,
                             key: stringify!($field),
                             unit: $unit,
-                            kind: <$type as HasKind>::KIND,
+                            kind: Stored::kind(&default),
                             min: *range.start(),
                             max: *range.end(),
-                            default: <$type as Stored>::get(&$default, 0),
+                            default: Stored::get(&default, 0),
                             doc: $doc.trim_ascii(),
                             change: Change::$change,
                             control: settings!(@control $($control)?),

@@ -30,7 +30,7 @@ pub use live_control::{LiveControl, Slider, StepKey};
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use probe::{Face, Probe, ProbeKind};
 pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings};
-pub use setting::{Change, HasKind, Kind, Setting, SettingsError, Stored};
+pub use setting::{Change, Kind, Setting, SettingsError, Stored};
 pub use uniform::{Uniform, wgsl_readers};
 
 #[cfg(test)]

@@ -171,20 +171,17 @@ impl Setting {
     /// # Errors
     /// A value of another type.
     pub fn read_json(&self, value: &Value, stored: &mut dyn Stored) -> Result<(), String> {
-        let numbers = match self.kind {
-            Kind::Number => value.as_f64().map(|number| vec![number]),
-            Kind::Whole => value.as_u64().and_then(|whole| u32::try_from(whole).ok()).map(|whole| vec![whole.into()]),
-            Kind::Switch => value.as_bool().map(|on| vec![on.into()]),
-            Kind::Numbers(count) => value
-                .as_array()
-                .and_then(|values| values.iter().map(Value::as_f64).collect::<Option<Vec<_>>>())
-                .filter(|numbers| numbers.len() == count),
-        };
-        let expected = match self.kind {
-            Kind::Number => "a number".to_owned(),
-            Kind::Whole => "a whole number".to_owned(),
-            Kind::Switch => "true or false".to_owned(),
-            Kind::Numbers(count) => format!("{count} numbers"),
+        let (numbers, expected): (Option<Vec<f64>>, _) = match self.kind {
+            Kind::Number => (value.as_f64().map(|number| vec![number]), "a number".to_owned()),
+            Kind::Whole => {
+                let whole = value.as_u64().and_then(|whole| u32::try_from(whole).ok());
+                (whole.map(|whole| vec![whole.into()]), "a whole number".to_owned())
+            }
+            Kind::Switch => (value.as_bool().map(|on| vec![on.into()]), "true or false".to_owned()),
+            Kind::Numbers(count) => {
+                let numbers = value.as_array().and_then(|values| values.iter().map(Value::as_f64).collect());
+                (numbers.filter(|numbers: &Vec<f64>| numbers.len() == count), format!("{count} numbers"))
+            }
         };
         let numbers = numbers.ok_or_else(|| format!("`{}` is {value}; it must be {expected}", self.key))?;
         numbers.iter().enumerate().for_each(|(index, number)| stored.set(index, *number));
@@ -194,6 +191,9 @@ impl Setting {
 
 /// Storage of a setting's value.
 pub trait Stored {
+    /// Type of the value.
+    fn kind(&self) -> Kind;
+
     /// The value; of a list that at `index`.
     fn get(&self, index: usize) -> f64;
 
@@ -201,55 +201,36 @@ pub trait Stored {
     fn set(&mut self, index: usize, value: f64);
 }
 
-/// The [`Kind`] of a stored type.
-pub trait HasKind: Stored {
-    /// The kind.
-    const KIND: Kind;
+macro_rules! stored {
+    ($($type:ty: $kind:ident, $value:ident => $from:expr;)+) => {$(
+        impl Stored for $type {
+            fn kind(&self) -> Kind {
+                Kind::$kind
+            }
+
+            fn get(&self, _index: usize) -> f64 {
+                (*self).into()
+            }
+
+            fn set(&mut self, _index: usize, $value: f64) {
+                *self = $from;
+            }
+        }
+    )+};
 }
 
-impl Stored for f64 {
-    fn get(&self, _index: usize) -> f64 {
-        *self
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = value;
-    }
-}
-
-impl HasKind for f64 {
-    const KIND: Kind = Kind::Number;
-}
-
-impl Stored for u32 {
-    fn get(&self, _index: usize) -> f64 {
-        (*self).into()
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = value as u32;
-    }
-}
-
-impl HasKind for u32 {
-    const KIND: Kind = Kind::Whole;
-}
-
-impl Stored for bool {
-    fn get(&self, _index: usize) -> f64 {
-        (*self).into()
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = value > 0.0;
-    }
-}
-
-impl HasKind for bool {
-    const KIND: Kind = Kind::Switch;
+stored! {
+    f64: Number, value => value;
+    u16: Whole, value => value as u16;
+    u32: Whole, value => value as u32;
+    bool: Switch, value => value > 0.0;
 }
 
 impl<const N: usize> Stored for [f64; N] {
+    fn kind(&self) -> Kind {
+        Kind::Numbers(N)
+    }
+
     fn get(&self, index: usize) -> f64 {
         self[index]
     }
@@ -257,8 +238,4 @@ impl<const N: usize> Stored for [f64; N] {
     fn set(&mut self, index: usize, value: f64) {
         self[index] = value;
     }
-}
-
-impl<const N: usize> HasKind for [f64; N] {
-    const KIND: Kind = Kind::Numbers(N);
 }

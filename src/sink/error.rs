@@ -79,7 +79,7 @@ pub enum SinkError {
 
 impl SinkError {
     /// Wraps an I/O error with the path it happened at.
-    pub(crate) fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
+    pub fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { path, source }
     }

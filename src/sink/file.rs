@@ -65,9 +65,17 @@ pub fn write_with(
 /// Writes `text` as it is.
 ///
 /// # Errors
-/// An I/O error that names `path`.
+/// An I/O error.
 pub fn write_text(path: &Path, text: &str) -> Result<(), SinkError> {
-    write_with(path, |w| w.write_all(text.as_bytes()).map_err(SinkError::io(path)))
+    write_bytes(path, text.as_bytes())
+}
+
+/// Writes `bytes` as they are.
+///
+/// # Errors
+/// An I/O error.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), SinkError> {
+    write_with(path, |w| w.write_all(bytes).map_err(SinkError::io(path)))
 }
 
 /// Writes `value` as indented JSON with a line break at the end.

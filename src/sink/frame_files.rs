@@ -96,17 +96,7 @@ mod tests {
     }
 
     fn tissues() -> TissueTable {
-        let tissue = crate::anatomy::Tissue {
-            speed_m_s: 1540.0,
-            density_kg_m3: 1000.0,
-            attenuation_db_cm_mhz: 0.5,
-            attenuation_exponent: 1.0,
-            scatterer_density: 0.0,
-            scatterer_mean: 0.0,
-            scatterer_deviation: 0.0,
-            roughness: 0.0,
-            thickness_mm: 0.0,
-        };
+        let tissue = crate::anatomy::Tissue::default();
         TissueTable::new([("liver".to_owned(), tissue.clone()), ("blood".to_owned(), tissue)]).unwrap()
     }
 

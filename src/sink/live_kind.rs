@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::suggest::did_you_mean;
 
 /// A kind of live sink.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LiveSinkKind {
     /// Shows nothing: for measurements.
     Null,

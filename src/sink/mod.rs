@@ -29,7 +29,7 @@ mod json_lines;
 mod live_kind;
 
 pub use error::SinkError;
-pub use file::{create_dir, remove, write_json, write_text, write_with};
+pub use file::{create_dir, remove, write_bytes, write_json, write_text, write_with};
 pub use frame_files::FrameFiles;
 pub use frame_log::FrameLog;
 pub use frame_rate::FrameRate;

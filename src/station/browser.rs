@@ -8,7 +8,8 @@ use crate::sink::browser::Settings;
 /// Settings from the table `[browser]`. An invalid address, token or name is refused here, not at the start.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
-    values.set_server(&mut settings.address, &mut settings.port)?;
+    values.set_group(&mut settings);
+    values.set_address(&mut settings.address)?;
     if let Some(text) = values.text("token") {
         if !Settings::accepts_token(text) {
             // The token itself stays out of logs.
@@ -23,22 +24,13 @@ pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
         }
         settings.host_name = Some(text.to_owned());
     }
-    if let Some(clients) = values.integer("clients_max") {
-        settings.clients_max = clients as usize;
-    }
     Ok(settings)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::station::Station;
-
-    fn parse(browser: &str) -> Result<Station, StationError> {
-        Station::parse(&format!("[scene]\nphantom = \"obstetric\"\n{browser}"), Path::new("."))
-    }
+    use crate::station::tests::{assert_refused, parse};
 
     #[test]
     fn a_station_without_the_table_has_no_page() {
@@ -58,16 +50,16 @@ mod tests {
 
     #[test]
     fn mistakes_name_the_key_and_keep_tokens_secret() {
-        for (text, part) in [
-            ("address = \"localhost\"", "browser.address"),
-            ("port = 65536", "browser.port"),
-            ("token = \"short secret\"", "browser.token"),
-            ("host_name = \"http://a\"", "browser.host_name"),
-            ("clients_max = 0", "browser.clients_max"),
-            ("adress = \"::1\"", "address"),
-        ] {
-            let error = parse(&format!("[browser]\n{text}")).unwrap_err().to_string();
-            assert!(error.contains(part) && !error.contains("secret"), "{error}");
-        }
+        let lines = [
+            ("address = \"localhost\"", ["browser.address"]),
+            ("port = 65536", ["browser.port"]),
+            ("token = \"short secret\"", ["browser.token"]),
+            ("host_name = \"http://a\"", ["browser.host_name"]),
+            ("clients_max = 0", ["browser.clients_max"]),
+            ("adress = \"::1\"", ["address"]),
+        ];
+        assert_refused("browser", &lines);
+        let error = parse(&format!("[browser]\n{}", lines[2].0)).unwrap_err().to_string();
+        assert!(!error.contains("secret"), "{error}");
     }
 }

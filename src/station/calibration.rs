@@ -4,17 +4,12 @@ use std::path::Path;
 
 use super::StationError;
 use super::values::Values;
-use crate::pose::{CalibrationSource, Pose};
+use crate::pose::CalibrationSource;
 
 pub(super) fn source(values: &Values, dir: &Path) -> Result<CalibrationSource, StationError> {
-    let position = values.numbers("sensor_from_probe_mm");
-    let quaternion = values.numbers("sensor_from_probe_quaternion");
-    let sensor_from_probe = if position.is_some() || quaternion.is_some() {
-        let [x, y, z] = position.unwrap_or_default();
-        let [qw, qx, qy, qz] = quaternion.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-        Some(Pose::from_components([x, y, z, qw, qx, qy, qz]).map_err(StationError::SensorFromProbe)?)
-    } else {
-        None
-    };
+    let [position, quaternion] = ["sensor_from_probe_mm", "sensor_from_probe_quaternion"];
+    let is_given = values.has(position) || values.has(quaternion);
+    let sensor_from_probe = is_given.then(|| values.pose(position, quaternion)).transpose();
+    let sensor_from_probe = sensor_from_probe.map_err(StationError::SensorFromProbe)?;
     Ok(CalibrationSource { path: values.text("path").map(|path| dir.join(path)), sensor_from_probe })
 }

@@ -1,40 +1,30 @@
 //! `[display]`: where a live session's frames go.
 
+use std::collections::HashSet;
+
 use super::values::Values;
 use crate::sink::LiveSinkKind;
 
 pub(super) fn sinks(values: &Values) -> Vec<LiveSinkKind> {
     let Some(words) = values.texts("sinks") else { return vec![LiveSinkKind::Null] };
     // The parser saw to it that each is a known name.
-    let mut sinks: Vec<LiveSinkKind> = words.into_iter().filter_map(|word| word.parse().ok()).collect();
-    let mut seen = Vec::new();
-    sinks.retain(|sink| {
-        !seen.contains(sink) && {
-            seen.push(*sink);
-            true
-        }
-    });
-    sinks
+    let sinks = words.into_iter().filter_map(|word| word.parse().ok());
+    let mut seen = HashSet::new();
+    sinks.filter(|sink| seen.insert(*sink)).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use crate::sink::LiveSinkKind::{Null, Png, Video};
-    use crate::station::Station;
+    use crate::station::tests::{assert_refused, parse};
 
     #[test]
     fn sinks_are_known_and_each_comes_once() {
-        let sinks = |text: &str| {
-            let text = format!("[scene]\npath = \"a.glb\"\n[display]\n{text}");
-            Station::parse(&text, Path::new("")).map(|station| station.sinks)
-        };
-        assert_eq!(sinks("").unwrap(), [Null]);
-        assert_eq!(sinks("sinks = []").unwrap(), []);
-        assert_eq!(sinks("sinks = [\"video\", \"png\", \"video\"]").unwrap(), [Video, Png]);
-        for wrong in ["sinks = \"png\"", "sinks = [1]", "sinks = [\"web\"]"] {
-            assert!(sinks(wrong).unwrap_err().to_string().contains("display.sinks"), "{wrong}");
-        }
+        let sinks = |text: &str| parse(&format!("[display]\n{text}")).unwrap().sinks;
+        assert_eq!(sinks(""), [Null]);
+        assert_eq!(sinks("sinks = []"), []);
+        assert_eq!(sinks("sinks = [\"video\", \"png\", \"video\"]"), [Video, Png]);
+        let wrong = ["sinks = \"png\"", "sinks = [1]", "sinks = [\"web\"]"];
+        assert_refused("display", &wrong.map(|line| (line, ["display.sinks"])));
     }
 }

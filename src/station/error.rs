@@ -57,19 +57,9 @@ pub enum StationError {
         /// All keys of the table.
         known: String,
     },
-    /// A value of another type.
-    #[error("`{key}` is {found}; it must be {accepts}")]
-    WrongType {
-        /// Key with its table.
-        key: String,
-        /// Value found, as TOML.
-        found: String,
-        /// Accepted values.
-        accepts: Accepts,
-    },
-    /// A number outside its range, or a word that is none of the choices.
+    /// A value of another type, a number outside its range, or a word that is none of the choices.
     #[error("`{key}` is {found}; it must be {accepts}{suggestion}")]
-    Range {
+    Value {
         /// Key with its table.
         key: String,
         /// Value found, as TOML.

@@ -8,30 +8,23 @@ use crate::generator::Settings;
 /// The settings of checked values; paths start at `dir`.
 pub(super) fn settings(values: &Values, dir: &Path) -> Settings {
     let mut settings = Settings::default();
-    settings.enabled = values.boolean("enabled").unwrap_or(settings.enabled);
+    values.set_group(&mut settings);
     settings.models = values.texts("models").unwrap_or_default().into_iter().map(|path| dir.join(path)).collect();
     // Checking saw to it that the word is a provider's.
     settings.provider = values.text("provider").and_then(|word| word.parse().ok()).unwrap_or(settings.provider);
-    values.set_integer("threads", &mut settings.threads);
-    values.set("budget_ms", &mut settings.budget_ms);
     settings
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::{Path, PathBuf};
+    use std::path::PathBuf;
 
     use crate::generator::{Provider, Settings};
-    use crate::station::{Station, StationError};
-
-    fn parse(table: &str) -> Result<Settings, StationError> {
-        let text = format!("[scene]\npath = \"a.glb\"\n{table}");
-        Station::parse(&text, Path::new("/station")).map(|station| station.generator)
-    }
+    use crate::station::tests::{assert_refused, parse};
 
     #[test]
     fn a_station_names_its_generators() {
-        assert_eq!(parse("").unwrap(), Settings::default());
+        assert_eq!(parse("").unwrap().generator, Settings::default());
         let table = "[generator]\nenabled = false\nmodels = [\"best.onnx\", \"/fast.onnx\"]\nprovider = \"cuda\"\n\
                      threads = 2\nbudget_ms = 33";
         let expected = Settings {
@@ -41,12 +34,12 @@ mod tests {
             threads: 2,
             budget_ms: 33.0,
         };
-        assert_eq!(parse(table).unwrap(), expected);
+        assert_eq!(parse(table).unwrap().generator, expected);
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_what_would_be_right() {
-        for (line, words) in [
+    fn mistakes_are_named_with_what_would_be_right() {
+        let lines = [
             ("provider = \"cuba\"", ["generator.provider", "did you mean `cuda`?"]),
             ("models = \"a.onnx\"", ["generator.models", "in quotes"]),
             ("models = [\"\"]", ["generator.models", "in quotes"]),
@@ -56,9 +49,7 @@ mod tests {
             ("budget_ms = nan", ["generator.budget_ms", "1..=10000"]),
             ("threads = -1", ["generator.threads", "0..=256"]),
             ("budget = 5", ["budget_ms", "did you mean"]),
-        ] {
-            let error = parse(&format!("[generator]\n{line}")).unwrap_err().to_string();
-            assert!(words.iter().all(|word| error.contains(word)), "{line}: {error}");
-        }
+        ];
+        assert_refused("generator", &lines);
     }
 }

@@ -7,18 +7,20 @@ use std::fmt;
 use std::sync::LazyLock;
 
 use super::accepts::{AXES, Accepts, HOST_NAME, LISTEN_ADDRESS, TOKEN};
+use crate::anatomy::Tissue;
 use crate::anatomy::phantom::parameters::{
     FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, ROLL_RANGE_DEG, WEEKS_RANGE,
 };
-use crate::anatomy::phantom::{Lie, PlacentaSite};
-use crate::generator::{Provider, Settings};
+use crate::anatomy::phantom::{Lie, PlacentaSite, SCALE_RANGE};
+use crate::generator::{self, Provider};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
 use crate::settings::{
     ChoiceSettings, Effect, ImageSettings, PipelineSettings, Probe, ProbeKind, Quality, RenderSettings, Setting,
     SettingsGroup as _,
 };
-use crate::sink::LiveSinkKind;
+use crate::sink::{LiveSinkKind, browser, openigtlink};
+use crate::tracker::{BAUD_RANGE, mock};
 
 /// A key of a station file.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +40,10 @@ pub struct KeyDoc {
 }
 
 /// Table of every tissue's keys.
-pub(super) const TISSUE: &str = "tissues.NAME";
+const TISSUE: &str = "tissues.NAME";
+
+/// Keys that a new tissue must have.
+pub(super) const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mhz", "attenuation_exponent"];
 
 const fn number(min: f64, max: f64) -> Accepts {
     Accepts::Number { min, max }
@@ -63,7 +68,7 @@ const fn doc(
 const SCENE: &[KeyDoc] = &[
     doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
     doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
-    doc("scene", "phantom_scale", "", "1.0", number(0.01, 20.0), "triangles of the phantom over those of the full one; below about 0.21 its finest parts are lost and it is refused"),
+    doc("scene", "phantom_scale", "", "1.0", number(*SCALE_RANGE.start(), *SCALE_RANGE.end()), "triangles of the phantom over those of the full one; below about 0.21 its finest parts are lost and it is refused"),
     doc("scene", "phantom_weeks", "weeks", "22.0", number(*WEEKS_RANGE.start(), *WEEKS_RANGE.end()), "gestational age of the phantom's fetus"),
     doc("scene", "phantom_lie", "", "\"cephalic\"", Accepts::OneOf(Lie::NAMES), "which way the fetus lies: head down, head up, or across"),
     doc("scene", "phantom_roll_deg", "°", "0.0", number(*ROLL_RANGE_DEG.start(), *ROLL_RANGE_DEG.end()), "turn of the fetus about its long axis from where its left side is up"),
@@ -110,7 +115,7 @@ const TRACKER: &[KeyDoc] = &[
     doc("tracker", "transport", "", "\"none\"", Accepts::OneOf(&["none", "serial", "tcp", "udp", "hid", "mock", "recording"]), "how the tracker's bytes come; none: the probe stays at [pose]"),
     doc("tracker", "protocol", "", "required, but for hid (spacemouse) and mock (ascii-line)", Accepts::Text("the name of a protocol"), "what the bytes mean: ascii-line, fastrak-ascii, fastrak-binary, liberty, patriot, ndi, spacemouse, bno08x, bno08x-roll-first, opentrack or openigtlink; a recording knows its own"),
     doc("tracker", "port", "", "required for serial; for hid the first SpaceMouse", Accepts::Text("a path, or vendor:product or vendor:product:serial,"), "serial port or HID device; `insonify trackers` lists them"),
-    doc("tracker", "baud", "baud", "115200", integer(300, 4_000_000), "speed of the serial port; an NDI device is met at 9600 and switched to it"),
+    doc("tracker", "baud", "baud", "115200", integer(*BAUD_RANGE.start(), *BAUD_RANGE.end()), "speed of the serial port; an NDI device is met at 9600 and switched to it"),
     doc("tracker", "address", "", "required for tcp; for udp \"127.0.0.1:4242\"", Accepts::Text("host:port"), "server to connect to (tcp), or address to listen at (udp)"),
     doc("tracker", "sensor", "", "none: 1 of Polhemus devices, else the first heard", integer(0, 65_535), "station, port handle or tool that is the probe"),
     doc("tracker", "silence_ms", "ms", "2000.0", number(10.0, 600_000.0), "silence after which the tracker is started anew"),
@@ -125,35 +130,25 @@ const TRACKER: &[KeyDoc] = &[
     doc("tracker", "speed", "", "1.0", number(0.0, 1000.0), "how many times as fast as recorded; 0: as fast as it is taken"),
     doc("tracker", "repeat", "", "\"no\"", Accepts::OneOf(&["no", "yes"]), "whether the recording begins anew at its end"),
     doc("tracker", "schedule", "", "\"move 10, hold 2\"", Accepts::Text("acts and seconds"), "what the mock does, again and again: move, hold, jump, drop, corrupt or unplug, each with its seconds; about [pose]"),
-    doc("tracker", "rate_hz", "Hz", "60.0", number(1.0, 1000.0), "records a second of the mock"),
-    doc("tracker", "seed", "", "0", integer(0, 4_294_967_295), "seed of the mock's motion"),
 ];
 
 #[rustfmt::skip]
 const GENERATOR: &[KeyDoc] = &[
-    doc("generator", "enabled", "", "true", Accepts::Bool, "whether generators run at all"),
     doc("generator", "models", "", "[]", Accepts::Texts("a path"), "generators (.onnx, each with its manifest), the best first, relative to the station file; none shows what is rendered"),
     doc("generator", "provider", "", "\"cpu\"", Accepts::OneOf(Provider::NAMES), "what they run on; one that is not available is an error"),
-    doc("generator", "threads", "", "0", integer(0, 256), "threads of one run; 0 is one a processor"),
-    doc("generator", "budget_ms", "ms", "50.0", number(Settings::BUDGET_MS[0], Settings::BUDGET_MS[1]), "time that one run may take; a generator that cannot keep it is not started"),
 ];
 
 #[rustfmt::skip]
 const OPENIGTLINK: &[KeyDoc] = &[
     doc("openigtlink", "address", "", "\"127.0.0.1\"", Accepts::Text(LISTEN_ADDRESS), "where images and transforms are served; the protocol knows no password"),
-    doc("openigtlink", "port", "", "18944", integer(0, 65_535), "its port; 0 takes any free one"),
     doc("openigtlink", "scene_axes", "", "\"RAS\"", Accepts::Text(AXES), "where the scene's x, y and z point in the patient"),
-    doc("openigtlink", "slice_mm", "mm", "1.0", number(0.01, 100.0), "thickness of the image that receivers are told"),
-    doc("openigtlink", "clients_max", "", "16", integer(1, 256), "receivers that may be connected at a time"),
 ];
 
 #[rustfmt::skip]
 const BROWSER: &[KeyDoc] = &[
     doc("browser", "address", "", "\"127.0.0.1\"", Accepts::Text(LISTEN_ADDRESS), "where the page is served; beyond loopback a token is demanded"),
-    doc("browser", "port", "", "8790", integer(0, 65_535), "its port; 0 takes any free one"),
     doc("browser", "token", "", "none on loopback, else random", Accepts::Text(TOKEN), "token that pages must show; a random one is new at every start"),
     doc("browser", "host_name", "", "none", Accepts::Text(HOST_NAME), "name under which browsers reach the station, beside its addresses"),
-    doc("browser", "clients_max", "", "8", integer(1, 64), "pages that may watch at a time"),
 ];
 
 #[rustfmt::skip]
@@ -164,19 +159,6 @@ const WINDOW: &[KeyDoc] = &[
 #[rustfmt::skip]
 const DISPLAY: &[KeyDoc] = &[
     doc("display", "sinks", "", "[\"null\"]", Accepts::AnyOf(LiveSinkKind::NAMES), "where frames go"),
-];
-
-#[rustfmt::skip]
-const TISSUES: &[KeyDoc] = &[
-    doc(TISSUE, "speed_m_s", "m/s", "built-in, else required", number(100.0, 10_000.0), "speed of sound"),
-    doc(TISSUE, "density_kg_m3", "kg/m3", "built-in, else required", number(0.1, 25_000.0), "density"),
-    doc(TISSUE, "attenuation_db_cm_mhz", "dB/cm", "built-in, else required", number(0.0, 100.0), "attenuation at 1 MHz, one way"),
-    doc(TISSUE, "attenuation_exponent", "", "built-in, else required", number(0.0, 3.0), "power of the frequency in the attenuation"),
-    doc(TISSUE, "scatterer_density", "", "built-in, else 0.0", number(0.0, 1.0), "part of the lattice's cells with a scatterer"),
-    doc(TISSUE, "scatterer_mean", "", "built-in, else 0.0", number(-10.0, 10.0), "mean amplitude of a scatterer, relative to a perfect reflector"),
-    doc(TISSUE, "scatterer_deviation", "", "built-in, else 0.0", number(0.0, 10.0), "standard deviation of a scatterer's amplitude"),
-    doc(TISSUE, "roughness", "", "built-in, else 0.0", number(0.0, 2.0), "RMS slope of its surfaces' microfacets; 0 is a mirror"),
-    doc(TISSUE, "thickness_mm", "mm", "built-in, else 0.0", number(0.0, 10.0), "thickness of the transition at its surfaces"),
 ];
 
 /// Every key, table by table.
@@ -196,14 +178,14 @@ pub fn keys() -> &'static [KeyDoc] {
         add(POSE, &[]);
         add(&[], &[FilterSettings::settings()]);
         add(CALIBRATION, &[]);
-        add(TRACKER, &[]);
-        add(GENERATOR, &[]);
-        add(OPENIGTLINK, &[]);
-        add(BROWSER, &[]);
+        add(TRACKER, &[mock::Settings::settings()]);
+        add(GENERATOR, &[generator::Settings::settings()]);
+        add(OPENIGTLINK, &[openigtlink::Settings::settings()]);
+        add(BROWSER, &[browser::Settings::settings()]);
         add(WINDOW, &[]);
         add(&[], &[PipelineSettings::settings(), ChoiceSettings::settings()]);
         add(DISPLAY, &[]);
-        add(TISSUES, &[]);
+        all.extend(Tissue::settings().iter().map(of_tissue));
         all
     });
     &KEYS
@@ -221,6 +203,13 @@ impl From<&'static Setting> for KeyDoc {
         let &Setting { table, key, unit, doc, .. } = setting;
         Self { table, key, unit, default: setting.default_toml().into(), range: setting.into(), meaning: phrase(doc) }
     }
+}
+
+/// A key of a tissue: without it, built-in tissues keep their value.
+fn of_tissue(setting: &'static Setting) -> KeyDoc {
+    let required = PHYSICAL.contains(&setting.key);
+    let default = if required { "built-in, else required" } else { "built-in, else 0.0" };
+    KeyDoc { default: default.into(), ..KeyDoc::from(setting) }
 }
 
 impl From<Effect> for KeyDoc {

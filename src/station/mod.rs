@@ -16,6 +16,8 @@ mod openigtlink;
 mod parse;
 mod quality;
 mod scene;
+#[cfg(test)]
+mod tests;
 mod tracker_table;
 mod values;
 

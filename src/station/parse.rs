@@ -6,7 +6,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::accepts::Accepts;
-use super::keys::tables;
+use super::keys::{PHYSICAL, tables};
 use super::values::{Values, optional, section, take, wrong_type};
 use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
@@ -14,9 +14,6 @@ use crate::pose::Pose;
 use crate::settings::{Face, Probe, ProbeKind, SettingsGroup};
 use crate::sink::window as window_sink;
 use crate::suggest::did_you_mean;
-
-/// Physical properties, without defaults.
-const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mhz", "attenuation_exponent"];
 
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
@@ -112,13 +109,8 @@ fn probe(values: &Values) -> Result<Probe, StationError> {
 }
 
 fn pose(root: &mut Table) -> Result<Option<Pose>, StationError> {
-    if !root.contains_key("pose") {
-        return Ok(None);
-    }
-    let values = section(root, "pose")?;
-    let [x, y, z] = values.numbers("position_mm").unwrap_or_default();
-    let [qw, qx, qy, qz] = values.numbers("quaternion").unwrap_or([1.0, 0.0, 0.0, 0.0]);
-    Ok(Some(Pose::from_components([x, y, z, qw, qx, qy, qz])?))
+    let pose = optional(root, "pose")?.map(|values| values.pose("position_mm", "quaternion"));
+    Ok(pose.transpose()?)
 }
 
 /// The built-in tissues, changed and added to by the station's.
@@ -131,44 +123,20 @@ fn tissues(tables: Option<Table>) -> Result<TissueTable, StationError> {
         let table = format!("tissues.{name}");
         let Value::Table(values) = value else { return Err(wrong_type(table, &value, Accepts::Table)) };
         let values = Values::check(&table, values)?;
-        let tissue = match all.remove(&name) {
-            Some(tissue) => tissue,
-            None => new_tissue(&name, &values, &builtin)?,
-        };
-        all.insert(name, change(tissue, &values));
+        if !all.contains_key(&name) {
+            check_new_tissue(&name, &values, &builtin)?;
+        }
+        values.set_group(all.entry(name).or_default());
     }
     Ok(TissueTable::new(all)?)
 }
 
-/// A tissue that is not built in: without its physical properties it is more likely a misspelt name.
-fn new_tissue(name: &str, values: &Values, builtin: &TissueTable) -> Result<Tissue, StationError> {
+/// Refuses a tissue that is not built in and lacks physical properties: more likely a misspelt name.
+fn check_new_tissue(name: &str, values: &Values, builtin: &TissueTable) -> Result<(), StationError> {
     let missing: Vec<_> = PHYSICAL.into_iter().filter(|key| !values.has(key)).collect();
     if missing.is_empty() {
-        return Ok(Tissue {
-            speed_m_s: 0.0,
-            density_kg_m3: 0.0,
-            attenuation_db_cm_mhz: 0.0,
-            attenuation_exponent: 0.0,
-            scatterer_density: 0.0,
-            scatterer_mean: 0.0,
-            scatterer_deviation: 0.0,
-            roughness: 0.0,
-            thickness_mm: 0.0,
-        });
+        return Ok(());
     }
     let suggestion = did_you_mean(name, builtin.names().iter().map(String::as_str));
     Err(StationError::IncompleteTissue { tissue: name.to_owned(), suggestion, missing: missing.join(", ") })
-}
-
-fn change(mut tissue: Tissue, values: &Values) -> Tissue {
-    values.set("speed_m_s", &mut tissue.speed_m_s);
-    values.set("density_kg_m3", &mut tissue.density_kg_m3);
-    values.set("attenuation_db_cm_mhz", &mut tissue.attenuation_db_cm_mhz);
-    values.set("attenuation_exponent", &mut tissue.attenuation_exponent);
-    values.set("scatterer_density", &mut tissue.scatterer_density);
-    values.set("scatterer_mean", &mut tissue.scatterer_mean);
-    values.set("scatterer_deviation", &mut tissue.scatterer_deviation);
-    values.set("roughness", &mut tissue.roughness);
-    values.set("thickness_mm", &mut tissue.thickness_mm);
-    tissue
 }

@@ -24,31 +24,25 @@ pub(super) fn settings(image_values: &Values, values: &Values) -> Result<RenderS
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use crate::render::Quality;
-    use crate::station::{Station, StationError};
-
-    fn parse(table: &str) -> Result<Station, StationError> {
-        let text = format!("[scene]\npath = \"a.glb\"\n[quality]\n{table}");
-        Station::parse(&text, Path::new("/station"))
-    }
+    use crate::station::tests::{assert_refused, parse};
 
     #[test]
     fn a_preset_sets_rays_and_layers_and_a_budget_leaves_them_open() {
-        let quality = |table: &str| parse(table).unwrap().settings.quality;
+        let station = |lines: &str| parse(&format!("[quality]\n{lines}")).unwrap();
+        let quality = |lines: &str| station(lines).settings.quality;
         assert_eq!(quality("preset = \"fast\""), Quality::LQ);
         assert_eq!(quality("preset = \"balanced\"\nseed = 7"), Quality { rays: 2, layers: 3, seed: 7 });
         assert_eq!(quality("preset = \"accurate\""), Quality::HQ);
         assert_eq!(quality("preset = \"reference\""), Quality { rays: 128, layers: 3, seed: 0 });
-        let station = parse("budget_ms = 40\nseed = 7").unwrap();
-        assert_eq!((station.quality_budget_ms, station.settings.quality.seed), (Some(40.0), 7));
-        assert_eq!(parse("rays = 2").unwrap().quality_budget_ms, None);
+        let with_budget = station("budget_ms = 40\nseed = 7");
+        assert_eq!((with_budget.quality_budget_ms, with_budget.settings.quality.seed), (Some(40.0), 7));
+        assert_eq!(station("rays = 2").quality_budget_ms, None);
     }
 
     #[test]
     fn mistakes_are_named_with_what_would_be_right() {
-        for (table, words) in [
+        let lines = [
             ("preset = \"fast\"\nrays = 2", ["`quality.rays`", "`quality.preset`"]),
             ("layers = 3\npreset = \"fast\"", ["`quality.layers`", "`quality.preset`"]),
             ("budget_ms = 40\nrays = 2", ["`quality.rays`", "`quality.budget_ms`"]),
@@ -59,9 +53,7 @@ mod tests {
             ("budget_ms = nan", ["quality.budget_ms", "1..=10000"]),
             ("budget_ms = \"40\"", ["quality.budget_ms", "a number"]),
             ("budget = 40", ["budget", "did you mean `budget_ms`?"]),
-        ] {
-            let error = parse(table).unwrap_err().to_string();
-            assert!(words.iter().all(|word| error.contains(word)), "{table}: {error}");
-        }
+        ];
+        assert_refused("quality", &lines);
     }
 }

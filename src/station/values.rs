@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use super::StationError;
 use super::accepts::{Accepts, LISTEN_ADDRESS};
 use super::keys::{KeyDoc, of_table};
+use crate::pose::{Pose, PoseError};
 use crate::settings::SettingsGroup;
 use crate::suggest::did_you_mean;
 
@@ -63,6 +64,13 @@ impl Values {
         numbers.try_into().ok()
     }
 
+    /// The pose of two keys: where one is absent, at the origin or not turned.
+    pub(super) fn pose(&self, position: &str, quaternion: &str) -> Result<Pose, PoseError> {
+        let [x, y, z] = self.numbers(position).unwrap_or_default();
+        let [qw, qx, qy, qz] = self.numbers(quaternion).unwrap_or([1.0, 0.0, 0.0, 0.0]);
+        Pose::from_components([x, y, z, qw, qx, qy, qz])
+    }
+
     /// Overwrites the settings of `group` whose keys are given.
     pub(super) fn set_group(&self, group: &mut impl SettingsGroup) {
         for (key, value) in &self.values {
@@ -83,24 +91,17 @@ impl Values {
         *target = self.number(key).unwrap_or(*target);
     }
 
-    pub(super) fn set_integer(&self, key: &str, target: &mut u32) {
-        *target = self.integer(key).unwrap_or(*target);
-    }
-
-    /// Overwrites where a server listens by the keys `address` and `port`, as far as they are given.
-    pub(super) fn set_server(&self, address: &mut IpAddr, port: &mut u16) -> Result<(), StationError> {
+    /// Overwrites the address that a server listens at where it is given.
+    pub(super) fn set_address(&self, address: &mut IpAddr) -> Result<(), StationError> {
         if let Some(text) = self.text("address") {
             *address = text.parse().map_err(|_| self.wrong_text("address", text, LISTEN_ADDRESS))?;
-        }
-        if let Some(found) = self.integer("port").and_then(|port| u16::try_from(port).ok()) {
-            *port = found;
         }
         Ok(())
     }
 
     /// The error of a text that isn't what `key` takes.
     pub(super) fn wrong_text(&self, key: &str, found: &str, accepts: &'static str) -> StationError {
-        StationError::Range {
+        StationError::Value {
             key: format!("{}.{key}", self.table),
             found: format!("\"{found}\""),
             accepts: Accepts::Text(accepts),
@@ -143,7 +144,7 @@ pub(super) fn number(value: &Value) -> Option<f64> {
 }
 
 pub(super) fn wrong_type(key: String, found: &Value, accepts: Accepts) -> StationError {
-    StationError::WrongType { key, found: shown(found), accepts }
+    StationError::Value { key, found: shown(found), accepts, suggestion: String::new() }
 }
 
 /// A value as TOML, tables and long texts by their type.
@@ -188,5 +189,5 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
     if accepted {
         return Ok(());
     }
-    Err(StationError::Range { key: key(), found: shown(value), accepts: doc.range, suggestion })
+    Err(StationError::Value { key: key(), found: shown(value), accepts: doc.range, suggestion })
 }

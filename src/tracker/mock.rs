@@ -13,6 +13,7 @@ use super::ascii_line;
 use super::clock::nanoseconds;
 use crate::pose::Pose;
 use crate::random::{bits, fraction};
+use crate::settings::settings;
 
 /// Behaviour of the board during one part of the schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,22 +91,21 @@ impl Default for Schedule {
     }
 }
 
-/// Settings of the simulated board.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Centre of the motion.
-    pub around: Pose,
-    /// Lines a second, 1..=1000.
-    pub rate_hz: f64,
-    /// Seed of the motion and the damage.
-    pub seed: u32,
-    /// Sequence of acts.
-    pub schedule: Schedule,
-}
+settings! {
+    /// Settings of the simulated board.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Settings in "tracker" {
+        /// Records a second of the mock.
+        rate_hz: f64 = 60.0, "Hz", 1.0..=1000.0, Everything;
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self { around: Pose::IDENTITY, rate_hz: 60.0, seed: 0, schedule: Schedule::default() }
+        /// Seed of the mock's motion and damage.
+        seed: u32 = 0, "", 0.0..=4_294_967_295.0, Everything;
+    }
+    plain {
+        /// Centre of the motion.
+        around: Pose = Pose::IDENTITY, Everything;
+        /// Sequence of acts.
+        schedule: Schedule = Schedule::default(), Everything;
     }
 }
 

@@ -61,7 +61,7 @@ pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 pub use session::{SessionHandle, SessionSummary, spawn, stream_of};
-pub use settings::{PortName, PortNameError, Settings, Speed, Transport};
+pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -72,6 +72,9 @@ pub enum Speed {
     AtOnce,
 }
 
+/// Range of the speed of a serial port, baud.
+pub const BAUD_RANGE: std::ops::RangeInclusive<i64> = 300..=4_000_000;
+
 /// Protocols whose messages are HID reports.
 const HID: &[&str] = &["spacemouse"];
 

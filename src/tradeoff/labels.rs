@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn where_there_is_no_room_there_is_no_name() {
+    fn names_without_room_are_left_out() {
         let here = ((100, 300), 80);
         let found = places(&[here; 60], vec![marker((100, 300))], FRAME);
         assert_eq!(found.iter().flatten().count(), 28, "7 lines above and below, left and right");

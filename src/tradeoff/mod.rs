@@ -13,4 +13,4 @@ pub use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
 pub use plan::{Planned, plan};
 pub use point::{ClassError, Errors, PassMs, Point, Time};
-pub use table::{csv, markdown};
+pub use table::{csv, csv_field, markdown};

@@ -113,23 +113,20 @@ fn draw<B: DrawingBackend>(
         let (at, colour) = ((point.time.median_ms, point.error.level_rmse), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
         let size = if point.on_front { 6 } else { 4 };
+        // A thin line from the same point without what the scene does not call for, or from the frame that is enhanced.
+        let is_led_to = point.knobs.all_effects || point.generator.is_some();
+        let other = drawn.iter().find(|p| is_led_to && Some(&p.name) == point.against.as_ref());
+        if let Some(other) = other {
+            let from = (other.time.median_ms, other.error.level_rmse);
+            chart.draw_series([PathElement::new(vec![from, at], colour)])?;
+        }
         if point.knobs.all_effects {
-            // A thin line from the same point without what the scene does not call for.
-            if let Some(planned) = drawn.iter().find(|p| Some(&p.name) == point.against.as_ref()) {
-                let from = (planned.time.median_ms, planned.error.level_rmse);
-                chart.draw_series([PathElement::new(vec![from, at], colour)])?;
-            }
             chart.draw_series([TriangleMarker::new(at, size + 2, colour.filled())])?;
             if point.error_is_noise {
                 // Its outline alone can't be drawn.
                 chart.draw_series([TriangleMarker::new(at, size - 1, WHITE.filled())])?;
             }
         } else if point.generator.is_some() {
-            // A thin line from the frame that it enhances.
-            if let Some(raw) = drawn.iter().find(|p| Some(&p.name) == point.against.as_ref()) {
-                let from = (raw.time.median_ms, raw.error.level_rmse);
-                chart.draw_series([PathElement::new(vec![from, at], colour)])?;
-            }
             chart.draw_series([EmptyElement::at(at) + square((0, 0), style)])?;
         } else {
             chart.draw_series([Circle::new(at, size, style)])?;

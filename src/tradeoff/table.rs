@@ -19,12 +19,12 @@ pub fn csv(points: &[Point]) -> String {
     }
     text += "frames,median_ms,p95_ms,spread_ms,level_rmse,level_rmse_spread,rmse,rmse_spread,psnr_db,identical,ssim,pkl,\
              snr_difference,grey_difference,contrast_lost,on_front,time_is_noise,error_is_noise";
-    passes.iter().for_each(|name| text += &format!(",{}", field(&format!("{name}_ms"))));
+    passes.iter().for_each(|name| text += &format!(",{}", csv_field(&format!("{name}_ms"))));
     text.push('\n');
     let optional = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
     for p in points {
         let generator = p.generator.as_deref().unwrap_or_default();
-        text += &format!("{},{},{},", field(&p.name), field(&p.sweep), field(generator));
+        text += &format!("{},{},{},", csv_field(&p.name), csv_field(&p.sweep), csv_field(generator));
         p.knobs.values().iter().for_each(|(_, value)| text += &format!("{value},"));
         let (t, e) = (&p.time, &p.error);
         text += &format!("{},{},{},{},", t.frames, t.median_ms, t.p95_ms, t.spread_ms);
@@ -41,8 +41,8 @@ pub fn csv(points: &[Point]) -> String {
     text
 }
 
-/// A field; one with a comma, quote or line break stands in quotes, its quotes doubled (RFC 4180).
-fn field(text: &str) -> Cow<'_, str> {
+/// A field of a CSV file; one with a comma, quote or line break stands in quotes, its quotes doubled (RFC 4180).
+pub fn csv_field(text: &str) -> Cow<'_, str> {
     if !text.contains([',', '"', '\n', '\r']) {
         return text.into();
     }

@@ -16,7 +16,7 @@ const TISSUES: [&str; 7] =
 
 /// The effects of tissues and of `more`, in canonical order.
 fn tissues_and(more: &[&'static str]) -> Vec<&'static str> {
-    Effect::NAMES.into_iter().filter(|name| TISSUES.contains(name) || more.contains(name)).collect()
+    Effect::NAMES.iter().copied().filter(|name| TISSUES.contains(name) || more.contains(name)).collect()
 }
 
 /// The obstetric station with its phantom's organs as boxes: a plan reads only their tissues and motion.

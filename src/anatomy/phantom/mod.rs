@@ -33,6 +33,7 @@ mod vary;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use attitude::Attitude;
@@ -53,11 +54,12 @@ pub const MOTHER_TRIANGLES: usize = 275_000;
 pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 
 /// Options of a phantom.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PhantomOptions {
     /// Factor on the triangle budgets, within [`SCALE_RANGE`].
     pub scale: f64,
     /// Parameters of the individual.
+    #[serde(flatten)]
     pub parameters: Parameters,
 }
 

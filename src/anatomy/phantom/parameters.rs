@@ -1,5 +1,6 @@
 //! Parameters of a phantom individual.
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Range of gestational ages, completed weeks.
@@ -14,7 +15,8 @@ pub const FLUID_INDEX_RANGE_MM: std::ops::RangeInclusive<f64> = 50.0..=250.0;
 pub const FAT_RANGE_MM: std::ops::RangeInclusive<f64> = 5.0..=60.0;
 
 /// Direction of the fetus' long axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Lie {
     /// Head down.
     #[default]
@@ -28,7 +30,8 @@ pub enum Lie {
 }
 
 /// Site of the placenta on the uterine wall.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum PlacentaSite {
     /// Towards the belly, left and fundal.
     #[default]
@@ -59,9 +62,10 @@ crate::names::named!(PlacentaSite {
 });
 
 /// Parameters of a phantom; equal parameters give equal bytes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
     /// Gestational age in weeks, within [`WEEKS_RANGE`].
+    #[serde(rename = "weeks")]
     pub gestational_weeks: f64,
     /// Lie of the fetus.
     pub lie: Lie,
@@ -75,6 +79,7 @@ pub struct Parameters {
     /// Amniotic fluid index, mm, within [`FLUID_INDEX_RANGE_MM`].
     pub fluid_index_mm: f64,
     /// Thickness of the mother's subcutaneous fat over the belly, mm, within [`FAT_RANGE_MM`].
+    #[serde(rename = "fat_mm")]
     pub maternal_fat_mm: f64,
     /// Seed of the small variations between individuals.
     pub seed: u64,

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::Parser;
 use insonify::pose::Fitted;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::registration::{PointPair, Registration, register};
 use serde::Serialize;
 
-use super::super::{Classify, Failure, output};
+use super::super::{Classify, Failure, input, output};
 use super::touch::{self, TouchArgs};
 use super::{OutputArgs, TransformReport, write};
 
@@ -59,17 +59,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return fit(&pairs, station, &OutputArgs { out: Some(out), ..args.output });
     }
     let path = args.pairs.as_deref().unwrap_or(Path::new(""));
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the landmarks {}", path.display()))
-        .input()?;
-    let pairs = csv::pairs(&text).with_context(|| path.display().to_string()).input()?;
+    let pairs = csv::pairs(&input::text(path, "the landmarks")?).input_of(path)?;
     fit(&pairs, path, &args.output)
 }
 
 /// Fits landmarks, wherever they come from; errors call it `source`.
 fn fit(pairs: &[Named<PointPair>], source: &Path, arguments: &OutputArgs) -> Result<(), Failure> {
     let points: Vec<PointPair> = pairs.iter().map(|p| p.value).collect();
-    let found = register(&points).with_context(|| source.display().to_string()).input()?;
+    let found = register(&points).input_of(source)?;
     let rows: Vec<Row> =
         pairs.iter().zip(&found.residuals_mm).map(|(pair, residual_mm)| row(pair, *residual_mm)).collect();
     if found.rms_mm > arguments.max_rms {

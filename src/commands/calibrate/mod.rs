@@ -4,12 +4,11 @@ mod landmarks;
 mod pivot;
 mod touch;
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
 use insonify::pose::{Calibration, Pose};
-use insonify::sink::{SinkError, write_with};
+use insonify::sink::write_text;
 use serde::Serialize;
 
 use super::Failure;
@@ -87,9 +86,5 @@ impl From<Pose> for TransformReport {
 fn write(path: &Path, change: impl FnOnce(&mut Calibration)) -> Result<(), Failure> {
     let mut calibration = if path.exists() { Calibration::load(path)? } else { Calibration::default() };
     change(&mut calibration);
-    let text = calibration.to_toml();
-    write_with(path, |w| {
-        w.write_all(text.as_bytes()).map_err(|source| SinkError::Io { path: path.to_owned(), source })
-    })?;
-    Ok(())
+    Ok(write_text(path, &calibration.to_toml())?)
 }

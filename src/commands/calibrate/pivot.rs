@@ -1,17 +1,15 @@
 //! `insonify calibrate pivot`: a stylus turned about its tip shows where the tip is.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::{Parser, ValueEnum};
 use insonify::pose::pivot::{Pivot, calibrate};
 use insonify::pose::{Calibration, Fitted, Pose, csv};
 use insonify::tracker::recording;
 use serde::Serialize;
 
-use super::super::{Classify, Failure, output};
+use super::super::{Classify, Failure, input, output};
 use super::{OutputArgs, write};
 
 /// First bytes of a recording.
@@ -58,7 +56,7 @@ struct Report {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let poses = read(&args.poses)?;
-    let found = calibrate(&poses).with_context(|| args.poses.display().to_string()).input()?;
+    let found = calibrate(&poses).input_of(&args.poses)?;
     let Pivot { rms_mm, max_mm, tip_error_mm, condition, turn_deg, .. } = found;
     if rms_mm > args.output.max_rms {
         let (path, limit) = (args.poses.display(), args.output.max_rms);
@@ -110,17 +108,12 @@ fn set(calibration: &mut Calibration, of: Of, found: &Pivot) {
 }
 
 fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
-    let cannot_read = || format!("cannot read the poses {}", path.display());
-    let mut head = Vec::new();
-    let file = File::open(path).with_context(cannot_read).input()?;
-    file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head).with_context(cannot_read).input()?;
-    if head == MCAP_MAGIC {
+    let bytes = input::bytes(path, "the poses")?;
+    if bytes.starts_with(MCAP_MAGIC) {
         let (poses, summary) = recording::poses(path)?;
-        if !summary.is_clean() {
-            tracing::warn!("{}: {summary}", path.display());
-        }
+        input::warn_of_damage(path, &summary);
         return Ok(poses.into_iter().map(|p| p.pose).collect());
     }
-    let text = std::fs::read_to_string(path).with_context(cannot_read).input()?;
-    csv::poses(&text).with_context(|| path.display().to_string()).input()
+    let text = String::from_utf8(bytes).input_of(path)?;
+    csv::poses(&text).input_of(path)
 }

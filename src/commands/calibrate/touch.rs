@@ -12,10 +12,10 @@ use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
 use insonify::pose::registration::PointPair;
 use insonify::station::{SceneSource, Station};
-use insonify::tracker::{PoseStream, Transport, pose_tap, spawn};
+use insonify::tracker::{PoseStream, pose_tap, spawn};
 use tokio_util::sync::CancellationToken;
 
-use super::super::{Classify, Failure};
+use super::super::{Classify, Failure, input, tracker_args};
 use super::positive;
 
 /// A tracker that gives no pose for so long is lost.
@@ -40,16 +40,12 @@ pub(super) struct TouchArgs {
     sensor: Option<u16>,
 
     /// Poses that are averaged, 2..=10000
-    #[arg(long, value_name = "N", default_value_t = 60, requires = "tracker", value_parser = samples)]
-    samples: usize,
+    #[arg(long, value_name = "N", default_value_t = 60, requires = "tracker", value_parser = clap::value_parser!(u16).range(2..=10_000))]
+    samples: u16,
 
     /// Refuse a tip that is farther from its mean, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0, requires = "tracker", value_parser = positive, allow_negative_numbers = true)]
     tolerance: f64,
-}
-
-fn samples(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| (2..=10_000).contains(n)).ok_or_else(|| "expected a number in 2..=10000".to_owned())
 }
 
 /// Has the landmarks touched; gives them, and the calibration file that the result belongs into: `out`, else the
@@ -60,11 +56,7 @@ pub(super) fn run(
     out: Option<&Path>,
 ) -> Result<(Vec<Named<PointPair>>, PathBuf), Failure> {
     let station = Station::load(path)?;
-    let mut settings = station.tracker.clone();
-    if settings.transport == Transport::None {
-        let path = path.display();
-        return Err(Failure::Input(anyhow!("{path} has no tracker: its [tracker] has no `transport`")));
-    }
+    let mut settings = tracker_args::of_station(&station)?;
     settings.device.sensor = args.sensor.or(settings.device.sensor);
     let out = out.or(station.calibration.path.as_deref()).ok_or_else(|| {
         let path = path.display();
@@ -73,8 +65,8 @@ pub(super) fn run(
     let out = out.input()?.to_owned();
     let points = points(args, &station)?;
     let (tip_mm, tip) = tip(&station, &out)?;
-    let still =
-        StillSettings { samples: args.samples, tolerance_mm: args.tolerance, poses_max: PATIENCE * args.samples };
+    let samples = usize::from(args.samples);
+    let still = StillSettings { samples, tolerance_mm: args.tolerance, poses_max: PATIENCE * samples };
 
     let (tap, stream) = pose_tap();
     let cancel = CancellationToken::new();
@@ -91,8 +83,7 @@ pub(super) fn run(
 /// The points to touch.
 fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if let Some(path) = &args.points {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read the points {}", path.display()));
-        return csv::points(&text.input()?).with_context(|| path.display().to_string()).input();
+        return csv::points(&input::text(path, "the points")?).input_of(path);
     }
     match &station.scene {
         SceneSource::ObstetricPhantom(options) => Ok(fiducials::of_phantom(&options.parameters)),

@@ -3,6 +3,7 @@
 mod store;
 mod tuple_renderer;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,18 +11,18 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::planes::file_beside;
 use insonify::dataset::{
-    ATTENUATION_POWER, Exam, ExamRow, FORMAT, Header, Moment, PLANES, PhantomRow, Plan, Row, SettingsRow, Shard,
-    Source, Split, Wishes,
+    ATTENUATION_POWER, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, Row, SettingsRow, Shard, Source, Split,
+    Wishes,
 };
 use insonify::station::{SceneSource, Station};
 use serde::Serialize;
 
+use super::backend::BackendArgs;
 use super::output::thousands;
 use super::plane_scene::PlaneScene;
 use super::progress::Progress;
 use super::quality::RaysLayers;
 use super::{Failure, output};
-use crate::commands::backend::BackendArgs;
 use store::{Store, kept_station};
 pub(super) use tuple_renderer::{TupleRenderer, station_of};
 
@@ -160,7 +161,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         test_share: args.test_share,
         stations: stations.iter().map(kept_station).collect::<Result<_, _>>()?,
     };
-    say(args, &stations, exams, &header)?;
+    say(args, &stations, exams, &header);
     if args.dry_run {
         return Ok(());
     }
@@ -176,7 +177,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     if kept < total {
         let backend = args.backend.open(stations.first().map(|station| station.backend).unwrap_or_default())?;
         let mut renderer = TupleRenderer::new(&backend, header.classes.clone());
-        if let Some(row) = store.last() {
+        if let Some(row) = &store.last {
             as_before(&mut renderer, out, &header, row)?;
         }
         for exam in exams {
@@ -189,7 +190,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         }
     }
     drop(progress);
-    let (train, test) = store.splits();
+    let (train, test) = store.splits;
     let report = Report {
         out,
         shard: args.shard.to_string(),
@@ -197,7 +198,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         kept,
         train,
         test,
-        bytes: store.bytes(),
+        bytes: store.bytes,
         seconds: started.elapsed().as_secs_f64(),
     };
     if args.json {
@@ -208,7 +209,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         report.seconds,
         megabytes(report.bytes)
     ))?;
-    output::line(store.manifest().display())
+    output::line(store.path.display())
 }
 
 /// Refuses to go on with a data set whose tuples look otherwise here: one tuple is rendered again.
@@ -236,7 +237,7 @@ fn render_exam(
     let station = with_phantom(station, exam);
     let moments = moments(renderer, exam, &station)?;
     let phantom = match &station.scene {
-        SceneSource::ObstetricPhantom(options) => Some(PhantomRow::from(options)),
+        SceneSource::ObstetricPhantom(options) => Some(*options),
         SceneSource::File(_) => None,
     };
     let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
@@ -250,7 +251,7 @@ fn render_exam(
             index,
             split: exam.split,
             station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
-            phantom: phantom.clone(),
+            phantom,
             exam: ExamRow {
                 number: exam.number,
                 seed: exam.seed,
@@ -321,7 +322,7 @@ fn classes(stations: &[Station]) -> Result<Vec<String>, Failure> {
 }
 
 /// Says what will be made, and what it takes.
-fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) -> Result<(), Failure> {
+fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) {
     let count = |split| exams.iter().filter(|e| e.split == split).map(|e| e.tuples.len()).sum::<usize>();
     let bytes: u64 = exams
         .iter()
@@ -330,9 +331,7 @@ fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) -> Re
             (exam.tuples.len() * PLANES.len()) as u64 * u64::from(image.width) * u64::from(image.height)
         })
         .sum();
-    let mut phantoms: Vec<u64> = exams.iter().filter_map(|e| e.phantom.map(|p| p.seed)).collect();
-    phantoms.sort_unstable();
-    phantoms.dedup();
+    let phantoms: BTreeSet<u64> = exams.iter().filter_map(|e| e.phantom.map(|p| p.seed)).collect();
     let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
     let (train, test) = (count(Split::Train), count(Split::Test));
     let of = if phantoms.is_empty() { String::new() } else { format!(" over {} phantoms", phantoms.len()) };
@@ -346,7 +345,6 @@ fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) -> Re
         header.hq[1],
         megabytes(bytes)
     );
-    Ok(())
 }
 
 fn megabytes(bytes: u64) -> String {

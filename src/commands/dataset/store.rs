@@ -8,28 +8,25 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use insonify::dataset::{Dataset, HEADER_FILE, Header, Row, Shard, Split, StationRow, manifests, read_rows};
-use insonify::sink::{SinkError, create_dir, write_json, write_text, write_with};
+use insonify::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
-use super::super::{Classify, Failure};
+use super::super::{Classify, Failure, input, output};
 use super::tuple_renderer::RenderedTuple;
 
 /// Lower-case hexadecimal digits of a sum.
 pub(super) fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    output::hex(&Sha256::digest(bytes))
 }
 
 /// Manifest row of `station`; its file is named after its content.
 pub(super) fn kept_station(station: &Station) -> Result<StationRow, Failure> {
-    let text =
-        std::fs::read(&station.path).with_context(|| format!("cannot read {}", station.path.display())).input()?;
+    let text = input::bytes(&station.path, "")?;
     let name = station.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = station.path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let directory = directory.canonicalize().with_context(|| format!("cannot open {}", directory.display())).input()?;
-    let sum_of = |path: &Path| -> Result<String, Failure> {
-        Ok(sha256(&std::fs::read(path).with_context(|| format!("cannot read {}", path.display())).input()?))
-    };
+    let sum_of = |path: &Path| input::bytes(path, "").map(|bytes| sha256(&bytes));
     Ok(StationRow {
         file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),
         directory: directory.display().to_string(),
@@ -42,14 +39,13 @@ pub(super) fn open_station(directory: &Path, header: &Header, file: &str) -> Res
     let known = header.stations.iter().find(|station| station.file == file);
     let known = known.ok_or_else(|| anyhow!("{HEADER_FILE} knows no station `{file}`")).input()?;
     let path = directory.join(file);
-    let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())).input()?;
+    let text = input::text(&path, "")?;
     let mut station = Station::parse(&text, Path::new(&known.directory))?;
     station.path = path;
-    if let (Some(scene), Some(expected)) = (station.scene_file(), &known.scene_sha256) {
-        let bytes = std::fs::read(scene).with_context(|| format!("cannot read {}", scene.display())).input()?;
-        if sha256(&bytes) != *expected {
-            return Err(Failure::Input(anyhow!("{} is another scene than the data set was made of", scene.display())));
-        }
+    if let (Some(scene), Some(expected)) = (station.scene_file(), &known.scene_sha256)
+        && sha256(&input::bytes(scene, "")?) != *expected
+    {
+        return Err(Failure::Input(anyhow!("{} is another scene than the data set was made of", scene.display())));
     }
     Ok(station)
 }
@@ -57,16 +53,20 @@ pub(super) fn open_station(directory: &Path, header: &Header, file: &str) -> Res
 /// The directory of a data set, and the manifest of one shard.
 pub(super) struct Store {
     directory: PathBuf,
-    path: PathBuf,
+    /// The file of the rows.
+    pub(super) path: PathBuf,
     manifest: File,
     /// Tuples that any shard has made.
     done: HashSet<usize>,
     /// Those that are this shard's to make.
     ours: Range<usize>,
-    last: Option<Row>,
+    /// The last row that is there of this shard, else one of another.
+    pub(super) last: Option<Row>,
     masks: HashSet<String>,
-    splits: (usize, usize),
-    bytes: u64,
+    /// Tuples to train and to test.
+    pub(super) splits: (usize, usize),
+    /// Size of the tuples.
+    pub(super) bytes: u64,
 }
 
 impl Store {
@@ -93,8 +93,7 @@ impl Store {
             }
         } else {
             for (station, kept) in stations.iter().zip(&header.stations) {
-                let text = std::fs::read_to_string(&station.path).other()?;
-                write_text(&directory.join(&kept.file), &text)?;
+                write_text(&directory.join(&kept.file), &input::text(&station.path, "")?)?;
             }
             // Last: where it is, all else is.
             write_json(&path, header)?;
@@ -104,18 +103,17 @@ impl Store {
             of => format!("manifest.{:05}-of-{of:05}.jsonl", shard.number),
         };
         let path = directory.join(name);
-        let failed = |source| SinkError::Io { path: path.clone(), source };
-        let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
+        let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(SinkError::io(&path))?;
         // Where the file system knows no locks, runs are trusted.
         if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
             return Err(busy(&path));
         }
         let (_, whole) = read_rows(&path)?;
         // What a killed run left of its last row.
-        manifest.set_len(whole).map_err(failed)?;
+        manifest.set_len(whole).map_err(SinkError::io(&path))?;
         // Shards of one number of shards share no tuples; of another number they do.
         for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
-            let file = File::open(&other).map_err(|source| SinkError::Io { path: other.clone(), source })?;
+            let file = File::open(&other).map_err(SinkError::io(&other))?;
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
                 return Err(busy(&other));
             }
@@ -158,20 +156,14 @@ impl Store {
         row.mask = format!("masks/{width}x{height}_{}.npy", &sha256(&tuple.mask)[..16]);
         row.sha256 = sha256(&tuple.bytes);
         if self.masks.insert(row.mask.clone()) {
-            self.write(&row.mask, &tuple.mask)?;
+            write_bytes(&self.directory.join(&row.mask), &tuple.mask)?;
         }
-        self.write(&row.file, &tuple.bytes)?;
+        write_bytes(&self.directory.join(&row.file), &tuple.bytes)?;
         let mut line = serde_json::to_vec(row).other()?;
         line.push(b'\n');
-        let failed = |source| SinkError::Io { path: self.path.clone(), source };
-        self.manifest.write_all(&line).map_err(failed)?;
+        self.manifest.write_all(&line).map_err(SinkError::io(&self.path))?;
         self.count(row);
         Ok(())
-    }
-
-    fn write(&self, file: &str, bytes: &[u8]) -> Result<(), Failure> {
-        let path = self.directory.join(file);
-        Ok(write_with(&path, |w| w.write_all(bytes).map_err(|source| SinkError::Io { path: path.clone(), source }))?)
     }
 
     /// Whether a tuple is there.
@@ -182,26 +174,6 @@ impl Store {
     /// Tuples of this shard that are there.
     pub(super) fn done(&self) -> usize {
         self.splits.0 + self.splits.1
-    }
-
-    /// The last row that is there of this shard, else one of another.
-    pub(super) fn last(&self) -> Option<&Row> {
-        self.last.as_ref()
-    }
-
-    /// Tuples to train and to test.
-    pub(super) fn splits(&self) -> (usize, usize) {
-        self.splits
-    }
-
-    /// Of the tuples.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
-    /// The file of the rows.
-    pub(super) fn manifest(&self) -> &Path {
-        &self.path
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::anyhow;
+use anyhow::{Context, anyhow};
 use insonify::anatomy::Scene;
 use insonify::anatomy::bvh::Bvh;
 use insonify::dataset::{ATTENUATION_POWER, Dataset, Header, Row};
@@ -13,10 +13,10 @@ use insonify::sink::npy::bytes_of_u8;
 use insonify::station::{SceneSource, Station};
 use serde::Serialize;
 
+use super::super::backend::BackendArgs;
 use super::super::progress::Progress;
-use super::super::{Failure, output, session};
+use super::super::{Classify, Failure, output, session};
 use super::store::{open_station, sha256};
-use crate::commands::backend::BackendArgs;
 
 /// A rendered tuple.
 pub(super) struct RenderedTuple {
@@ -165,8 +165,8 @@ struct Verified {
 pub(in crate::commands) fn station_of(directory: &Path, header: &Header, row: &Row) -> Result<Station, Failure> {
     let mut station = open_station(directory, header, &row.station)?;
     if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
-        let wrong = |reason| Failure::Input(anyhow!("tuple {}: {reason}", row.index));
-        *options = phantom.options().map_err(wrong)?;
+        phantom.parameters.validate().with_context(|| format!("tuple {}", row.index)).input()?;
+        *options = *phantom;
     }
     Ok(station)
 }
@@ -182,9 +182,9 @@ pub(super) fn verify(directory: &Path, backend: &BackendArgs, count: usize, json
     let mut renderer = TupleRenderer::new(&backend, data.header.classes.clone());
     let progress = Progress::new("verify", total);
     let mut differ = Vec::new();
-    for nth in 0..total {
-        progress.set(nth, total);
-        let row = &data.rows[(2 * nth + 1) * data.rows.len() / (2 * total)];
+    for (done, index) in session::evenly(total, data.rows.len()).enumerate() {
+        progress.set(done, total);
+        let row = &data.rows[index];
         if !renderer.agrees(directory, &data.header, row)? {
             differ.push(row.index);
         }

@@ -19,9 +19,9 @@ use insonify::station::Station;
 use insonify::tracker::{Speed, Transport};
 use tokio::sync::mpsc;
 
+use super::Args;
 use super::stills::Stills;
-use crate::commands::effects::EffectArgs;
-use crate::commands::{Classify, Failure, live};
+use crate::commands::{Classify, Failure, live, output, terminal};
 
 /// The files of a shipped generator.
 macro_rules! generator {
@@ -49,122 +49,109 @@ const STILL_PERIOD: Duration = Duration::from_secs(2);
 /// Allowance beyond the exam's length, after which the session is ended.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Inputs of the live part.
-pub(super) struct Live<'a> {
-    pub(super) effects: &'a EffectArgs,
-    /// Output directory: files go to `live/` and `station/` below it.
-    pub(super) out: &'a Path,
-    pub(super) backend: &'a Backend,
-    pub(super) scene: &'a Arc<Scene>,
-    /// Length of the exam.
-    pub(super) length: Duration,
-    /// The session ends with the exam, whoever is watching.
-    pub(super) once: bool,
-    /// Requested by Ctrl-C.
-    pub(super) interrupt: &'a Stop,
+/// Runs the exam of that length once, and goes on with it while the page is watched by somebody at a terminal. `interrupt`
+/// is requested by Ctrl-C.
+pub(super) fn run(
+    args: &Args,
+    backend: &Backend,
+    scene: &Arc<Scene>,
+    length: Duration,
+    interrupt: &Stop,
+) -> Result<Summary, Failure> {
+    let mut station = station(&args.out.join("station"))?;
+    args.effects.apply(&mut station.settings);
+    let directory = args.out.join("live");
+    clear(&directory)?;
+    let stays = !args.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
+    let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
+    let quality = live::choose_quality(&mut renderer, &mut station, None)?;
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let stop = Stop::new(&clock);
+
+    eprintln!("live: recorded tracker bytes → decoder → estimator → renderer → generator → page and files");
+    let enhancer = live::enhancer(&station, &clock)?;
+    // The sender is kept: the channel must stay open where no sink takes input.
+    let (control, controls) = mpsc::channel(CONTROLS_WAITING);
+    let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
+    let page = page(&station, scene, &control);
+    let seconds = length.as_secs_f64();
+    let watchers: Box<dyn Fn() -> usize> = match page {
+        Ok((sink, address, watchers)) => {
+            let further = if stays { ", and goes on while the page is watched; Enter ends it" } else { "" };
+            eprintln!("page: {address}  open it now: the exam takes {seconds:.0} s{further}");
+            sinks.push(sink);
+            watchers
+        }
+        Err(reason) => {
+            tracing::warn!("no page is served: {reason}; the exam takes {seconds:.0} s");
+            Box::new(|| 0)
+        }
+    };
+    let stills = u32::try_from(length.as_secs() / STILL_PERIOD.as_secs()).unwrap_or(0);
+    sinks.push(Box::new(Stills::new(&directory, STILL_PERIOD, stills)));
+    let log = Some(FrameLog::create(&directory.join("frames.jsonl"))?);
+
+    let mut tracker = station.tracker.clone();
+    if let Transport::Recording { repeat, speed, .. } = &mut tracker.transport {
+        (*repeat, *speed) = (stays, Speed::Factor(1.0));
+    }
+    let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
+    let began = clock.now();
+    let tracker = tracked.track(&tracker, None, stop.clone())?;
+    let parts = Parts {
+        clock,
+        stop: stop.clone(),
+        poses: Box::new(tracked.clone()),
+        renderer: Box::new(renderer),
+        factory: Box::new(factory),
+        probe: station.probe,
+        render: station.settings,
+        quality,
+        enhancer,
+        sinks,
+        log,
+        controls,
+        observer: None,
+        before: vec![Box::new(tracker)],
+        after: Vec::new(),
+    };
+    // Recorded bytes come at their times; a session that hears nothing any more must end all the same.
+    let duration = (!stays).then(|| length + GRACE);
+    let enter = if stays { enter() } else { Arc::default() };
+    let end_s = (began + length).as_secs_f64();
+    let mut end = End { end_s, stays, told: false };
+    let summary = live::run(&station, Limits { duration, frames: None }, parts, |now| {
+        let asked = match (interrupt.is_requested(), enter.load(Ordering::Relaxed)) {
+            (true, _) => Some("Ctrl-C"),
+            (_, true) => Some("Enter"),
+            _ => end.due(now.elapsed_s, watchers()),
+        };
+        if let Some(reason) = asked {
+            stop.request(reason);
+        } else if end.news(now.elapsed_s) {
+            terminal::say("the exam begins again, since the page is watched: Enter goes on with the demo");
+        }
+    })?;
+    drop(control);
+    live::say_left_out(&tracked.counters());
+    write_json(&directory.join("summary.json"), &summary)?;
+    for error in summary.sinks.iter().filter_map(|sink| sink.error.as_deref()) {
+        tracing::warn!("{error}");
+    }
+    if interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
 }
 
-impl Live<'_> {
-    /// Runs the exam once, and goes on with it while the page is watched by somebody at a terminal.
-    pub(super) fn run(&self) -> Result<Summary, Failure> {
-        let mut station = self.station()?;
-        self.effects.apply(&mut station.settings);
-        let directory = self.out.join("live");
-        clear(&directory)?;
-        let stays = !self.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
-        let factory = LocalRendererFactory::new(self.backend.clone(), self.scene.clone())?;
-        let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
-        let quality = live::choose_quality(&mut renderer, &mut station, None)?;
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-        let stop = Stop::new(&clock);
-
-        eprintln!("live: recorded tracker bytes → decoder → estimator → renderer → generator → page and files");
-        let enhancer = live::enhancer(&station, &clock)?;
-        // The sender is kept: the channel must stay open where no sink takes input.
-        let (control, controls) = mpsc::channel(CONTROLS_WAITING);
-        let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
-        let page = page(&station, self.scene, &control);
-        let seconds = self.length.as_secs_f64();
-        let watchers: Box<dyn Fn() -> usize> = match page {
-            Ok((sink, address, watchers)) => {
-                let further = if stays { ", and goes on while the page is watched; Enter ends it" } else { "" };
-                eprintln!("page: {address}  open it now: the exam takes {seconds:.0} s{further}");
-                sinks.push(sink);
-                watchers
-            }
-            Err(reason) => {
-                tracing::warn!("no page is served: {reason}; the exam takes {seconds:.0} s");
-                Box::new(|| 0)
-            }
-        };
-        let stills = u32::try_from(self.length.as_secs() / STILL_PERIOD.as_secs()).unwrap_or(0);
-        sinks.push(Box::new(Stills::new(&directory, STILL_PERIOD, stills)));
-        let log = Some(FrameLog::create(&directory.join("frames.jsonl"))?);
-
-        let mut tracker = station.tracker.clone();
-        if let Transport::Recording { repeat, speed, .. } = &mut tracker.transport {
-            (*repeat, *speed) = (stays, Speed::Factor(1.0));
-        }
-        let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
-        let began = clock.now();
-        let tracker = tracked.track(&tracker, None, stop.clone())?;
-        let parts = Parts {
-            clock,
-            stop: stop.clone(),
-            poses: Box::new(tracked.clone()),
-            renderer: Box::new(renderer),
-            factory: Box::new(factory),
-            probe: station.probe,
-            render: station.settings,
-            quality,
-            enhancer,
-            sinks,
-            log,
-            controls,
-            observer: None,
-            before: vec![Box::new(tracker)],
-            after: Vec::new(),
-        };
-        // Recorded bytes come at their times; a session that hears nothing any more must end all the same.
-        let duration = (!stays).then(|| self.length + GRACE);
-        let enter = if stays { enter() } else { Arc::default() };
-        let end_s = (began + self.length).as_secs_f64();
-        let mut end = End { end_s, stays, told: false };
-        let summary = live::run(&station, Limits { duration, frames: None }, parts, |now, line| {
-            let asked = match (self.interrupt.is_requested(), enter.load(Ordering::Relaxed)) {
-                (true, _) => Some("Ctrl-C"),
-                (_, true) => Some("Enter"),
-                _ => end.due(now.elapsed_s, watchers()),
-            };
-            if let Some(reason) = asked {
-                stop.request(reason);
-            } else if end.news(now.elapsed_s) {
-                line.say("the exam begins again, since the page is watched: Enter goes on with the demo");
-            }
-        })?;
-        drop(control);
-        live::say_left_out(&tracked.counters());
-        write_json(&directory.join("summary.json"), &summary)?;
-        for error in summary.sinks.iter().filter_map(|sink| sink.error.as_deref()) {
-            tracing::warn!("{error}");
-        }
-        if self.interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
+/// The station, written below `root` with all that it names: `insonify run` takes it from there, too.
+fn station(root: &Path) -> Result<Station, Failure> {
+    for (name, bytes) in FILES.into_iter().chain(GENERATORS.into_iter().flatten()) {
+        let path = root.join(name);
+        output::make_parent(&path)?;
+        std::fs::write(&path, bytes)
+            .map_err(|error| anyhow::anyhow!("cannot write {}: {error}", path.display()))
+            .other()?;
     }
-
-    /// The station, written with all that it names: `insonify run` takes it from there, too.
-    fn station(&self) -> Result<Station, Failure> {
-        let root = self.out.join("station");
-        for (name, bytes) in FILES.into_iter().chain(GENERATORS.into_iter().flatten()) {
-            let path = root.join(name);
-            if let Some(directory) = path.parent() {
-                create_dir(directory)?;
-            }
-            std::fs::write(&path, bytes)
-                .map_err(|error| anyhow::anyhow!("cannot write {}: {error}", path.display()))
-                .other()?;
-        }
-        Ok(Station::load(&root.join(STATION))?)
-    }
+    Ok(Station::load(&root.join(STATION))?)
 }
 
 /// Automatic end of the live part.
@@ -224,9 +211,8 @@ type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
 
 #[cfg(feature = "browser")]
 fn page(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Result<Page, String> {
-    use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket};
-    let surfaces = ScenePacket::new(scene, &station.probe, crate::commands::view::axes_of(station));
-    let scene = SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) };
+    use insonify::sink::browser::BrowserSink;
+    let scene = crate::commands::live_sinks::scene_info(station, scene);
     let mut settings = station.browser.clone().unwrap_or_default();
     let sink = BrowserSink::new(&settings, control.clone(), &scene).or_else(|_| {
         // Another station may have the usual port.

@@ -23,15 +23,14 @@ use insonify::station::Station;
 use insonify::tracker::recording::{Event, RecordingReader, poses_of};
 use serde::Serialize;
 
+use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::output::thousands;
 use super::progress::Progress;
 use super::replay::RecordingReport;
 use super::run_table::SummaryTable;
-use super::timeline::{Timeline, check_length};
+use super::timeline::Timeline;
 use super::{Classify, Failure, output, session};
-use crate::commands::backend::BackendArgs;
-use live::Live;
 
 /// The station and the exam are part of the program, so that the demo runs from anywhere.
 const STATION: &str = include_str!("../../../configs/obstetric.toml");
@@ -136,8 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     args.effects.apply(&mut station.settings);
     let exam_path = Path::new(EXAM_NAME);
     let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
-    check_length(&poses, rate)?;
-    let timeline = Timeline::new(&poses, rate).since(summary.info.start_time_ns);
+    let timeline = Timeline::new(&poses, rate)?.since(summary.info.start_time_ns);
     let keys = key_frames(&summary.events, &timeline);
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
@@ -152,17 +150,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let live = if args.no_live {
         None
     } else {
-        let (out, length) = (&args.out, summary.duration);
-        let live = Live {
-            effects: &args.effects,
-            out,
-            backend: &backend,
-            scene: &scene,
-            length,
-            once: args.once,
-            interrupt: &interrupt,
-        }
-        .run()?;
+        let live = live::run(args, &backend, &scene, summary.duration, &interrupt)?;
         if !args.json {
             output::line(SummaryTable(&live))?;
             output::line(format!("files              {}\n", args.out.join("live").display()))?;
@@ -200,21 +188,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         tissues: &scene.tissues,
         panel_width: PANEL_WIDTH,
     };
-    let progress = Progress::new("key frames", HQ_FRAMES.max(keys.len()));
+    let total = HQ_FRAMES.max(keys.len());
+    let progress = Progress::new("key frames", total);
     for (i, key) in keys.iter().enumerate() {
         going_on()?;
         let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, file_name(&key.name)));
         let row = key_frame(key, &directory, &mut lq, &mut hq, &sheet, &station, &backend)?;
         sheet.rows.push(row);
-        progress.set(i + 1, HQ_FRAMES.max(keys.len()));
+        progress.set(i + 1, total);
     }
-    let more = HQ_FRAMES.saturating_sub(keys.len());
-    for i in 0..more {
+    // Spread over the exam, so that the times are not those of a few good views.
+    for (i, frame) in session::evenly(total - keys.len(), frames).enumerate() {
         going_on()?;
-        // Spread over the exam, so that the times are not those of a few good views.
-        let frame = (2 * i + 1) * frames / (2 * more);
         hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
-        progress.set(keys.len() + i + 1, HQ_FRAMES.max(keys.len()));
+        progress.set(keys.len() + i + 1, total);
     }
     drop(progress);
     let contact_sheet = args.out.join("contact_sheet.png");
@@ -240,12 +227,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let times = args.out.join("times.json");
     write_json(&times, &report)?;
-    if report.overflowed > 0 {
-        tracing::warn!(
-            "in {} frames a few paths met more interfaces than are kept, and go on in the last medium",
-            report.overflowed
-        );
-    }
+    session::warn_of_overflows(report.overflowed);
     if args.json {
         return output::json(&report);
     }
@@ -333,8 +315,8 @@ fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
         Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose })
     };
     if events.is_empty() {
-        let frames = timeline.poses.len();
-        return (0..4).filter_map(|i| key(format!("view {}", i + 1), (2 * i + 1) * frames / 8)).collect();
+        let frames = session::evenly(4, timeline.poses.len());
+        return (1..).zip(frames).filter_map(|(number, frame)| key(format!("view {number}"), frame)).collect();
     }
     let named = events.iter().take(KEY_FRAMES_MAX);
     named.filter_map(|event| key(event.name.clone(), timeline.nearest(event.host_time_ns))).collect()

@@ -13,7 +13,7 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::super::progress::Progress;
-use super::super::{Classify, Failure};
+use super::super::{Classify, Failure, session};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::{Args, models, sheets};
@@ -202,5 +202,5 @@ fn chosen<'a>(args: &Args, dataset: &'a Dataset) -> Result<Vec<&'a TupleRow>, an
         ));
     }
     let count = args.limit.map_or(all.len(), |n| (n as usize).min(all.len()));
-    Ok((0..count).map(|i| all[(2 * i + 1) * all.len() / (2 * count)]).collect())
+    Ok(session::evenly(count, all.len()).map(|i| all[i]).collect())
 }

@@ -2,19 +2,21 @@
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use insonify::generator::{OnnxFeatures, Runtime};
-use insonify::quality::{FeatureExtractor, Pair, Scores, Summary, crops, frechet_distance_of};
-use insonify::sink::{SinkError, write_json, write_with};
+use insonify::quality::{Pair, Scores, Summary, frechet_distance_of};
+use insonify::sink::{write_json, write_text};
+use insonify::tradeoff::csv_field;
 use serde::Serialize;
 
 use super::super::frame_dir::grey;
 use super::super::progress::Progress;
 use super::super::{Classify, Failure, output};
 use super::Args;
+use super::models::add_features;
+use super::tables::csv_scores;
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -58,12 +60,8 @@ impl Features {
     }
 
     fn add(&mut self, images: [&[u8]; 2], size: [usize; 2]) -> Result<()> {
-        for (set, image) in self.sets.iter_mut().zip(images) {
-            for crop in crops(image, size, self.extractor.crop())? {
-                set.push(self.extractor.features(&crop)?);
-            }
-        }
-        Ok(())
+        let mut pairs = self.sets.iter_mut().zip(images);
+        Ok(pairs.try_for_each(|(set, image)| add_features(&mut self.extractor, image, size, set))?)
     }
 }
 
@@ -84,8 +82,7 @@ pub(super) fn run(args: &Args, images: &PathBuf, references: &PathBuf) -> Result
     let summary = Summary::of(&all).ok_or_else(|| anyhow!("there is no image")).input()?;
     let distance = features.map(|f| frechet_distance_of(&f.sets[0], &f.sets[1])).transpose()?;
     if let Some(path) = &args.csv {
-        let failed = |source| SinkError::Io { path: path.clone(), source };
-        write_with(path, |file| csv(file, &scores).map_err(failed))?;
+        write_text(path, &csv(&scores))?;
     }
     if let Some(path) = &args.json {
         let report = Report {
@@ -119,7 +116,9 @@ fn paired(images: &PathBuf, references: &PathBuf, mask: Option<&PathBuf>) -> Res
     unpaired.extend(only_in(references, &others, &names));
     if let Some(folder) = mask.filter(|m| m.is_dir()) {
         let masks = self::names(folder)?;
-        unpaired.extend(names.difference(&masks).map(|name| missing(folder, name)));
+        let missing =
+            names.difference(&masks).map(|name| format!("{} has no mask in {}", name.display(), folder.display()));
+        unpaired.extend(missing);
     }
     if !unpaired.is_empty() {
         bail!("images go by their names, and some have no partner: {}", unpaired.join(", "));
@@ -147,10 +146,6 @@ fn only_in(folder: &Path, names: &BTreeSet<OsString>, others: &BTreeSet<OsString
     names.difference(others).map(|name| format!("{} is only in {}", name.to_string_lossy(), folder.display())).collect()
 }
 
-fn missing(folder: &Path, name: &OsString) -> String {
-    format!("{} has no mask in {}", name.to_string_lossy(), folder.display())
-}
-
 fn score(files: &Files, features: Option<&mut Features>) -> Result<Scores> {
     let (image, [width, height]) = grey(&files.image)?;
     let same_size = |path: &PathBuf| -> Result<Vec<u8>> {
@@ -168,16 +163,12 @@ fn score(files: &Files, features: Option<&mut Features>) -> Result<Scores> {
     Ok(Scores::of(&Pair::new(size, &image, &reference, mask.as_deref())?))
 }
 
-fn csv(file: &mut impl Write, scores: &[Named]) -> std::io::Result<()> {
-    writeln!(file, "image,psnr_db,ssim,pkl")?;
-    for Named { name, scores: Scores { psnr_db, ssim, pkl } } in scores {
-        // A field with a comma, quote or line break stands in quotes, quotes doubled (RFC 4180).
-        let quoted = name.contains([',', '"', '\n', '\r']);
-        let name = if quoted { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.clone() };
-        let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
-        writeln!(file, "{name},{psnr_db},{ssim},{pkl}")?;
+fn csv(scores: &[Named]) -> String {
+    let mut text = "image,psnr_db,ssim,pkl\n".to_owned();
+    for Named { name, scores } in scores {
+        text += &format!("{},{}\n", csv_field(name), csv_scores(scores));
     }
-    Ok(())
+    text
 }
 
 fn print(summary: &Summary, distance: Option<f64>) -> Result<(), Failure> {
@@ -202,5 +193,5 @@ fn print(summary: &Summary, distance: Option<f64>) -> Result<(), Failure> {
     if *without_pkl > 0 {
         note += &format!("; {without_pkl} without pKL, as no patch of 32 x 32 is half inside");
     }
-    output::line(format!("{images} {}{note}", if *images == 1 { "image" } else { "images" }))
+    output::line(output::counted(*images, "image") + &note)
 }

@@ -5,14 +5,12 @@ use std::path::PathBuf;
 use insonify::dataset::Tuple;
 use insonify::generator::Variant;
 use insonify::quality::structures::{contrast_lost, structures};
-use insonify::quality::{
-    FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, crops, cut, frechet_distance_of,
-};
+use insonify::quality::{FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, cut, frechet_distance_of};
 use insonify::statistics::mean;
 use serde::Serialize;
 
 use super::super::Failure;
-use super::models::Extractor;
+use super::models::{Extractor, add_features};
 
 /// Feature vectors of the crops and of the full field of view.
 #[derive(Clone, Default)]
@@ -43,6 +41,7 @@ pub(super) struct ImageScores {
 }
 
 /// Accumulated metrics of a row.
+#[derive(Default)]
 pub(super) struct Row {
     pub(super) name: String,
     pub(super) model: Option<PathBuf>,
@@ -109,15 +108,10 @@ impl Judged<'_> {
     ) -> Result<(), Failure> {
         for (extractor, vectors) in extractors.iter_mut().zip(vectors) {
             let side = extractor.network.crop();
-            let mut add = |image: &[u8], size: [usize; 2], to: &mut Vec<Vec<f64>>| -> Result<(), Failure> {
+            let mut add = |image: &[u8], size: [usize; 2], to: &mut Vec<Vec<f64>>| {
                 // An image too small for the network has no features: the distance is left out.
-                if size.into_iter().any(|n| n < side) {
-                    return Ok(());
-                }
-                for crop in crops(image, size, side)? {
-                    to.push(extractor.network.features(&crop)?);
-                }
-                Ok(())
+                let fits = size.into_iter().all(|n| n >= side);
+                if fits { add_features(&mut extractor.network, image, size, to) } else { Ok(()) }
             };
             for &place in &self.places {
                 let crop = cut(image, self.tuple.size[0], place, self.side);
@@ -147,12 +141,9 @@ impl Row {
             name,
             model,
             variant,
-            images: Vec::new(),
             vectors: vec![Vectors::default(); extractors],
             tissues: vec![RegionSum::default(); 256],
-            behind: RegionSum::default(),
-            elsewhere: RegionSum::default(),
-            lost: Vec::new(),
+            ..Self::default()
         }
     }
 

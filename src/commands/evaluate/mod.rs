@@ -13,11 +13,12 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::generator::{FeatureScale, Provider};
+use insonify::generator::FeatureScale;
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
 
 use super::Failure;
-use crate::commands::backend::BackendArgs;
+use super::backend::BackendArgs;
+use super::generator::RuntimeArgs;
 
 /// Compare images with their references, or generators with what they are to generate: PSNR, SSIM, pKL and Frechet
 /// distances.
@@ -115,13 +116,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// Execution provider of the generators: cpu, cuda or tensorrt
-    #[arg(long, value_name = "NAME", default_value_t)]
-    provider: Provider,
-
-    /// Threads of a generator's run, 0..=256; 0 is one a processor
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256))]
-    threads: u32,
+    #[command(flatten)]
+    runtime: RuntimeArgs,
 }
 
 const AFTER_HELP: &str = "\

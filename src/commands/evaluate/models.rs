@@ -1,7 +1,7 @@
 //! The generators and feature extractors that a command names.
 
-use insonify::generator::{Generator, LoadOptions, OnnxFeatures, Runtime};
-use insonify::quality::FeatureExtractor;
+use insonify::generator::{Generator, OnnxFeatures, Runtime};
+use insonify::quality::{FeatureExtractor, QualityError, crops};
 
 use super::super::{Classify, Failure};
 use super::Args;
@@ -13,7 +13,7 @@ pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String,
         return Ok(named);
     }
     let runtime = Runtime::get().input()?;
-    let options = LoadOptions { provider: args.provider, threads: args.threads, tissues };
+    let options = args.runtime.options(tissues);
     for path in &args.model {
         let generator = Generator::load(path, runtime, &options)?;
         let name = generator.manifest().name.clone();
@@ -27,6 +27,19 @@ pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String,
 pub(super) struct Extractor {
     pub(super) label: String,
     pub(super) network: OnnxFeatures,
+}
+
+/// Adds the features of the crops of an image to `vectors`.
+pub(super) fn add_features(
+    network: &mut OnnxFeatures,
+    image: &[u8],
+    size: [usize; 2],
+    vectors: &mut Vec<Vec<f64>>,
+) -> Result<(), QualityError> {
+    for crop in crops(image, size, network.crop())? {
+        vectors.push(network.features(&crop)?);
+    }
+    Ok(())
 }
 
 /// The built-in network, and the one that is named.

@@ -7,7 +7,7 @@ use glam::DVec3;
 use insonify::generator::Input;
 use insonify::pose::Pose;
 use insonify::quality::Steadiness;
-use insonify::render::{Frame, Quality, RenderSettings};
+use insonify::render::{Frame, Quality, RenderSettings, Renderer};
 use insonify::station::Station;
 use serde::Serialize;
 
@@ -49,7 +49,7 @@ pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
     let mut generators = models::generators(args, scene.tissues.names())?;
     let base = RenderSettings { maps: true, lines: false, ..station.settings };
     let of = |quality: Quality| RenderSettings { quality: Quality { seed: base.quality.seed, ..quality }, ..base };
-    let mut renderer = session::renderer(&backend, &scene, &station, &of(Quality::LQ))?;
+    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &of(Quality::LQ))?;
     let sector = *renderer.sector();
     let step_mm = f64::from(args.step) * sector.pixel_mm;
     let poses = slide(&pose, args.frames as usize, step_mm);

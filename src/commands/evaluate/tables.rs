@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use insonify::quality::{Scores, Summary};
 use insonify::sink::{create_dir, write_json, write_text};
+use insonify::tradeoff::csv_field;
 use serde::Serialize;
 
 use super::super::{Failure, output};
@@ -174,15 +175,9 @@ fn of_steadiness(report: &steadiness::Report) -> String {
 fn csv(report: &dataset::Report) -> String {
     let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
     for row in &report.rows {
-        // A field with a comma or a quote stands in quotes, quotes doubled (RFC 4180).
-        let name = match row.name.contains([',', '"']) {
-            true => format!("\"{}\"", row.name.replace('"', "\"\"")),
-            false => row.name.clone(),
-        };
+        let name = csv_field(&row.name);
         let mut line = |index: usize, part: &str, [left, top]: [usize; 2], scores: &Scores| {
-            let Scores { psnr_db, ssim, pkl } = scores;
-            let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
-            let _ = writeln!(text, "{index},{name},{part},{left},{top},{psnr_db},{ssim},{pkl}");
+            let _ = writeln!(text, "{index},{name},{part},{left},{top},{}", csv_scores(scores));
         };
         for image in &row.images {
             line(image.index, "full", [0, 0], &image.full);
@@ -190,6 +185,12 @@ fn csv(report: &dataset::Report) -> String {
         }
     }
     text
+}
+
+/// The columns psnr_db, ssim and pkl.
+pub(super) fn csv_scores(Scores { psnr_db, ssim, pkl }: &Scores) -> String {
+    let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
+    format!("{psnr_db},{ssim},{pkl}")
 }
 
 fn named(row: &RowReport) -> String {

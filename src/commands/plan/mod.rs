@@ -13,10 +13,10 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use self::measure::{Costs, measure};
+use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
 use super::{Failure, live_sinks, output, session};
-use crate::commands::backend::BackendArgs;
 
 /// Say which effects a scene calls for, why, how far a frame without each would be off, and what each costs in ms.
 #[derive(Debug, Parser)]
@@ -28,9 +28,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     effects: EffectArgs,
 
-    /// fast (1x1), balanced (2x3), accurate (32x3), reference (128x3), lq (1x1), hq (32x3), or rays x layers: 1..=256 x
-    /// 1..=33 [default: the station's own]
-    #[arg(long, value_name = "QUALITY")]
+    #[arg(long, value_name = "QUALITY", help = quality::help("the station's own"))]
     quality: Option<RaysLayers>,
 
     /// Measure at x,y,z,qw,qx,qy,qz [default: the station's pose]; the plan holds for every pose

@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_corrects_itself() {
+    fn the_remaining_time_corrects_itself() {
         let mut eta = Eta::new(100.0);
         assert_eq!(eta.left_s(), 100.0);
         eta.done(20.0, None);

@@ -6,6 +6,8 @@ use insonify::anatomy::Scene;
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
+use super::super::output;
+
 /// Feeds text to a hash.
 struct Sum(Sha256);
 
@@ -21,7 +23,7 @@ pub(super) fn of(station: &Station, scene: &Scene) -> String {
     let mut sum = Sum(Sha256::new());
     // A hash takes all.
     let _ = write!(sum, "{scene:?}");
-    let sum: String = sum.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    let sum = output::hex(&sum.0.finalize());
     let Station { background, motion, probe, settings, generator, tissues, .. } = station;
     format!("{sum} {background} {motion} {probe:?} {settings:?} {generator:?} {tissues:?}")
 }

@@ -148,9 +148,7 @@ impl Bench {
 
     /// Measures a point.
     pub(super) fn point(&mut self, planned: &Planned, reference: &Reference, poses: &[Pose]) -> Result<Point, Failure> {
-        let (times, errors) = self.measure(&planned.knobs, None, reference, poses)?;
-        let point = self.to_point(planned.name.clone(), planned.sweep, planned.knobs, times, errors, reference);
-        Ok(Point { against: planned.against.clone(), ..point })
+        self.measure(planned, None, reference, poses)
     }
 
     /// Measures a generator on top of LQ.
@@ -161,25 +159,27 @@ impl Bench {
         reference: &Reference,
         poses: &[Pose],
     ) -> Result<Point, Failure> {
-        let knobs = self.base().with(Quality::LQ.rays, Quality::LQ.layers);
-        let (times, errors) = self.measure(&knobs, Some(index), reference, poses)?;
-        let shown = self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, g.manifest()));
-        let point = self.to_point(shown, "generator", knobs, times, errors, reference);
-        Ok(Point { against: Some("1x1".to_owned()), generator: Some(name), ..point })
+        let planned = Planned {
+            name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, g.manifest())),
+            sweep: "generator",
+            against: Some("1x1".to_owned()),
+            knobs: self.base().with(Quality::LQ.rays, Quality::LQ.layers),
+        };
+        Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), reference, poses)? })
     }
 
     fn measure(
         &mut self,
-        knobs: &Knobs,
+        planned: &Planned,
         generator: Option<usize>,
         reference: &Reference,
         poses: &[Pose],
-    ) -> Result<(Times, Vec<PoseError>), Failure> {
+    ) -> Result<Point, Failure> {
         let mut times = Times { ms: vec![Vec::new(); poses.len()], ..Times::default() };
         let mut errors: Vec<PoseError> = Vec::new();
         let mut image = Vec::new();
         for (turn, seed) in SEEDS.into_iter().enumerate() {
-            self.configure(knobs, seed)?;
+            self.configure(&planned.knobs, seed)?;
             for (index, (pose, truth)) in poses.iter().zip(&reference.truths).enumerate() {
                 if turn == 0 && index == 0 {
                     // Not counted: what is new was just uploaded.
@@ -203,7 +203,20 @@ impl Bench {
                 }
             }
         }
-        Ok((times, errors))
+        let classes = self.classes(&errors, reference);
+        Ok(Point {
+            name: planned.name.clone(),
+            sweep: planned.sweep.to_owned(),
+            against: planned.against.clone(),
+            knobs: planned.knobs,
+            generator: None,
+            time: times.time(),
+            error: summary(&errors, &classes),
+            classes,
+            on_front: false,
+            time_is_noise: false,
+            error_is_noise: false,
+        })
     }
 
     /// Renders, without the image where the generator takes none, and enhances where one is given. Gives the times of both,
@@ -233,31 +246,6 @@ impl Bench {
             speckle: speckle(image, &truth.segmentation, truth.size, range_db)?,
             structures: structures(image, &truth.bmode, &truth.segmentation, truth.size)?,
         })
-    }
-
-    fn to_point(
-        &self,
-        name: String,
-        sweep: &str,
-        knobs: Knobs,
-        times: Times,
-        errors: Vec<PoseError>,
-        reference: &Reference,
-    ) -> Point {
-        let classes = self.classes(&errors, reference);
-        Point {
-            name,
-            sweep: sweep.to_owned(),
-            against: None,
-            knobs,
-            generator: None,
-            time: times.time(),
-            error: summary(&errors, &classes),
-            classes,
-            on_front: false,
-            time_is_noise: false,
-            error_is_noise: false,
-        }
     }
 
     /// Errors by tissue, means over poses weighed by pixels.

@@ -12,7 +12,8 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::sink::{SinkError, create_dir, png, write_json, write_with};
+use insonify::render::{Renderer, processor_name};
+use insonify::sink::{create_dir, png, write_json, write_text};
 use insonify::station::Station;
 use insonify::tradeoff::{self, Knobs, Point};
 use serde::Serialize;
@@ -21,9 +22,8 @@ use self::eta::{Estimate, Eta};
 use self::measure::Bench;
 use self::reference::Reference;
 use self::store::Store;
+use super::backend::BackendArgs;
 use super::{Classify, Failure, output, session};
-use crate::commands::backend::BackendArgs;
-use insonify::render::processor_name;
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;
     let planned = tradeoff::plan(Knobs::of(&station.probe, &station.settings), args.quick);
-    let renderer = session::renderer(&backend, &scene, &station, &station.settings)?;
+    let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings)?;
     let mut bench = Bench::new(renderer, &station, &scene)?;
     let estimate = Estimate::measure(&mut bench, &planned, &all.spread(1))?;
     let device = backend.to_string();
@@ -119,7 +119,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let poses = all.spread(count);
     let total_s = estimate.pose_s() * poses.len() as f64;
-    eprintln!("{}, {}, on {device}: about {}", counted(poses.len()), all.what, minutes(total_s));
+    eprintln!(
+        "{}, {}, on {device}: about {}",
+        output::counted(poses.len(), "pose"),
+        all.what,
+        output::duration(total_s)
+    );
     key.push(format!("{poses:?}"));
     let store = Store::new(&args.out, args.resume, &key)?;
     let mut eta = Eta::new(total_s);
@@ -136,14 +141,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         // Generators go by their number: names of theirs may differ in what no file name holds.
         let file = generator.map_or_else(|| planned[index].name.clone(), |number| format!("generator {number}"));
         let started = Instant::now();
-        let (point, taken_s) = match store.load(&file)? {
+        let (point, taken_s) = match store.read(&file)? {
             Some(point) => (point, None),
             None => {
                 let point = match generator {
                     Some(number) => bench.generated(number, generators[number].clone(), &reference, &poses)?,
                     None => bench.point(&planned[index], &reference, &poses)?,
                 };
-                (store.keep(&file, point)?, Some(started.elapsed().as_secs_f64()))
+                store.write(&file, &point)?;
+                (point, Some(started.elapsed().as_secs_f64()))
             }
         };
         eta.done(part_s(*estimate_s), taken_s);
@@ -167,34 +173,31 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 /// Poses that can be measured in [`TIME_S`]; of a run that goes on as many as it had, as estimates differ.
 fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usize, Failure> {
-    let path = store.path("poses", "json");
-    if let Some(count) = store.read::<usize>(&path)? {
+    if let Some(count) = store.read::<usize>("poses")? {
         return Ok(count.clamp(1, POSES));
     }
     let most = if quick { 1 } else { POSES };
     let count = ((TIME_S / estimate.pose_s()) as usize).clamp(1, most);
-    store.write(&path, &count)?;
+    store.write("poses", &count)?;
     Ok(count)
 }
 
 fn write(out: &Path, report: &Report) -> Result<(), Failure> {
-    let text = |name: &str, text: String| -> Result<(), Failure> {
-        let path = out.join(name);
-        let failed = |source| SinkError::Io { path: path.clone(), source };
-        Ok(write_with(&path, |file| std::io::Write::write_all(file, text.as_bytes()).map_err(failed))?)
-    };
     let Report { station, device, processor, threads, poses, points, reference, .. } = report;
     let converged = reference.converged;
     let not = if converged { "" } else { " (reference not converged)" };
-    let title = format!("{}{not}, {}, on {device}, {threads} threads", station.display(), counted(*poses));
-    text("tradeoff.csv", tradeoff::csv(points))?;
-    text("tradeoff.md", format!("{title} of {processor}. {reference}\n\n{}", tradeoff::markdown(points)))?;
+    let title =
+        format!("{}{not}, {}, on {device}, {threads} threads", station.display(), output::counted(*poses, "pose"));
+    write_text(&out.join("tradeoff.csv"), &tradeoff::csv(points))?;
+    let table = tradeoff::markdown(points);
+    write_text(&out.join("tradeoff.md"), &format!("{title} of {processor}. {reference}\n\n{table}"))?;
     write_json(&out.join("tradeoff.json"), report)?;
     let figure = |e: String| anyhow!("the figure can't be drawn: {e}");
-    text("tradeoff.svg", tradeoff::plot::svg(points, &title, converged).map_err(figure).other()?)?;
+    let svg = tradeoff::plot::svg(points, &title, converged).map_err(figure).other()?;
+    write_text(&out.join("tradeoff.svg"), &svg)?;
     let (width, height, rgb) = tradeoff::plot::rgb(points, &title, converged).map_err(figure).other()?;
     png::write_rgb(&out.join("tradeoff.png"), width, height, &rgb)?;
-    output::line(tradeoff::markdown(points))?;
+    output::line(table)?;
     output::line(reference)?;
     for name in ["csv", "json", "svg", "png", "md"] {
         output::line(out.join(format!("tradeoff.{name}")).display())?;
@@ -204,7 +207,8 @@ fn write(out: &Path, report: &Report) -> Result<(), Failure> {
 
 fn say(points: &[Point], total: usize, eta: &Eta) {
     let Some(point) = points.last() else { return };
-    let left = if points.len() < total { format!(", about {} left", minutes(eta.left_s())) } else { String::new() };
+    let left =
+        if points.len() < total { format!(", about {} left", output::duration(eta.left_s())) } else { String::new() };
     eprintln!(
         "[{}/{total}] {}: {:.1} ms, level error {:.2}{left}",
         points.len(),
@@ -212,12 +216,4 @@ fn say(points: &[Point], total: usize, eta: &Eta) {
         point.time.median_ms,
         point.error.level_rmse
     );
-}
-
-fn counted(poses: usize) -> String {
-    if poses == 1 { "1 pose".to_owned() } else { format!("{poses} poses") }
-}
-
-fn minutes(seconds: f64) -> String {
-    if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.0} minutes", seconds / 60.0) }
 }

@@ -8,7 +8,7 @@ use insonify::pose::Pose;
 use insonify::station::Station;
 use insonify::tracker::{Transport, recording};
 
-use super::Failure;
+use super::super::{Failure, input, session};
 
 /// Source of poses.
 pub(in crate::commands) struct Poses {
@@ -32,10 +32,7 @@ pub(in crate::commands) fn of_station(station: &Station, file: Option<&Path>) ->
         }
         return Ok(Poses { all, what: "spread over the recording" });
     }
-    let pose = station.default_pose.ok_or_else(|| {
-        let station = station.path.display();
-        Failure::Input(anyhow!("no pose: give --recording, or a [pose] or recorded tracker in {station}"))
-    })?;
+    let pose = input::pose(None, station, "--recording FILE, a recorded tracker")?;
     Ok(Poses { all: vec![pose], what: "the station's own, turned about the beam" })
 }
 
@@ -49,8 +46,7 @@ impl Poses {
             };
             return (0..count).map(turned).collect();
         }
-        let at = |i: usize| self.all[((2 * i + 1) * self.all.len() / (2 * count)).min(self.all.len() - 1)];
-        (0..count.min(self.all.len())).map(at).collect()
+        session::evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i]).collect()
     }
 }
 

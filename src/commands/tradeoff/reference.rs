@@ -7,6 +7,7 @@ use insonify::quality::speckle::speckle;
 use insonify::quality::{ClassSpeckle, Pair, level_difference};
 use insonify::render::Frame;
 use insonify::sink::png::{self, Effort};
+use insonify::statistics::mean;
 use serde::{Deserialize, Serialize};
 
 use super::super::frame_dir::grey;
@@ -103,8 +104,7 @@ pub(super) struct Reference {
 impl Reference {
     /// From the store, which the second tells, or rendered with ever more paths until they change little.
     pub(super) fn make(bench: &mut Bench, store: &Store, poses: &[Pose], quick: bool) -> Result<(Self, bool), Failure> {
-        let record = store.path("reference", "json");
-        if let Some(check) = store.read(&record)? {
+        if let Some(check) = store.read("reference")? {
             let truths = (0..poses.len()).map(|i| load(bench, store, i)).collect::<Result<_, _>>()?;
             return Ok((Self { truths, check }, true));
         }
@@ -116,7 +116,7 @@ impl Reference {
             }
         }
         // Last: it says that the rest is whole.
-        store.write(&record, &reference.check)?;
+        store.write("reference", &reference.check)?;
         Ok((reference, false))
     }
 
@@ -202,5 +202,5 @@ fn mean_change(before: &[Truth], after: &[Truth]) -> f64 {
 fn level_change(before: &[Truth], after: &[Truth]) -> Result<f64, Failure> {
     let changes = before.iter().zip(after).map(|(a, b)| Ok(level_difference(&b.pair(&a.bmode)?)?[0]));
     let changes = changes.collect::<Result<Vec<f64>, Failure>>()?;
-    Ok(changes.iter().sum::<f64>() / changes.len().max(1) as f64)
+    Ok(mean(changes).unwrap_or(0.0))
 }

@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use insonify::sink::{create_dir, remove, write_json};
-use insonify::tradeoff::Point;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
-use super::super::{Classify, Failure};
+use super::super::{Classify, Failure, output};
 
 /// Files in the folder, under names that hold all that they depend on.
 pub(super) struct Store {
@@ -35,25 +34,15 @@ impl Store {
         Ok(store)
     }
 
-    /// A point that was done.
-    pub(super) fn load(&self, name: &str) -> Result<Option<Point>, Failure> {
-        self.read(&self.path(name, "json"))
-    }
-
-    /// Keeps a point.
-    pub(super) fn keep(&self, name: &str, point: Point) -> Result<Point, Failure> {
-        write_json(&self.path(name, "json"), &point)?;
-        Ok(point)
-    }
-
     /// Path of the entry of that name.
     pub(super) fn path(&self, name: &str, extension: &str) -> PathBuf {
         self.folder.join(format!("{}_{}.{extension}", self.key, name.replace([' ', '/', '\\'], "_")))
     }
 
     /// Reads what [`Store::write`] wrote; none where there is nothing.
-    pub(super) fn read<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, Failure> {
-        let text = match std::fs::read(path) {
+    pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Failure> {
+        let path = self.path(name, "json");
+        let text = match std::fs::read(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(e).with_context(|| format!("cannot read {}", path.display())).other(),
@@ -62,9 +51,9 @@ impl Store {
         Ok(Some(value.with_context(|| format!("{} is damaged: run without --resume", path.display())).input()?))
     }
 
-    /// Writes a value.
-    pub(super) fn write(&self, path: &Path, value: &impl Serialize) -> Result<(), Failure> {
-        Ok(write_json(path, value)?)
+    /// Writes a value under a name.
+    pub(super) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), Failure> {
+        Ok(write_json(&self.path(name, "json"), value)?)
     }
 }
 
@@ -74,5 +63,5 @@ fn digest(parts: &[&str]) -> String {
         hash.update(part.as_bytes());
         hash.update([0]);
     }
-    hash.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+    output::hex(&hash.finalize()[..6])
 }

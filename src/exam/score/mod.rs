@@ -23,6 +23,7 @@ use track::{best_second, length_s, path_mm, stretches};
 
 use super::measure::{Measured, measure};
 use super::offset::Offset;
+use crate::acoustics::pulse::FWHM_PER_SIGMA;
 use crate::anatomy::planes::{Caliper, CaliperKind, StandardPlane, View};
 use crate::anatomy::{Mesh, Skin};
 use crate::pose::{Pose, TimedPose, angle_between};
@@ -78,7 +79,7 @@ pub struct Score {
 }
 
 /// Score of one plane.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct PlaneScore {
     /// Name of the plane.
     pub name: String,
@@ -201,25 +202,14 @@ fn plane_score(
     let cost: Vec<f64> =
         offsets.iter().zip(&track.contact).map(|(o, contact)| o.cost + f64::from(u8::from(!contact))).collect();
     let window = best_second(time_s, &cost);
-    let mut result = PlaneScore {
+    let result = PlaneScore {
         name: plane.name.clone(),
         title: plane.title.clone(),
-        view: String::new(),
-        view_index: 0,
         found: first_hold.is_some(),
-        points: 0.0,
         find_s: first_hold.map(|&(first, _)| time_s[first]),
         path_to_find_mm: first_hold.map(|&(first, _)| path[first]),
         longest_hold_s: held.iter().map(|s| length_s(time_s, s)).fold(0.0, f64::max),
-        best_s: None,
-        best_pose: None,
-        best_probe: None,
-        best: None,
-        landmarks: 0,
-        unsteady_mm: None,
-        unsteady_deg: None,
-        press_mm: None,
-        measures: Vec::new(),
+        ..PlaneScore::default()
     };
     let Some((start, end)) = window else { return result };
     let Some(moment) = (start..=end).min_by(|&a, &b| cost[a].total_cmp(&cost[b])) else { return result };
@@ -246,26 +236,27 @@ fn plane_score(
     let presses: Option<Vec<f64>> =
         reference.skin.and_then(|skin| window.iter().map(|p| skin.press_mm(&p.pose)).collect());
 
-    result.view = view.name.clone();
-    result.view_index = view_index;
-    result.best_s = Some(time_s[start]);
-    result.best_pose = Some(pose);
-    result.best_probe = Some(probe);
-    result.landmarks = view.landmarks.len();
-    result.unsteady_mm = Some(square.sqrt());
-    result.unsteady_deg = Some(turn.to_degrees());
-    result.press_mm = presses.map(|all| all.iter().sum::<f64>() / count);
-    result.measures =
-        view.calipers.iter().map(|c| measured(c, view, &pose, best.depth_mm, &probe, reference)).collect();
-    if result.found {
-        let t = &plane.tolerances;
-        result.points = 50.0
-            + 20.0 * falling(best.angle_deg / t.angle_deg, 0.25, 1.0)
-            + 20.0 * falling(best.distance_mm / t.distance_mm, 0.25, 1.0)
-            + 10.0 * falling(square.sqrt(), 0.5, 3.0);
+    let t = &plane.tolerances;
+    let points = 50.0
+        + 20.0 * falling(best.angle_deg / t.angle_deg, 0.25, 1.0)
+        + 20.0 * falling(best.distance_mm / t.distance_mm, 0.25, 1.0)
+        + 10.0 * falling(square.sqrt(), 0.5, 3.0);
+    let measured = |c: &Caliper| measured(c, view, &pose, best.depth_mm, &probe, reference);
+    PlaneScore {
+        view: view.name.clone(),
+        view_index,
+        points: if result.found { points } else { 0.0 },
+        best_s: Some(time_s[start]),
+        best_pose: Some(pose),
+        best_probe: Some(probe),
+        landmarks: view.landmarks.len(),
+        unsteady_mm: Some(square.sqrt()),
+        unsteady_deg: Some(turn.to_degrees()),
+        press_mm: presses.map(|all| all.iter().sum::<f64>() / count),
+        measures: view.calipers.iter().map(measured).collect(),
+        best: Some(best),
+        ..result
     }
-    result.best = Some(best);
-    result
 }
 
 /// 1 up to `full`, 0 from `none`, a line between.
@@ -317,7 +308,6 @@ fn cut(caliper: &Caliper, pose: &Pose, depth_mm: f64, reference: &Reference<'_>)
 
 /// Thickness of the slice at `depth_mm`: the two-way −6 dB width of the elevational beam.
 pub fn slice_mm(probe: &Probe, depth_mm: f64) -> f64 {
-    const FWHM_PER_SIGMA: f64 = crate::acoustics::pulse::FWHM_PER_SIGMA;
     probe.elevational_sigma_mm(depth_mm.max(0.0)) * FWHM_PER_SIGMA
 }
 

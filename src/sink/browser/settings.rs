@@ -2,28 +2,29 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 
+use crate::settings::settings;
+
 /// Fewest characters of a token that a person chose.
 pub const TOKEN_CHARS_MIN: usize = 16;
 
-/// The `[browser]` of a station.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Settings {
-    /// Address to listen at. Beyond loopback a token is demanded.
-    pub address: IpAddr,
-    /// Port; 0 takes any free one.
-    pub port: u16,
-    /// Token to demand, at least [`TOKEN_CHARS_MIN`] characters of A-Z, a-z, 0-9, `-` and `_`; none: a random one for each
-    /// session where the address is not loopback.
-    pub token: Option<String>,
-    /// Name under which browsers reach the station, beside its addresses.
-    pub host_name: Option<String>,
-    /// Most pages that may watch at a time.
-    pub clients_max: usize,
-}
+settings! {
+    /// The `[browser]` of a station.
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct Settings in "browser" {
+        /// Its port; 0 takes any free one.
+        port: u16 = 8790, "", 0.0..=65_535.0, Everything;
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self { address: IpAddr::V4(Ipv4Addr::LOCALHOST), port: 8790, token: None, host_name: None, clients_max: 8 }
+        /// Pages that may watch at a time.
+        clients_max: u32 = 8, "", 1.0..=64.0, Everything;
+    }
+    plain {
+        /// Address to listen at. Beyond loopback a token is demanded.
+        address: IpAddr = Ipv4Addr::LOCALHOST.into(), Everything;
+        /// Token to demand, at least [`TOKEN_CHARS_MIN`] characters of A-Z, a-z, 0-9, `-` and `_`; none: a random one for
+        /// each session where the address is not loopback.
+        token: Option<String> = None, Everything;
+        /// Name under which browsers reach the station, beside its addresses.
+        host_name: Option<String> = None, Everything;
     }
 }
 

@@ -99,7 +99,7 @@ pub(super) struct Shared {
     pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
     pub(super) cancel: CancellationToken,
     clients: Mutex<BTreeMap<u64, Arc<Client>>>,
-    pub(super) clients_max: usize,
+    pub(super) clients_max: u32,
     next_client: AtomicU64,
     pub(super) client_left: Notify,
 }
@@ -111,7 +111,7 @@ impl Shared {
         surfaces: Option<ScenePacket>,
         controls: mpsc::Sender<Control>,
         frames: watch::Receiver<Option<Arc<FrameSet>>>,
-        clients_max: usize,
+        clients_max: u32,
     ) -> Self {
         Self {
             access,
@@ -147,7 +147,7 @@ impl Shared {
     /// A slot for one more client; none where all are taken.
     pub(super) fn enter(self: &Arc<Self>, address: SocketAddr) -> Option<ClientSlot> {
         let mut clients = self.clients();
-        if clients.len() >= self.clients_max {
+        if clients.len() >= self.clients_max as usize {
             return None;
         }
         let client = Arc::new(Client::new(self.next_client.fetch_add(1, Ordering::Relaxed), address));

@@ -42,35 +42,30 @@ use super::SinkError;
 use super::error::check_shape;
 use super::live::{LiveSink, PresentedFrame};
 use crate::pose::TrackingState;
+use crate::settings::settings;
 use crate::tracker::openigtlink::{TCP_PORT, message};
 use crate::transducer::{Probe, Sector};
 
 const SINK: &str = "OpenIGTLink server";
 
-/// Server settings of a station.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Address to listen at.
-    pub address: IpAddr,
-    /// Port; 0 for any free one.
-    pub port: u16,
-    /// Directions of the scene's axes.
-    pub scene_axes: SceneAxes,
-    /// Thickness of the image that clients are told, mm.
-    pub slice_mm: f64,
-    /// Clients that may be connected at a time; others are turned away.
-    pub clients_max: usize,
-}
+settings! {
+    /// Server settings of a station.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Settings in "openigtlink" {
+        /// Its port; 0 takes any free one.
+        port: u16 = TCP_PORT, "", 0.0..=65_535.0, Everything;
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            address: Ipv4Addr::LOCALHOST.into(),
-            port: TCP_PORT,
-            scene_axes: SceneAxes::default(),
-            slice_mm: 1.0,
-            clients_max: 16,
-        }
+        /// Thickness of the image that receivers are told.
+        slice_mm: f64 = 1.0, "mm", 0.01..=100.0, Everything;
+
+        /// Receivers that may be connected at a time; others are turned away.
+        clients_max: u32 = 16, "", 1.0..=256.0, Everything;
+    }
+    plain {
+        /// Address to listen at.
+        address: IpAddr = Ipv4Addr::LOCALHOST.into(), Everything;
+        /// Directions of the scene's axes.
+        scene_axes: SceneAxes = SceneAxes::default(), Everything;
     }
 }
 
@@ -109,7 +104,7 @@ impl OpenIgtLink {
             latest: Arc::clone(&latest),
             counters: Arc::clone(&counters),
             cancel: cancel.clone(),
-            places: Arc::new(Semaphore::new(settings.clients_max)),
+            places: Arc::new(Semaphore::new(settings.clients_max as usize)),
         };
         let thread = std::thread::Builder::new()
             .name("openigtlink".to_owned())

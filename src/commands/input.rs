@@ -1,0 +1,105 @@
+//! Reading of arguments and of the files that they name.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use insonify::pose::Pose;
+use insonify::settings::{Setting, SettingsGroup};
+use insonify::station::Station;
+use insonify::tracker::recording::RecordingSummary;
+
+use super::{Classify, Failure};
+
+/// Reads the file at `path`; an error calls it `what`.
+pub(crate) fn bytes(path: &Path, what: &str) -> Result<Vec<u8>, Failure> {
+    std::fs::read(path).with_context(|| cannot_read(path, what)).input()
+}
+
+/// Reads the text of the file at `path`; an error calls it `what`.
+pub(crate) fn text(path: &Path, what: &str) -> Result<String, Failure> {
+    std::fs::read_to_string(path).with_context(|| cannot_read(path, what)).input()
+}
+
+fn cannot_read(path: &Path, what: &str) -> String {
+    let space = if what.is_empty() { "" } else { " " };
+    format!("cannot read {what}{space}{}", path.display())
+}
+
+/// The station's pose, unless another is given.
+pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Result<Pose, Failure> {
+    given.or(station.default_pose).ok_or_else(|| {
+        let station = station.path.display();
+        Failure::Input(anyhow!("no pose: give {others}, or a [pose] with position_mm and quaternion in {station}"))
+    })
+}
+
+/// Warns of what is missing in the recording at `path`.
+pub(crate) fn warn_of_damage(path: &Path, summary: &RecordingSummary) {
+    if !summary.is_clean() {
+        tracing::warn!("{}: {summary}", path.display());
+    }
+}
+
+/// Whether `path` is a station file: else it is a scene.
+pub(crate) fn is_station(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "toml")
+}
+
+/// Documentation and range of a setting, as help of its option.
+pub(crate) fn described<G: SettingsGroup>(key: &str) -> String {
+    let doc = setting::<G>(key).map_or("", |setting| setting.doc.trim_end_matches('.'));
+    format!("{doc}, {}", range::<G>(key))
+}
+
+/// Range of a setting.
+pub(crate) fn range<G: SettingsGroup>(key: &str) -> String {
+    setting::<G>(key).map_or_else(String::new, |setting| format!("{}..={}", setting.min, setting.max))
+}
+
+/// Parses a whole number in the range of a setting.
+pub(crate) fn whole<G: SettingsGroup>(key: &str, text: &str) -> Result<u32, String> {
+    let number: Option<u32> = text.parse().ok();
+    let in_range = |number: &u32| setting::<G>(key).is_none_or(|setting| setting.check(f64::from(*number)).is_ok());
+    number.filter(in_range).ok_or_else(|| format!("expected a whole number in {}", range::<G>(key)))
+}
+
+fn setting<G: SettingsGroup>(key: &str) -> Option<&'static Setting> {
+    G::settings().iter().find(|setting| setting.key == key)
+}
+
+/// Parses a duration in seconds.
+pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
+    let in_range = |s: &f64| *s > 0.0 && *s <= 31.0 * 86_400.0;
+    let seconds = text.parse().ok().filter(in_range).ok_or("expected seconds, above 0 and at most 2678400")?;
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+/// Parses the path of a page.
+pub(crate) fn html(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|extension| extension == "html") {
+        Ok(path)
+    } else {
+        Err("it must end in .html".into())
+    }
+}
+
+/// Parses two whole numbers with an `x` between them.
+pub(crate) fn product(text: &str) -> Option<(u32, u32)> {
+    let (first, second) = text.split_once('x')?;
+    Some((first.parse().ok()?, second.parse().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_positive_and_finite() {
+        assert_eq!(seconds("1.5"), Ok(Duration::from_millis(1500)));
+        for wrong in ["0", "-1", "NaN", "inf", "1e9", "ten"] {
+            assert!(seconds(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! Recorders of sessions.
+
+use std::path::Path;
+
+use insonify::station::Station;
+use insonify::tracker::Protocol;
+use insonify::tracker::recording::{QueueLimits, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
+
+use super::{Classify, Failure, input, output};
+
+/// A recorder in `path` of a session of `station` that began at `start_time_ns`: a replay's scene moves from then on.
+/// `stream` is the protocol of the tracker's bytes and the sensor that counts.
+pub(crate) fn start(
+    path: &Path,
+    station: &Station,
+    (protocol, sensor): (Protocol, Option<u16>),
+    device: &str,
+    adapter: &str,
+    start_time_ns: u64,
+) -> Result<Recorder, Failure> {
+    let text = input::text(&station.path, "the station file again:")?;
+    output::make_parent(path)?;
+    let scene = station.path.display().to_string();
+    let info = RecordingInfo { protocol, device: device.to_owned(), scene: scene.clone(), start_time_ns, sensor };
+    let mut writer = RecordingWriter::create(path, &info)?;
+    writer.settings(&SessionSettings {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: station.settings.quality.seed,
+        adapter: adapter.to_owned(),
+        station_path: scene,
+        station: text,
+    })?;
+    Recorder::start(writer, QueueLimits::default()).other()
+}
