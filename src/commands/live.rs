@@ -4,11 +4,9 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tiers};
-use insonify::pipeline::{
-    Clock, Enhancer, Limits, LocalRenderer, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer,
-};
+use insonify::pipeline::{Clock, Enhancer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer};
 use insonify::pose::{Counters, Pose};
-use insonify::sink::frame_line::source_name;
+use insonify::render::Renderer;
 use insonify::station::Station;
 
 use super::status_line::StatusLine;
@@ -59,7 +57,7 @@ fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
 /// Chooses the quality of a station with a budget at `pose` or where the station begins, says which, and returns what
 /// keeps it; none without a budget.
 pub(crate) fn choose_quality(
-    renderer: &mut LocalRenderer,
+    renderer: &mut Renderer,
     station: &mut Station,
     pose: Option<Pose>,
 ) -> Result<Option<QualityBudget>, Failure> {
@@ -99,7 +97,7 @@ fn status(status: &Status) -> String {
         status.elapsed_s,
         status.frames_per_s,
         status.tracking.name(),
-        source_name(status.source),
+        status.source.name(),
         status.presented,
         status.dropped,
     )

@@ -5,13 +5,8 @@ use std::sync::Arc;
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Backend, BackendError, Climbed, Frame, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, BackendError, Frame, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
-
-/// A renderer of this machine.
-pub struct LocalRenderer {
-    renderer: Renderer,
-}
 
 /// Makes renderers of one scene on one backend, which it opens again after a loss.
 pub struct LocalRendererFactory {
@@ -33,25 +28,8 @@ impl LocalRendererFactory {
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<LocalRenderer, RenderError> {
-        let renderer = Renderer::with_bvh(&self.backend, &self.scene, self.bvh.clone(), probe, settings)?;
-        Ok(LocalRenderer { renderer })
-    }
-}
-
-impl LocalRenderer {
-    /// As [`Renderer::choose_quality`].
-    ///
-    /// # Errors
-    /// As [`Renderer::choose_quality`].
-    pub fn choose_quality(
-        &mut self,
-        probe: &Probe,
-        settings: &RenderSettings,
-        poses: &[Pose],
-        budget_ms: f64,
-    ) -> Result<Climbed, RenderError> {
-        self.renderer.choose_quality(probe, settings, poses, budget_ms)
+    pub fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<Renderer, RenderError> {
+        Renderer::with_bvh(&self.backend, &self.scene, self.bvh.clone(), probe, settings)
     }
 }
 
@@ -62,36 +40,37 @@ impl RendererFactory for LocalRendererFactory {
     }
 }
 
-impl FrameRenderer for LocalRenderer {
+/// `Renderer::…` names its own functions, which take precedence over those of the trait.
+impl FrameRenderer for Renderer {
     fn shape(&self) -> ImageShape {
-        let sector = self.renderer.sector();
+        let sector = self.sector();
         ImageShape { width: sector.width, height: sector.height, pixel_mm: sector.pixel_mm }
     }
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
-        self.renderer.submit(pose).map_err(fault)
+        Renderer::submit(self, pose).map_err(fault)
     }
 
     fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
-        self.renderer.receive(frame).map_err(fault)
+        Renderer::receive(self, frame).map_err(fault)
     }
 
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
         // Whether there are maps is chosen for each frame.
-        let settings = RenderSettings { maps: self.renderer.settings().maps, ..*settings };
-        self.renderer.reconfigure(probe, &settings).map_err(fault)
+        let settings = RenderSettings { maps: self.settings().maps, ..*settings };
+        Renderer::reconfigure(self, probe, &settings).map_err(fault)
     }
 
     fn on_processors(&self) -> bool {
-        self.renderer.on_host()
+        self.on_host()
     }
 
     fn set_time_s(&mut self, time_s: f64) {
-        self.renderer.set_time_s(time_s);
+        Renderer::set_time_s(self, time_s);
     }
 
     fn set_maps(&mut self, wanted: bool) {
-        self.renderer.set_maps(wanted);
+        Renderer::set_maps(self, wanted);
     }
 }
 

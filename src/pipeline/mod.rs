@@ -14,7 +14,6 @@ mod clock;
 mod controls;
 mod deadline;
 mod events;
-mod frames;
 mod generate_stage;
 mod generator_link;
 mod histogram;
@@ -42,9 +41,8 @@ pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use controls::CONTROLS_WAITING;
 pub use deadline::Chooser;
 pub use events::Observer;
-pub use frames::Pool;
 pub use histogram::{Histogram, Percentiles};
-pub use local_renderer::{LocalRenderer, LocalRendererFactory};
+pub use local_renderer::LocalRendererFactory;
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, Readiness, RenderFault, RendererFactory, Terminator,
