@@ -139,7 +139,8 @@ impl Demo {
         let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings)?;
         let (probe, render) = (station.probe, station.settings);
         let live = LiveSettings { probe, render, frozen: false, enhance: false };
-        let mut shown = PresentedFrame::empty(live);
+        let mut shown = PresentedFrame::default();
+        shown.info.settings = live;
         shown.info.estimate.state = TrackingState::Good;
         let (frame, started) = (Frame::default(), Instant::now());
         Ok(Self { station, renderer, live, frame, shown, started })

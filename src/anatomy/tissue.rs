@@ -123,19 +123,6 @@ impl TissueTable {
     }
 }
 
-/// Smallest and largest accepted values.
-const RANGES: Tissue<[f64; 2]> = Tissue {
-    speed_m_s: [100.0, 10_000.0],
-    density_kg_m3: [0.1, 25_000.0],
-    attenuation_db_cm_mhz: [0.0, 100.0],
-    attenuation_exponent: [0.0, 3.0],
-    scatterer_density: [0.0, 1.0],
-    scatterer_mean: [-10.0, 10.0],
-    scatterer_deviation: [0.0, 10.0],
-    roughness: [0.0, 2.0],
-    thickness_mm: [0.0, 10.0],
-};
-
 fn check(name: &str, tissue: &Tissue) -> Result<(), TissueError> {
     for setting in Tissue::settings() {
         let value = tissue.stored(setting.key).map_or(f64::NAN, |stored| stored.get(0));

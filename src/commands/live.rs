@@ -7,7 +7,6 @@ use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tie
 use insonify::pipeline::{Clock, Enhancer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer};
 use insonify::pose::{Counters, Pose};
 use insonify::render::Renderer;
-use insonify::sink::frame_line::source_name;
 use insonify::station::Station;
 
 use super::status_line::StatusLine;
@@ -98,7 +97,7 @@ fn status(status: &Status) -> String {
         status.elapsed_s,
         status.frames_per_s,
         status.tracking.name(),
-        source_name(status.source),
+        status.source.name(),
         status.presented,
         status.dropped,
     )

@@ -20,7 +20,7 @@ use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
 use insonify::tracker::recording::Recorded;
-use insonify::tracker::{Protocol, Speed, Transport, stream_of};
+use insonify::tracker::{Speed, Transport, stream_of};
 use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;

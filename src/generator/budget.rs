@@ -1,5 +1,6 @@
 //! Time budget of a generator, and durations of its runs.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::statistics::nearest_rank;
@@ -44,8 +45,7 @@ impl Budget {
 /// The latest durations of a tier's runs.
 #[derive(Debug, Clone)]
 pub struct RunTimes {
-    latest: Vec<Duration>,
-    next: usize,
+    latest: VecDeque<Duration>,
     window: usize,
     sorted: Vec<Duration>,
 }
@@ -54,23 +54,20 @@ impl RunTimes {
     /// None yet; of `window`, at least 1, the latest are kept.
     pub fn new(window: usize) -> Self {
         let window = window.max(1);
-        Self { latest: Vec::with_capacity(window), next: 0, window, sorted: Vec::with_capacity(window) }
+        Self { latest: VecDeque::with_capacity(window), window, sorted: Vec::with_capacity(window) }
     }
 
     /// Adds one; it replaces the oldest if the window is full.
     pub fn push(&mut self, time: Duration) {
-        if self.latest.len() < self.window {
-            self.latest.push(time);
-        } else if let Some(slot) = self.latest.get_mut(self.next) {
-            *slot = time;
+        if self.latest.len() == self.window {
+            self.latest.pop_front();
         }
-        self.next = (self.next + 1) % self.window;
+        self.latest.push_back(time);
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
         self.latest.clear();
-        self.next = 0;
     }
 
     /// Number of durations.
@@ -86,7 +83,7 @@ impl RunTimes {
     /// The least time that at least `part` (0..=1) of the runs did not exceed; none without runs.
     pub fn percentile(&mut self, part: f64) -> Option<Duration> {
         self.sorted.clear();
-        self.sorted.extend_from_slice(&self.latest);
+        self.sorted.extend(&self.latest);
         self.sorted.sort_unstable();
         nearest_rank(&self.sorted, part)
     }

@@ -1,6 +1,6 @@
 //! Errors of generators.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -151,4 +151,11 @@ pub enum GeneratorError {
         /// Message of ONNX Runtime.
         reason: String,
     },
+}
+
+impl GeneratorError {
+    /// Wraps an I/O error with the path that it happened at.
+    pub(super) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
 }

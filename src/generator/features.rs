@@ -76,7 +76,7 @@ impl OnnxFeatures {
     /// # Errors
     /// A file that can't be read, a model that ONNX Runtime doesn't take, tensors of another kind.
     pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
-        let model = std::fs::read(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        let model = std::fs::read(path).map_err(GeneratorError::io(path))?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Self::of_model(stem, path, &model, runtime, scale)
     }

@@ -10,6 +10,7 @@ use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
 use super::session::{RunFailure, Session};
 use super::{GeneratorError, Input, Provider, Runtime, Terminator};
+use crate::render::Frame;
 
 /// Options for loading a model.
 #[derive(Debug, Clone, Default)]
@@ -47,7 +48,7 @@ impl Generator {
     pub fn load(path: &Path, runtime: &Runtime, options: &LoadOptions) -> Result<Self, GeneratorError> {
         let manifest_path = Manifest::path_of(path);
         let manifest = Manifest::load(&manifest_path)?;
-        let model = std::fs::read(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        let model = std::fs::read(path).map_err(GeneratorError::io(path))?;
         check_hash(path, &model, &manifest.sha256)?;
         let segmentation = manifest.segmentation.as_ref();
         let classes = segmentation.map(|s| ClassMap::of_tissues(s, options.tissues, path)).transpose()?;
@@ -92,11 +93,17 @@ impl Generator {
     /// As [`Generator::run`].
     pub fn measure(&mut self, width: u32, height: u32, runs: usize) -> Result<Vec<Duration>, GeneratorError> {
         let pixels = width as usize * height as usize;
-        // Levels below white, and not all the same.
-        let image: Vec<u8> = (0..pixels).map(|i| (i % 199) as u8).collect();
-        let (segmentation, attenuation, mask) = (vec![0; pixels], vec![0.5; pixels], vec![255; pixels]);
-        let input =
-            Input { width, height, image: &image, segmentation: &segmentation, attenuation: &attenuation, mask: &mask };
+        let frame = Frame {
+            width,
+            height,
+            // Levels below white, and not all the same.
+            bmode: (0..pixels).map(|i| (i % 199) as u8).collect(),
+            segmentation: vec![0; pixels],
+            attenuation: vec![0.5; pixels],
+            mask: vec![255; pixels],
+            ..Frame::default()
+        };
+        let input = Input::from(&frame);
         let mut out = Vec::new();
         self.run(&input, &mut out)?;
         let mut timed = || {

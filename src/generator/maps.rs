@@ -278,7 +278,7 @@ mod tests {
         quantise(&tensor, unit, &[255, 255], &geometry, &mut levels_out);
         assert_eq!(levels_out, [1, 2]);
         assert_eq!(levels(&tensor, unit, &[255, 0], &geometry), [1.0, 0.0]);
-        // What is broken beside the field of view is not shown, and no error.
+        // Broken values beside the field of view are not shown, and are no error.
         let mut broken = tensor.clone();
         broken[4] = f32::NAN;
         broken[0] = f32::INFINITY;

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::manifest::ParityManifest;
 use super::{GeneratorError, Input};
+use crate::render::Frame;
 
 /// Largest side of a parity pair, pixels.
 const LARGEST: u64 = 4096;
@@ -34,25 +35,13 @@ impl fmt::Display for ParityReport {
 /// An input, and the levels that must come of it.
 #[derive(Debug)]
 pub(super) struct Pair {
-    width: u32,
-    height: u32,
-    image: Vec<u8>,
-    segmentation: Vec<u8>,
-    attenuation: Vec<f32>,
-    mask: Vec<u8>,
+    frame: Frame,
     expected: Vec<f32>,
 }
 
 impl Pair {
     pub(super) fn input(&self) -> Input<'_> {
-        Input {
-            width: self.width,
-            height: self.height,
-            image: &self.image,
-            segmentation: &self.segmentation,
-            attenuation: &self.attenuation,
-            mask: &self.mask,
-        }
+        Input::from(&self.frame)
     }
 }
 
@@ -80,32 +69,31 @@ pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair
     if let Some(v) = attenuation.iter().find(|v| !(0.0..=1.0).contains(*v)) {
         return Err(wrong(format!("{} holds the attenuation {v}; it must be 0..=1", parity.input)));
     }
-    Ok(Pair {
+    let frame = Frame {
         width: width as u32,
         height: height as u32,
-        image: bytes(0, "grey level")?,
+        bmode: bytes(0, "grey level")?,
         segmentation: bytes(1, "class")?,
         attenuation,
         mask: bytes(3, "mask")?,
-        expected,
-    })
+        ..Frame::default()
+    };
+    Ok(Pair { frame, expected })
 }
 
 /// Shape and values of an array of float32 in C order.
 fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
-    let io = |source| GeneratorError::Io { path: path.to_owned(), source };
-    let bytes = std::fs::read(path).map_err(io)?;
-    let file = npyz::NpyFile::new(&bytes[..]).map_err(io)?;
+    let io = GeneratorError::io(path);
+    let bytes = std::fs::read(path).map_err(&io)?;
+    let file = npyz::NpyFile::new(&bytes[..]).map_err(&io)?;
     let shape = file.shape().to_vec();
     if file.order() != npyz::Order::C {
-        let error = std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order");
-        return Err(io(error));
+        return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")));
     }
     // A header may promise more than the file holds.
     let promised = shape.iter().try_fold(4u64, |product, n| product.checked_mul(*n));
     if promised.is_none_or(|promised| promised > bytes.len() as u64) {
-        let error = std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short");
-        return Err(io(error));
+        return Err(io(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short")));
     }
     Ok((shape, file.into_vec().map_err(io)?))
 }
@@ -114,7 +102,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
 pub(super) fn compare(path: &Path, pair: &Pair, found: &[f32], tolerance: f32) -> Result<ParityReport, GeneratorError> {
     let differences = found.iter().zip(&pair.expected).map(|(f, e)| (f - e).abs()).enumerate();
     let (at, difference) = differences.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
-    let width = pair.width as usize;
+    let width = pair.frame.width as usize;
     let (row, column) = (at / width, at % width);
     if difference <= tolerance && found.len() == pair.expected.len() {
         return Ok(ParityReport { difference, row, column, tolerance });

@@ -76,17 +76,13 @@ pub struct RunTicket {
 
 #[derive(Debug)]
 struct Tier {
-    name: String,
-    state: TierState,
+    /// Its totals, percentiles apart.
+    totals: TierReport,
     times: RunTimes,
     /// Time from a failed step up to the next attempt.
     hold: Duration,
     overshoots_in_a_row: u32,
     failures_in_a_row: u32,
-    runs: u64,
-    overshoots: u64,
-    stopped: u64,
-    failures: u64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -130,18 +126,9 @@ impl Tiers {
         if self.current.is_none() && state == TierState::Ready {
             self.current = Some(self.tiers.len());
         }
-        self.tiers.push(Tier {
-            name: name.to_owned(),
-            state,
-            times,
-            hold: budget.hold,
-            overshoots_in_a_row: 0,
-            failures_in_a_row: 0,
-            runs: 0,
-            overshoots: 0,
-            stopped: 0,
-            failures: 0,
-        });
+        let name = name.to_owned();
+        let totals = TierReport { name, state, runs: 0, overshoots: 0, stopped: 0, failures: 0, p50: None, p95: None };
+        self.tiers.push(Tier { totals, times, hold: budget.hold, overshoots_in_a_row: 0, failures_in_a_row: 0 });
     }
 
     /// The tier at work; none while the rendered image is all there is.
@@ -151,7 +138,7 @@ impl Tiers {
 
     /// The current tier's name.
     pub fn name(&self) -> Option<&str> {
-        self.current.and_then(|i| self.tiers.get(i)).map(|tier| tier.name.as_str())
+        self.current.and_then(|i| self.tiers.get(i)).map(|tier| tier.totals.name.as_str())
     }
 
     /// The tier that it is time to step up to. To be called before [`Tiers::start`].
@@ -169,7 +156,7 @@ impl Tiers {
             // It has kept the budget for so long: whatever it did before is forgiven.
             tier.hold = self.budget.hold;
         }
-        let due = |tier: &Tier| matches!(tier.state, TierState::OverBudget { retry_at } if now >= retry_at);
+        let due = |tier: &Tier| matches!(tier.totals.state, TierState::OverBudget { retry_at } if now >= retry_at);
         // The nearest better one.
         self.tiers.iter().take(self.current.unwrap_or(self.tiers.len())).rposition(due)
     }
@@ -177,7 +164,7 @@ impl Tiers {
     /// Steps up to [`Tiers::next_up`], if there is one.
     pub fn step_up(&mut self, now: Duration) -> Option<Change> {
         let to = self.next_up(now)?;
-        self.tiers[to].state = TierState::Ready;
+        self.tiers[to].totals.state = TierState::Ready;
         Some(self.change(now, Some(to), "there is time to spare".to_owned()))
     }
 
@@ -201,51 +188,45 @@ impl Tiers {
         let took = now.saturating_sub(run.started);
         let tier = self.tiers.get_mut(ticket.tier)?;
         if let Outcome::Failed(reason) = outcome {
-            tier.failures += 1;
+            tier.totals.failures += 1;
             tier.failures_in_a_row += 1;
             if tier.failures_in_a_row < FAILURES {
                 return None;
             }
-            tier.state = TierState::Failed(reason.clone());
-            let reason = format!("`{}` failed {FAILURES} times in a row: {reason}", tier.name);
+            tier.totals.state = TierState::Failed(reason.clone());
+            let reason = format!("`{}` failed {FAILURES} times in a row: {reason}", tier.totals.name);
             return self.leave(ticket.tier, now, reason);
         }
         tier.failures_in_a_row = 0;
         tier.times.push(took);
         let stopped = *outcome == Outcome::Stopped;
-        tier.stopped += u64::from(stopped);
-        tier.runs += u64::from(!stopped);
+        tier.totals.stopped += u64::from(stopped);
+        tier.totals.runs += u64::from(!stopped);
         if stopped || took > budget.run {
-            tier.overshoots += 1;
+            tier.totals.overshoots += 1;
             tier.overshoots_in_a_row += 1;
         } else {
             tier.overshoots_in_a_row = 0;
         }
         let p95 = tier.times.percentile(0.95).filter(|p95| *p95 > budget.run && tier.times.len() >= budget.settle);
         let reason = if tier.overshoots_in_a_row >= budget.overshoots {
-            format!("`{}` was over its budget {} times in a row", tier.name, tier.overshoots_in_a_row)
+            format!("`{}` was over its budget {} times in a row", tier.totals.name, tier.overshoots_in_a_row)
         } else if let Some(p95) = p95 {
             let [p95, limit] = [p95, budget.run].map(|t| t.as_secs_f64() * 1e3);
-            format!("`{}` takes {p95:.1} ms (95 %) of {limit:.1} ms", tier.name)
+            format!("`{}` takes {p95:.1} ms (95 %) of {limit:.1} ms", tier.totals.name)
         } else {
             return None;
         };
-        tier.state = TierState::OverBudget { retry_at: now + tier.hold };
+        tier.totals.state = TierState::OverBudget { retry_at: now + tier.hold };
         tier.hold = (tier.hold * 2).min(budget.longest_hold);
         self.leave(ticket.tier, now, reason)
     }
 
     /// Totals of each tier, the best first.
     pub fn report(&mut self) -> Vec<TierReport> {
-        let report = |tier: &mut Tier| TierReport {
-            name: tier.name.clone(),
-            state: tier.state.clone(),
-            runs: tier.runs,
-            overshoots: tier.overshoots,
-            stopped: tier.stopped,
-            failures: tier.failures,
-            p50: tier.times.percentile(0.5),
-            p95: tier.times.percentile(0.95),
+        let report = |tier: &mut Tier| {
+            let [p50, p95] = [0.5, 0.95].map(|part| tier.times.percentile(part));
+            TierReport { p50, p95, ..tier.totals.clone() }
         };
         self.tiers.iter_mut().map(report).collect()
     }
@@ -256,7 +237,7 @@ impl Tiers {
             return None;
         }
         let below = self.tiers.iter().enumerate().skip(tier + 1);
-        let to = below.filter(|(_, t)| t.state == TierState::Ready).map(|(i, _)| i).next();
+        let to = below.filter(|(_, t)| t.totals.state == TierState::Ready).map(|(i, _)| i).next();
         Some(self.change(now, to, reason))
     }
 

@@ -15,6 +15,11 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Running mean of times after the next one, which has this weight; the first one itself.
+pub(super) fn smoothed(mean: Duration, next: Duration, weight: f64) -> Duration {
+    if mean.is_zero() { next } else { mean.mul_f64(1.0 - weight) + next.mul_f64(weight) }
+}
+
 /// A time in ms, for logs.
 pub(super) fn ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3

@@ -7,12 +7,12 @@ use tracing::field::Empty;
 
 use super::clock::{Clock, NEVER, lock, ms};
 use super::events::Events;
-use super::frames::Pool;
 use super::generator_link::GeneratorLink;
 use super::parts::{Enhancer, Readiness};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
 use crate::sink::live::FrameInfo;
+use crate::sink::pool::Pool;
 
 /// Generated frames: one held by the presenter, one in the slot, one to fill.
 const FRAMES: usize = 4;
@@ -22,7 +22,7 @@ const FAILURES: u32 = 3;
 const REST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(60));
 
 /// A generated picture.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Generated {
     /// Number, pose and settings of the rendered frame.
     pub(super) info: FrameInfo,
@@ -58,7 +58,7 @@ struct Health {
 impl GenerateStage {
     /// Translates the newest frame again and again until the slot is closed.
     pub(super) fn run(mut self) {
-        let mut pool = Pool::new(FRAMES, Generated::empty);
+        let mut pool = Pool::new(FRAMES);
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
             let number = rendered.info.number;
@@ -152,18 +152,5 @@ impl GenerateStage {
         health.resting_until = self.clock.now().saturating_add(health.rest);
         health.rest = (2 * health.rest).min(REST.1);
         health.failures = 0;
-    }
-}
-
-impl Generated {
-    fn empty() -> Self {
-        Self {
-            info: FrameInfo::default(),
-            size: (0, 0),
-            image: Vec::new(),
-            run: (Duration::ZERO, Duration::ZERO),
-            deadline: Duration::ZERO,
-            tier: String::new(),
-        }
     }
 }

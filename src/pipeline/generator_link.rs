@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::clock::{Clock, Signal, lock};
+use super::clock::{Clock, Signal, lock, smoothed};
 use super::parts::{Enhancer, Terminator};
 use super::summary::GeneratorSummary;
 
@@ -54,19 +54,14 @@ pub(super) struct GeneratorState {
 impl GeneratorState {
     /// Updates the estimates with the duration of a run.
     pub(super) fn took(&mut self, time: Duration) {
-        self.estimate = match self.estimate {
-            Duration::ZERO => time,
-            estimate => estimate.mul_f64(1.0 - WEIGHT) + time.mul_f64(WEIGHT),
-        };
+        self.estimate = smoothed(self.estimate, time, WEIGHT);
         // A disturbed run must not raise this estimate: frames would stop waiting for the generator.
         self.undisturbed = match self.undisturbed {
             Duration::ZERO => time,
             least => time.min(least.mul_f64(FORGET)),
         };
     }
-}
 
-impl GeneratorState {
     /// Whether a frame waits for the generator, `until` at the latest.
     fn takes_a_turn(&mut self, now: Duration, until: Duration) -> bool {
         let Some(end) = self.busy_until(now) else { return false };

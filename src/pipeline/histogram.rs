@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use super::clock::ms;
+
 /// Steps of a histogram in each doubling: a percentile is exact within 1/32.
 const STEPS: usize = 32;
 
@@ -53,13 +55,13 @@ impl Histogram {
 
     /// p50, p95, p99 and the greatest. None of no times.
     pub fn percentiles(&self) -> Option<Percentiles> {
-        let ms = |percent| self.percentile(percent).map(|time| time.as_secs_f64() * 1e3);
+        let at = |percent| self.percentile(percent).map(ms);
         Some(Percentiles {
             count: self.count,
-            p50_ms: ms(50.0)?,
-            p95_ms: ms(95.0)?,
-            p99_ms: ms(99.0)?,
-            max_ms: self.max.as_secs_f64() * 1e3,
+            p50_ms: at(50.0)?,
+            p95_ms: at(95.0)?,
+            p99_ms: at(99.0)?,
+            max_ms: ms(self.max),
         })
     }
 }

@@ -40,6 +40,7 @@ impl RendererFactory for LocalRendererFactory {
     }
 }
 
+/// `Renderer::…` names its own functions, which take precedence over those of the trait.
 impl FrameRenderer for Renderer {
     fn shape(&self) -> ImageShape {
         let sector = self.sector();
@@ -47,17 +48,17 @@ impl FrameRenderer for Renderer {
     }
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
-        Self::submit(self, pose).map_err(fault)
+        Renderer::submit(self, pose).map_err(fault)
     }
 
     fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
-        Self::receive(self, frame).map_err(fault)
+        Renderer::receive(self, frame).map_err(fault)
     }
 
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
         // Whether there are maps is chosen for each frame.
         let settings = RenderSettings { maps: self.settings().maps, ..*settings };
-        Self::reconfigure(self, probe, &settings).map_err(fault)
+        Renderer::reconfigure(self, probe, &settings).map_err(fault)
     }
 
     fn on_processors(&self) -> bool {
@@ -65,11 +66,11 @@ impl FrameRenderer for Renderer {
     }
 
     fn set_time_s(&mut self, time_s: f64) {
-        Self::set_time_s(self, time_s);
+        Renderer::set_time_s(self, time_s);
     }
 
     fn set_maps(&mut self, wanted: bool) {
-        Self::set_maps(self, wanted);
+        Renderer::set_maps(self, wanted);
     }
 }
 

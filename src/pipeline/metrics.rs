@@ -1,12 +1,13 @@
 //! Metrics of a session, in memory of a fixed size.
 
+use std::collections::VecDeque;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use serde::Serialize;
 
-use super::clock::lock;
+use super::clock::{lock, ms, smoothed};
 use super::histogram::Histogram;
 use super::quality_budget::QualitySummary;
 use crate::pose::TrackingState;
@@ -93,25 +94,22 @@ pub(super) struct Shown {
 /// The last frames: when each was presented, and its pose-to-present.
 #[derive(Debug, Default)]
 struct Recent {
-    frames: Vec<(Duration, Option<Duration>)>,
-    next: usize,
+    frames: VecDeque<(Duration, Option<Duration>)>,
 }
 
 impl Recent {
     fn push(&mut self, presented: Duration, latency: Option<Duration>) {
-        if self.frames.len() < RECENT {
-            self.frames.reserve_exact(RECENT);
-            self.frames.push((presented, latency));
-        } else if let Some(frame) = self.frames.get_mut(self.next) {
-            *frame = (presented, latency);
-            self.next = (self.next + 1) % RECENT;
+        if self.frames.len() == RECENT {
+            self.frames.pop_front();
         }
+        self.frames.push_back((presented, latency));
     }
 
     fn frames_per_s(&self) -> f64 {
-        let times = || self.frames.iter().map(|(presented, _)| *presented);
-        match (times().min(), times().max()) {
-            (Some(first), Some(last)) if last > first => (self.frames.len() - 1) as f64 / (last - first).as_secs_f64(),
+        match (self.frames.front(), self.frames.back()) {
+            (Some((first, _)), Some((last, _))) if last > first => {
+                (self.frames.len() - 1) as f64 / (*last - *first).as_secs_f64()
+            }
             _ => 0.0,
         }
     }
@@ -122,7 +120,7 @@ impl Recent {
         let count = latencies.iter_mut().zip(known).map(|(slot, latency)| *slot = latency).count();
         let latencies = latencies.get_mut(..count)?;
         latencies.sort_unstable();
-        upper_median(latencies).map(|l| l.as_secs_f64() * 1e3)
+        upper_median(latencies).map(ms)
     }
 }
 
@@ -156,9 +154,7 @@ impl Metrics {
         if estimate.scene_from_probe.is_some() {
             shown.sample_to_present.push(total);
             shown.render.push(times.rendered.saturating_sub(times.submitted));
-            let expected = Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed));
-            let expected =
-                if expected.is_zero() { total } else { expected.mul_f64(1.0 - WEIGHT) + total.mul_f64(WEIGHT) };
+            let expected = smoothed(self.expected(), total, WEIGHT);
             self.expected_ns.store(u64::try_from(expected.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
         }
         if let Some((start, end)) = times.inference {

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use super::clock::smoothed;
+
 /// A frame is submitted this long before the device is expected to be done with the one before: time to sample the
 /// pose, record the passes and read the finished frame back while the device works.
 const OVERLAP: Duration = Duration::from_millis(4);
@@ -57,10 +59,7 @@ impl Pace {
     /// it: from its submission, or from the end of the frame before where that was later.
     pub(super) fn rendered(&mut self, submitted: Duration, now: Duration, left: u32) -> Duration {
         let took = now.saturating_sub(submitted.max(self.last_rendered));
-        self.service = match self.service {
-            Duration::ZERO => took,
-            service => service.mul_f64(1.0 - WEIGHT) + took.mul_f64(WEIGHT),
-        };
+        self.service = smoothed(self.service, took, WEIGHT);
         self.last_rendered = now;
         self.free_at = now + self.service * left;
         took

@@ -26,7 +26,7 @@ pub enum RenderFault {
 }
 
 /// Size and scale of a renderer's images.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ImageShape {
     /// Width, pixels.
     pub width: u32,

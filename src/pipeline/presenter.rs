@@ -7,7 +7,6 @@ use tracing::field::Empty;
 use super::clock::{Clock, NEVER, Signal, ms};
 use super::deadline::Chooser;
 use super::events::Events;
-use super::frames::Pool;
 use super::generate_stage::Generated;
 use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, count};
@@ -18,6 +17,7 @@ use crate::render::Frame;
 use crate::settings::ChoiceSettings;
 use crate::sink::FrameLog;
 use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
+use crate::sink::pool::Pool;
 
 /// Frames that sinks may hold together; a frame for which none is left is dropped.
 const FRAMES: usize = 64;
@@ -39,14 +39,14 @@ pub(super) struct Presenter {
     pub(super) frames_max: Option<u64>,
     /// Log of all presented frames.
     pub(super) log: Option<FrameLog>,
-    /// Whether it was said that frames wait for the log.
+    /// Whether the warning that frames wait for the log was given.
     pub(super) log_waited: bool,
 }
 
 impl Presenter {
     /// Presents every rendered frame until there are no more. Returns the log for its completion.
     pub(super) fn run(mut self) -> Option<FrameLog> {
-        let mut state = State { chooser: Chooser::new(self.choice), held: None, pool: None };
+        let mut state = State { chooser: Chooser::new(self.choice), held: None, pool: Pool::new(FRAMES) };
         while let Some(rendered) = self.next(&mut state) {
             if self.frames_max.is_some_and(|max| self.metrics.shown(|s| s.presented) >= max) {
                 count(&self.metrics.ended);
@@ -140,9 +140,7 @@ impl Presenter {
         .entered();
         let held = state.held.as_deref().filter(|_| source != FrameSource::LowQuality);
         let number = self.metrics.shown(|s| s.presented);
-        let settings = rendered.info.settings;
-        let pool = state.pool.get_or_insert_with(|| Pool::new(FRAMES, move || PresentedFrame::empty(settings)));
-        let filled = pool.fill(|frame| {
+        let filled = state.pool.fill(|frame| {
             frame.number = number;
             frame.source = source;
             (frame.width, frame.height) = (rendered.shape.width, rendered.shape.height);
@@ -170,9 +168,7 @@ impl Presenter {
             sink.put(frame.clone());
         }
     }
-}
 
-impl Presenter {
     /// Adds a frame to the log, which loses no line: where the disk is too slow for long, frames wait.
     fn log(&mut self, frame: &PresentedFrame) {
         let Some(log) = &mut self.log else { return };
@@ -192,7 +188,7 @@ struct State {
     chooser: Chooser,
     /// The last generated picture.
     held: Option<Arc<Generated>>,
-    pool: Option<Pool<PresentedFrame>>,
+    pool: Pool<PresentedFrame>,
 }
 
 impl State {

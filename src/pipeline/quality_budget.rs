@@ -70,9 +70,9 @@ pub struct QualityBudget {
     /// Since when frames were over the budget, and since when the next rung would have fitted, s.
     over_since: Option<f64>,
     under_since: Option<f64>,
-    /// Whether it was said that even the least rung is over the budget.
+    /// Whether the warning that even the least rung is over the budget holds.
     told: bool,
-    /// When it was said last, s.
+    /// Time of the last such warning, s.
     told_s: f64,
     /// When the last frame that counts was done, s.
     last_s: f64,
@@ -95,7 +95,7 @@ impl QualityBudget {
     pub fn new(climbed: &Climbed) -> Self {
         let mut ratios = [f64::INFINITY; RUNGS];
         for (rung, ratio) in ratios.iter_mut().enumerate().skip(1) {
-            // Where it was not measured: time grows no faster than the paths.
+            // If not measured: time grows no faster than the paths.
             let paths = f64::from(LADDER[rung].paths()) / f64::from(LADDER[rung - 1].paths());
             let measured = climbed.frame_ms[rung].zip(climbed.frame_ms[rung - 1]).map(|(this, below)| this / below);
             *ratio = measured.filter(|found| found.is_finite() && *found > 0.0).unwrap_or(paths).max(1.0);
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_time_of_the_point_does_not_count() {
+    fn times_that_are_not_of_the_point_do_not_count() {
         let mut budget = budget(40.0);
         let wrong = [f64::NAN, f64::INFINITY, -1.0];
         let mut frame = 0;
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_device_refuses_is_not_asked_again() {
+    fn a_rung_that_the_device_refuses_is_not_asked_for_again() {
         let mut budget = budget(40.0);
         assert_eq!(points(&run(&mut budget, 0.0, 5.0, |_| 100.0)), ["2x3"]);
         let mut tries = 0;

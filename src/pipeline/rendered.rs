@@ -8,7 +8,7 @@ use crate::render::Frame;
 use crate::sink::live::FrameInfo;
 
 /// A frame that was begun: rendered, or without a picture.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Rendered {
     /// Number, pose, times up to `rendered`, and settings.
     pub(super) info: FrameInfo,
@@ -20,19 +20,6 @@ pub(super) struct Rendered {
     pub(super) deadline: Duration,
     /// Whether it was rendered with its maps.
     pub(super) maps: bool,
-}
-
-impl Rendered {
-    /// An empty frame, to be filled.
-    pub(super) fn empty() -> Self {
-        Self {
-            info: FrameInfo::default(),
-            frame: RwLock::default(),
-            shape: ImageShape { width: 0, height: 0, pixel_mm: 0.0 },
-            deadline: Duration::ZERO,
-            maps: false,
-        }
-    }
 }
 
 /// Makes `frame` a black one of this size.

@@ -11,6 +11,12 @@ use crate::tracker::recording::{DISCONNECTED_EVENT, Event};
 /// A puck is known to rest from so long before its first measurement on, ns.
 const REST_NS: u64 = 1_000_000;
 
+/// Measurement of a puck that nobody moves: it sends none itself.
+pub(super) fn at_rest(host_time_ns: u64) -> Measurement {
+    let reading = Reading::Rates { translation: DVec3::ZERO, rotation: DVec3::ZERO };
+    Measurement { host_time_ns, device_time_us: None, sequence: None, reading }
+}
+
 /// The poses of a recording's measurements, by the estimator of a live session.
 #[derive(Debug, Clone)]
 pub struct ReplayedPoses {
@@ -30,9 +36,7 @@ impl ReplayedPoses {
         disconnected.sort_unstable();
         // As when its device is opened: it says nothing before it is moved.
         if let Some(first @ Measurement { reading: Reading::Rates { .. }, .. }) = measurements.first() {
-            let reading = Reading::Rates { translation: DVec3::ZERO, rotation: DVec3::ZERO };
-            let host_time_ns = first.host_time_ns.saturating_sub(REST_NS);
-            estimator.push(&Measurement { host_time_ns, device_time_us: None, sequence: None, reading });
+            estimator.push(&at_rest(first.host_time_ns.saturating_sub(REST_NS)));
         }
         Self { estimator, measurements, next: 0, disconnected, next_disconnected: 0 }
     }
@@ -189,7 +193,7 @@ mod tests {
     fn a_frame_knows_what_came_before_it_and_nothing_later() {
         let moving: Vec<_> = (0..100).map(|i| measured(i * 10, at_x(i as f64))).collect();
         let mut whole = replayed(moving.clone(), &[]);
-        // What comes later is not there, and the poses are the same.
+        // Later measurements are missing, and the poses are the same.
         let mut cut = replayed(moving[..51].to_vec(), &[]);
         for ms in [0, 100, 333, 500] {
             assert_eq!(whole.at(START + ms * MS), cut.at(START + ms * MS), "{ms}");
@@ -219,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_set_holds_from_its_time_on_and_nonsense_is_refused() {
+    fn settings_hold_from_their_time_on_and_nonsense_is_refused() {
         let event = |ms: u64, name: &str, value: serde_json::Value| Event::new(START + ms * MS, name).with(value);
         let begin = LiveSettings { enhance: false, ..LiveSettings::default() };
         let mut louder = LiveSettings { frozen: true, ..begin };

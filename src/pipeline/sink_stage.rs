@@ -59,7 +59,7 @@ impl SinkStage {
     pub(super) fn join(self, until: Duration) -> SinkSummary {
         let Self { name, slot, counts, thread } = self;
         let joined = thread.join(until);
-        // What a sink that is gone or stuck left in its slot reaches nobody.
+        // A frame in the slot of a sink that is gone or stuck reaches nobody.
         slot.clear();
         let error = lock(&counts.error).take();
         let error = match &joined {

@@ -6,8 +6,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::clock::lock;
 use super::parts::PoseSource;
+use super::replayed::at_rest;
 use super::shutdown::{Part, Stop};
-use crate::pose::{Counters, Estimate, Estimator, Measurement, Reading};
+use crate::pose::{Counters, Estimate, Estimator, Measurement};
 use crate::tracker::recording::{self, RecorderHandle};
 use crate::tracker::{
     Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_of,
@@ -98,9 +99,7 @@ impl Listener for TrackerListener {
             TrackerEvent::Connected { .. } => {
                 tracing::info!("tracker: {event}");
                 if self.rates {
-                    let reading = Reading::Rates { translation: glam::DVec3::ZERO, rotation: glam::DVec3::ZERO };
-                    let rest = Measurement { host_time_ns, device_time_us: None, sequence: None, reading };
-                    lock(&self.estimator).push(&rest);
+                    lock(&self.estimator).push(&at_rest(host_time_ns));
                 }
             }
             TrackerEvent::Disconnected { .. } => {

@@ -1,6 +1,8 @@
 //! Places of the crops by which images are judged, as in the paper: random, within the sector.
 
 use super::QualityError;
+use super::error::{check_holds, check_sizes};
+use super::pixel_counts::PixelCounts;
 use crate::random::SplitMix64;
 
 /// Side of a crop of the paper, pixels.
@@ -20,25 +22,20 @@ const DRAWS: usize = 200;
 /// An image smaller than a crop, a mask of another size, a mask without a pixel.
 pub fn crop_places(
     mask: &[u8],
-    [width, height]: [usize; 2],
+    size: [usize; 2],
     side: usize,
     count: usize,
     seed: u64,
 ) -> Result<Vec<[usize; 2]>, QualityError> {
-    if Some(mask.len()) != width.checked_mul(height) {
-        return Err(QualityError::Size { what: "mask", found: mask.len(), width, height });
-    }
-    if side == 0 || width < side || height < side {
-        return Err(QualityError::TooSmall { metric: "a crop", needed: side.max(1), width, height });
-    }
+    check_sizes(size, &[("mask", mask)])?;
+    check_holds(size, side, "a crop")?;
     if mask.iter().all(|&m| m == 0) {
         return Err(QualityError::EmptyMask);
     }
-    let sums = sums(mask, width);
-    let inside = |[left, top]: [usize; 2]| {
-        let at = |column: usize, row: usize| sums[row * (width + 1) + column];
-        at(left + side, top + side) + at(left, top) - at(left + side, top) - at(left, top + side)
-    };
+    let [width, height] = size;
+    let mut counts = PixelCounts::new(size);
+    counts.count(mask, |value| value > 0);
+    let inside = |[left, top]: [usize; 2]| counts.within(left..left + side, top..top + side);
     let least = (CROP_INSIDE * (side * side) as f64).ceil() as u32;
     let mut random = SplitMix64::new(seed);
     let mut draw = |room: usize| ((random.unit() * (room + 1) as f64) as usize).min(room);
@@ -65,20 +62,6 @@ pub fn crop_places(
 pub fn cut<T: Copy>(map: &[T], width: usize, [left, top]: [usize; 2], side: usize) -> Vec<T> {
     let rows = map.chunks_exact(width.max(1)).skip(top).take(side);
     rows.flat_map(|row| row.iter().skip(left).take(side)).copied().collect()
-}
-
-/// Pixels inside above and left of each corner [height + 1 × width + 1].
-fn sums(mask: &[u8], width: usize) -> Vec<u32> {
-    let stride = width + 1;
-    let mut sums = vec![0u32; stride * (mask.len() / width + 1)];
-    for (row, values) in mask.chunks_exact(width).enumerate() {
-        let mut of_row = 0;
-        for (column, &value) in values.iter().enumerate() {
-            of_row += u32::from(value > 0);
-            sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + of_row;
-        }
-    }
-    sums
 }
 
 #[cfg(test)]

@@ -83,3 +83,19 @@ pub enum QualityError {
         reason: String,
     },
 }
+
+/// Checks that each map fills an image of that size.
+pub(super) fn check_sizes([width, height]: [usize; 2], maps: &[(&'static str, &[u8])]) -> Result<(), QualityError> {
+    match maps.iter().find(|(_, map)| Some(map.len()) != width.checked_mul(height)) {
+        Some((what, map)) => Err(QualityError::Size { what, found: map.len(), width, height }),
+        None => Ok(()),
+    }
+}
+
+/// Checks that an image holds a square of that side, at least 1.
+pub(super) fn check_holds([width, height]: [usize; 2], side: usize, metric: &'static str) -> Result<(), QualityError> {
+    if side > 0 && width >= side && height >= side {
+        return Ok(());
+    }
+    Err(QualityError::TooSmall { metric, needed: side.max(1), width, height })
+}

@@ -1,6 +1,7 @@
 //! Feature vectors of images for the Fréchet distance.
 
-use super::QualityError;
+use super::error::{check_holds, check_sizes};
+use super::{QualityError, cut};
 
 /// Side of a crop for Inception v3, pixels.
 pub const CROP: usize = 299;
@@ -22,21 +23,14 @@ pub trait FeatureExtractor {
 ///
 /// # Errors
 /// An image smaller than a crop, or whose pixels don't fill it.
-pub fn crops(pixels: &[u8], [width, height]: [usize; 2], crop: usize) -> Result<Vec<Vec<u8>>, QualityError> {
-    if Some(pixels.len()) != width.checked_mul(height) {
-        return Err(QualityError::Size { what: "image", found: pixels.len(), width, height });
-    }
-    if crop == 0 || width < crop || height < crop {
-        return Err(QualityError::TooSmall { metric: "the feature extractor", needed: crop, width, height });
-    }
+pub fn crops(pixels: &[u8], size: [usize; 2], crop: usize) -> Result<Vec<Vec<u8>>, QualityError> {
+    check_sizes(size, &[("image", pixels)])?;
+    check_holds(size, crop, "the feature extractor")?;
+    let [width, height] = size;
     let across = if width >= 2 * crop && height >= 2 * crop { 2 } else { 1 };
     let (left, top) = ((width - across * crop) / 2, (height - across * crop) / 2);
-    let cut = |i: usize| {
-        let (left, top) = (left + i % across * crop, top + i / across * crop);
-        let rows = pixels.chunks_exact(width).skip(top).take(crop);
-        rows.flat_map(|row| &row[left..left + crop]).copied().collect()
-    };
-    Ok((0..across * across).map(cut).collect())
+    let place = |i: usize| [left + i % across * crop, top + i / across * crop];
+    Ok((0..across * across).map(|i| cut(pixels, width, place(i), crop)).collect())
 }
 
 #[cfg(test)]

@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_distribution_is_an_error() {
+    fn vectors_that_make_no_distribution_are_an_error() {
         assert_eq!(Gaussian::of(&[vec![1.0]]), Err(QualityError::FewFeatures { found: 1 }));
         let ragged = Gaussian::of(&[vec![1.0], vec![1.0, 2.0]]);
         assert_eq!(ragged, Err(QualityError::FeatureLength { found: 2, expected: 1 }));

@@ -2,9 +2,6 @@
 
 use super::{Pair, QualityError};
 
-/// Side of the patches whose means are compared, pixels.
-const PATCH: usize = 32;
-
 /// Mean magnitude and root mean square of the difference of mean grey levels over patches of 32 × 32.
 ///
 /// Two frames with the same tissues and other speckle differ much pixel by pixel, and little here. Patches and mask are
@@ -13,29 +10,12 @@ const PATCH: usize = 32;
 /// # Errors
 /// As [`pkl`](fn@super::pkl).
 pub fn level_difference(pair: &Pair<'_>) -> Result<[f64; 2], QualityError> {
-    let (width, height) = (pair.width, pair.height);
-    if width < PATCH || height < PATCH {
-        return Err(QualityError::TooSmall { metric: "the difference of levels", needed: PATCH, width, height });
-    }
-    let (mut sum, mut squares, mut patches) = (0.0, 0.0, 0u32);
-    for top in (0..=height - PATCH).step_by(PATCH) {
-        for left in (0..=width - PATCH).step_by(PATCH) {
-            let (mut difference, mut pixels) = (0i64, 0usize);
-            let rows = (top..top + PATCH).map(|row| row * width + left);
-            for index in rows.flat_map(|start| start..start + PATCH).filter(|&index| pair.inside(index)) {
-                difference += i64::from(pair.image[index]) - i64::from(pair.reference[index]);
-                pixels += 1;
-            }
-            if 2 * pixels >= PATCH * PATCH {
-                let mean = difference as f64 / pixels as f64;
-                sum += mean.abs();
-                squares += mean * mean;
-                patches += 1;
-            }
-        }
-    }
-    let n = f64::from(patches);
-    if patches == 0 { Err(QualityError::NoPatch { patch: PATCH }) } else { Ok([sum / n, (squares / n).sqrt()]) }
+    let [magnitude, square] = pair.mean_over_patches("the difference of levels", |indices| {
+        let difference = |&i: &usize| i64::from(pair.image[i]) - i64::from(pair.reference[i]);
+        let mean = indices.iter().map(difference).sum::<i64>() as f64 / indices.len() as f64;
+        [mean.abs(), mean * mean]
+    })?;
+    Ok([magnitude, square.sqrt()])
 }
 
 #[cfg(test)]

@@ -1,6 +1,10 @@
 //! Two images of one size, and where they are compared.
 
 use super::QualityError;
+use super::error::{check_holds, check_sizes};
+
+/// Side of a patch, pixels.
+pub const PATCH: usize = 32;
 
 /// An image, its reference, and the mask within which they are compared.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +22,7 @@ impl<'a> Pair<'a> {
     /// # Errors
     /// A map that does not have that size, an image without pixels, a mask without a pixel inside.
     pub fn new(
-        [width, height]: [usize; 2],
+        size @ [width, height]: [usize; 2],
         image: &'a [u8],
         reference: &'a [u8],
         mask: Option<&'a [u8]>,
@@ -26,12 +30,7 @@ impl<'a> Pair<'a> {
         if width == 0 || height == 0 {
             return Err(QualityError::NoPixels { width, height });
         }
-        let maps = [("image", image), ("reference", reference), ("mask", mask.unwrap_or(image))];
-        for (what, map) in maps {
-            if Some(map.len()) != width.checked_mul(height) {
-                return Err(QualityError::Size { what, found: map.len(), width, height });
-            }
-        }
+        check_sizes(size, &[("image", image), ("reference", reference), ("mask", mask.unwrap_or(image))])?;
         if mask.is_some_and(|mask| mask.iter().all(|&m| m == 0)) {
             return Err(QualityError::EmptyMask);
         }
@@ -41,6 +40,37 @@ impl<'a> Pair<'a> {
     /// Whether the pixel of that index is compared.
     pub(super) fn inside(&self, index: usize) -> bool {
         self.mask.is_none_or(|mask| mask[index] != 0)
+    }
+
+    /// Mean of `values` over the patches, each given by the indices of its pixels inside. A patch counts if at least half
+    /// of its pixels are inside. Patches do not overlap and begin at the upper left corner; what is left at right and
+    /// bottom of the last whole patch is not looked at.
+    ///
+    /// # Errors
+    /// An image smaller than a patch; a mask that leaves none.
+    pub(super) fn mean_over_patches<const N: usize>(
+        &self,
+        metric: &'static str,
+        values: impl Fn(&[usize]) -> [f64; N],
+    ) -> Result<[f64; N], QualityError> {
+        check_holds([self.width, self.height], PATCH, metric)?;
+        let (mut sums, mut patches) = ([0.0; N], 0u32);
+        for top in (0..=self.height - PATCH).step_by(PATCH) {
+            for left in (0..=self.width - PATCH).step_by(PATCH) {
+                let rows = (top..top + PATCH).map(|row| row * self.width + left);
+                let indices = rows.flat_map(|start| start..start + PATCH).filter(|&index| self.inside(index));
+                let indices: Vec<usize> = indices.collect();
+                if 2 * indices.len() >= PATCH * PATCH {
+                    sums.iter_mut().zip(values(&indices)).for_each(|(sum, value)| *sum += value);
+                    patches += 1;
+                }
+            }
+        }
+        if patches == 0 {
+            Err(QualityError::NoPatch { patch: PATCH })
+        } else {
+            Ok(sums.map(|sum| sum / f64::from(patches)))
+        }
     }
 }
 

@@ -4,8 +4,6 @@ use super::{Pair, QualityError};
 
 /// Bins of a histogram, even over 0..=255.
 pub const BINS: usize = 50;
-/// Side of a patch, pixels.
-pub const PATCH: usize = 32;
 /// Added to the count of every bin, so that empty ones have a logarithm: half a pixel, Jeffreys' prior of a multinomial
 /// (Krichevsky and Trofimov 1981). Zhang et al. 2020 do not say what they do.
 pub const PSEUDO_COUNT: f64 = 0.5;
@@ -13,49 +11,29 @@ pub const PSEUDO_COUNT: f64 = 0.5;
 /// pKL: mean over patches of D(reference ‖ image) = Σ p·ln(p/q) in nats, p being the histogram of the reference's patch
 /// and q that of the image's. The paper's table shows it ×10².
 ///
-/// Patches do not overlap and begin at the upper left corner; what is left at right and bottom of the last whole patch
-/// is not looked at. With a mask, a patch counts if at least half of its pixels are inside, by these alone.
+/// Patches of [`PATCH`](super::PATCH) pixels a side do not overlap and begin at the upper left corner; what is left at right
+/// and bottom of the last whole patch is not looked at. With a mask, a patch counts if at least half of its pixels are
+/// inside, by these alone.
 ///
 /// # Errors
 /// An image smaller than a patch, a mask that leaves none.
 pub fn pkl(pair: &Pair<'_>) -> Result<f64, QualityError> {
-    let (width, height) = (pair.width, pair.height);
-    if width < PATCH || height < PATCH {
-        return Err(QualityError::TooSmall { metric: "pKL", needed: PATCH, width, height });
-    }
-    let (mut sum, mut patches) = (0.0, 0u32);
-    for top in (0..=height - PATCH).step_by(PATCH) {
-        for left in (0..=width - PATCH).step_by(PATCH) {
-            if let Some(divergence) = of_patch(pair, left, top) {
-                sum += divergence;
-                patches += 1;
-            }
-        }
-    }
-    if patches == 0 { Err(QualityError::NoPatch { patch: PATCH }) } else { Ok(sum / f64::from(patches)) }
+    let [mean] = pair.mean_over_patches("pKL", |indices| [divergence(pair, indices)])?;
+    Ok(mean)
 }
 
-fn of_patch(pair: &Pair<'_>, left: usize, top: usize) -> Option<f64> {
+fn divergence(pair: &Pair<'_>, indices: &[usize]) -> f64 {
     let [mut p, mut q] = [[0u32; BINS]; 2];
-    let mut pixels = 0usize;
-    for row in top..top + PATCH {
-        for index in row * pair.width + left..row * pair.width + left + PATCH {
-            if pair.inside(index) {
-                p[bin(pair.reference[index])] += 1;
-                q[bin(pair.image[index])] += 1;
-                pixels += 1;
-            }
-        }
+    for &index in indices {
+        p[bin(pair.reference[index])] += 1;
+        q[bin(pair.image[index])] += 1;
     }
-    if 2 * pixels < PATCH * PATCH {
-        return None;
-    }
-    let total = pixels as f64 + BINS as f64 * PSEUDO_COUNT;
+    let total = indices.len() as f64 + BINS as f64 * PSEUDO_COUNT;
     let term = |(p, q): (u32, u32)| {
         let [p, q] = [p, q].map(|count| f64::from(count) + PSEUDO_COUNT);
         p / total * (p / q).ln()
     };
-    Some(p.into_iter().zip(q).map(term).sum())
+    p.into_iter().zip(q).map(term).sum()
 }
 
 fn bin(level: u8) -> usize {

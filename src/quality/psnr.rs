@@ -30,7 +30,7 @@ mod tests {
         assert_eq!(psnr(&[0; 4], &[0; 4], None), f64::INFINITY);
         let one = 20.0 * 255f64.log10();
         assert!((psnr(&[7; 4], &[8; 4], None) - one).abs() < 1e-12);
-        // What differs outside of the mask does not count, and the mean is over what is inside.
+        // Pixels outside of the mask do not count, neither in the sum nor in the number.
         assert!((psnr(&[7, 0, 0, 0], &[8, 255, 255, 255], Some(&[9, 0, 0, 0])) - one).abs() < 1e-12);
         assert_eq!(psnr(&[8, 0, 0, 0], &[8, 255, 255, 255], Some(&[9, 0, 0, 0])), f64::INFINITY);
     }

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_behind_lies_deeper_on_the_same_scanline() {
+    fn pixels_behind_lie_deeper_on_the_same_scanline() {
         let probe = Probe { scanlines: 64, ..Probe::default() };
         let (width, height) = (347u32, 250u32);
         let sector = Sector::fit(&probe, width, height);

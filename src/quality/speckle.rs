@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::QualityError;
+use super::error::check_sizes;
 use crate::statistics::median;
 
 /// Side of the patches that the envelope is looked at in, pixels.
@@ -39,14 +40,11 @@ pub struct ClassSpeckle {
 pub fn speckle(
     image: &[u8],
     segmentation: &[u8],
-    [width, height]: [usize; 2],
+    size: [usize; 2],
     dynamic_range_db: f64,
 ) -> Result<Vec<ClassSpeckle>, QualityError> {
-    for (what, map) in [("image", image), ("segmentation", segmentation)] {
-        if Some(map.len()) != width.checked_mul(height) {
-            return Err(QualityError::Size { what, found: map.len(), width, height });
-        }
-    }
+    check_sizes(size, &[("image", image), ("segmentation", segmentation)])?;
+    let [width, height] = size;
     let mut sums = vec![[0u64; 3]; 256];
     for (&level, &class) in image.iter().zip(segmentation) {
         let [count, sum, squares] = &mut sums[usize::from(class)];

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::error::check_sizes;
 use super::{Pair, QualityError, level_difference};
 use crate::statistics;
 
@@ -15,14 +16,10 @@ pub fn shifted_difference(
     before: &[u8],
     after: &[u8],
     mask: &[u8],
-    [width, height]: [usize; 2],
+    size @ [width, height]: [usize; 2],
     shift: [isize; 2],
 ) -> Result<f64, QualityError> {
-    for (what, map) in [("frame before", before), ("frame after", after), ("mask", mask)] {
-        if Some(map.len()) != width.checked_mul(height) {
-            return Err(QualityError::Size { what, found: map.len(), width, height });
-        }
-    }
+    check_sizes(size, &[("frame before", before), ("frame after", after), ("mask", mask)])?;
     let (mut sum, mut pixels) = (0u64, 0u64);
     for row in 0..height {
         let Some(to) = row.checked_add_signed(shift[1]).filter(|&to| to < height) else { continue };
@@ -47,12 +44,10 @@ pub fn shifted_level_difference(
     before: &[u8],
     after: &[u8],
     mask: &[u8],
-    [width, height]: [usize; 2],
+    size @ [width, height]: [usize; 2],
     shift: [isize; 2],
 ) -> Result<f64, QualityError> {
-    if let Some(map) = [after, mask].into_iter().find(|map| Some(map.len()) != width.checked_mul(height)) {
-        return Err(QualityError::Size { what: "frame after", found: map.len(), width, height });
-    }
+    check_sizes(size, &[("frame before", before), ("frame after", after), ("mask", mask)])?;
     // `after` brought back onto `before`.
     let mut back = vec![0; after.len()];
     let mut both = vec![0; after.len()];
@@ -66,7 +61,7 @@ pub fn shifted_level_difference(
             (*back, *both) = (after[row * width + column], 255);
         }
     }
-    Ok(level_difference(&Pair::new([width, height], &back, before, Some(&both))?)?[0])
+    Ok(level_difference(&Pair::new(size, &back, before, Some(&both))?)?[0])
 }
 
 /// Steadiness of a sequence, held against that of its target.

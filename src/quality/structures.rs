@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::QualityError;
+use super::error::check_sizes;
+use super::pixel_counts::PixelCounts;
 
 /// Width of the bands on both sides of a border, pixels: 1.3 mm in the paper's image, a few speckles.
 pub const BAND: usize = 8;
@@ -42,13 +44,9 @@ pub fn structures(
     image: &[u8],
     reference: &[u8],
     segmentation: &[u8],
-    [width, height]: [usize; 2],
+    size: [usize; 2],
 ) -> Result<Vec<ClassStructure>, QualityError> {
-    for (what, map) in [("image", image), ("reference", reference), ("segmentation", segmentation)] {
-        if Some(map.len()) != width.checked_mul(height) {
-            return Err(QualityError::Size { what, found: map.len(), width, height });
-        }
-    }
+    check_sizes(size, &[("image", image), ("reference", reference), ("segmentation", segmentation)])?;
     let mut counts = [0usize; 256];
     let mut differences = [0i64; 256];
     for ((&a, &b), &class) in image.iter().zip(reference).zip(segmentation) {
@@ -56,11 +54,11 @@ pub fn structures(
         differences[usize::from(class)] += i64::from(a) - i64::from(b);
     }
     let present = (1..=255u8).filter(|&class| counts[usize::from(class)] > 0);
-    let mut near = Near::new(width, height);
+    let mut counts_of_class = PixelCounts::new(size);
     let class = |class: u8| {
         let pixels = counts[usize::from(class)];
-        near.count(segmentation, class);
-        let tiles = tiles(image, reference, segmentation, class, &near);
+        counts_of_class.count(segmentation, |label| label == class);
+        let tiles = tiles([image, reference, segmentation], size, class, &counts_of_class);
         let (mut sum, mut lost, mut number) = (0.0, 0.0, 0u32);
         for [found, expected] in tiles.iter().filter_map(Tile::contrasts) {
             if expected.abs() >= CONTRAST_MIN {
@@ -90,39 +88,6 @@ pub fn contrast_lost(classes: &[ClassStructure]) -> Option<f64> {
     (sum > 0.0).then(|| lost / sum)
 }
 
-/// Pixels of a class above and left of each corner.
-struct Near {
-    width: usize,
-    height: usize,
-    sums: Vec<u32>,
-}
-
-impl Near {
-    fn new(width: usize, height: usize) -> Self {
-        Self { width, height, sums: vec![0; (width + 1) * (height + 1)] }
-    }
-
-    fn count(&mut self, segmentation: &[u8], class: u8) {
-        let stride = self.width + 1;
-        for (row, labels) in segmentation.chunks_exact(self.width.max(1)).enumerate() {
-            let mut of_row = 0;
-            for (column, &label) in labels.iter().enumerate() {
-                of_row += u32::from(label == class);
-                self.sums[(row + 1) * stride + column + 1] = self.sums[row * stride + column + 1] + of_row;
-            }
-        }
-    }
-
-    /// Pixels of the class, and all pixels, in the square of [`BAND`] about a pixel.
-    fn about(&self, column: usize, row: usize) -> [u32; 2] {
-        let [left, top] = [column, row].map(|v| v.saturating_sub(BAND));
-        let (right, bottom) = ((column + BAND + 1).min(self.width), (row + BAND + 1).min(self.height));
-        let at = |column: usize, row: usize| self.sums[row * (self.width + 1) + column];
-        let of_class = at(right, bottom) + at(left, top) - at(right, top) - at(left, bottom);
-        [of_class, ((right - left) * (bottom - top)) as u32]
-    }
-}
-
 /// Pixels and sums of levels in the bands of a tile: inside, outside; of image and reference.
 #[derive(Clone, Copy, Default)]
 struct Tile {
@@ -139,17 +104,25 @@ impl Tile {
     }
 }
 
-fn tiles(image: &[u8], reference: &[u8], segmentation: &[u8], class: u8, near: &Near) -> Vec<Tile> {
-    let across = near.width.div_ceil(TILE);
-    let mut tiles = vec![Tile::default(); across * near.height.div_ceil(TILE)];
-    for row in 0..near.height {
-        for column in 0..near.width {
-            let index = row * near.width + column;
+fn tiles(
+    [image, reference, segmentation]: [&[u8]; 3],
+    [width, height]: [usize; 2],
+    class: u8,
+    of_class: &PixelCounts,
+) -> Vec<Tile> {
+    let across = width.div_ceil(TILE);
+    let mut tiles = vec![Tile::default(); across * height.div_ceil(TILE)];
+    let about = |place: usize, limit: usize| place.saturating_sub(BAND)..(place + BAND + 1).min(limit);
+    for row in 0..height {
+        for column in 0..width {
+            let index = row * width + column;
             let label = segmentation[index];
             if label == 0 {
                 continue;
             }
-            let [of_class, all] = near.about(column, row);
+            let (columns, rows) = (about(column, width), about(row, height));
+            let all = (columns.len() * rows.len()) as u32;
+            let of_class = of_class.within(columns, rows);
             let (side, in_band) = if label == class { (0, of_class < all) } else { (1, of_class > 0) };
             if in_band {
                 let tile = &mut tiles[row / TILE * across + column / TILE];

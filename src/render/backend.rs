@@ -17,7 +17,7 @@ const VARIABLE: &str = "INSONIFY_BACKEND";
 
 /// A word that names no backend.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("`{found}` is no backend; they are {}", BackendChoice::WORDS.join(", "))]
+#[error("`{found}` is no backend; they are {}", BackendChoice::NAMES.join(", "))]
 pub struct UnknownBackend {
     /// Word found.
     pub found: String,
@@ -40,10 +40,9 @@ pub enum BackendChoice {
     Device,
 }
 
-impl BackendChoice {
-    /// Words of all choices.
-    pub const WORDS: &'static [&'static str] = &["auto", "host", "device"];
+crate::names::named!(BackendChoice { Auto = "auto", Host = "host", Device = "device" });
 
+impl BackendChoice {
     /// The choice in the environment variable `INSONIFY_BACKEND`; none if it is unset or empty.
     ///
     /// # Errors
@@ -60,18 +59,13 @@ impl FromStr for BackendChoice {
     type Err = UnknownBackend;
 
     fn from_str(text: &str) -> Result<Self, UnknownBackend> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "host" => Ok(Self::Host),
-            "device" => Ok(Self::Device),
-            _ => Err(UnknownBackend { found: text.to_owned() }),
-        }
+        Self::named(text).ok_or_else(|| UnknownBackend { found: text.to_owned() })
     }
 }
 
 impl fmt::Display for BackendChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(Self::WORDS[*self as usize])
+        f.write_str(self.name())
     }
 }
 
@@ -169,11 +163,9 @@ mod tests {
 
     #[test]
     fn choices_are_read_and_written() {
-        for (word, choice) in
-            BackendChoice::WORDS.iter().zip([BackendChoice::Auto, BackendChoice::Host, BackendChoice::Device])
-        {
+        for (word, choice) in ["auto", "host", "device"].into_iter().zip(BackendChoice::ALL) {
             assert_eq!(word.parse(), Ok(choice));
-            assert_eq!(choice.to_string(), *word);
+            assert_eq!(choice.to_string(), word);
         }
         let error = "gpu".parse::<BackendChoice>().unwrap_err().to_string();
         assert_eq!(error, "`gpu` is no backend; they are auto, host, device");

@@ -1,5 +1,7 @@
 //! Rendered frames and their times.
 
+use serde::Serialize;
+
 /// Greatest number of frames in flight.
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
@@ -13,7 +15,7 @@ pub(super) struct Contents {
 }
 
 /// Time of one pass.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PassTime {
     /// Name of the pass, that of its shader.
     pub name: &'static str,
@@ -22,12 +24,23 @@ pub struct PassTime {
 }
 
 /// Times of one frame.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct FrameTimes {
     /// Duration from the call until the frame lay in memory, ms.
     pub total_ms: f64,
-    /// Duration of each pass, in order; empty on a device without timestamps.
+    /// Duration of each pass, in the order in which they first ran, its runs added up; empty on a device without
+    /// timestamps.
     pub passes: Vec<PassTime>,
+}
+
+impl FrameTimes {
+    /// Adds a run of a pass.
+    pub fn add(&mut self, name: &'static str, ms: f64) {
+        match self.passes.iter_mut().find(|pass| pass.name == name) {
+            Some(pass) => pass.ms += ms,
+            None => self.passes.push(PassTime { name, ms }),
+        }
+    }
 }
 
 /// One rendered frame. All maps are row-major, the first row nearest to the probe.

@@ -118,12 +118,16 @@ fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKer
     let mut kernels = Vec::new();
     for block in 0..blocks {
         let sigma = sigma_lines(block).max(1e-3);
-        let kernel: Vec<f64> =
-            (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
+        let kernel = gaussian(half, sigma);
         let sum: f64 = kernel.iter().sum();
         kernels.extend(kernel.iter().map(|w| w / sum));
     }
     (half, kernels, clipped)
+}
+
+/// A Gaussian of standard deviation `sigma`, 1 at its peak, `half` taps to either side.
+fn gaussian(half: u32, sigma: f64) -> Vec<f64> {
+    (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect()
 }
 
 /// Half width and envelope of the pulse in samples, 1 at its peak.
@@ -131,8 +135,6 @@ fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
     let wanted = ((AXIAL_REACH * sigma).ceil() as u32).max(1);
     let half = wanted.min(AXIAL_HALF_MAX).min(cap);
-    let kernel =
-        (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect();
     let clipped = (wanted > half && half == AXIAL_HALF_MAX).then_some(ClippedKernel {
         kernel: Kernel::Axial,
         wanted,
@@ -140,7 +142,7 @@ fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
         depths_mm: [0.0, probe.depth_mm],
         value: probe.samples,
     });
-    (half, kernel, clipped)
+    (half, gaussian(half, sigma), clipped)
 }
 
 /// The pulse between zeros.

@@ -1,7 +1,7 @@
 //! Uniforms that every pass reads: `shaders/shared/params.wgsl` field by field, then the settings of the image.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::constants::{HINT_BLOCK, ROW_ALIGN};
 use super::tables::Tables;
@@ -57,7 +57,7 @@ pub(crate) struct Params {
 }
 
 impl Params {
-    /// Uniforms of a frame with the effects `on`, except its pose and its batch of layers.
+    /// Uniforms of a frame with the effects `on`, without its pose and its batch of layers.
     pub(crate) fn new(
         background: u32,
         probe: &Probe,
@@ -111,6 +111,17 @@ impl Params {
     /// Paths of a batch of `layers`: the guides behind those that carry echoes.
     pub(crate) fn paths(&self, layers: u32) -> u32 {
         self.sounding_paths(layers) + self.guides
+    }
+
+    /// Centre of the probe's face, scene, mm.
+    pub(crate) fn face_mm(&self) -> Vec3 {
+        Vec3::new(self.lateral[3], self.elevational[3], self.axial[3])
+    }
+
+    /// A vector of the probe frame in the scene.
+    pub(crate) fn scene_vector(&self, v: Vec3) -> Vec3 {
+        let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
+        axis(self.lateral) * v.x + axis(self.elevational) * v.y + axis(self.axial) * v.z
     }
 
     /// Places the probe.

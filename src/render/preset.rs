@@ -66,12 +66,14 @@ pub enum Preset {
     Reference,
 }
 
-impl Preset {
-    /// All of them, in rising cost.
-    pub const ALL: [Self; 4] = [Self::Fast, Self::Balanced, Self::Accurate, Self::Reference];
-    /// Their names, in that order.
-    pub const NAMES: &'static [&'static str] = &["fast", "balanced", "accurate", "reference"];
+crate::names::named!(Preset {
+    Fast = "fast",
+    Balanced = "balanced",
+    Accurate = "accurate",
+    Reference = "reference",
+});
 
+impl Preset {
     /// Its rays and layers.
     pub const fn point(self) -> QualityPoint {
         match self {
@@ -87,8 +89,7 @@ impl FromStr for Preset {
     type Err = UnknownPreset;
 
     fn from_str(text: &str) -> Result<Self, UnknownPreset> {
-        let named = Self::NAMES.iter().zip(Self::ALL).find(|(name, _)| **name == text);
-        named.map(|(_, preset)| preset).ok_or_else(|| UnknownPreset { found: text.to_owned() })
+        Self::named(text).ok_or_else(|| UnknownPreset { found: text.to_owned() })
     }
 }
 

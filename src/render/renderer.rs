@@ -290,7 +290,7 @@ impl Renderer {
         }
         self.place(pose);
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active };
-        Ok(Snapshot::new(&self.maker.pass_buffers(inputs)?, inputs))
+        Ok(Snapshot::new(self.maker.pass_buffers(inputs)?, inputs))
     }
 }
 

@@ -5,10 +5,10 @@ use std::path::Path;
 use image::imageops::{FilterType, resize};
 use image::{Rgb as Pixel, RgbImage};
 
+use crate::sink::SinkError;
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::Rgb;
 use crate::sink::error::check_shape;
-use crate::sink::{SinkError, png};
 
 const MARGIN: u32 = 14;
 const CAPTION_HEIGHT: u32 = 20;
@@ -93,9 +93,7 @@ impl ComparisonSheet {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), SinkError> {
-        let canvas = self.draw();
-        let (width, height) = canvas.size();
-        png::write_rgb(path, width, height, canvas.as_rgb())
+        self.draw().write(path)
     }
 
     fn draw(&self) -> Canvas {
@@ -149,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fill_its_size_is_an_error() {
+    fn levels_that_do_not_fill_their_size_are_an_error() {
         let error = Panel::grey("target", &[0; 5], [2, 3], 10).unwrap_err().to_string();
         assert!(error.contains("target"), "{error}");
         assert!(Panel::difference("d", &[0; 6], &[0; 5], [2, 3], 10).is_err());

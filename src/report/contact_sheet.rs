@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use glam::DVec2;
+use image::RgbImage;
 use image::imageops::{FilterType, resize};
-use image::{GrayImage, RgbImage};
 
 use crate::anatomy::TissueTable;
 use crate::render::Frame;
+use crate::sink::SinkError;
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::{self, Rgb};
 use crate::sink::error::check_shape;
-use crate::sink::{SinkError, png};
 use crate::transducer::Sector;
 
 const MARGIN: u32 = 14;
@@ -97,21 +97,9 @@ impl ContactSheet<'_> {
             }
         };
         let (width, height) = self.image_size(frame.width, frame.height);
-        let image = match map {
-            Map::BMode { .. } => {
-                let grey = GrayImage::from_fn(frame.width, frame.height, |x, y| {
-                    image::Luma([colours[y as usize * frame.width as usize + x as usize][0]])
-                });
-                let small = resize(&grey, width, height, FilterType::Triangle);
-                RgbImage::from_fn(width, height, |x, y| image::Rgb([small.get_pixel(x, y).0[0]; 3]))
-            }
-            Map::Segmentation | Map::Attenuation => {
-                let full = RgbImage::from_fn(frame.width, frame.height, |x, y| {
-                    image::Rgb(colours[y as usize * frame.width as usize + x as usize])
-                });
-                resize(&full, width, height, FilterType::Triangle)
-            }
-        };
+        let colour = |x: u32, y: u32| image::Rgb(colours[(y * frame.width + x) as usize]);
+        let full = RgbImage::from_fn(frame.width, frame.height, colour);
+        let image = resize(&full, width, height, FilterType::Triangle);
         Ok(Panel { caption, image, map, numbers })
     }
 
@@ -120,9 +108,7 @@ impl ContactSheet<'_> {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), SinkError> {
-        let canvas = self.draw();
-        let (width, height) = canvas.size();
-        png::write_rgb(path, width, height, canvas.as_rgb())
+        self.draw().write(path)
     }
 
     fn image_size(&self, width: u32, height: u32) -> (u32, u32) {
@@ -253,6 +239,10 @@ mod tests {
         TissueTable::new(["blood", "bone_fetal", "liver"].map(|n| (n.to_owned(), tissue.clone()))).unwrap()
     }
 
+    fn sheet<'a>(title: &str, sector: &'a Sector, tissues: &'a TissueTable, panel_width: u32) -> ContactSheet<'a> {
+        ContactSheet { title: title.into(), rows: Vec::new(), sector, depth_mm: 150.0, tissues, panel_width }
+    }
+
     fn frame(sector: &Sector, probe: &Probe) -> Frame {
         let mut frame = Frame { width: sector.width, height: sector.height, ..Frame::default() };
         for row in 0..sector.height {
@@ -274,14 +264,7 @@ mod tests {
         let sector = Sector::fit(&probe, 693, 500);
         let frame = frame(&sector, &probe);
         let tissues = tissues();
-        let mut sheet = ContactSheet {
-            title: "test".into(),
-            rows: Vec::new(),
-            sector: &sector,
-            depth_mm: 150.0,
-            tissues: &tissues,
-            panel_width: 300,
-        };
+        let mut sheet = sheet("test", &sector, &tissues, 300);
         let maps = [Map::BMode { dynamic_range_db: 60.0 }, Map::Segmentation, Map::Attenuation];
         let row: Vec<_> = maps.iter().map(|&m| sheet.panel("a panel", &frame, m).unwrap()).collect();
         sheet.rows = vec![row.clone(), row];
@@ -307,14 +290,7 @@ mod tests {
     fn an_empty_sheet_is_its_title() {
         let sector = Sector::fit(&Probe::default(), 64, 48);
         let tissues = TissueTable::default();
-        let sheet = ContactSheet {
-            title: "nothing".into(),
-            rows: vec![],
-            sector: &sector,
-            depth_mm: 150.0,
-            tissues: &tissues,
-            panel_width: 100,
-        };
+        let sheet = sheet("nothing", &sector, &tissues, 100);
         assert!(sheet.draw().size().0 > Text::Large.width("nothing"));
     }
 
@@ -322,14 +298,7 @@ mod tests {
     fn a_map_that_is_missing_is_an_error() {
         let sector = Sector::fit(&Probe::default(), 4, 4);
         let tissues = TissueTable::default();
-        let sheet = ContactSheet {
-            title: String::new(),
-            rows: vec![],
-            sector: &sector,
-            depth_mm: 150.0,
-            tissues: &tissues,
-            panel_width: 100,
-        };
+        let sheet = sheet("", &sector, &tissues, 100);
         let frame = Frame { width: 4, height: 4, bmode: vec![0; 16], ..Frame::default() };
         let error = sheet.panel("key frame 2", &frame, Map::Segmentation).unwrap_err().to_string();
         assert!(error.contains("key frame 2"), "{error}");

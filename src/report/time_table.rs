@@ -5,7 +5,6 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::render::FrameTimes;
-use crate::sink::frame_record::pass_totals;
 use crate::statistics::{nearest_rank, sorted};
 
 /// Stage that holds what a frame took beyond its passes.
@@ -40,12 +39,11 @@ pub struct StageTime {
 impl TimeTable {
     /// Adds a frame.
     pub fn push(&mut self, times: &FrameTimes) {
-        let passes = pass_totals(times);
-        if !passes.is_empty() {
-            let passes_ms: f64 = passes.iter().map(|p| p.ms).sum();
+        if !times.passes.is_empty() {
+            let passes_ms: f64 = times.passes.iter().map(|p| p.ms).sum();
             self.stage(OVERHEAD).push((times.total_ms - passes_ms).max(0.0));
         }
-        for pass in passes {
+        for pass in &times.passes {
             self.stage(pass.name).push(pass.ms);
         }
         self.whole_ms.push(times.total_ms);
@@ -120,10 +118,11 @@ impl fmt::Display for SideBySide<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::PassTime;
 
     fn times(total_ms: f64, passes: &[(&'static str, f64)]) -> FrameTimes {
-        FrameTimes { total_ms, passes: passes.iter().map(|&(name, ms)| PassTime { name, ms }).collect() }
+        let mut times = FrameTimes { total_ms, ..FrameTimes::default() };
+        passes.iter().for_each(|&(name, ms)| times.add(name, ms));
+        times
     }
 
     #[test]

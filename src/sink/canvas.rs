@@ -1,9 +1,12 @@
 //! A colour image to draw on: rectangles, images and captions.
 
+use std::path::Path;
+
 use image::{Rgb as Pixel, RgbImage};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::colour::Rgb;
+use super::{SinkError, png};
 
 /// Size of a caption.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,6 +88,11 @@ impl Canvas {
                 self.blend(left.saturating_add(dx), top.saturating_add(dy), colour, pixel.0[0]);
             }
         }
+    }
+
+    /// Writes the picture as a PNG.
+    pub(crate) fn write(&self, path: &Path) -> Result<(), SinkError> {
+        png::write_rgb(path, self.image.width(), self.image.height(), self.as_rgb())
     }
 
     /// Size, pixels.

@@ -28,9 +28,19 @@ pub fn remove(path: &Path) -> Result<(), SinkError> {
     }
 }
 
+/// An empty file at `path`, to be written bit by bit. Makes the directory if it is missing.
+pub(crate) fn create(path: &Path) -> Result<File, SinkError> {
+    create_dir(directory_of(path))?;
+    File::create(path).map_err(SinkError::io(path))
+}
+
+fn directory_of(path: &Path) -> &Path {
+    path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// An empty file beside `path`, to be written and then given to [`commit`].
 pub(crate) fn begin(path: &Path) -> Result<NamedTempFile, SinkError> {
-    let directory = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let directory = directory_of(path);
     create_dir(directory)?;
     let suffix = path.extension().map(|e| format!(".part.{}", e.to_string_lossy())).unwrap_or_else(|| ".part".into());
     let mut builder = tempfile::Builder::new();

@@ -110,15 +110,19 @@ mod tests {
         RenderSettings { quality: Quality { rays: 32, ..Quality::LQ }, ..RenderSettings::default() }
     }
 
+    /// The record of `frame` at `pose`, of a probe of 2 × 5 samples.
+    fn record(frame: &Frame, pose: [f64; 7]) -> FrameRecord {
+        let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
+        let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into() };
+        let (pose, sector) = (Pose::from_components(pose).unwrap(), Sector::fit(&probe, 4, 3));
+        FrameRecord::new(frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter)
+    }
+
     #[test]
     fn every_file_holds_what_it_promises() {
         let dir = tempfile::tempdir().unwrap();
         let frame = frame();
-        let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
-        let pose = Pose::from_components([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]).unwrap();
-        let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into() };
-        let sector = Sector::fit(&probe, 4, 3);
-        let record = FrameRecord::new(&frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter);
+        let record = record(&frame, [1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0]);
         let files = FrameFiles { frame: &frame, tissues: &tissues(), record: &record };
         let written = files.write(&dir.path().join("new")).unwrap();
         let read = |name: &str| std::fs::read(dir.path().join("new").join(name)).unwrap();
@@ -148,11 +152,7 @@ mod tests {
     fn a_map_of_the_wrong_size_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
         let frame = Frame { lines: vec![[0.0; 2]; 9], ..frame() };
-        let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
-        let pose = Pose::from_components([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
-        let adapter = AdapterRecord { name: String::new(), driver: String::new() };
-        let sector = Sector::fit(&probe, 4, 3);
-        let record = FrameRecord::new(&frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter);
+        let record = record(&frame, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
         std::fs::write(dir.path().join("frame.json"), "of an earlier frame").unwrap();
         let error = FrameFiles { frame: &frame, tissues: &tissues(), record: &record }.write(dir.path()).unwrap_err();
         assert!(error.to_string().contains("lines.npy"), "{error}");

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::live::{FrameSource, PresentedFrame};
+use super::live::PresentedFrame;
 
 /// Fields of a frame's line. Times are ms since the session began.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -48,7 +48,7 @@ impl<'a> FrameLine<'a> {
         Self {
             number: frame.number,
             file: None,
-            source: source_name(frame.source),
+            source: frame.source.name(),
             tracking: frame.info.estimate.state.name(),
             pose: frame.info.pose().map(|pose| pose.components()),
             first_byte_ms: times.first_byte.map(ms),
@@ -61,14 +61,5 @@ impl<'a> FrameLine<'a> {
             frozen: frame.info.settings.frozen,
             notice: frame.notice.as_deref(),
         }
-    }
-}
-
-/// Name of a picture's kind.
-pub fn source_name(source: FrameSource) -> &'static str {
-    match source {
-        FrameSource::Enhanced => "enhanced",
-        FrameSource::HeldEnhanced => "held_enhanced",
-        FrameSource::LowQuality => "low_quality",
     }
 }

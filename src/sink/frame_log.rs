@@ -1,15 +1,15 @@
 //! A log of all presented frames, a line of JSON each.
 
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use super::SinkError;
+use super::file::create;
 use super::frame_line::FrameLine;
 use super::live::PresentedFrame;
-use super::{SinkError, create_dir};
 
 /// Bytes that may wait for the disk: about four minutes of lines at 30 frames a second.
 const WAITING_MAX: usize = 4 << 20;
@@ -75,11 +75,7 @@ impl FrameLog {
     /// # Errors
     /// The file cannot be created, or the system refuses a thread.
     pub fn create(path: &Path) -> Result<Self, SinkError> {
-        if let Some(directory) = path.parent().filter(|d| !d.as_os_str().is_empty()) {
-            create_dir(directory)?;
-        }
-        let file = File::create(path).map_err(SinkError::io(path))?;
-        Self::to_writer(file, path, WAITING_MAX)
+        Self::to_writer(create(path)?, path, WAITING_MAX)
     }
 
     /// A log in `writer`, of which at most `waiting_max` bytes wait in memory. Errors call it `path`.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::pose::Pose;
-use crate::render::{Effect, EffectPlan, Frame, FrameTimes, PassTime};
+use crate::render::{Effect, EffectPlan, Frame, FrameTimes};
 use crate::settings::{ImageSettings, Probe, Quality, RenderSettings};
 use crate::transducer::Sector;
 
@@ -27,7 +27,7 @@ pub struct FrameRecord {
     /// Crossings and interactions that did not fit the buffers; 0 in a sound frame.
     pub overflows: u32,
     /// Times.
-    pub times: TimesRecord,
+    pub times: FrameTimes,
     /// Device that rendered it.
     pub adapter: AdapterRecord,
 }
@@ -64,24 +64,6 @@ pub struct ImageRecord {
     pub settings: ImageSettings,
 }
 
-/// Times of a frame.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TimesRecord {
-    /// From the call until the frame lay in memory, ms.
-    pub total_ms: f64,
-    /// GPU time of each pass, in order, its runs added up; empty where the device has no timestamps.
-    pub passes: Vec<PassRecord>,
-}
-
-/// Time of a pass.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct PassRecord {
-    /// Name of the pass, that of its shader.
-    pub name: &'static str,
-    /// Time on the device, ms.
-    pub ms: f64,
-}
-
 /// The device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct AdapterRecord {
@@ -115,7 +97,7 @@ impl FrameRecord {
             probe: *probe,
             attenuation_p98: frame.attenuation_p98,
             overflows: frame.overflows,
-            times: TimesRecord::from(&frame.times),
+            times: frame.times.clone(),
             adapter,
         }
     }
@@ -133,23 +115,4 @@ impl SimulatedRecord {
         let Quality { rays, layers, .. } = plan.settings(settings).quality;
         Self { rays, layers, effects: plan.effects().iter().collect() }
     }
-}
-
-impl From<&FrameTimes> for TimesRecord {
-    fn from(times: &FrameTimes) -> Self {
-        let passes = pass_totals(times).iter().map(|p| PassRecord { name: p.name, ms: p.ms }).collect();
-        Self { total_ms: times.total_ms, passes }
-    }
-}
-
-/// The passes of a frame in the order in which they first ran, each with the sum of its runs.
-pub fn pass_totals(times: &FrameTimes) -> Vec<PassTime> {
-    let mut totals: Vec<PassTime> = Vec::with_capacity(times.passes.len());
-    for pass in &times.passes {
-        match totals.iter_mut().find(|total| total.name == pass.name) {
-            Some(total) => total.ms += pass.ms,
-            None => totals.push(*pass),
-        }
-    }
-    totals
 }

@@ -23,6 +23,12 @@ pub enum FrameSource {
     LowQuality,
 }
 
+crate::names::named!(FrameSource {
+    Enhanced = "enhanced",
+    HeldEnhanced = "held_enhanced",
+    LowQuality = "low_quality",
+});
+
 /// Times at which a frame passed each stage, since the start of the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameTimeline {
@@ -61,7 +67,7 @@ impl FrameInfo {
 }
 
 /// One frame as it is shown. All maps are row-major, the first row nearest to the probe.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct PresentedFrame {
     /// Number among the presented frames, from 0.
     pub number: u64,
@@ -90,24 +96,6 @@ pub struct PresentedFrame {
 }
 
 impl PresentedFrame {
-    /// A frame without a picture, without a pose, and without memory of its own.
-    pub fn empty(settings: LiveSettings) -> Self {
-        Self {
-            number: 0,
-            info: FrameInfo { settings, ..FrameInfo::default() },
-            source: FrameSource::LowQuality,
-            width: 0,
-            height: 0,
-            pixel_mm: 0.0,
-            image: Vec::new(),
-            segmentation: Vec::new(),
-            attenuation: Vec::new(),
-            mask: Vec::new(),
-            tier: None,
-            notice: None,
-        }
-    }
-
     /// Row, in pixels from the upper edge, at which the middle of the probe's face lies: depth 0 of the depth scale. 0 where
     /// the mask's middle column is empty.
     pub fn face_row(&self) -> f64 {
@@ -148,5 +136,7 @@ pub trait LiveSink: Send {
     ///
     /// # Errors
     /// Failure to finish the output.
-    fn finish(self: Box<Self>) -> Result<(), SinkError>;
+    fn finish(self: Box<Self>) -> Result<(), SinkError> {
+        Ok(())
+    }
 }

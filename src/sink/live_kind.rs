@@ -35,31 +35,20 @@ pub struct UnknownSink {
     pub known: String,
 }
 
-impl LiveSinkKind {
-    /// Every kind, in the order of [`NAMES`](Self::NAMES).
-    pub const ALL: &[Self] = &[Self::Null, Self::Png, Self::Video, Self::Browser, Self::Window, Self::OpenIgtLink];
-
-    /// Their names.
-    pub const NAMES: &[&'static str] = &["null", "png", "video", "browser", "window", "openigtlink"];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Null => "null",
-            Self::Png => "png",
-            Self::Video => "video",
-            Self::Browser => "browser",
-            Self::Window => "window",
-            Self::OpenIgtLink => "openigtlink",
-        }
-    }
-}
+crate::names::named!(LiveSinkKind {
+    Null = "null",
+    Png = "png",
+    Video = "video",
+    Browser = "browser",
+    Window = "window",
+    OpenIgtLink = "openigtlink",
+});
 
 impl FromStr for LiveSinkKind {
     type Err = UnknownSink;
 
     fn from_str(name: &str) -> Result<Self, UnknownSink> {
-        Self::ALL.iter().copied().find(|kind| kind.name() == name).ok_or_else(|| UnknownSink {
+        Self::named(name).ok_or_else(|| UnknownSink {
             name: name.to_owned(),
             suggestion: did_you_mean(name, Self::NAMES.iter().copied()),
             known: Self::NAMES.join(", "),
@@ -73,8 +62,8 @@ mod tests {
 
     #[test]
     fn every_kind_has_its_name_and_no_other_is_known() {
-        for (kind, name) in LiveSinkKind::ALL.iter().zip(LiveSinkKind::NAMES) {
-            assert_eq!((kind.name(), name.parse()), (*name, Ok(*kind)));
+        for (kind, name) in LiveSinkKind::ALL.into_iter().zip(LiveSinkKind::NAMES) {
+            assert_eq!((kind.name(), name.parse()), (*name, Ok(kind)));
         }
         let error = "vidoe".parse::<LiveSinkKind>().unwrap_err().to_string();
         assert!(error.contains("did you mean `video`"), "{error}");

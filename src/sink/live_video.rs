@@ -69,7 +69,7 @@ impl LiveSink for LiveVideo {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline};
+    use crate::sink::live::{FrameInfo, FrameTimeline};
 
     /// Grey levels between frames, so that the encoder's loss takes none for another.
     const LEVELS: u8 = 36;
@@ -82,7 +82,6 @@ pub(super) mod tests {
                 timeline: FrameTimeline { presented: Duration::from_millis(ms), ..FrameTimeline::default() },
                 ..FrameInfo::default()
             },
-            source: FrameSource::LowQuality,
             width: 4,
             height: 2,
             pixel_mm: 0.5,
@@ -90,8 +89,7 @@ pub(super) mod tests {
             segmentation: vec![1; 8],
             attenuation: vec![0.5; 8],
             mask: vec![255; 8],
-            tier: None,
-            notice: None,
+            ..PresentedFrame::default()
         }
     }
 

@@ -25,8 +25,8 @@ pub(crate) mod canvas;
 pub(crate) mod error;
 mod file;
 mod frame_rate;
-mod json_lines;
 mod live_kind;
+pub(crate) mod pool;
 
 pub use error::SinkError;
 pub use file::{create_dir, remove, write_bytes, write_json, write_text, write_with};

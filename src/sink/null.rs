@@ -15,8 +15,4 @@ impl LiveSink for NullSink {
     fn present(&mut self, _: &PresentedFrame) -> Result<(), SinkError> {
         Ok(())
     }
-
-    fn finish(self: Box<Self>) -> Result<(), SinkError> {
-        Ok(())
-    }
 }

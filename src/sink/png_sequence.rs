@@ -1,19 +1,24 @@
 //! A PNG a frame, with an index.
 
+use std::fs::File;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::SinkError;
+use super::file::create;
 use super::frame_line::FrameLine;
-use super::json_lines::JsonLines;
 use super::live::{LiveSink, PresentedFrame};
 use super::png::{self, Effort};
-use super::{SinkError, create_dir};
+
+/// File with a line for each image.
+const INDEX: &str = "index.jsonl";
 
 /// Writes `000000.png` and so on, numbered as the frames are, and `index.jsonl` with a line for each: a frame that was
 /// dropped since the disk was slow is a gap in both.
 #[derive(Debug)]
 pub struct PngSequence {
     directory: PathBuf,
-    index: JsonLines,
+    index: File,
 }
 
 impl PngSequence {
@@ -22,9 +27,7 @@ impl PngSequence {
     /// # Errors
     /// The directory or its index cannot be written.
     pub fn create(directory: &Path) -> Result<Self, SinkError> {
-        create_dir(directory)?;
-        // A line at once: a file without its line would have no time.
-        let index = JsonLines::create(&directory.join("index.jsonl"), 1)?;
+        let index = create(&directory.join(INDEX))?;
         Ok(Self { directory: directory.to_owned(), index })
     }
 }
@@ -37,11 +40,11 @@ impl LiveSink for PngSequence {
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
         let file = format!("{:06}.png", frame.number);
         png::write_grey(&self.directory.join(&file), frame.width, frame.height, &frame.image, Effort::Fast)?;
-        self.index.push(&FrameLine { file: Some(&file), ..FrameLine::new(frame) })
-    }
-
-    fn finish(self: Box<Self>) -> Result<(), SinkError> {
-        self.index.finish()
+        // A line at once: a file without its line would have no time.
+        let path = self.directory.join(INDEX);
+        let line = serde_json::to_string(&FrameLine { file: Some(&file), ..FrameLine::new(frame) });
+        let line = line.map_err(|source| SinkError::Json { path: path.clone(), source })? + "\n";
+        self.index.write_all(line.as_bytes()).map_err(SinkError::io(&path))
     }
 }
 

@@ -94,7 +94,7 @@ const QUALITY: &[KeyDoc] = &[
 
 #[rustfmt::skip]
 const RENDER: &[KeyDoc] = &[
-    doc("render", "backend", "", "\"auto\"", Accepts::OneOf(BackendChoice::WORDS), "where frames are made: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it"),
+    doc("render", "backend", "", "\"auto\"", Accepts::OneOf(BackendChoice::NAMES), "where frames are made: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it"),
 ];
 
 #[rustfmt::skip]

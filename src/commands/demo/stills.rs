@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use insonify::sink::frame_line::source_name;
 use insonify::sink::live::{LiveSink, PresentedFrame};
 use insonify::sink::{SinkError, png};
 
@@ -38,12 +37,7 @@ impl LiveSink for Stills {
             self.next += self.period;
         }
         self.left -= 1;
-        let source = source_name(frame.source).replace(' ', "_");
-        let path = self.directory.join(format!("{:04.1}_s_{source}.png", shown.as_secs_f64()));
+        let path = self.directory.join(format!("{:04.1}_s_{}.png", shown.as_secs_f64(), frame.source.name()));
         png::write_grey(&path, frame.width, frame.height, &frame.image, png::Effort::Fast)
-    }
-
-    fn finish(self: Box<Self>) -> Result<(), SinkError> {
-        Ok(())
     }
 }

@@ -230,8 +230,7 @@ impl Manifest {
     /// # Errors
     /// A file that cannot be read, text that is no manifest, or values that contradict each other; each names the file.
     pub fn load(path: &Path) -> Result<Self, GeneratorError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| GeneratorError::Io { path: path.to_owned(), source })?;
+        let text = std::fs::read_to_string(path).map_err(GeneratorError::io(path))?;
         Self::parse(&text).map_err(|reason| GeneratorError::Manifest { path: path.to_owned(), reason })
     }
 

@@ -16,7 +16,6 @@ use self::pose::PoseSampler;
 use super::clock::{Clock, ms};
 use super::controls::Controls;
 use super::events::Events;
-use super::frames::Pool;
 use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, count};
 use super::pace::Pace;
@@ -28,6 +27,7 @@ use super::slot::Slot;
 use crate::render::{FRAMES_IN_FLIGHT, Frame, QualityPoint};
 use crate::settings::LiveSettings;
 use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted};
+use crate::sink::pool::Pool;
 
 /// Rendered frames that stages may hold: in each slot, at work in the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
@@ -102,7 +102,7 @@ impl RenderStage {
             pace: Pace::new(parts.period, parts.clock.now()),
             begun: Duration::ZERO,
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
-            pool: Pool::new(FRAMES, Rendered::empty),
+            pool: Pool::new(FRAMES),
             scratch: Frame::default(),
             poses: PoseSampler::new(poses, parts.events.clone()),
             number: 0,
@@ -276,7 +276,7 @@ impl RenderStage {
     fn end(mut self) {
         if let Device::Ready(renderer) = &mut self.device {
             for _ in self.in_flight.drain(..) {
-                // What it was given is finished before it is dropped; a fault now changes nothing any more.
+                // Frames in flight are finished before the renderer is dropped; a fault changes nothing any more.
                 let _ = renderer.receive(&mut self.scratch);
                 count(&self.parts.metrics.ended);
             }

@@ -147,7 +147,7 @@ impl Pipeline {
         let refused = |name: &str| {
             let (name, stop) = (name.to_owned(), stop.clone());
             move |source| {
-                // What was started already must not run on.
+                // Stages that were started already must not run on.
                 stop.request("it could not start");
                 PipelineError::Thread { name, source }
             }

@@ -1,6 +1,7 @@
 //! Buffers of the device: those of the scene, made once, and those of a configuration.
 
 use super::gpu::Gpu;
+use super::shaders::PASSES;
 use crate::anatomy::Bvh;
 use crate::render::batch_plan::BatchPlan;
 use crate::render::constants::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
@@ -17,16 +18,8 @@ const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::Buff
 
 fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, BackendError> {
     let limits = gpu.device.limits();
-    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    if size > limit {
-        return Err(BackendError::Limit {
-            what: label,
-            needed: size,
-            limit_name: "bytes a storage buffer",
-            offered: limit,
-            adapter: gpu.adapter_name(),
-        });
-    }
+    let offered = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    gpu.check_limit(label, size, "bytes a storage buffer", offered)?;
     gpu.buffer(label, size.max(16), STORAGE)
 }
 
@@ -150,7 +143,7 @@ impl Buffers {
 
     /// Uploads the tables and clears what passes write: image words outside of the sector are written by none, and a pass
     /// must not find what another configuration left.
-    pub(crate) fn fill(&self, gpu: &Gpu, tables: &Tables, previous: Option<&Self>) {
+    pub(crate) fn fill(&self, gpu: &Gpu, scene: &SceneBuffers, tables: &Tables, previous: Option<&Self>) {
         let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
         let sector_pixels: Vec<u32> = tables.sector_words.iter().flat_map(word_pixels).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
@@ -173,34 +166,16 @@ impl Buffers {
         let Some(previous) = previous else { return };
         let label = wgpu::CommandEncoderDescriptor { label: Some("clear") };
         let mut encoder = gpu.device.create_command_encoder(&label);
-        for (buffer, _) in self.written().into_iter().zip(previous.written()).filter(|(new, old)| new == old) {
+        for (buffer, _) in self.written(scene).zip(previous.written(scene)).filter(|(new, old)| new == old) {
             encoder.clear_buffer(buffer, 0, None);
         }
         gpu.queue.submit([encoder.finish()]);
     }
 
     /// Buffers that passes write.
-    fn written(&self) -> [&wgpu::Buffer; 18] {
-        [
-            &self.starts_inside,
-            &self.overflows,
-            &self.starts,
-            &self.segments,
-            &self.echoes,
-            &self.hints,
-            &self.raster,
-            &self.segment_counts,
-            &self.baseband,
-            &self.focused,
-            &self.polar,
-            &self.lines,
-            &self.entries,
-            &self.entry_counts,
-            &self.percentile,
-            &self.bmode,
-            &self.segmentation,
-            &self.attenuation,
-        ]
+    fn written<'a>(&'a self, scene: &'a SceneBuffers) -> impl Iterator<Item = &'a wgpu::Buffer> {
+        let bound = PASSES.into_iter().flat_map(|(name, _)| self.of_pass(scene, name));
+        bound.filter(|(_, binding)| *binding == Binding::Write).map(|(buffer, _)| buffer)
     }
 
     /// Buffers that a pass binds after its parameters, in the order of its bindings.

@@ -84,6 +84,33 @@ impl Gpu {
         }
     }
 
+    /// Checks what the settings need against a limit of the device.
+    ///
+    /// # Errors
+    /// The device offers less.
+    pub(super) fn check_limit(
+        &self,
+        what: &'static str,
+        needed: u64,
+        limit_name: &'static str,
+        offered: u64,
+    ) -> Result<(), BackendError> {
+        if needed <= offered {
+            return Ok(());
+        }
+        Err(BackendError::Limit { what, needed, limit_name, offered, adapter: self.adapter_name() })
+    }
+
+    /// Result of `make`; `pass` is refused where the device reports an error meanwhile.
+    pub(super) fn validated<T>(&self, pass: &'static str, make: impl FnOnce() -> T) -> Result<T, BackendError> {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make();
+        match pollster::block_on(scope.pop()) {
+            Some(error) => Err(BackendError::Pipeline { pass, reason: error.to_string() }),
+            None => Ok(made),
+        }
+    }
+
     /// A buffer of `bytes` zeros.
     pub(super) fn buffer(
         &self,

@@ -52,21 +52,20 @@ impl Pipelines {
         if let Some(known) = self.compiled.iter().find(|c| c.name == name && c.constants == constants) {
             return Ok(known.clone());
         }
-        let compiled = Arc::new(compile(gpu, &self.shaders, name, constants, bound)?);
+        let compiled = gpu.validated(name, || compile(&gpu.device, &self.shaders, name, constants, bound))?;
+        let compiled = Arc::new(compiled);
         self.compiled.push(compiled.clone());
         Ok(compiled)
     }
 }
 
 fn compile(
-    gpu: &Gpu,
+    device: &wgpu::Device,
     shaders: &ShaderSet,
     name: &'static str,
     constants: Constants<'_>,
     bound: &[(&wgpu::Buffer, Binding)],
-) -> Result<Compiled, BackendError> {
-    let device = &gpu.device;
-    let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+) -> Compiled {
     let descriptor = wgpu::ShaderModuleDescriptor {
         label: Some(name),
         source: wgpu::ShaderSource::Wgsl(shaders.source(name).into()),
@@ -119,10 +118,7 @@ fn compile(
         compilation_options: wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: true },
         cache: None,
     });
-    match pollster::block_on(scope.pop()) {
-        Some(error) => Err(BackendError::Pipeline { pass: name, reason: error.to_string() }),
-        None => Ok(Compiled { name, constants: constants.to_vec(), layout, pipeline }),
-    }
+    Compiled { name, constants: constants.to_vec(), layout, pipeline }
 }
 
 /// A compiled pass with what it binds in one configuration.
@@ -143,15 +139,9 @@ impl Pass {
         groups: [u32; 3],
         constants: Constants<'_>,
     ) -> Result<Self, BackendError> {
-        let limit = gpu.device.limits().max_compute_workgroups_per_dimension;
-        if let Some(&needed) = groups.iter().find(|&&g| g > limit) {
-            return Err(BackendError::Limit {
-                what: name,
-                needed: needed.into(),
-                limit_name: "workgroups a dispatch",
-                offered: limit.into(),
-                adapter: gpu.adapter_name(),
-            });
+        let offered = gpu.device.limits().max_compute_workgroups_per_dimension;
+        for needed in groups {
+            gpu.check_limit(name, needed.into(), "workgroups a dispatch", offered.into())?;
         }
         let (scene, buffers) = buffers;
         let bound = buffers.of_pass(scene, name);
@@ -167,16 +157,10 @@ impl Pass {
             .zip(0u32..)
             .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
             .collect();
-        let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(name),
-            layout: &compiled.layout,
-            entries: &entries,
-        });
-        match pollster::block_on(scope.pop()) {
-            Some(error) => Err(BackendError::Pipeline { pass: name, reason: error.to_string() }),
-            None => Ok(Self { name, compiled, bindings, groups }),
-        }
+        let layout = &compiled.layout;
+        let descriptor = wgpu::BindGroupDescriptor { label: Some(name), layout, entries: &entries };
+        let bindings = gpu.validated(name, || gpu.device.create_bind_group(&descriptor))?;
+        Ok(Self { name, compiled, bindings, groups })
     }
 
     /// Records the pass with the uniforms of `batch`.

@@ -5,7 +5,7 @@ use std::sync::mpsc;
 use super::buffers::Buffers;
 use super::gpu::Gpu;
 use crate::render::error::BackendError;
-use crate::render::frame::{Contents, Frame, PassTime, unpad};
+use crate::render::frame::{Contents, Frame, unpad};
 
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
@@ -191,11 +191,7 @@ impl Slot {
             if let Some(queries) = &self.queries {
                 let ticks: &[u64] = bytemuck::cast_slice(at(l.times(), l.queries * 8));
                 for (name, pair) in self.passes(contents).zip(ticks.chunks_exact(2)) {
-                    let ms = pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6;
-                    match frame.times.passes.iter_mut().find(|p| p.name == name) {
-                        Some(pass) => pass.ms += ms,
-                        None => frame.times.passes.push(PassTime { name, ms }),
-                    }
+                    frame.times.add(name, pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6);
                 }
             }
         }

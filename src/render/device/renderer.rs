@@ -55,7 +55,7 @@ impl DeviceRenderer {
         let scene = SceneBuffers::new(gpu, &inputs.media.surface_words, inputs.bvh)?;
         let mut pipelines = Pipelines::new(shaders);
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
-        active.buffers.fill(gpu, &inputs.configuration.tables, None);
+        active.buffers.fill(gpu, &scene, &inputs.configuration.tables, None);
         let (map_done, mapped) = mpsc::sync_channel(FRAMES_IN_FLIGHT);
         Ok(Self {
             gpu: gpu.clone(),
@@ -118,7 +118,7 @@ impl FrameMaker for DeviceRenderer {
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let previous = Some(&self.active);
         let next = DeviceConfiguration::new(&self.gpu, &self.scene, &mut self.pipelines, inputs, previous)?;
-        next.buffers.fill(&self.gpu, &inputs.configuration.tables, previous.map(|p| &p.buffers));
+        next.buffers.fill(&self.gpu, &self.scene, &inputs.configuration.tables, previous.map(|p| &p.buffers));
         self.active = next;
         Ok(())
     }
@@ -178,6 +178,6 @@ impl FrameMaker for DeviceRenderer {
 
     fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
         let encoder = self.begin(inputs);
-        snapshot::pass_buffers(&self.gpu, encoder, &self.active)
+        snapshot::pass_buffers(&self.gpu, encoder, &self.active, &inputs.configuration.params)
     }
 }

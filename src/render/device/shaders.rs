@@ -24,7 +24,8 @@ macro_rules! pass {
     };
 }
 
-const PASSES: [(&str, &str); 9] = [
+/// Name and source of each pass.
+pub(super) const PASSES: [(&str, &str); 9] = [
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
     pass!("march", "tissue", "hash", "lattice", "phasor"),

@@ -1,31 +1,39 @@
 //! Outputs of every pass, read back from the device.
 
+use bytemuck::Pod;
+
 use super::configuration::DeviceConfiguration;
 use super::gpu::Gpu;
+use super::passes::Pass;
 use crate::render::error::BackendError;
+use crate::render::frame::unpad;
+use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
 
-/// Copy of a buffer that can be read once the device has run.
-struct Staged(wgpu::Buffer);
+/// Contents of a buffer, once the device has run what was submitted before.
+fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError> {
+    let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("snapshot"),
+        size: buffer.size(),
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, Some(buffer.size()));
+    let submission_index = Some(gpu.queue.submit([encoder.finish()]));
+    // A failed map shows when the range is asked for.
+    copy.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+    let wait = wgpu::PollType::Wait { submission_index, timeout: None };
+    gpu.device.poll(wait).map_err(|e| BackendError::Lost { reason: e.to_string() })?;
+    let view = copy.slice(..).get_mapped_range().map_err(|e| BackendError::Lost { reason: e.to_string() })?;
+    Ok(bytemuck::pod_collect_to_vec(&view[..]))
+}
 
-impl Staged {
-    fn new(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer) -> Self {
-        let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("snapshot"),
-            size: buffer.size(),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, Some(buffer.size()));
-        Self(copy)
-    }
-
-    fn words(&self) -> Result<Vec<u32>, BackendError> {
-        let lost = |e: wgpu::MapRangeError| BackendError::Lost { reason: e.to_string() };
-        let view = self.0.slice(..).get_mapped_range().map_err(lost)?;
-        let bytes: &[u8] = &view;
-        Ok(bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
-    }
+/// An image in a buffer, without the padding of its rows.
+fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
+    let mut rows = Vec::new();
+    unpad(&mut rows, &read(gpu, buffer)?, params.image.width as usize, 4 * params.row_words as usize);
+    Ok(rows)
 }
 
 /// Runs every pass of one batch after the commands of `encoder`, and reads back what each wrote.
@@ -36,68 +44,42 @@ pub(super) fn pass_buffers(
     gpu: &Gpu,
     mut encoder: wgpu::CommandEncoder,
     active: &DeviceConfiguration,
+    params: &Params,
 ) -> Result<PassBuffers, BackendError> {
     let buffers = &active.buffers;
-    // Echoes are added in place: the scatterers alone are kept on the way.
-    let mut scattered = None;
-    for pass in active.path_passes.iter().chain(&active.image_passes) {
-        if scattered.is_none() && ["echo", "lateral"].contains(&pass.name) {
-            scattered = Some(Staged::new(gpu, &mut encoder, &buffers.baseband));
-        }
-        let mut compute =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.name), timestamp_writes: None });
-        pass.record(&mut compute, 0);
-    }
-    let staged = [
-        &buffers.starts_inside,
-        &buffers.starts,
-        &buffers.segments,
-        &buffers.echoes,
-        &buffers.segment_counts,
-        &buffers.hints,
-        &buffers.baseband,
-        &buffers.focused,
-        &buffers.lines,
-        &buffers.polar,
-        &buffers.entries,
-        &buffers.entry_counts,
-        &buffers.raster,
-        &buffers.percentile,
-        &buffers.bmode,
-        &buffers.segmentation,
-        &buffers.attenuation,
-        &buffers.overflows,
-    ]
-    .map(|buffer| Staged::new(gpu, &mut encoder, buffer));
-    let submission = gpu.queue.submit([encoder.finish()]);
-    for one in staged.iter().chain(&scattered) {
-        // A failed map shows when the range is asked for.
-        one.0.slice(..).map_async(wgpu::MapMode::Read, |_| {});
-    }
-    let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
-    gpu.device.poll(wait).map_err(|e| BackendError::Lost { reason: e.to_string() })?;
-    let scattered = scattered.map_or(Ok(Vec::new()), |staged| staged.words())?;
-    let mut words = staged.iter().map(Staged::words);
-    let mut next = || words.next().unwrap_or_else(|| Ok(Vec::new()));
+    let passes = || active.path_passes.iter().chain(&active.image_passes);
+    // Echoes are added in place: the scatterers alone are read on the way.
+    let scatters = passes().take_while(|pass| !["echo", "lateral"].contains(&pass.name)).count();
+    let record = |encoder: &mut wgpu::CommandEncoder, pass: &Pass| {
+        let label = Some(pass.name);
+        let descriptor = wgpu::ComputePassDescriptor { label, timestamp_writes: None };
+        pass.record(&mut encoder.begin_compute_pass(&descriptor), 0);
+    };
+    passes().take(scatters).for_each(|pass| record(&mut encoder, pass));
+    gpu.queue.submit([encoder.finish()]);
+    let scattered = read(gpu, &buffers.baseband)?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    passes().skip(scatters).for_each(|pass| record(&mut encoder, pass));
+    gpu.queue.submit([encoder.finish()]);
     Ok(PassBuffers {
         scattered,
-        starts_inside: next()?,
-        starts: next()?,
-        segments: next()?,
-        echoes: next()?,
-        segment_counts: next()?,
-        hints: next()?,
-        baseband: next()?,
-        focused: next()?,
-        lines: next()?,
-        polar: next()?,
-        entries: next()?,
-        entry_counts: next()?,
-        raster: next()?,
-        percentile: next()?,
-        bmode: next()?,
-        segmentation: next()?,
-        attenuation: next()?,
-        overflows: next()?,
+        starts_inside: read(gpu, &buffers.starts_inside)?,
+        starts: read(gpu, &buffers.starts)?,
+        segments: read(gpu, &buffers.segments)?,
+        echoes: read(gpu, &buffers.echoes)?,
+        segment_counts: read(gpu, &buffers.segment_counts)?,
+        hints: read(gpu, &buffers.hints)?,
+        baseband: read(gpu, &buffers.baseband)?,
+        focused: read(gpu, &buffers.focused)?,
+        lines: read(gpu, &buffers.lines)?,
+        polar: read(gpu, &buffers.polar)?,
+        entries: read(gpu, &buffers.entries)?,
+        entry_counts: read(gpu, &buffers.entry_counts)?,
+        raster: read(gpu, &buffers.raster)?,
+        percentile_np: read(gpu, &buffers.percentile)?.first().copied().unwrap_or_default(),
+        bmode: image(gpu, &buffers.bmode, params)?,
+        segmentation: image(gpu, &buffers.segmentation, params)?,
+        attenuation: image(gpu, &buffers.attenuation, params)?,
+        overflows: read(gpu, &buffers.overflows)?.first().copied().unwrap_or_default(),
     })
 }

@@ -6,25 +6,13 @@ use super::scan_convert::Layout;
 use crate::render::configuration::Configuration;
 use crate::render::constants::{ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
+use crate::render::snapshot::PassBuffers;
 
-/// Outputs of the passes, in the shaders' layouts.
+/// Outputs of the passes, and what they need beside the tables.
 #[derive(Debug)]
 pub(super) struct Buffers {
-    pub(super) starts_inside: Vec<[u32; 8]>,
-    pub(super) starts: Vec<f32>,
-    pub(super) segments: Vec<[f32; 12]>,
-    pub(super) echoes: Vec<[f32; 2]>,
-    pub(super) hints: Vec<u32>,
-    pub(super) segment_counts: Vec<u32>,
-    pub(super) baseband: Vec<[f32; 2]>,
-    pub(super) focused: Vec<[f32; 2]>,
-    pub(super) polar: Vec<u32>,
-    /// Empty unless the settings ask for lines.
-    pub(super) lines: Vec<[f32; 2]>,
-    pub(super) entries: Vec<[f32; 4]>,
-    pub(super) entry_counts: Vec<u32>,
-    pub(super) raster: Vec<u32>,
-    pub(super) percentile_np: f32,
+    /// Images apart, which go into the frame. `lines` are empty unless the settings ask for them.
+    pub(super) passes: PassBuffers,
     pub(super) gain: DepthGain,
     pub(super) layout: Layout,
     /// One-way attenuation of each tissue, nepers/mm.
@@ -52,7 +40,7 @@ impl Buffers {
         let paths = u64::from(params.paths(batches.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let map_rays = u64::from(params.map_rays);
-        Ok(Self {
+        let passes = PassBuffers {
             segments: zeros("segments", paths * u64::from(SEGMENTS))?,
             starts_inside: zeros("start membership", paths)?,
             starts: zeros("segment starts", paths * u64::from(STARTS))?,
@@ -66,23 +54,26 @@ impl Buffers {
             entries: zeros("section", map_rays * u64::from(ENTRIES))?,
             entry_counts: zeros("section counts", map_rays)?,
             raster: zeros("map raster", map_rays * u64::from(params.map_depths))?,
-            percentile_np: 0.0,
+            ..PassBuffers::default()
+        };
+        Ok(Self {
+            passes,
             gain: DepthGain::default(),
             layout: Layout::new(params.image.width, params.image.height, &tables.pixels, &tables.sector_words),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
         })
     }
+}
 
-    /// Outputs of the first `paths` paths.
-    pub(super) fn path_outputs(&mut self, paths: usize) -> PathOutputs<'_> {
-        let all = PathOutputs {
-            segments: &mut self.segments,
-            starts: &mut self.starts,
-            echoes: &mut self.echoes,
-            starts_inside: &mut self.starts_inside,
-            hints: &mut self.hints,
-            segment_counts: &mut self.segment_counts,
-        };
-        all.split_at(paths).0
-    }
+/// Outputs of the first `paths` paths.
+pub(super) fn path_outputs(passes: &mut PassBuffers, paths: usize) -> PathOutputs<'_> {
+    let all = PathOutputs {
+        segments: &mut passes.segments,
+        starts: &mut passes.starts,
+        echoes: &mut passes.echoes,
+        starts_inside: &mut passes.starts_inside,
+        hints: &mut passes.hints,
+        segment_counts: &mut passes.segment_counts,
+    };
+    all.split_at(paths).0
 }

@@ -73,7 +73,8 @@ impl Bundle {
             batch.clear();
             for (lane, state) in states[..count].iter_mut().enumerate() {
                 let Some(found) = ahead[lane] else {
-                    state.end();
+                    // Nothing lies ahead.
+                    state.open = false;
                     continue;
                 };
                 if let Some(boundary) = scene.advance(state, found, &mut covered[lane], place) {

@@ -47,7 +47,7 @@ pub(super) struct Departure {
 }
 
 /// Arrivals, a number of each side by side.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Arrivals {
     pub(super) origin: [Lanes; 3],
     pub(super) direction: [Lanes; 3],
@@ -73,7 +73,7 @@ pub(super) struct Arrivals {
 }
 
 /// Departures, a number of each side by side.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Departures {
     pub(super) direction: [Lanes; 3],
     /// 1 for a reflected path, else 0.
@@ -106,38 +106,14 @@ pub(super) fn set(of: &mut [Lanes; 3], i: usize, to: Vector) {
 
 impl InterfaceBatch {
     pub(super) fn new() -> Self {
-        let (lanes, lanes3, words) = ([0.0; RAYS], [[0.0; RAYS]; 3], [0; RAYS]);
         // Lanes without a path are computed with the others: no value of theirs may divide by zero.
         let arrivals = Arrivals {
-            origin: lanes3,
-            direction: lanes3,
-            outward: lanes3,
-            range_mm: lanes,
             path_per_range: [1.0; RAYS],
-            ln_amplitude: lanes,
-            in_phase: lanes,
-            in_power: lanes,
-            roughness: lanes,
-            thickness_mm: lanes,
-            coherence: lanes,
             impedances_mrayl: [[1.0; RAYS]; 2],
             bending: [[1.0; RAYS]; 2],
-            surface: words,
-            line_ray: words,
-            layer: words,
-            guide: words,
-            bounce: words,
-            generators: [words; DIMENSIONS],
+            ..Arrivals::default()
         };
-        let departures = Departures {
-            direction: lanes3,
-            reflected: words,
-            ln_amplitude: lanes,
-            ln_scatter: lanes,
-            echo: lanes,
-            echo_offset_mm: lanes,
-        };
-        Self { count: 0, arrivals, departures }
+        Self { count: 0, arrivals, departures: Departures::default() }
     }
 
     pub(super) fn clear(&mut self) {

@@ -78,7 +78,7 @@ fn march_row_body(
 ) {
     let begins = params.layer_first == 0;
     let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
-    // Where scatterers lie the guide says for all; the only path of a scanline is its own.
+    // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
     let sounding_paths = if params.guides == 0 { 0 } else { params.sounding_paths(params.layer_count) };
     let guide = sounding_paths.wrapping_add(line);
     let mut cells: [Cells; CHUNK] = std::array::from_fn(|_| Cells::default());
@@ -96,7 +96,7 @@ fn march_row_body(
                 [power[0][i], power[1][i]] = if begins { [0.0; 2] } else { *before };
             }
         }
-        // How strong they are, the mean power of all rays says.
+        // The mean power of all rays sets their strength.
         for layer in 0..params.layer_count {
             let of_layer = scatterers.layers.get(params.layer_first.wrapping_add(layer) as usize);
             let weight = of_layer.map_or(0.0, |layer| layer[2]) / params.rays as f32;
@@ -176,7 +176,7 @@ fn accumulate_power(
                     deviations[i] += parts[1] * part;
                     now[i] *= on;
                 }
-                // The first is the loudest.
+                // Amplitude falls with depth, so the first sample bounds the block.
                 if now[0] <= SILENT_POWER {
                     break;
                 }
@@ -263,7 +263,7 @@ impl Cells {
             let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
             let cell = here.map(|x| floor(x * per_mm));
             let [presence, place, amplitude] = pcg3d(cell.map(|c| c as u32));
-            // Where in its cell the scatterer lies: three times ten bits.
+            // Place of the scatterer in its cell: three times ten bits.
             let offset = |shift: u32| (real(place >> shift & 1023) + 0.5) * (1.0 / 1024.0);
             let ahead = [
                 (cell[0] as f32 + offset(0)) * cell_mm - here[0],

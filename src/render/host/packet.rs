@@ -229,7 +229,7 @@ pub(super) fn traverse(
                 farthest = fold(last, max);
             }
         }
-        // What lies beyond what every ray has found is passed over.
+        // Children beyond the crossings that all rays have found are skipped.
         loop {
             if depth == 0 {
                 return;

@@ -90,19 +90,12 @@ impl Place {
 }
 
 impl Scene<'_> {
-    fn scene_vector(&self, v: Vec3) -> Vec3 {
-        let p = self.params;
-        let axis = |column: [f32; 4]| Vec4::from(column).xyz();
-        axis(p.lateral) * v.x + axis(p.elevational) * v.y + axis(p.axial) * v.z
-    }
-
     /// Origin and direction of a path's first ray: the table's, moved to its elevational layer.
     fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
         let p = self.params;
         let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
         let direction = Vec4::from(self.rays[2 * ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
-        let face = Vec3::new(p.lateral[3], p.elevational[3], p.axial[3]);
-        (face + self.scene_vector(origin), self.scene_vector(direction).normalize())
+        (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
     fn medium_word(&self, inside: &Inside) -> u32 {
@@ -145,6 +138,7 @@ impl Scene<'_> {
             direction,
             in_phase,
             in_power: in_phase.sqrt(),
+            open: true,
             ..PathState::default()
         }
     }

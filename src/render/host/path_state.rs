@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::membership::Inside;
 
 /// Position of a path, and its propagated quantities.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PathState {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
@@ -36,40 +36,4 @@ pub(super) struct PathState {
     pub(super) carried_mm: Vec3,
     /// Crossings and segments that found no room.
     pub(super) lost: u32,
-}
-
-impl PathState {
-    /// Nothing lies ahead.
-    pub(super) fn end(&mut self) {
-        self.open = false;
-    }
-}
-
-impl Default for PathState {
-    fn default() -> Self {
-        Self {
-            line_ray: 0,
-            layer: 0,
-            guide: false,
-            stretch: 1.0,
-            origin: Vec3::ZERO,
-            direction: Vec3::Z,
-            inside: [0; 8],
-            in_phase: 0.0,
-            in_power: 0.0,
-            here: 0,
-            range_mm: 0.0,
-            ln_amplitude: 0.0,
-            ln_scatter: 0.0,
-            bounce: 0,
-            reflections: 0,
-            crossed: 0,
-            echo: 0.0,
-            echo_range_mm: 0.0,
-            t_min: 0.0,
-            open: true,
-            carried_mm: Vec3::ZERO,
-            lost: 0,
-        }
-    }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::buffers::Buffers;
+use super::buffers::{Buffers, path_outputs};
 use super::constants::{ImageConstants, TraceConstants};
 use super::detect::detect;
 use super::echo::echo;
@@ -23,7 +23,7 @@ use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
 use crate::render::configuration::FrameInputs;
 use crate::render::error::{BackendError, RenderError};
-use crate::render::frame::{Contents, Frame, PassTime, unpad};
+use crate::render::frame::{Contents, Frame, FrameTimes, unpad};
 use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
@@ -45,18 +45,14 @@ pub(in crate::render) struct HostRenderer {
 /// Durations of passes, one after the other.
 struct Laps<'a> {
     last: Instant,
-    passes: &'a mut Vec<PassTime>,
+    times: &'a mut FrameTimes,
 }
 
 impl Laps<'_> {
     fn note(&mut self, name: &'static str) {
         let now = Instant::now();
-        let ms = (now - self.last).as_secs_f64() * 1e3;
+        self.times.add(name, (now - self.last).as_secs_f64() * 1e3);
         self.last = now;
-        match self.passes.iter_mut().find(|pass| pass.name == name) {
-            Some(pass) => pass.ms += ms,
-            None => self.passes.push(PassTime { name, ms }),
-        }
     }
 }
 
@@ -85,23 +81,24 @@ impl HostRenderer {
         scattered: Option<&mut Vec<[f32; 2]>>,
     ) {
         frame.times.passes.clear();
-        let mut laps = Laps { last: Instant::now(), passes: &mut frame.times.passes };
+        let mut laps = Laps { last: Instant::now(), times: &mut frame.times };
         let Contents { image, maps } = contents;
         let (params, tables) = (&inputs.configuration.params, &inputs.configuration.tables);
         frame.overflows = 0;
         if image {
             frame.overflows = self.follow_paths(inputs, &mut laps, scattered);
-            let (kernels, constants, b) = (&tables.kernels, self.image, &mut self.buffers);
+            let (kernels, constants) = (&tables.kernels, self.image);
+            let Buffers { passes: b, gain, .. } = &mut self.buffers;
             lateral(params, constants, &kernels.lateral, &b.baseband, &mut b.focused);
             laps.note("lateral");
-            detect(params, constants, &kernels.pulse, &mut b.gain, &b.focused, &mut b.polar, &mut b.lines);
+            detect(params, constants, &kernels.pulse, gain, &b.focused, &mut b.polar, &mut b.lines);
             laps.note("detect");
         }
         if maps {
             frame.overflows += self.cut_section(inputs, &mut laps);
         }
 
-        let b = &self.buffers;
+        let Buffers { passes: b, layout, rates_np_mm, .. } = &self.buffers;
         let pixels = params.image.width as usize * params.image.height as usize;
         (frame.width, frame.height) = (params.image.width, params.image.height);
         frame.bmode.resize(pixels, 0);
@@ -116,10 +113,10 @@ impl HostRenderer {
         let maps = maps.then_some(Maps {
             raster: &b.raster,
             percentile_np: b.percentile_np,
-            rates_np_mm: &b.rates_np_mm,
+            rates_np_mm,
             constants: self.image,
         });
-        scan_convert(params, &b.layout, &b.polar, maps, into);
+        scan_convert(params, layout, &b.polar, maps, into);
         if !image {
             frame.bmode.clear();
         }
@@ -134,7 +131,7 @@ impl HostRenderer {
         laps: &mut Laps<'_>,
         mut scattered: Option<&mut Vec<[f32; 2]>>,
     ) -> u32 {
-        let (tables, b) = (&configuration.tables, &mut self.buffers);
+        let (tables, b) = (&configuration.tables, &mut self.buffers.passes);
         let effects = configuration.effects.effects();
         let mut lost = 0;
         if !effects.has(Effect::Scatterers) {
@@ -155,7 +152,7 @@ impl HostRenderer {
             };
             // The last batch may have fewer layers.
             let paths = params.paths(params.layer_count) as usize;
-            lost += trace(&scene, self.follow, 0..paths, b.path_outputs(paths));
+            lost += trace(&scene, self.follow, 0..paths, path_outputs(b, paths));
             laps.note("trace");
             if effects.has(Effect::Scatterers) {
                 let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
@@ -179,15 +176,16 @@ impl HostRenderer {
     /// Runs the passes of the maps up to scan conversion; returns the number of crossings and runs that found no room.
     fn cut_section(&mut self, inputs: FrameInputs<'_>, laps: &mut Laps<'_>) -> u32 {
         let FrameInputs { bvh, media, configuration } = inputs;
-        let (params, tables, b) = (&configuration.params, &configuration.tables, &mut self.buffers);
-        for (rate, tissue) in b.rates_np_mm.iter_mut().zip(&tables.tissues) {
+        let (params, tables) = (&configuration.params, &configuration.tables);
+        let Buffers { passes: b, rates_np_mm, .. } = &mut self.buffers;
+        for (rate, tissue) in rates_np_mm.iter_mut().zip(&tables.tissues) {
             *rate = self.image.one_way() * tissue.attenuation_np_mm;
         }
         let rays = section::Scene {
             tree: Tree { nodes: &self.nodes, triangles: &bvh.triangles },
             surface_words: &media.surface_words,
             map_rays: &tables.map_rays,
-            rates_np_mm: &b.rates_np_mm,
+            rates_np_mm,
         };
         let into = Section { entries: &mut b.entries, entry_counts: &mut b.entry_counts, raster: &mut b.raster };
         let lost = section(params, rays, into);
@@ -235,39 +233,13 @@ impl FrameMaker for HostRenderer {
     fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
         let (mut frame, mut scattered) = (Frame::default(), Vec::new());
         self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut scattered));
-        let (width, stride) = (frame.width as usize, 4 * inputs.configuration.params.row_words as usize);
-        let b = &self.buffers;
         Ok(PassBuffers {
-            starts_inside: words_of(&b.starts_inside),
-            starts: words_of(&b.starts),
-            segments: words_of(&b.segments),
-            echoes: words_of(&b.echoes),
-            segment_counts: b.segment_counts.clone(),
-            hints: b.hints.clone(),
-            scattered: words_of(&scattered),
-            baseband: words_of(&b.baseband),
-            focused: words_of(&b.focused),
-            lines: words_of(&b.lines),
-            polar: b.polar.clone(),
-            entries: words_of(&b.entries),
-            entry_counts: b.entry_counts.clone(),
-            raster: b.raster.clone(),
-            percentile: vec![b.percentile_np.to_bits()],
-            bmode: words_of(&padded(&frame.bmode, width, stride)),
-            segmentation: words_of(&padded(&frame.segmentation, width, stride)),
-            attenuation: words_of(&padded(&frame.attenuation, width, stride)),
-            overflows: vec![frame.overflows],
+            scattered,
+            bmode: frame.bmode,
+            segmentation: frame.segmentation,
+            attenuation: frame.attenuation,
+            overflows: frame.overflows,
+            ..self.buffers.passes.clone()
         })
     }
-}
-
-/// Rows of `width` in rows of `stride`.
-fn padded<T: Copy + Default>(from: &[T], width: usize, stride: usize) -> Vec<T> {
-    let zeros = || std::iter::repeat_n(T::default(), stride - width);
-    from.chunks_exact(width).flat_map(|row| row.iter().copied().chain(zeros())).collect()
-}
-
-fn words_of<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u32> {
-    let bytes: &[u8] = bytemuck::cast_slice(values);
-    bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }

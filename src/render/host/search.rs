@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_finds_no_room_below_counts_as_any_other() {
+    fn covered_crossings_without_room_count_as_any_other() {
         // Twelve spheres one inside another: 24 crossings.
         let part = |i: i32| {
             let mesh = analytic::sphere(Vec3::new(0.0, 0.0, 30.0), 25.0 - 2.0 * i as f32, 3);

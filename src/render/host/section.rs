@@ -8,7 +8,7 @@ use super::lanes::RAYS;
 use super::membership::{Inside, cross, medium_word};
 use super::packet::{Packet, Visits};
 use super::search::collect;
-use super::traverse::{Crossing, Ray, Tree};
+use super::traverse::{Crossing, Ray, Tree, by_distance};
 use super::wide::{at_least, real, widened};
 use crate::render::constants::{CROSSINGS_OF_A_MAP_RAY, ENTRIES, TAG, TISSUE_MASK, WHOLE};
 use crate::render::params::Params;
@@ -92,13 +92,10 @@ widened! {
 
 #[inline(always)]
 fn follow_body(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut Follower) {
-    let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
-    let from_probe =
-        |v: [f32; 4]| axis(params.lateral) * v[0] + axis(params.elevational) * v[1] + axis(params.axial) * v[2];
-    let face = Vec3::new(params.lateral[3], params.elevational[3], params.axial[3]);
+    let from_probe = |[x, y, z, _]: [f32; 4]| params.scene_vector(Vec3::new(x, y, z));
     let mut packet = Packet::new();
     for lane in 0..follower.rays {
-        let origin = face + from_probe(scene.map_rays[2 * (first + lane)]);
+        let origin = params.face_mm() + from_probe(scene.map_rays[2 * (first + lane)]);
         let direction = from_probe(scene.map_rays[2 * (first + lane) + 1]).normalize();
         packet.set(lane, Ray::new(origin, direction), -params.reach_mm, params.depth_mm);
     }
@@ -108,13 +105,13 @@ fn follow_body(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut 
 
 /// The runs between the crossings of a ray.
 fn divide(params: &Params, scene: &Scene<'_>, found: &mut [Crossing], runs: &mut Runs<'_>) {
-    found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+    found.sort_unstable_by(by_distance);
     let mut ahead = found;
     let mut inside = [0u32; 8];
     let mut begun = false;
     loop {
         let t = ahead.first().map(|crossing| crossing.t);
-        // What the face lies in counts from it on.
+        // The medium at the face counts from there on.
         if !begun && t.is_none_or(|t| t > 0.0) {
             begun = true;
             runs.begin(scene, 0.0, medium(params, scene, &inside));

@@ -31,6 +31,7 @@ pub(super) fn trace(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut 
     a + b
 }
 
+/// Follows a run of paths with the instructions that it is compiled for.
 #[inline(always)]
 fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
     let mut bundle = Bundle::new();
@@ -43,11 +44,6 @@ fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32
         }
     }
     lost
-}
-
-/// Follows paths with the instructions that every processor of the kind has.
-fn follow_portable(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
-    follow_run(scene, first, out)
 }
 
 /// Follows paths with eight lanes a register, with the same bits. AVX-512 is slower here; interfaces take it.
@@ -69,5 +65,5 @@ pub(super) fn fastest() -> Follow {
         // SAFETY: the processor has every feature that the function is compiled for.
         return |scene, first, out| unsafe { follow_avx2(scene, first, out) };
     }
-    follow_portable
+    follow_run
 }

@@ -13,7 +13,7 @@ pub const GREY_ALLOWED: f64 = 0.5;
 pub enum Bound {
     /// Nothing but rounding of f32; it chooses the cell where a scanline runs in a face of the scatterer lattice.
     Exact,
-    /// The level of any pixel; where media of different loss meet, but for speckle nulls 26 dB below the mean.
+    /// The level of any pixel; where media of different loss meet, except speckle nulls 26 dB below the mean.
     Level {
         /// Most that a level changes, dB.
         db: f64,

@@ -2,7 +2,7 @@
 
 use super::bound::{Bound, GREY_ALLOWED};
 use super::facts::Medium;
-use super::rules::{Finding, Rules, decided, finding};
+use super::rules::{Finding, Rules, decided, finding, most};
 use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::settings::{Choice, Effect};
@@ -43,8 +43,8 @@ impl Rules<'_> {
         of: impl Fn(&Medium) -> f64,
         map_db_mm: impl Fn(&Medium) -> f64,
     ) -> Option<(f64, &Medium, Bound)> {
-        let most = self.facts.media.iter().map(|m| (of(m) * self.probe.depth_mm, m));
-        let (db, medium) = most.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(db, _)| *db > 0.0)?;
+        let over_the_depth = |m: &&Medium| of(m) * self.probe.depth_mm;
+        let (db, medium) = most(self.facts.media.iter(), over_the_depth).filter(|(db, _)| *db > 0.0)?;
         if self.settings.lines {
             return Some((db, medium, Bound::none("the loss in lines.npy")));
         }
@@ -79,7 +79,7 @@ impl Rules<'_> {
         if frequency_mhz == 1.0 {
             return finding("every power of 1 MHz is 1", Bound::Exact);
         }
-        // How far a loss proportional to the frequency is off.
+        // Error of a loss proportional to the frequency.
         let off = |m: &Medium| {
             let of = |exponent| self.loss_by_exponent_db_mm(m, exponent);
             (of(m.tissue.attenuation_exponent) - of(1.0)).abs()

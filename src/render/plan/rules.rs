@@ -68,6 +68,7 @@ impl Rules<'_> {
 
     fn silent(&self) -> String {
         match &self.facts.media[..] {
+            [] => "no medium".to_owned(),
             [only] => format!("{} is the only medium", only.name),
             _ => "all media have one impedance and one speed".to_owned(),
         }
@@ -76,37 +77,35 @@ impl Rules<'_> {
     fn refraction(&self) -> Finding {
         let Some((slow, fast)) = self.two_speeds() else {
             let reason = match &self.facts.media[..] {
-                [only] => format!("{} is the only medium", only.name),
-                [some, ..] => format!("every medium has {} m/s", some.tissue.speed_m_s),
-                [] => "no medium".to_owned(),
+                [some, _, ..] => format!("every medium has {} m/s", some.tissue.speed_m_s),
+                _ => self.silent(),
             };
             return finding(reason, Bound::Exact);
         };
-        let critical_deg = (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees();
+        let critical_deg = critical_deg(slow, fast);
         let reason = format!("{} and {}: nothing passes beyond {critical_deg:.1}°", speed(slow), speed(fast));
         finding(reason, Bound::none("bent paths, edge shadows and total reflection"))
     }
 
     fn speed_displacement(&self) -> Finding {
         let off = |m: &&Medium| (1.0 - ASSUMED_SPEED_M_S / m.tissue.speed_m_s).abs();
-        let Some(most) = self.facts.media.iter().max_by(|a, b| off(a).total_cmp(&off(b))) else {
+        let Some((off, medium)) = most(self.facts.media.iter(), off) else {
             return finding("no medium", Bound::Exact);
         };
         if self.facts.media.iter().all(|m| m.tissue.speed_m_s as f32 == ASSUMED_SPEED_M_S as f32) {
             return finding(format!("every medium has {ASSUMED_SPEED_M_S} m/s"), Bound::Exact);
         }
-        let mm = off(&most) * self.probe.depth_mm;
-        finding(format!("{}, the image's scale is of 1540 m/s", speed(most)), Bound::Displacement { mm })
+        let mm = off * self.probe.depth_mm;
+        finding(format!("{}, the image's scale is of 1540 m/s", speed(medium)), Bound::Displacement { mm })
     }
 
     /// Most that an interface reflects of the pressure, at any angle, and which.
-    fn strongest(&self) -> Option<(f64, &Medium, &Medium)> {
-        let reflection = |(a, b): (_, _)| (pressure_reflection(a, b), a, b);
-        self.acting().map(reflection).max_by(|a, b| a.0.total_cmp(&b.0))
+    fn strongest(&self) -> Option<(f64, (&Medium, &Medium))> {
+        most(self.acting(), |(a, b)| pressure_reflection(a, b))
     }
 
     fn interface_echoes(&self) -> Finding {
-        let Some((r, a, b)) = self.strongest() else {
+        let Some((r, (a, b))) = self.strongest() else {
             return finding(self.silent(), Bound::Exact);
         };
         // Every echo of every path in one pulse, all in phase.
@@ -114,7 +113,7 @@ impl Rules<'_> {
         let amplitude = r * RETURNING_MAX * f64::from(SEGMENTS) * paths;
         let (gain_db, range_db) = (self.best_gain_db(), self.settings.image.dynamic_range_db);
         let above_black_db = db_from_amplitude(amplitude) + gain_db + range_db;
-        // What is so far below black adds to what is seen by at the most this.
+        // The most that an echo so far below black adds to a visible level.
         let bound = Bound::level(db_from_amplitude(1.0 + 10f64.powf(above_black_db / 20.0)), range_db);
         if bound.negligible() && !self.settings.lines {
             let reason = format!(
@@ -131,8 +130,7 @@ impl Rules<'_> {
             return finding(format!("{} to {} reflects {:.1} dB", a.name, b.name, db_from_amplitude(r)), lacks);
         }
         // The most telling: that at normal incidence.
-        let normal = |(a, b): (_, _)| (at_normal_incidence(a, b), a, b);
-        let Some((r, a, b)) = self.acting().map(normal).max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let Some((r, (a, b))) = most(self.acting(), |(a, b)| at_normal_incidence(a, b)) else {
             return finding("speeds differ", lacks);
         };
         let level = if r > 0.0 { format!("{:.1} dB", db_from_amplitude(r)) } else { "nothing".to_owned() };
@@ -165,11 +163,9 @@ impl Rules<'_> {
         if !self.on.has(Effect::InterfaceEchoes) && !decided(self.settings.effects.of(Effect::Reflections), reflects) {
             return finding("no interface echoes or reflects", Bound::Exact);
         }
-        let rough = |&(a, b): &(&Medium, &Medium)| a.tissue.roughness.max(b.tissue.roughness);
-        match self.acting().max_by(|a, b| rough(a).total_cmp(&rough(b))) {
-            Some(pair) if rough(&pair) as f32 > 0.0 => {
-                let slope = rough(&pair);
-                let rougher = if pair.0.tissue.roughness < slope { pair.1 } else { pair.0 };
+        match most(self.acting(), |(a, b)| a.tissue.roughness.max(b.tissue.roughness)) {
+            Some((slope, (a, b))) if slope as f32 > 0.0 => {
+                let rougher = if a.tissue.roughness < slope { b } else { a };
                 let reason = format!("faces of {} have slopes of {slope}", rougher.name);
                 finding(reason, Bound::none("echoes of tilted faces; smooth ones shine too much"))
             }
@@ -181,11 +177,9 @@ impl Rules<'_> {
         if !self.on.has(Effect::InterfaceEchoes) {
             return finding("no interface echoes", Bound::Exact);
         }
-        let thick = |&(a, b): &(&Medium, &Medium)| a.tissue.thickness_mm.max(b.tissue.thickness_mm);
-        match self.acting().max_by(|a, b| thick(a).total_cmp(&thick(b))) {
-            Some(pair) if thick(&pair) as f32 > 0.0 => {
-                let mm = thick(&pair);
-                let thicker = if pair.0.tissue.thickness_mm < mm { pair.1 } else { pair.0 };
+        match most(self.acting(), |(a, b)| a.tissue.thickness_mm.max(b.tissue.thickness_mm)) {
+            Some((mm, (a, b))) if mm as f32 > 0.0 => {
+                let thicker = if a.tissue.thickness_mm < mm { b } else { a };
                 let reason = format!("faces of {} are {mm} mm thick", thicker.name);
                 if self.settings.quality.rays * self.settings.quality.layers > 1 {
                     // Paths add in power on a thick face, in amplitude on a thin one.
@@ -208,7 +202,7 @@ impl Rules<'_> {
     fn reflections_of(&self, roughness: impl Fn(&Medium, &Medium) -> f64) -> Finding {
         let reflections_max = self.settings.reflections_max;
         if let Some((slow, fast)) = self.two_speeds() {
-            let critical_deg = (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees();
+            let critical_deg = critical_deg(slow, fast);
             let reason = format!(
                 "{} turns all back from {} beyond {critical_deg:.1}°; up to {reflections_max} a path",
                 fast.name, slow.name
@@ -217,20 +211,20 @@ impl Rules<'_> {
         }
         // One speed: R is the same at every angle. The lobe is the widest at the face.
         let aperture = (0.25 * self.probe.aperture_mm).clamp(0.06, 0.5).powi(2);
-        let returned = |(a, b): (_, _)| {
+        let returned = |&(a, b): &(_, _)| {
             let rough = roughness(a, b);
-            (pressure_reflection(a, b).powi(2) * aperture / (aperture + rough * rough), a, b)
+            pressure_reflection(a, b).powi(2) * aperture / (aperture + rough * rough)
         };
-        match self.acting().map(returned).max_by(|a, b| a.0.total_cmp(&b.0)) {
+        match most(self.acting(), returned) {
             None => finding(self.silent(), Bound::Exact),
             // Rounding must not decide: a hundredth less is followed, too.
-            Some((most, a, b)) if most >= 0.99 * REFLECTION_FOLLOWED => {
+            Some((most, (a, b))) if most >= 0.99 * REFLECTION_FOLLOWED => {
                 let percent = 100.0 * most;
                 let (a, b) = (&a.name, &b.name);
                 let reason = format!("{a} to {b} returns {percent:.0} % of the energy; up to {reflections_max} a path");
                 finding(reason, Bound::none("mirror images and reverberation"))
             }
-            Some((most, a, b)) => {
+            Some((most, (a, b))) => {
                 let (a, b, percent, limit) = (&a.name, &b.name, 100.0 * most, 100.0 * REFLECTION_FOLLOWED);
                 let reason =
                     format!("{a} to {b} returns {percent:.2} % of the energy at the most; {limit:.0} % are followed");
@@ -350,6 +344,16 @@ impl Rules<'_> {
             finding("no sink and no generator reads them", Bound::Exact)
         }
     }
+}
+
+/// The greatest value of the items, and its item.
+pub(super) fn most<T>(items: impl Iterator<Item = T>, value: impl Fn(&T) -> f64) -> Option<(f64, T)> {
+    items.map(|item| (value(&item), item)).max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Angle beyond which nothing passes from the slow medium into the fast one, degrees.
+fn critical_deg(slow: &Medium, fast: &Medium) -> f64 {
+    (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees()
 }
 
 /// Whether an effect is on, from the user's choice and the scene's need.

@@ -48,7 +48,7 @@ pub fn section(inputs: &Inputs) -> Sections {
 fn runs_of(inputs: &Inputs, ray: usize) -> Vec<Run> {
     let ray = inputs.in_scene(&inputs.map_rays[ray]);
     let mut inside = Membership::default();
-    // What the face lies in counts from the first place beyond it on.
+    // The medium at the face counts from the first place beyond it on.
     let mut runs: Vec<Run> = Vec::new();
     let begin = |runs: &mut Vec<Run>, start_mm: f64, tissue: usize| {
         let sum_np = runs.last().map_or(0.0, |last| last.sum_np + last.rate_np_mm * (start_mm - last.start_mm));

@@ -136,7 +136,7 @@ impl<'a> Tracer<'a> {
             let normal = if outward.dot(self.ray.direction) > 0.0 { -outward } else { outward };
             let facet = self.facet(normal, boundary.roughness);
 
-            // What returns depends on the facet; what goes on follows the mean surface.
+            // Echoes depend on the facet; paths follow the mean surface.
             let cos_facet = (-facet.dot(self.ray.direction)).clamp(0.0, 1.0);
             let at_facet = between(tissue, beyond, cos_facet);
             (echo, echo_range_mm) = self.echo(&at_facet, cos_facet, tissue, &boundary, triangle.surface);

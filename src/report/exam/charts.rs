@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::exam::score::{HOLD_S, PlaneScore, Reference, Track};
-use crate::report::html::escape;
+use crate::report::html::{escape, points as svg_points};
 
 /// Most points of a line: more than a screen shows.
 const POINTS_MAX: usize = 900;
@@ -77,18 +77,16 @@ pub(super) fn deviations(plane: &StandardPlane, offsets: &[Offset], track: &Trac
     }
     let step = offsets.len().div_ceil(POINTS_MAX).max(1);
     let mut line = |class: &str, value: &dyn Fn(&Offset) -> f64| {
-        let _ = write!(out, "<polyline class=\"line {class}\" points=\"");
-        for (offset, &t) in offsets.iter().zip(&track.time_s).step_by(step) {
-            let _ = write!(out, "{:.1},{:.1} ", x(t), y(value(offset)));
-        }
-        out.push_str("\"/>");
+        let shown = offsets.iter().zip(&track.time_s).step_by(step);
+        let all = svg_points(shown.map(|(offset, &t)| (x(t), y(value(offset)))));
+        let _ = write!(out, "<polyline class=\"line {class}\" points=\"{all}\"/>");
     };
     line("distance", &|o| o.distance_mm / t.distance_mm);
     line("angle", &|o| o.angle_deg / t.angle_deg);
     out + "</svg></figure>\n"
 }
 
-/// From when to when the probe was off the skin, s.
+/// Intervals in which the probe was off the skin, s.
 fn off_skin(track: &Track) -> Vec<(f64, f64)> {
     let mut spans: Vec<(f64, f64)> = Vec::new();
     let mut before = true;
@@ -135,17 +133,14 @@ fn way(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, 
         width / 36.0
     );
     let step = points.len().div_ceil(POINTS_MAX).max(1);
-    let thin: Vec<_> = points.iter().step_by(step).collect();
+    let thin: Vec<_> = points.iter().copied().step_by(step).collect();
     // Pieces of one colour each, from the start's blue to the end's orange.
     let pieces = 48.min(thin.len().max(1));
     for piece in 0..pieces {
         let (first, last) = (piece * thin.len() / pieces, ((piece + 1) * thin.len() / pieces).min(thin.len() - 1));
         let hue = 215.0 + 170.0 * piece as f64 / pieces as f64;
-        let _ = write!(out, "<polyline class=\"line\" style=\"stroke:hsl({hue:.0} 70% 50%)\" points=\"");
-        for (px, py) in &thin[first..=last.max(first)] {
-            let _ = write!(out, "{px:.1},{py:.1} ");
-        }
-        out.push_str("\"/>");
+        let all = svg_points(thin[first..=last.max(first)].iter().copied());
+        let _ = write!(out, "<polyline class=\"line\" style=\"stroke:hsl({hue:.0} 70% 50%)\" points=\"{all}\"/>");
     }
     for (name, position) in marks {
         let (px, py) = flat(position.to_array());

@@ -6,7 +6,7 @@ mod section;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::html::escape;
+use super::html::{escape, head};
 use crate::exam::score::{Measure, PlaneScore, Reference, Score, Track};
 use crate::sink::{SinkError, write_text};
 
@@ -29,11 +29,7 @@ pub fn write(
 /// The page. Writing to a string cannot fail.
 fn page(title: &str, score: &Score, track: &Track, reference: &Reference<'_>) -> String {
     let title = escape(title);
-    let mut out = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\
-         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body>\n\
-         <h1>{title}</h1>\n"
-    );
+    let mut out = head(&title, STYLE) + &format!("<h1>{title}</h1>\n");
     let _ = writeln!(
         out,
         "<p class=\"lead\"><b>{:.0}</b> of 100 points · <b>{} of {}</b> planes found · {:.1} s · {:.0} mm of way at {:.0} \

@@ -9,7 +9,8 @@ use crate::anatomy::section::Section;
 use crate::exam::measure::{Measured, measure};
 use crate::exam::score::{PlaneScore, Reference, slice_mm};
 use crate::pose::Pose;
-use crate::report::html::escape;
+use crate::report::html::{escape, points};
+use crate::report::scene_view::border_mm;
 use crate::transducer::{Probe, ProbeKind, Sector};
 
 /// Depth of the face in the skin in the standard view, mm.
@@ -55,7 +56,7 @@ fn figure(
         corner.y,
         size.x,
         size.y,
-        points(&outline(probe))
+        points(outline(probe).into_iter().map(Into::into))
     );
     let is_measured =
         |name: &str| view.calipers.iter().any(|c| c.surface == name || c.far_surface.as_deref() == Some(name));
@@ -80,7 +81,11 @@ fn figure(
     for (caliper, measured) in view.calipers.iter().zip(measured) {
         let Some(measured) = measured else { continue };
         let tag = if caliper.kind == CaliperKind::Line { "polyline" } else { "polygon" };
-        let _ = write!(out, "<{tag} class=\"line caliper\" points=\"{}\"/>", points(&measured.points_mm));
+        let _ = write!(
+            out,
+            "<{tag} class=\"line caliper\" points=\"{}\"/>",
+            points(measured.points_mm.iter().map(|&p| p.into()))
+        );
     }
     let probe_from_scene = pose.inverse();
     for landmark in &view.landmarks {
@@ -109,20 +114,8 @@ fn figure(
 
 /// The border of the sector, (x, z) of the probe frame, mm.
 fn outline(probe: &Probe) -> Vec<DVec2> {
-    let lines = if matches!(probe.kind, ProbeKind::Linear { .. }) { 1 } else { 40 };
-    let at = |i: u32, depth_mm: f64| {
-        let (origin, direction) = probe.ray(probe.lateral_coordinate(f64::from(i) / f64::from(lines)));
-        let p = origin + direction * depth_mm;
-        DVec2::new(p.x, p.z)
-    };
-    (0..=lines).map(|i| at(i, 0.0)).chain((0..=lines).rev().map(|i| at(i, probe.depth_mm))).collect()
-}
-
-fn points(all: &[DVec2]) -> String {
-    all.iter().fold(String::new(), |mut out, p| {
-        let _ = write!(out, "{:.1},{:.1} ", p.x, p.y);
-        out
-    })
+    let steps = if matches!(probe.kind, ProbeKind::Linear { .. }) { 1 } else { 40 };
+    border_mm(probe, steps).map(|p| DVec2::new(p.x, p.z)).collect()
 }
 
 /// Segments of the section that touch the sector.

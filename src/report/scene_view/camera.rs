@@ -31,40 +31,36 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// Names, as [`FromStr`] reads them.
-    pub const NAMES: [&str; 12] = [
-        "fan",
-        "probe",
-        "front",
-        "back",
-        "left",
-        "right",
-        "top",
-        "bottom",
-        "anterior",
-        "posterior",
-        "cranial",
-        "caudal",
+    /// Names and directions, as [`FromStr`] reads them.
+    const NAMED: [(&str, Self); 12] = [
+        ("fan", Self::Fan),
+        ("probe", Self::Probe),
+        ("front", Self::Front),
+        ("back", Self::Back),
+        ("left", Self::Left),
+        ("right", Self::Right),
+        ("top", Self::Top),
+        ("bottom", Self::Bottom),
+        ("anterior", Self::Front),
+        ("posterior", Self::Back),
+        ("cranial", Self::Top),
+        ("caudal", Self::Bottom),
     ];
+
+    /// Names, as [`FromStr`] reads them.
+    pub fn names() -> [&'static str; 12] {
+        Self::NAMED.map(|(name, _)| name)
+    }
 }
 
 impl FromStr for Direction {
     type Err = ViewError;
 
     fn from_str(text: &str) -> Result<Self, ViewError> {
-        Ok(match text {
-            "fan" => Self::Fan,
-            "probe" => Self::Probe,
-            "front" | "anterior" => Self::Front,
-            "back" | "posterior" => Self::Back,
-            "left" => Self::Left,
-            "right" => Self::Right,
-            "top" | "cranial" => Self::Top,
-            "bottom" | "caudal" => Self::Bottom,
-            _ => {
-                let suggestion = did_you_mean(text, Self::NAMES);
-                return Err(ViewError::Direction { text: text.to_owned(), suggestion });
-            }
+        let found = Self::NAMED.into_iter().find(|(name, _)| *name == text);
+        found.map(|(_, direction)| direction).ok_or_else(|| {
+            let suggestion = did_you_mean(text, Self::names());
+            ViewError::Direction { text: text.to_owned(), suggestion }
         })
     }
 }
@@ -214,7 +210,7 @@ mod tests {
         for wrong in ["z", "w=1", "z=inf", "fann"] {
             assert!(wrong.parse::<Cut>().is_err(), "{wrong}");
         }
-        for name in Direction::NAMES {
+        for name in Direction::names() {
             assert!(name.parse::<Direction>().is_ok(), "{name}");
         }
     }
@@ -230,7 +226,7 @@ mod tests {
         let below = camera.pixel(point + DVec3::Z);
         assert!(below.1 > row, "depth goes down");
         assert!(Camera::new(Direction::Probe, Orbit::default(), Axes::Depth, None).is_none());
-        for direction in Direction::NAMES.iter().map(|name| name.parse().unwrap()) {
+        for direction in Direction::NAMED.map(|(_, direction)| direction) {
             for axes in [Axes::Depth, Axes::Anatomical] {
                 let orbit = Orbit { azimuth_deg: 33.0, elevation_deg: -71.0 };
                 let c = Camera::new(direction, orbit, axes, Some(Pose::IDENTITY)).unwrap();

@@ -48,14 +48,17 @@ impl Fan {
 
     /// The fan's outline, a closed line of scene points, mm: the face from image left to right, then the far end back.
     pub fn outline_mm(&self) -> Vec<DVec3> {
-        const STEPS: u32 = 48;
-        let along = |i: u32, depth: f64| {
-            let (origin, direction) = self.probe.ray(self.probe.lateral_coordinate(f64::from(i) / f64::from(STEPS)));
-            self.scene_from_probe.transform_point(origin + direction * depth)
-        };
-        let face = (0..=STEPS).map(|i| along(i, 0.0));
-        face.chain((0..=STEPS).rev().map(|i| along(i, self.probe.depth_mm))).collect()
+        border_mm(&self.probe, 48).map(|point| self.scene_from_probe.transform_point(point)).collect()
     }
+}
+
+/// Border of a probe's sector, probe frame, mm: the face in `steps` from image left to right, then the far end back.
+pub(in crate::report) fn border_mm(probe: &Probe, steps: u32) -> impl Iterator<Item = DVec3> + '_ {
+    let at = move |i: u32, depth_mm: f64| {
+        let (origin, direction) = probe.ray(probe.lateral_coordinate(f64::from(i) / f64::from(steps)));
+        origin + direction * depth_mm
+    };
+    (0..=steps).map(move |i| at(i, 0.0)).chain((0..=steps).rev().map(move |i| at(i, probe.depth_mm)))
 }
 
 #[cfg(test)]

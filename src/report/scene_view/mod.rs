@@ -16,6 +16,7 @@ mod shading;
 use thiserror::Error;
 
 pub use camera::{Cut, Direction, Orbit};
+pub(super) use fan::border_mm;
 pub use fan::{BmodeImage, Fan};
 pub use paint::{PIXELS_MAX, PictureSettings, SceneView};
 pub use panel::Picture;
@@ -36,7 +37,7 @@ pub enum ViewError {
     #[error("nothing is left to show: every surface is hidden")]
     NothingLeft,
     /// Not a direction.
-    #[error("`{text}` is no direction; it is one of {}{suggestion}", Direction::NAMES.join(", "))]
+    #[error("`{text}` is no direction; it is one of {}{suggestion}", Direction::names().join(", "))]
     Direction {
         /// Text found.
         text: String,

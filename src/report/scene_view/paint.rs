@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::camera::Camera;
-use super::caster::Caster;
+use super::caster::{Caster, Hit};
 use super::panel::{Panel, Picture};
 use super::shading::{BEAD, GROUND, HOUSING, Look, Plane, Sample, Scenery, colour_of};
 use super::{Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
@@ -36,6 +36,8 @@ pub struct SceneView {
     tissue_names: Vec<String>,
     /// Corners of the bounds of what is shown, mm.
     corners_mm: Vec<DVec3>,
+    /// Corners of the probe's housing and points of its fan's outline, mm; empty without a probe.
+    probe_mm: Vec<DVec3>,
     axes: Axes,
 }
 
@@ -58,17 +60,18 @@ impl SceneView {
             );
         }
         let housing = fan.as_ref().map(|fan| housing(&fan.probe, &fan.scene_from_probe));
+        let mut probe_mm: Vec<DVec3> = fan.iter().flat_map(Fan::outline_mm).collect();
         for mesh in housing.iter().flatten() {
-            corners_mm.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3()));
+            probe_mm.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3()));
         }
-        if let Some(fan) = &fan {
-            corners_mm.extend(fan.outline_mm());
+        corners_mm.extend(&probe_mm);
+        if fan.is_some() {
             looks.push(Look { colour: HOUSING, opacity: 1.0, tissue: None });
             looks.push(Look { colour: BEAD, opacity: 1.0, tissue: None });
         }
         let caster = Caster::new((0u32..).zip(meshes.iter().copied().chain(housing.iter().flatten())));
         let scenery = Scenery { caster, looks, fan };
-        Self { scenery, tissue_names: scene.tissues.names().to_vec(), corners_mm, axes }
+        Self { scenery, tissue_names: scene.tissues.names().to_vec(), corners_mm, probe_mm, axes }
     }
 
     /// A picture with a legend, a scale and axes.
@@ -131,26 +134,18 @@ impl SceneView {
         let camera = Camera::new(settings.from, settings.orbit, self.axes, pose);
         let mut camera = camera.ok_or(ViewError::NoFan { what })?;
         let outline = self.scenery.fan.as_ref().map(Fan::outline_mm).unwrap_or_default();
-        let probe = self
-            .scenery
-            .fan
-            .iter()
-            .flat_map(|fan| housing(&fan.probe, &fan.scene_from_probe))
-            .flat_map(|mesh| mesh.vertices_mm);
-        let near: Vec<DVec3> = outline.iter().copied().chain(probe.map(|v| v.as_dvec3())).collect();
-        camera.fit(
-            if close && !near.is_empty() { &near } else { &self.corners_mm },
-            (0.0, 0.0),
-            (f64::from(size.0), f64::from(size.1)),
-        );
+        let shown = if close && !self.probe_mm.is_empty() { &self.probe_mm } else { &self.corners_mm };
+        camera.fit(shown, (0.0, 0.0), (f64::from(size.0), f64::from(size.1)));
         let plane = self.plane(settings.cut, &camera)?;
 
         let (width, height) = (size.0 as usize, size.1 as usize);
+        let sample_at = |column: f64, row: f64, hits: &mut Vec<Hit>| {
+            self.scenery.sample(&camera, plane.as_ref(), column, row, hits)
+        };
         let row = |(row, out): (usize, &mut [Sample])| {
             let mut hits = Vec::new();
             for (column, sample) in out.iter_mut().enumerate() {
-                *sample =
-                    self.scenery.sample(&camera, plane.as_ref(), column as f64 + 0.5, row as f64 + 0.5, &mut hits);
+                *sample = sample_at(column as f64 + 0.5, row as f64 + 0.5, &mut hits);
             }
         };
         let mut first: Vec<Sample> = vec![Sample { colour: GROUND, seen: [0; 4], layers: 0 }; width * height];
@@ -168,14 +163,8 @@ impl SceneView {
                 let mut hits = Vec::new();
                 // Corners of a turned square.
                 let offsets = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
-                let sum: Vec3 = offsets
-                    .map(|(x, y)| {
-                        self.scenery
-                            .sample(&camera, plane.as_ref(), column as f64 + x, row as f64 + y, &mut hits)
-                            .colour
-                    })
-                    .into_iter()
-                    .sum();
+                let colours = offsets.map(|(x, y)| sample_at(column as f64 + x, row as f64 + y, &mut hits).colour);
+                let sum: Vec3 = colours.into_iter().sum();
                 *out = 0.25 * sum;
             }
         };
@@ -298,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_vanishes_and_a_cut_shows_the_section() {
+    fn hidden_surfaces_vanish_and_a_cut_shows_the_section() {
         let scene = block_and_ball();
         let centre = DVec3::new(-200.0, 0.0, 200.0);
         let look = |only: &[&str], hide: &[&str], cut| {
@@ -324,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_pictured_is_refused() {
+    fn pictures_that_cannot_be_made_are_refused() {
         let scene = block_and_ball();
         let view = SceneView::new(&scene, &Selection::all(&scene), None, Axes::Depth);
         let with = |from, cut, width| view.picture(&PictureSettings { from, cut, width, ..settings() });

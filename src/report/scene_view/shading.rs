@@ -67,7 +67,7 @@ impl Scenery {
         let mut seen = [0u64; 4];
         let mut layers = 0_u32;
         let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>, layer: u32| {
-            // What hardly shows makes no edge.
+            // Layers that hardly show make no edge.
             if left * opacity > 0.04 {
                 layers = (layers.rotate_left(5) ^ (layer + 1)).wrapping_mul(0x9e37_79b9);
             }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::html::escape;
+use super::html::{escape, head};
 use crate::selftest::{Check, Report};
 use crate::sink::{SinkError, write_text};
 
@@ -38,10 +38,10 @@ fn page(report: &Report) -> String {
         format!("<span class=\"bad\">{failed} of {} checks failed</span>", report.checks.len())
     };
     let kind = if report.software { "software on the CPU" } else { "graphics processor" };
-    let mut out = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>insonify self-test</title>\
-         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body>\n\
-         <h1>insonify self-test: {verdict}</h1>\n<dl>\
+    let mut out = head("insonify self-test", STYLE);
+    let _ = write!(
+        out,
+        "<h1>insonify self-test: {verdict}</h1>\n<dl>\
          <dt>Device</dt><dd>{} ({kind})</dd><dt>Driver</dt><dd>{}</dd><dt>Date</dt><dd>{date}</dd>\
          <dt>Version</dt><dd>insonify {version}</dd><dt>Duration</dt><dd>{duration_s:.1} s</dd></dl>\n\
          <table><thead><tr><th>what<th>measured on frames<th>expected<th>measured<th>tolerance<th>unit<th>result</tr></thead>\

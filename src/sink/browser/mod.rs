@@ -17,8 +17,6 @@ mod client;
 #[cfg(feature = "browser")]
 mod messages;
 #[cfg(feature = "browser")]
-mod pool;
-#[cfg(feature = "browser")]
 mod server;
 #[cfg(feature = "browser")]
 mod shared;

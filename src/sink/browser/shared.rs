@@ -65,17 +65,6 @@ pub(super) struct Client {
 }
 
 impl Client {
-    pub(super) fn new(id: u64, address: SocketAddr) -> Self {
-        Self {
-            id,
-            address,
-            segmentation: AtomicBool::new(false),
-            attenuation: AtomicBool::new(false),
-            sent: AtomicU64::new(0),
-            dropped: AtomicU64::new(0),
-        }
-    }
-
     pub(super) fn overlays(&self) -> Overlays {
         Overlays {
             segmentation: self.segmentation.load(Ordering::Relaxed),
@@ -98,35 +87,14 @@ pub(super) struct Shared {
     pub(super) controls: mpsc::Sender<Control>,
     pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
     pub(super) cancel: CancellationToken,
-    clients: Mutex<BTreeMap<u64, Arc<Client>>>,
+    pub(super) clients: Mutex<BTreeMap<u64, Arc<Client>>>,
     pub(super) clients_max: u32,
-    next_client: AtomicU64,
+    /// Number of the next page.
+    pub(super) next_client: AtomicU64,
     pub(super) client_left: Notify,
 }
 
 impl Shared {
-    pub(super) fn new(
-        access: Access,
-        hello: String,
-        surfaces: Option<ScenePacket>,
-        controls: mpsc::Sender<Control>,
-        frames: watch::Receiver<Option<Arc<FrameSet>>>,
-        clients_max: u32,
-    ) -> Self {
-        Self {
-            access,
-            hello,
-            surfaces,
-            controls,
-            frames,
-            cancel: CancellationToken::new(),
-            clients: Mutex::default(),
-            clients_max,
-            next_client: AtomicU64::new(1),
-            client_left: Notify::new(),
-        }
-    }
-
     fn clients(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Client>>> {
         self.clients.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -150,7 +118,14 @@ impl Shared {
         if clients.len() >= self.clients_max as usize {
             return None;
         }
-        let client = Arc::new(Client::new(self.next_client.fetch_add(1, Ordering::Relaxed), address));
+        let client = Arc::new(Client {
+            id: self.next_client.fetch_add(1, Ordering::Relaxed),
+            address,
+            segmentation: AtomicBool::default(),
+            attenuation: AtomicBool::default(),
+            sent: AtomicU64::default(),
+            dropped: AtomicU64::default(),
+        });
         clients.insert(client.id, client.clone());
         Some(ClientSlot { shared: self.clone(), client })
     }

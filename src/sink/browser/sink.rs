@@ -1,13 +1,15 @@
 //! The sink of the station: makes the messages of each frame and starts the server.
 
 use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
-use tokio::sync::{mpsc, watch};
+use bytes::Bytes;
+use tokio::sync::{Notify, mpsc, watch};
+use tokio_util::sync::CancellationToken;
 
 use super::access::Access;
-use super::pool::Pool;
 use super::server;
 use super::shared::{ClientCounters, FrameSet, Shared};
 use super::wire::{self, Map};
@@ -15,15 +17,25 @@ use super::{SceneInfo, Settings, messages};
 use crate::settings::Control;
 use crate::sink::SinkError;
 use crate::sink::live::{LiveSink, MapsWanted, PresentedFrame};
+use crate::sink::pool::Pool;
 
 const NAME: &str = "browser";
+
+/// A message on its way, whose memory is used again when every page has it.
+struct Owner(Arc<Vec<u8>>);
+
+impl AsRef<[u8]> for Owner {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
 
 /// Serves the page.
 #[derive(Debug)]
 pub struct BrowserSink {
     shared: Arc<Shared>,
     frames: watch::Sender<Option<Arc<FrameSet>>>,
-    pool: Pool,
+    pool: Pool<Vec<u8>>,
     sequence: u64,
     url: String,
     local: SocketAddr,
@@ -61,8 +73,18 @@ impl BrowserSink {
         let url = access.url();
         let (frames, receiver) = watch::channel(None);
         let hello = messages::write(&messages::hello(scene));
-        let shared =
-            Arc::new(Shared::new(access, hello, scene.surfaces.clone(), controls, receiver, settings.clients_max));
+        let shared = Arc::new(Shared {
+            access,
+            hello,
+            surfaces: scene.surfaces.clone(),
+            controls,
+            frames: receiver,
+            cancel: CancellationToken::new(),
+            clients: Mutex::default(),
+            clients_max: settings.clients_max,
+            next_client: AtomicU64::new(1),
+            client_left: Notify::new(),
+        });
         let served = shared.clone();
         let run = move || {
             if let Err(e) = runtime.block_on(server::serve(listener, served)) {
@@ -71,7 +93,7 @@ impl BrowserSink {
         };
         let thread = std::thread::Builder::new().name("insonify-browser".to_owned()).spawn(run);
         let thread = Some(thread.map_err(|e| start(e.to_string()))?);
-        Ok(Self { shared, frames, pool: Pool::default(), sequence: 0, url, local, thread })
+        Ok(Self { shared, frames, pool: Pool::new(usize::MAX), sequence: 0, url, local, thread })
     }
 
     /// The address to open in a browser, with the token where one is demanded.
@@ -109,14 +131,17 @@ impl LiveSink for BrowserSink {
         }
         wire::check(frame)?;
         let wanted = self.shared.wanted();
-        let mut map = |map, wanted: bool, present: bool| {
-            (wanted && present).then(|| self.pool.fill(|out| wire::encode(frame, map, out)))
+        let mut message = |map| {
+            let (message, ()) = self.pool.fill(|out| wire::encode(frame, map, out))?;
+            Some(Bytes::from_owner(Owner(message)))
         };
         // Over a frozen picture an overlay may be asked for later, when no new frame comes.
         let frozen = frame.info.settings.frozen;
-        let segmentation = map(Map::Segmentation, wanted.segmentation || frozen, !frame.segmentation.is_empty());
-        let attenuation = map(Map::Attenuation, wanted.attenuation || frozen, !frame.attenuation.is_empty());
-        let image = self.pool.fill(|out| wire::encode(frame, Map::Image, out));
+        let has_segmentation = (wanted.segmentation || frozen) && !frame.segmentation.is_empty();
+        let has_attenuation = (wanted.attenuation || frozen) && !frame.attenuation.is_empty();
+        let segmentation = if has_segmentation { message(Map::Segmentation) } else { None };
+        let attenuation = if has_attenuation { message(Map::Attenuation) } else { None };
+        let image = message(Map::Image).unwrap_or_default();
         self.sequence += 1;
         let set = FrameSet { sequence: self.sequence, number: frame.number, image, segmentation, attenuation };
         self.frames.send_replace(Some(Arc::new(set)));

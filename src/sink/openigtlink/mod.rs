@@ -27,7 +27,7 @@ use std::thread::JoinHandle;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use bytes::BytesMut;
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use tokio::sync::{Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
@@ -41,7 +41,8 @@ use server::{Encoded, Latest, Server, listen};
 use super::SinkError;
 use super::error::check_shape;
 use super::live::{LiveSink, PresentedFrame};
-use crate::pose::TrackingState;
+use super::pool::Pool;
+use crate::pose::{Pose, TrackingState};
 use crate::settings::settings;
 use crate::tracker::openigtlink::{TCP_PORT, message};
 use crate::transducer::{Probe, Sector};
@@ -75,8 +76,8 @@ pub struct OpenIgtLink {
     probe: Probe,
     address: SocketAddr,
     latest: Arc<watch::Sender<Latest>>,
-    /// Buffers that are filled anew once no client holds them: one a client and two.
-    pool: Vec<Arc<Encoded>>,
+    /// Messages of frames: one a client and two.
+    pool: Pool<Encoded>,
     number: u64,
     counters: Arc<Counters>,
     cancel: CancellationToken,
@@ -110,8 +111,8 @@ impl OpenIgtLink {
             .name("openigtlink".to_owned())
             .spawn(move || runtime.block_on(server.run(listener)))
             .map_err(refused)?;
-        let thread = Some(thread);
-        Ok(Self { settings, probe, address, latest, pool: Vec::new(), number: 0, counters, cancel, thread })
+        let (thread, pool) = (Some(thread), Pool::new(settings.clients_max as usize + 2));
+        Ok(Self { settings, probe, address, latest, pool, number: 0, counters, cancel, thread })
     }
 
     /// Address that it listens at.
@@ -122,47 +123,6 @@ impl OpenIgtLink {
     /// Counters; readable after the end.
     pub fn counters(&self) -> Arc<Counters> {
         Arc::clone(&self.counters)
-    }
-
-    fn encode(&self, frame: &PresentedFrame, out: &mut BytesMut) {
-        let time_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
-        let state = frame.info.estimate.state;
-        let (name, text) = match state {
-            TrackingState::Good => ("GOOD", ""),
-            TrackingState::Held => ("HELD", "the last pose is held over a short gap"),
-            TrackingState::Stuck => ("STUCK", "the sensor repeats one reading; the picture may not follow the probe"),
-            TrackingState::Stale => ("STALE", "the picture doesn't follow the probe"),
-            TrackingState::Lost => ("LOST", "there is no pose"),
-        };
-        let code = if state.is_live() { message::STATUS_OK } else { message::STATUS_NOT_READY };
-        message::put_status(out, "Tracking", time_ns, code, name, text);
-
-        let ras_from_scene = self.settings.scene_axes.ras_from_scene;
-        let (orientation, position_mm) =
-            frame.info.pose().map_or((DQuat::IDENTITY, DVec3::ZERO), |pose| (pose.orientation, pose.position_mm));
-        let ras_from_probe = ras_from_scene * DMat3::from_quat(orientation);
-        let probe_mm = ras_from_scene * position_mm;
-        if state.is_live() && frame.info.pose().is_some() {
-            message::put_transform(out, "ProbeToScene", time_ns, ras_from_probe, probe_mm);
-        }
-        let probe = Probe { depth_mm: frame.info.settings.probe.depth_mm, ..self.probe };
-        let sector = Sector::fit(&probe, frame.width, frame.height);
-        let half = 0.5 * sector.pixel_mm;
-        let centre = sector.corner_mm + glam::DVec2::new(f64::from(frame.width), f64::from(frame.height)) * half;
-        let placement = message::Placement {
-            column_mm: ras_from_probe.x_axis * sector.pixel_mm,
-            row_mm: ras_from_probe.z_axis * sector.pixel_mm,
-            slice_mm: -ras_from_probe.y_axis * self.settings.slice_mm,
-            centre_mm: probe_mm + ras_from_probe * DVec3::new(centre.x, 0.0, centre.y),
-        };
-        let size = [frame.width, frame.height].map(|extent| u16::try_from(extent).unwrap_or(u16::MAX));
-        message::put_image(out, "Image", time_ns, size, &placement, &frame.image);
-    }
-
-    /// A buffer that no client holds.
-    fn free_buffer(&mut self) -> Arc<Encoded> {
-        let free = self.pool.iter().position(|buffer| Arc::strong_count(buffer) == 1);
-        free.map_or_else(Arc::default, |at| self.pool.swap_remove(at))
     }
 }
 
@@ -183,19 +143,18 @@ impl LiveSink for OpenIgtLink {
         }
         check_shape(Path::new("an OpenIGTLink image"), shape, frame.image.len())?;
         if self.latest.receiver_count() == 0 {
-            // What the last client left behind would be old news to the next one.
+            // The next client must not get a frame from before its time.
             self.latest.send_replace(None);
             return Ok(());
         }
-        let mut buffer = self.free_buffer();
-        if let Some(encoded) = Arc::get_mut(&mut buffer) {
-            encoded.number = self.number;
+        let Self { settings, probe, pool, number, .. } = self;
+        let filled = pool.fill(|encoded| {
+            encoded.number = *number;
             encoded.bytes.clear();
-            self.encode(frame, &mut encoded.bytes);
-        }
-        self.number += 1;
-        self.pool.push(Arc::clone(&buffer));
-        self.latest.send_replace(Some(buffer));
+            encode(settings, probe, frame, &mut encoded.bytes);
+        });
+        *number += 1;
+        self.latest.send_replace(filled.map(|(encoded, ())| encoded));
         Ok(())
     }
 
@@ -210,4 +169,39 @@ impl Drop for OpenIgtLink {
     fn drop(&mut self) {
         self.cancel.cancel();
     }
+}
+
+/// Writes the messages of a frame.
+fn encode(settings: &Settings, probe: &Probe, frame: &PresentedFrame, out: &mut BytesMut) {
+    let time_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
+    let state = frame.info.estimate.state;
+    let (name, text) = match state {
+        TrackingState::Good => ("GOOD", ""),
+        TrackingState::Held => ("HELD", "the last pose is held over a short gap"),
+        TrackingState::Stuck => ("STUCK", "the sensor repeats one reading; the picture may not follow the probe"),
+        TrackingState::Stale => ("STALE", "the picture doesn't follow the probe"),
+        TrackingState::Lost => ("LOST", "there is no pose"),
+    };
+    let code = if state.is_live() { message::STATUS_OK } else { message::STATUS_NOT_READY };
+    message::put_status(out, "Tracking", time_ns, code, name, text);
+
+    let ras_from_scene = settings.scene_axes.ras_from_scene;
+    let pose = frame.info.pose().unwrap_or(Pose::IDENTITY);
+    let ras_from_probe = ras_from_scene * DMat3::from_quat(pose.orientation);
+    let probe_mm = ras_from_scene * pose.position_mm;
+    if state.is_live() && frame.info.pose().is_some() {
+        message::put_transform(out, "ProbeToScene", time_ns, ras_from_probe, probe_mm);
+    }
+    let probe = Probe { depth_mm: frame.info.settings.probe.depth_mm, ..*probe };
+    let sector = Sector::fit(&probe, frame.width, frame.height);
+    let half = 0.5 * sector.pixel_mm;
+    let centre = sector.corner_mm + glam::DVec2::new(f64::from(frame.width), f64::from(frame.height)) * half;
+    let placement = message::Placement {
+        column_mm: ras_from_probe.x_axis * sector.pixel_mm,
+        row_mm: ras_from_probe.z_axis * sector.pixel_mm,
+        slice_mm: -ras_from_probe.y_axis * settings.slice_mm,
+        centre_mm: probe_mm + ras_from_probe * DVec3::new(centre.x, 0.0, centre.y),
+    };
+    let size = [frame.width, frame.height].map(|extent| u16::try_from(extent).unwrap_or(u16::MAX));
+    message::put_image(out, "Image", time_ns, size, &placement, &frame.image);
 }

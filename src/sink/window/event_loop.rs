@@ -15,9 +15,11 @@ use super::Settings;
 use super::graphics::{Drawn, Graphics, Look};
 use super::marks::{self, Banner, Figures};
 use super::sink::{NAME, Shown, Wake, WindowSlot};
+use crate::pose::Estimate;
 use crate::settings::{Action, Control, Display, LiveSettings, hot_key};
 use crate::sink::SinkError;
 use crate::sink::canvas::Canvas;
+use crate::sink::live::FrameInfo;
 
 /// Time without a new frame after which a picture that is not frozen is shown as not live.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -63,8 +65,7 @@ fn run(slot: &WindowSlot, settings: &Settings, controls: mpsc::Sender<Control>) 
         shown: None,
         spare: Shown::default(),
         canvas: Canvas::new(1, 1, [0; 3]),
-        drawn_figures: None,
-        drawn_settings: None,
+        drawn: None,
         wanted: LiveSettings::default(),
         wanted_at: None,
         arrivals: 0,
@@ -94,8 +95,7 @@ struct App {
     spare: Shown,
     canvas: Canvas,
     /// Values in the marks; marks are drawn only when these change.
-    drawn_figures: Option<Figures>,
-    drawn_settings: Option<Shown>,
+    drawn: Option<(Figures, Option<Shown>)>,
     /// Settings that the keys asked for.
     wanted: LiveSettings,
     wanted_at: Option<Instant>,
@@ -129,7 +129,7 @@ impl App {
 
     /// Forgets what the marks show and uploads everything at the next drawing.
     fn redraw_all(&mut self) {
-        self.drawn_figures = None;
+        self.drawn = None;
         if let (Some((window, graphics)), Some(shown)) = (&mut self.window, &self.shown) {
             graphics.set_picture(shown.width, shown.height, &shown.image);
             window.request_redraw();
@@ -170,14 +170,14 @@ impl App {
         let (frames_per_s, latency_ms) = (self.frames_per_s, self.latency_ms);
         let figures = Figures { frames_per_s, latency_ms, help: self.help, banner };
         let resized = self.canvas.size() != marks_size;
-        if resized || self.drawn_figures != Some(figures) || labels_differ(shown, self.drawn_settings.as_ref()) {
+        let drawn = Some((figures, shown.map(labels)));
+        if resized || self.drawn != drawn {
             if resized {
                 self.canvas = Canvas::new(marks_size.0, marks_size.1, [0; 3]);
             }
             marks::draw(&mut self.canvas, shown, &figures);
             graphics.set_marks(&self.canvas);
-            self.drawn_figures = Some(figures);
-            self.drawn_settings = shown.map(|shown| Shown { image: Vec::new(), ..labels(shown) });
+            self.drawn = drawn;
         }
         let picture = marks::place(shown.map_or((1, 1), |s| (s.width, s.height)), marks_size);
         let brightness = match banner {
@@ -250,29 +250,17 @@ impl App {
     }
 }
 
-/// Contents of a frame that the marks show.
+/// Contents of a frame that the marks show; the rest is empty.
 fn labels(shown: &Shown) -> Shown {
+    let FrameInfo { estimate, settings, .. } = shown.info;
+    let estimate = Estimate { state: estimate.state, ..Estimate::default() };
     Shown {
         image: Vec::new(),
         latency: Duration::ZERO,
+        info: FrameInfo { estimate, settings, ..FrameInfo::default() },
         tier: shown.tier.clone(),
         notice: shown.notice.clone(),
         ..*shown
-    }
-}
-
-fn labels_differ(shown: Option<&Shown>, drawn: Option<&Shown>) -> bool {
-    match (shown, drawn) {
-        (None, None) => false,
-        (Some(a), Some(b)) => {
-            (a.width, a.height, a.source) != (b.width, b.height, b.source)
-                || a.info.estimate.state != b.info.estimate.state
-                || (a.pixel_mm, a.face_row) != (b.pixel_mm, b.face_row)
-                || a.info.settings != b.info.settings
-                || a.tier != b.tier
-                || a.notice != b.notice
-        }
-        _ => true,
     }
 }
 
@@ -319,7 +307,7 @@ impl ApplicationHandler<Wake> for App {
         {
             self.fail(event_loop, reason);
         }
-        // What came before there was anybody to wake.
+        // A frame may have come before this loop could be woken.
         self.look(event_loop);
     }
 

@@ -49,7 +49,6 @@ pub(super) struct Graphics {
     queue: wgpu::Queue,
     configuration: wgpu::SurfaceConfiguration,
     pipeline: wgpu::RenderPipeline,
-    layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
     uniforms: wgpu::Buffer,
     picture: wgpu::Texture,
@@ -97,8 +96,7 @@ impl Graphics {
         configuration.desired_maximum_frame_latency = 1;
         surface.configure(&device, &configuration);
 
-        let layout = device.create_bind_group_layout(&layout());
-        let pipeline = pipeline(&device, &layout, configuration.format);
+        let pipeline = pipeline(&device, configuration.format);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -112,7 +110,7 @@ impl Graphics {
         });
         let picture = texture(&device, 1, 1, wgpu::TextureFormat::R8Unorm);
         let marks = texture(&device, 1, 1, wgpu::TextureFormat::Rgba8Unorm);
-        let binding = bind(&device, &layout, &uniforms, &picture, &marks, &sampler);
+        let binding = bind(&device, &pipeline, &uniforms, &picture, &marks, &sampler);
         let rgba = Vec::new();
         Ok(Self {
             surface,
@@ -120,7 +118,6 @@ impl Graphics {
             queue,
             configuration,
             pipeline,
-            layout,
             sampler,
             uniforms,
             picture,
@@ -214,7 +211,7 @@ impl Graphics {
 
     fn bind(&mut self) {
         let (picture, marks) = (&self.picture, &self.marks);
-        self.binding = bind(&self.device, &self.layout, &self.uniforms, picture, marks, &self.sampler);
+        self.binding = bind(&self.device, &self.pipeline, &self.uniforms, picture, marks, &self.sampler);
     }
 }
 
@@ -231,32 +228,9 @@ fn texture(device: &wgpu::Device, width: u32, height: u32, format: wgpu::Texture
     })
 }
 
-fn layout() -> wgpu::BindGroupLayoutDescriptor<'static> {
-    const fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
-        wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None }
-    }
-    const TEXTURE: wgpu::BindingType = wgpu::BindingType::Texture {
-        sample_type: wgpu::TextureSampleType::Float { filterable: true },
-        view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
-    };
-    const UNIFORM: wgpu::BindingType = wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
-    const ENTRIES: [wgpu::BindGroupLayoutEntry; 4] = [
-        entry(0, UNIFORM),
-        entry(1, TEXTURE),
-        entry(2, TEXTURE),
-        entry(3, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
-    ];
-    wgpu::BindGroupLayoutDescriptor { label: Some("window"), entries: &ENTRIES }
-}
-
 fn bind(
     device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
+    pipeline: &wgpu::RenderPipeline,
     uniforms: &wgpu::Buffer,
     picture: &wgpu::Texture,
     marks: &wgpu::Texture,
@@ -265,7 +239,7 @@ fn bind(
     let [picture, marks] = [picture, marks].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
     device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("window"),
-        layout,
+        layout: &pipeline.get_bind_group_layout(0),
         entries: &[
             wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() },
             wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&picture) },
@@ -275,23 +249,15 @@ fn bind(
     })
 }
 
-fn pipeline(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    format: wgpu::TextureFormat,
-) -> wgpu::RenderPipeline {
+fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderPipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("window"),
         source: wgpu::ShaderSource::Wgsl(include_str!("../../../shaders/window.wgsl").into()),
     });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("window"),
-        bind_group_layouts: &[Some(layout)],
-        ..Default::default()
-    });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("window"),
-        layout: Some(&layout),
+        // That of the shader's bindings.
+        layout: None,
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vertex"),

@@ -16,7 +16,7 @@ pub(super) const NAME: &str = "window";
 pub(super) struct Wake;
 
 /// Contents of a frame that the window shows.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Shown {
     pub(super) width: u32,
     pub(super) height: u32,
@@ -92,15 +92,6 @@ impl WindowSink {
         let slot = WindowSlot::default();
         (Self { slot: slot.clone(), filling: Shown::default() }, slot)
     }
-
-    fn end(&mut self) {
-        let proxy = {
-            let mut state = self.slot.state();
-            state.sink_ended = true;
-            state.proxy.take()
-        };
-        wake(proxy.as_ref());
-    }
 }
 
 /// The event loop may have ended already.
@@ -129,23 +120,22 @@ impl LiveSink for WindowSink {
         }
         Ok(())
     }
-
-    fn finish(mut self: Box<Self>) -> Result<(), SinkError> {
-        self.end();
-        Ok(())
-    }
 }
 
 impl Drop for WindowSink {
     fn drop(&mut self) {
-        self.end();
+        let proxy = {
+            let mut state = self.slot.state();
+            state.sink_ended = true;
+            state.proxy.take()
+        };
+        wake(proxy.as_ref());
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::LiveSettings;
 
     fn frame(number: u64) -> PresentedFrame {
         PresentedFrame {
@@ -155,7 +145,7 @@ mod tests {
             image: vec![number as u8; 4],
             mask: vec![255; 4],
             tier: Some("MS".into()),
-            ..PresentedFrame::empty(LiveSettings::default())
+            ..PresentedFrame::default()
         }
     }
 

@@ -1,0 +1,265 @@
+//! Fakes of everything around a session: device, poses, generator, sinks, observer.
+
+use super::*;
+
+pub(super) const MS: Duration = Duration::from_millis(1);
+pub(super) const SECOND: Duration = Duration::from_secs(1);
+pub(super) const SHAPE: ImageShape = ImageShape { width: 8, height: 4, pixel_mm: 0.5 };
+pub(super) const PIXELS: usize = 32;
+
+pub(super) fn clock() -> Arc<dyn Clock> {
+    Arc::new(SimulatedClock::new())
+}
+
+pub(super) fn pose(x: f64) -> Pose {
+    Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
+}
+
+pub(super) type Extra = dyn Fn(Duration, QualityPoint) -> Duration + Send + Sync;
+
+/// What frames and generated pictures are made on where there is no other device.
+#[derive(Default)]
+pub(super) struct Processors {
+    pub(super) at_work: AtomicU64,
+    /// Times that both were at work at once.
+    pub(super) shared: AtomicU64,
+}
+
+impl Processors {
+    pub(super) fn work(&self, clock: &Arc<dyn Clock>, time: Duration) {
+        let others = self.at_work.fetch_add(1, Ordering::Relaxed);
+        self.shared.fetch_add(others, Ordering::Relaxed);
+        clock.sleep_until(clock.now() + time);
+        self.at_work.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// A device that takes `service` for a frame, one after another, and fails where `faults` says so.
+pub(super) struct Device {
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) service: Duration,
+    /// What a frame of this quality takes beyond `service` now.
+    pub(super) extra: Arc<Extra>,
+    pub(super) quality: Quality,
+    /// When each is done, its pose, whether it has maps, and the scene's time.
+    pub(super) in_flight: VecDeque<(Duration, Pose, bool, f64)>,
+    pub(super) time_s: f64,
+    pub(super) maps: bool,
+    pub(super) free: Duration,
+    pub(super) received: Arc<AtomicU64>,
+    pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
+    pub(super) gain_db: f64,
+    /// Where the processors make its frames, in `submit`.
+    pub(super) processors: Option<Arc<Processors>>,
+}
+
+impl FrameRenderer for Device {
+    fn shape(&self) -> ImageShape {
+        SHAPE
+    }
+
+    fn on_processors(&self) -> bool {
+        self.processors.is_some()
+    }
+
+    fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
+        assert!(self.in_flight.len() < 2, "two in flight at most");
+        let extra = (self.extra)(self.clock.now(), self.quality.into());
+        self.free = self.free.max(self.clock.now()) + self.service + extra;
+        if let Some(processors) = &self.processors {
+            processors.work(&self.clock, self.service + extra);
+        }
+        self.in_flight.push_back((self.free, *pose, self.maps, self.time_s));
+        Ok(())
+    }
+
+    fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
+        let (done, pose, maps, time_s) = self.in_flight.pop_front().expect("received more than was submitted");
+        self.clock.sleep_until(done);
+        let number = self.received.fetch_add(1, Ordering::Relaxed);
+        if (self.faults)(number) {
+            return Err(RenderFault::Lost(format!("device lost at frame {number}")));
+        }
+        (frame.width, frame.height) = (SHAPE.width, SHAPE.height);
+        for map in [&mut frame.bmode, &mut frame.segmentation, &mut frame.mask] {
+            map.clear();
+            map.resize(PIXELS, 1 + self.gain_db as u8);
+        }
+        // In tenths of a second.
+        frame.mask.fill((10.0 * time_s) as u8);
+        frame.attenuation.clear();
+        frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
+        if !maps {
+            frame.segmentation.clear();
+            frame.attenuation.clear();
+        }
+        Ok(())
+    }
+
+    fn set_time_s(&mut self, time_s: f64) {
+        self.time_s = time_s;
+    }
+
+    fn set_maps(&mut self, wanted: bool) {
+        self.maps = wanted;
+    }
+
+    fn reconfigure(&mut self, _: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
+        assert!(self.in_flight.is_empty(), "configured with frames in flight");
+        if settings.image.gain_db > 100.0 {
+            return Err(RenderFault::Refused("too loud".to_owned()));
+        }
+        self.gain_db = settings.image.gain_db;
+        self.quality = settings.quality;
+        Ok(())
+    }
+}
+
+/// Builds the device again; fails `failures` times first.
+pub(super) struct Factory {
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) device: Box<dyn Fn() -> Device + Send>,
+    pub(super) failures: u32,
+}
+
+impl RendererFactory for Factory {
+    fn build(&mut self, _: &Probe, settings: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault> {
+        self.clock.sleep_until(self.clock.now() + 200 * MS);
+        if self.failures > 0 {
+            self.failures -= 1;
+            return Err(RenderFault::Lost("still no driver".to_owned()));
+        }
+        let mut device = (self.device)();
+        device.gain_db = settings.image.gain_db;
+        device.quality = settings.quality;
+        Ok(Box::new(device))
+    }
+}
+
+pub(super) struct Poses<F>(pub(super) F);
+
+impl<F: FnMut(Duration) -> Estimate + Send> PoseSource for Poses<F> {
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
+        assert!(display_ns >= now_ns);
+        (self.0)(Duration::from_nanos(now_ns - START_NS))
+    }
+}
+
+pub(super) const START_NS: u64 = 1_767_225_600_000_000_000;
+
+/// A tracker whose newest record's first byte came 5 ms before the sample.
+pub(super) fn tracked(now: Duration, x: f64) -> Estimate {
+    Estimate {
+        scene_from_probe: Some(pose(x)),
+        state: TrackingState::Good,
+        first_byte_ns: Some((START_NS + now.as_nanos() as u64).saturating_sub(5_000_000)),
+        predicted_ms: 0.0,
+    }
+}
+
+/// 20 mm/s.
+pub(super) fn moving(now: Duration) -> Estimate {
+    tracked(now, 20.0 * now.as_secs_f64())
+}
+
+pub(super) fn resting(now: Duration) -> Estimate {
+    tracked(now, 0.0)
+}
+
+pub(super) struct Translate<F> {
+    pub(super) work: F,
+    pub(super) terminator: Option<Terminator>,
+    pub(super) on_processors: bool,
+}
+
+impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer for Translate<F> {
+    fn tier(&self) -> &str {
+        "fake"
+    }
+
+    fn on_processors(&self) -> bool {
+        self.on_processors
+    }
+
+    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        (self.work)(frame, out)
+    }
+
+    fn terminator(&self) -> Option<Terminator> {
+        self.terminator.clone()
+    }
+}
+
+/// A generator that does `work` on a device of its own.
+pub(super) fn translate(
+    work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send + 'static,
+) -> Box<dyn Enhancer> {
+    Box::new(Translate { work, terminator: None, on_processors: false })
+}
+
+/// A generator that takes `time` a run and paints 200.
+pub(super) fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn Enhancer> {
+    let clock = clock.clone();
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        clock.sleep_until(clock.now() + time);
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    translate(work)
+}
+
+pub(super) struct Sink<F> {
+    pub(super) name: &'static str,
+    pub(super) maps: Option<MapsWanted>,
+    pub(super) take: F,
+}
+
+impl<F: FnMut(&PresentedFrame) -> Result<(), SinkError> + Send> LiveSink for Sink<F> {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn maps_wanted(&self) -> Option<MapsWanted> {
+        self.maps.clone()
+    }
+
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+        (self.take)(frame)
+    }
+}
+
+pub(super) fn sink(
+    name: &'static str,
+    take: impl FnMut(&PresentedFrame) -> Result<(), SinkError> + Send + 'static,
+) -> Box<dyn LiveSink> {
+    Box::new(Sink { name, maps: None, take })
+}
+
+pub(super) fn broken() -> SinkError {
+    SinkError::FrameRate { fps: 0.0 }
+}
+
+/// Events, and how many poses and settings.
+#[derive(Default)]
+pub(super) struct Counted {
+    pub(super) events: Vec<(u64, String)>,
+    pub(super) poses: u64,
+    pub(super) settings: u64,
+}
+
+#[derive(Default)]
+pub(super) struct Heard(pub(super) Mutex<Counted>);
+
+impl Observer for Heard {
+    fn event(&self, unix_ns: u64, text: &str) {
+        self.0.lock().unwrap().events.push((unix_ns, text.to_owned()));
+    }
+
+    fn pose(&self, _: u64, _: &Estimate) {
+        self.0.lock().unwrap().poses += 1;
+    }
+
+    fn settings(&self, _: u64, _: &LiveSettings) {
+        self.0.lock().unwrap().settings += 1;
+    }
+}

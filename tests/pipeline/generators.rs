@@ -1,0 +1,118 @@
+//! Choice between rendered and generated pictures.
+
+use super::*;
+
+#[test]
+fn a_fast_generator_is_shown_steadily_and_within_the_budget() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let enhancer = Some(generator(&clock, 30 * MS));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert_eq!(changes(&frames), (1, false), "once from rendered to generated");
+    assert!(frames[12..].iter().all(|f| f.source == FrameSource::Enhanced && f.first_pixel == 200));
+    assert!(frames[12..].iter().all(|f| f.age == 50 * MS && f.tier.as_deref() == Some("fake")), "20 + 30 ms");
+    assert!(summary.enhanced_ratio > 0.9);
+    assert!(summary.inference.unwrap().p50_ms > 29.9);
+}
+
+#[test]
+fn a_frame_whose_run_fails_is_shown_as_soon_as_it_has() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (clock_of_run, mut run) = (clock.clone(), 0);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        let fails = run % 20 == 0;
+        clock_of_run.sleep_until(clock_of_run.now() + if fails { 10 * MS } else { 30 * MS });
+        out.resize(frame.bmode.len(), 200);
+        if fails { Err(EnhanceError("pixel 7 is NaN".to_owned())) } else { Ok(()) }
+    };
+    let enhancer = Some(translate(work));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    assert!(summary.generator.unwrap().failed >= 9);
+    let ages: Vec<_> = seen(&log).iter().map(|frame| frame.age).collect();
+    // 20 ms alone, with a run of 10 ms that fails, and with one of 30 ms that doesn't; 100 ms are the deadline.
+    assert!(ages.iter().all(|age| [20 * MS, 30 * MS, 50 * MS].contains(age)), "{ages:?}");
+    assert!(ages.iter().filter(|age| **age == 30 * MS).count() >= 2, "{ages:?}");
+}
+
+#[test]
+fn a_slow_generator_costs_no_frame_and_no_time_and_is_held_while_the_probe_rests() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let enhancer = Some(generator(&clock, 300 * MS));
+    // Moves for 4 s, rests for 4 s, moves on.
+    let poses = |now: Duration| {
+        let s = now.as_secs_f64();
+        tracked(now, 20.0 * (s.min(4.0) + (s - 8.0).max(0.0)))
+    };
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
+    let frames = seen(&log);
+    assert_eq!(summary.presented, 200, "the cadence holds");
+    assert!(frames.iter().all(|f| f.age == 20 * MS), "no frame waits for what can't be in time");
+    assert_eq!(changes(&frames), (2, false));
+    for frame in &frames {
+        match frame.presented.as_secs_f64() {
+            s if !(4.0..8.1).contains(&s) => assert_eq!(frame.source, FrameSource::LowQuality, "{frame:?}"),
+            s if (5.2..8.0).contains(&s) => assert_eq!(frame.source, FrameSource::HeldEnhanced, "{frame:?}"),
+            _ => {}
+        }
+    }
+    let generator = summary.generator.unwrap();
+    assert!(generator.late == generator.done && generator.done >= 30 && generator.dropped > 100, "{generator:?}");
+}
+
+#[test]
+fn a_generator_at_its_limit_does_not_flicker() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let (clock_of, mut run) = (clock.clone(), 0_u64);
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        // Most runs are in time, every fifth is not.
+        clock_of.sleep_until(clock_of.now() + if run.is_multiple_of(5) { 110 * MS } else { 40 * MS });
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let enhancer = Some(translate(work));
+    let summary = Session {
+        enhancer,
+        sinks: vec![logger(&log)],
+        limits: Limits { duration: Some(60 * SECOND), frames: None },
+        ..Session::new(&clock, moving)
+    }
+    .run();
+    let frames = seen(&log);
+    let (count, flickers) = changes(&frames);
+    assert!(!flickers && count <= 6, "{count} changes");
+    assert!(frames.iter().all(|f| f.age <= 100 * MS), "the deadline holds");
+    assert!(summary.presented >= 1195);
+}
+
+#[test]
+fn a_generator_that_gives_nonsense_rests_and_is_tried_again() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let mut run = 0;
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        run += 1;
+        match run {
+            20 => out.resize(frame.bmode.len() - 1, 0),
+            21..=40 => return Err(EnhanceError("pixel 7 is NaN".to_owned())),
+            _ => out.resize(frame.bmode.len(), 200),
+        }
+        Ok(())
+    };
+    let enhancer = Some(translate(work));
+    let limits = Limits { duration: Some(200 * SECOND), frames: None };
+    let summary = Session { enhancer, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let frames = seen(&log);
+    assert_eq!(frames.len(), 4000);
+    assert!(frames.iter().all(|f| matches!((f.source, f.first_pixel), (FrameSource::LowQuality, 1) | (_, 200))));
+    assert_eq!(changes(&frames), (3, false));
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("NaN") && n.contains("rests"))));
+    let generator = summary.generator.unwrap();
+    assert_eq!(generator.failed, 21);
+    assert_eq!(frames.last().unwrap().source, FrameSource::Enhanced, "it is back at the end");
+}

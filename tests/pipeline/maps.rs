@@ -1,0 +1,152 @@
+//! Maps are rendered while somebody reads them, and not otherwise.
+
+use super::*;
+
+/// Numbers of the frames that carried maps, each of them its own.
+fn frames_with_maps(
+    clock: &Arc<dyn Clock>,
+    enhancer: Option<Box<dyn Enhancer>>,
+    mut each: impl FnMut(u64, &AtomicBool, &tokio::sync::mpsc::Sender<Control>) + Send + 'static,
+) -> Vec<u64> {
+    let with_maps = Arc::<Mutex<Vec<u64>>>::default();
+    let wanted = Arc::new(AtomicBool::new(false));
+    let (sender, controls) = tokio::sync::mpsc::channel(4);
+    let (kept, asked) = (with_maps.clone(), wanted.clone());
+    let take = move |frame: &PresentedFrame| {
+        assert_eq!(frame.segmentation.len(), frame.attenuation.len());
+        assert_eq!([frame.image.len(), frame.mask.len()], [PIXELS; 2]);
+        if !frame.segmentation.is_empty() {
+            let x = frame.info.pose().map(|pose| pose.position_mm.x as f32);
+            assert!(frame.attenuation.iter().all(|&a| Some(a) == x), "another frame's maps: {}", frame.number);
+            kept.lock().unwrap().push(frame.number);
+        }
+        each(frame.number, &asked, &sender);
+        Ok(())
+    };
+    let maps: MapsWanted = Arc::new(move || wanted.load(Ordering::Relaxed));
+    let overlay = Box::new(Sink { name: "overlay", maps: Some(maps), take });
+    Session { controls, enhancer, sinks: vec![overlay], ..Session::new(clock, moving) }.run();
+    std::mem::take(&mut *with_maps.lock().unwrap())
+}
+
+#[test]
+fn maps_are_rendered_while_somebody_reads_them() {
+    let _guard = beside_others();
+    let clock = clock();
+    // An overlay that is shown from frame 50 to frame 120.
+    let with_maps = frames_with_maps(&clock, None, |number, wanted, _| {
+        wanted.store((50..120).contains(&number), Ordering::Relaxed);
+    });
+    let (first, last) = (with_maps[0], *with_maps.last().unwrap());
+    assert!((51..=53).contains(&first) && (120..=122).contains(&last), "{first}..={last}");
+    assert_eq!(with_maps.len() as u64, last - first + 1, "{with_maps:?}");
+}
+
+#[test]
+fn maps_are_rendered_while_the_generator_is_at_work() {
+    let _guard = beside_others();
+    let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
+    let read = Arc::<AtomicU64>::default();
+    let (runs, clock_of_run) = (read.clone(), clock.clone());
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        assert_eq!([frame.segmentation.len(), frame.attenuation.len()], [PIXELS; 2], "a generator without its maps");
+        runs.fetch_add(1, Ordering::Relaxed);
+        clock_of_run.sleep_until(clock_of_run.now() + 10 * MS);
+        out.resize(PIXELS, 200);
+        Ok(())
+    };
+    let enhancer = Some(translate(work));
+    let with_maps = frames_with_maps(&clock, enhancer, |number, _, sender| match number {
+        50 => sender.try_send(Control::set("enhance", false)).unwrap(),
+        120 => sender.try_send(Control::set("enhance", true)).unwrap(),
+        _ => {}
+    });
+    assert!(with_maps.contains(&0) && with_maps.contains(&50) && with_maps.contains(&199));
+    let without: Vec<u64> = (0..200).filter(|number| !with_maps.contains(number)).collect();
+    assert!(without.len() >= 65 && without[0] > 50 && *without.last().unwrap() <= 123, "{without:?}");
+    assert!(read.load(Ordering::Relaxed) > 100);
+}
+
+/// A generator that keeps the budget except between these times.
+struct Resting {
+    clock: Arc<dyn Clock>,
+    rests: std::ops::Range<Duration>,
+}
+
+impl Enhancer for Resting {
+    fn tier(&self) -> &str {
+        "resting"
+    }
+
+    fn ready(&mut self, maps: bool) -> Readiness {
+        match self.rests.contains(&self.clock.now()) {
+            true => Readiness::Rests,
+            false if maps => Readiness::Runs,
+            false => Readiness::NeedsMaps,
+        }
+    }
+
+    fn reads_maps(&self) -> bool {
+        !self.rests.contains(&self.clock.now())
+    }
+
+    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        assert_eq!([frame.segmentation.len(), frame.attenuation.len()], [PIXELS; 2], "a generator without its maps");
+        out.resize(PIXELS, 200);
+        Ok(())
+    }
+
+    fn terminator(&self) -> Option<Terminator> {
+        None
+    }
+}
+
+#[test]
+fn maps_are_not_rendered_while_the_generator_rests() {
+    let _guard = beside_others();
+    let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
+    let enhancer = Resting { clock: clock.clone(), rests: 2000 * MS..6000 * MS };
+    let with_maps = frames_with_maps(&clock, Some(Box::new(enhancer)), |_, _, _| {});
+    let without: Vec<u64> = (0..200).filter(|number| !with_maps.contains(number)).collect();
+    // 20 frames/s: frames 40 to 120, and those that were in flight when it woke.
+    assert!(with_maps.contains(&0) && with_maps.contains(&199), "{with_maps:?}");
+    assert!((40..=44).contains(&without[0]) && (118..=125).contains(without.last().unwrap()), "{without:?}");
+    assert!(without.len() >= 75, "{without:?}");
+}
+
+#[test]
+fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
+    struct OfTheImage(Arc<AtomicU64>);
+    impl Enhancer for OfTheImage {
+        fn tier(&self) -> &str {
+            "of the image"
+        }
+
+        fn ready(&mut self, _: bool) -> Readiness {
+            Readiness::Runs
+        }
+
+        fn reads_maps(&self) -> bool {
+            false
+        }
+
+        fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            out.resize(frame.bmode.len(), 200);
+            Ok(())
+        }
+
+        fn terminator(&self) -> Option<Terminator> {
+            None
+        }
+    }
+    let _guard = beside_others();
+    let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
+    let runs = Arc::<AtomicU64>::default();
+    let enhancer = Box::new(OfTheImage(runs.clone()));
+    let with_maps = frames_with_maps(&clock, Some(enhancer), |number, wanted, _| {
+        wanted.store((50..70).contains(&number), Ordering::Relaxed);
+    });
+    assert!(with_maps[0] > 50 && with_maps.len() <= 22, "an overlay's alone: {with_maps:?}");
+    assert_eq!(runs.load(Ordering::Relaxed), 200);
+}

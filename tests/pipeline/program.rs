@@ -1,0 +1,166 @@
+//! The program itself on the real renderer.
+
+use super::*;
+
+fn insonify(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+/// The sphere's station with a small image, so that the software device is quick.
+fn small_station(directory: &Path, rest: &str) -> String {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.glb");
+    let path = directory.join("station.toml");
+    let text = format!(
+        "[scene]\npath = \"{}\"\nbackground = \"liver\"\n[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n[pose]\n{rest}",
+        scene.display()
+    );
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn json_lines(path: &Path) -> Vec<Value> {
+    std::fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn the_program_runs_a_station_on_the_real_renderer() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "[pipeline]\nframe_rate_hz = 20.0\n");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--frames", "6", "--sink", "png", "--sink", "video", "--json"];
+    let paths = ["--out", out.to_str().unwrap(), "--metrics", metrics.to_str().unwrap()];
+    let output = insonify(&[&arguments[..], &paths].concat()).env("PATH", "").output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["presented"], 6);
+    assert_eq!(summary["by_tracking"], serde_json::json!([6, 0, 0, 0, 0]));
+    let drops: u64 = summary["drops"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(summary["produced"], 6 + drops);
+
+    // The same pose as `insonify render`: the same picture.
+    let still = dir.path().join("still");
+    let rendered = insonify(&["render", &station, "--out", still.to_str().unwrap()]).output().unwrap();
+    assert!(rendered.status.success());
+    let expected = image::open(still.join("bmode.png")).unwrap().into_bytes();
+    let index = json_lines(&out.join("png/index.jsonl"));
+    assert!(!index.is_empty());
+    for line in &index {
+        let file = out.join("png").join(line["file"].as_str().unwrap());
+        assert_eq!(image::open(file).unwrap().into_bytes(), expected);
+    }
+    assert!(std::fs::read(out.join("video.mp4")).unwrap()[4..].starts_with(b"ftyp"));
+    let lines = json_lines(&metrics);
+    let (last, frames) = lines.split_last().unwrap();
+    assert_eq!(last["summary"]["presented"], 6);
+    for line in frames {
+        let at = |key: &str| line[key].as_f64().unwrap();
+        assert!(at("sampled_ms") <= at("submitted_ms") && at("submitted_ms") < at("rendered_ms"));
+        assert!(at("rendered_ms") <= at("presented_ms"));
+    }
+}
+
+#[test]
+fn what_cannot_be_run_is_refused() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let text = std::fs::read_to_string(&station).unwrap();
+    let no_pose = dir.path().join("no_pose.toml");
+    std::fs::write(&no_pose, text.replace("[pose]\n", "")).unwrap();
+    let misspelt = dir.path().join("misspelt.toml");
+    std::fs::write(&misspelt, format!("{text}[display]\nsinks = [\"vidoe\"]\n")).unwrap();
+    let cases: [(&[&str], &str); 6] = [
+        (&["run", no_pose.to_str().unwrap()], "no pose"),
+        (&["run", misspelt.to_str().unwrap()], "did you mean `video`"),
+        (&["run", &station, "--sink", "vidio"], "did you mean `video`"),
+        (&["run", &station, "--duration", "0"], "expected seconds"),
+        (&["run", &station, "--frames", "0"], "--frames"),
+        (&["run", &station, "--replay", "nowhere.mcap"], "nowhere.mcap"),
+    ];
+    for (arguments, word) in cases {
+        let output = insonify(arguments).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(word) && !message.contains("panicked"), "{arguments:?}: {message}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
+    use std::io::{BufRead, BufReader};
+
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--sink", "video", "--out", out.to_str().unwrap()];
+    let mut child = insonify(&[&arguments[..], &["--metrics", metrics.to_str().unwrap(), "--json"]].concat())
+        .env("PATH", "")
+        .env("RUST_LOG", "insonify=info")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // "tracking" is said at the first frame.
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
+    let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
+    nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("Ctrl-C")), "{rest:?}");
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["stuck"], serde_json::json!([]));
+    let names: Vec<_> = std::fs::read_dir(&out).into_iter().flatten().map(|f| f.unwrap().file_name()).collect();
+    assert!(names.iter().all(|name| name == "video.mp4"), "{names:?}");
+    assert!(json_lines(&metrics).last().unwrap()["summary"].is_object());
+}
+
+/// The whole chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
+#[test]
+fn the_program_tracks_enhances_and_records() {
+    use insonify::tracker::Protocol;
+    use insonify::tracker::recording::{RecordingInfo, RecordingWriter, poses};
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    // A protocol that the station doesn't name: only the recording knows it.
+    let info = RecordingInfo {
+        protocol: Protocol::OpenTrack,
+        device: "test".into(),
+        scene: "sphere".into(),
+        start_time_ns: 1_790_000_000_000_000_000,
+        sensor: None,
+    };
+    let taken = dir.path().join("taken.mcap");
+    let mut writer = RecordingWriter::create(&taken, &info).unwrap();
+    for i in 0..120_u64 {
+        let datagram: Vec<u8> =
+            [0.01 * i as f64, 0.0, 5.0, 0.0, 0.0, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+        writer.raw(info.start_time_ns + i * 25_000_000, &datagram).unwrap();
+    }
+    writer.finish().unwrap();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
+    let tables = format!(
+        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nbudget_ms = 5000\n",
+        taken.display(),
+        model.display()
+    );
+    let station = small_station(dir.path(), &tables);
+    let (kept, metrics) = (dir.path().join("kept.mcap"), dir.path().join("frames.jsonl"));
+    let paths = [&kept, &metrics].map(|path| path.to_str().unwrap().to_owned());
+    let done = insonify(&["run", &station, "--record", &paths[0], "--metrics", &paths[1], "--json"]).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let summary: Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert!(summary["enhanced_ratio"].as_f64().unwrap() > 0.0, "{summary}");
+    let sums: Vec<_> = [&taken, &kept].into_iter().map(|path| poses(path).unwrap()).collect();
+    assert_eq!(sums[1].1.info.protocol, Protocol::OpenTrack);
+    assert_eq!(
+        sums[0].0.iter().map(|p| p.pose).collect::<Vec<_>>(),
+        sums[1].0.iter().map(|p| p.pose).collect::<Vec<_>>()
+    );
+}
