@@ -1,5 +1,7 @@
 //! Reading of arguments and of the files that they name.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -14,6 +16,14 @@ use super::{Classify, Failure};
 /// Reads the file at `path`; an error calls it `what`.
 pub(crate) fn bytes(path: &Path, what: &str) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).with_context(|| cannot_read(path, what)).input()
+}
+
+/// Whether the file at `path` starts with `magic`; an error calls it `what`.
+pub(crate) fn starts_with(path: &Path, magic: &[u8], what: &str) -> Result<bool, Failure> {
+    let mut head = Vec::with_capacity(magic.len());
+    let read = File::open(path).and_then(|file| file.take(magic.len() as u64).read_to_end(&mut head));
+    read.with_context(|| cannot_read(path, what)).input()?;
+    Ok(head == magic)
 }
 
 /// Reads the text of the file at `path`; an error calls it `what`.

@@ -55,11 +55,12 @@ impl<'a> Pair<'a> {
     ) -> Result<[f64; N], QualityError> {
         check_holds([self.width, self.height], PATCH, metric)?;
         let (mut sums, mut patches) = ([0.0; N], 0u32);
+        let mut indices = Vec::with_capacity(PATCH * PATCH);
         for top in (0..=self.height - PATCH).step_by(PATCH) {
             for left in (0..=self.width - PATCH).step_by(PATCH) {
                 let rows = (top..top + PATCH).map(|row| row * self.width + left);
-                let indices = rows.flat_map(|start| start..start + PATCH).filter(|&index| self.inside(index));
-                let indices: Vec<usize> = indices.collect();
+                indices.clear();
+                indices.extend(rows.flat_map(|start| start..start + PATCH).filter(|&index| self.inside(index)));
                 if 2 * indices.len() >= PATCH * PATCH {
                     sums.iter_mut().zip(values(&indices)).for_each(|(sum, value)| *sum += value);
                     patches += 1;

@@ -16,6 +16,9 @@ const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
 /// Vectors of four that hold the settings of the image.
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
+// WGSL aligns the vectors of `image` to 16 bytes.
+const _: () = assert!(std::mem::offset_of!(Params, image) % 16 == 0);
+
 /// Uniforms of one dispatch.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
 #[repr(C)]

@@ -251,6 +251,17 @@ mod tests {
     }
 
     #[test]
+    fn bytes_that_wait_for_the_rest_of_a_record_are_few() {
+        for format in [Format::Ascii, Format::Binary] {
+            for bytes in [vec![b'1'; 500], [0, 0, 0x30].repeat(170), LINE.as_bytes()[..30].to_vec()] {
+                let (mut decoder, mut buffer) = (Decoder::new(format), BytesMut::from(&bytes[..]));
+                while !matches!(decoder.decode(&mut buffer), Ok(None)) {}
+                assert!(buffer.len() < 64, "{} bytes of {}", buffer.len(), bytes.len());
+            }
+        }
+    }
+
+    #[test]
     fn a_binary_record_made_from_the_manual() {
         let found = all(Format::Binary, &BINARY);
         let record = found[0].clone().unwrap();

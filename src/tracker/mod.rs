@@ -175,7 +175,16 @@ impl Protocol {
 
     /// Sensor that the driver requests by default; `None` if the protocol needs no number.
     pub fn first_sensor(self) -> Option<u16> {
-        matches!(self, Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot).then_some(1)
+        match self {
+            Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
+            Self::AsciiLine
+            | Self::Ndi
+            | Self::SpaceMouse
+            | Self::Bno08x
+            | Self::Bno08xRollFirst
+            | Self::OpenTrack
+            | Self::OpenIgtLink => None,
+        }
     }
 
     /// Factory speed of the serial port, baud.
@@ -194,7 +203,12 @@ impl Protocol {
             Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => {
                 Box::new(PolhemusDriver::new(self, options))
             }
-            _ => Box::new(Passive::new(self, options)),
+            Self::AsciiLine
+            | Self::SpaceMouse
+            | Self::Bno08x
+            | Self::Bno08xRollFirst
+            | Self::OpenTrack
+            | Self::OpenIgtLink => Box::new(Passive::new(self, options)),
         }
     }
 }

@@ -41,7 +41,7 @@ pub struct PolhemusDriver {
 
 impl PolhemusDriver {
     /// Driver of a device with one of the four Polhemus protocols; sends nothing before it is started.
-    pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
+    pub(super) fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
         let fastrak = |format| fastrak::setup(format, options.sensor.unwrap_or(1), options.hemisphere);
         let (stop, reset, setup): (&[u8], &[u8], _) = match protocol {
             Protocol::FastrakAscii => (b"c", b"\x19", fastrak(fastrak::Format::Ascii)),

@@ -108,12 +108,10 @@ fn set(calibration: &mut Calibration, of: Of, found: &Pivot) {
 }
 
 fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
-    let bytes = input::bytes(path, "the poses")?;
-    if bytes.starts_with(MCAP_MAGIC) {
+    if input::starts_with(path, MCAP_MAGIC, "the poses")? {
         let (poses, summary) = recording::poses(path)?;
         input::warn_of_damage(path, &summary);
         return Ok(poses.into_iter().map(|p| p.pose).collect());
     }
-    let text = String::from_utf8(bytes).input_of(path)?;
-    csv::poses(&text).input_of(path)
+    csv::poses(&input::text(path, "the poses")?).input_of(path)
 }

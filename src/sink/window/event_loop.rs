@@ -170,14 +170,14 @@ impl App {
         let (frames_per_s, latency_ms) = (self.frames_per_s, self.latency_ms);
         let figures = Figures { frames_per_s, latency_ms, help: self.help, banner };
         let resized = self.canvas.size() != marks_size;
-        let drawn = Some((figures, shown.map(labels)));
-        if resized || self.drawn != drawn {
+        let drawn = self.drawn.as_ref().map(|(figures, shown)| (*figures, shown.as_ref().map(labels)));
+        if resized || drawn != Some((figures, shown.map(labels))) {
             if resized {
                 self.canvas = Canvas::new(marks_size.0, marks_size.1, [0; 3]);
             }
             marks::draw(&mut self.canvas, shown, &figures);
             graphics.set_marks(&self.canvas);
-            self.drawn = drawn;
+            self.drawn = Some((figures, shown.map(without_image)));
         }
         let picture = marks::place(shown.map_or((1, 1), |s| (s.width, s.height)), marks_size);
         let brightness = match banner {
@@ -250,18 +250,15 @@ impl App {
     }
 }
 
-/// Contents of a frame that the marks show; the rest is empty.
-fn labels(shown: &Shown) -> Shown {
-    let FrameInfo { estimate, settings, .. } = shown.info;
-    let estimate = Estimate { state: estimate.state, ..Estimate::default() };
-    Shown {
-        image: Vec::new(),
-        latency: Duration::ZERO,
-        info: FrameInfo { estimate, settings, ..FrameInfo::default() },
-        tier: shown.tier.clone(),
-        notice: shown.notice.clone(),
-        ..*shown
-    }
+/// Values of a frame that the marks show.
+fn labels(shown: &Shown) -> impl PartialEq + '_ {
+    let FrameInfo { estimate, settings, .. } = &shown.info;
+    let picture = (shown.width, shown.height, shown.pixel_mm, shown.face_row);
+    (picture, shown.source, estimate.state, settings, &shown.tier, &shown.notice)
+}
+
+fn without_image(shown: &Shown) -> Shown {
+    Shown { image: Vec::new(), tier: shown.tier.clone(), notice: shown.notice.clone(), ..*shown }
 }
 
 /// The key's name as in `KeyboardEvent.key`.
