@@ -1,10 +1,9 @@
 //! Data sets of paired frames for training generators: low and high quality of the same pose, with segmentation and
 //! attenuation.
 //!
-//! A data set is a directory: `dataset.json` ([`Header`]), one row per tuple in `manifest*.jsonl` ([`Row`]), the tuples
-//! as `uint8` arrays [4 × height × width] in `tuples/`, the masks of the sectors in `masks/`, and the station files in
-//! `stations/`. Its content is planned from a seed before anything is rendered ([`Plan`]); `insonify dataset` renders
-//! it.
+//! A data set is a directory with `dataset.json` ([`Header`]) and one row per tuple in `manifest*.jsonl` ([`Row`]). The
+//! tuples are `uint8` arrays [4 × height × width] in `tuples/`; `masks/` holds the sectors' masks, `stations/` the
+//! station files. The content is planned from a seed before rendering ([`Plan`]); `insonify dataset` renders it.
 
 mod error;
 mod plan;

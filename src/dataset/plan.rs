@@ -40,7 +40,7 @@ pub struct Wishes {
     pub frames_per_exam: usize,
     /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
-    /// True for each station with a phantom scene.
+    /// One per station: true if its scene is a phantom.
     pub stations: Vec<bool>,
 }
 

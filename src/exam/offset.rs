@@ -54,7 +54,7 @@ impl Offset {
         }
 
         let [least, greatest] = tolerances.depth_mm;
-        // Each 10 mm too shallow or too deep count as one tolerance.
+        // 1 at the limit, plus 1 per 10 mm too shallow or too deep.
         let too_far = (least - centre.z).max(centre.z - greatest).max(0.0);
         let depth_cost = if too_far > 0.0 { 1.0 + 0.1 * too_far } else { 0.0 };
         let (angle_deg, in_plane_deg) = (angle.to_degrees(), in_plane.to_degrees());

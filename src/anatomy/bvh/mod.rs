@@ -176,8 +176,8 @@ impl Bvh {
         self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
     }
 
-    /// Drift of the whole scene under the probe, mm. Equivalent to the scene at rest seen from the probe's position
-    /// minus the drift.
+    /// Drift of the whole scene under the probe, mm. Equivalent to moving the probe by minus the drift in an
+    /// undrifted scene.
     pub fn drift_mm(&self) -> DVec3 {
         self.drift_mm
     }

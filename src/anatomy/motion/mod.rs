@@ -128,7 +128,7 @@ impl Motion {
 
     /// Subset of `mask` that ever moves the point `p` at rest.
     pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
-        // Only tests two amounts: fields fade out in space, so all amounts move the same points.
+        // Two amounts suffice: fields fade out in space, so all amounts move the same points.
         let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;
         self.fields
             .iter()

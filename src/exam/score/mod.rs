@@ -1,15 +1,15 @@
 //! Score of a session against a scene's standard planes.
 //!
-//! A plane is **found** when the image shows one of its views within the tolerances, with the probe on the skin, for at
-//! least [`HOLD_S`] without a break. The **best second** has the least mean of the largest deviations, each relative to
-//! its tolerance. Angles, distances and measurements refer to it, even if the plane was not found.
+//! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without a
+//! break and with the probe on the skin. The **best second** has the least mean of the largest deviations, each relative
+//! to its tolerance. Angles, distances and measurements refer to it, even if the plane was not found.
 //!
 //! Planes and skin are those of the scene at rest. Their drift under the probe (2 mm in the phantom, by the mother's
 //! breathing) is not compensated; generated sessions ignore it, too.
 //!
-//! Points, 0..=100 per plane, 0 if it was not found: 50 for finding it, 20 for the angle, 20 for the distance (full up
-//! to a quarter of the tolerance, 0 at the tolerance) and 10 for a steady hold (full up to 0.5 mm RMS, 0 from 3 mm).
-//! The weights are assumed.
+//! Points per plane, 0..=100: 0 if it was not found, else 50, plus 20 for the angle, 20 for the distance and 10 for a
+//! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
+//! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
 
 mod track;
 
@@ -43,7 +43,7 @@ pub struct Reference<'a> {
     pub surfaces: &'a BTreeMap<String, Mesh>,
     /// Probe.
     pub probe: &'a Probe,
-    /// Image depth at each pose, mm; the probe's beyond the end.
+    /// Image depth at each pose, mm; the probe's own for poses beyond the list.
     pub depths_mm: &'a [f64],
 }
 

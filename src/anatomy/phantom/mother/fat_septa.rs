@@ -28,7 +28,7 @@ const BENT_MM: f32 = 24.0;
 /// belly, and more depth, as the belly slopes at its ends.
 const MODERATE_FAT_MM: f32 = 14.0;
 const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
-/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum lies along that
+/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum runs along that
 /// side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
