@@ -51,9 +51,9 @@ pub struct Biometry {
     pub skin_thickness_mm: f32,
 }
 
-/// Lengths of the long bones at every second week from 16 to 34, mm: humerus, radius, ulna, tibia, fibula. Medians after
-/// Jeanty et al., "Estimation of gestational age from measurements of fetal long bones", J Ultrasound Med 3:75 (1984),
-/// rounded to a millimetre.
+/// Lengths of the long bones at every second week from 16 to 34, mm: humerus, radius, ulna, tibia, fibula. Medians
+/// after Jeanty et al., "Estimation of gestational age from measurements of fetal long bones", J Ultrasound Med 3:75
+/// (1984), rounded to a millimetre.
 ///
 /// Unverified: the single values; the paper was not at hand.
 const LONG_BONES_MM: [[f32; 10]; 5] = [

@@ -1,8 +1,8 @@
 //! Score of a session against a scene's standard planes.
 //!
 //! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without a
-//! break and with the probe on the skin. The **best second** has the least mean of the largest deviations, each relative
-//! to its tolerance. Angles, distances and measurements refer to it, even if the plane was not found.
+//! break and with the probe on the skin. The **best second** has the least mean of the largest deviations, each
+//! relative to its tolerance. Angles, distances and measurements refer to it, even if the plane was not found.
 //!
 //! Planes and skin are those of the scene at rest. Their drift under the probe (2 mm in the phantom, by the mother's
 //! breathing) is not compensated; generated sessions ignore it, too.
