@@ -44,7 +44,7 @@ pub fn cuboid(min_mm: Vec3, max_mm: Vec3) -> Mesh {
     hexahedron(|corner| min_mm + (max_mm - min_mm) * corner)
 }
 
-/// Box from `min_mm` to `max_mm` whose upper face is tilted about y by `tilt_deg` (within ±80°). That face is at
+/// Box from `min_mm` to `max_mm` with its upper face tilted about y by `tilt_deg` (clamped to ±80°). That face is at
 /// `min_mm.z` for x = 0, and deeper towards +x.
 pub fn oblique_slab(min_mm: Vec3, max_mm: Vec3, tilt_deg: f32) -> Mesh {
     let slope = tilt_deg.clamp(-80.0, 80.0).to_radians().tan();
@@ -62,7 +62,7 @@ pub fn plate(centre_mm: Vec3, size_mm: Vec3, rotation: Quat) -> Mesh {
     hexahedron(|corner| centre_mm + rotation * (size_mm * (corner - 0.5)))
 }
 
-/// Sphere: an icosahedron whose edges are halved `subdivisions` times (at most 7), with all vertices on the sphere.
+/// Sphere: an icosahedron with edges halved `subdivisions` times (at most 7) and all vertices on the sphere.
 ///
 /// From one subdivision on, facets are inside the sphere by at most 0.40·radius / 4^subdivisions.
 pub fn sphere(centre_mm: Vec3, radius_mm: f32, subdivisions: u32) -> Mesh {
@@ -87,9 +87,9 @@ pub fn sphere(centre_mm: Vec3, radius_mm: f32, subdivisions: u32) -> Mesh {
 
 /// Closed tube of `sides` (at least 3) flat sides. Each ring of `path_mm` has a centre and semi-axes (across, up), mm.
 ///
-/// For a path along y, "across" is x and "up" is z; along x they are z and y. With four sides a flat one faces up; a
-/// square of side a has semi-axes of a/√2. Fewer than two rings make an empty mesh. The path must not turn by more than
-/// a right angle.
+/// For a path along y, "across" is x and "up" is z; along x they are z and y. With four sides, one flat side faces up;
+/// a square of side a has semi-axes of a/√2. Fewer than two rings make an empty mesh. The path must not turn by more
+/// than a right angle.
 pub fn tube(path_mm: &[(Vec3, (f32, f32))], sides: u32) -> Mesh {
     let (Some(&(first, _)), Some(&(last, _))) = (path_mm.first(), path_mm.last()) else { return Mesh::default() };
     if path_mm.len() < 2 {
@@ -160,7 +160,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (directions, triangles)
 }
 
-/// Box whose corner (x, y, z each 0 or 1) is at `at(corner)`.
+/// Box with corner (x, y, z each 0 or 1) at `at(corner)`.
 fn hexahedron(at: impl Fn(Vec3) -> Vec3) -> Mesh {
     let bit = |i: u32, axis: u32| ((i >> axis) & 1) as f32;
     let vertices_mm = (0..8).map(|i| at(Vec3::new(bit(i, 0), bit(i, 1), bit(i, 2)))).collect();
@@ -188,7 +188,7 @@ pub fn cyst() -> Vec<Part> {
 /// Layers of different speed and attenuation: fat from 10 mm, muscle from 35 mm, liver from 75 mm at x = 0 (its face
 /// tilted by 10°) to 135 mm, containing water from 105 to 115 mm.
 pub fn slabs() -> Vec<Part> {
-    // Neighbours overlap and have different widths, so that no two faces coincide.
+    // Neighbours overlap and differ in width, to avoid coincident faces.
     let slab = |x: f32, y: f32, top: f32, bottom: f32| cuboid(Vec3::new(-x, -y, top), Vec3::new(x, y, bottom));
     let liver = oblique_slab(Vec3::new(-108.5, -38.5, 75.0), Vec3::new(108.5, 38.5, 135.0), 10.0);
     let part = |name, tissue, priority, mesh| Part { name, tissue, priority, mesh };

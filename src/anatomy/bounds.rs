@@ -5,9 +5,9 @@ use glam::{BVec3, Vec3};
 /// An axis-aligned box, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Least corner.
+    /// Minimum corner.
     pub min: Vec3,
-    /// Greatest corner.
+    /// Maximum corner.
     pub max: Vec3,
 }
 
@@ -50,12 +50,12 @@ impl Bounds {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
-    /// Whether the boxes share a point.
+    /// True if the boxes share a point.
     pub fn meets(self, other: Self) -> bool {
         self.min.cmple(other.max).all() && self.max.cmpge(other.min).all()
     }
 
-    /// Whether `other` is inside this box.
+    /// True if `other` is inside this box.
     pub fn holds(self, other: Self) -> bool {
         self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
     }

@@ -21,7 +21,7 @@ pub struct Property {
     /// Publication of the value; for an assumed value, its basis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// Whether the value is assumed: no source was found, or it sets the appearance and is not a physical quantity.
+    /// True for an assumed value: without a source, or set for appearance rather than as a physical quantity.
     #[serde(default)]
     pub assumed: bool,
 }

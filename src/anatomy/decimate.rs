@@ -1,7 +1,6 @@
 //! Mesh simplification for pictures by vertex clustering on a grid (Rossignac and Borrel 1993).
 //!
-//! Shapes keep their places within a cell's diagonal, but need not stay closed: never render ultrasound from the
-//! result.
+//! Shapes keep their places within a cell's diagonal, but may become open: never render ultrasound from the result.
 
 use std::collections::{HashMap, HashSet};
 
@@ -49,7 +48,7 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm: sums.into_iter().map(|(sum, count)| (sum / count).as_vec3()).collect(), triangles }
 }
 
-/// Clusters all meshes with a common cell to about `triangles_max` triangles in total at most. Returns the meshes and
+/// Clusters all meshes with a common cell, to at most about `triangles_max` triangles in total. Returns the meshes and
 /// the cell's side in mm, 0 if none was changed.
 pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let count = |meshes: &mut dyn Iterator<Item = &Mesh>| meshes.map(|m| m.triangles.len()).sum::<usize>();

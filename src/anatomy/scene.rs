@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::motion::Motion;
 use super::{Mesh, TissueTable};
 
-/// Most surfaces of a scene: a path has one bit for each.
+/// Largest number of surfaces in a scene: a path has one bit for each.
 pub const SURFACES_MAX: usize = 256;
 
 /// A closed surface and its tissue.

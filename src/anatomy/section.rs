@@ -42,7 +42,7 @@ impl Section {
         self.segments_mm.iter().filter_map(move |[a, b]| {
             let (a, b) = (*a - origin_mm, *b - origin_mm);
             let (sa, sb) = (direction.perp_dot(a), direction.perp_dot(b));
-            // The ends are on opposite sides: the crossing divides the segment in that ratio.
+            // With its ends on opposite sides, the crossing divides the segment in the ratio of `sa` and `sb`.
             if (sa >= 0.0) == (sb >= 0.0) {
                 return None;
             }

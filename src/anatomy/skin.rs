@@ -15,7 +15,7 @@ use super::ray::intersect;
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 
-/// Search length, mm: longer than from any point of a body to its skin.
+/// Search length, mm; exceeds any distance from inside a body to its skin.
 const REACH_MM: u32 = 400;
 
 /// Search length in front of a probe's face, mm.
@@ -53,15 +53,15 @@ impl Skin {
         Ok(Self(Outside::Mesh { tree, triangles }))
     }
 
-    /// Exit point of the line from `from_mm` inside the body along the unit `direction`. `None` if it starts outside,
-    /// or doesn't leave within 400 mm. For a mesh, the last surface that it meets.
+    /// Exit point of the line from `from_mm` inside the body along the unit `direction`; for a mesh, the last surface
+    /// hit. `None` if the line hits no skin within 400 mm, or starts outside a solid.
     pub fn exit(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
         let t = match &self.0 {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
             Outside::Mesh { tree, triangles } => {
                 let mut last = f32::NEG_INFINITY;
                 for aside_mm in [ASIDE_MM, -ASIDE_MM] {
-                    // The tree drops rays along an axis; these offsets avoid them.
+                    // The tree drops rays parallel to an axis; the offsets tilt them.
                     let along = (direction + aside_mm * 1e-3).as_vec3a();
                     let origin = (from_mm + aside_mm).as_vec3a();
                     tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
@@ -88,7 +88,7 @@ impl Skin {
 
 /// Distance along `ray` to `triangle`.
 fn distance_mm(triangle: &Triangle, ray: &Ray) -> Option<f32> {
-    /// Enlargement of triangles, so that a ray through a corner meets one of them.
+    /// Enlargement of triangles, which makes a ray through a corner hit at least one of them.
     const MARGIN: f64 = 1e-5;
     let corners = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
     let (t, _) = intersect(corners, MARGIN, ray.origin.as_dvec3(), ray.direction.as_dvec3())?;

@@ -7,7 +7,7 @@ use thiserror::Error;
 /// Error in planning or reading a data set.
 #[derive(Debug, Error)]
 pub enum DatasetError {
-    /// The operating system refused.
+    /// Failed file access.
     #[error("cannot read {path}: {source}")]
     Io {
         /// File or directory.
@@ -15,7 +15,7 @@ pub enum DatasetError {
         /// Cause.
         source: std::io::Error,
     },
-    /// `dataset.json` is none.
+    /// An invalid `dataset.json`.
     #[error("{path} is no data set's header: {source}")]
     Header {
         /// File.
@@ -23,17 +23,17 @@ pub enum DatasetError {
         /// Cause.
         source: serde_json::Error,
     },
-    /// A data set of another version.
+    /// A data set of another format version.
     #[error("{path} has format {found}; this version of insonify reads {expected}")]
     Format {
         /// File.
         path: PathBuf,
         /// Its format.
         found: u32,
-        /// The one that is read.
+        /// Supported format.
         expected: u32,
     },
-    /// A line of a manifest that is no row.
+    /// An invalid row in a manifest.
     #[error("{path}, line {line}: {reason}")]
     Row {
         /// Manifest.
@@ -51,7 +51,7 @@ pub enum DatasetError {
         /// Description of the fault.
         reason: String,
     },
-    /// A wish that cannot be met.
+    /// A request that cannot be planned.
     #[error("{0}")]
     Plan(String),
 }

@@ -1,10 +1,9 @@
 //! Data sets of paired frames for training generators: low and high quality of the same pose, with segmentation and
 //! attenuation.
 //!
-//! A data set is a directory: `dataset.json` ([`Header`]), one row a tuple in `manifest*.jsonl` ([`Row`]), the tuples
-//! themselves as `uint8` arrays [4 × height × width] in `tuples/`, the masks of the sectors in `masks/`, and the station
-//! files in `stations/`. What is in it is planned from a seed before anything is rendered ([`Plan`]); rendering itself is
-//! `insonify dataset`'s.
+//! A data set is a directory with `dataset.json` ([`Header`]) and one row per tuple in `manifest*.jsonl` ([`Row`]). The
+//! tuples are `uint8` arrays [4 × height × width] in `tuples/`; `masks/` holds the sectors' masks, `stations/` the
+//! station files. The content is planned from a seed before rendering ([`Plan`]); `insonify dataset` renders it.
 
 mod error;
 mod plan;
@@ -21,13 +20,13 @@ pub use variation::parameters;
 /// Version of the directory's layout.
 pub const FORMAT: u32 = 1;
 
-/// Planes of a tuple, in order: grey levels of low and high quality, numbers of tissues ([`Header::classes`]), and
-/// 255 × the attenuation map to the power of [`ATTENUATION_POWER`].
+/// Planes of a tuple, in order: grey levels of low and high quality, tissue numbers ([`Header::classes`]), and 255 ×
+/// the attenuation map to the power of [`ATTENUATION_POWER`].
 pub const PLANES: [&str; 4] = ["lq", "hq", "segmentation", "attenuation"];
 
-/// Exponent of the attenuation map in a tuple: the map falls over ten decades, of which eight linear bits hold two. The
-/// least that is told from 0 is 4e-12, and a step is less than 9 % above 1e-5 of the greatest.
+/// Exponent of the attenuation map in a tuple: the map spans ten decades, of which eight linear bits hold two. The
+/// least value not rounded to 0 is 1.5e-11; above 1e-5 the rounding error is below 15 %.
 pub const ATTENUATION_POWER: f32 = 0.25;
 
-/// File of the header in its directory.
+/// Name of the header file in the data set's directory.
 pub const HEADER_FILE: &str = "dataset.json";

@@ -15,16 +15,16 @@ use crate::exam::{ExamError, START_TIME_NS};
 use crate::pose::{Pose, TimedPose};
 use crate::random::SplitMix64;
 
-/// Least distance and angle of two key frames of an exam: one of both is kept.
+/// Least distance or angle between two key frames of an exam; one of them suffices.
 const APART_MM: f64 = 4.0;
 const APART_DEG: f64 = 4.0;
-/// Attempts at another place for a key frame that is off the skin or too near to another.
+/// Attempts to redraw a key frame that is off the skin or too close to another.
 const TRIES: usize = 40;
-/// A probe that is further off the skin than this shows nothing, mm.
+/// Largest distance of the probe from the skin that still gives an image, mm.
 const OFF_SKIN_MM: f64 = 1.0;
-/// Range in which a hand wanders about the pose of a station without standard planes.
+/// Range of a hand's wandering about the pose of a station without standard planes.
 const WANDER: Deviation = Deviation { tilt_deg: 12.0, rock_deg: 10.0, rotate_deg: 40.0, slide_mm: 12.0 };
-/// Length of such a session, s: what moves in the scene moves.
+/// Length of such a session, s: the time span for moving scenes.
 const WANDER_S: f64 = 60.0;
 
 /// Requested size and variety of a data set.
@@ -34,13 +34,13 @@ pub struct Wishes {
     pub frames: usize,
     /// Seed of every choice.
     pub seed: u64,
-    /// Phantoms of each station whose scene is one; 0: its own as it is.
+    /// Phantoms per station with a phantom scene; 0 keeps the station's own.
     pub phantoms: usize,
-    /// Tuples an exam, at least 1.
+    /// Tuples per exam, at least 1.
     pub frames_per_exam: usize,
-    /// Share of tuples for the test, above 0 and below 1.
+    /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
-    /// For each station, whether its scene is a phantom.
+    /// One per station: true if its scene is a phantom.
     pub stations: Vec<bool>,
 }
 
@@ -51,28 +51,28 @@ pub struct Exam {
     pub number: usize,
     /// Index of the station.
     pub station: usize,
-    /// The phantom, where it is not the station's own scene.
+    /// Phantom; `None` for the station's own scene.
     pub phantom: Option<Parameters>,
-    /// Of its session, its settings and its frames.
+    /// Seed of its session, settings and frames.
     pub seed: u64,
     /// Skill of the hand.
     pub skill: Skill,
     /// Training or test.
     pub split: Split,
-    /// Numbers of its tuples.
+    /// Indices of its tuples.
     pub tuples: Range<usize>,
 }
 
 /// Exams of a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// In order: those of a station, and within it of a phantom, follow each other.
+    /// Exams, grouped by station and within a station by phantom.
     pub exams: Vec<Exam>,
 }
 
 /// Source of an exam's poses.
 pub enum Source<'a> {
-    /// A hand looks for standard planes on the skin.
+    /// A hand searches for standard planes on the skin.
     Planes(&'a StandardPlanes, &'a Skin),
     /// A hand wanders about this pose.
     About(Pose),
@@ -81,7 +81,7 @@ pub enum Source<'a> {
 /// A key frame of an exam.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moment {
-    /// Number of its tuple.
+    /// Index of its tuple.
     pub index: usize,
     /// Time in the session, s.
     pub time_s: f64,
@@ -91,7 +91,7 @@ pub struct Moment {
     pub seed: u32,
 }
 
-/// Part `number` of `of`, from 1.
+/// Part `number` (from 1) of `of` parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     /// Number, 1..=of.
@@ -119,7 +119,7 @@ impl fmt::Display for Shard {
 }
 
 impl Shard {
-    /// The shard's exams: a run of them, so that few shards need the same phantom.
+    /// Exams of the shard: a contiguous range, so few shards need the same phantom.
     pub fn of<'a>(&self, exams: &'a [Exam]) -> &'a [Exam] {
         let bound = |number: usize| exams.len() * number / self.of;
         &exams[bound(self.number - 1)..bound(self.number)]
@@ -127,13 +127,13 @@ impl Shard {
 }
 
 impl Plan {
-    /// The plan for `wishes`, the same for the same.
+    /// Plan for `wishes`; deterministic.
     ///
-    /// Whole phantoms are kept for the test, in a station with a scene of its own whole exams: as many as come nearest to
-    /// the share, and of each kind at least one.
+    /// The test split holds whole phantoms, or whole exams for a station with its own scene. Their number is nearest to
+    /// the share, with at least one unit in each split.
     ///
     /// # Errors
-    /// Fewer tuples than it takes for training and test; a share that is none.
+    /// Too few tuples for training and test; a share outside 0..1; no stations or frames per exam; a single phantom.
     pub fn new(wishes: &Wishes) -> Result<Self, DatasetError> {
         let Wishes { frames, frames_per_exam, test_share, phantoms, ref stations, .. } = *wishes;
         let wrong = |text: String| Err(DatasetError::Plan(text));
@@ -163,7 +163,7 @@ impl Plan {
             let tests = ((test_share * units as f64).round() as usize).clamp(1, units - 1);
             let phantom_seeds: Vec<u64> = (0..groups).map(|_| whole(&mut random)).collect();
             for nth in 0..count {
-                // Units follow each other; the last ones are the test.
+                // Units are contiguous; the last ones are the test.
                 let unit = nth * units / count;
                 let skill = Skill::ALL[exams.len() % Skill::ALL.len()];
                 exams.push(Exam {
@@ -220,7 +220,7 @@ impl Exam {
                 }
             }
             let Some((time_s, pose)) = found else { continue };
-            // Short, so that every reader of the manifest has it exactly.
+            // Short enough for every reader of the manifest to recover it exactly.
             let time_s = (1e3 * time_s).round() / 1e3;
             moments.push(Moment { index, time_s, pose, seed: whole(&mut random) as u32 });
         }
@@ -228,7 +228,7 @@ impl Exam {
     }
 }
 
-/// Time, s, and pose at a part 0..1 of a session.
+/// Time, s, and pose at a fraction 0..1 of a session.
 fn at(session: &[TimedPose], part: f64) -> (f64, Pose) {
     let index = (part * session.len() as f64) as usize;
     let Some(timed) = session.get(index).or(session.last()) else { return (0.0, Pose::IDENTITY) };

@@ -8,14 +8,14 @@ use npyz::NpyFile;
 
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 
-/// A data set's header and rows; arrays are read when asked for.
+/// Header and rows of a data set; arrays are read on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
     /// Its directory.
     pub directory: PathBuf,
     /// `dataset.json`.
     pub header: Header,
-    /// Of all manifests, by index.
+    /// Rows of all manifests, sorted by index.
     pub rows: Vec<Row>,
 }
 
@@ -28,7 +28,7 @@ pub struct Tuple {
     pub lq: Vec<u8>,
     /// Grey levels of the high quality.
     pub hq: Vec<u8>,
-    /// Index in [`Header::classes`].
+    /// Indices in [`Header::classes`].
     pub segmentation: Vec<u8>,
     /// 255 × the attenuation map to the power of [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
     pub attenuation: Vec<u8>,
@@ -37,7 +37,7 @@ pub struct Tuple {
 }
 
 impl Tuple {
-    /// The attenuation map, 0..=1, as frames have it.
+    /// Attenuation map, 0..=1, as in frames.
     pub fn attenuation_map(&self) -> Vec<f32> {
         let levels: [f32; 256] = std::array::from_fn(|byte| (byte as f32 / 255.0).powf(ATTENUATION_POWER.recip()));
         self.attenuation.iter().map(|&byte| levels[usize::from(byte)]).collect()
@@ -48,7 +48,7 @@ impl Header {
     /// Reads `dataset.json` of `directory`.
     ///
     /// # Errors
-    /// No such file, no header, or another version's.
+    /// A missing or invalid header, or another format version.
     pub fn load(directory: &Path) -> Result<Self, DatasetError> {
         let path = directory.join(HEADER_FILE);
         let text = std::fs::read(&path).map_err(|source| DatasetError::Io { path: path.clone(), source })?;
@@ -62,10 +62,10 @@ impl Header {
 }
 
 impl Dataset {
-    /// Reads header and manifests. The last line of a manifest may be cut off, as a killed run leaves it.
+    /// Reads header and manifests. A truncated last line of a manifest, from a killed run, is ignored.
     ///
     /// # Errors
-    /// A directory without a header or rows, a line that is no row, or an index that comes twice.
+    /// A missing or invalid header, an unreadable directory or manifest, an invalid row, or a duplicate index.
     pub fn open(directory: &Path) -> Result<Self, DatasetError> {
         let header = Header::load(directory)?;
         let mut rows: Vec<Row> = Vec::new();
@@ -90,7 +90,7 @@ impl Dataset {
     /// Reads the arrays of `row`.
     ///
     /// # Errors
-    /// A file that cannot be read, or whose type or shape isn't the row's.
+    /// A file that cannot be read, whose type or shape isn't the row's, or with an unknown class.
     pub fn tuple(&self, row: &Row) -> Result<Tuple, DatasetError> {
         let [width, height] = row.size.map(|n| n as usize);
         let path = self.directory.join(&row.file);
@@ -111,7 +111,7 @@ impl Dataset {
     }
 }
 
-/// The manifests of the data set in `directory`, by name: one, or one a shard.
+/// Manifests of the data set in `directory`, sorted by name: one in total, or one per shard.
 ///
 /// # Errors
 /// The directory cannot be read.
@@ -129,10 +129,10 @@ pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(manifests)
 }
 
-/// The rows of a manifest, and the length of the file up to the end of the last whole one, bytes.
+/// Rows of a manifest, and the length of the file up to the end of the last complete row, bytes.
 ///
 /// # Errors
-/// The file cannot be read, or a line but the last is no row.
+/// The file cannot be read, or a complete line is not a row.
 pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
     let text = std::fs::read(path).map_err(|source| DatasetError::Io { path: path.to_owned(), source })?;
     let (mut rows, mut whole) = (Vec::new(), 0);

@@ -1,11 +1,11 @@
-//! Manifest of a data set: its header and one row for each tuple.
+//! Manifest of a data set: its header and one row per tuple.
 
 use serde::{Deserialize, Serialize};
 
 use crate::anatomy::phantom::PhantomOptions;
 use crate::pose::Pose;
 
-/// `dataset.json`: what holds for all tuples. Two runs with the same header make the same tuples.
+/// `dataset.json`: properties common to all tuples. Two runs with the same header make the same tuples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// [`FORMAT`](super::FORMAT).
@@ -16,7 +16,7 @@ pub struct Header {
     pub seed: u64,
     /// Tuples planned, over all shards.
     pub frames: usize,
-    /// Name of the tissue of each number in the segmentation; 0 is `outside`, outside the sector.
+    /// Tissue name of each number in the segmentation; 0 is `outside`, outside the sector.
     pub classes: Vec<String>,
     /// [`PLANES`](super::PLANES).
     pub planes: Vec<String>,
@@ -26,13 +26,13 @@ pub struct Header {
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
-    /// Phantoms of each station whose scene is one; 0: its own as it is.
+    /// Phantoms per station with a phantom scene; 0 keeps the station's own.
     pub phantoms: usize,
-    /// Tuples an exam.
+    /// Tuples per exam.
     pub frames_per_exam: usize,
-    /// Share of tuples for the test.
+    /// Share of test tuples.
     pub test_share: f64,
-    /// Station files, as they are kept in `stations/`, with the directory that their paths start from.
+    /// Station files, as stored in `stations/`, with the base directory of their paths.
     pub stations: Vec<StationRow>,
 }
 
@@ -43,22 +43,22 @@ pub struct StationRow {
     pub file: String,
     /// Base directory of the paths in the file.
     pub directory: String,
-    /// SHA-256 of the scene's file; none for a generated phantom.
+    /// SHA-256 of the scene's file; `None` for a generated phantom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_sha256: Option<String>,
 }
 
-/// Training or test. No exam, and no phantom, is in both.
+/// Training or test split. They share no exam and no phantom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
-    /// To learn from.
+    /// Training.
     Train,
-    /// To be judged by.
+    /// Test.
     Test,
 }
 
-/// One tuple: all that it takes to render it again, and where it is.
+/// One tuple: its files, and all that is needed to render it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Number in the plan, from 0.
@@ -67,12 +67,12 @@ pub struct Row {
     pub split: Split,
     /// Station file in the data set's directory.
     pub station: String,
-    /// The phantom, where the scene is one.
+    /// Phantom, if the scene is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phantom: Option<PhantomOptions>,
-    /// The session that the pose is from.
+    /// Session of the pose.
     pub exam: ExamRow,
-    /// Time in the session, and of the scene's motion, s.
+    /// Time in the session and of the scene's motion, s.
     pub time_s: f64,
     /// `scene_from_probe`.
     pub pose: PoseRow,
@@ -86,9 +86,9 @@ pub struct Row {
     pub hq: [u32; 2],
     /// Width, height, pixels.
     pub size: [u32; 2],
-    /// The tuple's array in the data set's directory.
+    /// File of the tuple's array in the data set's directory.
     pub file: String,
-    /// Its sector's mask.
+    /// File of its sector's mask.
     pub mask: String,
     /// SHA-256 of the tuple's file.
     pub sha256: String,
@@ -101,7 +101,7 @@ pub struct ExamRow {
     pub number: usize,
     /// Its seed.
     pub seed: u64,
-    /// Skill of the hand; none if the hand wanders about the station's pose.
+    /// Skill of the hand; `None` if the hand wanders about the station's pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skill: Option<String>,
 }
@@ -115,19 +115,19 @@ pub struct PoseRow {
     pub quaternion: [f64; 4],
 }
 
-/// Settings that differ from session to session.
+/// Settings that vary between sessions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SettingsRow {
-    /// Level added everywhere, dB.
+    /// Gain, dB.
     pub gain_db: f64,
-    /// Levels from black to white, dB.
+    /// Dynamic range from black to white, dB.
     pub dynamic_range_db: f64,
     /// Depth of the transmit focus, mm.
     pub focus_mm: f64,
 }
 
 impl From<&Pose> for PoseRow {
-    /// Rounded to a nanometre and to 1e-9: so short a number is read back exactly by every reader of JSON.
+    /// Rounded to a nanometre and to 1e-9: every JSON reader recovers such short numbers exactly.
     fn from(pose: &Pose) -> Self {
         let [x, y, z, w] = pose.orientation.to_array();
         let short = |digits: f64| move |value: f64| (value * digits).round() / digits;

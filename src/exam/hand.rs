@@ -1,9 +1,9 @@
-//! Hands: how people of different skill look for a plane.
+//! Simulated hands: searches for a plane by operators of different skill.
 //!
-//! A search is a chain of submovements, each of which aims at the plane and leaves a part of the error or overshoots it
-//! (Woodworth, Psychol Rev Monogr 3, 1899; Meyer et al., Psychol Rev 95:340, 1988). Skilled hands correct all at once
-//! and finely, novices one thing at a time and coarsely. The numbers are assumed; they are chosen so that an expert finds
-//! each plane, a trained hand most of them and a novice about half.
+//! A search is a chain of submovements. Each aims at the plane and leaves a part of the error or overshoots it
+//! (Woodworth, Psychol Rev Monogr 3, 1899; Meyer et al., Psychol Rev 95:340, 1988). Skilled hands correct all errors at
+//! once and finely, novices one at a time and coarsely. The numbers are assumed, and chosen to let an expert find each
+//! plane, a trained hand most of them and a novice about half.
 
 use std::str::FromStr;
 
@@ -15,9 +15,9 @@ use crate::random::SplitMix64;
 /// Skill of an operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Skill {
-    /// First weeks.
+    /// In the first weeks of training.
     Novice,
-    /// Scans alone, with care.
+    /// Scans alone, carefully.
     Trained,
     /// Years of practice.
     #[default]
@@ -27,7 +27,7 @@ pub enum Skill {
 crate::names::named!(Skill { Novice = "novice", Trained = "trained", Expert = "expert" });
 
 impl Skill {
-    /// The hand of that skill.
+    /// Hand of that skill.
     pub fn hand(self) -> Hand {
         match self {
             Self::Novice => Hand {
@@ -84,7 +84,7 @@ impl FromStr for Skill {
     }
 }
 
-/// Sizes of a hand's errors, a number for each kind of movement.
+/// Sizes of a hand's errors, one per kind of movement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
     /// Tilt (fanning) about the probe's lateral axis, degrees.
@@ -97,14 +97,14 @@ pub struct Deviation {
     pub slide_mm: f64,
 }
 
-/// A hand.
+/// Parameters of a simulated hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
     /// Error at the start of a search.
     pub start: Deviation,
-    /// Error that it is content with.
+    /// Accepted error.
     pub rest: Deviation,
-    /// Least and greatest part of an error that a submovement leaves; negative where it overshoots.
+    /// Least and greatest fraction of an error that remains after a submovement; negative for overshoot.
     pub left_over: (f64, f64),
     /// Chance that a submovement corrects a given kind of error.
     pub corrects: f64,
@@ -114,15 +114,15 @@ pub struct Hand {
     pub look_s: (f64, f64),
     /// Duration of a hold, s.
     pub hold_s: (f64, f64),
-    /// Tremor, as a part of the usual ([`TREMOR_MM`](crate::pose::freehand::TREMOR_MM)).
+    /// Tremor, relative to [`TREMOR_MM`](crate::pose::freehand::TREMOR_MM).
     pub tremor: f64,
-    /// Drift over a hold, as a part of `rest`.
+    /// Drift during a hold, relative to `rest`.
     pub drift: f64,
     /// Depth of the face in the skin, mm.
     pub press_mm: f64,
-    /// Amplitude by which that changes, mm.
+    /// Amplitude of the change of that depth, mm.
     pub press_change_mm: f64,
-    /// Chance that the probe is lifted off on its way to the next plane.
+    /// Chance of lifting the probe off on the way to the next plane.
     pub lift_chance: f64,
 }
 
@@ -134,23 +134,23 @@ pub(super) struct Off {
 }
 
 impl Off {
-    /// Off by up to 1.5 times `size`, evenly.
+    /// Random deviation of up to 1.5 times `size`, uniform.
     pub(super) fn draw(size: &Deviation, random: &mut SplitMix64) -> Self {
         Self { parts: sizes(size).map(|s| s * 1.5 * (2.0 * random.unit() - 1.0)) }
     }
 
-    /// Off by half to one and a half of `size` to either side: a search starts with something to do.
+    /// Random deviation of 0.5 to 1.5 times `size` to either side: the start of a search, always off the plane.
     pub(super) fn draw_away(size: &Deviation, random: &mut SplitMix64) -> Self {
         let side = |random: &mut SplitMix64| if random.unit() < 0.5 { -1.0 } else { 1.0 };
         Self { parts: sizes(size).map(|s| s * side(random) * (0.5 + random.unit())) }
     }
 
-    /// Whether every part is within 1.5 times `size`.
+    /// True if every part is within 1.5 times `size`.
     pub(super) fn is_within(&self, size: &Deviation) -> bool {
         self.parts.iter().zip(sizes(size)).all(|(part, size)| part.abs() <= 1.5 * size)
     }
 
-    /// After one submovement of `hand`.
+    /// Deviation after one submovement of `hand`.
     pub(super) fn corrected(&self, hand: &Hand, random: &mut SplitMix64) -> Self {
         let (least, most) = hand.left_over;
         let noise = Self::draw(&hand.rest, random);
@@ -160,18 +160,18 @@ impl Off {
             if random.unit() < hand.corrects {
                 *part *= left;
             }
-            // No movement is exact, nor leaves the others quite alone.
+            // No movement is exact, and each disturbs the other parts.
             *part += 0.5 * noise;
         }
         Self { parts }
     }
 
-    /// The sum of both, the second times `factor`.
+    /// Sum of `self` and `other` times `factor`.
     pub(super) fn plus(&self, other: &Self, factor: f64) -> Self {
         Self { parts: std::array::from_fn(|i| self.parts[i] + factor * other.parts[i]) }
     }
 
-    /// The pose of a probe that is this far off from `pose`.
+    /// Pose of a probe that deviates by `self` from `pose`.
     pub(super) fn of(&self, pose: &Pose) -> Pose {
         let [tilt, rock, rotate, lateral, elevational] = self.parts;
         let turn = DQuat::from_euler(EulerRot::XYZ, tilt.to_radians(), rock.to_radians(), rotate.to_radians());
@@ -182,7 +182,7 @@ impl Off {
     }
 }
 
-/// A pose that is off from `pose` by up to 1.5 times `size`, evenly.
+/// Random pose around `pose`, off by up to 1.5 times `size`, uniform.
 pub(crate) fn wandered(pose: &Pose, size: &Deviation, random: &mut SplitMix64) -> Pose {
     Off::draw(size, random).of(pose)
 }

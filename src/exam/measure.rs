@@ -1,11 +1,11 @@
 //! Caliper measurements in images off the standard plane.
 //!
-//! The surfaces of the scene are cut with the image plane and measured there as a careful observer would, so that what
-//! differs from the truth is the plane's fault: a tilted femur is too short, an oblique belly too large.
+//! The scene's surfaces are cut with the image plane and measured there as by a careful observer. Differences from the
+//! truth thus come from the plane alone: a tilted femur is too short, an oblique belly too large.
 //!
-//! - A **line** runs along its standard direction as it appears in the image, from the outermost border on one side to
-//!   the outermost on the other, of what the slice shows; a slice is as thick as the beam at that depth.
-//! - An **ellipse** is fitted to the border by least squares; its circumference is Ramanujan's.
+//! - A **line** runs along its standard direction as it appears in the image. It ends at the outermost borders visible
+//!   in the slice; a slice is as thick as the beam at that depth.
+//! - An **ellipse** is fitted to the border by least squares; its circumference follows Ramanujan's approximation.
 
 use glam::DVec2;
 use nalgebra::{Matrix5, Vector5};
@@ -16,14 +16,14 @@ use crate::anatomy::section::Section;
 use crate::pose::Pose;
 use crate::tracker::recording::ellipse_circumference_mm;
 
-/// Cuts through the thickness of a slice.
+/// Section planes across the thickness of a slice.
 const CUTS: u32 = 5;
 
-/// Directions in which an ellipse's border is looked for, and how many must have one.
+/// Directions in which an ellipse's border is searched, and the least number with a border.
 const DIRECTIONS: usize = 120;
 const DIRECTIONS_LEAST: usize = 72;
 
-/// A caliper that appears shorter than this part of its length is not in the image.
+/// Least projected length of a visible caliper, relative to its true length.
 const FORESHORTENED_LEAST: f64 = 0.3;
 
 /// A measurement in an image.
@@ -37,8 +37,8 @@ pub struct Measured {
 
 /// Measures `caliper` in the image of a probe at `pose` with slices `slice_mm` thick.
 ///
-/// `surface` is the surface that the caliper names, `far_surface` that for the end far from the probe. None where the
-/// image does not show enough of it.
+/// `surface` is the caliper's surface, `far_surface` that of the end far from the probe. `None` if the image does not
+/// show enough of it.
 pub fn measure(
     caliper: &Caliper,
     surface: &Mesh,
@@ -61,7 +61,7 @@ pub fn measure(
             if a.distance(b) < FORESHORTENED_LEAST * true_mm {
                 return None;
             }
-            // From the end near the probe.
+            // Start from the end near the probe.
             let ends = if a.y <= b.y { [a, b] } else { [b, a] };
             line(ends, caliper.reach_mm, surface, far_surface.unwrap_or(surface), pose, slice_mm)
         }
@@ -128,8 +128,8 @@ fn ellipse(centre: DVec2, axes: [DVec2; 2], reach_mm: f64, section: &Section) ->
     Some(Measured { length_mm: ellipse_circumference_mm(a, b), points_mm: (0..DIRECTIONS).map(point).collect() })
 }
 
-/// Centre, half axes and direction of the first of the ellipse nearest to `points` about the origin: the conic
-/// Ax² + Bxy + Cy² + Dx + Ey = 1 of least algebraic error.
+/// Centre, half axes and direction of the first axis of the ellipse fitted to `points` about the origin: the conic Ax²
+/// + Bxy + Cy² + Dx + Ey = 1 of least algebraic error.
 fn fit_ellipse(points: &[DVec2]) -> Option<(DVec2, [f64; 2], DVec2)> {
     let scale = points.iter().map(|p| p.length()).fold(0.0, f64::max);
     if scale <= 0.0 {
@@ -149,7 +149,7 @@ fn fit_ellipse(points: &[DVec2]) -> Option<(DVec2, [f64; 2], DVec2)> {
         return None;
     }
     let middle = DVec2::new(b * e - 2.0 * c * d, b * d - 2.0 * a * e) / det;
-    // About its middle the conic is A'x² + Bxy + C'y² = level.
+    // Relative to its centre the conic is A'x² + Bxy + C'y² = level.
     let level = 1.0 - 0.5 * (d * middle.x + e * middle.y);
     let (mean, half) = (0.5 * (a + c), (0.5 * (a - c)).hypot(0.5 * b));
     let angle = 0.5 * b.atan2(a - c);
@@ -212,7 +212,7 @@ mod tests {
         }
         let past = Pose::looking(DVec3::Y * 21.0, DVec3::Z, DVec3::X);
         assert_eq!(measure(&ball_caliper(ends.to_vec()), &ball, None, &past, 0.0), None);
-        // A slice of 4 mm reaches to where the ball is larger.
+        // A slice of 4 mm extends to a larger cross-section of the ball.
         let line = measure(
             &ball_caliper(ends[..2].to_vec()),
             &ball,

@@ -1,8 +1,9 @@
-//! Exams: sessions of a simulated hand, and how a trainee's session is scored.
+//! Exams: sessions of a simulated hand, and scoring of a trainee's session.
 //!
 //! [`session`] makes freehand sessions that search, find, hold and leave a scene's standard planes; [`sweep`] is the
-//! short exam in `assets/exams`. Both are recordings of raw tracker bytes, the same for the same seed. [`score`] compares
-//! any recording with the planes: what was found and when ([`offset`]), and what would be measured there ([`measure`]).
+//! short exam in `assets/exams`. Both are recordings of raw tracker bytes, the same for the same seed. [`score`]
+//! compares any recording with the planes: the planes found and their times ([`offset`]), and the measurements there
+//! ([`measure`]).
 
 pub mod hand;
 pub mod measure;
@@ -20,16 +21,16 @@ use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
 use crate::tracker::{Protocol, ascii_line};
 
-/// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). Fixed, so that files are reproducible.
+/// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). Fixed, to make files reproducible.
 pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
 
-/// From a measurement to its first byte on the host, ns.
+/// Time from a measurement to its first byte on the host, ns.
 const LATENCY_NS: u64 = 2_000_000;
 
 /// Errors in generating exams.
 #[derive(Debug, Error)]
 pub enum ExamError {
-    /// The line from a view's target through the probe meets no skin.
+    /// The line from a view's target through the probe does not hit the skin.
     #[error("no skin is found {time_s:.2} s after the start, from {target_mm} mm along {direction}")]
     NoSkin {
         /// Time from the start, s.
@@ -39,7 +40,7 @@ pub enum ExamError {
         /// Direction from the target to the probe.
         direction: DVec3,
     },
-    /// A plane that a probe on the skin cannot see.
+    /// A plane not visible to a probe on the skin.
     #[error(
         "plane `{plane}`: the line from its centre {centre_mm} mm along {direction} meets no skin to put a probe on"
     )]
@@ -48,17 +49,17 @@ pub enum ExamError {
         plane: String,
         /// Its centre.
         centre_mm: DVec3,
-        /// To the probe.
+        /// Direction to the probe.
         direction: DVec3,
     },
     /// Too little time to find and hold every plane.
     #[error("{duration_s} s are too short for {planes} planes: a plane takes at least {least_s} s")]
     TooShort {
-        /// Length asked for, s.
+        /// Requested length, s.
         duration_s: f64,
-        /// Planes asked for.
+        /// Requested planes.
         planes: usize,
-        /// Least time a plane, s.
+        /// Least time per plane, s.
         least_s: f64,
     },
     /// The recording could not be written.
@@ -66,9 +67,9 @@ pub enum ExamError {
     Recording(#[from] RecordingError),
 }
 
-/// A probe whose hand aims at `target_mm` and trembles by `shift`: it slides on the skin, and what is left of the tremor
-/// along the beam is pressure. `press_mm` is the depth of the face in the skin; `skin` gives the point where a line from
-/// inside the body along a direction leaves it.
+/// Pose of a probe on the skin, aimed at `target_mm`, with the hand's tremor `shift`. The lateral tremor slides it on
+/// the skin; the tremor along the beam is pressure. `press_mm` is the depth of the face in the skin. `skin` returns the
+/// exit point of a line from inside the body along a direction.
 fn on_skin(
     device_time_us: u64,
     (target_mm, orientation): (DVec3, DQuat),
@@ -90,7 +91,7 @@ fn on_skin(
     })
 }
 
-/// Writes a recording of `poses` as lines of a tracker, with `events` that ascend in time between them.
+/// Writes a recording of `poses` as lines of a tracker, interleaved with `events`, which ascend in time.
 fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Result<(), ExamError> {
     let info = RecordingInfo {
         protocol: Protocol::AsciiLine,
@@ -108,7 +109,7 @@ fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Re
         let line = ascii_line::encode(sequence, timed.device_time_us, &timed.pose);
         writer.raw(timed.host_time_ns, line.as_bytes())?;
     }
-    // What happened within the last interval.
+    // Events after the last pose.
     events.try_for_each(|event| writer.event(event))?;
     Ok(writer.finish()?)
 }

@@ -7,14 +7,14 @@ use crate::anatomy::planes::{StandardPlane, Tolerances, View};
 use crate::pose::Pose;
 use crate::transducer::{Probe, Sector};
 
-/// Cost of what is outside of the sector: too much, if only just.
+/// Cost of a point outside the sector: just above the limit.
 const HIDDEN: f64 = 1.0 + 1e-6;
 
 /// Offset of an image from a view of a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Offset {
-    /// Angle between the planes, degrees, 0..=90; of a view that may be turned about its lateral line, between that line
-    /// and the image plane.
+    /// Angle between the planes, degrees, 0..=90. For a view with free rotation about its lateral line, the angle
+    /// between that line and the image plane.
     pub angle_deg: f64,
     /// Distance of the view's centre from the image plane, mm.
     pub distance_mm: f64,
@@ -24,9 +24,9 @@ pub struct Offset {
     pub centring_mm: f64,
     /// Depth of the view's centre below the probe's face, mm; negative behind it.
     pub depth_mm: f64,
-    /// Landmarks of the view within the image's sector and near enough to its plane. Whether bone shadows them isn't asked.
+    /// Landmarks of the view within the image's sector and close enough to its plane. Shadows of bone are ignored.
     pub landmarks_seen: usize,
-    /// Of all deviations the largest, each over its tolerance: at most 1 where the view is shown.
+    /// Largest ratio of a deviation to its tolerance: at most 1 if the view is shown.
     pub cost: f64,
 }
 
@@ -54,7 +54,7 @@ impl Offset {
         }
 
         let [least, greatest] = tolerances.depth_mm;
-        // Ten mm too shallow or too deep count like a whole tolerance.
+        // 1 at the limit, plus 1 per 10 mm too shallow or too deep.
         let too_far = (least - centre.z).max(centre.z - greatest).max(0.0);
         let depth_cost = if too_far > 0.0 { 1.0 + 0.1 * too_far } else { 0.0 };
         let (angle_deg, in_plane_deg) = (angle.to_degrees(), in_plane.to_degrees());
@@ -72,13 +72,13 @@ impl Offset {
         Self { angle_deg, distance_mm, in_plane_deg, centring_mm, depth_mm: centre.z, landmarks_seen, cost }
     }
 
-    /// The nearest view of `plane` and how far off it is; none where a plane has no view.
+    /// Index of the nearest view of `plane`, and its offset; `None` for a plane without views.
     pub fn nearest(plane: &StandardPlane, probe: &Probe, pose: &Pose) -> Option<(usize, Self)> {
         let offsets = plane.views.iter().map(|view| Self::of(view, &plane.tolerances, probe, pose));
         offsets.enumerate().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
     }
 
-    /// Whether the view is shown.
+    /// True if the view is shown.
     pub fn is_within(&self) -> bool {
         self.cost <= 1.0
     }

@@ -1,13 +1,12 @@
 //! Generated exam sessions: a hand that searches, finds, holds and leaves standard planes.
 //!
-//! For each plane the hand travels to its neighbourhood, sliding on the skin or lifting off, corrects its way to the
-//! plane by tilting, rocking, rotating and sliding, holds it, measures, and leaves. What is left of the session is a
-//! survey: slow sweeps from plane to plane. Pressure changes all the time, tremor is added, and a novice that runs out of
-//! time holds what there is.
+//! For each plane the hand travels to its neighbourhood, sliding on the skin or lifting off. It approaches the plane by
+//! tilting, rocking, rotating and sliding, holds it, measures, and leaves. The rest of the session is a survey: slow
+//! sweeps from plane to plane. Pressure varies continuously and tremor is added. A novice who runs out of time holds
+//! the current image.
 //!
-//! The recording's events `truth.plane` say what the hand meant to do:
-//! `{"plane": "head", "phase": "search" | "hold" | "leave"}`, and `{"phase": "survey"}`. Calipers are placed at the end
-//! of each hold.
+//! The recording's `truth.plane` events give the hand's intention: `{"plane": "head", "phase": "search" | "hold" |
+//! "leave"}`, and `{"phase": "survey"}`. Calipers are placed at the end of each hold.
 
 use std::path::Path;
 
@@ -23,19 +22,19 @@ use crate::pose::{Pose, TimedPose, rotation_vector};
 use crate::random::SplitMix64;
 use crate::tracker::recording::{CaliperEvent, Event};
 
-/// Poses a second.
+/// Pose rate, Hz.
 pub const RATE_HZ: u32 = 60;
 
-/// Name of the events that say what a hand meant to do.
+/// Name of the events with the hand's intention.
 pub const TRUTH_EVENT: &str = "truth.plane";
 
-/// Time a plane without more words, s.
+/// Default time per plane, s.
 pub const PLANE_S: f64 = 15.0;
 
-/// Least time a plane beyond its hold, s: travel and two corrections.
+/// Least time per plane beyond its hold, s: travel and two corrections.
 const SEARCH_LEAST_S: f64 = 5.0;
 
-/// Speed of travel on the skin, mm/s, and the time it takes at least, s.
+/// Speed of travel on the skin, mm/s, and its least duration, s.
 const TRAVEL_MM_S: f64 = 60.0;
 const TRAVEL_LEAST_S: f64 = 1.2;
 
@@ -46,13 +45,13 @@ const LIFT_S: f64 = 0.4;
 /// Margin between the line through the probe's face and the edge of the body, mm; larger than the tremor.
 const MARGIN_MM: f64 = 5.0;
 
-/// Halvings of an error that leads off the body before it is dropped.
+/// Halvings of an error that puts the probe off the body before it is dropped.
 const HALVINGS: usize = 6;
 
 /// Settings of a generated session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Of every random choice.
+    /// Seed of every random choice.
     pub seed: u64,
     /// Length, s.
     pub duration_s: f64,
@@ -63,14 +62,14 @@ pub struct Settings {
 /// A session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {
-    /// `scene_from_probe`, [`RATE_HZ`] a second.
+    /// `scene_from_probe` at [`RATE_HZ`].
     pub poses: Vec<TimedPose>,
     /// Intentions of the hand and its measurements, ascending in time.
     pub events: Vec<Event>,
 }
 
 impl Session {
-    /// Writes the session as a recording of a tracker in the frame of `scene`, the same bytes for the same session.
+    /// Writes the session as a tracker recording in the frame of `scene`; deterministic.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -79,10 +78,10 @@ impl Session {
     }
 }
 
-/// Makes the session in which a hand looks for `planes` on `skin`, in their order; the same for the same settings.
+/// Makes a session in which a hand searches for `planes` on `skin`, in their order; deterministic.
 ///
 /// # Errors
-/// Too short a duration, or a plane without skin between its centre and the probe.
+/// Too short a duration, or no skin between a plane's centre and the probe.
 pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Result<Session, ExamError> {
     let hand = settings.skill.hand();
     let least_s = hand.hold_s.1 + SEARCH_LEAST_S;
@@ -109,11 +108,11 @@ pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Resu
     plan.session(settings)
 }
 
-/// The best pose for a view, its face on the skin.
+/// Best pose for a view, with the face on the skin.
 #[derive(Clone, Copy)]
 struct Base {
     pose: Pose,
-    /// From the face to the view's centre, mm.
+    /// Distance from the face to the view's centre, mm.
     depth_mm: f64,
 }
 
@@ -123,11 +122,11 @@ struct Plan<'a> {
     hand: Hand,
     random: SplitMix64,
     waypoints: Vec<Waypoint>,
-    /// From when to when the probe is off the skin, s.
+    /// Start and end of the intervals off the skin, s.
     lifts: Vec<(f64, f64)>,
     /// Events and their times, s.
     phases: Vec<(f64, Event)>,
-    /// Calipers to place when, s.
+    /// Calipers and the times of their placement, s.
     calipers: Vec<(f64, Caliper)>,
     now_s: f64,
     /// Last position of the face, mm.
@@ -145,7 +144,7 @@ impl<'a> Plan<'a> {
         self.random.between(least, most)
     }
 
-    /// `off`, or as much of it as leaves the probe on the body.
+    /// `off`, reduced until the probe is on the body.
     fn on_body(&self, base: &Base, off: &Off) -> Off {
         let inside = |off: &Off, closed: bool| {
             let pose = off.of(&base.pose);
@@ -155,7 +154,7 @@ impl<'a> Plan<'a> {
                 self.skin.exit(from_mm, up).is_some() && (!closed || self.skin.exit(from_mm, -up).is_some())
             })
         };
-        // What lies between two points inside is inside, too; of a body that is open below only the top tells.
+        // Points between two inside points are inside, too; a body that is open below is tested upwards only.
         let closed = inside(&Off::default(), true);
         let mut less = *off;
         for _ in 0..HALVINGS {
@@ -167,7 +166,7 @@ impl<'a> Plan<'a> {
         Off::default()
     }
 
-    /// The hand is off by `off` from `base` from now on for `stay_s`, less where that were off the body: gives how far.
+    /// Keeps the hand off by `off` from `base` for `stay_s`. Returns the deviation, reduced to stay on the body.
     fn stay(&mut self, base: &Base, off: &Off, stay_s: f64) -> Off {
         let off = self.on_body(base, off);
         let pose = off.of(&base.pose);
@@ -183,17 +182,17 @@ impl<'a> Plan<'a> {
         self.phases.push((self.now_s, Event::new(0, TRUTH_EVENT).with(value)));
     }
 
-    /// Moves near `base`, lifting off or sliding.
+    /// Moves to the neighbourhood of `base`, lifting off or sliding.
     fn travel(&mut self, base: &Base) {
         let Some(last) = self.waypoints.last() else {
-            // The first plane: the probe comes down on the skin.
+            // At the first plane the probe is put down on the skin.
             self.lifts.push((-LIFT_S, LIFT_S));
             return;
         };
-        // Round a belly the way is longer than the chord.
+        // The path around a belly is longer than the chord.
         let way_mm = 1.3 * self.contact_mm.distance(base.pose.position_mm);
         let turn_deg = last.orientation.angle_between(base.pose.orientation).to_degrees();
-        // About as fast in degrees as in mm.
+        // Equal speeds in degrees and mm.
         let travel_s = (way_mm.max(turn_deg) / TRAVEL_MM_S).max(TRAVEL_LEAST_S);
         if self.random.unit() < self.hand.lift_chance {
             self.lifts.push((self.now_s, self.now_s + travel_s.max(2.0 * LIFT_S)));
@@ -201,7 +200,7 @@ impl<'a> Plan<'a> {
         self.now_s += travel_s;
     }
 
-    /// Travels to a view of `plane`, searches, holds it, and is done by `deadline_s`.
+    /// Travels to a view of `plane`, searches and holds it, all before `deadline_s`.
     fn visit(&mut self, plane: &StandardPlane, view: &View, base: Base, deadline_s: f64) {
         let phase = |phase: &str| json!({ "plane": plane.name, "phase": phase });
         self.phase(phase("search"));
@@ -223,7 +222,7 @@ impl<'a> Plan<'a> {
         self.phase(phase("hold"));
         let drift = Off::draw(&hand.rest, &mut self.random);
         let drifted = off.plus(&drift, hand.drift);
-        // It drifts slowly from one to the other.
+        // The hold drifts slowly between the two.
         self.now_s += hold_s;
         let end_s = self.now_s;
         self.stay(&base, &drifted, 0.0);
@@ -236,7 +235,7 @@ impl<'a> Plan<'a> {
         if self.now_s + 2.0 < end_s {
             self.phase(json!({ "phase": "survey" }));
         }
-        // Never less than a travel's time to go, so that nothing is rushed.
+        // Leaves at least the time of a travel, to avoid rushed moves.
         while let Some(base) = (!bases.is_empty() && self.now_s + 4.0 < end_s)
             .then(|| bases[(self.random.unit() * bases.len() as f64) as usize % bases.len()])
         {
@@ -254,7 +253,7 @@ impl<'a> Plan<'a> {
 
     /// Depth of the face in the skin, mm; negative off the skin.
     fn press_mm(&self, phases: &[f64; 3], time_s: f64) -> f64 {
-        // Breathing, shifting of weight, and what the fingers do.
+        // Breathing, shifting of weight, and finger movement.
         let slow: f64 = [(0.11, 0.5), (0.27, 0.35), (0.73, 0.15)]
             .into_iter()
             .zip(phases)
@@ -301,13 +300,13 @@ impl<'a> Plan<'a> {
         Ok(Session { poses, events })
     }
 
-    /// The caliper where its true points appear in the image of `pose`, off by as much as the hand is coarse.
+    /// `caliper` placed at its true points in the image of `pose`, with errors by the hand's skill.
     fn placed(&mut self, caliper: &Caliper, pose: &Pose) -> CaliperEvent {
         let spread_mm = 0.3 + 0.3 * self.hand.rest.slide_mm;
         let probe_from_scene = pose.inverse();
         let mut point = |p: &DVec3| {
             let local = probe_from_scene.transform_point(*p);
-            // Whole tenths, as scanners show them.
+            // Rounded to 0.1 mm, as on scanners.
             let mut place = |x: f64| (10.0 * (x + spread_mm * (2.0 * self.random.unit() - 1.0))).round() / 10.0;
             [place(local.x), place(local.z)]
         };
@@ -316,7 +315,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Puts `planes` in an order that depends on `seed` (Fisher and Yates).
+/// Shuffles `planes` by `seed` (Fisher and Yates).
 pub fn shuffle(planes: &mut [&StandardPlane], seed: u64) {
     let mut random = SplitMix64::new(seed ^ 0x0005_4ff1);
     for last in (1..planes.len()).rev() {

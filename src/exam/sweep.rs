@@ -1,7 +1,7 @@
-//! A simulated exam: a freehand sweep over the obstetric phantom, recorded as a tracker would send it.
+//! A simulated exam: a freehand sweep over the obstetric phantom, recorded as tracker data.
 //!
 //! The probe's face stays pressed into the mother's skin while the hand moves between the standard views of
-//! [`KEY_FRAMES`], as a sonographer does at 22 weeks: head, heart, abdomen, spine, femur, placenta.
+//! [`KEY_FRAMES`], as in an exam at 22 weeks: head, heart, abdomen, spine, femur, placenta.
 
 use std::path::Path;
 
@@ -17,23 +17,23 @@ use crate::tracker::recording::Event;
 /// Length of the exam, s.
 pub const DURATION_S: u32 = 24;
 
-/// Poses a second.
+/// Pose rate, Hz.
 pub const RATE_HZ: u32 = 60;
 
-/// The tremor of the exam in `assets/`.
+/// Seed of the exam in `assets/`.
 pub const SEED: u64 = 22;
 
 /// Depth of the centre of the face in the skin, mm.
 const PRESS_MM: f64 = 2.5;
 
-/// Names of the standard views, and the times at which the hand rests there, s from the start.
+/// Names of the standard views, and times at which the hand rests there, s from the start.
 pub const KEY_FRAMES: [(&str, f64); 6] =
     [("head", 4.0), ("heart", 8.4), ("abdomen", 11.7), ("spine", 15.9), ("femur", 19.4), ("placenta", 23.2)];
 
-/// Writes the exam number `seed` over the phantom to `path`: the same bytes each time. Key frames are events.
+/// Writes the exam of `seed` over the phantom to `path`; deterministic. Key frames are events.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The file cannot be written, or [`ExamError::NoSkin`].
 pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
     let parameters = Parameters::default();
     let skin = Skin::phantom(&parameters);
@@ -42,12 +42,12 @@ pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
     encode(path, "obstetric phantom", &poses, &events)
 }
 
-/// Poses of the exam number `seed`, [`RATE_HZ`] a second over [`DURATION_S`].
+/// Poses of the exam of `seed`, at [`RATE_HZ`] over [`DURATION_S`].
 ///
-/// `skin` gives the point where a line from inside the body (mm) along a unit direction leaves the skin.
+/// `skin` returns the exit point through the skin of a line from inside the body (mm) along a unit direction.
 ///
 /// # Errors
-/// `skin` finds none.
+/// [`ExamError::NoSkin`] if `skin` returns `None`.
 pub fn sweep(
     landmarks: &Landmarks,
     skin: impl Fn(DVec3, DVec3) -> Option<DVec3>,
@@ -66,8 +66,8 @@ pub fn sweep(
     (0..=DURATION_S * RATE_HZ).map(pose).collect()
 }
 
-/// The standard views. Each is given by what is looked at, where the probe is from there, and where the last scanlines
-/// lie.
+/// Waypoints of the standard views: each from its target, the direction from there to the probe, and the lateral
+/// direction.
 fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
     let view = |arrive_s, leave_s, target_mm: DVec3, up: DVec3, lateral: DVec3| {
         let orientation = Pose::looking(target_mm, -up, lateral).orientation;
@@ -79,10 +79,10 @@ fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
     let (heart, heart_cranial) = (d(&landmarks.heart_centre_mm), d(&landmarks.heart_cranial));
     let (abdomen, cranial) = (d(&landmarks.abdomen_centre_mm), d(&landmarks.abdomen_cranial));
     let ventral = d(&landmarks.abdomen_ventral);
-    // From the fetus' left, where the mother's belly is; its planes across the body hold left and ventral.
+    // Seen from the fetus' left, towards the mother's belly; its transverse planes contain left and ventral.
     let heart_up = across(left, heart_cranial);
     let abdomen_up = across(left, cranial);
-    // The spine from the left and behind, along its thoracic and lumbar part.
+    // Spine seen from the left and behind, along its thoracic and lumbar part.
     let [spine_top, spine_end] = [3, 5].map(|i: usize| d(&landmarks.spine_mm[i]));
     let spine_up = across(abdomen_up * 0.8 - ventral * 0.6, spine_top - spine_end);
     let [hip, knee] = landmarks.left_femur_mm.map(|p| d(&p));
@@ -99,7 +99,7 @@ fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
     ]
 }
 
-/// The part of `direction` across `axis`, unit length.
+/// Component of `direction` perpendicular to `axis`, unit length.
 fn across(direction: DVec3, axis: DVec3) -> DVec3 {
     direction.reject_from(axis).normalize_or(DVec3::Z)
 }

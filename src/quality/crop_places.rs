@@ -1,22 +1,22 @@
-//! Places of the crops by which images are judged, as in the paper: random, within the sector.
+//! Random positions, within the sector, of the crops used to compare images; as in the paper.
 
 use super::QualityError;
 use super::error::{check_holds, check_sizes};
 use super::pixel_counts::PixelCounts;
 use crate::random::SplitMix64;
 
-/// Side of a crop of the paper, pixels.
+/// Side of a crop in the paper, pixels.
 pub const CROP_SIDE: usize = 512;
-/// Crops of an image in the paper.
+/// Crops per image in the paper.
 pub const CROP_COUNT: usize = 4;
-/// Least share of a crop's pixels inside the mask, where the mask has such places.
+/// Least share of a crop's pixels inside the mask, if the mask allows it.
 pub const CROP_INSIDE: f64 = 0.5;
-/// Draws for one crop; after them the best one is taken.
+/// Draws per crop; after them the best one is used.
 const DRAWS: usize = 200;
 
-/// Left and top of `count` crops of `side` × `side` pixels at random places of an image [height × width], the same for the
-/// same `seed`. At least [`CROP_INSIDE`] of a crop lies inside `mask` (not 0); where 200 draws find no such place, the one
-/// with the most. Crops may overlap.
+/// Left and top of `count` crops of `side` × `side` pixels at random places of an image [height × width].
+/// The same `seed` gives the same places. At least [`CROP_INSIDE`] of a crop is inside `mask` (not 0). If 200 draws
+/// find no such place, the one with the most pixels inside is used. Crops may overlap.
 ///
 /// # Errors
 /// An image smaller than a crop, a mask of another size, a mask without a pixel.
@@ -57,8 +57,7 @@ pub fn crop_places(
     Ok((0..count).map(|_| place()).collect())
 }
 
-/// The crop [side × side] of a map [height × width] whose upper left corner is at `[left, top]`; what is beyond the map is
-/// left out.
+/// Crop [side × side] of a map [height × width] with its upper left corner at `[left, top]`, clipped to the map.
 pub fn cut<T: Copy>(map: &[T], width: usize, [left, top]: [usize; 2], side: usize) -> Vec<T> {
     let rows = map.chunks_exact(width.max(1)).skip(top).take(side);
     rows.flat_map(|row| row.iter().skip(left).take(side)).copied().collect()

@@ -6,7 +6,7 @@ use thiserror::Error;
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum QualityError {
-    /// Pixels that don't fill the image.
+    /// Wrong number of pixels for the image's size.
     #[error("the {what} has {found} pixels; an image of {width} x {height} has {}", width * height)]
     Size {
         /// Map with the wrong size.
@@ -67,13 +67,13 @@ pub enum QualityError {
         /// Values expected.
         expected: usize,
     },
-    /// A feature that is no number.
+    /// A feature that is not finite.
     #[error("value {index} of a feature vector is not finite")]
     NotFinite {
         /// Index in its vector.
         index: usize,
     },
-    /// Features so large that their distance is no number.
+    /// Features so large that their distance is not finite.
     #[error("the distance of the features is not finite: their values are too large")]
     NoDistance,
     /// The extractor failed.
@@ -84,7 +84,7 @@ pub enum QualityError {
     },
 }
 
-/// Checks that each map fills an image of that size.
+/// Checks that each map fills an image of size [width, height].
 pub(super) fn check_sizes([width, height]: [usize; 2], maps: &[(&'static str, &[u8])]) -> Result<(), QualityError> {
     match maps.iter().find(|(_, map)| Some(map.len()) != width.checked_mul(height)) {
         Some((what, map)) => Err(QualityError::Size { what, found: map.len(), width, height }),
@@ -92,7 +92,7 @@ pub(super) fn check_sizes([width, height]: [usize; 2], maps: &[(&'static str, &[
     }
 }
 
-/// Checks that an image holds a square of that side, at least 1.
+/// Checks that an image holds a square of `side` pixels, at least 1.
 pub(super) fn check_holds([width, height]: [usize; 2], side: usize, metric: &'static str) -> Result<(), QualityError> {
     if side > 0 && width >= side && height >= side {
         return Ok(());

@@ -6,23 +6,23 @@ use super::{QualityError, cut};
 /// Side of a crop for Inception v3, pixels.
 pub const CROP: usize = 299;
 
-/// Makes a feature vector of an image; the ONNX one is `generator::OnnxFeatures`.
+/// Extractor of feature vectors; the ONNX implementation is `generator::OnnxFeatures`.
 pub trait FeatureExtractor {
-    /// Side of the square crops that it takes, pixels.
+    /// Side of its square input crops, pixels.
     fn crop(&self) -> usize;
 
-    /// Features of a square crop [crop × crop] of grey levels; every vector has one length.
+    /// Features of a square crop [crop × crop] of grey levels; all vectors have the same length.
     ///
     /// # Errors
     /// [`QualityError::Extractor`].
     fn features(&mut self, crop: &[u8]) -> Result<Vec<f64>, QualityError>;
 }
 
-/// The crops of an image [height × width] that features are made of, each [crop × crop]: the centre cut into four, as
-/// the paper does with 299 (its centre crop of 598 × 598); of an image too small for that, its centre alone.
+/// Crops [crop × crop] of an image [height × width] for feature extraction: the centre, cut into four.
+/// The paper does so with 299, a centre crop of 598 × 598. An image too small for four gives one centre crop.
 ///
 /// # Errors
-/// An image smaller than a crop, or whose pixels don't fill it.
+/// An image smaller than a crop, or pixels that don't fill the image.
 pub fn crops(pixels: &[u8], size: [usize; 2], crop: usize) -> Result<Vec<Vec<u8>>, QualityError> {
     check_sizes(size, &[("image", pixels)])?;
     check_holds(size, crop, "the feature extractor")?;

@@ -14,7 +14,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Of `features`, one vector each.
+    /// Gaussian of `features`, one vector each.
     ///
     /// # Errors
     /// Fewer than two vectors; empty ones, of different lengths, or with values that aren't finite.
@@ -27,11 +27,11 @@ impl Gaussian {
 
 /// |μ₁ − μ₂|² + tr(Σ₁ + Σ₂ − 2·(Σ₁Σ₂)^½), never below 0.
 ///
-/// tr (Σ₁Σ₂)^½ is the sum of the singular values of Σ₁^½·Σ₂^½, whose roots come from symmetric eigen-decompositions with
-/// negative eigenvalues, which are rounding, taken as 0. Nothing is inverted: singular covariances are as good as others.
+/// tr (Σ₁Σ₂)^½ is the sum of the singular values of Σ₁^½·Σ₂^½. The roots come from symmetric eigen-decompositions;
+/// negative eigenvalues are rounding errors and set to 0. Nothing is inverted, so singular covariances are valid.
 ///
 /// # Errors
-/// Distributions of different dimensions, with values that aren't finite, or so large that their distance isn't.
+/// Distributions of different dimensions, non-finite values, or values so large that the distance isn't finite.
 pub fn frechet_distance(a: &Gaussian, b: &Gaussian) -> Result<f64, QualityError> {
     let dimension = a.mean.len();
     for g in [a, b] {
@@ -48,11 +48,12 @@ pub fn frechet_distance(a: &Gaussian, b: &Gaussian) -> Result<f64, QualityError>
     distance(&a.mean, &b.mean, a.covariance.trace() + b.covariance.trace(), cross)
 }
 
-/// [`frechet_distance`] of two sets of feature vectors, by the shorter way: with fewer vectors than dimensions
-/// tr (Σ₁Σ₂)^½ is the sum of the singular values of X₁·X₂ᵀ over √((n₁ − 1)(n₂ − 1)), X being the centred vectors as rows.
+/// [`frechet_distance`] of two sets of feature vectors; faster if there are fewer vectors than dimensions.
+/// Then tr (Σ₁Σ₂)^½ is the sum of the singular values of X₁·X₂ᵀ over √((n₁ − 1)(n₂ − 1)), with the centred vectors as
+/// rows of X.
 ///
 /// # Errors
-/// As [`Gaussian::of`]; sets whose vectors have different lengths, or values so large that the distance isn't finite.
+/// As [`Gaussian::of`]; sets with vectors of different lengths, or values so large that the distance isn't finite.
 pub fn frechet_distance_of(a: &[Vec<f64>], b: &[Vec<f64>]) -> Result<f64, QualityError> {
     let ((mean_a, rows_a), (mean_b, rows_b)) = (centred(a)?, centred(b)?);
     let (expected, found) = (mean_a.len(), mean_b.len());
@@ -71,11 +72,11 @@ pub fn frechet_distance_of(a: &[Vec<f64>], b: &[Vec<f64>]) -> Result<f64, Qualit
 
 fn distance(mean_a: &DVector<f64>, mean_b: &DVector<f64>, traces: f64, cross: f64) -> Result<f64, QualityError> {
     let distance = (mean_a - mean_b).norm_squared() + traces - 2.0 * cross;
-    // `max` would make 0 of NaN.
+    // `max` would turn NaN into 0.
     if distance.is_finite() { Ok(distance.max(0.0)) } else { Err(QualityError::NoDistance) }
 }
 
-/// Mean, and the vectors less their mean as rows [n × d].
+/// Mean, and the vectors minus their mean as rows [n × d].
 fn centred(features: &[Vec<f64>]) -> Result<(DVector<f64>, DMatrix<f64>), QualityError> {
     let [first, _, ..] = features else { return Err(QualityError::FewFeatures { found: features.len() }) };
     let expected = first.len();

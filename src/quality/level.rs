@@ -1,10 +1,10 @@
-//! Difference of local mean levels: what is left of a difference when speckle is averaged out.
+//! Difference of local mean levels: the difference that remains when speckle is averaged out.
 
 use super::{Pair, QualityError};
 
 /// Mean magnitude and root mean square of the difference of mean grey levels over patches of 32 × 32.
 ///
-/// Two frames with the same tissues and other speckle differ much pixel by pixel, and little here. Patches and mask are
+/// Two frames with the same tissues and different speckle differ much per pixel, and little here. Patches and mask are
 /// those of [`pkl`](fn@super::pkl).
 ///
 /// # Errors

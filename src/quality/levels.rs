@@ -1,4 +1,4 @@
-//! Levels of displayed images, averaged over several, at places in mm.
+//! Levels of displayed images, averaged over several images, at positions in mm.
 
 use glam::DVec2;
 
@@ -16,13 +16,13 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Of images of `sector`, whose grey levels 0..=255 span `dynamic_range_db`.
+    /// Empty mean for images of `sector`, whose grey levels 0..=255 span `dynamic_range_db`.
     pub fn new(sector: Sector, dynamic_range_db: f64) -> Self {
         let pixels = sector.width as usize * sector.height as usize;
         Self { sector, dynamic_range_db, images: 0.0, sum_db: vec![0.0; pixels], sum_power: vec![0.0; pixels] }
     }
 
-    /// Adds an image, row by row; one of another size is left out, and false.
+    /// Adds an image, row by row. Returns false, without adding it, if the size differs.
     pub fn add(&mut self, grey: &[u8]) -> bool {
         if grey.len() != self.sum_db.len() {
             return false;
@@ -36,25 +36,25 @@ impl Levels {
         true
     }
 
-    /// Places (probe frame x, z, mm) and mean power of the pixels whose centres lie within `(centre, half size)`.
+    /// Positions (probe frame x, z, mm) and mean power of the pixels whose centres are within `(centre, half size)`.
     pub fn pixels(&self, (centre, half): (DVec2, DVec2)) -> impl Iterator<Item = (DVec2, f64)> + '_ {
         self.indices(centre, half).map(|(i, place)| (place, self.sum_power[i] / self.images.max(1.0)))
     }
 
-    /// Mean power within `(centre, half size)`; 0 where no pixel is.
+    /// Mean power within `(centre, half size)`; 0 if it contains no pixel.
     pub fn box_power(&self, box_mm: (DVec2, DVec2)) -> f64 {
         let (sum, n) = self.pixels(box_mm).fold((0.0, 0.0), |(sum, n), (_, power)| (sum + power, n + 1.0));
         sum / f64::max(n, 1.0)
     }
 
-    /// Mean level of a disc, dB above black; 0 where no pixel is.
+    /// Mean level of a disc, dB above black; 0 if it contains no pixel.
     pub fn disc_db(&self, centre: DVec2, radius_mm: f64) -> f64 {
         let inside = self.indices(centre, DVec2::splat(radius_mm)).filter(|(_, p)| p.distance(centre) <= radius_mm);
         let (sum, n) = inside.fold((0.0, 0.0), |(sum, n), (i, _)| (sum + self.sum_db[i], n + 1.0));
         sum / f64::max(n, 1.0) / self.images.max(1.0)
     }
 
-    /// Mean level at a place, bilinear in power, dB above black; places outside take the nearest pixel's.
+    /// Mean level at a position, bilinear in power, dB above black; positions outside take the nearest pixel.
     pub fn db_at(&self, place: DVec2) -> f64 {
         let at = self.sector.pixel_from_probe(place) - 0.5;
         let (floor, part) = (at.floor(), at - at.floor());
@@ -81,8 +81,8 @@ impl Levels {
         upper_median(&means).unwrap_or(0.0)
     }
 
-    /// Full width at half the amplitude of the peak nearest to `place` along `axis` (a unit vector of the image), mm, with
-    /// the power `noise` taken off.
+    /// Full width, mm, at half the amplitude of the peak nearest to `place`, along `axis` (a unit vector of the image).
+    /// The power `noise` is subtracted first.
     pub fn half_width_mm(&self, place: DVec2, axis: DVec2, noise: f64) -> f64 {
         let centre = self.sector.pixel_from_probe(place).floor();
         let amplitude = |i: i32| {

@@ -1,8 +1,8 @@
 //! Image quality metrics: PSNR, SSIM, pKL and the Fréchet distance of the paper's table, speckle statistics and missed
 //! structures.
 //!
-//! Images are 8-bit grey levels, compared in f64. Every metric of two images takes a [`Pair`]: the image judged, its
-//! reference, and a mask where only the sector is meant.
+//! Images are 8-bit grey levels, compared in f64. Every metric of two images takes a [`Pair`]: the image, its
+//! reference, and an optional mask of the sector.
 //!
 //! [`qa_phantom`] measures images of the QA phantom instead, without a reference.
 //!

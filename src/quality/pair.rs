@@ -1,4 +1,4 @@
-//! Two images of one size, and where they are compared.
+//! Two images of one size, and the mask of compared pixels.
 
 use super::QualityError;
 use super::error::{check_holds, check_sizes};
@@ -17,10 +17,10 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// `image` and `reference` [height × width] are compared everywhere, or where `mask` [height × width] is not 0.
+    /// Compares `image` and `reference` [height × width] everywhere, or only where `mask` [height × width] is not 0.
     ///
     /// # Errors
-    /// A map that does not have that size, an image without pixels, a mask without a pixel inside.
+    /// A map of another size, an image without pixels, a mask without a pixel inside.
     pub fn new(
         size @ [width, height]: [usize; 2],
         image: &'a [u8],
@@ -42,12 +42,12 @@ impl<'a> Pair<'a> {
         self.mask.is_none_or(|mask| mask[index] != 0)
     }
 
-    /// Mean of `values` over the patches, each given by the indices of its pixels inside. A patch counts if at least half
-    /// of its pixels are inside. Patches do not overlap and begin at the upper left corner; what is left at right and
-    /// bottom of the last whole patch is not looked at.
+    /// Mean of `values` over the patches. `values` takes the indices of a patch's pixels inside. A patch counts if at
+    /// least half of its pixels are inside. Patches do not overlap and begin at the upper left corner; incomplete
+    /// patches at the right and bottom edges are ignored.
     ///
     /// # Errors
-    /// An image smaller than a patch; a mask that leaves none.
+    /// An image smaller than a patch; a mask that leaves no patch.
     pub(super) fn mean_over_patches<const N: usize>(
         &self,
         metric: &'static str,

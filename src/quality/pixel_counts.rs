@@ -1,8 +1,8 @@
-//! Number of pixels of a kind in any rectangle, by sums from the upper left corner on.
+//! Number of pixels of a kind in any rectangle, from a summed-area table.
 
 use std::ops::Range;
 
-/// Pixels of one kind above and left of each corner of an image.
+/// Number of pixels of one kind above and to the left of each pixel corner.
 pub(super) struct PixelCounts {
     stride: usize,
     /// [height + 1 × width + 1]
@@ -10,12 +10,12 @@ pub(super) struct PixelCounts {
 }
 
 impl PixelCounts {
-    /// Memory for an image of that size.
+    /// Table for an image of size [width, height].
     pub(super) fn new([width, height]: [usize; 2]) -> Self {
         Self { stride: width + 1, sums: vec![0; (width + 1) * (height + 1)] }
     }
 
-    /// Counts the pixels of `map` that are of the kind.
+    /// Counts the pixels of `map` that satisfy `is_of_kind`.
     pub(super) fn count(&mut self, map: &[u8], is_of_kind: impl Fn(u8) -> bool) {
         let stride = self.stride;
         for (row, values) in map.chunks_exact((stride - 1).max(1)).enumerate() {

@@ -1,9 +1,9 @@
 //! Measurements in images of the QA phantom: distances, resolution, contrast, cysts, penetration.
 //!
-//! The layout is that of [`crate::anatomy::specimens::qa`], seen by a linear probe whose face lies on z = 0 about x = 0. As
-//! on a scanner, everything is measured on the displayed image: a grey level is a level in dB above black.
+//! The layout is that of [`crate::anatomy::specimens::qa`], seen by a linear probe with its face on z = 0, centred at x
+//! = 0. As on a scanner, everything is measured on the displayed image: a grey level is a level in dB above black.
 //! Definitions follow the AIUM's "Methods for Measuring Performance of Pulse-Echo Ultrasound Equipment" in spirit; each
-//! field says what exactly was done.
+//! field gives its exact definition.
 
 use glam::DVec2;
 use serde::Serialize;
@@ -14,9 +14,9 @@ use crate::transducer::{Probe, Sector};
 
 use super::levels::Levels;
 
-/// Dip between two wires, below the weaker of them, from which they count as two, dB.
+/// Least dip between two resolved wires, below the weaker of them, dB.
 pub const RESOLVED_DIP_DB: f64 = 3.0;
-/// The background counts as seen down to where its mean level is this much above black, dB.
+/// Least mean level of visible background above black, dB.
 pub const SEEN_DB: f64 = 3.0;
 
 /// A distance between two wires.
@@ -26,18 +26,18 @@ pub struct Distance {
     pub direction: &'static str,
     /// Depth of the first wire, mm.
     pub depth_mm: f64,
-    /// As built, mm.
+    /// True distance, mm.
     pub true_mm: f64,
-    /// From centre to centre of what is within 10 dB of each wire's peak, mm.
+    /// Distance between the centres of the pixels within 10 dB of each wire's peak, mm.
     pub measured_mm: f64,
 }
 
 /// A grey-scale target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Contrast {
-    /// As built: scattered power against the background's, dB.
+    /// True contrast: scattered power relative to the background's, dB.
     pub true_db: f64,
-    /// Mean level of the target's middle (0.8 of its diameter) less that of the background just above and below, dB.
+    /// Mean level of the target's middle (0.8 of its diameter) minus that of the background just above and below, dB.
     pub measured_db: f64,
 }
 
@@ -48,7 +48,7 @@ pub struct Cyst {
     pub diameter_mm: f64,
     /// Depth of its centre, mm.
     pub depth_mm: f64,
-    /// Mean level of the background less that of its middle half, dB.
+    /// Mean level of the background minus that of the cylinder's middle half, dB.
     pub void_db: f64,
 }
 
@@ -59,15 +59,15 @@ pub struct Widths {
     pub depth_mm: f64,
     /// Full width at half the amplitude (−6 dB) across the scanlines, mm.
     pub lateral_mm: f64,
-    /// The beam there, with the wire's own width, mm.
+    /// Expected lateral width: that of the beam combined with the wire's own, mm.
     pub lateral_expected_mm: f64,
     /// Full width at half the amplitude along the scanlines, mm.
     pub axial_mm: f64,
-    /// The pulse, with the wire's two sides one behind the other, mm.
+    /// Expected axial width: that of the pulse plus the delay between the wire's two sides, mm.
     pub axial_expected_mm: f64,
 }
 
-/// Two wires beside or behind each other.
+/// Two wires side by side or one behind the other.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pair {
     /// `axial` or `lateral`.
@@ -76,12 +76,12 @@ pub struct Pair {
     pub depth_mm: f64,
     /// Centre to centre, mm.
     pub apart_mm: f64,
-    /// Least level between them along that direction below the weaker of the two, dB.
+    /// Dip of the level between them, along that direction, below the weaker of the two, dB.
     pub dip_db: f64,
 }
 
 impl Pair {
-    /// Whether they are seen as two: a dip of at least [`RESOLVED_DIP_DB`].
+    /// True if they are seen as two: a dip of at least [`RESOLVED_DIP_DB`].
     pub fn is_resolved(&self) -> bool {
         self.dip_db >= RESOLVED_DIP_DB
     }
@@ -92,15 +92,15 @@ impl Pair {
 pub struct Penetration {
     /// Depth to which the background's mean level stays [`SEEN_DB`] above black, mm.
     pub seen_mm: f64,
-    /// Whether that is the bottom of the image.
+    /// True if that is the bottom of the image.
     pub whole_depth: bool,
-    /// Change of the background's level with depth, dB a cm; a straight line through what is seen, from 1 cm on.
+    /// Change of the background's level with depth, dB/cm: a straight-line fit over the visible depths, from 1 cm on.
     pub slope_db_cm: f64,
     /// Depth (mm) and mean level (dB above black) of the background, in steps of 5 mm.
     pub levels: Vec<(f64, f64)>,
 }
 
-/// All that was measured.
+/// All measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct QaReport {
     /// Distances, vertical ones first.
@@ -117,8 +117,8 @@ pub struct QaReport {
     pub penetration: Penetration,
 }
 
-/// Measures everything of the phantom that lies within `probe`'s depth. `levels` holds at least one image; several, taken
-/// along the targets (y), average the speckle.
+/// Measures all targets of the phantom within `probe`'s depth. `levels` holds at least one image; several, taken at
+/// different y along the targets, average the speckle.
 pub fn measure(levels: &Levels, probe: &Probe) -> QaReport {
     let seen = |depth: f32| f64::from(depth) + 2.0 < probe.depth_mm;
     QaReport {
@@ -203,7 +203,7 @@ fn widths(levels: &Levels, probe: &Probe, place: (f32, f32)) -> Widths {
     use crate::acoustics::pulse::FWHM_PER_SIGMA;
     let depth_mm = f64::from(place.1);
     let at = wire_mm(levels, place);
-    // Speckle beside the wire, whose power adds to its own.
+    // Speckle beside the wire: its power adds to the wire's.
     let noise = levels.box_power((at + DVec2::new(0.0, 2.5), DVec2::new(3.0, 0.8)));
     let wire = f64::from(qa::WIRE_MM);
     let beam = FWHM_PER_SIGMA * probe.lateral_sigma_mm(depth_mm);
@@ -213,14 +213,14 @@ fn widths(levels: &Levels, probe: &Probe, place: (f32, f32)) -> Widths {
         // The second moments of a Gaussian and a box add.
         lateral_expected_mm: (beam.powi(2) + FWHM_PER_SIGMA.powi(2) / 12.0 * wire.powi(2)).sqrt(),
         axial_mm: levels.half_width_mm(at, DVec2::Y, noise),
-        // Upper and lower side of the wire echo one behind the other; nylon (2600 m/s) is faster than the phantom.
+        // Upper and lower side of the wire echo one after the other; nylon (2600 m/s) is faster than the phantom.
         axial_expected_mm: FWHM_PER_SIGMA * probe.axial_sigma_mm() + wire * 1540.0 / 2600.0,
     }
 }
 
 fn pairs(levels: &Levels, depth: f32) -> Vec<Pair> {
     let places = qa::resolution(depth);
-    // Axial flights go down on the right, lateral rows to the left; both begin with a wire of their own.
+    // Axial flights go down on the right, lateral rows to the left; each begins with its own wire.
     let flight = |right: bool| places.iter().copied().filter(move |p| (p.0 > 0.0) == right);
     let along = |direction: &'static str, right: bool| {
         let row: Vec<_> = flight(right).collect();
@@ -234,16 +234,16 @@ fn pairs(levels: &Levels, depth: f32) -> Vec<Pair> {
     .collect()
 }
 
-/// Dip between two wires, dB: the brightest level across the direction of interest, along it, has a peak at either wire;
-/// how far its least value between them is below the weaker. 0 where they are one peak.
+/// Dip between two wires, dB, on the profile of the brightest level across the direction of interest. It is the least
+/// value between the two peaks, below the weaker peak. 0 if they are one peak.
 fn dip_db(levels: &Levels, direction: &str, a: (f32, f32), b: (f32, f32)) -> f64 {
-    // A wire's echo is that of its upper side.
+    // A wire's echo comes from its upper side.
     let centre = |(x, z): (f32, f32)| DVec2::new(x.into(), f64::from(z) + 0.1);
     let (from, to) = (centre(a), centre(b));
     let (axis, across) = if direction == "axial" { (DVec2::Y, DVec2::X) } else { (DVec2::X, DVec2::Y) };
     let (low, high) = (from.min(to), from.max(to));
     let (start, end) = (low.dot(axis), high.dot(axis));
-    // Part of the gap beyond either wire, so that each peak is inside and no neighbour is.
+    // Margin beyond either wire, which includes its peak and excludes its neighbours.
     let margin = (0.3 * (end - start)).min(0.4);
     let (side_from, side_to) = (low.dot(across) - 0.3, high.dot(across) + 0.3);
     let steps = |from: f64, to: f64, step: f64| {
@@ -262,7 +262,7 @@ fn dip_db(levels: &Levels, direction: &str, a: (f32, f32), b: (f32, f32)) -> f64
 
 fn penetration(levels: &Levels, probe: &Probe) -> Penetration {
     let step = 5.0;
-    // Between the vertical group and the targets of the right: background alone over most of the depth.
+    // The median over the columns suppresses wires and targets.
     let places: Vec<(f64, f64)> = (1..)
         .map(|i| f64::from(i) * step)
         .take_while(|depth| depth + 1.0 < probe.depth_mm)
@@ -279,7 +279,7 @@ fn penetration(levels: &Levels, probe: &Probe) -> Penetration {
     }
 }
 
-/// Whether `probe` and its image can show the phantom as it is laid out.
+/// True if `probe` and its image can show the phantom's layout.
 pub fn suits(probe: &Probe, sector: &Sector) -> bool {
     probe.face_radius_mm().is_none() && probe.half_extent() >= 29.0 && probe.depth_mm >= 60.0 && sector.pixel_mm <= 0.25
 }

@@ -1,4 +1,5 @@
-//! Against values of NumPy, SciPy and scikit-image: `tests/data/quality`, made by `tests/python/quality_reference.py`.
+//! Comparison with values of NumPy, SciPy and scikit-image: `tests/data/quality`, made by
+//! `tests/python/quality_reference.py`.
 
 use std::path::PathBuf;
 
@@ -7,7 +8,7 @@ use serde::Deserialize;
 use super::{Pair, SsimMap, frechet_distance, frechet_distance_of, pkl, psnr_db, ssim};
 use crate::quality::Gaussian;
 
-/// Greatest difference, relative.
+/// Largest relative difference.
 const TOLERANCE: f64 = 1e-9;
 
 #[derive(Deserialize)]
@@ -76,7 +77,7 @@ fn images_have_the_reference_values() {
             close(&format!("SSIM of {name}"), ssim(&pair), expected.ssim, TOLERANCE);
             close(&format!("pKL of {name}"), pkl(&pair).unwrap(), expected.pkl, TOLERANCE);
         }
-        // scikit-image leaves 5 pixels at each edge out.
+        // scikit-image leaves out 5 pixels at each edge.
         let [width, height] = size;
         let inner = |i: usize| (5..width - 5).contains(&(i % width)) && (5..height - 5).contains(&(i / width));
         let inner: Vec<u8> = (0..image.len()).map(|i| u8::from(inner(i))).collect();
@@ -90,7 +91,7 @@ fn feature_sets_have_the_reference_distances() {
     let all = cases::<Features>("frechet.json");
     assert!(all.len() >= 3);
     for Features { name, a, b, distance } in all {
-        // The eigenvalues of SciPy's singular product are good to the root of the precision.
+        // SciPy's eigenvalues of the singular product are accurate to the root of the precision.
         let tolerance = 1e-7;
         close(&name, frechet_distance_of(&a, &b).unwrap(), distance, tolerance);
         let [a, b] = [&a, &b].map(|set| Gaussian::of(set).unwrap());

@@ -1,21 +1,21 @@
-//! Mean levels of parts of images: by tissue, and behind bone.
+//! Mean levels of image regions: by tissue, and behind bone.
 
 use serde::{Deserialize, Serialize};
 
 use crate::transducer::{Probe, Sector};
 
-/// Distance behind a tissue's nearest pixel from which on a pixel of a scanline lies behind it, mm: the pulse and its
-/// echo's blur are shorter.
+/// Least distance of a pixel from the tissue's nearest pixel on its scanline to count as behind it, mm. The pulse and
+/// the blur of its echo are shorter.
 pub const BEHIND_MM: f64 = 2.0;
-/// Beginnings and parts of the names of tissues that cast the shadows which are looked at.
+/// Parts of the names of tissues whose shadows are measured.
 pub const BONES: [&str; 3] = ["bone", "calvaria", "skull"];
 
-/// Whether a tissue of that name is bone.
+/// True if a tissue of that name is bone.
 pub fn is_bone(tissue: &str) -> bool {
     BONES.iter().any(|bone| tissue.contains(bone))
 }
 
-/// Sums over the pixels of a region, of one image or of many.
+/// Sums over the pixels of a region, of one image or several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RegionSum {
     pixels: u64,
@@ -33,9 +33,9 @@ pub struct RegionError {
     pub grey: f64,
     /// Mean grey level of the reference.
     pub reference_grey: f64,
-    /// Mean of the image's level less the reference's.
+    /// Mean of the image's level minus the reference's.
     pub difference: f64,
-    /// Mean magnitude of that difference, pixel by pixel: of images with other speckle it is never 0.
+    /// Mean magnitude of that difference per pixel; never 0 for images with different speckle.
     pub absolute_difference: f64,
 }
 
@@ -53,7 +53,7 @@ impl RegionSum {
         self.pixels
     }
 
-    /// Means; none of no pixels.
+    /// Means; `None` without pixels.
     pub fn error(&self) -> Option<RegionError> {
         let mean = |sum: u64| sum as f64 / self.pixels as f64;
         let (grey, reference_grey) = (mean(self.image), mean(self.reference));
@@ -71,12 +71,12 @@ impl RegionSum {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scanlines {
     lines: usize,
-    /// Scanline and depth in mm [height × width]; none outside the sector.
+    /// Scanline and depth in mm [height × width]; `None` outside the sector.
     places: Vec<Option<(u16, f32)>>,
 }
 
 impl Scanlines {
-    /// Of `probe`'s sector in `width` × `height` pixels.
+    /// Map of `probe`'s sector in `width` × `height` pixels.
     pub fn new(probe: &Probe, width: u32, height: u32) -> Self {
         let sector = Sector::fit(probe, width, height);
         let lines = (probe.scanlines as usize).clamp(1, usize::from(u16::MAX));
@@ -90,8 +90,8 @@ impl Scanlines {
     }
 
     /// Mask [height × width] of the pixels behind a casting pixel: one whose number in `segmentation` passes `casts`.
-    /// They lie on the same scanline, more than [`BEHIND_MM`] deeper than the nearest casting pixel. Casting pixels and
-    /// pixels outside the sector (number 0) are excluded. Scanlines are taken as straight.
+    /// They are on the same scanline, more than [`BEHIND_MM`] deeper than the nearest casting pixel. Casting pixels and
+    /// pixels outside the sector (number 0) are excluded. Scanlines are assumed straight.
     pub fn behind(&self, segmentation: &[u8], casts: impl Fn(u8) -> bool) -> Vec<bool> {
         let casts: [bool; 256] = std::array::from_fn(|number| casts(number as u8));
         let mut nearest = vec![f32::INFINITY; self.lines];

@@ -13,14 +13,14 @@ pub struct Scores {
     pub psnr_db: f64,
     /// SSIM, at most 1.
     pub ssim: f64,
-    /// pKL, nats; none of an image smaller than a patch, or of a mask that leaves none.
+    /// pKL, nats; `None` for an image smaller than a patch, or a mask that leaves no patch.
     pub pkl: Option<f64>,
 }
 
 impl Scores {
-    /// Of a pair.
+    /// Scores of a pair.
     pub fn of(pair: &Pair<'_>) -> Self {
-        // That there is no patch to compare is pKL's only error.
+        // pKL fails only if there is no patch to compare.
         Self { pkl: pkl(pair).ok(), psnr_db: psnr_db(pair), ssim: ssim(pair) }
     }
 }
@@ -31,7 +31,7 @@ pub struct Spread {
     /// Mean.
     #[serde(with = "infinite_is_null")]
     pub mean: f64,
-    /// Percentile on the bad side: the 5th where more is better, else the 95th.
+    /// Percentile on the bad side: the 5th if higher is better, else the 95th.
     #[serde(with = "infinite_is_null")]
     pub percentile: f64,
 }
@@ -41,8 +41,8 @@ pub struct Spread {
 pub struct Summary {
     /// Images.
     pub images: usize,
-    /// Images identical to their references. They have no finite PSNR and are left out of its mean, unless all are; in
-    /// its percentile they are greatest.
+    /// Images identical to their references. Their PSNR is infinite: it is excluded from the mean, unless all are
+    /// identical, and ranks highest in the percentile.
     pub identical: usize,
     /// PSNR, dB, mean and 5th percentile.
     pub psnr_db: Spread,
@@ -50,12 +50,12 @@ pub struct Summary {
     pub ssim: Spread,
     /// Images without pKL.
     pub without_pkl: usize,
-    /// pKL of the others, nats, mean and 95th percentile; none if there are no others.
+    /// pKL of the others, nats, mean and 95th percentile; `None` if there are no others.
     pub pkl: Option<Spread>,
 }
 
 impl Summary {
-    /// Of the metrics of each image; None of no images.
+    /// Summary of the metrics of each image; `None` without images.
     pub fn of(scores: &[Scores]) -> Option<Self> {
         let spread = |of: fn(&Scores) -> Option<f64>, part| {
             let values: Vec<f64> = scores.iter().filter_map(of).collect();
@@ -73,7 +73,7 @@ impl Summary {
     }
 }
 
-/// JSON has no infinity: `null` stands for it.
+/// JSON has no infinity: `null` represents it.
 pub(crate) mod infinite_is_null {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

@@ -6,9 +6,9 @@ use super::QualityError;
 use super::error::check_sizes;
 use crate::statistics::median;
 
-/// Side of the patches that the envelope is looked at in, pixels.
+/// Side of the patches in which the envelope is measured, pixels.
 pub const PATCH: usize = 32;
-/// Part of a patch that may be black or white: there the envelope is cut off.
+/// Largest share of black or white pixels in a patch; the envelope is clipped there.
 const CLIPPED_MAX: f64 = 0.01;
 
 /// Speckle of one tissue.
@@ -22,21 +22,21 @@ pub struct ClassSpeckle {
     pub grey_mean: f64,
     /// Standard deviation of the grey levels.
     pub grey_deviation: f64,
-    /// Mean over standard deviation of the envelope, the median over patches that lie wholly in the tissue, so that
-    /// depth, shadows and borders count little; none where no patch does, or all are clipped. Fully developed speckle
-    /// has √(π/(4 − π)) = 1.91 (Rayleigh; Burckhardt 1978), fewer scatterers or mixtures less.
+    /// Mean over standard deviation of the envelope: the median over patches wholly inside the tissue.
+    /// Depth, shadows and borders thus count little. `None` without such a patch, or if all are clipped. Fully
+    /// developed speckle has √(π/(4 − π)) = 1.91 (Rayleigh; Burckhardt 1978), fewer scatterers or mixtures less.
     pub envelope_snr: Option<f64>,
-    /// Patches that it is of.
+    /// Patches used for the envelope.
     pub patches: usize,
 }
 
 /// Speckle of every tissue in `segmentation` [height × width], in the order of their numbers; 0 is outside.
 ///
-/// `image` [height × width] holds log-compressed levels over `dynamic_range_db`; the envelope is what they were made of:
-/// 10^(level/255·range/20), to a factor.
+/// `image` [height × width] holds log-compressed levels over `dynamic_range_db`. The envelope is recovered as
+/// 10^(level/255·range/20), up to a factor.
 ///
 /// # Errors
-/// Maps that don't have that size.
+/// Maps of another size.
 pub fn speckle(
     image: &[u8],
     segmentation: &[u8],
@@ -82,7 +82,7 @@ pub fn speckle(
     Ok(all.filter(|(number, (sums, _))| *number > 0 && sums[0] > 0).map(class).collect())
 }
 
-/// Mean over deviation of a patch's envelope; none of a clipped or constant one.
+/// Mean over deviation of a patch's envelope; `None` for a clipped or constant one.
 fn snr(levels: impl Iterator<Item = u8>, envelope: &[f64; 256]) -> Option<f64> {
     let (mut sum, mut squares, mut clipped) = (0.0, 0.0, 0.0);
     for level in levels {
@@ -122,7 +122,7 @@ mod tests {
         assert_eq!((class.class, class.pixels, class.patches), (3, 128 * 128, 16));
         let full = (std::f64::consts::PI / (4.0 - std::f64::consts::PI)).sqrt();
         assert!((class.envelope_snr.unwrap() - full).abs() < 0.03, "{class:?}");
-        // 5.57 dB, the deviation of log-compressed Rayleigh amplitudes, of 60 dB to 255 levels.
+        // 5.57 dB, the deviation of log-compressed Rayleigh amplitudes, as grey levels (60 dB are 255).
         assert!((class.grey_deviation - 5.57 / 60.0 * 255.0).abs() < 1.0, "{class:?}");
     }
 

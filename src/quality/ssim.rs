@@ -23,19 +23,18 @@ pub struct SsimMap {
 /// Mean SSIM over the pixels inside, at most 1.
 ///
 /// As MATLAB's `ssim` on `uint8`: Gaussian window 11 × 11 of σ 1.5, weighted (biased) variances, K 0.01 and 0.03, range
-/// 255, exponents 1, images continued beyond their edges by their edge pixels (`imgaussfilt` with `'replicate'`), so
-/// that the map has the images' size and every size has a value. scikit-image's `structural_similarity` with
-/// `gaussian_weights=True, sigma=1.5, use_sample_covariance=False` has the same map except for the continuation, and leaves
-/// 5 pixels at each edge out of the mean.
+/// 255, exponents 1. Edge pixels are replicated beyond the edges (`imgaussfilt` with `'replicate'`), so the map has the
+/// images' size. scikit-image's `structural_similarity` with `gaussian_weights=True, sigma=1.5,
+/// use_sample_covariance=False` has the same map except for the edges. It leaves 5 pixels at each edge out of the mean.
 ///
-/// With a mask the windows still see the whole images, and the map is averaged over the pixels inside: near the
-/// sector's rim the black outside, which is the same in both, counts in.
+/// With a mask the windows still cover the whole images, and only the map is averaged over the pixels inside. Near the
+/// sector's rim the windows include the black outside, equal in both images.
 pub fn ssim(pair: &Pair<'_>) -> f64 {
     SsimMap::new(pair).mean(pair)
 }
 
 impl SsimMap {
-    /// The map of a pair; its mask is not looked at.
+    /// SSIM map of a pair; ignores its mask.
     pub fn new(pair: &Pair<'_>) -> Self {
         let (width, height) = (pair.width, pair.height);
         let window = window();
@@ -65,7 +64,7 @@ impl SsimMap {
         Self { values }
     }
 
-    /// Mean over the pixels inside of `pair`.
+    /// Mean over `pair`'s pixels inside.
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
         let inside = self.values.iter().enumerate().filter(|(index, _)| pair.inside(*index));
         let (sum, count) = inside.fold((0.0, 0usize), |(sum, count), (_, value)| (sum + value, count + 1));

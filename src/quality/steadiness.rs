@@ -1,4 +1,4 @@
-//! Steadiness of frames under probe motion: changes between two frames that the motion does not explain.
+//! Steadiness of frames under probe motion: changes between two frames not explained by the motion.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,9 +6,9 @@ use super::error::check_sizes;
 use super::{Pair, QualityError, level_difference};
 use crate::statistics;
 
-/// Mean magnitude of `after` less `before`, grey levels, where what lies at column c and row r of `before` lies at column
-/// c + `shift`\[0\] and row r + `shift`\[1\] of `after`: over the pixels that are inside `mask` [height × width] (not 0) in
-/// both frames. A picture that moves by that shift as a whole has 0.
+/// Mean magnitude of `after` minus `before` shifted by `shift` (columns, rows), grey levels.
+/// Pixel (c, r) of `before` is compared with pixel (c + `shift`\[0\], r + `shift`\[1\]) of `after`, if both are inside
+/// `mask` [height × width] (not 0). A picture that moves as a whole by that shift has 0.
 ///
 /// # Errors
 /// Maps of another size; a shift that leaves no pixel inside both.
@@ -35,8 +35,8 @@ pub fn shifted_difference(
     if pixels == 0 { Err(QualityError::EmptyMask) } else { Ok(sum as f64 / pixels as f64) }
 }
 
-/// [`level_difference`] of `after` and `before` after the shift, mean magnitude, grey levels: flicker without the speckle,
-/// which decorrelates as the probe moves, and which a smooth picture lacks. Pixels as in [`shifted_difference`].
+/// [`level_difference`] of `after` and the shifted `before`, mean magnitude, grey levels: flicker without speckle.
+/// Speckle decorrelates as the probe moves, and a smooth picture has none. Pixels as in [`shifted_difference`].
 ///
 /// # Errors
 /// Maps of another size; frames smaller than a patch; a shift that leaves no patch.
@@ -48,7 +48,7 @@ pub fn shifted_level_difference(
     shift: [isize; 2],
 ) -> Result<f64, QualityError> {
     check_sizes(size, &[("frame before", before), ("frame after", after), ("mask", mask)])?;
-    // `after` brought back onto `before`.
+    // `after` shifted back onto `before`.
     let mut back = vec![0; after.len()];
     let mut both = vec![0; after.len()];
     for (index, (back, both)) in back.iter_mut().zip(&mut both).enumerate() {
@@ -64,24 +64,24 @@ pub fn shifted_level_difference(
     Ok(level_difference(&Pair::new(size, &back, before, Some(&both))?)?[0])
 }
 
-/// Steadiness of a sequence, held against that of its target.
+/// Steadiness of a sequence, compared with that of its target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Steadiness {
     /// Mean over neighbouring frames of [`shifted_difference`], grey levels.
     pub difference: f64,
     /// Mean over neighbouring frames of [`shifted_level_difference`], grey levels: flicker of areas.
     pub level_difference: f64,
-    /// The same without the shift, pixel by pixel: what a frame changes on the screen.
+    /// Mean over neighbouring frames of the unshifted difference, grey levels: the change seen on the screen.
     pub unwarped_difference: f64,
-    /// `difference` over that of the target: 1 is as steady as the target, more flickers; less is steadier or has less
-    /// texture.
+    /// `difference` over that of the target: 1 is as steady as the target, higher flickers more. Lower is steadier or
+    /// has less texture.
     pub over_target: f64,
     /// `level_difference` over that of the target.
     pub level_over_target: f64,
 }
 
 impl Steadiness {
-    /// Of `frames` [height × width] each, whose content moves by `shift` from each to the next, against `target`.
+    /// Steadiness of `frames` [height × width], whose content moves by `shift` per frame, relative to `target`.
     ///
     /// # Errors
     /// As [`shifted_difference`]; fewer than two frames.
@@ -120,7 +120,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [90, 50];
 
-    /// A texture that is fixed in the scene, seen by a window that has moved so far.
+    /// A texture fixed in the scene, seen through a window displaced by `moved`.
     fn seen(moved: [isize; 2], noise: u32) -> Vec<u8> {
         let hash = |x: isize, y: isize, salt: u32| {
             let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77);
@@ -158,7 +158,7 @@ mod tests {
         let mask = vec![255; 90 * 50];
         let noisy = seen_with_noise([3, 0]);
         let found = Steadiness::of(&noisy, &noisy, &mask, SIZE, [-3, 0]).unwrap();
-        // Mean distance of two numbers out of 0..16.
+        // Mean distance of two random numbers in 0..16.
         assert!((found.difference - 85.0 / 16.0).abs() < 0.2 && found.over_target == 1.0, "{found:?}");
         // Grain averages out over a patch; a level that rises by 6 does not.
         assert!(found.level_difference < 0.6, "{found:?}");

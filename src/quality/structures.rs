@@ -10,9 +10,9 @@ use super::pixel_counts::PixelCounts;
 pub const BAND: usize = 8;
 /// Side of the tiles in which a border's contrast is measured, pixels.
 pub const TILE: usize = 64;
-/// Pixels that a tile needs in each band.
+/// Least number of pixels of a tile in each band.
 const PIXELS_MIN: u32 = 64;
-/// Contrast below which a border of the reference isn't one that could be missed, grey levels.
+/// Least contrast of a border of the reference for it to count, grey levels.
 pub const CONTRAST_MIN: f64 = 6.0;
 
 /// Structure errors of one tissue.
@@ -22,24 +22,26 @@ pub struct ClassStructure {
     pub class: u8,
     /// Its pixels.
     pub pixels: usize,
-    /// Mean grey level of the image less that of the reference, within the tissue.
+    /// Mean grey level of the image minus that of the reference, within the tissue.
     pub grey_difference: f64,
-    /// Contrast of its borders in the reference, mean over tiles, grey levels; none where no border stands out.
+    /// Contrast of its borders in the reference, mean over tiles, grey levels; `None` if no border stands out.
     pub contrast: Option<f64>,
-    /// Share of that contrast that the image has lost: 0 has all of it, 1 none.
+    /// Share of that contrast lost in the image: 0 none, 1 all.
     pub contrast_lost: Option<f64>,
 }
 
-/// Every tissue in `segmentation` [height × width], in the order of their numbers; 0 is outside and is no neighbour.
+/// Errors of every tissue in `segmentation` [height × width], in the order of their numbers; 0 is outside and not a
+/// neighbour.
 ///
-/// Contrast is the mean level inside less that outside of a border, within [`BAND`] pixels of it: levels are
-/// log-compressed, so that it is the contrast in dB of Smith et al. 1983 (IEEE Trans. Sonics Ultrason. 30) to a factor.
-/// It is measured tile by tile, so that a bright and a dark stretch of one border don't cancel. Of a tile with contrast c
-/// in the reference and c′ in the image, max(0, min(|c|, |c| − c′·sign c)) is lost; the share is Σ lost / Σ |c| over tiles
-/// with |c| at least [`CONTRAST_MIN`]. More contrast than the reference has loses nothing, the opposite one all.
+/// Contrast is the mean level inside minus that outside of a border, within [`BAND`] pixels of it. Levels are
+/// log-compressed, so it is the contrast in dB of Smith et al. 1983 (IEEE Trans. Sonics Ultrason. 30) up to a factor.
+/// It is measured per tile: a bright and a dark stretch of one border don't cancel.
+/// Of a tile with contrast c in the reference and c′ in the image, max(0, min(|c|, |c| − c′·sign c)) is lost. The share
+/// is Σ lost / Σ |c| over tiles with |c| at least [`CONTRAST_MIN`]. Higher contrast than the reference's loses nothing;
+/// opposite contrast loses all.
 ///
 /// # Errors
-/// Maps that don't have that size.
+/// Maps of another size.
 pub fn structures(
     image: &[u8],
     reference: &[u8],
@@ -78,7 +80,7 @@ pub fn structures(
     Ok(present.map(class).collect())
 }
 
-/// Share of contrast lost over all tissues, each weighed by its contrast; none where no border stands out.
+/// Share of contrast lost over all tissues, each weighted by its contrast; `None` if no border stands out.
 pub fn contrast_lost(classes: &[ClassStructure]) -> Option<f64> {
     let (mut sum, mut lost) = (0.0, 0.0);
     for (contrast, share) in classes.iter().filter_map(|c| c.contrast.zip(c.contrast_lost)) {
@@ -88,7 +90,7 @@ pub fn contrast_lost(classes: &[ClassStructure]) -> Option<f64> {
     (sum > 0.0).then(|| lost / sum)
 }
 
-/// Pixels and sums of levels in the bands of a tile: inside, outside; of image and reference.
+/// Pixel counts and level sums in the bands of a tile: inside, outside; of image and reference.
 #[derive(Clone, Copy, Default)]
 struct Tile {
     pixels: [u32; 2],
@@ -96,7 +98,7 @@ struct Tile {
 }
 
 impl Tile {
-    /// Of image and reference.
+    /// Contrasts of image and reference; `None` with too few pixels.
     fn contrasts(&self) -> Option<[f64; 2]> {
         let enough = self.pixels.iter().all(|&n| n >= PIXELS_MIN);
         let mean = |sums: [u32; 2], side: usize| f64::from(sums[side]) / f64::from(self.pixels[side]);
@@ -141,7 +143,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [128, 128];
 
-    /// A square of tissue 2 in tissue 1, with these levels.
+    /// A square of tissue 2 in tissue 1, with these grey levels.
     fn picture(inside: u8, outside: u8) -> Vec<u8> {
         map(|square| if square { inside } else { outside })
     }

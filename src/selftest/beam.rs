@@ -1,4 +1,4 @@
-//! Point targets and edges: −6 dB widths against the pulse's, the beam's and the lens's.
+//! Point targets and edges: −6 dB widths compared with those of pulse, beam and lens.
 
 use glam::DVec2;
 
@@ -11,9 +11,9 @@ use crate::transducer::{Probe, ProbeKind};
 
 /// Depths of the posts, mm.
 const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
-/// Depth of the edge that the elevational beam is moved across, mm.
+/// Depth of the edge for the elevational beam, mm.
 const EDGE_MM: f64 = 30.0;
-/// Nodes of three Gauss–Hermite layers lie at 0 and ±√3 standard deviations.
+/// Outer node of three Gauss–Hermite layers, in standard deviations: √3; the others are 0 and −√3.
 const OUTER_NODE: f64 = 1.732_050_807_568_877_2;
 
 /// Posts in a fan, and an edge.
@@ -39,7 +39,7 @@ impl Beam {
         for (i, &depth) in POSTS_MM.iter().enumerate() {
             bench.add(target, 1, post(posts.extend(0.0), &fan(), post_line(i), depth, 300.0));
         }
-        // From y = 0 of its place on.
+        // Begins at y = 0 of its place.
         bench.add(target, 1, slab(edge + DVec2::new(0.0, 20.0), 20.0, EDGE_MM, 45.0));
         Self { posts, edge }
     }
@@ -68,13 +68,13 @@ impl Family for Beam {
             let got = half_width(&across) * probe.line_spacing_mm(depth);
             checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
         }
-        // Moved across the edge, the outermost of three layers comes into view √3 σ before the middle.
+        // As the probe moves across the edge, the outer one of three layers sees it √3 σ before the middle one.
         let near = linear(1, 1.0, 256, 50.0);
         let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near };
         for (probe, side) in [(near, "before"), (far, "beyond")] {
             let mut amplitude = |y: f64| {
                 let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
-                // Behind the edge layers that part come in by its side.
+                // Excludes depths behind the edge, where layers hit the slab's side.
                 let [from, to] = [EDGE_MM - 0.1, EDGE_MM + 0.2].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
                 let edge = line(&probe, frame, 0).get(from..to).unwrap_or_default();
                 Ok::<_, RenderError>(edge.iter().map(|&s| magnitude(s)).fold(0.0, f64::max))

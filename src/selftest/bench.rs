@@ -1,4 +1,4 @@
-//! Specimens: made-up tissues and bodies whose echoes are known.
+//! Specimens: synthetic tissues and bodies with known echoes.
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
@@ -7,12 +7,12 @@ use crate::pose::Pose;
 use crate::render::{ImageSettings, RenderSettings};
 use crate::transducer::{Probe, ProbeKind};
 
-/// Distance of neighbouring specimens, mm.
+/// Distance between neighbouring specimens, mm.
 const PITCH_MM: f64 = 100.0;
 /// Specimens in a row.
 const ROW: u32 = 5;
 
-/// A silent tissue without loss, of a speed and an impedance.
+/// A lossless tissue without scatterers, of a given speed and impedance.
 pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
     Tissue {
         speed_m_s,
@@ -22,7 +22,7 @@ pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
     }
 }
 
-/// A tissue of 1.6 MRayl whose every lattice cell holds a scatterer.
+/// A tissue of 1.6 MRayl with a scatterer in every lattice cell.
 pub fn grainy(mean: f64, deviation: f64) -> Tissue {
     Tissue { scatterer_density: 1.0, scatterer_mean: mean, scatterer_deviation: deviation, ..silent(1540.0, 1.6) }
 }
@@ -32,17 +32,17 @@ pub fn grainy(mean: f64, deviation: f64) -> Tissue {
 pub struct Bench {
     tissues: Vec<Tissue>,
     surfaces: Vec<Surface>,
-    /// Places taken.
+    /// Number of places taken.
     places: u32,
 }
 
 impl Bench {
-    /// A bench in `background`, which is tissue 0.
+    /// A bench with the tissue `background`, number 0.
     pub fn new(background: Tissue) -> Self {
         Self { tissues: vec![background], ..Self::default() }
     }
 
-    /// The next free place, (x, y) in mm, on a grid of 100 mm.
+    /// Next free place, (x, y) in mm, on a grid of 100 mm.
     pub(super) fn place(&mut self) -> DVec2 {
         let place = DVec2::new(f64::from(self.places % ROW), f64::from(self.places / ROW));
         self.places += 1;
@@ -60,12 +60,12 @@ impl Bench {
         self.surfaces.push(Surface { name: String::new(), tissue, priority, mesh });
     }
 
-    /// The scene. Tissue i keeps its index.
+    /// Scene of the specimens. Tissue i keeps its index.
     ///
     /// # Errors
     /// A tissue outside its range, or more than 255.
     pub fn scene(self) -> Result<Scene, TissueError> {
-        // Names in the order of their numbers: tables are sorted by name.
+        // Tables are sorted by name, so names follow the order of the numbers.
         let named = self.tissues.into_iter().enumerate().map(|(i, t)| (format!("t{i:03}"), t));
         let mut scene = Scene {
             tissues: TissueTable::new(named)?,
@@ -78,13 +78,13 @@ impl Bench {
     }
 }
 
-/// A probe with parallel lines `spacing_mm` apart.
+/// A probe with parallel scanlines `spacing_mm` apart.
 pub fn linear(scanlines: u32, spacing_mm: f64, samples: u32, depth_mm: f64) -> Probe {
     let kind = ProbeKind::Linear { width_mm: spacing_mm * f64::from(scanlines) };
     Probe { kind, scanlines, samples, depth_mm, ..Probe::default() }
 }
 
-/// Settings that keep the lines, of a small image.
+/// Settings that keep the lines, with a small image.
 pub fn small(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = RenderSettings { lines: true, ..RenderSettings::default() };
     settings.image = ImageSettings { width: 96, height: 64, ..ImageSettings::default() };
@@ -92,7 +92,7 @@ pub fn small(rays: u32, layers: u32) -> RenderSettings {
     settings
 }
 
-/// The pose at a point, looking along +z with x to the side.
+/// Pose at a point, looking along +z with x to the side.
 pub fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose { position_mm: DVec3::new(x, y, z), orientation: DQuat::IDENTITY }
 }
@@ -107,13 +107,13 @@ pub fn slab(centre: DVec2, half_width: f64, top: f64, bottom: f64) -> Mesh {
     )
 }
 
-/// The box of `size` mm whose upper face holds `point` at its middle and has the normal −z turned by `rotation`.
+/// A box of `size` mm, its upper face centred at `point` with the normal −z turned by `rotation`.
 pub fn facing(point: DVec3, size: f64, rotation: DQuat) -> Mesh {
     let centre = point + rotation * DVec3::new(0.0, 0.0, 0.5 * size);
     analytic::plate(centre.as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
 }
 
-/// A post along a scanline of a probe at `face`, so thin that only its ray meets it; its one visible face lies at
+/// A post along a scanline of a probe at `face`, narrow enough to be hit by its ray only. Its one visible face is at
 /// `depth_mm`.
 pub fn post(face: DVec3, probe: &Probe, line: u32, depth_mm: f64, length_mm: f64) -> Mesh {
     let lateral = probe.lateral_coordinate((f64::from(line) + 0.5) / f64::from(probe.scanlines));

@@ -1,4 +1,4 @@
-//! Echoes of plane interfaces: amplitude against Fresnel, range against the time of flight, loss against α.
+//! Echoes of plane interfaces: amplitude compared with Fresnel, range with the time of flight, loss with α.
 
 use glam::{DQuat, DVec2};
 
@@ -16,32 +16,32 @@ use crate::transducer::Probe;
 
 /// Depth of the interfaces at normal incidence, mm.
 const NORMAL_MM: f64 = 37.3;
-/// Names of the media at an interface, and both impedances, MRayl.
+/// Names of the two media at an interface, and their impedances, MRayl.
 const NORMAL: [(&str, f64, f64); 4] = [
     ("water to bone", 1.48, 7.8),
     ("fat to muscle", 1.38, 1.65),
     ("muscle to liver", 1.65, 1.62),
     ("tissue to air", 1.65, 0.0004),
 ];
-/// Speed (m/s) of the background of oblique interfaces.
+/// Speed (m/s) of the background of oblique interfaces. Its impedance follows, MRayl.
 const OBLIQUE_SPEED: f64 = 1540.0;
 const OBLIQUE_IMPEDANCE: f64 = 1.5;
 /// Depth of oblique interfaces, mm.
 const OBLIQUE_MM: f64 = 30.0;
-/// Angle of incidence (degrees), impedance (MRayl) and speed (m/s) beyond.
+/// Angle of incidence (degrees), and impedance (MRayl) and speed (m/s) of the second medium.
 const OBLIQUE: [(f64, f64, f64); 2] = [(20.0, 1.65, 1700.0), (20.0, 7.8, 4080.0)];
-/// Speeds of layers from 8 to 20 mm of depth, and the plate behind them, mm.
+/// Layers by name and speed, m/s; their depths, and the depth of the plate behind them, mm.
 const LAYERS: [(&str, f64); 2] = [("fat", 1450.0), ("bone", 4080.0)];
 const LAYER_MM: (f64, f64) = (8.0, 20.0);
 const BEHIND_MM: f64 = 35.0;
-/// Attenuation (dB/cm/MHz) of the medium before plates at three depths, mm.
+/// Attenuation (dB/cm/MHz) of the medium in front of the plates, and the depths of the plates, mm.
 const ALPHA: f64 = 0.5;
 const PLATES_MM: [f64; 3] = [5.0, 20.0, 41.0];
 
 /// Specimens of plane interfaces.
 pub(super) struct Interfaces {
     normal: Vec<DVec2>,
-    /// Of each case a plate of the background's speed, and the plate itself.
+    /// Per case, a reference plate with the background's speed, and the plate itself.
     oblique: Vec<[DVec2; 2]>,
     layers: Vec<DVec2>,
     plates: Vec<DVec2>,
@@ -87,7 +87,7 @@ impl Interfaces {
     }
 }
 
-/// The strongest echo of a line above `threshold`; none in silence.
+/// Strongest echo of a line above `threshold`; `None` in silence.
 fn strongest(probe: &Probe, samples: &[[f32; 2]], threshold: f64) -> Option<Echo> {
     echoes(probe, samples, threshold).into_iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
 }
@@ -99,7 +99,7 @@ impl Family for Interfaces {
         for (&(what, z1, z2), &place) in NORMAL.iter().zip(&self.normal) {
             let frame = rig.frame(&probe, &small(1, 1), &at(place.x, place.y, 0.0))?;
             let r = interface(z1, z2, 1540.0, 1540.0, 1.0).pressure_reflection;
-            // The face of the probe lies in the first medium: its only echo is the interface's.
+            // The probe's face is inside the first medium, so the interface gives the only echo.
             let amplitude = strongest(&probe, line(&probe, frame, 4), 1e-5).map_or(f64::NAN, |e| e.amplitude);
             let name = format!("{what} at normal incidence, |r|");
             checks.push(Check::new("Fresnel", name, "", r.abs(), amplitude, 2e-3 * r.abs()));
@@ -111,7 +111,7 @@ impl Family for Interfaces {
                 let echo = echoes(&single, line(&single, frame, 0), 1e-16).into_iter().next();
                 Ok::<_, RenderError>(echo.map_or(f64::NAN, |e| e.amplitude))
             };
-            // Under one angle the aperture's share of both echoes is the same and cancels.
+            // At equal angles the aperture's factor is equal in both echoes and cancels.
             let ratio = amplitude(pair[1])? / amplitude(pair[0])?;
             let cos = degrees.to_radians().cos();
             let r = |c: f64| interface(OBLIQUE_IMPEDANCE, z2, OBLIQUE_SPEED, c, cos).pressure_reflection;
@@ -123,7 +123,7 @@ impl Family for Interfaces {
             let frame = rig.frame(&probe, &small(1, 1), &at(place.x, place.y, 0.0))?;
             let thickness = LAYER_MM.1 - LAYER_MM.0;
             let want = ASSUMED_SPEED_M_S * ((BEHIND_MM - thickness) / 1480.0 + thickness / speed);
-            // The plate is what lies deepest.
+            // The plate is the deepest echo.
             let range = echoes(&probe, line(&probe, frame, 4), 1e-3).last().map_or(f64::NAN, |e| e.range_mm(1.0));
             let name = format!("plate behind {thickness:.0} mm of {what}, range by the phase");
             checks.push(Check::new("Time of flight", name, "mm", want, range, 2e-3));

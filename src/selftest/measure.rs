@@ -8,7 +8,7 @@ pub fn magnitude(sample: [f32; 2]) -> f64 {
     f64::from(sample[0]).hypot(f64::from(sample[1]))
 }
 
-/// The samples of a scanline; empty where the frame has no lines.
+/// Samples of a scanline; empty if the frame has no lines.
 pub fn line<'a>(probe: &Probe, frame: &'a Frame, line: u32) -> &'a [[f32; 2]] {
     let samples = probe.samples as usize;
     frame.lines.get(line as usize * samples..).and_then(|rest| rest.get(..samples)).unwrap_or_default()
@@ -17,7 +17,7 @@ pub fn line<'a>(probe: &Probe, frame: &'a Frame, line: u32) -> &'a [[f32; 2]] {
 /// A peak of the envelope.
 #[derive(Debug, Clone, Copy)]
 pub struct Echo {
-    /// Range of the sample that peaks, mm.
+    /// Range of the peak sample, mm.
     pub peak_mm: f64,
     /// Envelope at the peak.
     pub amplitude: f64,
@@ -27,10 +27,10 @@ pub struct Echo {
 }
 
 impl Echo {
-    /// Range by the phase, mm, of an echo whose reflection has the sign of `sign`; the peak tells the period.
+    /// Range from the phase, mm, of an echo with reflection of sign `sign`; the peak selects the period.
     pub fn range_mm(&self, sign: f64) -> f64 {
         let shift = if sign < 0.0 { 0.5 } else { 0.0 };
-        // Phase is −turns_per_mm·z.
+        // The phase is −turns_per_mm·z.
         let off = -(self.turns - shift) - self.turns_per_mm * self.peak_mm;
         self.peak_mm + (off - off.round()) / self.turns_per_mm
     }
@@ -55,8 +55,8 @@ pub fn echoes(probe: &Probe, line: &[[f32; 2]], threshold: f64) -> Vec<Echo> {
         .collect()
 }
 
-/// Full width at half the maximum of a sampled bell, in samples; logarithms are interpolated by parabolas, as a
-/// Gaussian's. NaN where a side does not fall to the half.
+/// Full width at half the maximum of a sampled bell, in samples. The logarithm is interpolated as a parabola, exact for
+/// a Gaussian. NaN if a side does not fall to the half.
 pub fn half_width(values: &[f64]) -> f64 {
     let Some(peak) = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])) else { return f64::NAN };
     let half = 0.5 * values[peak];

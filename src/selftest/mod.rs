@@ -1,8 +1,8 @@
-//! Whether this device renders what acoustics says.
+//! Self-test: comparison of a device's frames with acoustic theory.
 //!
-//! Specimens whose answers are known in closed form stand in one scene, so that the passes are compiled once. Each
-//! family of checks builds its own and measures them on frames: lines, grey levels and maps, as a user of the renderer
-//! gets them. Nothing inside the passes is read, except for the comparison with the f64 twins.
+//! Specimens with closed-form answers share one scene, so the passes are compiled once. Each family of checks builds
+//! its own specimens. It measures them on complete frames: lines, grey levels and maps. Intermediate data of the passes
+//! are not read, except for the comparison with the f64 twins.
 
 pub mod bench;
 pub mod measure;
@@ -40,7 +40,7 @@ pub enum SelfTestError {
     Tissue(#[from] TissueError),
 }
 
-/// One quantity, measured.
+/// A measured quantity with its theoretical value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
     /// Family of the check: `Fresnel`, `Snell`, …
@@ -53,9 +53,9 @@ pub struct Check {
     pub expected: f64,
     /// Measured value; NaN if the frames don't show it at all.
     pub measured: f64,
-    /// Largest accepted distance of the two.
+    /// Largest accepted difference between the two.
     pub tolerance: f64,
-    /// Whether they are no further apart.
+    /// True if the difference is within the tolerance.
     pub passed: bool,
 }
 
@@ -73,7 +73,7 @@ impl Check {
         Self { group, name: name.into(), unit, expected, measured, tolerance, passed }
     }
 
-    /// A quantity without a unit that should be 0.
+    /// A check of a dimensionless quantity that should be 0.
     fn zero(group: &'static str, name: impl Into<String>, measured: f64, tolerance: f64) -> Self {
         Self::new(group, name, "", 0.0, measured, tolerance)
     }
@@ -88,13 +88,13 @@ pub struct Report {
     pub device: String,
     /// Its driver.
     pub driver: String,
-    /// Whether frames are made on processors, by the host or by a software device.
+    /// True if frames are rendered on a CPU, by the host or a software device.
     pub software: bool,
     /// Start of the test: ISO 8601, UTC.
     pub date: String,
     /// Duration, s.
     pub duration_s: f64,
-    /// Whether every check passed.
+    /// True if every check passed.
     pub passed: bool,
     /// Checks, in a fixed order.
     pub checks: Vec<Check>,
@@ -113,10 +113,10 @@ trait Family {
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError>;
 }
 
-/// Runs every check on `backend`. `progress` gets the number of families of checks that are done, and of all.
+/// Runs every check on `backend`. `progress` gets the number of finished families of checks, and the total.
 ///
 /// # Errors
-/// A device that fails. A wrong result is no error: [`Report::passed`] says so.
+/// A device that fails. A wrong result is not an error, but clears [`Report::passed`].
 pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
     let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {
         Renderer::with_bvh(backend, scene, bvh, probe, settings)
@@ -124,7 +124,7 @@ pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report,
     checked(backend, &new, progress)
 }
 
-/// As [`run`] with passes that a test has changed.
+/// As [`run`], with passes modified by a test.
 ///
 /// # Errors
 /// As [`run`].
@@ -140,7 +140,7 @@ pub fn run_with_hooks(
     checked(backend, &new, progress)
 }
 
-/// Runs every check on frames of the renderer that `new` makes.
+/// Runs every check on frames of the renderer created by `new`.
 fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
     let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
     let mut bench = Bench::new(silent(1540.0, 1.5));
@@ -159,7 +159,7 @@ fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, us
         checks.extend(family.measure(&mut rig)?);
     }
     checks.extend(rig.checks());
-    // A group stands where its first check is.
+    // Groups are ordered by their first check.
     let groups: Vec<&str> = checks.iter().map(|check| check.group).collect();
     checks.sort_by_key(|check| groups.iter().position(|group| *group == check.group));
     progress(families.len(), families.len());

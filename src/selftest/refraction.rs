@@ -1,4 +1,4 @@
-//! Directions of refracted paths against Snell's law.
+//! Directions of refracted paths compared with Snell's law.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -10,17 +10,17 @@ use crate::acoustics::interface::refracted;
 use crate::anatomy::Tissue;
 use crate::render::RenderError;
 
-/// Speeds (m/s), angle of incidence and the azimuth that the plane falls away to, degrees.
+/// Speeds of both media (m/s), angle of incidence and azimuth of the plane's slope, degrees.
 const CASES: [(f64, f64, f64, f64); 2] = [(1450.0, 1578.0, 45.0, 30.0), (1480.0, 4080.0, 15.0, 180.0)];
-/// Tilts and azimuths of the three planes that measure the path behind, degrees.
+/// Tilts and azimuths of the three planes that measure the refracted path, degrees.
 const PLANES: [(f64, f64); 3] = [(35.0, 20.0), (30.0, 140.0), (40.0, 260.0)];
-/// Entry of the path into the second medium, mm, and distances of the planes behind it.
+/// Depth of the path's entry into the second medium, and distance of the planes behind it, mm.
 const ENTRY_MM: f64 = 20.0;
 const BEYOND_MM: f64 = 12.0;
 /// Impedance of the first medium, MRayl.
 const IMPEDANCE: f64 = 1.5;
 
-/// A plane behind a refracting one: where it stands, a point of it from the entry, its normal.
+/// A plane behind a refracting one: its place, a point on it relative to the entry, and its normal.
 struct Plane {
     place: DVec2,
     point: DVec3,
@@ -32,12 +32,12 @@ pub(super) struct Refraction {
     planes: Vec<[Plane; 3]>,
 }
 
-/// Turns z by `tilt` degrees towards the azimuth `about`.
+/// Rotation of z by `tilt` degrees towards the azimuth `about`.
 fn turned((tilt, about): (f64, f64)) -> DQuat {
     DQuat::from_rotation_z(about.to_radians()) * DQuat::from_rotation_y(tilt.to_radians())
 }
 
-/// Normal of a refracting plane, and the path behind it.
+/// Normal of a refracting plane, and direction of the refracted path.
 fn bent(&(c1, c2, incidence, azimuth): &(f64, f64, f64, f64)) -> (DVec3, DVec3) {
     let normal = turned((incidence, azimuth)) * DVec3::NEG_Z;
     (normal, refracted(c1, c2, normal, DVec3::Z).unwrap_or(DVec3::Z))
@@ -48,11 +48,11 @@ impl Refraction {
         let of_case = |case: &(f64, f64, f64, f64)| {
             let &(c1, c2, incidence, azimuth) = case;
             let (normal, direction) = bent(case);
-            // Impedances near intromission: every path goes on.
+            // Impedances near intromission: every path is transmitted.
             let z2 = 1.1 * IMPEDANCE * -direction.dot(normal) / incidence.to_radians().cos();
             let first = bench.tissue(silent(c1, IMPEDANCE));
             let second = bench.tissue(silent(c2, z2));
-            // Rough, so that it is seen under any angle.
+            // Rough, to be visible at any angle.
             let plane = bench.tissue(Tissue { roughness: 0.5, ..silent(c2, 1.2 * z2) });
             PLANES.map(|tilt| {
                 let place = bench.place();
@@ -92,7 +92,7 @@ impl Family for Refraction {
             let want = (-direction).angle_between(normal).to_degrees();
             let got = (-measured).angle_between(normal).to_degrees();
             checks.push(Check::new("Snell", name, "°", want, got, 0.05));
-            // A direction solved from three lengths is a unit vector only if all three are right.
+            // The solution of three lengths is a unit vector only if all three are right.
             let name = format!("{c1:.0} to {c2:.0} m/s under {incidence:.0}°, off its plane and length");
             checks.push(Check::zero("Snell", name, (measured - direction).length(), 2e-3));
         }

@@ -1,4 +1,4 @@
-//! The renderer of a self-test, and what must hold for each of its frames.
+//! Renderer of a self-test, and the checks common to all frames.
 
 use super::Check;
 use super::bench::{linear, small};
@@ -7,10 +7,10 @@ use crate::pose::Pose;
 use crate::render::{Frame, RenderError, RenderSettings, Renderer, Snapshot};
 use crate::transducer::{Probe, Sector};
 
-/// Makes a renderer of a scene.
+/// Creates a renderer of a scene.
 pub(super) type NewRenderer<'a> = dyn Fn(&Scene, Bvh, &Probe, &RenderSettings) -> Result<Renderer, RenderError> + 'a;
 
-/// A renderer of all specimens.
+/// Renderer of all specimens.
 pub(super) struct Rig {
     renderer: Renderer,
     frame: Frame,
@@ -26,7 +26,7 @@ impl Rig {
         Ok(Self { renderer, frame: Frame::default(), frames: 0, not_finite: 0, lost: 0 })
     }
 
-    /// A frame.
+    /// Renders a frame.
     pub(super) fn frame(
         &mut self,
         probe: &Probe,
@@ -42,7 +42,7 @@ impl Rig {
         Ok(&self.frame)
     }
 
-    /// A frame with all that its passes read and wrote.
+    /// Renders a frame, and returns all inputs and outputs of its passes.
     pub(super) fn snapshot(
         &mut self,
         probe: &Probe,
@@ -58,7 +58,7 @@ impl Rig {
         *self.renderer.sector()
     }
 
-    /// Condition that held for all frames so far.
+    /// Soundness checks over all frames so far.
     pub(super) fn checks(&self) -> [Check; 2] {
         [("values that are not finite", self.not_finite), ("paths or crossings lost", self.lost)].map(
             |(what, count)| Check::zero("Soundness", format!("{what}, in {} frames", self.frames), count as f64, 0.0),

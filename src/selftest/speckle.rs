@@ -1,4 +1,4 @@
-//! Speckle of homogeneous blocks: its statistics, its level, its decay, and how its phase moves with the tissue.
+//! Speckle of homogeneous blocks: its statistics, level and decay, and its phase shift with tissue displacement.
 
 use glam::DVec2;
 
@@ -20,17 +20,17 @@ const ALPHA: f64 = 0.5;
 const NEARER_MM: f64 = 0.01;
 /// Mean over standard deviation of a Rayleigh distribution: √(π/(4 − π)).
 const RAYLEIGH_SNR: f64 = 1.913_058_4;
-/// Bands of depth that the decay is fitted through.
+/// Depth bands for the fit of the decay.
 const BANDS: usize = 64;
-/// Lags between which a period is looked for, mm: beyond what pulse and beam smear, and as far as enough is left to compare.
+/// Lags searched for a period, mm: from beyond the smear of pulse and beam, to where enough samples remain.
 const LAGS_MM: (f64, f64) = (3.0, 80.0);
 const LAGS_ACROSS_MM: (f64, f64) = (4.0, 25.0);
-/// Every how many scanlines one is compared with itself: about a beam.
+/// Step between compared scanlines: about a beam width.
 const LINE_STEP: u32 = 4;
-/// Samples from lag to lag: less than the pulse is long.
+/// Samples between lags: less than the pulse's length.
 const LAG_STEP: usize = 2;
 
-/// A block without loss and one with.
+/// A lossless block and a lossy one.
 pub(super) struct Speckle {
     plain: DVec2,
     lossy: DVec2,
@@ -40,7 +40,7 @@ impl Speckle {
     pub(super) fn new(bench: &mut Bench) -> Self {
         let mut block = |tissue: Tissue| {
             let (tissue, place) = (bench.tissue(tissue), bench.place());
-            // The face lies inside, so that it is not seen.
+            // The probe is inside the block, so its surface is not seen.
             bench.add(tissue, 1, slab(place, 40.0, -20.0, 130.0));
             place
         };
@@ -51,7 +51,7 @@ impl Speckle {
     }
 }
 
-/// Envelopes of the scanlines whose beam the sector's edge doesn't cut, one vector a band of depth.
+/// Envelopes of the scanlines whose beam is not cut by the sector's edge, one vector per depth band.
 fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
     let length = probe.samples as usize / bands;
     let lines = || (8..probe.scanlines - 8).map(|l| line(probe, frame, l));
@@ -66,7 +66,7 @@ fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
 /// Magnitude of the correlation of pairs of lines of samples, 0..=1.
 fn correlation<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> f64 {
     let [re, im, first, second] = sums(pairs);
-    // 0/0 stays NaN: a frame without speckle doesn't pass.
+    // 0/0 stays NaN: a frame without speckle fails.
     re.hypot(im) / (first * second).sqrt()
 }
 
@@ -83,12 +83,12 @@ fn sums<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> [f
     [re, im, first, second]
 }
 
-/// The larger of two, NaN where either is.
+/// Maximum of two values, NaN if either is NaN.
 fn most(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// The most that a frame's lines are like themselves some way deeper.
+/// Largest correlation of a frame's lines with themselves at a greater depth.
 fn likeness_along(probe: &Probe, frame: &Frame) -> f64 {
     let lag = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
     let lines = || (0..probe.scanlines).step_by(LINE_STEP as usize).map(|l| line(probe, frame, l));
@@ -98,7 +98,7 @@ fn likeness_along(probe: &Probe, frame: &Frame) -> f64 {
         .fold(0.0, most)
 }
 
-/// The most that a frame's lines are like those some way beside them.
+/// Largest correlation of a frame's lines with lines at a lateral distance.
 fn likeness_across(probe: &Probe, frame: &Frame) -> f64 {
     let lag = |mm: f64| (mm / probe.line_spacing_mm(0.0)) as u32;
     (lag(LAGS_ACROSS_MM.0)..lag(LAGS_ACROSS_MM.1))
@@ -121,7 +121,7 @@ impl Family for Speckle {
 
         let nearer = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y, NEARER_MM))?;
         let [re, im, ..] = sums([(&first.lines[..], &nearer.lines[..])].into_iter());
-        // Phase is −turns·z: what comes nearer turns forward.
+        // The phase is −turns·z: it increases as the tissue comes nearer.
         let moved_um = 1e3 * im.atan2(re) / (std::f64::consts::TAU * probe.phase_turns_per_mm());
 
         let lossy = rig.frame(&probe, &settings, &at(self.lossy.x, self.lossy.y, 0.0))?;
@@ -136,8 +136,8 @@ impl Family for Speckle {
             Check::new("Attenuation", "of speckle, two-way slope", "dB/cm", want, slope(&points).0, 0.02 * want.abs()),
             Check::new("Speckle", "mean over deviation of the envelope", "", RAYLEIGH_SNR, snr, 0.05),
             Check::new("Speckle", "level", "dB", db_from_amplitude(DEVIATION), level, 0.5),
-            // Thousands of independent speckles are alike by a few hundredths, a lattice that repeats by most of 1. Which
-            // they are is exact integer arithmetic: devices differ in rounding alone.
+            // Thousands of independent speckles correlate by a few hundredths, a periodic lattice by almost 1. The
+            // lattice is exact integer arithmetic: devices differ only by rounding.
             Check::zero("Speckle", "likeness to itself 3 to 80 mm deeper", likeness_along(&probe, &first), 0.2),
             Check::zero("Speckle", "likeness to itself 4 to 25 mm beside", likeness_across(&probe, &first), 0.2),
             Check::new("Speckle", "nearer by, from its phase", "µm", 1e3 * NEARER_MM, moved_um, 0.5),

@@ -1,9 +1,9 @@
-//! The Pareto front of time and error, and what is noise.
+//! Pareto front of time and error, and marking of noise.
 
 use super::Point;
 
-/// Marks the points that no other beats: none is as fast and as near to the reference, and better in one of both. Nearness is
-/// by levels: other samples, scanlines and kernels are other speckle, which no pixel forgives.
+/// Marks the Pareto-optimal points: no other is at least as fast and as accurate, and better in one of both.
+/// Accuracy is that of mean levels: other samples, scanlines and kernels change the speckle and thus every pixel.
 pub fn mark_front(points: &mut [Point]) {
     let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.level_rmse]).collect();
     for (point, mine) in points.iter_mut().zip(&places) {
@@ -12,7 +12,7 @@ pub fn mark_front(points: &mut [Point]) {
     }
 }
 
-/// Marks differences from the neighbour that are within the spreads of both.
+/// Marks points that differ from their neighbour by at most the larger of both spreads.
 pub fn mark_noise(points: &mut [Point]) {
     let all: Vec<(String, [f64; 2], [f64; 2])> = points
         .iter()
@@ -83,7 +83,7 @@ pub(super) mod tests {
         let places =
             [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
         let mut points: Vec<Point> = places.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
-        // Pixels have no say.
+        // Pixel errors are ignored.
         points[3].error.rmse = 0.0;
         mark_front(&mut points);
         let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();

@@ -1,4 +1,4 @@
-//! All that trades accuracy against time.
+//! Settings that trade accuracy against time.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,22 +12,22 @@ pub struct Knobs {
     pub rays: u32,
     /// Elevational layers.
     pub layers: u32,
-    /// Reflections that a path is followed through.
+    /// Reflections followed per path.
     pub reflections_max: u32,
     /// Scanlines.
     pub scanlines: u32,
-    /// Samples a scanline.
+    /// Samples per scanline.
     pub samples: u32,
-    /// Most taps of the lateral beam.
+    /// Largest number of taps of the lateral beam.
     pub beam_taps_max: u32,
-    /// Most taps of the pulse.
+    /// Largest number of taps of the pulse.
     pub pulse_taps_max: u32,
-    /// Whether every effect is simulated; else those of the station, without what its scene does not call for.
+    /// True if every effect is simulated; else the station's effects that its scene needs.
     pub all_effects: bool,
 }
 
 impl Knobs {
-    /// Those of a station.
+    /// Knobs of a station.
     pub fn of(probe: &Probe, settings: &RenderSettings) -> Self {
         Self {
             rays: settings.quality.rays,
@@ -41,17 +41,17 @@ impl Knobs {
         }
     }
 
-    /// With other rays and layers.
+    /// Knobs with other rays and layers.
     pub fn with(self, rays: u32, layers: u32) -> Self {
         Self { rays, layers, ..self }
     }
 
-    /// With every effect simulated.
+    /// Knobs with every effect simulated.
     pub fn with_all_effects(self) -> Self {
         Self { all_effects: true, ..self }
     }
 
-    /// `probe` and `settings` with these knobs and that seed.
+    /// Applies these knobs and `seed` to `probe` and `settings`.
     pub fn apply(&self, probe: &Probe, settings: &RenderSettings, seed: u32) -> (Probe, RenderSettings) {
         let probe = Probe { scanlines: self.scanlines, samples: self.samples, ..*probe };
         let settings = RenderSettings {
@@ -65,7 +65,7 @@ impl Knobs {
         (probe, settings)
     }
 
-    /// Names and values, in the order of the tables.
+    /// Names and values, in the tables' order.
     pub fn values(&self) -> [(&'static str, u32); 8] {
         [
             ("rays", self.rays),

@@ -17,9 +17,9 @@ pub(super) fn marker((x, y): (i32, i32)) -> Rect {
     [x - MARKER, y - MARKER, x + MARKER, y + MARKER]
 }
 
-/// Position of each label within `frame`: left end and vertical middle; `None` if no place is free. `names` holds
-/// point and width of each, pixels, in order of priority. A label goes beside its point, or farther off if that place
-/// is taken by another label or by `taken`.
+/// Position of each label within `frame`: left end and vertical centre; `None` if there is no free place.
+/// `names` holds point and width of each, pixels, in order of priority. A label is placed beside its point, or farther
+/// off if that place is occupied by another label or by `taken`.
 pub(super) fn places(names: &[((i32, i32), i32)], mut taken: Vec<Rect>, frame: Rect) -> Vec<Option<(i32, i32)>> {
     names
         .iter()
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn a_name_alone_is_at_the_upper_right_of_its_point() {
         assert_eq!(places(&[((100, 300), 80)], vec![marker((100, 300))], FRAME), [Some((109, 289))]);
-        // At the figure's right edge it is on the left.
+        // At the figure's right edge the label is on the left.
         assert_eq!(places(&[((990, 300), 80)], vec![marker((990, 300))], FRAME), [Some((901, 289))]);
     }
 

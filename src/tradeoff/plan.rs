@@ -2,29 +2,30 @@
 
 use super::Knobs;
 
-/// Rays and layers about which the other knobs are turned one at a time.
+/// Rays and layers for the sweeps of single knobs.
 const MIDDLE: (u32, u32) = (8, 3);
-/// Rays and layers at which every effect is simulated too.
+/// Rays and layers also measured with every effect.
 const ALL_EFFECTS: [(u32, u32); 3] = [(1, 1), (8, 1), (32, 3)];
 
 /// A point to be measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Planned {
-    /// Name, unlike all others.
+    /// Unique name.
     pub name: String,
-    /// The knob that is turned: `rays x layers`, `all effects`, or one of [`Knobs::values`].
+    /// Varied knob: `rays x layers`, `all effects`, or one of [`Knobs::values`].
     pub sweep: &'static str,
-    /// The neighbour that it is compared with to tell a difference from noise.
+    /// Name of the neighbour for the noise test.
     pub against: Option<String>,
-    /// Values.
+    /// Knob values.
     pub knobs: Knobs,
 }
 
-/// Name of a knob, its values, where it is.
+/// Name of a knob, its values, and its accessor.
 type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
 
-/// A small grid of rays × layers; three points of it with every effect, whether the scene calls for it or not; then every
-/// other knob alone about 8 × 3, from those of the station; with `quick` fewer of each. The station's own values of samples, scanlines and taps are the greatest that are tried.
+/// Points to be measured about the station's knobs `base`; fewer with `quick`.
+/// First a small grid of rays × layers, then three of its points with every effect, then each other knob alone at 8 ×
+/// 3. The station's own values of samples, scanlines and taps are the maxima.
 pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
     let mut points: Vec<Planned> = Vec::new();
     let (rays, layers): (&[u32], &[u32]) =
@@ -44,7 +45,7 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
     }
     for (rays, layers) in ALL_EFFECTS {
         let grid_name = format!("{rays}x{layers}");
-        // A station that simulates every effect has these already.
+        // A station that simulates every effect already has these points.
         if !base.all_effects {
             points.push(Planned {
                 name: format!("{grid_name} all effects"),
@@ -58,7 +59,7 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
     let part = |whole: u32, of: &[u32]| {
         let mut values: Vec<u32> = of.iter().map(|n| (whole * n / 8).max(1)).collect();
-        // Parts of the least stations are the same.
+        // Small stations have equal parts.
         values.dedup();
         values
     };
@@ -74,7 +75,7 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
         for value in values.into_iter().step_by(step) {
             let mut knobs = middle;
             let own = *knob(&mut knobs);
-            // What the station has is the middle itself; a cap beyond it caps nothing.
+            // The station's own value is the middle point itself; a cap above it has no effect.
             if value >= own {
                 continue;
             }

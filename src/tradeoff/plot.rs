@@ -1,7 +1,7 @@
-//! The figure: time on a log axis against error, as SVG and PNG.
+//! Figure of time on a log axis and error, as SVG and PNG.
 //!
-//! `plotters` draws both. In the SVG, text stays text; in the PNG it is drawn with the bitmap font that the captions of
-//! images have, so that no font is looked for on the machine.
+//! `plotters` draws both. In the SVG, text stays text. In the PNG it uses the bitmap font of the image captions, which
+//! needs no installed font.
 
 use std::convert::Infallible;
 
@@ -20,13 +20,13 @@ use super::{Point, labels};
 const SIZE: (u32, u32) = (1200, 800);
 /// Height of the text, pixels.
 const TEXT: u32 = 16;
-/// Times that Zhang et al. 2020 give for LQ and HQ on a 2080 Ti, ms.
+/// Times of LQ and HQ in Zhang et al. 2020 on a 2080 Ti, ms.
 const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "paper, 2080 Ti: HQ 75 ms")];
 
-/// The figure as SVG; its axis says whether the reference is converged.
+/// Figure as SVG; its axis label marks a reference that is not converged.
 ///
 /// # Errors
-/// A refusal by the drawing library, as text.
+/// Message of the drawing library.
 pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, String> {
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
@@ -36,10 +36,10 @@ pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, Str
     Ok(text)
 }
 
-/// The figure as pixels: width, height, RGB [height × width × 3].
+/// Figure as pixels: width, height, RGB [height × width × 3].
 ///
 /// # Errors
-/// A refusal by the drawing library, as text.
+/// Message of the drawing library.
 pub fn rgb(points: &[Point], title: &str, converged: bool) -> Result<(u32, u32, Vec<u8>), String> {
     let mut raster = Raster { image: RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3])) };
     let area = (&mut raster).into_drawing_area();
@@ -102,7 +102,7 @@ fn draw<B: DrawingBackend>(
     chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
     let mut sweeps: Vec<&str> = Vec::new();
     let mut names = Vec::new();
-    // The legend.
+    // Legend.
     let mut taken = vec![[SIZE.0 as i32 - 260, 75, SIZE.0 as i32, 100 + 22 * 8]];
     for point in &drawn {
         let known = sweeps.iter().position(|sweep| *sweep == point.sweep);
@@ -113,7 +113,7 @@ fn draw<B: DrawingBackend>(
         let (at, colour) = ((point.time.median_ms, point.error.level_rmse), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
         let size = if point.on_front { 6 } else { 4 };
-        // A thin line from the same point without what the scene does not call for, or from the frame that is enhanced.
+        // A thin line from the same point without all effects, or from the unenhanced frame.
         let is_led_to = point.knobs.all_effects || point.generator.is_some();
         let other = drawn.iter().find(|p| is_led_to && Some(&p.name) == point.against.as_ref());
         if let Some(other) = other {
@@ -123,7 +123,7 @@ fn draw<B: DrawingBackend>(
         if point.knobs.all_effects {
             chart.draw_series([TriangleMarker::new(at, size + 2, colour.filled())])?;
             if point.error_is_noise {
-                // Its outline alone can't be drawn.
+                // Triangles can't be hollow: draw a smaller white one inside.
                 chart.draw_series([TriangleMarker::new(at, size - 1, WHITE.filled())])?;
             }
         } else if point.generator.is_some() {
@@ -131,12 +131,12 @@ fn draw<B: DrawingBackend>(
         } else {
             chart.draw_series([Circle::new(at, size, style)])?;
         }
-        // Where a point lies on another one, one name is enough.
+        // Coincident points share one label.
         let apart = !(point.error_is_noise && point.time_is_noise);
         let named = point.on_front || point.generator.is_some() || point.sweep == "all effects";
         let marker = chart.as_coord_spec().translate(&at);
         taken.push(labels::marker(marker));
-        // LQ, HQ and generators choose first.
+        // LQ, HQ and generators are placed first.
         let always = ["1x1", "32x3"].contains(&point.name.as_str());
         if apart && named || always {
             names.push((!always, point.generator.is_none(), marker, shown(&point.name)));
@@ -148,7 +148,7 @@ fn draw<B: DrawingBackend>(
     for ((_, _, marker, name), place) in names.into_iter().zip(labels::places(&sizes, taken, frame)) {
         let Some((x, y)) = place else { continue };
         if (y - marker.1).abs() > TEXT as i32 {
-            // What lies further off is led to its point.
+            // A distant label gets a line to its point.
             let end = if x > marker.0 { x } else { marker.0 - 9 };
             area.draw(&PathElement::new(vec![marker, (end, y)], RGBColor(190, 190, 190)))?;
         }
@@ -172,7 +172,7 @@ fn draw<B: DrawingBackend>(
     area.draw(&Text::new(under, (70, height as i32 - 15), text(from_left, &BLACK)))
 }
 
-/// 1, 2 and 5 of each power of ten within `from`..`to`, ms; the axis is logarithmic.
+/// Ticks at 1, 2 and 5 times each power of ten within `from`..`to`, ms; for a logarithmic axis.
 fn ticks(from: f64, to: f64) -> impl Iterator<Item = f64> {
     let exponents = from.log10().floor() as i32..=to.log10().ceil() as i32;
     let all =
@@ -180,12 +180,12 @@ fn ticks(from: f64, to: f64) -> impl Iterator<Item = f64> {
     all.filter(move |ms| (from..to).contains(ms))
 }
 
-/// The marker of a generator.
+/// Marker of a generator.
 fn square((x, y): (i32, i32), style: ShapeStyle) -> Rectangle<(i32, i32)> {
     Rectangle::new([(x - 6, y - 6), (x + 6, y + 6)], style)
 }
 
-/// Colours that the colour-blind tell apart (Okabe and Ito 2008).
+/// Colours distinguishable by the colour-blind (Okabe and Ito 2008).
 fn colour(index: usize) -> RGBColor {
     const COLOURS: [RGBColor; 8] = [
         RGBColor(0, 114, 178),
@@ -200,7 +200,7 @@ fn colour(index: usize) -> RGBColor {
     COLOURS[index % COLOURS.len()]
 }
 
-/// An image that `plotters` draws on.
+/// Image as a drawing target of `plotters`.
 struct Raster {
     image: RgbImage,
 }
@@ -329,7 +329,7 @@ mod tests {
         ] {
             assert!(text.contains(word), "`{word}` is missing");
         }
-        // Frame and background are rectangles too; so are two generators and their line in the legend.
+        // Rectangles of this size: two generators and their legend entry.
         let squares = text.matches(r#"width="12" height="12""#).count();
         assert_eq!(squares, 3, "{text}");
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
@@ -337,7 +337,7 @@ mod tests {
         assert_eq!(pixels.len(), (3 * width * height) as usize);
         let ink = pixels.chunks_exact(3).filter(|p| p.iter().all(|&v| v < 128)).count();
         assert!(ink > 3000, "{ink}");
-        // The front's first point.
+        // First point of the front.
         assert!(pixels.chunks_exact(3).any(|p| p == [0, 114, 178]));
     }
 

@@ -7,34 +7,34 @@ use super::Knobs;
 /// One setting, measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// Name, unlike all others.
+    /// Unique name.
     pub name: String,
-    /// The knob that was turned, or `generator`.
+    /// Varied knob, or `generator`.
     pub sweep: String,
-    /// The neighbour that it is compared with.
+    /// Name of its neighbour.
     pub against: Option<String>,
-    /// Values.
+    /// Knob values.
     pub knobs: Knobs,
-    /// Generator that enhanced its frames, if one did.
+    /// Generator that enhanced its frames, if any.
     pub generator: Option<String>,
     /// Time of a frame.
     pub time: Time,
-    /// Distance from the reference.
+    /// Error relative to the reference.
     pub error: Errors,
-    /// Tissue by tissue.
+    /// Errors by tissue.
     pub classes: Vec<ClassError>,
-    /// Whether no other point is both faster and nearer to the reference.
+    /// True if no other point is at least as fast and as accurate, and better in one of both.
     #[serde(default)]
     pub on_front: bool,
-    /// Whether its time differs from its neighbour's by no more than repeats of one point do.
+    /// True if its time differs from its neighbour's by at most the spread of repeats.
     #[serde(default)]
     pub time_is_noise: bool,
-    /// Whether its error differs from its neighbour's by no more than another seed makes.
+    /// True if its error differs from its neighbour's by at most the spread between seeds.
     #[serde(default)]
     pub error_is_noise: bool,
 }
 
-/// Time of a frame with its maps, from the call until it lies in memory, ms.
+/// Time of a frame with its maps, from the call until the result is in memory, ms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Time {
     /// Frames measured.
@@ -43,67 +43,66 @@ pub struct Time {
     pub median_ms: f64,
     /// 95th percentile.
     pub p95_ms: f64,
-    /// Distance between the quartiles of the times less the median of their pose: what repeats differ by, without what poses
-    /// do.
+    /// Interquartile range of the times minus the median of their pose: the spread of repeats, without that of poses.
     pub spread_ms: f64,
-    /// Median of each pass on the device, in order; empty where it has no timestamps.
+    /// Median of each pass on the device, in order; empty without timestamps.
     pub passes: Vec<PassMs>,
 }
 
 /// Time of a pass.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PassMs {
-    /// Pass, that of its shader; or `generator`.
+    /// Name of the pass's shader, or `generator`.
     pub name: String,
     /// Median, ms.
     pub median_ms: f64,
 }
 
-/// Distance from the reference, within the sector, means over poses.
+/// Errors relative to the reference, within the sector, averaged over poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Root of the mean square difference of mean levels over patches of 32 × 32, grey levels: what is left where speckle
-    /// is averaged out. Points are ranked by it.
+    /// RMS difference of mean levels over patches of 32 × 32, grey levels: speckle is averaged out. Points are ranked
+    /// by it.
     pub level_rmse: f64,
     /// Difference of that value between two seeds, grey levels.
     pub level_rmse_spread: f64,
-    /// Root of the mean square difference of pixels, grey levels. Other samples, scanlines and kernels are other
-    /// speckle: it compares points that have those of the reference, and no others.
+    /// RMS difference of pixels, grey levels. Other samples, scanlines and kernels change the speckle: valid only for
+    /// points that share those of the reference.
     pub rmse: f64,
     /// Difference of that value between two seeds, grey levels.
     pub rmse_spread: f64,
-    /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, where none does.
+    /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, if all are equal.
     #[serde(with = "crate::quality::infinite_is_null")]
     pub psnr_db: f64,
-    /// Poses whose image is the reference's, which have no finite PSNR.
+    /// Poses whose image equals the reference; their PSNR is infinite.
     #[serde(default)]
     pub identical: usize,
     /// SSIM.
     pub ssim: f64,
     /// pKL, nats.
     pub pkl: Option<f64>,
-    /// Envelope SNR less that of the reference, mean over tissues that have one.
+    /// Envelope SNR minus that of the reference, mean over tissues with one.
     pub snr_difference: Option<f64>,
-    /// Mean magnitude of a tissue's difference of mean grey levels, weighed by its pixels.
+    /// Mean magnitude of a tissue's difference of mean grey levels, weighted by its pixels.
     pub grey_difference: f64,
-    /// Share of the contrast of borders that is lost.
+    /// Lost share of the borders' contrast.
     pub contrast_lost: Option<f64>,
 }
 
-/// One tissue's errors, means over the poses that show it.
+/// Errors of one tissue, averaged over the poses that show it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassError {
     /// Name.
     pub tissue: String,
     /// Pixels over all poses.
     pub pixels: usize,
-    /// Mean grey level less the reference's.
+    /// Mean grey level minus the reference's.
     pub grey_difference: f64,
     /// Envelope SNR.
     pub envelope_snr: Option<f64>,
     /// Envelope SNR of the reference.
     pub reference_snr: Option<f64>,
-    /// Share of its borders' contrast that is lost.
+    /// Lost share of its borders' contrast.
     pub contrast_lost: Option<f64>,
 }
 

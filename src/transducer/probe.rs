@@ -6,12 +6,12 @@ use crate::acoustics::{self, beam, pulse};
 use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
-    /// Depth between two samples, mm at 1540 m/s. Sample j lies at depth (j + ½)·spacing.
+    /// Depth between two samples, mm at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
     pub fn sample_spacing_mm(&self) -> f64 {
         self.depth_mm / f64::from(self.samples)
     }
 
-    /// Radius of the face, mm: 0 for a phased array, none for a linear one.
+    /// Radius of the face, mm: 0 for a phased array, `None` for a linear one.
     pub fn face_radius_mm(&self) -> Option<f64> {
         match self.kind {
             ProbeKind::Convex { radius_mm, .. } => Some(radius_mm),
@@ -20,7 +20,7 @@ impl Probe {
         }
     }
 
-    /// Half the lateral extent of the sector: radians, or mm of a linear face.
+    /// Half the lateral extent of the sector: radians, or mm for a linear face.
     pub fn half_extent(&self) -> f64 {
         match self.kind {
             ProbeKind::Convex { fov_deg, .. } | ProbeKind::Phased { fov_deg } => 0.5 * fov_deg.to_radians(),
@@ -28,9 +28,9 @@ impl Probe {
         }
     }
 
-    /// Lateral coordinate (radians, or mm of a linear face) at `fraction` (0..=1) of the sector's extent.
+    /// Lateral coordinate (radians, or mm for a linear face) at `fraction` (0..=1) of the sector's extent.
     ///
-    /// Scanline i of n lies at fraction (i + ½)/n.
+    /// Scanline i of n is at fraction (i + ½)/n.
     pub fn lateral_coordinate(&self, fraction: f64) -> f64 {
         (2.0 * fraction - 1.0) * self.half_extent()
     }
@@ -70,7 +70,7 @@ impl Probe {
         beam::elevational_width_mm(self.frequency_mhz, height, focus, depth_mm) / pulse::FWHM_PER_SIGMA
     }
 
-    /// Turns of baseband phase a mm of depth: 2f/c₀. An echo at depth z carries e^(−i2π·turns·z).
+    /// Turns of baseband phase per mm of depth: 2f/c₀. An echo at depth z carries e^(−i2π·turns·z).
     pub fn phase_turns_per_mm(&self) -> f64 {
         2.0 / acoustics::wavelength_mm(self.frequency_mhz)
     }

@@ -54,7 +54,7 @@ impl Sector {
     }
 }
 
-/// Least and greatest (x, z) of the sector in the probe frame, mm.
+/// Minimum and maximum (x, z) of the sector in the probe frame, mm.
 fn extent_mm(probe: &Probe) -> (DVec2, DVec2) {
     let half = probe.half_extent();
     match probe.kind {

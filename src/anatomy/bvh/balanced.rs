@@ -15,8 +15,8 @@ use crate::anatomy::Bounds;
 /// codes (21 bits per axis). It separates coincident triangles, yet is far below the spacing of an ordinary mesh.
 const JITTER: f32 = 1e-4;
 
-/// Builds a tree over the triangles' centroids, randomly displaced so that no two coincide, then fits the nodes to the
-/// triangles themselves. It is slower to trace than the usual tree, but never deeper than about log₂ of their number.
+/// Builds a tree over the triangles' centroids, randomly displaced to separate coincident ones, then fits the nodes to
+/// the triangles themselves. It is slower to trace than the usual tree, but at most about log₂ of their number deep.
 pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     let middle = |t: &Triangle| (t.v0 + t.v1 + t.v2) / 3.0;
     let bounds = triangles.iter().map(middle).fold(Aabb::empty(), |mut all, point| *all.extend(point));

@@ -24,8 +24,8 @@ use moving::Moving;
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
 pub const STACK_DEPTH_MAX: usize = 32;
 
-/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance: rays through a shared edge hit at
-/// least one of its triangles despite rounding.
+/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance. It makes rays through a shared
+/// edge hit at least one of its triangles despite rounding.
 pub const EDGE_TOLERANCE_PER_MM: f32 = 2.0e-7;
 
 /// A triangle in leaf order, 48 bytes.
@@ -163,7 +163,7 @@ impl Bvh {
         self.moving.as_ref().map_or(&[], |moving| moving.displacements.as_slice())
     }
 
-    /// Whether the scene has any motion.
+    /// True if the scene has any motion.
     pub fn moves(&self) -> bool {
         self.moving.is_some() || self.drift.is_some()
     }
@@ -176,8 +176,8 @@ impl Bvh {
         self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
     }
 
-    /// Drift of the whole scene under the probe, mm. The scene seen from the probe is that from its position minus the
-    /// drift.
+    /// Drift of the whole scene under the probe, mm. Equivalent to moving the probe by minus the drift in an
+    /// undrifted scene.
     pub fn drift_mm(&self) -> DVec3 {
         self.drift_mm
     }

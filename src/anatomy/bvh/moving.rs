@@ -63,8 +63,8 @@ pub(super) struct Moving {
     pub(super) changed: Vec<Changed>,
 }
 
-/// Groups the triangles by the first field that ever moves one of their corners: the static ones first, then one group
-/// per field. A static scene has one group.
+/// Groups the triangles by the first field that ever moves one of their corners: static ones first, then one group per
+/// field. A static scene has one group.
 pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let motion = &scene.motion;
     let mut groups: Vec<Group> =

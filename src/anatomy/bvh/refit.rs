@@ -13,8 +13,8 @@ pub(super) fn bounds_of(t: &PackedTriangle) -> Bounds {
     Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
 }
 
-/// Sets the boxes of the children of node `index`. Inner children have theirs in `extents` already, indexed as `nodes`.
-/// Returns the node's own extent.
+/// Sets the boxes of the children of node `index`. `extents`, indexed as `nodes`, already holds those of inner
+/// children. Returns the node's own extent.
 pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTriangle], extents: &[Bounds]) -> Bounds {
     let node: &mut CwBvhNode = bytemuck::cast_mut(&mut nodes[index]);
     let mut children = [Bounds::EMPTY; 8];
@@ -33,7 +33,7 @@ pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTria
     quantise(node, &children)
 }
 
-/// Writes the root that joins `trees` trees, whose roots are the nodes after it.
+/// Writes the root that joins `trees` trees; their roots are the nodes after it.
 pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     let roots: Vec<Bounds> = nodes[1..=trees]
         .iter()
@@ -50,7 +50,7 @@ pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     quantise(bytemuck::cast_mut(&mut nodes[0]), &children);
 }
 
-/// Root of `trees` trees, whose roots are the nodes after it; its boxes are still empty.
+/// Root of `trees` trees; their roots are the nodes after it. Its boxes are still empty.
 pub(super) fn joint(trees: usize) -> [u32; 20] {
     let mut node = CwBvhNode { child_base_idx: 1, imask: (0xff_u32 >> (8 - trees)) as u8, ..CwBvhNode::default() };
     for slot in 0..trees {

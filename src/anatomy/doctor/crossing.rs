@@ -13,8 +13,8 @@ use crate::anatomy::Mesh;
 /// Shallowest crossing that counts, mm: about half a wavelength at 8 MHz.
 const SHALLOW_MM: f64 = 0.1;
 
-/// Parts whose crossings are all within this, mm, only touch. Between triangles, no crossing is deeper than the
-/// triangle is large: finely meshed parts overlap in shallow crossings along a wide ring.
+/// Largest extent, mm, of the crossings of parts that only touch. No crossing is deeper than its triangles are large,
+/// so finely meshed parts overlap in shallow crossings along a wide ring.
 const TOUCH_MM: f32 = 1.0;
 
 /// Smallest number of triangles crossed by the border of two overlapping solids; fewer are a fold.
@@ -38,7 +38,7 @@ struct Pair {
     depth_mm: f64,
 }
 
-/// Finds pairs of triangles that cross by more than the tracer resolves. `part_of` gives each triangle's part, if
+/// Finds pairs of triangles that cross by more than the tracer resolves. `part_of` holds each triangle's part, if
 /// known.
 pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     let mesh = tree.mesh;
@@ -91,7 +91,7 @@ fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
     at
 }
 
-/// Whether a neighbour of the first triangle is a neighbour of the second.
+/// True if a neighbour of the first triangle is a neighbour of the second.
 fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> bool {
     let second = mesh.triangles[second as usize];
     let around = mesh.triangles[first as usize].into_iter().flat_map(|vertex| &at_vertex[vertex as usize]);
@@ -101,7 +101,7 @@ fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> boo
 /// Place and depth of the crossing of two triangles, if any.
 fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     let [a, b] = [first, second].map(|t| mesh.triangles[t as usize]);
-    // Triangles that share an edge meet only there.
+    // Triangles with a common edge touch only there.
     if a.iter().filter(|i| b.contains(i)).count() > 1 {
         return None;
     }
@@ -109,8 +109,8 @@ fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     through(at, a, b, bt).or_else(|| through(bt, b, a, at))
 }
 
-/// Point at which an edge of a triangle passes through another one. An edge from a shared corner starts on the other
-/// triangle.
+/// Point at which an edge of a triangle passes through another triangle, and its depth. Edges from a shared corner are
+/// skipped: they start on the other triangle.
 fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3; 3]) -> Option<(DVec3, f64)> {
     let normal = (onto[1] - onto[0]).cross(onto[2] - onto[0]).try_normalize()?;
     let height = corners.map(|p| normal.dot(p - onto[0]));
@@ -128,7 +128,7 @@ fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3
     })
 }
 
-/// Whether a point of a triangle's plane is within it, farther from its edges than the tracer resolves.
+/// True if a point in a triangle's plane is inside it, farther from its edges than the tracer resolves.
 fn is_within(point: DVec3, corners: [DVec3; 3], normal: DVec3) -> bool {
     (0..3).all(|i| {
         let (from, to) = (corners[i], corners[(i + 1) % 3]);

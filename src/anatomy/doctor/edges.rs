@@ -9,23 +9,23 @@ use super::finding::{Defect, Finding, Place};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// Distance, mm, at which two rims are meant to be joined; at most a quarter of an edge.
+/// Largest distance, mm, between two rims that should be joined; at most a quarter of an edge.
 const SEAM_MM: f32 = 0.01;
 
-/// Directed edge of a triangle, stored under its undirected one.
+/// Directed edge of a triangle, with its vertices in order of index.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Edge {
     low: u32,
     high: u32,
     triangle: u32,
-    /// Whether it runs from the higher vertex to the lower.
+    /// True if it runs from the higher vertex to the lower.
     back: bool,
 }
 
 /// Result of examining the edges.
 pub(super) struct Edges {
     pub(super) findings: Vec<Finding>,
-    /// Whether no edge is open and the winding is consistent: then there is an inside.
+    /// True if no edge is open and the winding is consistent: the surface then has an inside.
     pub(super) closed: bool,
     /// Number of edges that are open, inconsistently wound, or shared by too many triangles.
     pub(super) unpaired: usize,
@@ -94,7 +94,7 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
     Edges { findings, closed: unpaired == 0, unpaired, open, part: parts.numbered() }
 }
 
-/// Open edges that remain if almost coincident vertices of rims are merged.
+/// Open edges that remain after nearly coincident rim vertices are merged.
 fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let at = |i: u32| mesh.vertices_mm[i as usize];
     let mean = open.iter().map(|&[a, b]| f64::from(at(a).distance(at(b)))).sum::<f64>() / open.len().max(1) as f64;

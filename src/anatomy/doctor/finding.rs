@@ -13,7 +13,7 @@ use crate::anatomy::Bounds;
 pub enum Severity {
     /// The scene is refused or simulated wrongly.
     Error,
-    /// Mended while loading, or wrong in some places; worth correcting in the file.
+    /// Repaired while loading, or wrong in some places; worth correcting in the file.
     Warning,
     /// For information.
     Note,
@@ -54,7 +54,7 @@ macro_rules! defects {
 defects! {
     /// A primitive that cannot be read: indices, accessors, compression.
     Unreadable = Error, "export the mesh again, uncompressed, with positions as 32-bit floats";
-    /// Extras, nodes or motion that are refused.
+    /// Invalid extras, nodes or motion.
     Refused = Error, "correct the value that the message names (in Blender: the object's Custom Properties) and export again";
     /// More surfaces than can be traced.
     TooManySurfaces = Error, "join disjoint parts that share tissue and priority into one object (Blender: Ctrl-J)";
@@ -72,7 +72,7 @@ defects! {
     UnknownTissue = Error, "correct the name, or define `[tissues.NAME]` in the station file; `insonify tissues` lists them";
     /// A tissue of the station that no surface uses.
     UnusedTissue = Note, "name it in a surface, or remove its table from the station file";
-    /// A primitive without a triangle that has an area.
+    /// A primitive without triangles of nonzero area.
     Empty = Warning, "delete the object, or give it faces and a scale that is not 0";
     /// Points or lines.
     NotTriangles = Note, "convert curves and wires to meshes (Blender: Object > Convert > Mesh), or delete them";
@@ -82,7 +82,7 @@ defects! {
     Skin = Warning, "apply the armature (Blender: Modifiers > Armature > Apply) and export again";
     /// Meshes of other scenes.
     NotInScene = Note, "move the objects into the exported scene if they are to be scanned";
-    /// Edges with one triangle only: the surface has no inside.
+    /// Edges with only one triangle: the surface has no inside.
     Open = Error, "fill the hole (Blender: Edit Mode, Select > All by Trait > Non Manifold, then F or Alt-F), or give a sheet a thickness (Solidify)";
     /// An object whose faces have several materials: each becomes a separate surface, which is not closed.
     SplitByMaterial = Error, "use one material for the whole object, or separate the parts and close each (Blender: P > By Material, then F or Alt-F)";

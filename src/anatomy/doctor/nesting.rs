@@ -11,13 +11,13 @@ use super::probes::{Probe, probes};
 use super::surface_check::SurfaceCheck;
 use super::tree::Tree;
 
-/// Number of triangles of a surface below which it is sampled.
+/// Most triangles of a surface with sample points below them.
 const PROBES: usize = 1024;
 
 /// Fraction of thin samples that makes a surface a sheet.
 const THIN_PART: f64 = 0.05;
 
-/// Fraction of a surface's samples inside another one that makes a tie, if none is deep in both.
+/// Least fraction of a surface's samples inside another one for a tie, unless one is deep in both.
 const TIED_PART: f64 = 0.01;
 
 /// Most hiding surfaces named in a finding.
@@ -75,7 +75,7 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
         let place = check.bounds_mm.map(|bounds| Place::of(bounds.corners()));
         found.push((index, Finding::new(Defect::Hidden, what).at(place)));
     }
-    // A few points just below the skin mean two meshes of one border.
+    // A few shallow points only mean that both surfaces mesh the same border.
     ties.retain(|_, tie| tie.deep || tie.points.len() as f64 >= TIED_PART * probes.len() as f64);
     for (other, Tie { points, .. }) in ties {
         let (loser, winner) = (index.min(other), index.max(other));
@@ -96,7 +96,7 @@ struct Tie {
     deep: bool,
 }
 
-/// Rank by which the medium is chosen where closed surfaces overlap: the greatest wins.
+/// Rank of a closed surface as the medium in overlaps: the highest wins.
 fn rank(checks: &[SurfaceCheck], index: usize) -> (i32, usize) {
     (checks[index].priority, index)
 }

@@ -13,7 +13,7 @@ pub(super) struct Probe {
     pub(super) thickness_mm: f64,
 }
 
-/// Depth of the first point, mm, for surfaces thicker than twice that.
+/// Depth of the first point, mm, in surfaces thicker than twice that.
 const SKIN_DEEP_MM: f64 = 0.01;
 
 /// Sample points inside a closed surface, below at most `count` of its triangles.

@@ -11,7 +11,7 @@ use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
 use crate::anatomy::{Bounds, Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
-/// Height below which rays from 150 mm miss a triangle, mm: the tracer's edge tolerance is as wide.
+/// Height below which rays from 150 mm may miss a triangle, mm: equals the tracer's edge tolerance.
 const SLIVER_MM: f64 = 1e-4;
 
 /// Folds are reported if more than one in this many triangles has one.
@@ -20,7 +20,7 @@ const FOLDS_ONE_IN: usize = 25;
 /// Slivers are reported if more than one in this many triangles is one; rays hit the neighbours of a few instead.
 const SLIVERS_ONE_IN: usize = 1000;
 
-/// Number of corners at which a part's surroundings are sampled: a single one may be where parts nearly touch.
+/// Number of corners at which a part's surroundings are sampled; at a single one, parts may nearly touch.
 const CORNERS_SAMPLED: usize = 9;
 
 /// Crumbs: parts with less total volume than this, mm³, and less than a set fraction of the surface's volume.
@@ -324,7 +324,7 @@ fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'
 fn keyed([a, b, c]: [u32; 3], index: u32) -> ([u32; 3], i32, u32) {
     let mut sorted = [a, b, c];
     sorted.sort_unstable();
-    // Even permutations of the sorted corners have their winding.
+    // Even permutations keep the winding.
     let even = [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted);
     (sorted, if even { 1 } else { -1 }, index)
 }

@@ -6,7 +6,7 @@ use super::document::File;
 use super::walk::chosen_scene;
 use crate::anatomy::{Motion, SceneError};
 
-/// Motion of the scene, checked against the names of its surfaces; `None` if the file has none.
+/// Motion of the scene, checked against the names of its surfaces; empty if the file has none.
 pub(super) fn motion<'a>(file: &File, surfaces: impl Iterator<Item = &'a str> + Clone) -> Result<Motion, SceneError> {
     let extras = chosen_scene(file).and_then(|scene| scene.extras().clone());
     // Extras may be any JSON; a value that is not an object has none of our keys.

@@ -174,8 +174,8 @@ impl Mesh {
         self.corners_mm().find(|corners| !has_area(*corners))
     }
 
-    /// Drops zero-area triangles. Returns those with three distinct vertices: one between a long edge and the two
-    /// halves along it closes a T-junction.
+    /// Drops zero-area triangles. Returns those with three distinct vertices: such a triangle between a long edge and
+    /// its two halves closes a T-junction.
     pub(crate) fn drop_flat(&mut self) -> Vec<[u32; 3]> {
         let Self { vertices_mm, triangles } = self;
         let is_flat = |t: &mut [u32; 3]| !has_area(t.map(|i| vertices_mm[i as usize]));

@@ -36,7 +36,7 @@ struct Labels {
 }
 
 impl Labels {
-    /// These labels; `others` where they name nothing.
+    /// These labels, completed from `others`.
     fn or(self, others: &Self) -> Self {
         let tissue = self.tissue.or_else(|| others.tissue.clone());
         Self { tissue, priority: self.priority.or(others.priority) }
@@ -66,8 +66,8 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
         };
         let own = labels(file, &node, node.extras(), problems);
         if let Some(mesh) = node.mesh() {
-            // trimesh puts a mesh's metadata properties, and Blender the custom properties of an object's data: they
-            // apply to this mesh only.
+            // trimesh stores a mesh's metadata here, and Blender the custom properties of an object's data. They apply
+            // to this mesh only.
             let of_mesh = labels(file, &node, mesh.extras(), problems);
             let labels = own.clone().or(&of_mesh).or(&above);
             push_parts(&node, &mesh, scene_from_node, &labels, &mut parts, findings);

@@ -14,14 +14,14 @@ use thiserror::Error;
 pub use rhythm::Rhythm;
 pub use shape::Shape;
 
-/// Most fields of a scene: each has a tree of its own below one node with eight children.
+/// Largest number of fields: with the static tree, their trees are the children of one node with eight slots.
 pub const FIELDS_MAX: usize = 7;
 
 /// Motion of a scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Displacement fields, at most [`FIELDS_MAX`]; at points reached by several, displacements add up.
+    /// Displacement fields, at most [`FIELDS_MAX`]; where several overlap, their displacements add up.
     #[serde(default)]
     pub fields: Vec<Field>,
     /// Movement of the whole scene under the probe, for example by the mother's breathing.
@@ -98,7 +98,7 @@ impl Motion {
     /// Checks every value, and that each field moves some of a scene's `surfaces`, given by name.
     ///
     /// # Errors
-    /// The first fault.
+    /// The first invalid value, or the first field without a surface.
     pub fn validate<'a>(&self, surfaces: impl Iterator<Item = &'a str> + Clone) -> Result<(), MotionError> {
         if self.fields.len() > FIELDS_MAX {
             return Err(MotionError::TooMany { count: self.fields.len() });
@@ -126,9 +126,9 @@ impl Motion {
         self.fields.iter().enumerate().filter(|(_, f)| f.moves(name)).fold(0, |mask, (i, _)| mask | 1 << i)
     }
 
-    /// Those fields of `mask` that ever move the point `p` at rest.
+    /// Subset of `mask` that ever moves the point `p` at rest.
     pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
-        // All amounts move the same points: fields fade out in space, not in time.
+        // Two amounts suffice: fields fade out in space, so all amounts move the same points.
         let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;
         self.fields
             .iter()
@@ -137,7 +137,7 @@ impl Motion {
             .fold(0, |fields, (i, _)| fields | 1 << i)
     }
 
-    /// Largest displacement of any point, mm.
+    /// Upper bound of the displacement of any point, mm.
     pub(super) fn reach_mm(&self) -> f64 {
         self.fields.iter().map(|field| f64::from(field.shape.reach_mm())).sum()
     }

@@ -1,4 +1,4 @@
-//! Rhythms of motion: pure functions of time, so that a replay moves like its session.
+//! Rhythms of motion: pure functions of time, which makes replays reproducible.
 
 use std::f64::consts::{PI, TAU};
 
@@ -19,12 +19,12 @@ const SHALLOWEST: f64 = 0.4;
 pub enum Rhythm {
     /// Continuous heartbeat. The second amount is that of the atria, which contract before the ventricles.
     Heart {
-        /// Beats a minute, 20 to 300.
+        /// Beats per minute, 20 to 300.
         beats_per_min: f64,
     },
-    /// Breaths in bouts with pauses between. Without a pause they never end.
+    /// Breaths in bouts with pauses between; continuous without a pause.
     Breath {
-        /// Breaths a minute, 4 to 120.
+        /// Breaths per minute, 4 to 120.
         breaths_per_min: f64,
         /// Length of a bout, s.
         bout_s: f64,
@@ -47,7 +47,7 @@ pub enum Rhythm {
 impl Rhythm {
     /// Amounts of the movement at `time_s`, each within 0..=1; 0 is at rest. The second is 0 except for hearts.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
-        // A time that is not finite moves nothing.
+        // Non-finite times are at rest.
         let time_s = if time_s.is_finite() { time_s.max(0.0) } else { 0.0 };
         match *self {
             Self::Heart { beats_per_min } => {
@@ -86,7 +86,7 @@ impl Rhythm {
                     return [0.0; 2];
                 }
                 let size = 0.3 + 0.7 * random::at(seed, index.wrapping_mul(2).wrapping_add(1));
-                // There quickly and back slowly.
+                // Out quickly, back slowly.
                 let t = t.powf(0.7);
                 [size * (PI * t).sin().powi(2), 0.0]
             }

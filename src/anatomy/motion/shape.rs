@@ -50,7 +50,7 @@ pub enum Shape {
         end_mm: Vec3,
         /// Axis of rotation; any non-zero length.
         axis: Vec3,
-        /// Radius about the limb's line that belongs to it.
+        /// Radius about the limb's axis that moves with it.
         radius_mm: f32,
         /// Largest rotation, degrees, −25 to 25.
         angle_deg: f32,
@@ -117,7 +117,7 @@ impl Shape {
         }
     }
 
-    /// Largest displacement anywhere, mm.
+    /// Upper bound of the displacement, mm.
     pub fn reach_mm(&self) -> f32 {
         match *self {
             Self::Beat { radius_mm, squeeze, shorten, .. } => radius_mm * (1.0 + FADE) * (squeeze + shorten),

@@ -55,8 +55,7 @@ pub struct Attitude {
     spine: Spine,
 }
 
-/// Directions of a left limb's segments (upper, lower, end) at flexions 0, 0.5 and 1, and the variation in which the
-/// right limb differs from the left one's mirror image.
+/// Directions of a limb's segments (upper, lower, end) at flexions 0, 0.5 and 1; those of a right limb are mirrored.
 struct Pose {
     upper: [[f32; 3]; 3],
     lower: [[f32; 3]; 3],
@@ -100,14 +99,14 @@ fn between(keys: &[[f32; 3]; 3], flexion: f32, side: f32) -> Vec3 {
 const LIMB_VARIATION_RAD: f32 = 0.16;
 
 impl Attitude {
-    /// Attitude in the fetal frame, not placed in the scene. `variation` of the individual is 0 to 1; limbs are rotated
-    /// apart and away from the face by `spread` radians.
+    /// Attitude in the fetal frame, not placed in the scene. `variation` scales the individual differences, 0 to 1.
+    /// `spread` rotates limbs apart and away from the face, radians.
     pub(super) fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32, spread: f32) -> Self {
         let drawn = Spine::drawn();
         let bend = 1.0 + 0.5 * (flexion - 0.5);
         let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
         let trunk = biometry.trunk_scale();
-        // Points as drawn, moved with the vertebra that they are attached to.
+        // Points of the drawing, moved with their vertebra.
         let moved = |level: f32, point: Vec3| {
             let local = drawn.vertebra(level).local_point(point);
             spine.vertebra(level).point(local * trunk)
@@ -181,7 +180,7 @@ impl Attitude {
         self.spine.vertebra(level)
     }
 
-    /// Point `left`, `ventral` (mm at 22 weeks) of the spine at `level`, fetal frame, mm.
+    /// Point at (`left`, `ventral`) (mm at 22 weeks) from the spine at `level`, fetal frame, mm.
     pub fn trunk(&self, level: f32, left: f32, ventral: f32) -> Vec3 {
         self.vertebra(level).point(Vec3::new(left, 0.0, ventral) * self.biometry.trunk_scale())
     }

@@ -51,9 +51,9 @@ pub struct Biometry {
     pub skin_thickness_mm: f32,
 }
 
-/// Lengths of the long bones at every second week from 16 to 34, mm: humerus, radius, ulna, tibia, fibula. Medians after
-/// Jeanty et al., "Estimation of gestational age from measurements of fetal long bones", J Ultrasound Med 3:75 (1984),
-/// rounded to a millimetre.
+/// Lengths of the long bones at every second week from 16 to 34, mm: humerus, radius, ulna, tibia, fibula. Medians
+/// after Jeanty et al., "Estimation of gestational age from measurements of fetal long bones", J Ultrasound Med 3:75
+/// (1984), rounded to a millimetre.
 ///
 /// Unverified: the single values; the paper was not at hand.
 const LONG_BONES_MM: [[f32; 10]; 5] = [
@@ -76,8 +76,9 @@ const CEREBELLUM_MM: [f32; 10] = [16.0, 18.0, 20.0, 23.0, 25.0, 29.0, 31.0, 35.0
 /// Jeanty et al., "The binocular distance: a new way to estimate fetal age", J Ultrasound Med 3:241 (1984), to about a
 /// millimetre.
 ///
-/// Unverified: the single values. The binocular distances lie, within 0.5 mm, between the lines 2.59 + 1.42 w of Sukonpan
-/// and Phupong (J Med Assoc Thai 91:1318, 2008) and 0.51 + 1.679 w of Suh et al. (Korean J Obstet Gynecol 49:2096, 2006).
+/// Unverified: the single values. The binocular distances are, within 0.5 mm, between the lines 2.59 + 1.42 w of
+/// Sukonpan and Phupong (J Med Assoc Thai 91:1318, 2008) and 0.51 + 1.679 w of Suh et al. (Korean J Obstet Gynecol
+/// 49:2096, 2006).
 const EYES_MM: [[f32; 10]; 2] = [
     [25.0, 30.0, 34.0, 37.0, 41.0, 44.0, 47.0, 50.0, 52.0, 54.0],
     [7.0, 9.0, 10.0, 11.0, 12.0, 13.0, 13.5, 14.0, 14.5, 15.0],
@@ -113,9 +114,9 @@ impl Biometry {
     /// - Assumed: the occipitofrontal diameter, such that the head's ellipse has its circumference; the skull's
     ///   thickness (3.4 % of the biparietal diameter); the spine (grows as the mean of head and abdomen); the skin's
     ///   thickness.
-    /// - Also assumed: the kidney, 12.3 % of the abdominal circumference. Their circumferences keep their ratio
-    ///   (unverified: Grannum et al., Am J Obstet Gynecol 136:249, 1980). At 24 weeks it is 24.1 mm, against 23.2 of
-    ///   Bharatnur et al., Int J Reprod Contracept Obstet Gynecol.
+    /// - Also assumed: the kidney, 12.3 % of the abdominal circumference. The circumferences of kidney and abdomen keep
+    ///   their ratio (unverified: Grannum et al., Am J Obstet Gynecol 136:249, 1980). At 24 weeks it is 24.1 mm,
+    ///   compared with 23.2 of Bharatnur et al., Int J Reprod Contracept Obstet Gynecol.
     pub fn at_weeks(weeks: f64) -> Self {
         let w = weeks as f32;
         let biparietal_mm = 10.0 * (-3.08 + 0.41 * w - 0.000_061 * w.powi(3));
@@ -184,8 +185,8 @@ impl Biometry {
     }
 }
 
-/// Long diameter of the head's ellipse of width `width_mm`, mm. The brow makes the head's outline longer than an
-/// ellipse's by the factor [`BROW`].
+/// Long diameter of the head's ellipse of width `width_mm`, mm. The brow lengthens the head's outline by the factor
+/// [`BROW`], relative to an ellipse.
 fn occipitofrontal_mm(width_mm: f32, circumference_mm: f32) -> f32 {
     const BROW: f32 = 1.012;
     bisect(width_mm, 2.0 * width_mm, 30, |long| BROW * ellipse_circumference(width_mm, long) < circumference_mm)
@@ -220,7 +221,7 @@ mod tests {
     }
 
     /// Age from a size: Hadlock et al., Radiology 152:497 (1984), weeks of cm. The two sets of curves were fitted
-    /// separately, so they are only nearly inverse: the head's circumference is worst, at the end.
+    /// separately and are only nearly inverse; the head circumference at 34 weeks is worst.
     #[test]
     fn sizes_return_their_age() {
         for weeks in 16..=34 {

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::{PhantomError, PhantomOptions, Progress, build, movement};
 use crate::anatomy::export::{ExportError, write_moving_glb};
 
-/// Version of the generator's output; raised with every change, so that old files are not used.
+/// Version of the generator's output; raised with every change to invalidate old files.
 const GENERATOR: &str = "obstetric-8";
 
 /// Errors in obtaining a phantom file.
@@ -29,8 +29,7 @@ pub enum CacheError {
     },
 }
 
-/// Path of the phantom of `options` as a .glb in `cache_dir`, built unless this version of the generator has already
-/// built it.
+/// Path of the phantom of `options` as a .glb in `cache_dir`; builds it if this generator version has not done so yet.
 ///
 /// `progress` is called only during a build. Two processes may build at once: each renames a complete file into place,
 /// and both files are the same.

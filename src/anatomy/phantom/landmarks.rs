@@ -13,7 +13,7 @@ pub struct Landmarks {
     pub head_centre_mm: Vec3,
     /// Normal of the axial planes of the head (transthalamic, transventricular), towards the vertex.
     pub head_vertex: Vec3,
-    /// Direction from the head's centre to the face; lies in the axial planes, along the midline echo.
+    /// Direction from the head's centre to the face, in the axial planes, along the midline echo.
     pub head_face: Vec3,
     /// Direction to the fetus' left; normal of the midsagittal planes of head and trunk.
     pub fetus_left: Vec3,

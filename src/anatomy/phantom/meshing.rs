@@ -15,9 +15,9 @@ use crate::anatomy::Mesh;
 
 /// Cells along a block's edge.
 const BLOCK: u32 = 4;
-/// Free cells between the solid's box and the grid's border, so that surfaces close.
+/// Free cells between the solid's box and the grid's border, which let surfaces close.
 const MARGIN_CELLS: f32 = 2.5;
-/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal: distances of solids are
+/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal. Distances of solids are
 /// not exact, and some grow faster than one to one.
 const LIPSCHITZ: f32 = 3.0;
 /// Newton steps per vertex.
@@ -97,8 +97,8 @@ impl Samples {
         [1, self.size.x as usize, (self.size.x * self.size.y) as usize]
     }
 
-    /// Changes samples until no square of four neighbours has alternating signs: there the net would join four sheets
-    /// in one edge.
+    /// Changes samples until no square of four neighbours has alternating signs, at which the net would join four
+    /// sheets in one edge.
     fn make_manifold(&mut self) {
         let strides = self.strides();
         let inside = -1e-3 * self.cell_mm;
@@ -111,7 +111,7 @@ impl Samples {
                     [(0, 1), (0, 2), (1, 2)].into_iter().filter_map(move |(u, v)| {
                         let square = [i, i + strides[u], i + strides[u] + strides[v], i + strides[v]];
                         let s = square.map(|k| values[k] < 0.0);
-                        // Filling only adds to the inside, so this ends.
+                        // Filling only adds inside samples, so the loop terminates.
                         (s[0] == s[2] && s[1] == s[3] && s[0] != s[1])
                             .then(|| square.into_iter().filter(|&k| values[k] >= 0.0))
                             .and_then(|outside| outside.min_by(|&a, &b| values[a].total_cmp(&values[b])))

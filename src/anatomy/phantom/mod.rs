@@ -5,7 +5,7 @@
 //! the belly thus meets the side of the head, and the midline is across the beam. The placenta is anterior, left and
 //! fundal.
 //!
-//! [`organs`] lists every closed surface as a solid, [`build`] meshes them, [`cached`] keeps the file, and
+//! [`organs`] lists every closed surface as a solid, [`build`] meshes them, [`cached`] stores the file, and
 //! [`landmarks()`] gives positions.
 //!
 //! An organ is one function in `fetus/` or `mother/` that returns [`Organ`]s; its sizes come from [`Biometry`] and its

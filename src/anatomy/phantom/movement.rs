@@ -8,12 +8,12 @@ use super::parameters::Parameters;
 use super::vary::vary;
 use crate::anatomy::motion::{Drift, Field, Motion, Rhythm, Shape};
 
-/// Fetal heart rate and its variation, beats a minute: 110 to 160 is normal (ISUOG guidelines, Ultrasound Obstet
+/// Fetal heart rate and its variation, beats per minute: 110 to 160 is normal (ISUOG guidelines, Ultrasound Obstet
 /// Gynecol 41:348, 2013).
 const HEART_PER_MIN: (f64, f64) = (145.0, 12.0);
 /// Shortening fraction of both ventricles: a third of the radius between diastole and systole (DeVore 1984).
 const SHORTENING: f32 = 0.32;
-/// Rate of fetal breathing, in bouts (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 a minute).
+/// Rate of fetal breathing, in bouts (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 per minute).
 const FETAL_BREATHS_PER_MIN: f64 = 50.0;
 /// Inward movement of the chest wall and caudal movement of the diaphragm in fetal inspiration: 2 to 4 mm each (Patrick
 /// 1980; amounts at 22 weeks).
@@ -41,7 +41,7 @@ pub fn movement(parameters: &Parameters) -> Motion {
         fields.push(stretch(&attitude, format!("{side} arm"), arm, arm_mm, seed));
     }
     let rhythm = Rhythm::Breath { breaths_per_min: MATERNAL_BREATHS_PER_MIN, bout_s: 1.0, pause_s: 0.0, seed };
-    // Along the skin, so that the probe keeps its contact.
+    // Along the skin, which keeps the probe in contact.
     Motion { fields, drift: Some(Drift { way_mm: Vec3::new(0.0, -UTERUS_MM, 0.0), rhythm }) }
 }
 

@@ -4,7 +4,7 @@ use super::PhantomSurface;
 use super::meshing::mesh;
 use super::sdf::Solid;
 
-/// Body whose triangle budget a surface draws on.
+/// Body whose triangle budget includes a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Body {
     /// Mother, placenta, cord and fluid.
@@ -22,7 +22,7 @@ pub struct Organ {
     pub tissue: &'static str,
     /// Priority: where surfaces overlap, the highest is the medium.
     pub priority: i32,
-    /// Body whose triangle budget it draws on.
+    /// Body whose triangle budget includes it.
     pub body: Body,
     /// Cell size relative to other surfaces of the same body; about right in mm at scale 1.
     pub grain_mm: f32,

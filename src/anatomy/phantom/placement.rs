@@ -85,8 +85,8 @@ impl Room {
     }
 }
 
-/// Start position: rotated by lie and roll, in the middle or slightly behind it, since the placenta or the belly's
-/// weight is in front. The head is slightly nearer to the belly than the rump.
+/// Start position: rotated by lie and roll, in the middle or slightly behind it, as the placenta or the belly's weight
+/// is in front. The head is slightly nearer to the belly than the rump.
 fn start(parameters: &Parameters) -> Isometry {
     let (cranial, ventral) = match parameters.lie {
         Lie::Cephalic => (Vec3::NEG_Y, Vec3::X),
@@ -131,8 +131,8 @@ impl Attitude {
         best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0, 0.0), |(_, attitude)| attitude)
     }
 
-    /// Individual `seed`. Its limbs vary as far as they can without crossing; if even the mean's limbs cross, they are
-    /// spread.
+    /// Attitude of individual `seed`. Its limbs vary as far as possible without crossing; if even the mean's limbs
+    /// cross, they are spread.
     fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
         let variations = [1.0, 0.5, 0.25].into_iter().filter(|_| seed != 0).map(|variation| (variation, 0.0));
         let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));

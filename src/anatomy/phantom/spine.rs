@@ -26,7 +26,7 @@ const KNOTS: [(f32, f32); 11] = [
     (-61.5, -15.0),
 ];
 const STEPS: usize = 12;
-/// Index of the point that bending leaves in place: the fifth knot.
+/// Index of the point fixed during bending: knot 5.
 const FIXED: usize = 5 * STEPS;
 
 /// Spine in the fetal frame.

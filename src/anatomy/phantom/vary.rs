@@ -2,7 +2,7 @@
 
 use crate::random::bits;
 
-/// A number in 0..1 that depends on the phantom's `seed` and on `what` alone.
+/// Pseudo-random number in 0..1, a function of the phantom's `seed` and of `what` only.
 pub(super) fn random(seed: u64, what: u64) -> f32 {
     let state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(what.wrapping_mul(0xd1b5_4a32_d192_ed03));
     // An f32 holds 24 bits.

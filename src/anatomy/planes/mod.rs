@@ -1,4 +1,4 @@
-//! Standard planes of a scene: the planes that a trainee is to find, their tolerances and measurements.
+//! Standard planes of a scene: target planes of a trainee, their tolerances and measurements.
 //!
 //! The obstetric phantom has built-in planes ([`obstetric`]). Any other scene has them in a file beside its glTF file:
 //! `belly.glb` has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a complete file.
@@ -32,7 +32,7 @@ pub struct StandardPlanes {
     pub planes: Vec<StandardPlane>,
 }
 
-/// A standard plane that a trainee is to find.
+/// A standard plane, one of a trainee's targets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandardPlane {
@@ -45,7 +45,7 @@ pub struct StandardPlane {
     pub source: String,
     /// Tolerances for counting as found.
     pub tolerances: Tolerances,
-    /// Views of the plane, any of which will do (either femur, for example). At least one.
+    /// Views of the plane; showing any of them is enough (either femur, for example). At least one.
     pub views: Vec<View>,
 }
 
@@ -82,7 +82,7 @@ pub struct View {
     pub normal: DVec3,
     /// Direction in the plane across the beam, horizontal in the best image.
     pub lateral: DVec3,
-    /// Whether any plane through the line along [`View::lateral`] will do, as for a long bone.
+    /// True if any plane through the line along [`View::lateral`] is accepted, as for a long bone.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub any_turn_about_lateral: bool,
     /// Direction from the centre to the probe on the skin; in the plane, perpendicular to `lateral`.
@@ -143,7 +143,7 @@ pub struct Caliper {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CaliperKind {
-    /// Distance of two points.
+    /// Distance between two points.
     Line,
     /// Circumference of an ellipse.
     Ellipse,
@@ -179,7 +179,7 @@ impl StandardPlanes {
         names.iter().map(|name| find(name.as_ref())).collect()
     }
 
-    /// Gives each view the pose of a probe on `skin` that shows it, or none if its line to the probe meets no skin.
+    /// Sets the pose of a probe on `skin` in each view; `None` if the view's line to the probe does not hit the skin.
     #[must_use]
     pub fn with_poses(mut self, skin: &Skin, press_mm: f64) -> Self {
         for view in self.planes.iter_mut().flat_map(|plane| &mut plane.views) {
@@ -188,7 +188,7 @@ impl StandardPlanes {
         self
     }
 
-    /// Names of the surfaces that calipers measure and outlines show, each once.
+    /// Names of the surfaces in calipers and outlines, each once.
     pub fn surfaces(&self) -> Vec<&str> {
         let views = || self.planes.iter().flat_map(|plane| &plane.views);
         let measured = views().flat_map(|view| &view.calipers);

@@ -37,7 +37,7 @@ pub fn obstetric_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlane
     StandardPlanes { version: PLANES_VERSION, planes: planes.into() }
 }
 
-/// Landmarks and sizes, and the directions that several planes need.
+/// Landmarks and sizes, and directions shared by several planes.
 struct Anatomy<'a> {
     landmarks: &'a Landmarks,
     biometry: &'a Biometry,
@@ -104,8 +104,8 @@ fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     }
 }
 
-/// View in the midsagittal plane of the fetus along `to_probe`. A direction from the mother's back, where no probe
-/// gets, is replaced by the one in the plane nearest to her belly.
+/// View in the midsagittal plane of the fetus along `to_probe`. A direction from the mother's back, out of a probe's
+/// reach, is replaced by the one in the plane nearest to her belly.
 fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     /// Lowest z of a direction to the probe: a probe on a flank points up by at most about 15° (assumed).
     const LOWEST_Z: f64 = -0.25;

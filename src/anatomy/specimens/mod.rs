@@ -1,3 +1,3 @@
-//! Layouts of scenes that are measured. `examples/make_scenes` writes the scenes themselves.
+//! Layouts of measured scenes. `examples/make_scenes` writes the scenes themselves.
 
 pub mod qa;

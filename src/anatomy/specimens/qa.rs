@@ -1,14 +1,14 @@
-//! Layout of the quality-assurance phantom, one of the usual multi-purpose kind. `examples/make_scenes` builds it.
+//! Layout of a multi-purpose quality-assurance phantom of a common type. `examples/make_scenes` builds it.
 //!
 //! The groups are those of two commercial phantoms. CIRS 040GSE (user guide at support.cirsinc.com): near field,
 //! vertical and horizontal distances, axial and lateral resolution, stepped anechoic cylinders, grey-scale targets of
 //! −9, −6, −3, +3, +6 and more dB. Gammex 405 GSX LE (its user guide): grey-scale cylinders, pins, cysts. The positions
-//! are our own, so that everything is below one linear probe 60 mm wide. All targets are parallel to y.
+//! are our own, to fit everything below one linear probe 60 mm wide. All targets are parallel to y.
 //!
-//! Real filaments are 0.08 to 0.1 mm thick, a fraction of a wavelength, and scatter more than their width covers. Rays
-//! know only the width, so ours are bars of [`WIRE_MM`] with a flat side up: about as bright above the speckle as real
-//! ones. The wires of the vertical group are offset sideways by 0.4 mm, out of each other's shadow, which diffraction
-//! fills in a real phantom.
+//! Real filaments are 0.08 to 0.1 mm thick, a fraction of a wavelength, and scatter more than their geometric width.
+//! Rays see only the width. The wires are therefore bars of [`WIRE_MM`] with a flat side up, about as bright above the
+//! speckle as real ones. The wires of the vertical group are offset sideways by 0.4 mm, out of each other's shadow. In
+//! a real phantom, diffraction fills the shadow.
 
 /// Side of a wire, mm.
 pub const WIRE_MM: f32 = 0.3;

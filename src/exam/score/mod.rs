@@ -1,15 +1,15 @@
 //! Score of a session against a scene's standard planes.
 //!
-//! A plane is **found** when the image shows one of its views within the tolerances, the probe on the skin, for at least
-//! [`HOLD_S`] without a break. The **best second** is that whose largest deviations, each over its tolerance, are least
-//! on average; angles, distances and measurements are given for it, whether the plane was found or not.
+//! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without a
+//! break and with the probe on the skin. The **best second** has the least mean of the largest deviations, each
+//! relative to its tolerance. Angles, distances and measurements refer to it, even if the plane was not found.
 //!
-//! Planes and skin are those of the scene at rest: how far it drifts under the probe (2 mm in the phantom, as its mother
-//! breathes) is not taken out, and neither do made sessions follow it.
+//! Planes and skin are those of the scene at rest. Their drift under the probe (2 mm in the phantom, by the mother's
+//! breathing) is not compensated; generated sessions ignore it, too.
 //!
-//! Points, 0..=100 a plane, none where it was not found: 50 for finding it, 20 for the angle, 20 for the distance (all of
-//! them up to a quarter of the tolerance, none at the tolerance) and 10 for a steady hold (all up to 0.5 mm RMS, none
-//! from 3 mm). The weights are assumed.
+//! Points per plane, 0..=100: 0 if it was not found, else 50, plus 20 for the angle, 20 for the distance and 10 for a
+//! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
+//! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
 
 mod track;
 
@@ -35,20 +35,20 @@ pub const HOLD_S: f64 = 1.0;
 
 /// Reference data of a score.
 pub struct Reference<'a> {
-    /// The planes that count.
+    /// Scored planes.
     pub planes: Vec<&'a StandardPlane>,
-    /// Skin that the probe touches; without it, contact is assumed.
+    /// Skin touched by the probe; without it, contact is assumed.
     pub skin: Option<&'a Skin>,
-    /// Surfaces that the calipers name; what is missing isn't measured.
+    /// Surfaces named by the calipers; calipers of missing surfaces are not measured.
     pub surfaces: &'a BTreeMap<String, Mesh>,
-    /// The probe.
+    /// Probe.
     pub probe: &'a Probe,
-    /// Depth of the image at each pose, mm; where it has none, the probe's.
+    /// Image depth at each pose, mm; the probe's own for poses beyond the list.
     pub depths_mm: &'a [f64],
 }
 
 impl Reference<'_> {
-    /// The probe as it was set at the pose of that index.
+    /// Probe with its depth setting at pose `index`.
     pub fn probe_at(&self, index: usize) -> Probe {
         let depth_mm = self.depths_mm.get(index).copied().unwrap_or(self.probe.depth_mm);
         Probe { depth_mm, ..*self.probe }
@@ -62,19 +62,19 @@ pub struct Score {
     pub points: f64,
     /// Planes found.
     pub found: usize,
-    /// From the first pose to the last, s.
+    /// Time from the first pose to the last, s.
     pub duration_s: f64,
-    /// Way of the probe's face, mm.
+    /// Path length of the probe's face, mm.
     pub path_mm: f64,
     /// Mean speed of the probe's face, mm/s.
     pub mean_speed_mm_s: f64,
-    /// Part of the time that the probe was on the skin, 0..=1.
+    /// Share of poses with the probe on the skin, 0..=1.
     pub contact: f64,
-    /// Each plane.
+    /// Scores of the planes.
     pub planes: Vec<PlaneScore>,
-    /// Measurements of the session itself.
+    /// Calipers placed in the session itself.
     pub calipers: Vec<CaliperScore>,
-    /// Caliper events that could not be read, and what was wrong.
+    /// Caliper events that could not be read, with the reason.
     pub calipers_refused: Vec<String>,
 }
 
@@ -85,27 +85,27 @@ pub struct PlaneScore {
     pub name: String,
     /// Display name.
     pub title: String,
-    /// The view that was nearest; empty where the plane has only one.
+    /// Name of the nearest view; empty if the plane has only one.
     pub view: String,
     /// Index of that view.
     #[serde(skip)]
     pub view_index: usize,
-    /// Whether it was found.
+    /// True if it was found.
     pub found: bool,
-    /// 0..=100.
+    /// Points, 0..=100.
     pub points: f64,
     /// Start of the first hold, s from the start.
     pub find_s: Option<f64>,
-    /// Way of the probe's face until then, mm.
+    /// Path length of the probe's face until then, mm.
     pub path_to_find_mm: Option<f64>,
-    /// Longest time it was held, s.
+    /// Longest hold, s.
     pub longest_hold_s: f64,
-    /// Start of the best second, s from the start; none if every second has a gap.
+    /// Start of the best second, s from the start; `None` if every second has a gap.
     pub best_s: Option<f64>,
     /// Pose at the best moment of the best second.
     #[serde(skip)]
     pub best_pose: Option<Pose>,
-    /// The probe as it was set then.
+    /// Probe with its settings at that moment.
     #[serde(skip)]
     pub best_probe: Option<Probe>,
     /// Means over the best second.
@@ -113,35 +113,35 @@ pub struct PlaneScore {
     pub best: Option<Offset>,
     /// Landmarks of the view.
     pub landmarks: usize,
-    /// RMS of the face's way from its mean over the best second, mm.
+    /// RMS distance of the face from its mean position over the best second, mm.
     pub unsteady_mm: Option<f64>,
-    /// Largest turn from the best moment within the best second, degrees.
+    /// Largest rotation from the best moment within the best second, degrees.
     pub unsteady_deg: Option<f64>,
-    /// Mean depth of the face below the skin over the best second, mm; none off the skin.
+    /// Mean depth of the face below the skin over the best second, mm; `None` off the skin.
     pub press_mm: Option<f64>,
     /// Measurements at the best moment.
     pub measures: Vec<Measure>,
 }
 
-/// A measurement and the truth.
+/// A measurement with its true value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Measure {
     /// Name of the caliper.
     pub name: String,
     /// Display name.
     pub title: String,
-    /// Measured length, mm; none where the image does not show enough.
+    /// Measured length, mm; `None` if the image does not show enough.
     pub measured_mm: Option<f64>,
     /// True length, mm.
     pub true_mm: Option<f64>,
-    /// Measured over true less one, percent.
+    /// Relative error, measured over true minus one, percent.
     pub error_percent: Option<f64>,
-    /// Caliper in the image.
+    /// Points of the caliper in the image.
     #[serde(skip)]
     pub measured: Option<Measured>,
 }
 
-/// A measurement of the session itself.
+/// A caliper placed in the session itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaliperScore {
     /// Time, s from the start.
@@ -150,15 +150,15 @@ pub struct CaliperScore {
     pub name: String,
     /// Measured length, mm.
     pub measured_mm: f64,
-    /// True length, mm; none of what no plane measures.
+    /// True length, mm; `None` if no plane has this caliper.
     pub true_mm: Option<f64>,
-    /// Measured over true less one, percent.
+    /// Relative error, measured over true minus one, percent.
     pub error_percent: Option<f64>,
 }
 
-/// Compares `scene_from_probe` over time, ascending, with the reference. `events` may hold calipers.
+/// Compares `scene_from_probe` over time, ascending, with the reference. `events` may include calipers.
 ///
-/// Also gives the deviations behind the score, pose by pose.
+/// Also returns the deviations at each pose.
 pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Score, Track) {
     let track = Track::of(poses, reference);
     let path = path_mm(&track);
@@ -198,7 +198,7 @@ fn plane_score(
     let shown = |i: usize| track.contact[i] && offsets[i].is_within();
     let held = stretches(time_s, shown);
     let first_hold = held.iter().find(|s| length_s(time_s, s) >= HOLD_S - 1e-6);
-    // Off the skin there is no image: as if a tolerance farther off.
+    // Without skin contact there is no image: adds one tolerance to the cost.
     let cost: Vec<f64> =
         offsets.iter().zip(&track.contact).map(|(o, contact)| o.cost + f64::from(u8::from(!contact))).collect();
     let window = best_second(time_s, &cost);
@@ -259,12 +259,12 @@ fn plane_score(
     }
 }
 
-/// 1 up to `full`, 0 from `none`, a line between.
+/// 1 up to `full`, 0 from `none`, linear between.
 fn falling(value: f64, full: f64, none: f64) -> f64 {
     ((none - value) / (none - full)).clamp(0.0, 1.0)
 }
 
-/// Measurement of `caliper` at `pose`, and the truth.
+/// Measurement of `caliper` at `pose`, with its true value.
 fn measured(
     caliper: &Caliper,
     view: &View,
@@ -286,7 +286,7 @@ fn measured(
     }
 }
 
-/// Whether the image shows what is measured: both ends of a line, and most of an ellipse.
+/// True if the image shows the measurement: both ends of a line, or most of an ellipse.
 fn is_in_sector(kind: CaliperKind, measured: &Measured, probe: &Probe) -> bool {
     const ELLIPSE_LEAST: f64 = 0.6;
     let inside = measured.points_mm.iter().filter(|p| Sector::polar(probe, **p).is_some()).count() as f64;
@@ -311,9 +311,9 @@ pub fn slice_mm(probe: &Probe, depth_mm: f64) -> f64 {
     probe.elevational_sigma_mm(depth_mm.max(0.0)) * FWHM_PER_SIGMA
 }
 
-/// The true length of `caliper`: as the plane says, else as its surfaces measure in the plane itself.
+/// True length of `caliper`: the plane's value, or else measured on its surfaces in the exact plane.
 pub fn truth_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
-    /// A probe somewhere in the plane.
+    /// Depth of the plane's centre below an assumed probe in the plane.
     const DEPTH_MM: f64 = 70.0;
     caliper.true_mm.or_else(|| {
         let pose = Pose::looking(view.centre_mm + view.to_probe * DEPTH_MM, -view.to_probe, view.lateral);
@@ -325,7 +325,7 @@ fn error_percent(measured_mm: Option<f64>, true_mm: Option<f64>) -> Option<f64> 
     Some(100.0 * (measured_mm? / true_mm? - 1.0))
 }
 
-/// The session's own calipers, and what could not be read.
+/// The session's own calipers, and the reasons for refused ones.
 fn calipers(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Vec<CaliperScore>, Vec<String>) {
     let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
     let views = || reference.planes.iter().flat_map(|plane| &plane.views);

@@ -1,4 +1,4 @@
-//! Positions of the probe, and its offsets from the planes over time.
+//! Positions of the probe and its offsets from the planes, over time.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -8,40 +8,40 @@ use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::pose::TimedPose;
 
-/// A longer time between two poses is a gap: nothing is held over it, s.
+/// Longest time between two poses of one hold, s; a longer one is a gap.
 const GAP_S: f64 = 0.25;
 
-/// Gap between face and skin that gel still fills, mm (assumed).
+/// Largest gap between face and skin that gel fills, mm (assumed).
 const GEL_MM: f64 = 1.0;
 
-/// No body gives way by more, mm (assumed): a face that is deeper is in a scene that it could not be in.
+/// Largest depth of the face below the skin, mm (assumed); a deeper face counts as without contact.
 const PRESS_MOST_MM: f64 = 25.0;
 
-/// Paths are measured between means over this time, so that tremor is not taken for way, s.
+/// Bin of the means between which paths are measured, s; it suppresses tremor.
 const PATH_STEP_S: f64 = 0.1;
 
 /// Deviations over time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Track {
-    /// s from the start.
+    /// Time, s from the start.
     pub time_s: Vec<f64>,
     /// Centre of the face, mm.
     pub position_mm: Vec<[f64; 3]>,
-    /// Whether the probe was on the skin.
+    /// True while the probe is on the skin.
     pub contact: Vec<bool>,
-    /// Of each plane its nearest view's deviation, in the order of the reference.
+    /// Deviation of each plane's nearest view, in the order of the reference.
     pub offsets: Vec<Vec<Offset>>,
 }
 
 impl Track {
-    /// Position of the probe at each pose.
+    /// Positions, contact and offsets at each pose.
     pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
         let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
         let on_skin = |p: &TimedPose| match reference.skin {
             Some(skin) => skin.press_mm(&p.pose).is_some_and(|mm| (-GEL_MM..=PRESS_MOST_MM).contains(&mm)),
             None => true,
         };
-        // A plane without a view has no deviation; its file would have been refused.
+        // A plane without a view has no deviation; loading rejects such planes.
         let offsets = |plane: &&StandardPlane| {
             let nearest = |(index, p): (usize, &TimedPose)| {
                 Offset::nearest(plane, &reference.probe_at(index), &p.pose).map(|(_, offset)| offset)
@@ -57,7 +57,7 @@ impl Track {
     }
 }
 
-/// Way of the face up to each pose, mm, between means over [`PATH_STEP_S`].
+/// Path length of the face up to each pose, mm, between means over [`PATH_STEP_S`].
 pub(super) fn path_mm(track: &Track) -> Vec<f64> {
     let mut path = Vec::with_capacity(track.time_s.len());
     let (mut way, mut last): (f64, Option<DVec3>) = (0.0, None);
@@ -76,7 +76,7 @@ pub(super) fn path_mm(track: &Track) -> Vec<f64> {
     path
 }
 
-/// Stretches of at least one pose in which `holds`, and no gap lies: first and last index.
+/// Stretches of at least one pose that satisfy `holds`, without gaps: first and last index.
 pub(super) fn stretches(time_s: &[f64], holds: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let mut found: Vec<(usize, usize)> = Vec::new();
     for i in (0..time_s.len()).filter(|&i| holds(i)) {
@@ -88,14 +88,14 @@ pub(super) fn stretches(time_s: &[f64], holds: impl Fn(usize) -> bool) -> Vec<(u
     found
 }
 
-/// First and last index of the second with the least mean of `cost`.
+/// First and last index of the second with the least mean of `cost`; `None` if every second has a gap.
 pub(super) fn best_second(time_s: &[f64], cost: &[f64]) -> Option<(usize, usize)> {
     let mut best: Option<(f64, (usize, usize))> = None;
     for (first, last) in stretches(time_s, |_| true) {
         let (mut start, mut sum) = (first, 0.0);
         for end in first..=last {
             sum += cost[end];
-            // As few poses as still last a second.
+            // Drop poses from the start while the window still spans a second.
             while start < end && time_s[end] - time_s[start + 1] >= HOLD_S - 1e-6 {
                 sum -= cost[start];
                 start += 1;
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn tremor_is_no_way() {
         let time_s: Vec<f64> = (0..600).map(|i| f64::from(i) / 60.0).collect();
-        // 20 mm/s along x, with a tremor of 10 Hz and 0.5 mm across.
+        // 20 mm/s along x, with a transverse tremor of 10 Hz and 0.5 mm.
         let position_mm =
             time_s.iter().map(|t| [20.0 * t, 0.5 * (std::f64::consts::TAU * 10.0 * t).sin(), 0.0]).collect();
         let track = Track { contact: vec![true; 600], offsets: Vec::new(), time_s, position_mm };

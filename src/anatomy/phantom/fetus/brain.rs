@@ -128,7 +128,7 @@ fn ventricles(biometry: &Biometry, inside: &Solid, fossa: &PosteriorFossa) -> So
     union([lateral, cavum, third, fossa.fluid(inside)])
 }
 
-/// Choroid plexus of the bodies and atria, which it nearly fills.
+/// Choroid plexus, which nearly fills the bodies and atria of the ventricles.
 fn choroid_plexus(biometry: &Biometry) -> Solid {
     let v = Vec3::new;
     let width = ventricle_width(biometry);

@@ -56,7 +56,8 @@ pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     legs.chain(arms).collect()
 }
 
-/// Bones of two limbs, or of a limb and the skull, that cross, if any. Parts are numbered from the trunk: 0 to 2.
+/// First pair of crossing bones, of two limbs or of a limb and the skull, if any. Parts are numbered from the trunk: 0
+/// to 2.
 pub(in crate::anatomy::phantom) fn crossing_bones(attitude: &Attitude) -> Option<String> {
     let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
     let v = Vec3::new;

@@ -25,7 +25,7 @@ pub(super) fn belly(attitude: &Attitude, margin: f32) -> Solid {
     domes.smooth_intersect(trunk::trunk(attitude, 5.0 - margin), 2.0)
 }
 
-/// Lungs, airway and diaphragm. By their priority, heart, diaphragm and vessels indent the lungs.
+/// Lungs, airway and diaphragm. Heart, diaphragm and vessels have a higher priority and indent the lungs.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let v = Vec3::new;
     let scale = attitude.biometry.trunk_scale();

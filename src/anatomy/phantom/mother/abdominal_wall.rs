@@ -1,7 +1,7 @@
 //! Skin, fat, fasciae, muscles and peritoneum of a pregnant belly, and the tissue inside.
 //!
-//! Thin layers are the difference of thick closed solids. Each layer's solid extends inward to where the next one, of
-//! higher priority, hides it, so that a layer of half a millimetre needs no fine mesh.
+//! Thin layers are the difference of thick closed solids. Each layer's solid extends inward until the next one, of
+//! higher priority, hides it. A layer of half a millimetre thus needs no fine mesh.
 
 use glam::Vec3;
 
@@ -26,9 +26,9 @@ const PERITONEUM_MM: f32 = 0.5;
 /// Rankin et al., Muscle Nerve 34:320 (2006).
 const FLAT_MUSCLES_MM: [f32; 5] = [FASCIA_MM, 3.0, 3.4, 6.0, 6.4];
 
-/// Layers of the wall, outward and inward from the deep fascia.
+/// Layers of the wall, defined relative to the deep fascia.
 pub(super) struct AbdominalWall {
-    /// Everything inside the deep fascia's outer side.
+    /// Torso inside the deep fascia's outer side.
     under_fat: Solid,
     /// Thickness of the subcutaneous fat, mm.
     pub(super) fat_mm: f32,
@@ -103,7 +103,7 @@ impl AbdominalWall {
     /// Both recti beside the linea alba, which is wide in pregnancy because they separate.
     fn recti(&self) -> Solid {
         let sheath = self.under_fat.grown(-FASCIA_MM);
-        // As deep as a mesh cell needs; the part below the posterior sheath is hidden.
+        // At least as deep as a mesh cell; the part below the posterior sheath is hidden.
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
         let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
         let alba = half_space(Vec3::X * (4.0 + 0.1 * self.proportions.excess.x.max(0.0)), Vec3::NEG_X);

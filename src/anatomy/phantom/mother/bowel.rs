@@ -68,14 +68,14 @@ fn loops(lines: &[Vec<(Vec3, f32)>], inside_mm: f32, interior: &Solid) -> Solid 
     union(lines.iter().map(tube)).smooth_intersect(interior.grown(-1.0 - inside_mm), 3.0)
 }
 
-/// Pockets of gas of uneven size, which rise to the front of the lumen.
+/// Pockets of gas of uneven size at the front of the lumen.
 fn gas(parameters: &Parameters, lines: &[Vec<(Vec3, f32)>]) -> Solid {
     let seed = parameters.seed;
     let mut pockets = Vec::new();
     for (n, line) in lines.iter().enumerate() {
         for (i, &(p, r)) in line.iter().enumerate().skip(2).step_by(3) {
             let key = 500 + 60 * n as u64 + i as u64;
-            // A third of the lumen contains none.
+            // No gas in a third of the lumen.
             if random(seed, key) > 0.34 {
                 let radius = (r - WALL_MM) * (0.45 + 0.2 * random(seed, key + 3000));
                 let up = Vec3::Z * (r - WALL_MM - radius - 0.5);

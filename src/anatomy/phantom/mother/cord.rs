@@ -17,7 +17,7 @@ const VESSEL_WALL_MM: f32 = 0.35;
 /// Radius and distance from the centre of vein and arteries, in units of the cord's radius.
 const VEIN: [f32; 2] = [0.345, 0.365];
 const ARTERY: [f32; 2] = [0.20, 0.615];
-/// Length of a turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils a cm (Predanic et al., J Ultrasound Med 24:271,
+/// Length of a turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils per cm (Predanic et al., J Ultrasound Med 24:271,
 /// 2005).
 const PITCH_22_MM: f32 = 28.0;
 /// Depth to which the cord extends into placenta and fetus, mm.
@@ -39,7 +39,7 @@ impl Cord {
         let size = growth(parameters).powf(0.8);
         let radius_mm = CORD_RADIUS_22_MM * size * (1.0 + 0.08 * vary(seed, 2000));
         let course = route(around, from, navel, radius_mm, seed);
-        // Rooted in the placenta, not through it.
+        // Roots end inside the placenta and the fetus.
         let mut knots = vec![from.at - from.away * ROOTED_MM];
         knots.extend(&course);
         knots.push(navel.at - navel.away * ROOTED_MM);
@@ -59,7 +59,7 @@ impl Cord {
         let points: Vec<(Vec3, f32)> = (0..line.len())
             .map(|i| {
                 let tangent = (line[(i + 1).min(line.len() - 1)] - line[i.saturating_sub(1)]).normalize_or(Vec3::Y);
-                // Transported along the line without twist of its own.
+                // Parallel transport along the line, without twist.
                 across = (across - tangent * across.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
                 length += line[i].distance(line[i.saturating_sub(1)]);
                 let angle = self.phase + phase + TAU * length / self.pitch_mm;

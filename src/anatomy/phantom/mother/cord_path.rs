@@ -1,7 +1,7 @@
 //! Course of the umbilical cord through the fluid: from the placenta to the navel, past the fetus.
 //!
-//! A grid search finds a path with clearance on all sides, via two places with much fluid, so that the cord hangs in
-//! loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and itself.
+//! A grid search finds a path with clearance on all sides. The path passes two places with much fluid, which makes the
+//! cord hang in loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and itself.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -248,7 +248,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
                 }
             }
             moved += off_itself(&old, i, radius_mm);
-            // Loops are held in place until they have found their room.
+            // Anchors hold the loops during the first two thirds of the rounds.
             if round < ROUNDS * 2 / 3 {
                 for anchor in anchors {
                     let pull = (1.0 - here.distance(*anchor) / (2.0 * need)).max(0.0);
@@ -284,7 +284,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
 /// Displacement of point `i` of `line` that keeps non-adjacent parts of the cord apart.
 fn off_itself(line: &[Vec3], i: usize, radius_mm: f32) -> Vec3 {
     let least = 2.0 * radius_mm + 2.0 * ROOM_MM;
-    // The nearest one suffices: its neighbours push the same way.
+    // The nearest point suffices: its neighbours push the same way.
     let nearest = line
         .iter()
         .enumerate()

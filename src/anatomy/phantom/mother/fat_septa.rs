@@ -20,15 +20,15 @@ const LOBULES: [i32; 2] = [7, 9];
 const LOBULE_DEPTH_MM: f32 = 6.5;
 /// Most layers of lobules: thick fat has larger ones.
 const LAYERS_MAX: i32 = 3;
-/// Height above the origin of the axis about which positions across the belly are angles, mm.
+/// Height above the origin of the axis for angles across the belly, mm.
 const AXIS_Z_MM: f32 = -40.0;
 /// Largest deviation of the lobules from their straight lattice for fat up to [`MODERATE_FAT_MM`], mm.
 const BENT_MM: f32 = 24.0;
-/// Fat thickness above which oblique septa extend farther, mm: each additional mm of fat adds a mm along and across the
-/// belly, and, as the belly's ends fall off, more depth.
+/// Fat thickness above which oblique septa extend farther, mm. Each further mm of fat adds 1 mm along and across the
+/// belly, and more depth, as the belly slopes at its ends.
 const MODERATE_FAT_MM: f32 = 14.0;
 const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
-/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum lies along that
+/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum runs along that
 /// side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
@@ -79,7 +79,7 @@ impl Lattice {
         Vec3::new(self.radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y, -self.skin.distance_mm(p))
     }
 
-    /// Coordinates in units of lobules, bent so that septa are wavy; oblique at depth.
+    /// Bent lattice coordinates, mm: septa are wavy, and oblique at depth.
     fn bent(&self, q: Vec3) -> Vec3 {
         let f = &self.phases;
         let part = ((q.z - SKIN_MM) / self.fat_mm).clamp(0.0, 1.0);
@@ -100,7 +100,7 @@ impl Lattice {
     /// Slab that contains the septa.
     fn slab(&self) -> Solid {
         let lattice = self.clone();
-        // Inside the outermost lobules, so that no side of the slab is bare.
+        // Ends inside the outermost lobules, which thus cover the slab's sides.
         let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
             let q = lattice.place(p);

@@ -16,7 +16,7 @@ use crate::anatomy::phantom::sdf::{Bounds, Solid, bisect, smooth_union, sphere};
 const RADIUS_22_MM: f32 = 72.0;
 /// Largest thickness, mm.
 const THICKNESS_MAX_MM: f32 = 40.0;
-/// Depth to which it extends into the wall, so that no film of fluid remains between, mm.
+/// Depth to which it extends into the wall, mm; leaves no film of fluid between.
 const SEATED_MM: f32 = 1.0;
 /// Thickness of the chorionic and the basal plate, mm.
 const PLATE_MM: f32 = 0.8;

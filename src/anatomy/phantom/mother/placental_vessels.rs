@@ -42,7 +42,7 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
             vessels.push(tube(placenta, body, &branch, RADIUS_MM * (0.95 - 0.5 * from), 0.6));
         }
     }
-    // From the root to below the plate, all meet.
+    // All vessels meet at the root.
     union(vessels)
 }
 
@@ -54,7 +54,7 @@ fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, radius_mm
             let on_wall = placenta.on_wall(line(t));
             let radius = radius_mm * (1.0 - (1.0 - thin) * t);
             let fetal = placenta.fetal_side(body, on_wall)?;
-            // Under a thin rim there is no room.
+            // A thin rim has no room for a vessel.
             let depth = on_wall.distance(fetal);
             (depth > 2.0 * radius + COVER_MM + 1.0)
                 .then(|| (fetal - placenta.inward(on_wall) * (COVER_MM + radius), radius))

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::anatomy::phantom::parameters::{Lie, Parameters};
 
-/// Semi-axes of the cavity at 22 weeks with normal fluid, the fetus lying along the mother, mm.
+/// Semi-axes of the cavity at 22 weeks with normal fluid and a longitudinal lie, mm.
 const CAVITY_22_MM: Vec3 = Vec3::new(63.0, 103.0, 53.0);
 
 /// Thickness of the uterine wall, mm.
@@ -33,7 +33,7 @@ pub(in crate::anatomy::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Ve
     let long = CAVITY_22_MM.y;
     let stretched = 1.0 + 0.16 * (0.5 - parameters.flexion as f32).max(0.0);
     let fluid = (parameters.fluid_index_mm as f32 - FLUID_INDEX_22_MM) / 100.0;
-    // Little fluid still leaves the fetus its room; much fluid distends the uterus.
+    // Little fluid still leaves room for the fetus; much fluid distends the uterus.
     let (aside, along) = if fluid < 0.0 { (0.05, 0.02) } else { (0.10, 0.06) };
     let (aside, along) = (1.0 + aside * fluid, stretched * (1.0 + along * fluid));
     let semi = match parameters.lie {

@@ -9,7 +9,7 @@ use crate::anatomy::phantom::sdf::{
     Isometry, Solid, capsule, round_cone, rounded_box, smooth_sweep, smooth_union, union,
 };
 
-/// L5 to L1.
+/// Number of lumbar vertebrae, L5 to L1.
 const VERTEBRAE: usize = 5;
 /// Distance between the centres of adjacent bodies, mm: body 27, disc 9.
 const SPACING_MM: f32 = 36.0;

@@ -94,7 +94,7 @@ fn faults(parameters: &Parameters) -> Vec<String> {
         }
     }
     expect(own > 1.85 * radius, format!("comes within {own:.1} mm of itself, radius {radius:.1}"));
-    // Over an arc as long as the cord is wide.
+    // Turn over an arc as long as the cord's diameter.
     for i in 0..line.len() - 1 {
         let k = arc.partition_point(|&a| a < arc[i] + 2.0 * radius).min(line.len() - 2);
         let turn = (line[i + 1] - line[i]).angle_between(line[k + 1] - line[k]).to_degrees();

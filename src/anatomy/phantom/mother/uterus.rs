@@ -11,7 +11,7 @@ use crate::anatomy::phantom::sdf::{Bounds, Solid, capsule, round_cone, smooth_un
 /// Exponent of the cavity's superellipsoid: a little fuller than an ellipsoid.
 const FULLNESS: f32 = 2.25;
 
-/// Thickness of amnion and chorion where they lie together, mm.
+/// Thickness of the fused amnion and chorion, mm.
 const MEMBRANES_MM: f32 = 0.35;
 /// Thickness of the fluid between amnion and chorion at the centre of their separation, mm.
 const PARTED_MM: f32 = 2.6;

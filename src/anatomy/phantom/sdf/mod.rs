@@ -18,7 +18,7 @@ pub use operations::{smooth_union, union};
 pub use primitives::{capsule, ellipsoid, half_space, plate, round_cone, rounded_box, sphere};
 pub use sweep::{catmull_rom, smooth_sweep, sweep};
 
-/// Last number found inside, by `steps` bisections between `inside` and `outside`.
+/// Last inside value of `steps` bisections between `inside` and `outside`.
 pub fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -> bool) -> f32 {
     let (mut inside, mut outside) = (inside, outside);
     for _ in 0..steps {

@@ -11,7 +11,7 @@ const CHUNK: usize = 6;
 /// Tube through `points`, each a centre and a radius in mm, straight between neighbours.
 pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
     let ball = |&(c, r): &(Vec3, f32)| Bounds::around(c, Vec3::splat(r));
-    // Chunks overlap by one point, so that each segment is in one of them.
+    // Chunks overlap by one point; each segment is in exactly one chunk.
     union((0..points.len().saturating_sub(1).max(1)).step_by(CHUNK).map(|start| {
         let chunk = points[start..points.len().min(start + CHUNK + 1)].to_vec();
         let bounds = chunk.iter().fold(Bounds::EMPTY, |hull, point| hull.hull(ball(point)));
@@ -27,8 +27,8 @@ pub fn smooth_sweep(knots: &[(Vec3, f32)], steps: usize) -> Solid {
     sweep(&catmull_rom(knots, steps))
 }
 
-/// Smooth curve through `knots` (centre and radius), each interval divided into `steps` (centripetal ends, uniform
-/// inside).
+/// Smooth curve through `knots` (centre and radius), each interval divided into `steps`: a uniform Catmull-Rom spline
+/// with repeated end knots.
 pub fn catmull_rom(knots: &[(Vec3, f32)], steps: usize) -> Vec<(Vec3, f32)> {
     let Some(&last) = knots.last() else { return Vec::new() };
     let mut points = Vec::with_capacity(knots.len() * steps + 1);
