@@ -28,7 +28,7 @@ settings! {
         /// Longest prediction towards the time of display; 0 predicts nothing.
         prediction_ms: f64 = 30.0, "ms", 0.0..=200.0, Everything;
 
-        // The ranges of these three touch and do not overlap: their values always ascend.
+        // The ranges of the next three do not overlap, so their values always ascend.
         /// Age of the last measurement above which the pose is held.
         held_ms: f64 = 100.0, "ms", 1.0..=500.0, Everything;
 
