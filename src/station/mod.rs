@@ -107,8 +107,8 @@ impl Station {
     /// Parses the text of a station file; relative paths start at `dir`. The scene's file is not opened.
     ///
     /// # Errors
-    /// The text is not TOML; a key is unknown, missing, misplaced or of the wrong type; a value is outside its range; or
-    /// the background tissue is unknown.
+    /// The text is not TOML; a key is unknown, missing, misplaced or of the wrong type; a value is outside its range;
+    /// or the background tissue is unknown.
     pub fn parse(text: &str, dir: &Path) -> Result<Self, StationError> {
         parse::station(text, dir)
     }
