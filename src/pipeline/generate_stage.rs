@@ -14,7 +14,7 @@ use super::slot::{Slot, Taken};
 use crate::sink::live::FrameInfo;
 use crate::sink::pool::Pool;
 
-/// Generated frames: one held by the presenter, one in the slot, one to fill.
+/// Buffers of generated frames: two in the presenter during an exchange, one in the slot, one to fill.
 const FRAMES: usize = 4;
 
 /// Consecutive failures after which the generator rests, and its first and longest rest.

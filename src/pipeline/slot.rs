@@ -99,7 +99,7 @@ impl<T> Slot<T> {
         self.clock.notify(&self.signal);
     }
 
-    /// Wakes all waiting threads without an item, so that they check again whether one is expected.
+    /// Wakes all waiting threads without an item; they check again whether one is expected.
     pub(super) fn wake(&self) {
         self.clock.notify(&self.signal);
     }

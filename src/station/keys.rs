@@ -39,7 +39,7 @@ pub struct KeyDoc {
     pub meaning: Cow<'static, str>,
 }
 
-/// Table name that stands for each tissue's table.
+/// Table name used for the keys of all tissues.
 const TISSUE: &str = "tissues.NAME";
 
 /// Required keys of a new tissue.

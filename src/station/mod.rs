@@ -47,7 +47,7 @@ pub enum SceneSource {
     ObstetricPhantom(PhantomOptions),
 }
 
-/// A station: what is scanned, by which probe, into which image.
+/// A station: scene, probe, image settings, tracker, generators and outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Station {
     /// Source of the surfaces.

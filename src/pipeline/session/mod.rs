@@ -139,7 +139,7 @@ impl Pipeline {
         Ok(pipeline.end())
     }
 
-    /// Starts every stage, the last first, so that each one's consumer exists.
+    /// Starts all stages, consumers first.
     fn start(settings: &PipelineSettings, limits: Limits, parts: Parts) -> Result<Self, PipelineError> {
         let Parts { clock, stop, enhancer, log, .. } = parts;
         let events = Events::new(&clock, parts.observer);
