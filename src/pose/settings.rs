@@ -6,8 +6,8 @@ use crate::settings::settings;
 settings! {
     /// Filter and prediction of poses: `[filter]` of a station file.
     ///
-    /// Defaults suit a tracker of about 60 measurements per second with noise of 0.1 to 0.2 mm and degrees. They are the
-    /// compromise between noise at rest and error at display that the tests of the estimator measure.
+    /// Defaults suit a tracker of about 60 measurements per second with noise of 0.1 to 0.2 mm and degrees. They trade
+    /// noise at rest against error at display, as measured by the tests of the estimator.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct FilterSettings in "filter" {
         /// Cutoff of the position's One-Euro filter at rest; lower is steadier and lags more.
