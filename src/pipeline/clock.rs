@@ -1,21 +1,21 @@
-//! The time of a session: the machine's, or one that a test simulates.
+//! Clock of a session: the machine's, or a simulated one for tests.
 //!
-//! Whatever waits in the pipeline waits on a [`Signal`] through its [`Clock`], and every thread of it is started by
-//! [`super::shutdown::spawn`]. That is what lets a [`super::SimulatedClock`] run ten minutes in a second.
+//! The pipeline waits only on a [`Signal`] through its [`Clock`], and starts all its threads by
+//! [`super::shutdown::spawn`]. A [`super::SimulatedClock`] can therefore run ten minutes in a second.
 
 use std::fmt::Debug;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A time that never comes: waits for a signal alone.
+/// No timeout: a wait until `NEVER` ends only by its signal.
 pub const NEVER: Duration = Duration::MAX;
 
-/// Locks, whatever a thread that panicked left: every value behind a lock of the pipeline is whole at each moment.
+/// Locks `mutex`, even if poisoned: no thread leaves a value of the pipeline half-written.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Running mean of times after the next one, which has this weight; the first one itself.
+/// Exponential moving average of times: `next` has the weight `weight`. A zero `mean` is replaced by `next`.
 pub(super) fn smoothed(mean: Duration, next: Duration, weight: f64) -> Duration {
     if mean.is_zero() { next } else { mean.mul_f64(1.0 - weight) + next.mul_f64(weight) }
 }
@@ -25,7 +25,7 @@ pub(super) fn ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
-/// Something that threads wait for. Each notification raises its generation, so that none is missed.
+/// Condition that threads wait for. Each notification raises its generation, so no notification is missed.
 #[derive(Debug, Default)]
 pub struct Signal {
     pub(super) generation: Mutex<u64>,
@@ -33,46 +33,46 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// Notifications so far: read it before looking at what the signal is about, and give it to [`Clock::wait`].
+    /// Number of notifications so far. Read it before checking the condition, and pass it to [`Clock::wait`].
     pub fn generation(&self) -> u64 {
         *lock(&self.generation)
     }
 }
 
-/// Tells the time and waits.
+/// Time source of a session, and its waits.
 pub trait Clock: Debug + Send + Sync {
     /// Time since the session began; it never runs backward.
     fn now(&self) -> Duration;
 
-    /// When the session began, ns since 1970 (UTC).
+    /// Start of the session, ns since 1970 (UTC).
     fn start_unix_ns(&self) -> u64;
 
-    /// Waits until `signal` has another generation than `seen`, or until the time `until`.
+    /// Waits until the generation of `signal` differs from `seen`, or until the time `until`.
     fn wait(&self, signal: &Signal, seen: u64, until: Duration);
 
-    /// Wakes whatever waits for `signal`.
+    /// Wakes all threads that wait for `signal`.
     fn notify(&self, signal: &Signal);
 
-    /// Takes a place for a thread that is about to be started.
+    /// Registers a thread that is about to be started. Returns its place.
     fn enrol(&self) -> usize;
 
-    /// The first thing that the thread of place `place` does.
+    /// Called first by the thread registered as `place`.
     fn enter(&self, place: usize);
 
-    /// The last thing that it does.
+    /// Called last by the thread registered as `place`.
     fn leave(&self, place: usize);
 
-    /// The present, ns since 1970 (UTC): a steady clock, whatever becomes of the machine's calendar meanwhile.
+    /// Current time, ns since 1970 (UTC). Monotonic: changes of the system time during the session have no effect.
     fn unix_ns(&self) -> u64 {
         self.unix_ns_at(self.now())
     }
 
-    /// A time of the session, ns since 1970 (UTC).
+    /// Converts a time of the session to ns since 1970 (UTC).
     fn unix_ns_at(&self, time: Duration) -> u64 {
         self.start_unix_ns().saturating_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX))
     }
 
-    /// A time in ns since 1970 (UTC) as one of the session; before its start, its start.
+    /// Converts ns since 1970 (UTC) to a time of the session; zero for times before its start.
     fn since_start(&self, unix_ns: u64) -> Duration {
         Duration::from_nanos(unix_ns.saturating_sub(self.start_unix_ns()))
     }
@@ -86,7 +86,7 @@ pub trait Clock: Debug + Send + Sync {
     }
 }
 
-/// The machine's monotonic clock, from the moment at which this is made.
+/// The machine's monotonic clock, starting at the construction of this value.
 #[derive(Debug)]
 pub struct SystemClock {
     start: Instant,
@@ -96,7 +96,7 @@ pub struct SystemClock {
 impl SystemClock {
     /// A session that begins now.
     pub fn new() -> Self {
-        // The clock that the tracker's bytes are stamped by.
+        // Same clock as the time stamps of the tracker's bytes.
         Self { start_unix_ns: crate::tracker::host_time_ns(), start: Instant::now() }
     }
 }

@@ -4,19 +4,19 @@ use tokio::sync::mpsc;
 
 use crate::settings::{Control, LiveSettings, Quality, SettingsGroup as _};
 
-/// Longest queue of controls. A watcher that sends more has to wait or to send again.
+/// Capacity of the queue of controls. When it is full, a watcher must wait or send again.
 pub const CONTROLS_WAITING: usize = 64;
 
-/// Changes made by the controls that came.
+/// Changes made by the applied controls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Changes {
-    /// The renderer has to be told.
+    /// The renderer must be reconfigured.
     pub(super) picture: bool,
-    /// A watcher sees a change.
+    /// Any setting changed.
     pub(super) any: bool,
     /// A watcher set rays or layers.
     pub(super) quality: bool,
-    /// The session shall end.
+    /// A watcher requested the end of the session.
     pub(super) quit: bool,
     /// Controls applied.
     pub(super) applied: u64,
@@ -24,7 +24,7 @@ pub(super) struct Changes {
     pub(super) refused: u64,
 }
 
-/// The settings of the session, and the queue of controls.
+/// Live settings of the session and the queue of controls.
 #[derive(Debug)]
 pub(super) struct Controls {
     receiver: mpsc::Receiver<Control>,
@@ -37,11 +37,11 @@ impl Controls {
         Self { receiver, live }
     }
 
-    /// Applies the controls that wait. `refuse` is told about values out of range.
+    /// Applies the queued controls. Calls `refuse` with a message for each value out of range.
     pub(super) fn apply_waiting(&mut self, mut refuse: impl FnMut(String)) -> Changes {
         let mut changes = Changes::default();
         let before = self.live;
-        // No more than can wait: a flood of controls must not hold a frame up.
+        // At most one queue length: a flood of controls must not delay a frame.
         for _ in 0..CONTROLS_WAITING {
             let Ok(control) = self.receiver.try_recv() else { break };
             let Control::Set(assignments) = &control else {

@@ -1,4 +1,4 @@
-//! Choice of the picture that a frame shows: by deadline, with hysteresis against flicker.
+//! Choice of each frame's picture: by deadline, with hysteresis against flicker.
 
 use std::time::Duration;
 
@@ -6,47 +6,47 @@ use crate::pose::Pose;
 use crate::settings::ChoiceSettings;
 use crate::sink::live::FrameSource;
 
-/// Longest row of frames that the generated picture must have been ready for before it is shown again.
+/// Upper limit of the number of consecutive ready frames required before generated pictures are shown again.
 const ROW_MAX: u32 = 256;
 
 impl ChoiceSettings {
-    /// Whether the picture of `held` may stand for `pose`.
+    /// Whether the picture made at `held` may be shown at `pose`.
     pub fn near(&self, held: &Pose, pose: &Pose) -> bool {
         held.position_mm.distance(pose.position_mm) <= self.hold_mm
             && held.orientation.angle_between(pose.orientation).to_degrees() <= self.hold_deg
     }
 }
 
-/// Decides frame by frame. It knows no clock: whoever owns it says what was ready.
+/// Chooses the picture of each frame. It has no clock: its owner reports which pictures were ready.
 #[derive(Debug)]
 pub struct Chooser {
     settings: ChoiceSettings,
-    /// Whether generated pictures are shown now.
+    /// Whether generated pictures are currently shown.
     enhanced: bool,
-    /// Frames in a row whose own generated picture was there in time.
+    /// Consecutive frames whose own generated picture was ready in time.
     in_time: u32,
     last_in_time: Option<u64>,
-    /// Frames in a row that a held picture could have stood for.
+    /// Consecutive frames for which a held picture could have been shown.
     near: u32,
-    /// Row that is needed now.
+    /// Consecutive frames currently required before generated pictures are shown.
     row: u32,
-    /// Frames since generated pictures were last shown first.
+    /// Frames since the last switch to generated pictures.
     since_change: u32,
 }
 
 impl Chooser {
-    /// Shows rendered pictures until generated ones have been ready for long enough.
+    /// A chooser that starts with rendered pictures, until generated ones have been ready for long enough.
     pub fn new(settings: ChoiceSettings) -> Self {
         let row = settings.steady_frames.clamp(1, ROW_MAX);
         Self { settings, enhanced: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
     }
 
-    /// Whether a frame's own generated picture is worth waiting for: such are shown, or would be from this one on.
+    /// Whether to wait for the frame's own generated picture: they are shown already, or this frame could be the first.
     pub fn waits(&self) -> bool {
         self.enhanced || self.in_time >= self.row
     }
 
-    /// The generated picture of frame `number` was ready at `ready`, to be used until `deadline`.
+    /// Reports that the generated picture of frame `number` was ready at `ready`, to be used until `deadline`.
     pub fn ready(&mut self, number: u64, ready: Duration, deadline: Duration) {
         if ready > deadline {
             self.in_time = 0;
@@ -57,13 +57,13 @@ impl Chooser {
         self.last_in_time = Some(number);
     }
 
-    /// Chooses the next frame's picture. `own_ready`: its own generated picture is ready; `held_near`: the last one is
-    /// near enough to be held.
+    /// Chooses the next frame's picture. `own_ready`: its own generated picture is ready. `held_near`: the last
+    /// generated picture is close enough in pose to be shown again.
     pub fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
         self.near = if held_near { self.near.saturating_add(1) } else { 0 };
         self.since_change = self.since_change.saturating_add(1);
         if self.enhanced && !own_ready && !held_near {
-            // A fall soon after the rise: the generator is at its limit.
+            // A switch back soon after the switch: the generator is at its limit.
             self.row = match self.since_change {
                 soon if soon <= 4 * self.row => (2 * self.row).min(ROW_MAX),
                 _ => self.settings.steady_frames.clamp(1, ROW_MAX),
@@ -79,7 +79,7 @@ impl Chooser {
         }
     }
 
-    /// Starts anew with rendered pictures: the generator was switched off, or there is no picture.
+    /// Resets to rendered pictures: the generator was switched off, or there is no picture.
     pub fn reset(&mut self) {
         (self.enhanced, self.in_time, self.near, self.last_in_time) = (false, 0, 0, None);
     }
@@ -95,7 +95,7 @@ mod tests {
     const SETTINGS: ChoiceSettings = ChoiceSettings { hold_mm: 0.5, hold_deg: 0.5, steady_frames: 3 };
     const MS: Duration = Duration::from_millis(1);
 
-    /// Frames whose own picture is ready in time where `ready` says so.
+    /// Choices for `frames` frames; frame n has its own picture in time if `ready(n)`.
     fn run(chooser: &mut Chooser, first: u64, ready: impl Fn(u64) -> bool, frames: u64) -> Vec<FrameSource> {
         (first..first + frames)
             .map(|n| {

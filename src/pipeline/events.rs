@@ -10,15 +10,15 @@ use crate::settings::LiveSettings;
 /// Time for which a notice stays on the frames.
 const NOTICE_TIME: Duration = Duration::from_secs(5);
 
-/// Observer of a session, called on the threads of its stages. It must not block, and must count what it drops.
+/// Observer of a session, called on the threads of its stages. It must not block, and must count dropped calls.
 pub trait Observer: Send + Sync {
-    /// Something happened at `unix_ns`.
+    /// An event at `unix_ns`, ns since 1970 (UTC).
     fn event(&self, unix_ns: u64, text: &str);
 
     /// A pose was estimated for a frame.
     fn pose(&self, unix_ns: u64, estimate: &Estimate);
 
-    /// Settings hold from now on.
+    /// The settings from `unix_ns` on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
 }
 
@@ -35,14 +35,14 @@ impl Events {
         Self { clock: clock.clone(), observer, notice: Arc::default() }
     }
 
-    /// Something went wrong: it is logged, shown for a while, and recorded.
+    /// Reports a fault: logs it, shows it on the frames for 5 s, and records it.
     pub(super) fn warn(&self, text: String) {
         tracing::warn!("{text}");
         self.record(&text);
         *lock(&self.notice) = Some((text, self.clock.now().saturating_add(NOTICE_TIME)));
     }
 
-    /// Something happened as it should: it is logged and recorded.
+    /// Reports a regular event: logs and records it.
     pub(super) fn info(&self, text: &str) {
         tracing::info!("{text}");
         self.record(text);
@@ -66,7 +66,7 @@ impl Events {
         }
     }
 
-    /// Writes the notice of the moment into `notice`, allocating only when there is a new one.
+    /// Writes the current notice into `notice`. Allocates only for a new notice.
     pub(super) fn notice_into(&self, notice: &mut Option<String>) {
         let mut current = lock(&self.notice);
         if current.as_ref().is_some_and(|(_, until)| self.clock.now() >= *until) {

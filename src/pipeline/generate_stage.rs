@@ -1,4 +1,4 @@
-//! Runs the generator beside the renderer.
+//! Generator stage, in parallel with the renderer.
 
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
@@ -14,10 +14,10 @@ use super::slot::{Slot, Taken};
 use crate::sink::live::FrameInfo;
 use crate::sink::pool::Pool;
 
-/// Generated frames: one held by the presenter, one in the slot, one to fill.
+/// Buffers of generated frames: two in the presenter during an exchange, one in the slot, one to fill.
 const FRAMES: usize = 4;
 
-/// Failures in a row after which the generator rests, and for how long at first and at most.
+/// Consecutive failures after which the generator rests, and its first and longest rest.
 const FAILURES: u32 = 3;
 const REST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(60));
 
@@ -34,7 +34,7 @@ pub(super) struct Generated {
     pub(super) run: (Duration, Duration),
     /// Deadline of that frame.
     pub(super) deadline: Duration,
-    /// Tier that made it.
+    /// Tier of the generator.
     pub(super) tier: String,
 }
 
@@ -56,7 +56,7 @@ struct Health {
 }
 
 impl GenerateStage {
-    /// Translates the newest frame again and again until the slot is closed.
+    /// Translates the newest frame in a loop until the slot is closed.
     pub(super) fn run(mut self) {
         let mut pool = Pool::new(FRAMES);
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
@@ -68,19 +68,19 @@ impl GenerateStage {
                 lock(&self.link.state).counts.dropped += 1;
             }
             self.link.done_with(number, &*self.clock);
-            // A frame whose picture doesn't come is not held back to its deadline.
+            // Without a generated picture, the presenter must not wait until the deadline.
             self.to_presenter.wake();
         }
         self.to_presenter.close();
     }
 
-    /// Whether the frame can be translated; the renderer hears what the next ones need.
+    /// Whether the frame can be translated. Also publishes which inputs the next frames need.
     fn takes(&mut self, rendered: &Rendered, health: &Health) -> bool {
         let readiness = match self.clock.now() < health.resting_until {
             true => Readiness::Rests,
             false => self.enhancer.ready(rendered.maps),
         };
-        // After failures nothing reads anything.
+        // A resting generator reads no maps.
         let reads_maps = self.clock.now() >= health.resting_until && self.enhancer.reads_maps();
         self.link.say(readiness == Readiness::Rests, reads_maps);
         readiness == Readiness::Runs
@@ -107,7 +107,7 @@ impl GenerateStage {
             generated.tier.push_str(self.enhancer.tier());
             result
         });
-        // The presenter, who may have the whole frame then, need not copy it.
+        // Released early: the presenter can then move the frame instead of copying it.
         drop(rendered);
         let ended = self.clock.now();
         span.record("ended_ms", ms(ended));
@@ -135,7 +135,7 @@ impl GenerateStage {
         }
     }
 
-    /// A run failed: after some in a row the generator rests, longer each time.
+    /// Handles a failed run: after [`FAILURES`] in a row the generator rests, longer each time.
     fn failed(&self, reason: &str, health: &mut Health) {
         health.failures += 1;
         let tier = self.enhancer.tier();

@@ -8,17 +8,16 @@ use super::clock::{Clock, Signal, lock, smoothed};
 use super::parts::{Enhancer, Terminator};
 use super::summary::GeneratorSummary;
 
-/// A run that goes on for so long after it was told to end won't.
+/// A run that continues this long after its termination was requested is given up.
 const GIVE_UP: Duration = Duration::from_secs(1);
 
-/// Weight of the latest run in the estimate of their time.
+/// Weight of the latest run in the estimated duration.
 const WEIGHT: f64 = 0.2;
 
-/// Growth of what counts as an undisturbed run's time with each run: a slower tier is known after a dozen.
+/// Growth per run of the undisturbed duration: it adapts to a slower tier within a dozen runs.
 const FORGET: f64 = 1.0625;
 
-/// After so many frames that did not wait for it, one does: runs that are always disturbed say nothing about those that
-/// aren't.
+/// Frames without a wait after which one waits: otherwise every run is disturbed and the estimate never falls.
 const TRY_AGAIN: u32 = 16;
 
 /// Watchdog state of one run.
@@ -27,7 +26,7 @@ enum Hang {
     /// Within the time limit.
     #[default]
     No,
-    /// Asked to end, or due to be asked, at this time.
+    /// Termination was requested at this time.
     Told(Duration),
     /// Not responding. No stage waits for it any more; if it returns, the generator resumes.
     GivenUp,
@@ -82,18 +81,18 @@ impl GeneratorState {
     }
 }
 
-/// Shared by the stages.
+/// Link to the generator, shared by the stages.
 pub(super) struct GeneratorLink {
     pub(super) state: Mutex<GeneratorState>,
     terminator: Option<Terminator>,
     hang: Duration,
-    /// Whether a run takes the processors that frames may be made on.
+    /// Whether the generator runs on the CPU, which may also render frames.
     on_processors: bool,
-    /// Notified each time that it is done with a frame.
+    /// Notified after each frame that the generator translated or skipped.
     done: Signal,
-    /// Whether it takes no frames: after failures, or while no tier keeps the budget.
+    /// Whether the generator takes no frames: after failures, or while no tier meets the budget.
     rests: AtomicBool,
-    /// Whether the tier that takes them reads their maps.
+    /// Whether the current tier reads the frames' maps.
     reads_maps: AtomicBool,
 }
 
@@ -110,7 +109,7 @@ impl GeneratorLink {
         }
     }
 
-    /// Whether frames need maps for the generator.
+    /// Whether the generator reads the frames' maps.
     pub(super) fn reads_maps(&self) -> bool {
         self.reads_maps.load(Ordering::Relaxed)
     }
@@ -179,7 +178,7 @@ impl GeneratorLink {
         }
     }
 
-    /// Next watchdog check of the current run; none if idle or given up.
+    /// Time of the next watchdog check of the current run; none if idle or given up.
     pub(super) fn hangs_at(&self) -> Option<Duration> {
         let state = lock(&self.state);
         let (_, started) = state.busy?;
@@ -190,7 +189,7 @@ impl GeneratorLink {
         }
     }
 
-    /// Terminates a run that takes too long, and gives up one that does not end. Returns the message to report.
+    /// Terminates an overlong run, and gives it up if it does not end. Returns a message to report.
     pub(super) fn watch(&self, now: Duration) -> Option<String> {
         let mut state = lock(&self.state);
         let (number, started) = state.busy?;
@@ -222,7 +221,7 @@ impl GeneratorLink {
         }
     }
 
-    /// Ends the run at work, for the session's end.
+    /// Terminates the current run at the end of the session.
     pub(super) fn terminate(&self) {
         if lock(&self.state).busy.is_some()
             && let Some(terminate) = &self.terminator
@@ -240,7 +239,7 @@ mod tests {
         Duration::from_millis(n)
     }
 
-    /// A run on frame 1 since `started`, of a generator that has run for these times before.
+    /// State during a run on frame 1 that began at `started`, after `runs` of these durations, ms.
     fn at_work(started: u64, runs: &[u64]) -> GeneratorState {
         let mut state = GeneratorState { given: Some(1), busy: Some((1, ms(started))), ..GeneratorState::default() };
         runs.iter().for_each(|run| state.took(ms(*run)));
@@ -251,7 +250,7 @@ mod tests {
     fn a_frame_waits_for_a_run_that_is_about_to_end() {
         assert!(at_work(0, &[40]).takes_a_turn(ms(10), ms(50)));
         assert!(!at_work(0, &[40]).takes_a_turn(ms(10), ms(30)));
-        // One is at work and another was given.
+        // One run is in progress and another frame is queued.
         let two = |until| GeneratorState { given: Some(2), ..at_work(0, &[40]) }.takes_a_turn(ms(10), ms(until));
         assert!(two(80) && !two(79));
         assert!(!GeneratorState { given: None, busy: None, ..at_work(0, &[40]) }.takes_a_turn(ms(10), ms(50)));
@@ -269,7 +268,7 @@ mod tests {
         let waited: Vec<bool> = (0..34).map(|_| state.takes_a_turn(ms(10), ms(75))).collect();
         assert_eq!(waited.iter().filter(|w| **w).count(), 2);
         assert!(waited[16] && waited[33]);
-        // The one that was left alone tells.
+        // The undisturbed run corrects the estimate.
         state.took(ms(40));
         assert!(state.takes_a_turn(ms(10), ms(75)));
     }

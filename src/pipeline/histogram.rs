@@ -1,4 +1,4 @@
-//! Percentiles of any number of times, in memory of a fixed size.
+//! Percentiles of durations, in constant memory.
 
 use std::time::Duration;
 
@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use super::clock::ms;
 
-/// Steps of a histogram in each doubling: a percentile is exact within 1/32.
+/// Buckets per doubling; relative error of a percentile: 1/32.
 const STEPS: usize = 32;
 
-/// Doublings of a histogram, from 1 µs to 36 minutes.
+/// Doublings, from 1 µs to 36 minutes.
 const DOUBLINGS: usize = 32;
 
-/// Times of any number of frames.
+/// Histogram of durations, with 32 buckets per doubling from 1 µs on.
 #[derive(Debug, Clone)]
 pub struct Histogram {
     counts: Box<[u64]>,
@@ -27,7 +27,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Adds a time.
+    /// Adds a duration.
     pub fn push(&mut self, time: Duration) {
         let us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
         if let Some(count) = self.counts.get_mut(bucket(us).min(STEPS * DOUBLINGS - 1)) {
@@ -37,12 +37,12 @@ impl Histogram {
         self.max = self.max.max(time);
     }
 
-    /// Times added.
+    /// Number of durations added.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The percentile `percent` (0..=100), by nearest rank, at most 1/32 above the true one. None of no times.
+    /// Percentile `percent` (0..=100) by nearest rank, at most 1/32 above the true one; none if empty.
     pub fn percentile(&self, percent: f64) -> Option<Duration> {
         let rank = ((percent / 100.0 * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
         let mut below = 0;
@@ -53,7 +53,7 @@ impl Histogram {
         Some(Duration::from_micros(upper_bound(index)).min(self.max))
     }
 
-    /// p50, p95, p99 and the greatest. None of no times.
+    /// p50, p95, p99 and maximum; none if empty.
     pub fn percentiles(&self) -> Option<Percentiles> {
         let at = |percent| self.percentile(percent).map(ms);
         Some(Percentiles {
@@ -66,7 +66,7 @@ impl Histogram {
     }
 }
 
-/// Index of the bucket of a time in µs: linear up to 32 µs, then 32 steps a doubling.
+/// Index of the bucket of a time in µs: linear up to 32 µs, then 32 buckets per doubling.
 fn bucket(us: u64) -> usize {
     let steps = STEPS as u64;
     if us < steps {
@@ -85,10 +85,10 @@ fn upper_bound(index: usize) -> u64 {
     }
 }
 
-/// Percentiles of many times.
+/// Percentiles of durations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Percentiles {
-    /// Times behind them.
+    /// Number of durations.
     pub count: u64,
     /// Median, ms.
     pub p50_ms: f64,
@@ -96,7 +96,7 @@ pub struct Percentiles {
     pub p95_ms: f64,
     /// 99th percentile, ms.
     pub p99_ms: f64,
-    /// Greatest, ms.
+    /// Maximum, ms.
     pub max_ms: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The renderer on this machine, as the pipeline uses it.
+//! Renderer on this machine, for the pipeline.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::pose::Pose;
 use crate::render::{Backend, BackendError, Frame, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 
-/// Makes renderers of one scene on one backend, which it opens again after a loss.
+/// Factory of renderers for one scene on one backend. Reopens the backend after a loss.
 pub struct LocalRendererFactory {
     backend: Backend,
     scene: Arc<Scene>,
@@ -16,10 +16,10 @@ pub struct LocalRendererFactory {
 }
 
 impl LocalRendererFactory {
-    /// A factory of renderers of `scene`.
+    /// A factory of renderers for `scene`.
     ///
     /// # Errors
-    /// A scene that can't be traced.
+    /// Fails if no BVH can be built for the scene.
     pub fn new(backend: Backend, scene: Arc<Scene>) -> Result<Self, RenderError> {
         Ok(Self { backend, bvh: Arc::new(Bvh::build(&scene)?), scene })
     }
@@ -27,7 +27,7 @@ impl LocalRendererFactory {
     /// A renderer on the open backend.
     ///
     /// # Errors
-    /// As [`Renderer::new`].
+    /// The same as those of [`Renderer::new`].
     pub fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<Renderer, RenderError> {
         Renderer::with_bvh(&self.backend, &self.scene, self.bvh.clone(), probe, settings)
     }
@@ -40,7 +40,7 @@ impl RendererFactory for LocalRendererFactory {
     }
 }
 
-/// `Renderer::…` names its own functions, which take precedence over those of the trait.
+/// `Renderer::…` calls the inherent functions, which take precedence over the trait's.
 impl FrameRenderer for Renderer {
     fn shape(&self) -> ImageShape {
         let sector = self.sector();
@@ -56,7 +56,7 @@ impl FrameRenderer for Renderer {
     }
 
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
-        // Whether there are maps is chosen for each frame.
+        // Maps are switched on and off per frame.
         let settings = RenderSettings { maps: self.settings().maps, ..*settings };
         Renderer::reconfigure(self, probe, &settings).map_err(fault)
     }
@@ -74,7 +74,7 @@ impl FrameRenderer for Renderer {
     }
 }
 
-/// Sorts an error by whether another device may mend it.
+/// Classifies an error: `Lost` if reopening the device may help, else `Refused`.
 fn fault(error: RenderError) -> RenderFault {
     match error {
         RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. }) | RenderError::Settings(_) => {

@@ -1,4 +1,4 @@
-//! Metrics of a session, in memory of a fixed size.
+//! Metrics of a session, in constant memory.
 
 use std::collections::VecDeque;
 use std::sync::Mutex;
@@ -14,22 +14,22 @@ use crate::pose::TrackingState;
 use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
 
-/// Frames behind the live figures.
+/// Recent frames in the live figures.
 const RECENT: usize = 64;
 
 /// Weight of the latest frame in the expected time from sampling to presentation.
 const WEIGHT: f64 = 0.1;
 
-/// Present state of a session.
+/// Current state of a session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Status {
-    /// Since the session began, s.
+    /// Time since the start of the session, s.
     pub elapsed_s: f64,
     /// Frames presented.
     pub presented: u64,
-    /// Frames a second lately.
+    /// Recent frame rate, Hz.
     pub frames_per_s: f64,
-    /// Median of the last frames' pose-to-present, ms.
+    /// Median pose-to-present latency of recent frames, ms.
     pub latency_ms: Option<f64>,
     /// State of the shown pose.
     #[serde(skip)]
@@ -39,22 +39,22 @@ pub struct Status {
     pub source: FrameSource,
     /// Whether the picture is frozen.
     pub frozen: bool,
-    /// Frames that were begun and not presented.
+    /// Frames begun but not presented.
     pub dropped: u64,
     /// Recent fault.
     pub notice: Option<String>,
 }
 
-/// Counted by the stages while they run.
+/// Counters and statistics that the stages update while they run.
 #[derive(Debug, Default)]
 pub(super) struct Metrics {
     /// Frames begun.
     pub(super) produced: AtomicU64,
     /// Frames lost with the device.
     pub(super) device_lost: AtomicU64,
-    /// Frames for which no memory was left, since all of it was held by stages or sinks.
+    /// Frames dropped because stages or sinks held all buffers.
     pub(super) frames_held: AtomicU64,
-    /// Frames that the end came before.
+    /// Frames not presented because the session ended.
     pub(super) ended: AtomicU64,
     /// Ticks without a frame.
     pub(super) missed_ticks: AtomicU64,
@@ -91,7 +91,7 @@ pub(super) struct Shown {
     frozen: bool,
 }
 
-/// The last frames: when each was presented, and its pose-to-present.
+/// Presentation time and pose-to-present latency of recent frames.
 #[derive(Debug, Default)]
 struct Recent {
     frames: VecDeque<(Duration, Option<Duration>)>,
@@ -135,12 +135,12 @@ pub(super) fn counted(counter: &AtomicU64) -> u64 {
 }
 
 impl Metrics {
-    /// Records a frame that is handed to the sinks. Returns how many were.
+    /// Records a frame that is handed to the sinks. Returns the number of frames presented so far.
     pub(super) fn presented(&self, frame: &PresentedFrame) -> u64 {
         let mut shown = lock(&self.shown);
         let FrameInfo { estimate, timeline: times, settings, .. } = &frame.info;
         let total = times.presented.saturating_sub(times.sampled);
-        // A pose that is held, or a picture that stands still, says nothing about how fast the station is.
+        // Held poses and frozen pictures are no measure of latency.
         let fresh = times.first_byte != shown.last_first_byte && estimate.state == TrackingState::Good;
         let latency = match times.first_byte {
             _ if settings.frozen || estimate.scene_from_probe.is_none() => None,
@@ -170,7 +170,7 @@ impl Metrics {
         shown.presented
     }
 
-    /// Time that lies between sampling and presentation, by the last frames.
+    /// Expected time from sampling to presentation, by recent frames.
     pub(super) fn expected(&self) -> Duration {
         Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed))
     }
@@ -185,7 +185,7 @@ impl Metrics {
         lock(&self.quality).clone()
     }
 
-    /// Looks at what is known of presented frames.
+    /// Calls `look` with the statistics of presented frames.
     pub(super) fn shown<R>(&self, look: impl FnOnce(&Shown) -> R) -> R {
         look(&lock(&self.shown))
     }
@@ -205,7 +205,7 @@ impl Metrics {
     }
 }
 
-/// Resident memory of this process, bytes; none where the system doesn't tell it.
+/// Resident memory of this process, bytes; none if the system does not report it.
 pub fn memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;

@@ -1,14 +1,14 @@
-//! A live session: from poses to sinks, frame by frame, whatever a part of it does.
+//! Live session: from poses to sinks, frame by frame. A part that fails or hangs does not stop the others.
 //!
 //! ```text
 //! poses → [late sample] → render → slot → generator → slot → presenter → slot each → sinks
 //!                           └────────────── slot ──────────────↗
 //! ```
-//! Each stage has a thread of its own, and each link holds one item: the newest wins, what it replaces is counted under
-//! the link's name. Events and controls go through bounded queues of their own. Everything that waits does so through
-//! the session's [`Clock`], so that [`SimulatedClock`] runs a session without waiting.
+//! Each stage has its own thread. Each link holds one item: the newest replaces the older one, which is counted as
+//! dropped. Events and controls have separate bounded queues. All waits use the session's [`Clock`], so
+//! [`SimulatedClock`] runs a session without waiting.
 //!
-//! Each frame that is begun is presented or dropped for a cause that is counted: `produced = presented + Σ drops`.
+//! Each begun frame is either presented or dropped, and drops are counted by cause: `produced = presented + Σ drops`.
 
 mod clock;
 mod controls;

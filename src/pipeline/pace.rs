@@ -1,18 +1,18 @@
-//! When the next frame is submitted.
+//! Submission times of frames.
 
 use std::time::Duration;
 
 use super::clock::smoothed;
 
-/// A frame is submitted this long before the device is expected to be done with the one before: time to sample the
-/// pose, record the passes and read the finished frame back while the device works.
+/// Lead of a submission over the expected end of the previous frame: time to sample the pose, record the passes
+/// and read back the finished frame while the device works.
 const OVERLAP: Duration = Duration::from_millis(4);
 
-/// Weight of the latest frame in the estimate of the device's time.
+/// Weight of the latest frame in the estimated device time.
 const WEIGHT: f64 = 0.2;
 
-/// Paces frames by ticks of a fixed rate and by the device. A device that is slower than the ticks gets its frames as
-/// late as keeps it busy, so that poses don't age in its queue; ticks that passed meanwhile are not caught up.
+/// Paces frames by ticks of a fixed rate and by the device. A device slower than the ticks gets each frame just in
+/// time to stay busy, so poses don't age in its queue. Missed ticks are not caught up.
 #[derive(Debug)]
 pub(super) struct Pace {
     period: Duration,
@@ -27,17 +27,17 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Ticks every `period`, the first of them now.
+    /// A pace with a tick every `period`; the first is at `now`.
     pub(super) fn new(period: Duration, now: Duration) -> Self {
         Self { period, due: now, service: Duration::ZERO, free_at: now, last_rendered: now, missed: 0 }
     }
 
-    /// When to submit the next frame.
+    /// Time at which to submit the next frame.
     pub(super) fn submit_at(&self) -> Duration {
         self.due.max(self.free_at.saturating_sub(OVERLAP))
     }
 
-    /// A tick was used at `now`.
+    /// Records that a tick was used at `now`.
     pub(super) fn ticked(&mut self, now: Duration) {
         self.due += self.period;
         if self.due < now {
@@ -48,15 +48,15 @@ impl Pace {
         }
     }
 
-    /// A frame was submitted at `now`. Returns when it is expected to be done.
+    /// Records a submission at `now`. Returns the expected completion time of the frame.
     pub(super) fn submitted(&mut self, now: Duration) -> Duration {
         self.ticked(now);
         self.free_at = self.free_at.max(now) + self.service;
         self.free_at
     }
 
-    /// A frame submitted at `submitted` was done at `now`; `left` are still in flight. Returns how long the device was at
-    /// it: from its submission, or from the end of the frame before where that was later.
+    /// Records that a frame submitted at `submitted` was done at `now`, with `left` still in flight. Returns its device
+    /// time: from its submission, or from the end of the previous frame if that was later.
     pub(super) fn rendered(&mut self, submitted: Duration, now: Duration, left: u32) -> Duration {
         let took = now.saturating_sub(submitted.max(self.last_rendered));
         self.service = smoothed(self.service, took, WEIGHT);
@@ -65,8 +65,7 @@ impl Pace {
         took
     }
 
-    /// Nothing is in flight at `now`, and what frames took until now says nothing of the next ones: the device was lost, or
-    /// frames are others.
+    /// Resets the estimates at `now`, with no frame in flight: the device was lost, or the cost of frames changed.
     pub(super) fn begin_anew(&mut self, now: Duration) {
         (self.free_at, self.last_rendered, self.service) = (now, now, Duration::ZERO);
     }
@@ -83,7 +82,7 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// Times from submission to the end of each frame on a device that takes `device` each.
+    /// Submission times, latencies and missed ticks on a device that takes `device` per frame.
     fn run(period: Duration, device: Duration, frames: u32) -> (Vec<Duration>, Vec<Duration>, u64) {
         let mut pace = Pace::new(period, Duration::ZERO);
         let (mut now, mut device_free) = (Duration::ZERO, Duration::ZERO);

@@ -1,4 +1,4 @@
-//! Traits of the parts of a pipeline; tests implement them by fakes.
+//! Traits of the parts of a pipeline; tests implement fakes of them.
 
 use std::sync::Arc;
 
@@ -10,14 +10,14 @@ use crate::transducer::Probe;
 
 /// Source of probe poses.
 pub trait PoseSource: Send {
-    /// The pose for a frame that is submitted now and shown at `display_ns`; both ns since 1970 (UTC). Must not block.
+    /// The pose for a frame submitted at `now_ns` and shown at `display_ns`, both ns since 1970 (UTC). Must not block.
     fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate;
 }
 
 /// Faults of a renderer.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum RenderFault {
-    /// The device does not answer: another has to be opened.
+    /// The device does not respond and must be opened again.
     #[error("{0}")]
     Lost(String),
     /// The settings are refused; others may work.
@@ -36,50 +36,48 @@ pub struct ImageShape {
     pub pixel_mm: f64,
 }
 
-/// Renders frames, two in flight at most.
+/// Renders frames, with at most two in flight.
 pub trait FrameRenderer: Send {
-    /// Size and scale of its images as it is configured now.
+    /// Size and scale of its images in the current configuration.
     fn shape(&self) -> ImageShape;
 
     /// Starts a frame.
     ///
     /// # Errors
-    /// A device that fails.
+    /// Fails if the device fails.
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault>;
 
-    /// Moves the scene to `time_s` of the session, for frames submitted from now on. Renderers of a scene at rest
-    /// ignore it.
+    /// Sets the scene time, s since the start of the session, for frames submitted from now on. Renderers of static
+    /// scenes ignore it.
     fn set_time_s(&mut self, _time_s: f64) {}
 
     /// Waits for the oldest frame in flight and copies it into `frame`.
     ///
     /// # Errors
-    /// A device that fails.
+    /// Fails if the device fails.
     fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault>;
 
-    /// Goes on with another probe and other settings. No frame is in flight.
+    /// Changes the probe and settings. No frame may be in flight.
     ///
     /// # Errors
-    /// A device that fails; settings that it refuses, after which it goes on with the ones before.
+    /// The device fails, or refuses the settings; the previous settings then remain.
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault>;
 
-    /// Whether the CPU makes its frames, each within `submit`. A submitted frame is then done, and a generator on the
-    /// CPU takes turns with it.
+    /// Whether it renders on the CPU, synchronously within `submit`. A generator on the CPU then takes turns with it.
     fn on_processors(&self) -> bool {
         false
     }
 
-    /// Whether somebody reads segmentation and attenuation of the frames submitted from now on. Maps that nobody reads
-    /// may be empty.
+    /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
     fn set_maps(&mut self, _wanted: bool) {}
 }
 
-/// Makes another renderer when the device is lost.
+/// Builds a new renderer when the device is lost.
 pub trait RendererFactory: Send {
-    /// Opens a device and makes a renderer on it.
+    /// Opens a device and builds a renderer on it.
     ///
     /// # Errors
-    /// No device, or one that fails or refuses.
+    /// No device is available, or it fails or refuses the settings.
     fn build(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault>;
 }
 
@@ -88,15 +86,15 @@ pub trait RendererFactory: Send {
 #[error("{0}")]
 pub struct EnhanceError(pub String);
 
-/// Function that ends a run of an [`Enhancer`] from another thread.
+/// Function that terminates a run of an [`Enhancer`] from another thread.
 pub type Terminator = Arc<dyn Fn() + Send + Sync>;
 
 /// Outcome of offering a frame to an [`Enhancer`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Readiness {
-    /// It is translated.
+    /// The frame is translated.
     Runs,
-    /// It lacks the maps that the generator reads.
+    /// The frame lacks maps that the generator reads.
     NeedsMaps,
     /// The generator rests.
     Rests,
@@ -107,18 +105,17 @@ pub trait Enhancer: Send {
     /// Name of the active tier.
     fn tier(&self) -> &str;
 
-    /// Whether a run takes the CPU instead of a device of its own.
+    /// Whether it runs on the CPU instead of a separate device.
     fn on_processors(&self) -> bool {
         false
     }
 
-    /// Whether the next frame, which has its `maps` or not, can be translated. A frame that can't is left out, which is
-    /// no failure.
+    /// Whether the next frame can be translated; `maps` says whether it has its maps. Skipping a frame is no failure.
     fn ready(&mut self, maps: bool) -> Readiness {
         if maps || !self.reads_maps() { Readiness::Runs } else { Readiness::NeedsMaps }
     }
 
-    /// Whether the next frames need their segmentation and attenuation, as of the last [`Enhancer::ready`].
+    /// Whether the next frames need segmentation and attenuation, as of the last [`Enhancer::ready`].
     fn reads_maps(&self) -> bool {
         true
     }
@@ -126,9 +123,9 @@ pub trait Enhancer: Send {
     /// Translates `frame` into `out`, grey levels [height × width].
     ///
     /// # Errors
-    /// A run that fails, is terminated, or gives numbers that are not finite.
+    /// The run fails, is terminated, or yields non-finite values.
     fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError>;
 
-    /// Function that ends a run that takes too long; none where the provider cannot be stopped.
+    /// Function that terminates an overlong run; none if the provider cannot be stopped.
     fn terminator(&self) -> Option<Terminator>;
 }

@@ -1,4 +1,4 @@
-//! Chooses what each frame shows, and hands it to the sinks.
+//! Presenter stage: chooses each frame's picture and hands the frame to the sinks.
 
 use std::sync::{Arc, PoisonError};
 
@@ -19,7 +19,7 @@ use crate::sink::FrameLog;
 use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
 use crate::sink::pool::Pool;
 
-/// Frames that sinks may hold together; a frame for which none is left is dropped.
+/// Frame buffers shared by all sinks; without a free buffer, a frame is dropped.
 const FRAMES: usize = 64;
 
 /// The presenter stage.
@@ -39,12 +39,12 @@ pub(super) struct Presenter {
     pub(super) frames_max: Option<u64>,
     /// Log of all presented frames.
     pub(super) log: Option<FrameLog>,
-    /// Whether the warning that frames wait for the log was given.
+    /// Whether the warning about frames that wait for the log was issued.
     pub(super) log_waited: bool,
 }
 
 impl Presenter {
-    /// Presents every rendered frame until there are no more. Returns the log for its completion.
+    /// Presents rendered frames until the slot is closed. Returns the log, to be completed.
     pub(super) fn run(mut self) -> Option<FrameLog> {
         let mut state = State { chooser: Chooser::new(self.choice), held: None, pool: Pool::new(FRAMES) };
         while let Some(rendered) = self.next(&mut state) {
@@ -62,7 +62,7 @@ impl Presenter {
         self.log
     }
 
-    /// The next rendered frame; none at the end.
+    /// Waits for the next rendered frame; none at the end.
     fn next(&self, state: &mut State) -> Option<Arc<Rendered>> {
         loop {
             let seen = self.signal.generation();
@@ -78,7 +78,7 @@ impl Presenter {
         }
     }
 
-    /// Takes what the generator made, and ends what it takes too long for.
+    /// Takes a new generated picture, and checks the generator's watchdog.
     fn look_at_generator(&self, state: &mut State) {
         if let Some(generator) = &self.generator
             && let Some(text) = generator.watch(self.clock.now())
@@ -91,7 +91,7 @@ impl Presenter {
         }
     }
 
-    /// Waits for the frame's own generated picture, as long as it can be expected before the deadline.
+    /// Waits for the frame's own generated picture while it is expected before the deadline.
     fn await_own(&self, rendered: &Rendered, state: &mut State) {
         let Some(generator) = &self.generator else { return };
         if !state.chooser.waits() || !rendered.info.settings.enhance || rendered.info.pose().is_none() {
@@ -169,7 +169,7 @@ impl Presenter {
         }
     }
 
-    /// Adds a frame to the log, which loses no line: where the disk is too slow for long, frames wait.
+    /// Adds a frame to the log. The log drops no lines: if the disk is too slow, this blocks.
     fn log(&mut self, frame: &PresentedFrame) {
         let Some(log) = &mut self.log else { return };
         match log.push(frame) {
@@ -198,7 +198,7 @@ impl State {
     }
 }
 
-/// Moves the maps where only this stage and its pool hold the frame, and copies them where the generator reads them.
+/// Moves the maps if only this stage and the pool hold the frame; copies them if the generator holds it too.
 fn maps_into(into: &mut PresentedFrame, rendered: &Arc<Rendered>) {
     if Arc::strong_count(rendered) == 2
         && let Ok(mut frame) = rendered.frame.try_write()

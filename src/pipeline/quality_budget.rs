@@ -1,88 +1,88 @@
-//! Keeps the quality of a running session at what its machine affords.
+//! Quality controller: adapts the quality of a running session to its machine.
 
 use serde::Serialize;
 
 use crate::render::{Climbed, LADDER, QualityPoint, RUNGS};
 use crate::statistics::nearest_rank;
 
-/// Frames behind a decision.
+/// Frames considered in a decision.
 const WINDOW: usize = 32;
-/// Fewest frames that decide: one slow frame is none.
+/// Fewest frames for a decision, so that single slow frames have no effect.
 const FRAMES_MIN: usize = 8;
-/// Frames are over the budget for so long before quality falls, s.
+/// Time over the budget after which quality falls, s.
 const OVER_S: f64 = 3.0;
-/// The next rung would have fitted for so long before quality rises, s.
+/// Time for which the next rung must fit before quality rises, s.
 const UNDER_S: f64 = 10.0;
-/// Part of the budget that the next rung may be expected to take.
+/// Largest part of the budget that the next rung may be predicted to take.
 const ROOM: f64 = 0.8;
-/// Nothing is judged for so long after a change, s: buffers and passes are made anew.
+/// Time after a change in which frames are ignored, s: buffers and passes are rebuilt.
 const REST_S: f64 = 2.0;
-/// A rung that is left within this time of a rise failed, s.
+/// Time after a rise within which a fall counts as a failure of the rung, s.
 const SOON_S: f64 = 30.0;
-/// A rung that failed is not tried again for this time at first, and twice as long each time, s.
+/// First and longest wait before a failed rung is tried again, s; the wait doubles each time.
 const RETRY_S: [f64; 2] = [60.0, 3840.0];
 
 /// Summary of the quality controller's actions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct QualitySummary {
-    /// Time that a frame may take, ms.
+    /// Time budget per frame, ms.
     pub budget_ms: f64,
     /// Rays × layers at the start.
     pub begun: String,
     /// Rays × layers at the end.
     pub ended: String,
-    /// Times that quality fell.
+    /// Number of times quality fell.
     pub lowered: u64,
-    /// Times that it rose.
+    /// Number of times quality rose.
     pub raised: u64,
-    /// Times that the device had no room for the next rung.
+    /// Number of times the device had no memory for the next rung.
     pub refused: u64,
-    /// Whether somebody set the quality by hand, which ended the control.
+    /// Whether a watcher set the quality by hand, which ended the control.
     pub by_hand: bool,
 }
 
 /// A change of quality.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QualityChange {
-    /// Before.
+    /// Quality before the change.
     pub from: QualityPoint,
-    /// From now on.
+    /// Quality after the change.
     pub to: QualityPoint,
-    /// 75th percentile of the last frames' times, ms.
+    /// 75th percentile of recent frame times, ms.
     pub frame_ms: f64,
 }
 
-/// A slow controller: takes frame times, and says when to take another rung of the [`LADDER`].
+/// A slow controller: takes frame times, and decides when to move to another rung of the [`LADDER`].
 ///
-/// Down a rung when the 75th percentile of the last frames' times is over the budget for 3 s. Up a rung when that time
-/// × the measured ratio of the next rung's cost stayed within 0.8 of the budget for 10 s. A rung that is left within
-/// 30 s of a rise is not tried again for 1 min, then 2 min, up to 64 min.
+/// One rung down when the 75th percentile of recent frame times exceeds the budget for 3 s. One rung up when that time
+/// × the next rung's measured cost ratio stays within 0.8 of the budget for 10 s. A rung that is left within 30 s of
+/// a rise is not tried again for 1 min, then 2 min, up to 64 min.
 #[derive(Debug, Clone)]
 pub struct QualityBudget {
     budget_ms: f64,
     begun: usize,
     rung: usize,
-    /// Cost of each rung over that of the one below.
+    /// Cost of each rung relative to the one below.
     ratios: [f64; RUNGS],
-    /// Times of the last frames of this rung, ms, in a ring.
+    /// Ring of recent frame times of this rung, ms.
     times: [f64; WINDOW],
     pushed: usize,
-    /// Since when frames were over the budget, and since when the next rung would have fitted, s.
+    /// Times since which frames have been over the budget, and since which the next rung would fit, s.
     over_since: Option<f64>,
     under_since: Option<f64>,
-    /// Whether the warning that even the least rung is over the budget holds.
+    /// Whether the warning that even the lowest rung exceeds the budget is active.
     told: bool,
     /// Time of the last such warning, s.
     told_s: f64,
-    /// When the last frame that counts was done, s.
+    /// Completion time of the last counted frame, s.
     last_s: f64,
-    /// Frames count from then on, s.
+    /// Frames before this time are ignored, s.
     rests_until: f64,
     /// The rung before the last change.
     before: usize,
-    /// When this rung was reached from below, s.
+    /// Time at which this rung was reached from below, s.
     raised_at: Option<f64>,
-    /// When each rung may be tried again, s, and how long it is left alone when it fails.
+    /// Time at which each rung may be tried again, and its wait after the next failure, s.
     retry_at: [f64; RUNGS],
     retry_s: [f64; RUNGS],
     lowered: u64,
@@ -91,11 +91,11 @@ pub struct QualityBudget {
 }
 
 impl QualityBudget {
-    /// From what was measured at the start.
+    /// A controller that starts at the rung measured at the session's start.
     pub fn new(climbed: &Climbed) -> Self {
         let mut ratios = [f64::INFINITY; RUNGS];
         for (rung, ratio) in ratios.iter_mut().enumerate().skip(1) {
-            // If not measured: time grows no faster than the paths.
+            // Without a measurement: time grows at most in proportion to the paths.
             let paths = f64::from(LADDER[rung].paths()) / f64::from(LADDER[rung - 1].paths());
             let measured = climbed.frame_ms[rung].zip(climbed.frame_ms[rung - 1]).map(|(this, below)| this / below);
             *ratio = measured.filter(|found| found.is_finite() && *found > 0.0).unwrap_or(paths).max(1.0);
@@ -124,24 +124,24 @@ impl QualityBudget {
         }
     }
 
-    /// The point that frames shall have.
+    /// Quality point for the next frames.
     pub fn point(&self) -> QualityPoint {
         LADDER[self.rung]
     }
 
-    /// Time that a frame may take, ms.
+    /// Time budget per frame, ms.
     pub fn budget_ms(&self) -> f64 {
         self.budget_ms
     }
 
-    /// A frame of `point` was done at `now_s` and took `ms`. Frames of other points, frames while the controller rests, and
-    /// times that are no finite number don't count.
+    /// Records that a frame of `point` was done at `now_s` and took `ms`. Ignores frames of other points, frames during
+    /// a rest, and negative or non-finite times.
     pub fn frame(&mut self, now_s: f64, point: QualityPoint, ms: f64) {
         if point != self.point() || now_s < self.rests_until || !ms.is_finite() || ms < 0.0 {
             return;
         }
         if now_s - self.last_s > REST_S + 2e-3 * ms {
-            // Nothing was rendered meanwhile: that says nothing of how long frames take.
+            // A pause in rendering is no measure of frame times.
             (self.over_since, self.under_since, self.pushed) = (None, None, 0);
         }
         self.last_s = now_s;
@@ -154,7 +154,7 @@ impl QualityBudget {
         self.under_since = since(next_ms.is_some_and(|ms| ms <= ROOM * self.budget_ms), self.under_since);
     }
 
-    /// The change that is due at `now_s`, if one is; it counts as made.
+    /// Makes the change that is due at `now_s`, if any, and returns it.
     pub fn change(&mut self, now_s: f64) -> Option<QualityChange> {
         let frame_ms = self.p75_ms()?;
         let from = self.point();
@@ -179,12 +179,12 @@ impl QualityBudget {
         Some(QualityChange { from, to: self.point(), frame_ms })
     }
 
-    /// The 75th percentile of the frames' times, ms, once whenever even those of the least rung come to be over the budget,
-    /// and no more than once a minute.
+    /// The 75th percentile of frame times, ms, if even the lowest rung exceeds the budget; returned once per overrun
+    /// and at most once per minute.
     pub fn over_at_least(&mut self) -> Option<f64> {
         let over = self.rung == 0 && self.lasted(self.over_since, OVER_S);
         let tell = over && !self.told && self.last_s - self.told_s >= RETRY_S[0];
-        // Frames that fit again end it; a rest doesn't.
+        // The warning ends when frames fit again, not by a rest.
         self.told = tell || (self.told && self.rung == 0 && (over || self.pushed < FRAMES_MIN));
         if !tell {
             return None;
@@ -193,8 +193,8 @@ impl QualityBudget {
         self.p75_ms()
     }
 
-    /// The device had no room for the last change at `now_s`: it is undone. A rung that was reached by a rise is not tried
-    /// any more.
+    /// Undoes the last change, for which the device had no memory at `now_s`. A rung reached by a rise is never tried
+    /// again.
     pub fn refused(&mut self, now_s: f64) {
         self.refused += 1;
         if self.rung > self.before {
@@ -208,7 +208,7 @@ impl QualityBudget {
         self.rests_until = now_s + RETRY_S[0];
     }
 
-    /// Something else changed what frames cost at `now_s`: what was seen until now counts no more.
+    /// Discards the frame times so far and rests: the cost of frames changed at `now_s`.
     pub fn rest(&mut self, now_s: f64) {
         (self.over_since, self.under_since, self.pushed) = (None, None, 0);
         self.rests_until = now_s + REST_S;
@@ -227,7 +227,7 @@ impl QualityBudget {
         }
     }
 
-    /// Whether what held `since` then still held `time_s` later, by the last frame.
+    /// Whether a condition that has held since `since` lasted `time_s` up to the last frame.
     fn lasted(&self, since: Option<f64>, time_s: f64) -> bool {
         since.is_some_and(|since| self.last_s - since >= time_s)
     }
@@ -238,7 +238,7 @@ impl QualityBudget {
         self.retry_s[self.rung] = (2.0 * wait_s).min(RETRY_S[1]);
     }
 
-    /// 75th percentile of the last frames' times, ms; none of too few.
+    /// 75th percentile of recent frame times, ms; none if there are too few.
     fn p75_ms(&self) -> Option<f64> {
         let known = self.pushed.min(WINDOW);
         if known < FRAMES_MIN {
@@ -256,7 +256,7 @@ mod tests {
     use super::*;
     use crate::render::climb;
 
-    /// 8 ms and 1.5 ms a path: 1x1 9.5, 1x3 12.5, 2x3 17, 4x3 26, 8x3 44 ms.
+    /// 8 ms plus 1.5 ms per path: 1x1 9.5, 1x3 12.5, 2x3 17, 4x3 26, 8x3 44 ms.
     fn cost_ms(point: QualityPoint) -> f64 {
         8.0 + 1.5 * f64::from(point.paths())
     }
@@ -265,8 +265,7 @@ mod tests {
         QualityBudget::new(&climb::<()>(budget_ms, |point| Ok(Some(cost_ms(point)))).unwrap())
     }
 
-    /// Runs `budget` at 20 frames a second from `from_s` on, on a machine whose frames take `ms`. Returns when it changed,
-    /// and what to.
+    /// Runs `budget` at 20 frames per second from `from_s` on; frames take `ms`. Returns time and point of each change.
     fn run(
         budget: &mut QualityBudget,
         from_s: f64,
@@ -295,7 +294,7 @@ mod tests {
         let mut budget = budget(40.0);
         assert_eq!(budget.point().to_string(), "4x3");
         assert_eq!(run(&mut budget, 0.0, 600.0, cost_ms), []);
-        // A slow frame now and then, and a slow second, are no reason.
+        // Occasional slow frames and a slow second change nothing.
         let mut frame = 0;
         let hiccups = run(&mut budget, 600.0, 600.0, |point| {
             frame += 1;
@@ -323,7 +322,7 @@ mod tests {
     #[test]
     fn a_rung_that_fails_is_tried_more_and_more_seldom() {
         let mut budget = budget(40.0);
-        // 4x3 costs more than its measured ratio says, ever since the start.
+        // From the start, 4x3 costs more than its measured ratio.
         let cost = |point: QualityPoint| if point.paths() == 12 { 60.0 } else { cost_ms(point) };
         let changes = run(&mut budget, 0.0, 2000.0, cost);
         let tries: Vec<f64> = changes.iter().filter(|(_, to)| to == "4x3").map(|(at, _)| *at).collect();
@@ -339,7 +338,7 @@ mod tests {
         let mut told = Vec::new();
         for frame in 0..2000 {
             let now_s = f64::from(frame) / 20.0;
-            // From 60 s to 70 s all is well.
+            // Within the budget from 60 s to 70 s.
             budget.frame(now_s, LADDER[0], if (1200..1400).contains(&frame) { 4.5 } else { 10.0 });
             assert_eq!(budget.change(now_s), None);
             told.extend(budget.over_at_least().map(|ms| (now_s, ms)));
@@ -354,7 +353,7 @@ mod tests {
         let mut frame = 0;
         let changes = run(&mut budget, 0.0, 60.0, |point| {
             frame += 1;
-            // Three of four are wrong.
+            // Three of four times are invalid.
             wrong.get(frame % 4).copied().unwrap_or(cost_ms(point))
         });
         assert_eq!(changes, []);

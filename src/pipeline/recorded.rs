@@ -1,4 +1,4 @@
-//! The recording of a session: its events, poses and settings beside the tracker's bytes.
+//! Recording of a session: events, poses and settings, in addition to the tracker's bytes.
 
 use std::sync::{Arc, Mutex};
 
@@ -9,7 +9,7 @@ use crate::pose::Estimate;
 use crate::settings::LiveSettings;
 use crate::tracker::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
 
-/// Name of the events at which settings change.
+/// Name of events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";
 
 /// Observer that records a session.
@@ -31,17 +31,17 @@ impl Observer for RecordingObserver {
     }
 }
 
-/// Live settings after `event`, if it is about settings: one of [`SETTINGS_EVENT`], or one named after a setting, with
-/// its value. Settings that it does not name stay as `before`.
+/// Live settings after `event`, if it is a [`SETTINGS_EVENT`] or is named after a setting. Settings that it does not
+/// name stay as in `before`.
 ///
 /// # Errors
-/// A value of another type. Its range is not checked.
+/// A value has the wrong type. Ranges are not checked.
 pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Result<LiveSettings, String>> {
     let mut settings = *before;
     let value = event.value.as_ref()?;
     if event.name == SETTINGS_EVENT {
         let Some(values) = value.as_object() else { return Some(Err(format!("it is {value}, no table"))) };
-        // A later version may know more.
+        // A later version may have further settings.
         let read: Result<(), String> =
             values.iter().filter_map(|(key, value)| settings.read_json(key, value)).collect();
         return Some(read.map(|()| settings));
@@ -49,17 +49,17 @@ pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Res
     settings.read_json(&event.name, value).map(|result| result.map(|()| settings))
 }
 
-/// Result of a recorder, once it has ended.
+/// Result of a recorder; none until it has ended.
 pub type RecordedSlot = Arc<Mutex<Option<Recorded>>>;
 
-/// The recorder, as a part of a session: it is finished after everything that it records.
+/// Recorder as a part of a session; finished after all parts that it records.
 pub struct RecorderPart {
     recorder: Option<Recorder>,
     recorded: RecordedSlot,
 }
 
 impl RecorderPart {
-    /// Finishes `recorder` at the session's end; the slot then says what it did.
+    /// A part that finishes `recorder` at the session's end, and the slot for its result.
     pub fn new(recorder: Recorder) -> (Self, RecordedSlot) {
         let recorded = RecordedSlot::default();
         (Self { recorder: Some(recorder), recorded: recorded.clone() }, recorded)
@@ -72,7 +72,7 @@ impl Part for RecorderPart {
     }
 
     fn stop(&mut self) {
-        // Finishing waits for the disk: not on the thread that ends the session.
+        // On its own thread, because finishing waits for the disk.
         if let Some(recorder) = self.recorder.take() {
             let recorded = self.recorded.clone();
             std::thread::spawn(move || {

@@ -7,22 +7,22 @@ use super::parts::ImageShape;
 use crate::render::Frame;
 use crate::sink::live::FrameInfo;
 
-/// A frame that was begun: rendered, or without a picture.
+/// A frame between the stages: rendered, or black if there is no picture.
 #[derive(Debug, Default)]
 pub(super) struct Rendered {
     /// Number, pose, times up to `rendered`, and settings.
     pub(super) info: FrameInfo,
-    /// Maps, all black in a frame without a picture. The generator reads them while the presenter does.
+    /// Image and maps, all zero in a frame without a picture. The generator and the presenter read them concurrently.
     pub(super) frame: RwLock<Frame>,
     /// Size and scale.
     pub(super) shape: ImageShape,
-    /// Latest time of its presentation, whatever the generator does.
+    /// Latest presentation time, with or without a generated picture.
     pub(super) deadline: Duration,
     /// Whether it was rendered with its maps.
     pub(super) maps: bool,
 }
 
-/// Makes `frame` a black one of this size.
+/// Makes `frame` a black frame of this size.
 pub(super) fn blacken(frame: &mut Frame, shape: ImageShape) {
     let pixels = shape.width as usize * shape.height as usize;
     (frame.width, frame.height) = (shape.width, shape.height);

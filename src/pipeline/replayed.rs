@@ -1,4 +1,4 @@
-//! A recorded session without a clock: what a live one knew at a time, the same however fast it is asked.
+//! Replay of a recorded session without a clock: the poses and settings of the live session at any time.
 
 use glam::DVec3;
 use serde_json::Value;
@@ -8,40 +8,40 @@ use crate::pose::{Estimate, Estimator, Measurement, Reading};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
 use crate::tracker::recording::{DISCONNECTED_EVENT, Event};
 
-/// A puck is known to rest from so long before its first measurement on, ns.
+/// Time before a puck's first measurement at which it is assumed at rest, ns.
 const REST_NS: u64 = 1_000_000;
 
-/// Measurement of a puck that nobody moves: it sends none itself.
+/// Measurement of a puck at rest, which sends none itself.
 pub(super) fn at_rest(host_time_ns: u64) -> Measurement {
     let reading = Reading::Rates { translation: DVec3::ZERO, rotation: DVec3::ZERO };
     Measurement { host_time_ns, device_time_us: None, sequence: None, reading }
 }
 
-/// The poses of a recording's measurements, by the estimator of a live session.
+/// Poses of a recording, from its measurements by the estimator of a live session.
 #[derive(Debug, Clone)]
 pub struct ReplayedPoses {
     estimator: Estimator,
     measurements: Vec<Measurement>,
     next: usize,
-    /// When the tracker was gone, ns since 1970 (UTC).
+    /// Times at which the tracker disconnected, ns since 1970 (UTC), ascending.
     disconnected: Vec<u64>,
     next_disconnected: usize,
 }
 
 impl ReplayedPoses {
-    /// Of `measurements` that ascend in host time, and of what `events` tell of the tracker.
+    /// A replay of `measurements`, ascending in host time, and of the tracker's disconnections in `events`.
     pub fn new(mut estimator: Estimator, measurements: Vec<Measurement>, events: &[Event]) -> Self {
         let gone = events.iter().filter(|event| event.name == DISCONNECTED_EVENT);
         let mut disconnected: Vec<u64> = gone.map(|event| event.host_time_ns).collect();
         disconnected.sort_unstable();
-        // As when its device is opened: it says nothing before it is moved.
+        // As in a live session when the puck is opened: it sends nothing until it is moved.
         if let Some(first @ Measurement { reading: Reading::Rates { .. }, .. }) = measurements.first() {
             estimator.push(&at_rest(first.host_time_ns.saturating_sub(REST_NS)));
         }
         Self { estimator, measurements, next: 0, disconnected, next_disconnected: 0 }
     }
 
-    /// Estimate of a live session at `time_ns` for a frame that is shown at once. Times must not fall from call to call.
+    /// Estimate of a live session at `time_ns` for a frame shown immediately. Times must not decrease between calls.
     pub fn at(&mut self, time_ns: u64) -> Estimate {
         loop {
             let measured = self.measurements.get(self.next).filter(|m| m.host_time_ns <= time_ns);
@@ -62,13 +62,13 @@ impl ReplayedPoses {
     }
 }
 
-/// Settings of a recorded session, by its events.
+/// Settings of a recorded session, from its events.
 #[derive(Debug, Clone)]
 pub struct ReplayedControls {
     /// Settings of the replay's station.
     begin: LiveSettings,
     live: LiveSettings,
-    /// Settings from a time on, ns since 1970 (UTC), ascending.
+    /// Settings and the time from which they apply, ns since 1970 (UTC), ascending.
     changes: Vec<(u64, LiveSettings)>,
     next: usize,
     /// Settings at the start, as the session recorded them.
@@ -76,19 +76,19 @@ pub struct ReplayedControls {
     refused: Vec<String>,
 }
 
-/// A setting that a recorded session began with and that its replay has otherwise.
+/// A setting whose initial value differs between a recorded session and its replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OtherSetting {
     /// Key without its table.
     pub key: String,
     /// Value in the recorded session.
     pub recorded: Value,
-    /// Value here.
+    /// Value in the replay.
     pub here: Value,
 }
 
 impl ReplayedControls {
-    /// Replays the settings of `events`, beginning with `begin` where they do not tell of the start.
+    /// A replay of the settings in `events`, starting from `begin`.
     pub fn new(begin: LiveSettings, events: &[Event]) -> Self {
         let (changes, refused) = (Vec::new(), Vec::new());
         let mut replayed = Self { begin, live: begin, changes, next: 0, first: None, refused };
@@ -115,8 +115,8 @@ impl ReplayedControls {
         replayed
     }
 
-    /// Settings of the picture that the session began with otherwise than the replay; empty if its recording does not
-    /// tell.
+    /// Picture settings whose initial values differ between the session and the replay; empty if the recording has no
+    /// initial settings.
     pub fn others_at_start(&self) -> Vec<OtherSetting> {
         let Some(first) = &self.first else { return Vec::new() };
         let of_picture = live_settings().filter(|setting| setting.is_of_picture());
@@ -130,17 +130,17 @@ impl ReplayedControls {
         others.collect()
     }
 
-    /// Number of changes.
+    /// Number of changes of the settings.
     pub fn changes(&self) -> usize {
         self.changes.len()
     }
 
-    /// Reasons for which events were not applied.
+    /// Reasons why events were not applied.
     pub fn refused(&self) -> &[String] {
         &self.refused
     }
 
-    /// The settings at `time_ns`. Times must not fall from call to call.
+    /// The settings at `time_ns`. Times must not decrease between calls.
     pub fn at(&mut self, time_ns: u64) -> LiveSettings {
         while let Some((_, live)) = self.changes.get(self.next).filter(|(from, _)| *from <= time_ns) {
             self.live = *live;
@@ -150,14 +150,14 @@ impl ReplayedControls {
     }
 }
 
-/// Whether `event` names most live settings. A session names all at its start, but an earlier build may know fewer.
+/// Whether `event` names most live settings. A session records all at its start; an earlier build may have fewer.
 fn names_most(event: &Event) -> bool {
     let named = event.value.as_ref().and_then(Value::as_object).filter(|_| event.name == SETTINGS_EVENT);
     let count = named.map_or(0, |named| live_settings().filter(|setting| named.contains_key(setting.key)).count());
     2 * count > live_settings().count()
 }
 
-/// Whether two settings are one: reading a number may cost its last bit.
+/// Whether two values are equal within the rounding of reading a number.
 fn is_same(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same(a, b)),
@@ -193,7 +193,7 @@ mod tests {
     fn a_frame_knows_what_came_before_it_and_nothing_later() {
         let moving: Vec<_> = (0..100).map(|i| measured(i * 10, at_x(i as f64))).collect();
         let mut whole = replayed(moving.clone(), &[]);
-        // Later measurements are missing, and the poses are the same.
+        // The poses do not depend on later measurements.
         let mut cut = replayed(moving[..51].to_vec(), &[]);
         for ms in [0, 100, 333, 500] {
             assert_eq!(whole.at(START + ms * MS), cut.at(START + ms * MS), "{ms}");
@@ -253,7 +253,7 @@ mod tests {
         let event = |ms: u64, live: &LiveSettings| Event::new(START + ms * MS, "settings").with(live.to_json());
         let mut other = begin;
         (other.probe.depth_mm, other.render.image.tgc_sliders_db[3]) = (90.0, 2.5);
-        // One that changes a single setting is no start; later ones aren't, either.
+        // Neither an event with a single setting nor a later event gives the initial settings.
         let single = Event::new(START, "settings").with(serde_json::json!({"gain_db": 6.0}));
         assert_eq!(others(&[single, event(1, &begin), event(2, &other)]), []);
         let mut keys: Vec<String> = others(&[event(1, &other), event(2, &begin)]).into_iter().map(|o| o.key).collect();

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::clock::{Clock, Signal, lock};
 
-/// Asks a session to end; clones ask the same session.
+/// Stop request of a session; clones share it.
 #[derive(Debug, Clone)]
 pub struct Stop {
     clock: Arc<dyn Clock>,
@@ -23,29 +23,29 @@ struct Inner {
 }
 
 impl Stop {
-    /// Of a session on `clock`.
+    /// The stop request of a session on `clock`, not yet made.
     pub fn new(clock: &Arc<dyn Clock>) -> Self {
         Self { clock: clock.clone(), inner: Arc::default() }
     }
 
-    /// Asks the session to end; the first reason counts.
+    /// Requests the end of the session; the first reason is kept.
     pub fn request(&self, reason: &str) {
         lock(&self.inner.reason).get_or_insert_with(|| reason.to_owned());
         self.inner.requested.store(true, Ordering::Release);
         self.clock.notify(&self.inner.signal);
     }
 
-    /// Whether it was asked to.
+    /// Whether a stop was requested.
     pub fn is_requested(&self) -> bool {
         self.inner.requested.load(Ordering::Acquire)
     }
 
-    /// Why, once it was asked to.
+    /// Reason of the request; none before one.
     pub fn reason(&self) -> Option<String> {
         lock(&self.inner.reason).clone()
     }
 
-    /// Waits until the time `until`, or for the request. Returns whether there is one.
+    /// Waits for the request, `until` at the latest. Returns whether a stop was requested.
     pub fn wait(&self, until: Duration) -> bool {
         while !self.is_requested() && self.clock.now() < until {
             let seen = self.inner.signal.generation();
@@ -57,15 +57,15 @@ impl Stop {
     }
 }
 
-/// A part of a session that has a thread of its own: a tracker, a recorder.
+/// A part of a session with its own thread: a tracker, a recorder.
 pub trait Part: Send {
     /// Name in messages.
     fn name(&self) -> &str;
 
-    /// Asks it to end, without waiting.
+    /// Requests its end, without waiting.
     fn stop(&mut self);
 
-    /// Whether its thread has ended. Asked again and again, every few ms.
+    /// Whether its thread has ended. Polled every few ms.
     fn has_ended(&mut self) -> bool;
 }
 
@@ -84,7 +84,7 @@ struct Ended {
     signal: Signal,
 }
 
-/// Gives the place back and says so when the thread ends, be it by a panic.
+/// Reports the thread's end and releases its place when dropped, also by a panic.
 struct AtEnd {
     clock: Arc<dyn Clock>,
     ended: Arc<Ended>,
@@ -116,7 +116,7 @@ impl<T> Thread<T> {
         &self.name
     }
 
-    /// Waits for the thread's end, `until` at the latest.
+    /// Waits for the thread to end, `until` at the latest.
     pub fn join(self, until: Duration) -> Joined<T> {
         loop {
             let seen = self.ended.signal.generation();
@@ -131,10 +131,10 @@ impl<T> Thread<T> {
     }
 }
 
-/// Starts a thread whose waits are those of `clock`.
+/// Starts a thread that waits through `clock`.
 ///
 /// # Errors
-/// The system refuses another thread.
+/// The system cannot start another thread.
 pub fn spawn<T: Send + 'static>(
     clock: &Arc<dyn Clock>,
     name: &str,
@@ -151,10 +151,10 @@ pub fn spawn<T: Send + 'static>(
     Ok(Thread { name: name.to_owned(), clock: clock.clone(), ended, handle: started? })
 }
 
-/// Lets Ctrl-C, and on Unix SIGTERM, end the session: the first asks `stop`, the second calls `at_once`.
+/// Handles Ctrl-C, and SIGTERM on Unix: the first signal requests `stop`, the second calls `at_once`.
 ///
 /// # Errors
-/// The system refuses the handler or its thread.
+/// The handler cannot be installed, or its thread cannot be started.
 pub fn on_ctrl_c(stop: &Stop, at_once: impl FnOnce() + Send + 'static) -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (stop, (ready, installed)) = (stop.clone(), std::sync::mpsc::sync_channel(1));

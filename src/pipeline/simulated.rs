@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::clock::{Clock, NEVER, Signal, lock};
 
-/// 2026-01-01 00:00 UTC, so that no test depends on the day.
+/// 2026-01-01 00:00 UTC, so that no test depends on the date.
 const START_UNIX_NS: u64 = 1_767_225_600_000_000_000;
 
 thread_local! {
@@ -15,9 +15,9 @@ thread_local! {
     static PLACE: Cell<Option<usize>> = const { Cell::new(None) };
 }
 
-/// Simulated time. A thread keeps its turn until it waits; then the next one that can go on has it, in the order in
-/// which they became able to. When none can, time jumps to the earliest time that one waits for. A session on this
-/// clock thus runs the same way each time, whatever the machine does beside it.
+/// Simulated time. A thread runs until it waits; then the next ready thread runs, in the order in which they became
+/// ready. If none is ready, time jumps to the earliest timeout. A session on this clock is therefore deterministic,
+/// independent of the machine's load.
 #[derive(Debug)]
 pub struct SimulatedClock {
     state: Mutex<State>,
@@ -43,7 +43,7 @@ struct Waiter {
 }
 
 impl State {
-    /// Gives the turn to the next thread that can go on, letting time pass if need be.
+    /// Gives the turn to the next ready thread, advancing time if necessary.
     fn pass_on(&mut self) {
         if self.ready.is_empty() {
             let earliest = self.waiters.iter().map(|w| w.until).min().filter(|until| *until < NEVER);
@@ -58,7 +58,7 @@ impl State {
         }
     }
 
-    /// Lets the waiters that `can_go_on` go on, in the order in which they began to wait.
+    /// Makes the waiters ready for which `can_go_on` holds, in the order in which they began to wait.
     fn ready_where(&mut self, can_go_on: impl Fn(&Waiter) -> bool) {
         let ready = &mut self.ready;
         self.waiters.retain(|waiter| {
@@ -72,7 +72,7 @@ impl State {
 }
 
 impl SimulatedClock {
-    /// A clock at zero, with the calling thread as its first.
+    /// A clock at zero, with the calling thread as its first thread.
     #[allow(clippy::new_without_default, reason = "the calling thread is bound to it")]
     pub fn new() -> Self {
         PLACE.set(Some(0));

@@ -1,4 +1,4 @@
-//! Each sink on a thread of its own: a slow, failing or dead one is its own affair.
+//! Sink stages. Each sink has its own thread, so a slow or failing sink does not affect the others.
 
 use std::io;
 use std::sync::atomic::AtomicU64;
@@ -13,10 +13,10 @@ use super::slot::{Slot, Taken};
 use super::summary::SinkSummary;
 use crate::sink::live::{LiveSink, PresentedFrame};
 
-/// Failures in a row after which a sink is closed.
+/// Consecutive failures after which a sink is closed.
 const FAILURES: u32 = 5;
 
-/// A sink at work.
+/// A running sink.
 pub(super) struct SinkStage {
     name: String,
     slot: Arc<Slot<Arc<PresentedFrame>>>,
@@ -35,7 +35,7 @@ impl SinkStage {
     /// Starts the sink's thread.
     ///
     /// # Errors
-    /// The system refuses another thread.
+    /// The system cannot start another thread.
     pub(super) fn start(sink: Box<dyn LiveSink>, clock: &Arc<dyn Clock>, events: &Events) -> io::Result<Self> {
         let name = sink.name().to_owned();
         let slot = Arc::new(Slot::new(name.clone(), clock));
@@ -45,21 +45,21 @@ impl SinkStage {
         Ok(Self { name, slot, counts, thread })
     }
 
-    /// Slot that takes the sink's frames.
+    /// Slot for the sink's frames.
     pub(super) fn slot(&self) -> &Arc<Slot<Arc<PresentedFrame>>> {
         &self.slot
     }
 
-    /// Lets it finish what it has.
+    /// Closes the slot; the sink finishes the frames it has.
     pub(super) fn close(&self) {
         self.slot.close();
     }
 
-    /// Waits for its end until the time `until`.
+    /// Waits for its end, `until` at the latest.
     pub(super) fn join(self, until: Duration) -> SinkSummary {
         let Self { name, slot, counts, thread } = self;
         let joined = thread.join(until);
-        // A frame in the slot of a sink that is gone or stuck reaches nobody.
+        // A frame left in the slot of an ended or stuck sink counts as dropped.
         slot.clear();
         let error = lock(&counts.error).take();
         let error = match &joined {
@@ -132,7 +132,7 @@ impl Work {
 
 impl Drop for Work {
     fn drop(&mut self) {
-        // A sink that panicked takes nothing any more.
+        // A sink that panicked takes no more frames.
         self.slot.close();
     }
 }

@@ -1,4 +1,4 @@
-//! A link between two stages that holds one item: the newest wins.
+//! Link between two stages that holds only the newest item.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -17,13 +17,13 @@ pub enum Taken<T> {
     Closed,
 }
 
-/// Holds the newest item between two threads. What it replaces before it was taken counts as dropped, and so does what
-/// comes after it was closed. Nothing is allocated.
+/// Holds the newest item between two threads. Replaced items and items put in after closing are counted as dropped.
+/// Putting and taking allocate nothing.
 #[derive(Debug)]
 pub struct Slot<T> {
     name: String,
     clock: Arc<dyn Clock>,
-    /// Notified at each change; slots that one thread waits on together share it.
+    /// Notified at each change; slots on which one thread waits together share it.
     signal: Arc<Signal>,
     inner: Mutex<Inner<T>>,
     offered: AtomicU64,
@@ -59,7 +59,7 @@ impl<T> Slot<T> {
         &self.name
     }
 
-    /// Puts an item in; false if another was dropped for it, or it itself since the slot is closed.
+    /// Puts an item in. Returns false if it replaced another item, or was dropped because the slot is closed.
     pub fn put(&self, item: T) -> bool {
         self.offered.fetch_add(1, Ordering::Relaxed);
         let mut inner = lock(&self.inner);
@@ -72,7 +72,7 @@ impl<T> Slot<T> {
         dropped.is_none()
     }
 
-    /// Takes the item that is there. What was put in before the slot was closed can still be taken.
+    /// Takes the current item, if any. An item put in before closing can still be taken.
     pub fn try_take(&self) -> Taken<T> {
         let mut inner = lock(&self.inner);
         match inner.item.take() {
@@ -82,7 +82,7 @@ impl<T> Slot<T> {
         }
     }
 
-    /// Waits for an item until the time `until`.
+    /// Waits for an item, `until` at the latest.
     pub fn take(&self, until: Duration) -> Taken<T> {
         loop {
             let seen = self.signal.generation();
@@ -93,18 +93,18 @@ impl<T> Slot<T> {
         }
     }
 
-    /// Lets no more items in and wakes whoever waits.
+    /// Closes the slot to new items and wakes all waiting threads.
     pub fn close(&self) {
         lock(&self.inner).closed = true;
         self.clock.notify(&self.signal);
     }
 
-    /// Wakes whoever waits, without an item: what they wait for may not come.
+    /// Wakes all waiting threads without an item; they check again whether one is expected.
     pub(super) fn wake(&self) {
         self.clock.notify(&self.signal);
     }
 
-    /// Drops the item that is there, and counts it.
+    /// Drops the current item, if any, and counts it.
     pub fn clear(&self) {
         let item = lock(&self.inner).item.take();
         if item.is_some() {
@@ -112,12 +112,12 @@ impl<T> Slot<T> {
         }
     }
 
-    /// Items that were put in or refused.
+    /// Number of items put in or refused.
     pub fn offered(&self) -> u64 {
         self.offered.load(Ordering::Relaxed)
     }
 
-    /// Items that nobody took.
+    /// Number of items dropped.
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }

@@ -3,7 +3,7 @@
 use super::parts::PoseSource;
 use crate::pose::{Estimate, Pose, TrackingState};
 
-/// A probe that stands still.
+/// A stationary probe.
 #[derive(Debug, Clone, Copy)]
 pub struct StandingPose(pub Pose);
 

@@ -1,4 +1,4 @@
-//! Generators as the pipeline runs them: the tier that keeps the budget.
+//! Generator for the pipeline: runs the best tier that meets the budget.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use super::parts::{EnhanceError, Enhancer, Readiness, Terminator};
 use crate::generator::{Change, Channel, Generator, GeneratorError, Input, LoadedTiers, Outcome, Provider, Tiers};
 use crate::render::Frame;
 
-/// The generators of a station, the best that keeps the budget at work.
+/// Generators of a station; the best tier that meets the budget is active.
 pub struct TieredEnhancer {
     generators: Vec<Generator>,
     tiers: Tiers,
@@ -19,7 +19,7 @@ pub struct TieredEnhancer {
 }
 
 impl TieredEnhancer {
-    /// From loaded models; none where no model is left to run.
+    /// An enhancer of the loaded models; none if no model was loaded.
     pub fn new(loaded: LoadedTiers, clock: Arc<dyn Clock>) -> Option<Self> {
         let LoadedTiers { generators, tiers, .. } = loaded;
         let provider = generators.first()?.provider();
@@ -37,7 +37,7 @@ impl TieredEnhancer {
     }
 }
 
-/// Whether that tier reads more than image and mask.
+/// Whether the tier reads segmentation or attenuation.
 fn reads_maps(generators: &[Generator], tier: usize) -> bool {
     let manifest = generators.get(tier).map(Generator::manifest);
     manifest.is_some_and(|m| m.takes(Channel::Segmentation) || m.takes(Channel::Attenuation))
@@ -55,7 +55,7 @@ impl Enhancer for TieredEnhancer {
     fn ready(&mut self, maps: bool) -> Readiness {
         let now = self.clock.now();
         let reads = |tier| reads_maps(&self.generators, tier);
-        // A better tier begins with the first frame that has what it reads; until then the one at work goes on.
+        // A better tier takes over at the first frame with the maps that it reads.
         let next = self.tiers.next_up(now);
         self.reads_maps = next.or(self.tiers.current()).is_some_and(reads);
         if next.is_some_and(|tier| maps || !reads(tier)) {
@@ -94,7 +94,7 @@ impl Enhancer for TieredEnhancer {
         self.provider.can_stop().then(|| -> Terminator {
             Arc::new(move || {
                 for run in &runs {
-                    // Only the one at work has a run to end.
+                    // Only the active generator has a run to terminate.
                     run.terminate();
                 }
             })

@@ -1,4 +1,4 @@
-//! The tracker of a session: its measurements go into the estimator and into the recording.
+//! Tracker of a session: feeds its measurements to the estimator and to the recording.
 
 use std::sync::{Arc, Mutex};
 
@@ -14,12 +14,12 @@ use crate::tracker::{
     Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_of,
 };
 
-/// Poses of a live tracker; clones look at the same estimator.
+/// Poses of a live tracker; clones share the estimator.
 #[derive(Clone)]
 pub struct TrackedPoses(Arc<Mutex<Estimator>>);
 
 impl TrackedPoses {
-    /// From an estimator that a tracker will feed.
+    /// Poses from `estimator`, which [`Self::track`] feeds.
     pub fn new(estimator: Estimator) -> Self {
         Self(Arc::new(Mutex::new(estimator)))
     }
@@ -29,10 +29,10 @@ impl TrackedPoses {
         *lock(&self.0).counters()
     }
 
-    /// Starts the tracker's session. The end of a played recording ends the station's session, too.
+    /// Starts the tracker's session. The end of a played recording also ends the station's session.
     ///
     /// # Errors
-    /// As [`spawn`].
+    /// The same as those of [`spawn`].
     pub fn track(
         &self,
         settings: &Settings,
@@ -53,7 +53,7 @@ impl PoseSource for TrackedPoses {
     }
 }
 
-/// The tracker's thread, as a part of a session.
+/// Tracker thread as a part of a session.
 pub struct TrackerPart {
     session: SessionHandle,
     cancel: CancellationToken,
@@ -107,7 +107,7 @@ impl Listener for TrackerListener {
                 lock(&self.estimator).disconnected();
             }
             TrackerEvent::Ended => self.stop.request("the recording is over"),
-            // Counted by the session; its bytes are in the recording.
+            // The session counts the error; its bytes are in the recording.
             TrackerEvent::DecodeError(error) => tracing::debug!("tracker: {error}"),
             _ => tracing::warn!("tracker: {event}"),
         }

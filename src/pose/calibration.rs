@@ -28,7 +28,7 @@ use thiserror::Error;
 
 use super::{POSITION_LIMIT_MM, Pose, PoseError};
 
-/// Version of the file's format; a reader refuses any other.
+/// Version of the file format; other versions are refused.
 pub const CALIBRATION_VERSION: u32 = 1;
 
 /// Errors in calibrations and their files.
@@ -42,7 +42,7 @@ pub enum CalibrationError {
         /// Cause.
         source: std::io::Error,
     },
-    /// A fault in the file.
+    /// The content of the file is invalid.
     #[error("calibration file {path}: {source}")]
     InFile {
         /// File.
@@ -50,7 +50,7 @@ pub enum CalibrationError {
         /// Fault.
         source: Box<CalibrationError>,
     },
-    /// Not TOML, an unknown key, or a value of another type.
+    /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{reason}")]
     Syntax {
         /// The parser's message with line and column.
@@ -121,7 +121,7 @@ impl Calibration {
     /// Reads the calibration file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, or as [`parse`](Self::parse); each error names the file.
+    /// The file cannot be read, or an error of [`parse`](Self::parse). Each error names the file.
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
@@ -132,11 +132,11 @@ impl Calibration {
     /// Parses the text of a calibration file.
     ///
     /// # Errors
-    /// Text that is not TOML, another version, an unknown key, a value of the wrong type, a transform that is not a
-    /// pose.
+    /// The text is not TOML, has another version, an unknown key or a value of the wrong type. A transform is not a
+    /// pose, or the stylus tip is out of range.
     pub fn parse(text: &str) -> Result<Self, CalibrationError> {
         let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: e.to_string().trim().to_owned() };
-        // The version is checked first: the content of another version must not be called wrong.
+        // The version is checked first: files of another version must not be reported as faulty.
         let Version { version } = toml::from_str(text).map_err(syntax)?;
         if version != i64::from(CALIBRATION_VERSION) {
             return Err(CalibrationError::Version { found: version });
@@ -159,7 +159,7 @@ impl Calibration {
             stylus: self.stylus_tip_mm.map(|tip| Stylus { tip_mm: tip.value.to_array(), rms_mm: tip.rms_mm }),
         };
         let head = "# Lengths in mm, quaternions [qw, qx, qy, qz]; written by `insonify calibrate`.\n";
-        // Numbers and tables with fixed names always serialise to TOML.
+        // Serialisation of numbers and tables with fixed names cannot fail.
         toml::to_string(&file).map(|body| format!("{head}{body}")).unwrap_or_default()
     }
 }
@@ -177,7 +177,7 @@ impl CalibrationSource {
     /// Reads the file, if there is one, and adds the station's own value.
     ///
     /// # Errors
-    /// As [`Calibration::load`]; or `sensor_from_probe` is given in both places.
+    /// An error of [`Calibration::load`], or `sensor_from_probe` is given in both places.
     pub fn load(&self) -> Result<Calibration, CalibrationError> {
         let mut calibration = self.path.as_deref().map(Calibration::load).transpose()?.unwrap_or_default();
         if let Some(pose) = self.sensor_from_probe {

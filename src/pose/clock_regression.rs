@@ -6,8 +6,8 @@ const WINDOW: usize = 20;
 /// Largest accepted difference between raw and regressed time of one measurement, ns.
 pub const OUTLIER_NS: u64 = 500_000_000;
 
-/// Difference from the expected time beyond which a measurement was delayed, or a clock jumped, ns. It is left out of
-/// the fit.
+/// Difference from the expected time beyond which a measurement counts as delayed, or a clock as jumped, ns. Such
+/// measurements are excluded from the fit.
 const HELD_UP_NS: u64 = 50_000_000;
 
 /// Duration of doubt after which the regression restarts, ns.
@@ -106,7 +106,7 @@ impl ClockRegression {
         Timing::Jumped(times[CONFIRMED - 1])
     }
 
-    /// Forgets everything, as after a restart of the device.
+    /// Forgets all samples, for a restart of the device.
     pub fn restart(&mut self) {
         *self = Self::default();
     }

@@ -23,19 +23,19 @@ macro_rules! counters {
 counters! {
     /// Measurements received.
     measurements,
-    /// Measurements that became a pose.
+    /// Measurements converted to a pose.
     used,
-    /// Refused: a component that is not finite, a quaternion that is not a unit one, or a position out of range.
+    /// Refused: a non-finite component, a quaternion that is not a unit one, or a position out of range.
     invalid,
     /// Dropped: the device's counter and clock equal those of the previous measurement.
     duplicates,
     /// Dropped: measured before one that was already used.
     out_of_order,
-    /// Missing by the device's counter: measured, but never received.
+    /// Missing by the device's counter: measured but not received.
     missing,
     /// Restarts of the device's counter or clock.
     device_restarts,
-    /// Measurements whose device clock stood still while the counter rose; host time is used.
+    /// Measurements whose device clock did not advance while the counter rose; host time is used.
     clock_stalls,
     /// Dropped: the host's time did not rise.
     time_not_rising,
@@ -47,9 +47,9 @@ counters! {
     out_of_view,
     /// Dropped: farther from the last pose than a hand can move.
     spikes,
-    /// Such displacements that a second measurement confirmed, and that were accepted.
+    /// Displacements of that size accepted because a second measurement confirmed them.
     jumps,
-    /// Times that readings stayed exactly equal for long although the device's clock ran.
+    /// Number of times the sensor was stuck: readings stayed exactly equal for too long.
     stuck,
 }
 

@@ -81,7 +81,7 @@ pub fn poses(text: &str) -> Result<Vec<Pose>, CsvError> {
     })
 }
 
-/// Values of `N` numbers each, with the names behind them, if any.
+/// Parses values of `N` numbers each, with their optional names.
 fn named<const N: usize, T>(
     text: &str,
     expected: &'static str,
@@ -99,7 +99,7 @@ fn named<const N: usize, T>(
     })
 }
 
-/// Parses each data line, given its number; `None` is a malformed one.
+/// Calls `parse` with the number and content of each data line; `None` from it means a malformed line.
 fn parsed<T>(
     text: &str,
     expected: &'static str,

@@ -13,7 +13,7 @@ use super::stuck::StuckWatch;
 use super::tracking::{TrackingClock, TrackingState};
 use super::{Measurement, Pose, QUATERNION_NORM_TOLERANCE, Reading, TimedPose};
 
-/// Number of poses kept: a second at 60 poses a second, for displays that lag.
+/// Number of poses kept: one second at 60 poses per second, for displays that lag.
 const HISTORY: usize = 64;
 
 /// Gap after which the filter restarts, s.
@@ -22,12 +22,12 @@ const FILTER_GAP_S: f64 = 0.5;
 /// Largest fall of `now` between two samples that does not count as a clock set back, ns.
 const NOW_JITTER_NS: u64 = 20_000_000;
 
-/// Estimate of the probe's pose at a time of display. It travels with its frame as it is.
+/// Estimate of the probe's pose at a display time. It stays with its frame through the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
     /// Filtered and predicted pose; none before the first measurement and while tracking is lost.
     pub scene_from_probe: Option<Pose>,
-    /// State of the tracking behind it.
+    /// Tracking state of the pose.
     pub state: TrackingState,
     /// Arrival of the first byte of the newest measurement, ns since 1970 (UTC); none without a tracker.
     pub first_byte_ns: Option<u64>,
@@ -87,8 +87,8 @@ impl Estimator {
 
     /// Takes the next measurement. Unusable ones are dropped and counted.
     ///
-    /// A puck sends nothing at rest: push zero [`Reading::Rates`] once its device is open, and it is tracked from then
-    /// on, at the initial pose.
+    /// A puck sends nothing at rest. Push zero [`Reading::Rates`] when its device is opened: it is then tracked from
+    /// the initial pose on.
     pub fn push(&mut self, measurement: &Measurement) {
         self.counters.measurements += 1;
         if !is_valid(&measurement.reading) {
@@ -131,7 +131,7 @@ impl Estimator {
         self.counters.stuck += u64::from(
             !matches!(measurement.reading, Reading::Rates { .. }) && self.stuck.push(&measurement.reading, time_ns),
         );
-        // Seconds since the last measurement used; `None` at first and after a clock jump.
+        // Time since the last used measurement, s; `None` for the first and after a clock jump.
         let dt_s = self.newest.map(|(last_ns, _)| time_ns.saturating_sub(last_ns) as f64 * 1e-9);
         let Some(motion) = self.motion_of(&measurement.reading, time_ns, dt_s) else { return };
         self.counters.used += 1;
@@ -143,7 +143,7 @@ impl Estimator {
         self.tracking.seen(time_ns, resting);
     }
 
-    /// The device is disconnected: a resting puck is no longer tracked, and a deflected one counts as released.
+    /// Reports a disconnection of the device: a resting puck is no longer tracked, a deflected one counts as released.
     pub fn disconnected(&mut self) {
         self.tracking.interrupted();
         self.rates.release();
@@ -216,7 +216,7 @@ impl Estimator {
         Some(self.filter.push(pose, dt_s.unwrap_or(0.0)))
     }
 
-    /// `now` on a clock that never falls: if the host's clock was set back, all stored times are set back, too.
+    /// `now` on a non-decreasing clock. If the host's clock was set back, all stored times are set back too.
     fn host_now(&mut self, now_ns: u64) -> u64 {
         let last_ns = self.last_now_ns.unwrap_or(now_ns);
         let back_ns = last_ns.saturating_sub(now_ns);

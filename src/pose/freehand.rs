@@ -4,16 +4,16 @@ use glam::{DQuat, DVec3, EulerRot};
 
 use crate::random::SplitMix64;
 
-/// RMS of the tremor of a hand that rests on the skin, mm in each direction (assumed).
+/// RMS tremor of a hand that rests on the skin, mm per axis (assumed).
 pub const TREMOR_MM: f64 = 0.3;
 
-/// RMS of the tremor about each axis, degrees (assumed).
+/// RMS tremor about each axis, degrees (assumed).
 pub const TREMOR_DEG: f64 = 0.5;
 
 /// Band of the tremor, Hz: from slow drift to the physiological tremor of a hand.
 const TREMOR_BAND_HZ: (f64, f64) = (0.3, 9.0);
 
-/// Sinusoids that make up each component of the tremor.
+/// Number of sinusoids per component of the tremor.
 const TREMOR_PARTIALS: usize = 12;
 
 /// A view that the hand moves to and holds for a while.
@@ -29,10 +29,10 @@ pub struct Waypoint {
     pub orientation: DQuat,
 }
 
-/// Point in view and orientation of the probe `time_s` after the start; `None` without waypoints.
+/// Point in view (mm) and orientation of the probe `time_s` after the start; `None` without waypoints.
 ///
-/// `waypoints` ascend in time. Between two of them the target moves on a line and the probe turns on the shorter arc,
-/// both with minimum jerk (Flash & Hogan, J Neurosci 5:1688, 1985).
+/// `waypoints` must ascend in time. Between two of them the target moves on a line and the probe turns on the shorter
+/// arc, both with minimum jerk (Flash & Hogan, J Neurosci 5:1688, 1985).
 pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
     let next = waypoints.partition_point(|w| w.arrive_s <= time_s);
     let Some(from) = next.checked_sub(1).and_then(|i| waypoints.get(i)) else {

@@ -1,23 +1,23 @@
-//! Detection of poses that no hand can have reached: tracker spikes, or a probe moved while hidden.
+//! Detection of poses that a hand cannot reach in time: tracker spikes, or a probe moved while hidden.
 
 use super::Pose;
 use super::transform::angle_between;
 
-/// Shortest interval for a speed, s: between records of one message, noise would look like speed.
+/// Shortest interval for computing a speed, s: between records of one message, noise would look like speed.
 const LEAST_S: f64 = 0.01;
 
-/// Judgement of a pose.
+/// Verdict on a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gate {
     /// Reachable by a hand.
     Passed,
     /// Out of reach; the next pose decides.
     Spike,
-    /// Out of reach, but confirmed by a second pose nearby: the sensor is there.
+    /// Out of reach, but confirmed by a second pose nearby.
     Jumped,
 }
 
-/// Gate that holds back one pose that is too far from the last.
+/// Gate that rejects a pose too far from the last one, unless the next pose confirms it.
 #[derive(Debug, Clone)]
 pub struct JumpGate {
     max_speed_mm_s: f64,

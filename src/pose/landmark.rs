@@ -17,7 +17,7 @@ pub struct StillSettings {
 }
 
 impl Default for StillSettings {
-    /// A second of poses at 60 a second within 1 mm; an attempt lasts half a minute.
+    /// One second within 1 mm, and attempts of half a minute, at 60 poses per second.
     fn default() -> Self {
         Self { samples: 60, tolerance_mm: 1.0, poses_max: 1800 }
     }
@@ -61,11 +61,11 @@ pub enum LandmarkError {
 
 /// Averages the tip over the first stretch of `tracker_from_sensor` in which it is still.
 ///
-/// The poses may come from a live tracker or a recording; only as many are taken as are needed. `tip_mm` is in the
-/// sensor's frame.
+/// The poses may come from a live tracker or a recording; no more are taken than needed. `tip_mm` is in the sensor's
+/// frame.
 ///
 /// # Errors
-/// The poses or the allowed number of them end before the tip is still.
+/// The poses end, or [`StillSettings::poses_max`] is reached, before the tip is still.
 pub fn touch(
     tracker_from_sensor: impl IntoIterator<Item = Pose>,
     tip_mm: DVec3,

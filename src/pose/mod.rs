@@ -47,7 +47,7 @@ pub use transform::{angle_between, rotation_vector};
 /// Largest accepted deviation of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
-/// Largest accepted deviation of a rotation matrix from an orthonormal one: some programs print four decimals only.
+/// Largest accepted deviation of a rotation matrix from an orthonormal one: some programs print only four decimals.
 pub const ROTATION_TOLERANCE: f64 = 1e-3;
 
 /// Largest accepted coordinate: at one kilometre f32 resolves 0.06 mm, too coarse for an echo's phase.
@@ -94,8 +94,8 @@ pub enum PoseError {
     },
 }
 
-/// Rigid transform `scene_from_probe`: position and orientation of the probe in the scene. Other rigid transforms use
-/// this type, too, each named `a_from_b`.
+/// Rigid transform `scene_from_probe`: position and orientation of the probe in the scene. Other rigid transforms also
+/// use this type; their names are `a_from_b`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pose {
     /// Centre of the transducer's face in the scene, mm.
@@ -108,8 +108,8 @@ impl Pose {
     /// A pose from its seven numbers `[x, y, z, qw, qx, qy, qz]`, checked and normalised.
     ///
     /// # Errors
-    /// A component that is not finite, a position beyond [`POSITION_LIMIT_MM`], or a quaternion whose norm is
-    /// not 1 within [`QUATERNION_NORM_TOLERANCE`].
+    /// A component is not finite, a coordinate exceeds [`POSITION_LIMIT_MM`], or the quaternion's norm differs from 1
+    /// by more than [`QUATERNION_NORM_TOLERANCE`].
     pub fn from_components([x, y, z, qw, qx, qy, qz]: [f64; 7]) -> Result<Self, PoseError> {
         Self::new(DVec3::new(x, y, z), DQuat::from_xyzw(qx, qy, qz, qw))
     }
@@ -117,7 +117,7 @@ impl Pose {
     /// A pose from position (mm) and quaternion, checked and normalised.
     ///
     /// # Errors
-    /// As [`from_components`](Self::from_components).
+    /// The same as those of [`from_components`](Self::from_components).
     pub fn new(position_mm: DVec3, orientation: DQuat) -> Result<Self, PoseError> {
         const NAMES: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
         let components = Self { position_mm, orientation }.components();
@@ -138,11 +138,11 @@ impl Pose {
         Ok(Self { position_mm, orientation: orientation.normalize() })
     }
 
-    /// A pose from a rotation matrix and a position (mm) as other programs send them.
+    /// A pose from a rotation matrix and a position (mm).
     ///
     /// # Errors
-    /// Columns that are not orthonormal within [`ROTATION_TOLERANCE`], a matrix that mirrors, or a position as for
-    /// [`from_components`](Self::from_components).
+    /// The columns are not orthonormal within [`ROTATION_TOLERANCE`], the determinant is negative, or the position is
+    /// invalid as for [`from_components`](Self::from_components).
     pub fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = rotation;
         // NaN fails the comparisons.
@@ -166,7 +166,7 @@ impl Pose {
         [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
     }
 
-    /// Pose of a probe at `position_mm` that looks along `into_body`, with its lateral axis as near as possible to
+    /// Pose of a probe at `position_mm` that looks along `into_body`, with its lateral axis as close as possible to
     /// `lateral`.
     ///
     /// Falls back to an arbitrary perpendicular if `lateral` is parallel to `into_body`.

@@ -16,9 +16,9 @@ use super::{FilterSettings, Pose};
 pub struct Motion {
     /// The pose.
     pub pose: Pose,
-    /// Its velocity, mm/s.
+    /// Velocity, mm/s.
     pub velocity_mm_s: DVec3,
-    /// Angular velocity, rad/s, in the frame that the pose is given in (not the probe frame).
+    /// Angular velocity, rad/s, in the pose's parent frame (not the probe frame).
     pub angular_velocity_rad_s: DVec3,
 }
 
@@ -48,7 +48,7 @@ impl OneEuro {
         self.state = None;
     }
 
-    /// Filters the pose `dt_s` after the last one. Unless `dt_s` is greater than 0, returns the last motion.
+    /// Filters the pose `dt_s` after the last one. Returns the last motion if `dt_s` is not positive.
     pub fn push(&mut self, pose: Pose, dt_s: f64) -> Motion {
         let Some((raw, filtered)) = self.state else {
             let motion = Motion::at_rest(pose);
@@ -177,7 +177,7 @@ mod tests {
                 prop_assert!((a.pose.position_mm.x).abs() <= 50.0);
                 prop_assert_eq!(a.velocity_mm_s, b.velocity_mm_s);
                 let apart = angle_between(a.pose.orientation, b.pose.orientation);
-                // At exactly half a turn either direction is right.
+                // At exactly half a turn, either direction is correct.
                 prop_assert!(apart < 1e-6 || (a.angular_velocity_rad_s + b.angular_velocity_rad_s).length() < 1e-3);
             }
         }

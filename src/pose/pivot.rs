@@ -29,14 +29,13 @@ pub struct Pivot {
     pub pivot_mm: DVec3,
     /// RMS distance of the tip from the pivot, mm.
     pub rms_mm: f64,
-    /// Largest such distance, mm.
+    /// Largest distance of the tip from the pivot, mm.
     pub max_mm: f64,
     /// Standard error of the tip in its least certain direction, mm, if the poses' errors are independent.
     pub tip_error_mm: f64,
-    /// Condition number of the problem; 1 is best, reached by rotations about all axes.
+    /// Condition number of the problem; 1 is best, for rotations about all axes.
     pub condition: f64,
-    /// Largest rotation between two poses, degrees (found from pose to pose through the set; at least half of the true
-    /// largest).
+    /// Largest rotation found between two poses, degrees; at least half of the true maximum.
     pub turn_deg: f64,
     /// Poses used.
     pub poses: usize,
@@ -93,8 +92,7 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
         normal += r.transpose() * r;
         right -= r.transpose() * (translation(pose) - mean_t);
     }
-    // The normal matrix has the square of the problem's condition number; at the accepted limit of 25 no precision is
-    // lost.
+    // The normal matrix has the square of the problem's condition number; at the limit of 25, precision suffices.
     let eigen = normal.symmetric_eigen();
     let (least, most) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
     let condition = if least > 0.0 { (most / least).sqrt() } else { f64::INFINITY };
@@ -120,7 +118,7 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     })
 }
 
-/// Farthest pose from the first, then the farthest from that one, rad: at least half of the largest rotation.
+/// Rotation from the pose farthest from the first to the pose farthest from that, rad: at least half of the maximum.
 fn widest_turn(poses: &[Pose]) -> f64 {
     let farthest = |from: &Pose| {
         let angles = poses.iter().map(|p| (angle_between(from.orientation, p.orientation), p));

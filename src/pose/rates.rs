@@ -5,12 +5,12 @@ use glam::{DQuat, DVec3};
 use super::one_euro::Motion;
 use super::{POSITION_LIMIT_MM, Pose};
 
-/// Longest integration of one rate, s: in a longer gap it is unknown how long the puck was deflected.
+/// Longest integration of one rate, s: in a longer gap, the duration of the deflection is unknown.
 const LONGEST_S: f64 = 0.1;
 
 /// Integrates the rates of a puck (a SpaceMouse) along and about the axes of the probe.
 ///
-/// A rate holds from its report to the next one. A puck at rest sends no reports and moves nothing.
+/// A rate applies from its report to the next one. A puck at rest sends no reports.
 #[derive(Debug, Clone)]
 pub struct RateIntegrator {
     speed_mm_s: f64,
@@ -30,7 +30,7 @@ impl RateIntegrator {
     /// Takes the rates of a report `dt_s` after the last one, each in −1..=1; larger ones are clamped.
     pub fn push(&mut self, translation: DVec3, rotation: DVec3, dt_s: f64) -> Motion {
         let (velocity, turn) = self.rates;
-        // Unless time advances, nothing moves.
+        // No motion unless time advances.
         let dt_s = if dt_s > 0.0 { dt_s.min(LONGEST_S) } else { 0.0 };
         let position_mm = self.pose.position_mm + self.pose.orientation * (velocity * dt_s);
         let limit = DVec3::splat(POSITION_LIMIT_MM);
@@ -47,7 +47,7 @@ impl RateIntegrator {
         }
     }
 
-    /// Whether nothing moves until the next report.
+    /// Whether all rates are zero.
     pub fn is_resting(&self) -> bool {
         self.rates == (DVec3::ZERO, DVec3::ZERO)
     }

@@ -18,7 +18,7 @@ pub enum Reading {
         /// About x, y, z.
         rotation: DVec3,
     },
-    /// The device is connected and reports that it doesn't see the sensor.
+    /// Report of a connected device that the sensor is out of view.
     OutOfView,
 }
 

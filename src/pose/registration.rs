@@ -32,20 +32,20 @@ const SVD_STEPS: usize = 1000;
 pub struct PointPair {
     /// Coordinates in the scene, mm.
     pub scene_mm: DVec3,
-    /// Coordinates as the tracker measures them, mm.
+    /// Coordinates measured by the tracker, mm.
     pub tracker_mm: DVec3,
 }
 
 /// A fitted transform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Registration {
-    /// Rigid transform with the least sum of squared residuals.
+    /// Rigid transform with the smallest sum of squared residuals.
     pub scene_from_tracker: Pose,
     /// Fiducial registration error: RMS of the residuals, mm.
     pub rms_mm: f64,
     /// Distance of each landmark from its transformed measurement, mm, in the order of the pairs.
     pub residuals_mm: Vec<f64>,
-    /// Whether all landmarks are near one plane: a mirrored tracker axis would then go unnoticed.
+    /// Whether all landmarks are near one plane: a mirrored tracker axis then cannot be detected.
     pub coplanar: bool,
 }
 
@@ -118,7 +118,7 @@ pub enum RegistrationError {
 /// Fits `scene_from_tracker` to landmarks.
 ///
 /// # Errors
-/// Fewer than three pairs, coordinates out of range, landmarks on one point or one line, distances that differ by more
+/// Fewer than three pairs, coordinates out of range, coincident or collinear landmarks, distances that differ by more
 /// than a quarter, or points whose mirror image fits much better.
 pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> {
     if pairs.len() < 3 {

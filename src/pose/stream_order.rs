@@ -5,7 +5,7 @@ use super::Measurement;
 /// Largest step back, counts, of a late measurement; a larger one means that the device restarted.
 const LATE_COUNTS: u32 = 64;
 
-/// Same limit for a device that has only a clock, µs.
+/// The same limit for a device with only a clock, µs.
 const LATE_US: u64 = 1_000_000;
 
 /// Largest step forward that counts as a gap, counts; a larger one means that the device restarted.
@@ -17,7 +17,7 @@ const CONFIRMED: u32 = 3;
 /// Periods of clocks that wrap, µs: `micros()` of a microcontroller, and ms in 32 bits.
 const CLOCK_PERIODS_US: [u64; 2] = [1 << 32, 1000 << 32];
 
-/// Largest time across an accepted wrap, µs.
+/// Largest time step across an accepted wrap, µs.
 const WRAP_REACH_US: u64 = 10_000_000;
 
 /// Place of a measurement in its stream.
@@ -25,7 +25,7 @@ const WRAP_REACH_US: u64 = 10_000_000;
 pub enum Place {
     /// After all others.
     Next {
-        /// Device time that never falls, µs or counts of the device from an unknown origin; `None` if it has neither.
+        /// Non-decreasing device time, in µs or counts from an unknown origin; `None` without clock and counter.
         ticks: Option<u64>,
         /// Number of measurements missing since the last one.
         missing: u32,
@@ -34,7 +34,7 @@ pub enum Place {
     },
     /// First measurement of a restarted device; its time is unrelated to earlier ones.
     Restarted {
-        /// As in [`Place::Next`].
+        /// Device time, as in [`Place::Next`].
         ticks: Option<u64>,
     },
     /// Repetition of the last one.
@@ -68,7 +68,7 @@ impl Stamp {
         Self { sequence, counts: sequence.map_or(0, u64::from), clock_us, wrapped_us: 0 }
     }
 
-    /// Clock if there is one, else the counter: the clock is right at any rate.
+    /// Clock if there is one, else the counter: the clock is correct at any rate.
     fn ticks(&self) -> Option<u64> {
         match self.clock_us {
             Some(us) => us.checked_add(self.wrapped_us),
@@ -145,13 +145,13 @@ fn step(last: &Stamp, next: &Stamp) -> Step {
         _ => None,
     };
     match (counts, clock) {
-        // A counter that stands still beside a running clock is broken, not a repetition.
+        // A constant counter with a running clock is a broken counter, not a repetition.
         (Some(0) | None, Some(ClockStep::Forward { us, wrap_us })) => {
             Step::Forward { counts: 1, clock: Some(us), wrap_us }
         }
         (Some(0), _) | (None, Some(ClockStep::Same)) => Step::Same,
         (Some(counts), _) if counts > u32::MAX / 2 => Step::Back { far: counts.wrapping_neg() > LATE_COUNTS },
-        // A counter that wraps at fewer than 32 bits would look restarted here: decoders extend it.
+        // Decoders extend counters that wrap below 32 bits; here such a wrap would look like a restart.
         (Some(counts), Some(ClockStep::Forward { us, wrap_us })) => Step::Forward { counts, clock: Some(us), wrap_us },
         (Some(_), Some(ClockStep::Back { us })) if us > LATE_US => Step::Back { far: true },
         (Some(counts), Some(_)) => Step::Forward { counts, clock: Some(0), wrap_us: 0 },

@@ -1,8 +1,8 @@
-//! Detection of stuck sensors: a real sensor has noise, so equal readings for long suggest that the device hangs.
+//! Detection of stuck sensors: a working sensor has noise, so exactly equal readings for long mean that it hangs.
 
 use super::Reading;
 
-/// Smallest number of equal readings that counts, however far apart.
+/// Smallest number of equal readings that counts as stuck, regardless of their duration.
 const LEAST_READINGS: u32 = 20;
 
 /// Detects readings that stay exactly equal.
@@ -22,7 +22,7 @@ impl StuckWatch {
         Self { limit_ns: (limit_ms * 1e6) as u64, last: None, since_ns: 0, readings: 0, stuck: false }
     }
 
-    /// Takes a reading with its time. True if the readings count as stuck from this one on.
+    /// Takes a reading with its time, ns. Returns true if the readings become stuck with this one.
     pub fn push(&mut self, reading: &Reading, time_ns: u64) -> bool {
         if self.limit_ns == 0 {
             return false;

@@ -1,17 +1,17 @@
 //! Trustworthiness of a live pose.
 
-/// State of the probe's pose, from best to worst; each is visible to the user.
+/// State of the probe's pose, from best to worst, as shown to the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
 pub enum TrackingState {
     /// Measured recently.
     Good,
-    /// The last pose is held over a short gap, or measurements have only just returned.
+    /// The last pose is held over a short gap, or measurements have just resumed.
     Held,
-    /// Measurements arrive, but have been exactly equal for so long that the sensor must have frozen.
+    /// Measurements arrive, but have been exactly equal for too long: the sensor hangs.
     Stuck,
-    /// No measurement for so long that the picture does not follow the probe any more.
+    /// No recent measurement: the picture no longer follows the probe.
     Stale,
-    /// No measurement for so long that there is no picture, or no measurement yet.
+    /// No measurement yet, or none for so long that no picture is shown.
     #[default]
     Lost,
 }
@@ -31,8 +31,8 @@ impl TrackingState {
     }
 }
 
-/// Consecutive measurements without a gap after which a pose is good again: a single one may be a flicker at the edge
-/// of the view.
+/// Consecutive measurements without a gap after which a pose is good again: single ones may flicker at the edge of
+/// the view.
 const GOOD_RUN: u32 = 3;
 
 /// Derives the state from the age of the last measurement.
@@ -44,7 +44,7 @@ pub struct TrackingClock {
     last_ns: Option<u64>,
     /// Length of the run of measurements without a gap.
     run: u32,
-    /// Whether the device is silent because nothing moves.
+    /// Whether the device is silent because it is at rest.
     resting: bool,
 }
 
@@ -56,7 +56,7 @@ impl TrackingClock {
         Self { held_ns, stale_ns, lost_ns, last_ns: None, run: 0, resting: false }
     }
 
-    /// A measurement of `time_ns` was used. With `resting`, the device will be silent until something moves.
+    /// Records that a measurement of `time_ns` was used. If `resting`, the device is silent until it moves.
     pub fn seen(&mut self, time_ns: u64, resting: bool) {
         let gap = self.last_ns.is_none_or(|last| time_ns.saturating_sub(last) > self.held_ns);
         self.run = match (resting || self.resting, gap) {
@@ -68,7 +68,7 @@ impl TrackingClock {
         self.last_ns = Some(time_ns);
     }
 
-    /// The device is disconnected or reports that it doesn't see the sensor.
+    /// Records that the device is disconnected, or reports the sensor out of view.
     pub fn interrupted(&mut self) {
         self.run = 0;
         self.resting = false;
@@ -80,7 +80,7 @@ impl TrackingClock {
         self.last_ns = None;
     }
 
-    /// The host clock was set back by `by_ns`.
+    /// Moves the stored time `by_ns` earlier, after the host clock was set back.
     pub fn set_back(&mut self, by_ns: u64) {
         self.last_ns = self.last_ns.map(|last| last.saturating_sub(by_ns));
     }

@@ -1,40 +1,40 @@
-//! Values that keys of a station file take.
+//! Accepted values of the keys of a station file.
 
 use std::fmt;
 
 use crate::settings::{Kind, Setting};
 
-/// Values that a key takes.
+/// Accepted values of a key.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Accepts {
     /// A number.
     Number {
-        /// Least.
+        /// Smallest accepted value.
         min: f64,
-        /// Greatest.
+        /// Largest accepted value.
         max: f64,
     },
     /// A whole number.
     Integer {
-        /// Least.
+        /// Smallest accepted value.
         min: i64,
-        /// Greatest.
+        /// Largest accepted value.
         max: i64,
     },
-    /// Numbers in brackets.
+    /// An array of numbers.
     Numbers {
         /// Number of values.
         count: usize,
-        /// Greatest magnitude of each.
+        /// Largest magnitude of each.
         limit: f64,
     },
-    /// One of some words.
+    /// One of these words.
     OneOf(&'static [&'static str]),
-    /// Any of some words, in brackets.
+    /// An array of any of these words.
     AnyOf(&'static [&'static str]),
-    /// Any text, with what it says.
+    /// Any text; the string describes its meaning.
     Text(&'static str),
-    /// Texts in brackets, with what each says.
+    /// An array of texts; the string describes the meaning of each.
     Texts(&'static str),
     /// true or false.
     Bool,
@@ -69,11 +69,11 @@ impl From<&Setting> for Accepts {
     }
 }
 
-/// The address that a server listens at.
+/// Listening address of a server.
 pub(super) const LISTEN_ADDRESS: &str = "an IP address, as \"127.0.0.1\" or \"0.0.0.0\"";
-/// Axes of the scene in the patient.
+/// Directions of the scene's axes in the patient.
 pub(super) const AXES: &str = "three letters of R or L, A or P, S or I, right-handed, as \"RAS\", \"LPS\" or \"LSA\"";
-/// The token of a page.
+/// Token of the browser page.
 pub(super) const TOKEN: &str = "16 or more of A-Z a-z 0-9 - _";
-/// The name of a station in its network.
+/// Network name of a station.
 pub(super) const HOST_NAME: &str = "a name without port, as \"station.local\"";

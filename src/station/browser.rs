@@ -1,18 +1,18 @@
-//! `[browser]`: where the page is served.
+//! `[browser]`: the server of the browser page.
 
 use super::StationError;
 use super::accepts::{HOST_NAME, TOKEN};
 use super::values::Values;
 use crate::sink::browser::Settings;
 
-/// Settings from the table `[browser]`. An invalid address, token or name is refused here, not at the start.
+/// Settings from the table `[browser]`. Refuses an invalid address, token or name.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
     values.set_group(&mut settings);
     values.set_address(&mut settings.address)?;
     if let Some(text) = values.text("token") {
         if !Settings::accepts_token(text) {
-            // The token itself stays out of logs.
+            // Keeps the token itself out of logs.
             return Err(values.wrong_text("token", "...", TOKEN));
         }
         settings.token = Some(text.to_owned());

@@ -1,4 +1,4 @@
-//! `[calibration]`: where tracker, sensor and probe are.
+//! `[calibration]`: calibration of tracker, sensor and probe.
 
 use std::path::Path;
 

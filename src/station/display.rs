@@ -1,4 +1,4 @@
-//! `[display]`: where a live session's frames go.
+//! `[display]`: sinks of a live session.
 
 use std::collections::HashSet;
 
@@ -7,7 +7,7 @@ use crate::sink::LiveSinkKind;
 
 pub(super) fn sinks(values: &Values) -> Vec<LiveSinkKind> {
     let Some(words) = values.texts("sinks") else { return vec![LiveSinkKind::Null] };
-    // The parser saw to it that each is a known name.
+    // All names are valid: `Values::check` verified them.
     let sinks = words.into_iter().filter_map(|word| word.parse().ok());
     let mut seen = HashSet::new();
     sinks.filter(|sink| seen.insert(*sink)).collect()

@@ -21,7 +21,7 @@ pub enum StationError {
         /// Cause.
         source: std::io::Error,
     },
-    /// An error and the file it is in.
+    /// An error with its file.
     #[error("station file {path}: {source}")]
     InFile {
         /// File.
@@ -35,7 +35,7 @@ pub enum StationError {
         /// The parser's message with line and column.
         reason: String,
     },
-    /// A table that no station has.
+    /// An unknown table.
     #[error("unknown table `[{table}]`{suggestion}; tables are {known}")]
     UnknownTable {
         /// Table found.
@@ -45,7 +45,7 @@ pub enum StationError {
         /// All tables.
         known: String,
     },
-    /// A key that its table does not have.
+    /// An unknown key of a table.
     #[error("unknown key `{key}` in `[{table}]`{suggestion}; its keys are {known}")]
     UnknownKey {
         /// Table.
@@ -57,7 +57,7 @@ pub enum StationError {
         /// All keys of the table.
         known: String,
     },
-    /// A value of another type, a number outside its range, or a word that is none of the choices.
+    /// A value of the wrong type, a number outside its range, or an unknown word.
     #[error("`{key}` is {found}; it must be {accepts}{suggestion}")]
     Value {
         /// Key with its table.
@@ -69,7 +69,7 @@ pub enum StationError {
         /// Nearest choice, ready to print, or empty.
         suggestion: String,
     },
-    /// A key that must be there.
+    /// A required key is missing.
     #[error("`{key}` is missing: {needed}")]
     Missing {
         /// Key with its table.
@@ -77,23 +77,23 @@ pub enum StationError {
         /// Purpose of the key.
         needed: String,
     },
-    /// A key that means nothing beside another.
+    /// A key that does not apply in combination with another.
     #[error("`{key}` does not apply: {reason}")]
     NotApplicable {
         /// Key with its table.
         key: String,
-        /// Why, and what applies.
+        /// Reason, and which key applies.
         reason: String,
     },
-    /// A text that is not what its key takes.
+    /// A text that its key does not accept.
     #[error("`{key}`: {reason}")]
     Text {
         /// Key with its table.
         key: String,
-        /// Fault, and what would be valid.
+        /// Fault, and the valid form.
         reason: String,
     },
-    /// The background is no tissue.
+    /// The background is not a known tissue.
     #[error("`scene.background` names the unknown tissue `{tissue}`{suggestion}")]
     UnknownTissue {
         /// Name looked up.
@@ -123,7 +123,7 @@ pub enum StationError {
     /// Not a pose.
     #[error("[pose]: {0}")]
     Pose(#[from] PoseError),
-    /// A `sensor_from_probe` that is no pose.
+    /// A `sensor_from_probe` that is not a pose.
     #[error("[calibration] sensor_from_probe: {0}")]
     SensorFromProbe(PoseError),
     /// A calibration file that cannot be used.

@@ -5,12 +5,12 @@ use std::path::Path;
 use super::values::Values;
 use crate::generator::Settings;
 
-/// The settings of checked values; paths start at `dir`.
+/// Settings from checked values; paths are relative to `dir`.
 pub(super) fn settings(values: &Values, dir: &Path) -> Settings {
     let mut settings = Settings::default();
     values.set_group(&mut settings);
     settings.models = values.texts("models").unwrap_or_default().into_iter().map(|path| dir.join(path)).collect();
-    // Checking saw to it that the word is a provider's.
+    // The word is valid: `Values::check` verified it.
     settings.provider = values.text("provider").and_then(|word| word.parse().ok()).unwrap_or(settings.provider);
     settings
 }

@@ -1,4 +1,4 @@
-//! Every key of a station file, for the parser and for documentation.
+//! All keys of station files, for the parser and for documentation.
 //!
 //! Keys of settings come from [`settings`](crate::settings); the others are defined here.
 
@@ -25,24 +25,24 @@ use crate::tracker::{BAUD_RANGE, mock};
 /// A key of a station file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyDoc {
-    /// Its table; `tissues.NAME` for any tissue.
+    /// Table; `tissues.NAME` for any tissue.
     pub table: &'static str,
-    /// The key.
+    /// Key without its table.
     pub key: &'static str,
     /// Unit, or empty.
     pub unit: &'static str,
     /// Default as TOML, or in words.
     pub default: Cow<'static, str>,
-    /// Values that it takes.
+    /// Accepted values.
     pub range: Accepts,
-    /// Meaning: a phrase.
+    /// Meaning, as a phrase.
     pub meaning: Cow<'static, str>,
 }
 
-/// Table of every tissue's keys.
+/// Table name used for the keys of all tissues.
 const TISSUE: &str = "tissues.NAME";
 
-/// Keys that a new tissue must have.
+/// Required keys of a new tissue.
 pub(super) const PHYSICAL: [&str; 4] = ["speed_m_s", "density_kg_m3", "attenuation_db_cm_mhz", "attenuation_exponent"];
 
 const fn number(min: f64, max: f64) -> Accepts {
@@ -161,7 +161,7 @@ const DISPLAY: &[KeyDoc] = &[
     doc("display", "sinks", "", "[\"null\"]", Accepts::AnyOf(LiveSinkKind::NAMES), "where frames go"),
 ];
 
-/// Every key, table by table.
+/// All keys, grouped by table.
 pub fn keys() -> &'static [KeyDoc] {
     static KEYS: LazyLock<Vec<KeyDoc>> = LazyLock::new(|| {
         let mut all = Vec::new();
@@ -191,7 +191,7 @@ pub fn keys() -> &'static [KeyDoc] {
     &KEYS
 }
 
-/// Names of all tables, in their order; `tissues` for those of tissues.
+/// Names of all tables, in order; `tissues` for the tissue tables.
 pub(super) fn tables() -> Vec<&'static str> {
     let mut tables: Vec<_> = keys().iter().filter_map(|doc| doc.table.split('.').next()).collect();
     tables.dedup();
@@ -205,7 +205,7 @@ impl From<&'static Setting> for KeyDoc {
     }
 }
 
-/// A key of a tissue: without it, built-in tissues keep their value.
+/// A key of a tissue; if absent, built-in tissues keep their value.
 fn of_tissue(setting: &'static Setting) -> KeyDoc {
     let required = PHYSICAL.contains(&setting.key);
     let default = if required { "built-in, else required" } else { "built-in, else 0.0" };
@@ -220,7 +220,7 @@ impl From<Effect> for KeyDoc {
     }
 }
 
-/// A sentence as a phrase: without capital and full stop.
+/// A sentence as a phrase, without its initial capital and full stop.
 fn phrase(sentence: &str) -> Cow<'static, str> {
     let sentence = sentence.trim_end_matches('.');
     let (first, rest) = sentence.split_at(sentence.chars().next().map_or(0, char::len_utf8));
@@ -228,16 +228,16 @@ fn phrase(sentence: &str) -> Cow<'static, str> {
     if is_word { format!("{}{rest}", first.to_lowercase()).into() } else { sentence.to_owned().into() }
 }
 
-/// The documented keys of a table; of any `tissues.…` those of a tissue.
+/// Keys of a table; for any `tissues.…`, those of a tissue.
 pub(super) fn of_table(table: &str) -> impl Iterator<Item = &'static KeyDoc> {
     let table = if table.starts_with("tissues.") { TISSUE } else { table };
     keys().iter().filter(move |doc| doc.table == table)
 }
 
-/// Writes every key as commented TOML-like text, for `--help` and documentation.
+/// Writes all keys as commented TOML-like text, for `--help` and documentation.
 ///
 /// # Errors
-/// Those of `out`.
+/// Writing to `out` fails.
 pub fn print_keys(out: &mut dyn fmt::Write) -> fmt::Result {
     let mut table = "";
     for doc in keys() {

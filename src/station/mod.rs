@@ -2,7 +2,7 @@
 //!
 //! Only `[scene]` is required; everything else defaults to the paper's parameters. [`keys`] lists every key with its
 //! unit, default and range. An unknown key, a wrong type, a value outside its range, or a key that does not apply to
-//! the probe's kind is an error that names the key and what would be right.
+//! the probe's kind is an error. It names the key and the accepted values.
 
 mod accepts;
 mod browser;
@@ -47,14 +47,14 @@ pub enum SceneSource {
     ObstetricPhantom(PhantomOptions),
 }
 
-/// A station: what is scanned, by which probe, into which image.
+/// A station: scene, probe, image settings, tracker, generators and outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Station {
     /// Source of the surfaces.
     pub scene: SceneSource,
-    /// Tissue outside of every surface; a name in `tissues`.
+    /// Name in `tissues` of the tissue outside all surfaces.
     pub background: String,
-    /// Whether the scene's motion is played.
+    /// Whether the scene's motion is simulated.
     pub motion: bool,
     /// The probe.
     pub probe: Probe,
@@ -62,13 +62,13 @@ pub struct Station {
     pub settings: RenderSettings,
     /// Rendering backend, unless a flag or the environment overrides it.
     pub backend: BackendChoice,
-    /// Time to render a frame that rays and layers are chosen by, ms; none: they are as set.
+    /// Render time budget by which rays and layers are chosen, ms; none: they stay as set.
     pub quality_budget_ms: Option<f64>,
     /// Generators.
     pub generator: crate::generator::Settings,
-    /// The built-in tissues with the station's own and its changes.
+    /// Built-in tissues with the station's changes and additions.
     pub tissues: TissueTable,
-    /// Pose used when none is given.
+    /// Probe pose of `[pose]`, if given.
     pub default_pose: Option<Pose>,
     /// Filtering, prediction and staleness of live tracker poses.
     pub filter: FilterSettings,
@@ -76,17 +76,17 @@ pub struct Station {
     pub calibration: CalibrationSource,
     /// Source of live poses.
     pub tracker: tracker::Settings,
-    /// The OpenIGTLink server, where the station has one.
+    /// OpenIGTLink server, if the station has one.
     pub openigtlink: Option<openigtlink_sink::Settings>,
-    /// The page, where the station has one.
+    /// Browser page, if the station has one.
     pub browser: Option<browser_sink::Settings>,
-    /// The native window, where the station has one.
+    /// Native window, if the station has one.
     pub window: Option<window_sink::Settings>,
-    /// Rate, budget and choice of a live session.
+    /// Frame rate, budget and picture choice of a live session.
     pub pipeline: PipelineSettings,
     /// Sinks of a live session.
     pub sinks: Vec<LiveSinkKind>,
-    /// The station file; the directory that paths are relative to where the station was parsed from a text.
+    /// Station file; if parsed from text, the base directory of relative paths.
     pub path: PathBuf,
 }
 
@@ -94,7 +94,7 @@ impl Station {
     /// Reads the station file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, or as [`Station::parse`]; each names the file.
+    /// The file cannot be read, or an error of [`Station::parse`]. Each error names the file.
     pub fn load(path: &Path) -> Result<Self, StationError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| StationError::Io { path: path.to_owned(), source })?;
@@ -104,16 +104,16 @@ impl Station {
         Ok(Self { path: path.to_owned(), ..station })
     }
 
-    /// A station from the text of a station file whose relative paths start at `dir`. The scene's file is not opened.
+    /// Parses the text of a station file; relative paths start at `dir`. The scene's file is not opened.
     ///
     /// # Errors
-    /// Text that is not TOML; an unknown, missing, misplaced or wrongly typed key; a value outside its range; an unknown
-    /// background tissue.
+    /// The text is not TOML; a key is unknown, missing, misplaced or of the wrong type; a value is outside its range;
+    /// or the background tissue is unknown.
     pub fn parse(text: &str, dir: &Path) -> Result<Self, StationError> {
         parse::station(text, dir)
     }
 
-    /// The scene's file where it has one: none for a generated phantom.
+    /// Scene file; none for a generated phantom.
     pub fn scene_file(&self) -> Option<&Path> {
         match &self.scene {
             SceneSource::File(path) => Some(path),
@@ -121,10 +121,10 @@ impl Station {
         }
     }
 
-    /// Settings of a live tracker's estimator; reads the calibration file, if the station names one.
+    /// Settings of a live tracker's estimator. Reads the calibration file, if the station names one.
     ///
     /// # Errors
-    /// As [`CalibrationSource::load`].
+    /// The same as those of [`CalibrationSource::load`].
     pub fn pose_settings(&self) -> Result<pose::Settings, StationError> {
         Ok(pose::Settings {
             filter: self.filter,
@@ -133,10 +133,10 @@ impl Station {
         })
     }
 
-    /// The scene's standard planes: those of the phantom, or of the file beside the scene's.
+    /// Standard planes of the scene: those of the phantom, or from the file next to the scene file.
     ///
     /// # Errors
-    /// As [`planes::beside`].
+    /// The same as those of [`planes::beside`].
     pub fn standard_planes(&self) -> Result<StandardPlanes, StationError> {
         match &self.scene {
             SceneSource::File(path) => Ok(planes::beside(path)?),
@@ -147,7 +147,7 @@ impl Station {
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
     ///
     /// # Errors
-    /// As [`import::load`]; a background that `tissues` does not hold.
+    /// An error of [`import::load`], or `tissues` lacks the background tissue.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
         let mut scene = import::load(path, &self.tissues, background)?;

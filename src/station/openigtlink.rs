@@ -1,4 +1,4 @@
-//! `[openigtlink]`: where images and transforms are served.
+//! `[openigtlink]`: the server of images and transforms.
 
 use super::StationError;
 use super::accepts::AXES;

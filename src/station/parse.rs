@@ -1,4 +1,4 @@
-//! From a text to a [`Station`].
+//! Parser of station files.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -78,7 +78,7 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
     })
 }
 
-/// The settings of a table.
+/// Settings group of a table.
 fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, StationError> {
     let mut group = G::default();
     section(root, name)?.set_group(&mut group);
@@ -113,7 +113,7 @@ fn pose(root: &mut Table) -> Result<Option<Pose>, StationError> {
     Ok(pose.transpose()?)
 }
 
-/// The built-in tissues, changed and added to by the station's.
+/// Built-in tissues with the station's changes and additions.
 fn tissues(tables: Option<Table>) -> Result<TissueTable, StationError> {
     let builtin = TissueTable::builtin()?;
     let Some(tables) = tables else { return Ok(builtin) };
@@ -131,7 +131,7 @@ fn tissues(tables: Option<Table>) -> Result<TissueTable, StationError> {
     Ok(TissueTable::new(all)?)
 }
 
-/// Refuses a tissue that is not built in and lacks physical properties: more likely a misspelt name.
+/// Refuses a new tissue without all physical properties: probably a misspelt name.
 fn check_new_tissue(name: &str, values: &Values, builtin: &TissueTable) -> Result<(), StationError> {
     let missing: Vec<_> = PHYSICAL.into_iter().filter(|key| !values.has(key)).collect();
     if missing.is_empty() {

@@ -1,10 +1,10 @@
-//! `[image]` and `[quality]`: look of a frame, and work that goes into it.
+//! `[image]` and `[quality]`: post-processing of a frame, and its rays and layers.
 
 use super::StationError;
 use super::values::Values;
 use crate::render::{Preset, RenderSettings};
 
-/// The settings of checked values. A budget leaves rays and layers at their least until they are measured.
+/// Settings from checked values. With a budget, rays and layers keep their defaults until they are measured.
 pub(super) fn settings(image_values: &Values, values: &Values) -> Result<RenderSettings, StationError> {
     if values.has("budget_ms") {
         values.refuse(

@@ -1,4 +1,4 @@
-//! `[scene]`: what is scanned.
+//! `[scene]`: source of the scanned surfaces.
 
 use std::path::Path;
 

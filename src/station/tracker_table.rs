@@ -1,4 +1,4 @@
-//! The table `[tracker]`.
+//! `[tracker]`: source of live poses.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::tracker::DeviceOptions;
 use crate::tracker::ndi::{ReplyFormat, USUAL_BAUD};
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 
-/// Keys that only some transports have.
+/// Keys restricted to some transports, and these transports.
 const TRANSPORTS_OF: [(&[&str], &[&str]); 10] = [
     (&["protocol"], &["serial", "tcp", "udp", "hid", "mock"]),
     (&["port"], &["serial", "hid"]),
@@ -26,7 +26,7 @@ const TRANSPORTS_OF: [(&[&str], &[&str]); 10] = [
     (&["schedule", "rate_hz", "seed"], &["mock"]),
 ];
 
-/// The settings of a tracker; a mock moves about `default_pose`, and paths start at `dir`.
+/// Settings of a tracker. A mock moves about `default_pose`; paths are relative to `dir`.
 pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) -> Result<Settings, StationError> {
     let name = values.text("transport").unwrap_or("none");
     for (keys, transports) in TRANSPORTS_OF {
@@ -87,7 +87,7 @@ fn transport(
     Ok(match name {
         "serial" => Transport::Serial {
             port: parsed("port", values.text("port").ok_or_else(|| missing("port", "which serial port"))?)?,
-            // An NDI device is met at its own speed and then switched to the station's.
+            // An NDI device is opened at its default baud rate and then switched to the station's.
             baud: match protocol {
                 Protocol::Ndi => protocol.usual_baud(),
                 _ => values.integer("baud").unwrap_or(protocol.usual_baud()),

@@ -1,4 +1,4 @@
-//! The checked values of one table of a station file.
+//! Checked values of one table of a station file.
 
 use std::net::IpAddr;
 
@@ -11,14 +11,14 @@ use crate::pose::{Pose, PoseError};
 use crate::settings::SettingsGroup;
 use crate::suggest::did_you_mean;
 
-/// The checked values of one table.
+/// Checked values of one table.
 pub(super) struct Values {
     table: String,
     values: Table,
 }
 
 impl Values {
-    /// Checks each key of `values` by its documentation.
+    /// Checks each key of `values` against its [`KeyDoc`].
     pub(super) fn check(table: &str, values: Table) -> Result<Self, StationError> {
         for (key, value) in &values {
             let Some(doc) = of_table(table).find(|doc| doc.key == key) else {
@@ -54,7 +54,7 @@ impl Values {
         number(self.values.get(key)?)
     }
 
-    /// A whole number; checking saw to it that it is in its range, which u32 holds.
+    /// A whole number. [`Self::check`] verified its range, which fits u32.
     pub(super) fn integer(&self, key: &str) -> Option<u32> {
         u32::try_from(self.values.get(key)?.as_integer()?).ok()
     }
@@ -64,14 +64,14 @@ impl Values {
         numbers.try_into().ok()
     }
 
-    /// The pose of two keys: where one is absent, at the origin or not turned.
+    /// Pose from two keys. If absent, the position is the origin and the rotation the identity.
     pub(super) fn pose(&self, position: &str, quaternion: &str) -> Result<Pose, PoseError> {
         let [x, y, z] = self.numbers(position).unwrap_or_default();
         let [qw, qx, qy, qz] = self.numbers(quaternion).unwrap_or([1.0, 0.0, 0.0, 0.0]);
         Pose::from_components([x, y, z, qw, qx, qy, qz])
     }
 
-    /// Overwrites the settings of `group` whose keys are given.
+    /// Overwrites the settings in `group` whose keys are given.
     pub(super) fn set_group(&self, group: &mut impl SettingsGroup) {
         for (key, value) in &self.values {
             let Some(stored) = group.stored_mut(key) else { continue };
@@ -86,12 +86,12 @@ impl Values {
         }
     }
 
-    /// Overwrites `target` where the key is given.
+    /// Overwrites `target` if the key is given.
     pub(super) fn set(&self, key: &str, target: &mut f64) {
         *target = self.number(key).unwrap_or(*target);
     }
 
-    /// Overwrites the address that a server listens at where it is given.
+    /// Overwrites the listening address of a server if it is given.
     pub(super) fn set_address(&self, address: &mut IpAddr) -> Result<(), StationError> {
         if let Some(text) = self.text("address") {
             *address = text.parse().map_err(|_| self.wrong_text("address", text, LISTEN_ADDRESS))?;
@@ -99,7 +99,7 @@ impl Values {
         Ok(())
     }
 
-    /// The error of a text that isn't what `key` takes.
+    /// Error for a text that `key` does not accept.
     pub(super) fn wrong_text(&self, key: &str, found: &str, accepts: &'static str) -> StationError {
         StationError::Value {
             key: format!("{}.{key}", self.table),
@@ -109,7 +109,7 @@ impl Values {
         }
     }
 
-    /// An error for the first of `keys` that is given.
+    /// Refuses the first of `keys` that is given, for `reason`.
     pub(super) fn refuse(&self, keys: &[&str], reason: &str) -> Result<(), StationError> {
         match keys.iter().find(|key| self.has(key)) {
             Some(key) => {
@@ -120,7 +120,7 @@ impl Values {
     }
 }
 
-/// Takes a table out of the file; an absent one is None.
+/// Removes a table from the file and returns it; `None` if absent.
 pub(super) fn take(root: &mut Table, name: &str) -> Result<Option<Table>, StationError> {
     match root.remove(name) {
         None => Ok(None),
@@ -129,12 +129,12 @@ pub(super) fn take(root: &mut Table, name: &str) -> Result<Option<Table>, Statio
     }
 }
 
-/// The checked values of a table; an absent one is empty.
+/// Checked values of a table; empty if absent.
 pub(super) fn section(root: &mut Table, name: &str) -> Result<Values, StationError> {
     Values::check(name, take(root, name)?.unwrap_or_default())
 }
 
-/// The checked values of a table that means something by being there.
+/// Checked values of a table; `None` if absent.
 pub(super) fn optional(root: &mut Table, name: &str) -> Result<Option<Values>, StationError> {
     take(root, name)?.map(|values| Values::check(name, values)).transpose()
 }
@@ -147,7 +147,7 @@ pub(super) fn wrong_type(key: String, found: &Value, accepts: Accepts) -> Statio
     StationError::Value { key, found: shown(found), accepts, suggestion: String::new() }
 }
 
-/// A value as TOML, tables and long texts by their type.
+/// A value as TOML; tables and long texts are replaced by their type.
 fn shown(value: &Value) -> String {
     let text = value.to_string();
     if value.is_table() || text.chars().count() > 60 { format!("a {}", value.type_str()) } else { text }
@@ -158,7 +158,7 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
     let wrong = || wrong_type(key(), value, doc.range);
     let mut suggestion = String::new();
     let accepted = match doc.range {
-        // Written so that NaN is refused.
+        // NaN is not contained, so it is refused.
         Accepts::Number { min, max } => (min..=max).contains(&number(value).ok_or_else(wrong)?),
         Accepts::Integer { min, max } => (min..=max).contains(&value.as_integer().ok_or_else(wrong)?),
         Accepts::Numbers { count, limit } => {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use bytes::BytesMut;
 
-/// Bytes of a stream that a decoder has not consumed yet, and their arrival times.
+/// Unconsumed bytes of a stream, and their arrival times.
 #[derive(Debug, Default)]
 pub(super) struct StampedBuffer {
     /// The bytes; a decoder removes them from the front.

@@ -2,7 +2,7 @@
 //!
 //! | field | meaning |
 //! |---|---|
-//! | `seq` | counter, 0..2³², rises by one each line |
+//! | `seq` | counter, 0..2³², incremented per line |
 //! | `t_us` | clock of the board, µs, 0..2⁶⁴ |
 //! | `x,y,z` | position, mm |
 //! | `qw,qx,qy,qz` | unit quaternion |
@@ -41,7 +41,7 @@ pub enum Reason {
     /// A checksum that is not two hexadecimal digits.
     #[error("a line has the checksum `{text}`; it must be two hexadecimal digits")]
     ChecksumSyntax {
-        /// Text behind the `*`, escaped.
+        /// Text after the `*`, escaped.
         text: String,
     },
     /// Bytes damaged in transmission.
@@ -93,7 +93,7 @@ impl StreamDecoder for Decoder {
                 }
                 self.skipping = false;
             }
-            // Searched up to the limit only, so that the result doesn't depend on how the stream was split.
+            // Search only up to the limit, so the result doesn't depend on how the stream was split.
             let Some(length) = buffer.iter().take(LINE_LIMIT + 1).position(|&b| b == b'\n') else {
                 if buffer.len() <= LINE_LIMIT {
                     return Ok(None);
@@ -176,7 +176,7 @@ fn xor(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum ^ byte)
 }
 
-/// Line of a pose, line feed included: positions to 0.1 µm, quaternions to 1e-8, as a board would print them.
+/// Line of a pose, including the line feed; positions are rounded to 0.1 µm, quaternions to 1e-8.
 pub fn encode(sequence: u32, device_time_us: u64, pose: &Pose) -> String {
     let [x, y, z, qw, qx, qy, qz] = pose.components();
     let body = format!(",{sequence},{device_time_us},{x:.4},{y:.4},{z:.4},{qw:.8},{qx:.8},{qy:.8},{qz:.8}");

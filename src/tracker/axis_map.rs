@@ -11,8 +11,8 @@ use crate::pose::Reading;
 
 const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// Source axis and sign of each of the output axes x, y, z, rx, ry, rz. Written as `x, -z, y, rx, -rz, ry`.
-/// Translations map to translations and rotations to rotations.
+/// Source axis and sign of each output axis x, y, z, rx, ry, rz, written as `x, -z, y, rx, -rz, ry`. Translations map
+/// to translations and rotations to rotations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisMap {
     /// Index of the device axis (0..6) and ±1.

@@ -1,9 +1,9 @@
-//! BNO08x inertial units in UART-RVC mode: 115200 baud, 100 frames a second, orientation only; the yaw drifts.
+//! BNO08x inertial units in UART-RVC mode: 115200 baud, 100 frames per second, orientation only; the yaw drifts.
 //!
 //! | bytes | field, little-endian |
 //! |---|---|
 //! | 0..2 | `AA AA` |
-//! | 2 | u8 index, rises by one each frame |
+//! | 2 | u8 index, incremented per frame |
 //! | 3..9 | i16 yaw, pitch, roll, 0.01° |
 //! | 9..15 | i16 acceleration x, y, z, mg |
 //! | 15..18 | reserved |
@@ -29,7 +29,7 @@ pub const ANGLE_LIMIT_DEG: f64 = 180.0;
 const START: u8 = 0xAA;
 const DEG_PER_STEP: f64 = 0.01;
 
-/// Order of pitch and roll on the wire, behind the yaw.
+/// Order of pitch and roll on the wire, after the yaw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AngleOrder {
     /// Pitch, then roll, as in the datasheet.

@@ -3,8 +3,8 @@
 use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Present time, ns since 1970 (UTC), by a clock that never jumps: the wall clock at the first call plus the steady
-/// time since. Setting the wall clock while a station runs changes nothing.
+/// Current time, ns since 1970 (UTC): the wall clock at the first call plus the monotonic time since. Later changes of
+/// the wall clock have no effect.
 pub fn host_time_ns() -> u64 {
     static START: OnceLock<(u64, Instant)> = OnceLock::new();
     let (wall_ns, start) = START.get_or_init(|| {

@@ -1,4 +1,4 @@
-//! Promises that the decoders of all protocols share.
+//! Interface of the decoders of all protocols.
 
 use bytes::{Buf, BytesMut};
 
@@ -8,7 +8,8 @@ use super::{DecodeError, Fault, Record};
 pub trait StreamDecoder: Send {
     /// Takes the next record from the front of `buffer`, to which new bytes are appended.
     ///
-    /// `Ok(None)` asks for more bytes. Each record and each error removes bytes, so a loop until `Ok(None)` ends.
+    /// `Ok(None)` means that more bytes are needed. Each record and each error removes bytes, so a loop until
+    /// `Ok(None)` terminates.
     ///
     /// # Errors
     /// Bytes that are not a record, or an error that the device reports. They are removed up to the next possible
@@ -48,13 +49,13 @@ impl Offset {
         start
     }
 
-    /// Removes `length` bytes from the front of `buffer`; the error says what is wrong with them.
+    /// Removes `length` bytes from the front of `buffer`; returns an error with their `fault`.
     pub fn reject(&mut self, buffer: &mut BytesMut, length: usize, fault: impl Into<Fault>) -> DecodeError {
         DecodeError { offset: self.take(buffer, length), fault: fault.into() }
     }
 }
 
-/// Records and faults of `bytes`, received at once.
+/// Records and faults of `bytes`, received in one piece.
 #[cfg(test)]
 pub(super) fn decode_all(decoder: &mut impl StreamDecoder, bytes: &[u8]) -> Vec<Result<Record, Fault>> {
     let mut buffer = BytesMut::from(bytes);

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::settings::PortName;
 use super::spacemouse;
 
-/// Identity that a USB device reports.
+/// Identity reported by a USB device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct UsbIdentity {
     /// Vendor id.
@@ -38,7 +38,7 @@ pub struct SerialDevice {
     pub path: String,
     /// Stable path by id (Linux).
     pub by_id: Option<String>,
-    /// The USB device behind it.
+    /// USB identity, if it is a USB adapter.
     pub usb: Option<UsbIdentity>,
     /// FTDI latency timer, ms: the time for which the adapter buffers bytes (Linux).
     pub latency_timer_ms: Option<u32>,
@@ -70,7 +70,7 @@ pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) ->
 pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     use tokio_serial::SerialPortType;
 
-    // Without sysfs, as in some containers, there are no ports.
+    // Some containers have no sysfs: no ports then.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Ok(Vec::new());
     }
@@ -96,7 +96,7 @@ pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     Ok(found)
 }
 
-/// Present path of a port.
+/// Current path of a port.
 #[cfg(feature = "serial")]
 pub(super) fn serial_path(name: &PortName) -> io::Result<String> {
     if let PortName::Path(path) = name {

@@ -11,21 +11,21 @@ use super::{DecodeError, Protocol, Record};
 
 /// Conversation with one device.
 ///
-/// The owner of the port calls [`start`](Self::start) once the port is open. It calls [`transmit`](Self::transmit)
-/// until there is nothing to send, after every piece of input and at [`wake_at`](Self::wake_at). All received bytes are
-/// appended to one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
+/// The owner of the port calls [`start`](Self::start) when the port is open. After every piece of input and at
+/// [`wake_at`](Self::wake_at), it calls [`transmit`](Self::transmit) until there is nothing to send. All received bytes
+/// are appended to one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
 pub trait Driver: Send {
     /// Format of the records; selects the decoder of a replay.
     fn protocol(&self) -> Protocol;
 
-    /// Starts over with a device of unknown state. `attempt` is 0 at first and rises by one each time the device stayed
-    /// silent; later attempts reset the device more thoroughly.
+    /// Starts over with a device of unknown state. `attempt` is 0 at first and is incremented each time the device
+    /// stays silent; later attempts reset the device more thoroughly.
     fn start(&mut self, now: Duration, attempt: u32);
 
     /// Next bytes to send, if any.
     fn transmit(&mut self, now: Duration) -> Option<Bytes>;
 
-    /// Time at which to call [`transmit`](Self::transmit) even if nothing is received; `None` if not needed.
+    /// Time at which to call [`transmit`](Self::transmit) even without input; `None` if not needed.
     fn wake_at(&self) -> Option<Duration>;
 
     /// Longest accepted silence before the device is restarted; longer while it resets.
@@ -36,7 +36,7 @@ pub trait Driver: Send {
     ///
     /// # Errors
     /// Bytes that are neither a record nor an expected reply, or an error that the device reports. They are removed,
-    /// and the next call continues behind them.
+    /// and the next call continues after them.
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
 
     /// Ends a message (on transports that have messages) or the stream.
@@ -60,7 +60,7 @@ pub trait Driver: Send {
 /// Operation on a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Line {
-    /// Holds the line in break for a quarter of a second.
+    /// Holds the line in break for 250 ms.
     Break,
     /// Changes the speed, baud.
     Speed(u32),

@@ -18,7 +18,7 @@ pub enum TrackerError {
         /// Name of the transport.
         transport: &'static str,
     },
-    /// The transport was left out of this build.
+    /// The transport is not included in this build.
     #[error("this insonify was built without the feature `{feature}`, which the transport needs")]
     NotBuilt {
         /// Cargo feature.
@@ -30,7 +30,7 @@ pub enum TrackerError {
     /// The description file of a wireless tool is unusable.
     #[error(transparent)]
     Rom(#[from] RomError),
-    /// The system has no thread or event queue left.
+    /// The system cannot provide a thread or an event queue.
     #[error("cannot start the tracker's thread: {0}")]
     Thread(#[source] io::Error),
 }

@@ -120,7 +120,7 @@ impl Decoder {
 
     fn line(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let window = &buffer[..buffer.len().min(ASCII_LENGTH)];
-        // Without a line feed the bytes still count as a record: the next one starts behind them.
+        // Without a line feed, the bytes still count as a record; the next one starts after them.
         let length = match window.iter().position(|&b| b == b'\n') {
             Some(at) => at + 1,
             None if window.len() == ASCII_LENGTH => ASCII_LENGTH,
@@ -207,7 +207,7 @@ pub(super) fn orientation(azimuth: f64, elevation: f64, roll: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, azimuth.to_radians(), elevation.to_radians(), roll.to_radians())
 }
 
-/// Commands that make `station` stream in `format`, in centimetres; to be sent one by one, with a pause after each.
+/// Commands that make `station` stream in `format`, in centimetres. Send them one by one, with a pause after each.
 pub fn setup(format: Format, station: u16, hemisphere: [f64; 3]) -> Vec<Bytes> {
     let [x, y, z] = hemisphere;
     let (list, letter) = match format {

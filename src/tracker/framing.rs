@@ -12,7 +12,7 @@ pub(super) fn next_head(window: &[u8], plausible: impl Fn(&[u8]) -> bool) -> usi
     (1..window.len()).find(|&start| plausible(&window[start..])).unwrap_or(window.len())
 }
 
-/// Number of noise bytes at the front of `buffer`, which is not a head; `None` asks for more bytes.
+/// Number of noise bytes at the front of `buffer`, which is not a head; `None` if more bytes are needed.
 pub(super) fn noise(buffer: &[u8], head_length: usize, plausible: impl Fn(&[u8]) -> bool) -> Option<usize> {
     let window = &buffer[..buffer.len().min(NOISE_LIMIT)];
     let start = next_head(window, &plausible);
@@ -27,7 +27,7 @@ pub(super) fn quote(bytes: &[u8]) -> String {
     format!("{}{more}", bytes[..bytes.len().min(LIMIT)].escape_ascii())
 }
 
-/// Little-endian u32 at `at`; 0 if the slice is too short, which callers rule out.
+/// Little-endian u32 at `at`; 0 if the slice is too short. Callers check the length.
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
     bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
 }

@@ -103,7 +103,7 @@ pub enum Reason {
     Device {
         /// Station.
         station: u16,
-        /// Command that the frame answers.
+        /// Command that requested the frame.
         command: char,
         /// Error code, as a character if it is one.
         code: String,
@@ -138,7 +138,7 @@ impl Decoder {
         Self::with_items(device, OUTPUT_LIST)
     }
 
-    /// Decoder of frames with another output list. Without an orientation item, records have the identity orientation.
+    /// A decoder of frames with another output list. Without an orientation item, orientations are the identity.
     pub fn with_items(device: Device, items: &'static [Item]) -> Self {
         Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: Offset::default() }
     }
@@ -187,7 +187,7 @@ impl StreamDecoder for Decoder {
             let streamed = matches!(head[3], b'C' | b'P');
             let is_ok = matches!(head[4], 0 | b' ');
             if !streamed || payload != self.payload {
-                // The length of an answer isn't trusted: a damaged one would swallow good frames.
+                // The length of an answer isn't trusted: a damaged length would skip intact frames.
                 let (length, reason) = match (is_ok, streamed) {
                     (false, _) => (HEAD, report(head)),
                     (true, true) => {
@@ -249,7 +249,7 @@ fn report(frame: &[u8]) -> Reason {
     Reason::Device { station: u16::from(frame[2]), command: char::from(frame[3]), code, meaning }
 }
 
-/// Commands that make the device stream [`OUTPUT_LIST`] in centimetres, binary; to be sent one by one.
+/// Commands that make the device stream [`OUTPUT_LIST`] in centimetres, binary. Send them one by one.
 pub fn setup(hemisphere: [f64; 3]) -> Vec<Bytes> {
     let [x, y, z] = hemisphere;
     let list: Vec<String> = OUTPUT_LIST.iter().map(|item| (*item as u8).to_string()).collect();

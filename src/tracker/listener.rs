@@ -6,7 +6,7 @@ use super::{DecodeError, Record};
 
 /// Receiver of one tracker's bytes, records and events, called on the tracker's thread. It must not block.
 pub trait Listener: Send {
-    /// Receives each piece of the stream before it is decoded, with the arrival of its first byte, ns since 1970 (UTC).
+    /// Receives each piece of the stream before decoding, with the arrival of its first byte, ns since 1970 (UTC).
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]);
 
     /// Receives a record, with the arrival of its first byte, ns since 1970 (UTC).
@@ -33,14 +33,14 @@ pub enum TrackerEvent {
         retry: Duration,
     },
     /// No record arrived within the silence limit. The device is restarted: first on the open port, then on a reopened
-    /// one, with a reset if its driver can. Mocks, recordings and datagrams are only waited for.
+    /// one, with a reset if its driver supports it. Mocks, recordings and datagram sources are not restarted.
     Silent {
         /// Duration of the silence.
         for_: Duration,
         /// Restarts since the last record, including this one.
         attempt: u32,
     },
-    /// Bytes that are not a record, or an error that the device reports.
+    /// Bytes that are not a record, or an error reported by the device.
     DecodeError(DecodeError),
     /// Records of another sensor arrive and are ignored. Reported once per sensor and connection.
     OtherSensor {
@@ -49,6 +49,6 @@ pub enum TrackerEvent {
         /// The selected sensor.
         used: u16,
     },
-    /// The recording is at its end; the session is over.
+    /// The recording ended, and with it the session.
     Ended,
 }

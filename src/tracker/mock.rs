@@ -22,11 +22,11 @@ pub enum Act {
     Move,
     /// Keeps its pose.
     Hold,
-    /// As [`Move`](Self::Move), but offset by 30 to 60 mm and turned by up to 60°: a jump at its beginning and its end.
+    /// [`Move`](Self::Move), offset by 30 to 60 mm and rotated by up to 60°: it starts and ends with a jump.
     Jump,
     /// Sends nothing; its counter and clock continue.
     Drop,
-    /// As [`Move`](Self::Move), with every third line damaged.
+    /// [`Move`](Self::Move), with every third line damaged.
     Corrupt,
     /// The port disappears.
     Unplug,
@@ -85,7 +85,7 @@ impl fmt::Display for Schedule {
 }
 
 impl Default for Schedule {
-    /// Moves for 10 s, holds its pose for 2 s.
+    /// Motion for 10 s, then a held pose for 2 s.
     fn default() -> Self {
         Self { acts: vec![(Act::Move, Duration::from_secs(10)), (Act::Hold, Duration::from_secs(2))] }
     }
@@ -95,7 +95,7 @@ settings! {
     /// Settings of the simulated board.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Settings in "tracker" {
-        /// Records a second of the mock.
+        /// Records per second of the mock.
         rate_hz: f64 = 60.0, "Hz", 1.0..=1000.0, Everything;
 
         /// Seed of the mock's motion and damage.
@@ -125,9 +125,9 @@ pub enum Tick {
 pub struct Board {
     settings: Settings,
     ticks: u64,
-    /// Index of the present act in the schedule.
+    /// Index of the current act in the schedule.
     act: usize,
-    /// End of the present act.
+    /// End of the current act.
     act_end: Duration,
     /// Acts begun so far.
     acts_begun: u64,

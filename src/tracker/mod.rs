@@ -2,14 +2,13 @@
 //!
 //! Decoders are sans-IO: they take bytes from a buffer filled by a serial port, a socket or a recording, and return
 //! records. A recording holds the raw bytes and the name of their [`Protocol`], so a replay runs the decoder of a live
-//! session. A [driver](driver::Driver) holds the conversation with the device, also sans-IO. A session ([`spawn`])
-//! joins a transport, a driver and a [`Listener`] on a thread of its own, and survives all hardware faults.
+//! session. A [driver](driver::Driver) implements the exchange with the device, also sans-IO. A session ([`spawn`])
+//! connects a transport, a driver and a [`Listener`] on its own thread, and survives all hardware faults.
 //!
 //! # Adding a protocol
 //! 1. Write `src/tracker/NAME.rs` with a [`StreamDecoder`]. Its `Reason` names the fault and the correct form.
-//! 2. Add a variant to [`Protocol`] and to its table of names, and to [`Fault`]; the compiler then shows each `match` to
-//!    extend.
-//! 3. Let [`Protocol::driver`] make its driver: [`Passive`] if the device streams by itself.
+//! 2. Add a variant to [`Protocol`], its table of names and [`Fault`]; the compiler then lists each `match` to extend.
+//! 3. Return its driver from [`Protocol::driver`]: [`Passive`] if the device streams without commands.
 //! 4. Give it the property tests of `tests/recording.rs`: round trip or known frames; any split of the stream gives the
 //!    same records; arbitrary bytes never panic and always make progress.
 
@@ -74,7 +73,7 @@ pub struct Record {
     pub device_time_us: Option<u64>,
     /// Pressed buttons or switches, one bit each from the lowest.
     pub buttons: u32,
-    /// Measured value, in the tracker's frame. Recordings made over a scene use the scene's frame.
+    /// Measured value, in the tracker's frame. Recordings generated for a scene use the scene's frame.
     pub reading: Reading,
 }
 
@@ -190,7 +189,7 @@ impl Protocol {
     /// Factory speed of the serial port, baud.
     pub fn usual_baud(self) -> u32 {
         match self {
-            // The driver itself switches to a higher speed.
+            // The driver switches to a higher speed later.
             Self::Ndi => 9600,
             _ => 115_200,
         }
@@ -224,7 +223,7 @@ impl FromStr for Protocol {
 /// Decoder of a stream in any protocol.
 pub type Decoder = Box<dyn StreamDecoder>;
 
-/// Bytes that are not a record, or an error that a device reports.
+/// Bytes that are not a record, or an error reported by a device.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[error("byte {offset} of the tracker's stream: {fault}")]
 pub struct DecodeError {

@@ -1,4 +1,4 @@
-//! Figures of a tracker session: rate, jitter, losses, state.
+//! Statistics of a tracker session: rate, jitter, losses, state.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,7 +21,7 @@ pub enum SessionState {
     Streaming,
     /// Records are overdue.
     Silent,
-    /// The recording is at its end.
+    /// The recording ended.
     Ended,
 }
 
@@ -33,24 +33,24 @@ crate::names::named!(SessionState {
     Ended = "ended",
 });
 
-/// Figures since the last report, and totals.
+/// Statistics since the last report, and totals.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
     /// State of the tracker.
     pub state: SessionState,
     /// Records since the last report.
     pub records: u64,
-    /// Records a second, from the arrival of their first bytes; `None` below two records.
+    /// Record rate by the arrival of first bytes, Hz; `None` for fewer than two records.
     pub rate_hz: Option<f64>,
     /// Standard deviation of the interval between records, ms.
     pub jitter_ms: Option<f64>,
     /// Longest interval between two records, ms.
     pub longest_ms: Option<f64>,
-    /// Total of records missing by the device's counter.
+    /// Total number of records missing by the device's counter.
     pub missing: u64,
-    /// Total of records whose counter doesn't rise.
+    /// Total number of records whose counter does not rise.
     pub reversals: u64,
-    /// Total of pieces of the stream that are not records.
+    /// Total number of decode errors.
     pub decode_errors: u64,
     /// Latest record.
     pub last: Option<Record>,
@@ -60,7 +60,7 @@ pub struct Report {
     pub events_dropped: u64,
 }
 
-/// Collects the figures of one session. Clones share them.
+/// Collects the statistics of one session. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor(Arc<Mutex<Figures>>);
 
@@ -76,7 +76,7 @@ struct Figures {
 }
 
 impl Monitor {
-    /// Figures since the last report.
+    /// Statistics since the last report.
     pub fn report(&self) -> Report {
         let mut figures = self.figures();
         let (count, sum, squares) = std::mem::take(&mut figures.intervals);
@@ -94,7 +94,7 @@ impl Monitor {
     }
 
     fn figures(&self) -> MutexGuard<'_, Figures> {
-        // The figures are consistent at every moment, even if another thread panicked.
+        // The statistics stay consistent even if another thread panicked.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

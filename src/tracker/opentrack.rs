@@ -1,7 +1,7 @@
 //! opentrack's "UDP over network" (port 4242): one pose per datagram of 48 bytes.
 //!
 //! Six f64, little-endian: x y z (cm), yaw pitch roll (degrees). A datagram is checked by its length and by whether its
-//! numbers make a pose. Each call decodes whole datagrams: a buffer whose length is not a multiple of 48 is emptied.
+//! numbers form a pose. A buffer must hold whole datagrams: if its length is not a multiple of 48, it is emptied.
 //!
 //! The rotation is Ry(yaw) · Rx(pitch) · Rz(roll), right-handed about the axes of the position. opentrack's user can
 //! reverse signs and swap axes ("Options → Output"), and its versions differ: check the axes once with `insonify
@@ -42,7 +42,7 @@ pub enum Reason {
     Pose(#[from] PoseError),
 }
 
-/// Largest accepted angle, degrees: somewhat more than a turn.
+/// Largest accepted angle, degrees; slightly more than a full turn.
 pub const ANGLE_LIMIT_DEG: f64 = 400.0;
 
 /// Decoder of one sender's datagrams.

@@ -1,4 +1,4 @@
-//! Driver of devices that stream by themselves.
+//! Driver of devices that stream without commands.
 
 use std::time::Duration;
 
@@ -7,11 +7,11 @@ use bytes::{Bytes, BytesMut};
 use super::driver::Driver;
 use super::{DecodeError, Decoder, DeviceOptions, Protocol, Record};
 
-/// Longest accepted silence of a device that has just been opened: opening its port restarts an Arduino, which takes
-/// two seconds.
+/// Longest accepted silence of a device that has just been opened: opening the port of an Arduino restarts it, which
+/// takes 2 s.
 const START_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 
-/// Driver of a device that streams by itself; only listens.
+/// Driver of a device that streams without commands. It sends nothing.
 pub struct Passive {
     protocol: Protocol,
     options: DeviceOptions,

@@ -8,7 +8,7 @@ use bytes::{Bytes, BytesMut};
 use super::driver::Driver;
 use super::{DecodeError, Decoder, DeviceOptions, Protocol, Record, fastrak, liberty};
 
-/// Pause after each command: the devices lose commands that follow faster.
+/// Pause after each command: the devices lose faster commands.
 const COMMAND_PAUSE: Duration = Duration::from_millis(50);
 
 /// Pause after the command that stops an earlier stream.
@@ -25,14 +25,14 @@ pub struct PolhemusDriver {
     protocol: Protocol,
     /// Command that stops the stream.
     stop: &'static [u8],
-    /// Control-Y: restarts the device like power-on.
+    /// Control-Y: restarts the device as at power-on.
     reset: &'static [u8],
     /// Commands that configure the device and start the stream.
     setup: Vec<Bytes>,
     reset_delay: Duration,
     silence: Duration,
     decoder: Decoder,
-    /// Commands still to be sent, with their times in ascending order.
+    /// Commands not sent yet, with their times in ascending order.
     script: VecDeque<(Duration, Bytes)>,
     /// Time from the last start until the stream should run.
     preparation: Duration,
@@ -112,7 +112,7 @@ impl Driver for PolhemusDriver {
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let record = self.decoder.decode(buffer)?;
-        // Records of an earlier stream don't prove that the new one runs.
+        // Earlier records may belong to a previous stream.
         self.streaming |= record.is_some() && self.script.is_empty();
         Ok(record)
     }

@@ -11,7 +11,7 @@ use crate::pose::{Pose, Reading};
 /// Capacity of the queue of poses; further ones are dropped.
 const QUEUE_CAPACITY: usize = 1024;
 
-/// Tracker's end: a listener that forwards poses while they are requested.
+/// Sending end: a listener that forwards poses while they are requested.
 #[derive(Debug)]
 pub struct PoseTap {
     shared: Arc<Shared>,
@@ -33,7 +33,7 @@ struct Shared {
     without_pose: AtomicU64,
 }
 
-/// A connected pair.
+/// A connected pair of tap and stream.
 pub fn pose_tap() -> (PoseTap, PoseStream) {
     let (sender, receiver) = sync_channel(QUEUE_CAPACITY);
     let (shared, monitor) = (Arc::<Shared>::default(), Monitor::default());
@@ -52,7 +52,7 @@ impl Listener for PoseTap {
             return;
         }
         match record.reading {
-            // Receivers use stretches of poses, so a pose that doesn't fit the queue may be dropped.
+            // Receivers use runs of poses, so poses beyond the queue's capacity may be dropped.
             Reading::Pose(pose) => drop(self.sender.try_send(pose)),
             _ => drop(self.shared.without_pose.fetch_add(1, Ordering::Relaxed)),
         }
@@ -64,7 +64,7 @@ impl Listener for PoseTap {
 }
 
 impl PoseStream {
-    /// Poses measured from now on, until none arrives for `silence` or the session ends.
+    /// Iterator over poses measured from now on. It ends when none arrives for `silence`, or with the session.
     pub fn poses(&self, silence: Duration) -> Poses<'_> {
         while self.receiver.try_recv().is_ok() {}
         self.shared.without_pose.store(0, Ordering::Relaxed);
@@ -78,7 +78,7 @@ impl PoseStream {
         self.shared.without_pose.load(Ordering::Relaxed)
     }
 
-    /// Figures of the tracker since the last report.
+    /// Statistics of the tracker since the last report.
     pub fn report(&self) -> Report {
         self.monitor.report()
     }

@@ -95,7 +95,7 @@ impl Transport {
         }
     }
 
-    /// Whether devices with `protocol` are silent while nothing moves, as pucks are.
+    /// Whether devices with `protocol` are silent at rest, like pucks.
     pub(super) fn may_rest(protocol: Protocol) -> bool {
         HID.contains(&protocol.name())
     }
@@ -113,7 +113,7 @@ impl Transport {
     }
 }
 
-/// Identification of a port or device: by path, or by USB id wherever it is plugged in.
+/// Identification of a port or device: by path, or by USB id independent of the port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PortName {
     /// A path: `/dev/serial/by-id/...`, `/dev/ttyUSB0`, `COM3`, `/dev/hidraw0`.

@@ -8,10 +8,10 @@
 //! | battery | any | `17`, ignored |
 //!
 //! Split and combined reports differ by their length, not by the product; some systems pad reports with zeros. A report
-//! carries no length, so each call decodes the whole buffer as one report. Each report that changes something gives a
-//! record of the complete state: rates and pressed buttons. A puck at rest sends nothing.
+//! carries no length, so each call decodes the whole buffer as one report. Each axis or button report gives a record of
+//! the complete state: rates and pressed buttons. A puck at rest sends nothing.
 //!
-//! Axes are those of the device; readers of these reports disagree on their signs. Sources: VRPN, spacenavd, PLUS.
+//! Axes are those of the device; other implementations disagree on their signs. Sources: VRPN, spacenavd, PLUS.
 
 use bytes::BytesMut;
 use glam::DVec3;
@@ -21,7 +21,7 @@ use super::decoder::{Offset, StreamDecoder};
 use super::{DecodeError, Record};
 use crate::pose::Reading;
 
-/// Report value at full deflection. Devices reach about this; none specifies it.
+/// Approximate report value at full deflection; the devices do not specify it.
 pub const RANGE: f64 = 350.0;
 
 /// Longest report, bytes.
@@ -128,7 +128,7 @@ impl Decoder {
 }
 
 impl StreamDecoder for Decoder {
-    /// Decodes the report in `buffer` and empties it; `Ok(None)` if the report changes nothing.
+    /// Decodes the report in `buffer` and empties it; `Ok(None)` for a battery report.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         if buffer.is_empty() {
             return Ok(None);

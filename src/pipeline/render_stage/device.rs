@@ -6,14 +6,14 @@ use super::RenderStage;
 use crate::pipeline::metrics::count;
 use crate::pipeline::parts::{FrameRenderer, RenderFault};
 
-/// Shortest and longest wait before a device that failed again is opened.
+/// Shortest and longest wait before a device that failed repeatedly is reopened.
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(5));
 
 /// State of the device.
 pub(super) enum Device {
     /// It renders.
     Ready(Box<dyn FrameRenderer>),
-    /// It is opened again at this time.
+    /// It is reopened at the time `again`.
     Lost { again: Duration },
 }
 
@@ -25,7 +25,7 @@ impl RenderStage {
         }
         count(&self.parts.metrics.losses);
         self.pace.begin_anew(self.parts.clock.now());
-        // A frame that says so comes first: building may take seconds.
+        // First present a black frame with the notice: building may take seconds.
         let wait = self.back_off().max(self.parts.period);
         self.device = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
         self.parts.events.warn(format!("the renderer failed and is built anew: {fault}"));
@@ -38,7 +38,7 @@ impl RenderStage {
         wait
     }
 
-    /// Opens a lost device again when its time has come.
+    /// Reopens a lost device once its wait is over.
     pub(super) fn reopen(&mut self) {
         let Device::Lost { again } = self.device else { return };
         if self.parts.clock.now() < again {

@@ -1,4 +1,4 @@
-//! Samples the pose at the last moment, renders, and hands frames on.
+//! Render stage: samples the pose as late as possible, renders, and hands frames to the next stages.
 
 mod device;
 mod pose;
@@ -29,10 +29,10 @@ use crate::settings::LiveSettings;
 use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted};
 use crate::sink::pool::Pool;
 
-/// Rendered frames that stages may hold: in each slot, at work in the generator and the presenter, and one to fill.
+/// Buffers for rendered frames: in the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
 
-/// A frame gives way to a generated picture for half a period, and no longer than this.
+/// Longest delay of a frame for the generator; otherwise half a period.
 const TURN: Duration = Duration::from_millis(250);
 
 /// A frame in flight.
@@ -40,13 +40,13 @@ const TURN: Duration = Duration::from_millis(250);
 struct InFlight {
     info: FrameInfo,
     maps: bool,
-    /// When it is expected to be done.
+    /// Expected completion time.
     expected: Duration,
     /// Whether it is done.
     done: bool,
 }
 
-/// Parts that the stage is made from.
+/// Parts of the stage.
 pub(super) struct RenderParts {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) stop: Stop,
@@ -54,7 +54,7 @@ pub(super) struct RenderParts {
     pub(super) metrics: Arc<Metrics>,
     pub(super) factory: Box<dyn RendererFactory>,
     pub(super) controls: Controls,
-    /// Keeps the quality at what the machine affords; none: it stays as it is set.
+    /// Quality controller; none: the quality stays as set.
     pub(super) quality: Option<QualityBudget>,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
@@ -66,26 +66,26 @@ pub(super) struct RenderParts {
 }
 
 impl RenderParts {
-    /// Whether the generator or a sink reads the maps of a frame that is submitted now.
+    /// Whether the generator or a sink reads the maps of a frame submitted now.
     fn maps_wanted(&self, settings: &LiveSettings) -> bool {
         let generator = self.generator.as_ref().is_some_and(|link| link.reads_maps());
         (generator && settings.enhance) || self.map_readers.iter().any(|wanted| wanted())
     }
 }
 
-/// The stage.
+/// The render stage.
 pub(super) struct RenderStage {
     parts: RenderParts,
     device: Device,
-    /// Wait before a device that fails again is opened; zero once it gave a frame.
+    /// Wait before the next attempt to reopen a failed device; zero after a rendered frame.
     backoff: Duration,
     shape: ImageShape,
     pace: Pace,
-    /// When the last frame was begun.
+    /// Submission time of the last frame.
     begun: Duration,
     in_flight: VecDeque<InFlight>,
     pool: Pool<Rendered>,
-    /// Takes a frame for which no memory is left.
+    /// Receives a frame when no buffer is free.
     scratch: Frame,
     poses: PoseSampler,
     /// Number of the next frame.
@@ -93,7 +93,7 @@ pub(super) struct RenderStage {
 }
 
 impl RenderStage {
-    /// A stage that begins with `renderer`.
+    /// A stage that starts with `renderer`.
     pub(super) fn new(parts: RenderParts, poses: Box<dyn PoseSource>, renderer: Box<dyn FrameRenderer>) -> Self {
         Self {
             shape: renderer.shape(),
@@ -110,14 +110,14 @@ impl RenderStage {
         }
     }
 
-    /// Renders until the session is to stop, then closes the slots behind it.
+    /// Renders until a stop is requested, then closes the slots of the next stages.
     pub(super) fn run(mut self) {
         self.parts.events.settings(&self.parts.controls.live);
         self.note_quality(false);
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {
-                // The oldest is done by then, or there is no room for another.
+                // The oldest frame is done by then, or the queue is full.
                 Some(oldest)
                     if oldest.done || oldest.expected <= submit_at || self.in_flight.len() == FRAMES_IN_FLIGHT =>
                 {
@@ -133,12 +133,12 @@ impl RenderStage {
         self.end();
     }
 
-    /// Waits for a generator that runs on the same processors, and returns whether it did. At once, both would take twice
-    /// as long, and the generated picture would miss its frame. A generator that is not about to end gets a turn now and
-    /// then only: the frame rate stays at two thirds at least.
+    /// Waits for a generator that also runs on the CPU; returns whether it waited. In parallel, both would take twice
+    /// as long, and the generated picture would miss its frame. Slower generators get a turn only occasionally: the
+    /// frame rate stays at two thirds or more.
     fn gives_way(&self, submit_at: Duration) -> bool {
         let RenderParts { clock, period, generator, .. } = &self.parts;
-        // Start of the frame at the cadence: where both take longer than a period, frames come later and later.
+        // Due one period after the last frame: if both take longer than a period, frames fall behind the ticks.
         let due = submit_at.max(self.begun.saturating_add(*period));
         let until = due.saturating_add((*period / 2).min(TURN));
         let on_processors = matches!(&self.device, Device::Ready(renderer) if renderer.on_processors());
@@ -176,7 +176,7 @@ impl RenderStage {
                 }
             }
             _ => {
-                // Frames stay in order: what is in flight comes first.
+                // Frames in flight go first, to keep the order.
                 while !self.in_flight.is_empty() {
                     self.receive();
                 }
@@ -206,7 +206,7 @@ impl RenderStage {
         FrameInfo { number, estimate, timeline, settings }
     }
 
-    /// Waits for the oldest frame in flight and hands it on.
+    /// Waits for the oldest frame in flight and hands it to the next stages.
     fn receive(&mut self) {
         let Device::Ready(renderer) = &mut self.device else { return };
         let Some(oldest) = self.in_flight.pop_front() else { return };
@@ -248,7 +248,7 @@ impl RenderStage {
         }
     }
 
-    /// Hands on a black frame, which says that there is no picture.
+    /// Hands on a black frame without a pose.
     fn without_picture(&mut self, mut info: FrameInfo) {
         info.estimate.scene_from_probe = None;
         let filled = self.pool.fill(|rendered| {
@@ -272,11 +272,11 @@ impl RenderStage {
         self.parts.to_presenter.put(rendered);
     }
 
-    /// Lets the device finish, and says to the stages behind that nothing more comes.
+    /// Waits for the frames in flight and closes the slots of the next stages.
     fn end(mut self) {
         if let Device::Ready(renderer) = &mut self.device {
             for _ in self.in_flight.drain(..) {
-                // Frames in flight are finished before the renderer is dropped; a fault changes nothing any more.
+                // Finish frames in flight before dropping the renderer; faults no longer matter.
                 let _ = renderer.receive(&mut self.scratch);
                 count(&self.parts.metrics.ended);
             }

@@ -1,4 +1,4 @@
-//! Pose and scene time of the next frame; both stand still while the picture is frozen.
+//! Pose and scene time of the next frame; both are constant while the picture is frozen.
 
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ impl PoseSampler {
         estimate
     }
 
-    /// Scene time of a frame that is submitted `now`.
+    /// Scene time of a frame submitted at `now`.
     pub(super) fn scene_time(&mut self, now: Duration, frozen: bool) -> Duration {
         let held = self.scene_time.filter(|_| frozen);
         *self.scene_time.insert(held.unwrap_or(now))

@@ -1,4 +1,4 @@
-//! Settings of the render stage: controls of watchers, and the quality that the budget chooses.
+//! Settings of the render stage: controls from watchers, and the quality controller.
 
 use std::sync::atomic::Ordering;
 
@@ -7,7 +7,7 @@ use crate::pipeline::parts::RenderFault;
 use crate::settings::LiveSettings;
 
 impl RenderStage {
-    /// Applies the controls that came since the last frame.
+    /// Applies the controls received since the last frame.
     pub(super) fn apply_controls(&mut self) {
         let events = &self.parts.events;
         let before = self.parts.controls.live;
@@ -35,7 +35,7 @@ impl RenderStage {
         }
     }
 
-    /// Configures the renderer anew. If it refuses, the settings are as `before` again, and this returns false.
+    /// Reconfigures the renderer. If it refuses, restores the settings of `before` and returns false.
     fn reconfigure(&mut self, before: &LiveSettings) -> bool {
         while !self.in_flight.is_empty() {
             self.receive();
@@ -56,7 +56,7 @@ impl RenderStage {
         true
     }
 
-    /// Changes the quality where the budget asks for it. A frozen picture stays as it is.
+    /// Makes a change of quality if one is due. A frozen picture is not changed.
     pub(super) fn keep_quality(&mut self) {
         if self.parts.controls.live.frozen || !matches!(self.device, Device::Ready(_)) {
             return;
@@ -84,7 +84,7 @@ impl RenderStage {
         self.note_quality(false);
     }
 
-    /// Updates the summary of the budget.
+    /// Updates the summary of the quality controller.
     pub(super) fn note_quality(&self, by_hand: bool) {
         if let Some(quality) = &self.parts.quality {
             self.parts.metrics.set_quality(quality.summary(by_hand));

@@ -1,4 +1,4 @@
-//! Ends the stages of a session in their order, and sums up what it did.
+//! End of a session: stops its stages in order and makes the summary.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,14 +13,14 @@ use crate::pipeline::summary::{GeneratorSummary, SinkSummary, Summary};
 use crate::sink::FrameLog;
 use crate::sink::frame_log::LogEnd;
 
-/// Time for each part to end.
+/// Timeout for each part to end.
 const PART_TIME: Duration = Duration::from_secs(3);
 
-/// Period at which a part is asked whether it has ended.
+/// Polling period for the end of a part.
 const ASK_PERIOD: Duration = Duration::from_millis(5);
 
 impl Pipeline {
-    /// Ends every part in its order, waiting for none without bound, and returns the summary.
+    /// Ends every part in order, with bounded waits, and returns the summary.
     pub(super) fn end(mut self) -> Summary {
         let reason = self.stop.reason().unwrap_or_default();
         tracing::info!("the session ends: {reason}");
@@ -28,9 +28,9 @@ impl Pipeline {
         end_parts(&self.clock, &mut self.before, &mut stuck);
         let elapsed_s = self.clock.now().as_secs_f64();
         let Stages { render, generate, presenter, sinks } = self.stages;
-        // A panic or a hang is noted in `stuck`.
+        // `join` notes a panic or a hang in `stuck`.
         let _ = join(&self.clock, render, &mut stuck);
-        // A renderer that is stuck didn't close its slots.
+        // A stuck renderer did not close its slots.
         self.to_generator.iter().for_each(|slot| slot.close());
         if let Some(generator) = &self.generator {
             generator.terminate();
@@ -99,7 +99,7 @@ impl Pipeline {
         })
     }
 }
-/// Waits for a stage's end and returns its result; the error says whether the stage is left behind.
+/// Waits for a stage to end and returns its result. The error is true if the stage is stuck, false if it panicked.
 fn join<T>(clock: &Arc<dyn Clock>, thread: Thread<T>, stuck: &mut Vec<String>) -> Result<T, bool> {
     let name = thread.name().to_owned();
     let until = clock.now().saturating_add(PART_TIME);
@@ -118,7 +118,7 @@ fn join<T>(clock: &Arc<dyn Clock>, thread: Thread<T>, stuck: &mut Vec<String>) -
     }
 }
 
-/// Asks parts to end and waits for each, not without bound.
+/// Stops parts and waits for each, at most [`PART_TIME`].
 fn end_parts(clock: &Arc<dyn Clock>, parts: &mut Vec<Box<dyn Part>>, stuck: &mut Vec<String>) {
     parts.iter_mut().for_each(|part| part.stop());
     for mut part in parts.drain(..) {
@@ -137,7 +137,7 @@ fn end_parts(clock: &Arc<dyn Clock>, parts: &mut Vec<Box<dyn Part>>, stuck: &mut
     }
 }
 
-/// Completes the log of frames within `patience`.
+/// Completes the log of frames within `patience`, and returns its summary.
 fn log_summary(log: FrameLog, patience: Duration) -> SinkSummary {
     let (counts, end) = log.finish(patience);
     SinkSummary {

@@ -1,4 +1,4 @@
-//! Starts the stages of a session and watches them.
+//! Start and supervision of a session's stages.
 
 mod ending;
 
@@ -33,7 +33,7 @@ use crate::transducer::Probe;
 /// Period of status reports.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
 
-/// Limits at which a session ends by itself.
+/// Limits at which a session ends automatically.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Limits {
     /// Duration.
@@ -45,7 +45,7 @@ pub struct Limits {
 /// Errors at the start of a session.
 #[derive(Debug, Error)]
 pub enum PipelineError {
-    /// The system refuses another thread.
+    /// The system cannot start another thread.
     #[error("cannot start the thread `{name}`: {source}")]
     Thread {
         /// Name of the thread.
@@ -55,7 +55,7 @@ pub enum PipelineError {
     },
 }
 
-/// Parts that a session is made from.
+/// Parts of a session.
 pub struct Parts {
     /// Clock of the session.
     pub clock: Arc<dyn Clock>,
@@ -63,15 +63,15 @@ pub struct Parts {
     pub stop: Stop,
     /// Source of the probe's poses.
     pub poses: Box<dyn PoseSource>,
-    /// Renderer of `probe` with the settings `render`.
+    /// Renderer, configured with `probe` and `render`.
     pub renderer: Box<dyn FrameRenderer>,
-    /// Factory for another renderer when the device is lost.
+    /// Factory of a new renderer when the device is lost.
     pub factory: Box<dyn RendererFactory>,
-    /// The probe to begin with.
+    /// Initial probe.
     pub probe: Probe,
-    /// The renderer's settings to begin with.
+    /// Initial settings of the renderer.
     pub render: RenderSettings,
-    /// Control of the quality by a time budget, from the point of `render` on; none: the quality stays as set.
+    /// Quality controller, starting at the quality of `render`; none: the quality stays as set.
     pub quality: Option<QualityBudget>,
     /// Generator; none: rendered frames are shown.
     pub enhancer: Option<Box<dyn Enhancer>>,
@@ -83,9 +83,9 @@ pub struct Parts {
     pub controls: mpsc::Receiver<Control>,
     /// Observer of events, poses and settings, for a recording.
     pub observer: Option<Arc<dyn Observer>>,
-    /// Ended before all stages: the tracker.
+    /// Parts that end before all stages: the tracker.
     pub before: Vec<Box<dyn Part>>,
-    /// Ended after all sinks: the recorder.
+    /// Parts that end after all sinks: the recorder.
     pub after: Vec<Box<dyn Part>>,
 }
 
@@ -114,11 +114,11 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// Runs a session until its `stop` is requested or a limit is reached, and ends it. `watch` gets the status a few
-    /// times a second.
+    /// Runs a session until its `stop` is requested or a limit is reached, and ends it. `watch` gets the status four
+    /// times per second.
     ///
     /// # Errors
-    /// The system refuses a thread. Later faults are logged and counted, and the session goes on.
+    /// A thread cannot be started. Later faults are logged and counted, and the session continues.
     pub fn run(
         settings: &PipelineSettings,
         limits: Limits,
@@ -139,7 +139,7 @@ impl Pipeline {
         Ok(pipeline.end())
     }
 
-    /// Starts every stage, the last first, so that each finds the one behind it.
+    /// Starts all stages, consumers first.
     fn start(settings: &PipelineSettings, limits: Limits, parts: Parts) -> Result<Self, PipelineError> {
         let Parts { clock, stop, enhancer, log, .. } = parts;
         let events = Events::new(&clock, parts.observer);
@@ -147,7 +147,7 @@ impl Pipeline {
         let refused = |name: &str| {
             let (name, stop) = (name.to_owned(), stop.clone());
             move |source| {
-                // Stages that were started already must not run on.
+                // Stages that were already started must end.
                 stop.request("it could not start");
                 PipelineError::Thread { name, source }
             }
@@ -242,7 +242,7 @@ impl Pipeline {
         })
     }
 
-    /// Present status.
+    /// Current status.
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
@@ -254,7 +254,7 @@ impl Pipeline {
     }
 }
 
-/// Frames begun and not presented, by cause.
+/// Frames begun but not presented, by cause.
 fn drops(metrics: &Metrics, to_presenter: &Slot<Arc<Rendered>>) -> [(&'static str, u64); 4] {
     [
         ("replaced before presentation", to_presenter.dropped()),

@@ -2,7 +2,7 @@
 //!
 //! | column | content |
 //! |---|---|
-//! | `time_s` | time, s from any origin; must not fall |
+//! | `time_s` | time, s from any origin; must not decrease |
 //! | `x_mm`, `y_mm`, `z_mm` | centre of the transducer's face |
 //! | `qw`, `qx`, `qy`, `qz` | unit quaternion that turns probe axes into the scene's |
 //! | `status` | optional: `ok` or empty, or `invalid` for a row without a pose, whose numbers are ignored |
@@ -22,7 +22,7 @@ const TIME: &str = "time_s";
 const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
 const OPTIONAL: [&str; 2] = ["status", "event"];
 
-/// Rows of a table; errors name it `path`.
+/// Reads the rows of a table; errors name it `path`.
 ///
 /// # Errors
 /// A missing, unknown or repeated column; a row with the wrong number of fields; a field that is not a number; numbers

@@ -27,7 +27,7 @@ const FRAME_PREFIX: &str = "Seq_Frame";
 /// A header value and its place in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// Text behind the `=`, trimmed.
+    /// Text after the `=`, trimmed.
     pub value: String,
     /// Its line.
     pub place: Place,
@@ -54,9 +54,9 @@ pub struct Head {
 /// Storage of the pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PixelStorage {
-    /// Behind the header, uncompressed.
+    /// After the header, uncompressed.
     Raw,
-    /// Behind the header, as a zlib stream.
+    /// After the header, as a zlib stream.
     Zlib {
         /// Length of the stream, if the header gives it.
         bytes: Option<u64>,
@@ -102,7 +102,7 @@ pub(super) fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, Interch
                 place.error(&path, format!("{} is there twice, first in line {}", quote(key), earlier.place.line))
             );
         }
-        // The format makes this the last line of a header.
+        // By the format, this is the last line of a header.
         if key == "ElementDataFile" {
             break;
         }

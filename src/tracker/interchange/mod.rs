@@ -23,7 +23,7 @@ pub use tracking::{tracked, transforms_of};
 /// Longest time from the first to the last pose, s: thirty years.
 const SPAN_LIMIT_S: f64 = 1e9;
 
-/// First times from here on count from 1970, s; smaller ones from an arbitrary origin.
+/// First time from which times are taken as s since 1970; smaller ones have an arbitrary origin.
 const UNIX_FROM_S: f64 = 1e8;
 
 /// Errors in imported sequences.
@@ -123,11 +123,11 @@ pub struct Imported {
 
 /// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
 ///
-/// `source` is noted as the recording's device. The host time of the first row is its own if it counts from 1970, else
-/// 0. Counters are row numbers, so rows without a pose count as missing records.
+/// `source` is stored as the recording's device. The host time of the first row is its own time if that counts from
+/// 1970, else 0. Counters are row numbers, so rows without a pose count as missing records.
 ///
 /// # Errors
-/// No row has a pose, times run backward or span thirty years, or the recording cannot be written.
+/// No row has a pose, times decrease or span more than thirty years, or the recording cannot be written.
 pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Result<Imported, InterchangeError> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
         return Err(InterchangeError::file(source, "it has no rows"));
@@ -217,7 +217,7 @@ impl<R: BufRead> Lines<R> {
     }
 }
 
-/// At most 32 characters of `text`, escaped, to be quoted in an error.
+/// At most 32 characters of `text`, escaped and quoted, for an error message.
 fn quote(text: &str) -> String {
     let short: String = text.chars().take(32).collect();
     let more = if short.len() < text.len() { "..." } else { "" };

@@ -1,4 +1,4 @@
-//! Sequences: the header at once, then the pixels image by image.
+//! Reader of sequences: the whole header first, then the pixels image by image.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Take};
@@ -9,7 +9,7 @@ use flate2::bufread::ZlibDecoder;
 use super::meta_image::{Head, PixelStorage, read_head};
 use super::{InterchangeError, Lines};
 
-/// Images are read in pieces of this size, bytes, so that a header with a false size allocates no memory.
+/// Images are read in pieces of this size, bytes: a header with a wrong size must not allocate much memory.
 const PIECE: usize = 1 << 20;
 
 /// A sequence being read.
@@ -32,7 +32,7 @@ impl Sequence<BufReader<File>> {
     /// Opens the file at `path` and reads its header.
     ///
     /// # Errors
-    /// As [`from_source`](Self::from_source), and a file that cannot be opened.
+    /// The file cannot be opened, or an error of [`from_source`](Self::from_source).
     pub fn open(path: &Path) -> Result<Self, InterchangeError> {
         match File::open(path) {
             Ok(file) => Self::from_source(BufReader::new(file), path),

@@ -9,7 +9,7 @@ use super::meta_image::{Field, Fields, Head};
 use super::{InterchangeError, TrackedRow, finite, quote};
 use crate::pose::Pose;
 
-/// Names of the transforms that images of a sequence have.
+/// Names of the transforms in a sequence's images.
 pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
     head.images.iter().flat_map(Fields::keys).map(String::as_str).filter(|key| key.ends_with("Transform")).collect()
 }
@@ -18,7 +18,7 @@ pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
 /// pose.
 ///
 /// # Errors
-/// An image without `Timestamp` or the transform, or with numbers that are not a rigid transform.
+/// An image lacks `Timestamp` or the transform, or its numbers are not a rigid transform.
 pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedRow>, InterchangeError> {
     let status = format!("{transform}Status");
     let row = |(number, image): (usize, &Fields)| {
@@ -45,7 +45,7 @@ pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedR
     head.images.iter().enumerate().map(row).collect()
 }
 
-/// Pose of sixteen numbers in row order.
+/// Pose from the sixteen numbers of a matrix in row order.
 fn rigid(field: &Field) -> Result<Pose, String> {
     let numbers: Option<Vec<f64>> = field.value.split_whitespace().map(finite).collect();
     let m: [f64; 16] = numbers

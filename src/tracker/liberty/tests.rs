@@ -27,7 +27,7 @@ fn liberty(bytes: &[u8]) -> Vec<Result<Record, Fault>> {
 fn a_frame_of_a_real_liberty() {
     let found = decode_all(&mut Decoder::with_items(Device::Liberty, CAPTURED_ITEMS), &CAPTURED);
     let record = found[0].clone().unwrap();
-    // 254182 frames at 240 Hz last 1059.091 s, the device's clock: the two fields are in the right order.
+    // 254182 frames at 240 Hz last 1059.091 s, as on the device's clock: the two fields are in the right order.
     assert_eq!((record.sensor, record.sequence, record.device_time_us), (1, Some(254_182), Some(1_059_091_000)));
     let Reading::Pose(pose) = record.reading else { panic!("no pose") };
     assert!(pose.position_mm.distance(DVec3::new(56.949, -26.289, 9.932)) < 1e-3, "{pose:?}");

@@ -1,4 +1,4 @@
-//! Commands that bring a device from any state to tracking, and the step after each answer.
+//! Set-up of a device from any state to tracking: commands, and the next step after each answer.
 
 use std::collections::VecDeque;
 use std::fmt::Write;
@@ -39,7 +39,7 @@ pub(super) enum Step {
     Enable(u8),
     /// Starts tracking with the frame counter at 0.
     Start,
-    /// Starts tracking on a device that refuses that option.
+    /// Starts tracking on a device that refuses the option of `Start`.
     StartPlain,
     /// Requests poses.
     Poll,
@@ -101,7 +101,7 @@ pub(super) enum Next {
     Ask(Step),
     /// The next command, after changing the speed of the line.
     ChangeSpeed(Step),
-    /// No tool is connected: look again after a while.
+    /// No tool is connected: search again after a pause.
     NoTool,
     /// The answer is wrong; start over.
     Fail(Reason),
@@ -117,7 +117,7 @@ pub(super) struct BringUp {
     enabled: usize,
     /// Whether the line has the requested speed.
     pub(super) speed_is_set: bool,
-    /// Whether the tool descriptions are written; once, unless the device is reset.
+    /// Whether the tool descriptions are written: once per reset of the device.
     written: bool,
     initialised: bool,
     /// Whether tracking of an earlier session was stopped.

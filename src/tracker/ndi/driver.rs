@@ -33,7 +33,7 @@ const SET_UP_FAILURES: u32 = 3;
 /// Most consecutive timeouts reported one by one. After that the device is silent, which the session reports.
 const NOTICES_LIMIT: usize = 8;
 
-/// Searches for a tool between two reports that there is none.
+/// Searches for a tool per report that there is none.
 const NO_TOOL_LOOKS: u32 = 10;
 
 /// Bit of the system status: a port was newly occupied.
@@ -72,7 +72,7 @@ pub struct NdiDriver {
     approach: Approach,
     state: State,
     line: VecDeque<Line>,
-    /// Errors that don't stem from received bytes.
+    /// Errors not caused by received bytes.
     notices: VecDeque<Reason>,
     poll_failures: u32,
     set_up_failures: u32,
@@ -154,7 +154,7 @@ impl NdiDriver {
                     Approach::StartSpeed if self.options.baud.is_some_and(|baud| baud != START_BAUD) => {
                         Approach::SetSpeed
                     }
-                    // A device that doesn't announce its reset may answer by now.
+                    // A device that doesn't announce its reset may be ready now.
                     Approach::Reset if step == Step::Reset => {
                         self.state = State::Ask(Step::Init, now);
                         return;
@@ -214,7 +214,7 @@ impl NdiDriver {
             self.begin(now, Approach::StartSpeed);
             return Err(Reason::Restarted);
         }
-        // Answer to a command that was given up.
+        // Late answer to a command that timed out.
         let Some(step) = asked else { return Ok(()) };
         let Some(code) = error_code(text) else {
             let next = self.bring_up.after(step, text, &self.options);
@@ -240,7 +240,7 @@ impl NdiDriver {
         if code == BAD_CRC {
             return self.poll_failed(now);
         }
-        // The device isn't tracking, or can't: it restarted silently.
+        // The device no longer tracks, for example after a silent restart.
         self.fail(now);
     }
 
@@ -266,7 +266,7 @@ impl NdiDriver {
     /// Handles a piece of the stream that is not a reply.
     fn damaged(&mut self, now: Duration) {
         match self.state {
-            // A command without effect on the device can be repeated at once.
+            // A poll does not change the device's state, so it can be repeated immediately.
             State::Asked(Step::Poll, _) => self.poll_failed(now),
             // Noise is expected on a line whose speed has just changed.
             State::Asked(Step::Init | Step::Reset, _) | State::Ask(..) | State::Idle => {}
@@ -291,7 +291,7 @@ impl Driver for NdiDriver {
 
     fn line(&mut self, now: Duration) -> Option<Line> {
         match self.state {
-            // The device still has to change its own speed.
+            // Wait until the device has changed its own speed.
             State::Ask(_, at) if now < at => None,
             _ => self.line.pop_front(),
         }
@@ -327,7 +327,7 @@ impl Driver for NdiDriver {
     }
 
     fn silence_limit(&self) -> Duration {
-        // The driver's own timeouts act sooner; this limit is for a device that stays silent through all of them.
+        // The driver's own timeouts are shorter; this limit applies if the device stays silent through all of them.
         match self.state {
             State::Asked(Step::Poll, _) | State::Ask(Step::Poll, _) => Duration::from_secs(5),
             _ => Duration::from_secs(40),

@@ -55,7 +55,7 @@ enum Front {
     Binary(usize),
     /// Text with a correct checksum; its length with checksum and carriage return, bytes.
     Text(usize),
-    /// Not a reply: bytes to remove, fault, and whether a reply may start behind them.
+    /// Not a reply: bytes to remove, fault, and whether a reply may start after them.
     Wrong(usize, Reason, bool),
 }
 
@@ -70,14 +70,14 @@ impl Framer {
         self.item_offset
     }
 
-    /// Discards the incomplete reply: its sender isn't going to finish it.
+    /// Discards an incomplete reply that the device will not complete.
     pub(super) fn give_up(&mut self) {
         if self.pending.is_empty() {
             self.given_up = self.left;
         }
     }
 
-    /// Takes the next item; `None` asks for more bytes. Each item and each error removes bytes.
+    /// Takes the next item; `None` if more bytes are needed. Each item and each error removes bytes.
     pub(super) fn next(&mut self, buffer: &mut BytesMut) -> Result<Option<Item>, DecodeError> {
         let given_up = std::mem::take(&mut self.given_up).min(buffer.len());
         if given_up > 0 {
@@ -126,7 +126,7 @@ impl Framer {
         }
     }
 
-    /// Queues the items of a tracking reply of `length` bytes whose `data` starts at byte `start` of it.
+    /// Queues the items of a tracking reply of `length` bytes, whose `data` starts at byte `start`.
     fn tracking(&mut self, length: usize, data: &[u8], start: usize, is_binary: bool) {
         let mut used = 0;
         let mut absent = 0;
@@ -145,7 +145,7 @@ impl Framer {
         };
         let status = if is_binary { reply::binary(data, found) } else { reply::text(data, found) };
         if status.is_err() {
-            // The checksum is right but the layout unexpected: no part of the reply can be trusted.
+            // The checksum is right, but the layout is unexpected: the whole reply is discarded.
             self.pending.clear();
             used = 0;
         }

@@ -6,9 +6,9 @@
 //! transforms, including those outside the measurement volume.
 //!
 //! A record's `sensor` is the device's port handle, its `sequence` the device's frame number, and its buttons are the
-//! tool's switches. A tool that the device misses gives [`Reading::OutOfView`](crate::pose::Reading::OutOfView); one
-//! that is disabled or unplugged gives no record. Requests may be faster than measurements: a reply that repeats the
-//! previous frame gives no record.
+//! tool's switches. A tool reported missing gives [`Reading::OutOfView`](crate::pose::Reading::OutOfView); a disabled
+//! or unplugged one gives no record. Requests may be faster than measurements: a reply that repeats the previous frame
+//! gives no record.
 //!
 //! Sources: `ndicapi` (PlusToolkit), PLUS `vtkPlusNDITracker.cxx`, VRPN.
 
@@ -32,7 +32,7 @@ pub use driver::NdiDriver;
 /// Speed of a serial device after power-on or reset, baud.
 pub const START_BAUD: u32 = 9600;
 
-/// Default speed that a serial device is switched to, baud.
+/// Default speed to which a serial device is switched, baud.
 pub const USUAL_BAUD: u32 = 115_200;
 
 /// Bytes of a tool's description (its ROM).
@@ -103,7 +103,7 @@ impl Options {
     /// Validates the options.
     ///
     /// # Errors
-    /// A speed or tool description that the device doesn't accept.
+    /// The device does not support the speed, or a tool description has the wrong length.
     pub fn validate(&self) -> Result<(), OptionsError> {
         if let Some(baud) = self.baud.filter(|baud| !BAUD_RATES.contains(baud)) {
             return Err(OptionsError::Baud { baud });
@@ -117,7 +117,7 @@ impl Options {
     /// Reads the files of wireless tools into `roms` and empties `rom_files`.
     ///
     /// # Errors
-    /// A file that can't be read, or is not a tool description.
+    /// A file cannot be read, or is not a tool description.
     pub fn load_roms(mut self) -> Result<Self, RomError> {
         for path in std::mem::take(&mut self.rom_files) {
             let content = std::fs::read(&path).map_err(|source| RomError::Read { path: path.clone(), source })?;
@@ -168,7 +168,7 @@ pub enum OptionsError {
 /// Content of a `.rom` file padded with zeros to full length, as NDI's own programs do.
 ///
 /// # Errors
-/// An empty file, or one of more than [`ROM_BYTES`].
+/// The file is empty or longer than [`ROM_BYTES`].
 pub fn pad_rom(mut rom: Vec<u8>) -> Result<Vec<u8>, OptionsError> {
     if rom.is_empty() || rom.len() > ROM_BYTES {
         return Err(OptionsError::RomLength { length: rom.len() });
@@ -222,7 +222,7 @@ pub enum Reason {
     Refused {
         /// Error code.
         code: u8,
-        /// The command, as far as it is known.
+        /// The command, if known.
         command: String,
     },
     /// No reply within the time limit.

@@ -25,7 +25,7 @@ fn pose(handle: u8, quaternion: [f64; 4], position_mm: [f64; 3]) -> Result<Pose,
     Pose::from_components([x, y, z, qw, qx, qy, qz]).map_err(|source| Reason::Pose { handle, source })
 }
 
-/// Reader of a reply from its front.
+/// Sequential reader of a reply.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -91,7 +91,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Passes each port of a `BX` reply's data to `found`, with the offset behind its bytes; returns the system status.
+/// Passes each port of a `BX` reply's data to `found`, with the offset after its bytes; returns the system status.
 pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     const VALID: u8 = 1;
     const MISSING: u8 = 2;
@@ -122,8 +122,8 @@ pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reas
     if cursor.at == data.len() { Ok(status) } else { Err(Reason::Layout { what: "bytes follow the system status" }) }
 }
 
-/// Whether `text`, without its checksum, is a `TX` reply. Other replies to the driver's commands have no line feed and
-/// not the length of a reply without tools.
+/// Whether `text`, without its checksum, is a `TX` reply. Other replies to the driver's commands have no line feed, and
+/// differ in length from a `TX` reply without tools.
 pub(super) fn is_text_reply(text: &[u8]) -> bool {
     text.contains(&b'\n') || (text.len() == 6 && text.starts_with(b"00"))
 }

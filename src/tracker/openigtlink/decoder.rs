@@ -18,8 +18,8 @@ const TOOLS_LIMIT: usize = 64;
 /// Most metadata of a message with a pose, bytes. A larger value means a damaged size.
 const METADATA_LIMIT: u64 = 64 << 10;
 
-/// Longest body that is skipped, bytes. A larger value means a damaged size; an image of 4096 × 4096 colours has 48
-/// MiB.
+/// Longest body that is skipped, bytes. A larger value means a damaged size; a colour image of 4096 × 4096 pixels has
+/// 48 MiB.
 const SKIP_LIMIT: u64 = 256 << 20;
 
 /// Types of messages with poses.
@@ -60,7 +60,7 @@ impl Kind {
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     offset: Offset,
-    /// Bytes still to be skipped of a message.
+    /// Remaining bytes of a skipped message.
     skip: u64,
     /// Whether an error was returned and no message found since.
     lost: bool,
@@ -187,7 +187,7 @@ impl Decoder {
         device_time_us: Option<u64>,
         pose: Result<Pose, PoseError>,
     ) {
-        // Bytes behind the first zero aren't part of the name.
+        // Bytes after the first zero aren't part of the name.
         if let Some(end) = name.iter().position(|&b| b == 0) {
             name[end..].fill(0);
         }
@@ -236,7 +236,7 @@ fn front(buffer: &[u8]) -> Result<Front, Reason> {
         content_size -= parts;
         content_start += EXTENDED_HEAD;
     }
-    // Checked before waiting for the body: a damaged size must not swallow the following messages.
+    // Checked before waiting for the body: a damaged size must not skip the following messages.
     kind.check(content_size)?;
     // The limits keep the sum in range.
     let length = HEAD + head.body_size as usize;
@@ -263,7 +263,7 @@ fn may_be_head(bytes: &[u8]) -> bool {
     is_kind && is_filled && has_size
 }
 
-/// Number of bytes before the next possible header, the front excluded; all if there is none.
+/// Number of bytes before the next possible header after the front; all if there is none.
 fn next_head(bytes: &[u8]) -> usize {
     (1..bytes.len()).find(|&start| may_be_head(&bytes[start..])).unwrap_or(bytes.len())
 }

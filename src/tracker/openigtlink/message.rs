@@ -24,7 +24,7 @@ pub const STATUS_OK: u16 = 1;
 /// Status code: not ready.
 pub const STATUS_NOT_READY: u16 = 13;
 
-/// Sixteen bytes per step: an image has a megabyte.
+/// Processes sixteen bytes per step, because images have about 1 MB.
 static CRC64: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_ECMA_182);
 
 /// Checksum of a body: CRC-64/ECMA-182.
@@ -175,7 +175,7 @@ pub fn put_image(out: &mut BytesMut, device: &str, time_ns: u64, size: [u16; 2],
     });
 }
 
-/// `N` big-endian f32 at `at`; zeros if the slice is too short, which callers rule out.
+/// `N` big-endian f32 at `at`; zeros if the slice is too short. Callers check the length.
 pub(super) fn floats<const N: usize>(bytes: &[u8], at: usize) -> [f64; N] {
     let mut floats = [0.0; N];
     for (float, chunk) in floats.iter_mut().zip(bytes.get(at..).unwrap_or_default().chunks_exact(4)) {

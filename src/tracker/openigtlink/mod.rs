@@ -24,7 +24,7 @@ pub mod message;
 
 pub use decoder::{Decoder, NAMES_LIMIT};
 
-/// TCP port.
+/// Default TCP port.
 pub const TCP_PORT: u16 = 18_944;
 
 /// Fault of a message.

@@ -2,7 +2,7 @@
 //!
 //! A caliper is the event [`CALIPER_EVENT`] with the value `{"measure": "BPD", "points_mm": [[x, z], [x, z]]}`. Two
 //! image points give a length. Four give an ellipse: the ends of its first axis, then of its second. Points are (x, z)
-//! of the probe frame in mm: x from the image's middle line to the right, z down from the centre of the probe's face.
+//! in the probe frame, mm: x to the right from the image's middle line, z down from the centre of the probe's face.
 //! `measure` is the name of a standard plane's caliper, or free text.
 
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ pub struct CaliperEvent {
 }
 
 impl CaliperEvent {
-    /// Measurement in `event`; `None` for other events.
+    /// Caliper measurement of `event`; `None` for other events.
     ///
     /// # Errors
     /// A caliper event with a malformed value; the text gives the fault and the correct form.

@@ -15,11 +15,11 @@ pub enum Item {
     Measurement(Measurement),
     /// An event.
     Event(Event),
-    /// A pose that the session used.
+    /// A pose used by the session.
     Pose(SessionPose),
 }
 
-/// Decodes a recording by the protocol that it names, in the order of the live session.
+/// Decodes a recording by its own protocol, in the order of the live session.
 ///
 /// The intact parts of a damaged recording are used; [`finish`](Self::finish) reports the rest.
 pub struct DecodedRecording<R> {
@@ -77,7 +77,7 @@ impl<R: Read> DecodedRecording<R> {
         Ok(self.items.pop_front())
     }
 
-    /// Summary so far. `time_reversals` and `duration` are left to the collector of the poses.
+    /// Summary so far, without `time_reversals` and `duration`, which the collector of the poses sets.
     pub fn finish(mut self) -> RecordingSummary {
         self.summary.damage = self.reader.damage().clone();
         self.summary.settings = self.reader.settings().cloned();

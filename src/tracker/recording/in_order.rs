@@ -1,13 +1,13 @@
 //! Removal of implausible time stamps.
 
-/// Distance from its neighbour at which a lone first or last time counts as wrong, ns: one hour.
+/// Distance from its neighbour beyond which a single first or last time counts as wrong, ns: one hour.
 const LONE_NS: u64 = 3_600_000_000_000;
 
-/// Removes implausible items and returns their number: first a lone first or last item more than an hour from the rest,
-/// then the fewest items so that the remaining times do not fall.
+/// Removes implausible items and returns their number. First, a single first or last item more than an hour from the
+/// rest; then the fewest items such that the remaining times do not decrease.
 ///
-/// A single wrong time thus removes a single item, however far off it is. A clock that was set back removes the shorter
-/// part.
+/// A single wrong time therefore removes a single item, however far off it is. If a clock was set back, the shorter
+/// part is removed.
 pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) -> u64 {
     let before = items.len();
     let mut kept = longest_ascending(items, &time_ns);
@@ -20,11 +20,11 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
         _ => (None, None),
     };
     if first.is_some() || last.is_some() {
-        // The last one first, so that the other index stays valid.
+        // Remove the last one first, so the other index stays valid.
         for index in [last, first].into_iter().flatten() {
             items.remove(index);
         }
-        // They may have displaced good ones.
+        // The removed items may have displaced good ones.
         kept = longest_ascending(items, &time_ns);
     }
     if kept.len() < items.len() {
@@ -34,8 +34,8 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
     (before - items.len()) as u64
 }
 
-/// Indices of the longest subsequence of `items` with non-falling times, ascending; of several the one with the lowest
-/// end.
+/// Ascending indices of the longest subsequence of `items` with non-decreasing times; of several, the one with the
+/// earliest end.
 ///
 /// Patience sorting, O(n log n): M. L. Fredman, On computing the length of longest increasing subsequences, Discrete
 /// Mathematics 11 (1975).

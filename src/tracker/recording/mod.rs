@@ -1,4 +1,4 @@
-//! Recordings of raw tracker bytes, so that a replay runs the decoder of a live session.
+//! Recordings of raw tracker bytes. A replay runs the same decoder as the live session.
 //!
 //! A recording is an [MCAP](https://mcap.dev) file without compression. Its times are ns since 1970 (UTC).
 //!
@@ -8,16 +8,16 @@
 //! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: a marked moment, for example a key frame, or a changed control; `value` is optional |
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
-//! Measurements in the image are also events ([`CaliperEvent`]). Events whose names begin with `truth.` describe a
-//! generated session, for training; no report on a session reads them.
+//! Caliper measurements are also events ([`CaliperEvent`]). Events whose names begin with `truth.` describe a
+//! generated session, for training; reports on a session ignore them.
 //!
-//! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (in whose frame the poses are),
+//! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
 //! `start_time_ns`, `format_version`, and `sensor` if one of several was selected.
 //!
 //! A live session adds a metadata record [`SETTINGS_NAME`] (version, seed, adapter, station_path) and the text of its
 //! station file as the attachment [`STATION_NAME`]; see [`SessionSettings`].
 //!
-//! A live station writes through a [`Recorder`], on a thread of its own.
+//! A live station writes through a [`Recorder`], on a separate thread.
 
 use std::path::PathBuf;
 
@@ -55,7 +55,7 @@ pub const RAW_TOPIC: &str = "/tracker/raw";
 /// Channel of events.
 pub const EVENT_TOPIC: &str = "/exam/events";
 
-/// Channel of the poses that a session used.
+/// Channel of the poses used by a session.
 pub const POSE_TOPIC: &str = "/probe/pose";
 
 /// Name of the metadata record with a session's settings.
@@ -64,7 +64,7 @@ pub const SETTINGS_NAME: &str = "insonify.settings";
 /// Name of the attachment with the text of the station file.
 pub const STATION_NAME: &str = "station.toml";
 
-/// Version of this format; a reader refuses a later one.
+/// Version of this format; readers refuse later ones.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Description of a recording.
@@ -74,11 +74,11 @@ pub struct RecordingInfo {
     pub protocol: Protocol,
     /// Name of the tracker, for information.
     pub device: String,
-    /// Scene in whose frame the poses are, for information.
+    /// Scene that defines the frame of the poses, for information.
     pub scene: String,
     /// Start of the recording, ns since 1970 (UTC). For a live session, time 0 of its clock and of the scene's motion.
     pub start_time_ns: u64,
-    /// Selected sensor of a device with several; `None` takes the first that reports.
+    /// Selected sensor of a device with several; `None` takes the first received.
     pub sensor: Option<u16>,
 }
 
@@ -123,10 +123,10 @@ impl Event {
     }
 }
 
-/// Name of the event of a lost tracker port.
+/// Name of the event for a lost tracker port.
 pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
-/// Event to record for a tracker event; `None` for undecodable bytes, which the recording itself holds.
+/// Event to record for a tracker event; `None` for decode errors, whose bytes are in the recording.
 pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
         TrackerEvent::DecodeError(_) => return None,
@@ -136,21 +136,21 @@ pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     Some(Event::new(host_time_ns, name).with(event.to_string()))
 }
 
-/// A pose as a session used it.
+/// A pose used by a session.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SessionPose {
     /// Time for which it was estimated, ns since 1970 (UTC).
     pub host_time_ns: u64,
     /// `scene_from_probe`.
     pub pose: Pose,
-    /// Trustworthiness of the pose.
+    /// Tracking state of the pose.
     pub state: TrackingState,
 }
 
 /// One message of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Entry {
-    /// Bytes of the tracker.
+    /// Bytes from the tracker.
     Raw {
         /// Arrival of the first byte, ns since 1970 (UTC).
         host_time_ns: u64,
@@ -159,7 +159,7 @@ pub enum Entry {
     },
     /// An event.
     Event(Event),
-    /// A pose that the session used.
+    /// A pose used by the session.
     Pose(SessionPose),
 }
 
@@ -177,7 +177,7 @@ pub enum RecordingError {
     /// The file doesn't exist, but the partial file of an interrupted recording does.
     #[error("the recording {path} was not finished; what was written of it is {part}")]
     Unfinished {
-        /// File asked for.
+        /// Requested file.
         path: PathBuf,
         /// The partial file.
         part: PathBuf,
@@ -202,7 +202,7 @@ pub enum RecordingError {
         /// File.
         path: PathBuf,
     },
-    /// An MCAP file without tracker bytes, or cut before them.
+    /// An MCAP file without tracker bytes, or truncated before them.
     #[error("{path} holds no tracker data: {reason}")]
     NoTracker {
         /// File.

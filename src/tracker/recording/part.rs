@@ -13,7 +13,7 @@ pub fn part_path(path: &Path) -> PathBuf {
 
 /// Creates the `.part` of `path`, locked while it is open.
 ///
-/// One left by an interrupted recording is kept: it is renamed to `NAME.recovered-1.mcap`, or the next free number.
+/// An existing one from an interrupted recording is renamed to `NAME.recovered-1.mcap`, or the next free number.
 pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
     let part = part_path(path);
     let write = |error: io::Error| RecordingError::Write { path: part.clone(), reason: error.to_string() };
@@ -32,16 +32,16 @@ pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
     Ok(file)
 }
 
-/// Locks the file; the lock ends with the process, even if that is killed.
+/// Locks the file. The lock ends with the process, even if it is killed.
 fn lock(file: &File, part: &Path) -> Result<(), RecordingError> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(RecordingError::Busy { path: part.to_owned() }),
-        // Some network file systems don't support locks; a recording there is better than none.
+        // Some network file systems don't support locks; recording without a lock is better than none.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
     }
 }
 
-/// Next free name for a recovered recording beside `path`.
+/// Next free name for a recovered recording in the directory of `path`.
 fn recovered(path: &Path) -> io::Result<PathBuf> {
     let stem = path.with_extension("");
     for number in 1..u32::MAX {

@@ -1,4 +1,4 @@
-//! Poses as `foxglove.PoseInFrame` in JSON, which generic viewers of MCAP files show.
+//! Poses as `foxglove.PoseInFrame` in JSON, for generic viewers of MCAP files.
 
 use std::fmt::Write;
 
@@ -11,8 +11,7 @@ use crate::pose::{Pose, TrackingState};
 /// Name of the schema.
 pub(super) const SCHEMA_NAME: &str = "foxglove.PoseInFrame";
 
-/// JSON schema of a message: that of <https://docs.foxglove.dev/docs/visualization/message-schemas/pose-in-frame>, plus
-/// `state`.
+/// JSON schema of a message: <https://docs.foxglove.dev/docs/visualization/message-schemas/pose-in-frame> plus `state`.
 pub(super) const SCHEMA: &str = r#"{
   "title": "foxglove.PoseInFrame",
   "description": "scene_from_probe as the session used it",

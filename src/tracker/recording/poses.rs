@@ -9,7 +9,7 @@ use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSu
 use crate::pose::{Measurement, Reading, TimedPose};
 use crate::tracker::{DecodeError, Settings};
 
-/// Poses of the recording at `path`, ascending in host time, decoded by the protocol that it names.
+/// Poses of the recording at `path`, ascending in host time, decoded by the recording's protocol.
 ///
 /// Several records of one message share its host time. The intact parts of a damaged recording are used; the summary
 /// reports the rest.
@@ -35,11 +35,11 @@ pub fn poses_of<R: Read>(
     Ok((poses, summary))
 }
 
-/// All measurements of the recording at `path`, ascending in host time, including rates and orientations that only an
-/// estimator turns into poses. A puck has the range and the axis map of `settings`.
+/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which need
+/// an estimator to become poses. A puck has the range and the axis map of `settings`.
 ///
 /// # Errors
-/// As [`poses`]; or the sensor is out of view throughout.
+/// The file cannot be read, is not a recording, or has no measurement with the sensor in view.
 pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
     let mut decoded = DecodedRecording::with_settings(RecordingReader::open(path)?, settings);
     let mut measurements = Vec::new();
@@ -56,7 +56,7 @@ pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement
     Ok((measurements, summary))
 }
 
-/// Removes items with implausible times; notes their number and the duration of the others.
+/// Removes items with implausible times; stores their number and the duration of the others in `summary`.
 fn order<T>(items: &mut Vec<T>, summary: &mut RecordingSummary, time_ns: impl Fn(&T) -> u64) {
     summary.time_reversals = keep_in_order(items, &time_ns);
     if let (Some(first), Some(last)) = (items.first(), items.last()) {
@@ -76,7 +76,7 @@ fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
     RecordingError::NoPose { path: path.to_owned(), reason }
 }
 
-/// As [`poses_of`], but the recording may be without poses.
+/// Like [`poses_of`], but the recording may have no poses.
 ///
 /// # Errors
 /// The source cannot be read.
@@ -84,7 +84,7 @@ pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, 
     read_both(reader).map(|(poses, _, summary)| (poses, summary))
 }
 
-/// As [`read_all`], plus the poses that the session itself used, ascending in host time.
+/// Like [`read_all`], plus the poses used by the session, ascending in host time.
 ///
 /// # Errors
 /// The source cannot be read.

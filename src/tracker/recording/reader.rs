@@ -20,7 +20,7 @@ const RECORD_LIMIT: usize = 64 << 20;
 /// Opcode and length before each MCAP record, bytes.
 const RECORD_HEAD: u64 = 9;
 
-/// Most damaged places that are described; all are counted.
+/// Largest number of described damages; all are counted.
 const DESCRIBED: usize = 4;
 
 /// Unreadable parts of a recording.
@@ -70,7 +70,7 @@ impl RecordingReader<BufReader<File>> {
     /// Opens the recording at `path`.
     ///
     /// # Errors
-    /// As [`from_source`](Self::from_source), and a file that cannot be read.
+    /// The file cannot be opened, or an error of [`from_source`](Self::from_source).
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         match File::open(path) {
             Ok(file) => Self::from_source(BufReader::new(file), path),
@@ -115,7 +115,7 @@ impl<R: Read> RecordingReader<R> {
         &self.file.damage
     }
 
-    /// Settings of the session, as far as read; they precede the first message.
+    /// Settings of the session, if recorded; they precede the first message.
     pub fn settings(&self) -> Option<&SessionSettings> {
         self.file.settings.as_ref()
     }
@@ -207,7 +207,7 @@ impl<R: Read> McapFile<R> {
                 }
             }
             op::METADATA => self.metadata(offset, data),
-            // After the end of the data, channels are only repeated.
+            // Channels after the end of the data are repetitions.
             _ if !self.data_ended => self.inner_record(offset, opcode, data)?,
             _ => {}
         }
@@ -225,7 +225,7 @@ impl<R: Read> McapFile<R> {
         }
     }
 
-    /// Handles a record that may be inside a chunk or on its own.
+    /// Handles a record from inside or outside a chunk.
     fn inner_record(&mut self, offset: u64, opcode: u8, data: &[u8]) -> Result<(), RecordingError> {
         if opcode != op::CHANNEL && opcode != op::MESSAGE {
             return Ok(());

@@ -1,4 +1,4 @@
-//! Recorder of a live station: writes on a thread of its own, behind a bounded queue that never blocks the sender.
+//! Recorder of a live station: writes on a separate thread, from a bounded queue that does not block the sender.
 
 use std::mem;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::{Event, RecordingError, RecordingWriter, SessionPose};
 
-/// Longest time between flushes to the operating system, even if nothing arrives.
+/// Longest time between flushes to the operating system, even without new messages.
 const FLUSH_AFTER: Duration = Duration::from_secs(1);
 
 /// Name of the event at the end of a recording that the disk could not keep up with.
@@ -25,7 +25,7 @@ pub struct QueueLimits {
 }
 
 impl Default for QueueLimits {
-    /// More than a minute of the fastest tracker (240 records of 100 bytes a second).
+    /// More than a minute of the fastest tracker (240 records of 100 bytes per second).
     fn default() -> Self {
         Self { bytes: 4 << 20, messages: 1 << 16 }
     }
@@ -68,13 +68,13 @@ pub struct Recorded {
     pub failure: Option<Arc<RecorderError>>,
 }
 
-/// Writes one recording on a thread of its own.
+/// Writes one recording on a separate thread.
 ///
-/// A recording has no gaps: if the disk is full or too slow, the recording ends there, an error is logged,
+/// A recording has no gaps. If the disk is full or too slow, the recording ends and an error is logged.
 /// [`RecorderHandle::failure`] gives the reason, and the station continues.
 ///
-/// Only [`finish`](Self::finish) gives the file its name. Dropping the recorder leaves the `.part`, or removes it if no
-/// byte and no pose was accepted.
+/// Only [`finish`](Self::finish) gives the file its final name. Dropping the recorder keeps the `.part`, or removes it
+/// if no bytes and no pose were accepted.
 pub struct Recorder {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -89,7 +89,7 @@ pub struct RecorderHandle {
 
 struct Shared {
     queue: Mutex<Queue>,
-    /// Notified when the queue is no longer empty, or the recording is to end.
+    /// Notified when the queue is no longer empty, or the end of the recording is requested.
     filled: Condvar,
     /// Notified when the thread has taken the queue, or the recording ended.
     drained: Condvar,
@@ -212,13 +212,13 @@ impl RecorderHandle {
         self.raw_within(host_time_ns, bytes, Duration::ZERO);
     }
 
-    /// As [`raw`](Self::raw), but waits up to `patience` for a full queue to drain before giving the recording up. For
-    /// sources that can wait and that nobody watches.
+    /// Like [`raw`](Self::raw), but waits up to `patience` for a full queue to drain before the recording is ended. For
+    /// offline sources, which can wait.
     pub fn raw_within(&self, host_time_ns: u64, bytes: &[u8], patience: Duration) {
         self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes, patience);
     }
 
-    /// Records a pose that the session uses.
+    /// Records a pose used by the session.
     pub fn pose(&self, pose: SessionPose) {
         self.shared.push(Message::Pose(pose), &[], Duration::ZERO);
     }
@@ -228,7 +228,7 @@ impl RecorderHandle {
         self.shared.push(Message::Event(event), &[], Duration::ZERO);
     }
 
-    /// Reason for an early end of the recording; `None` while it continues.
+    /// Reason for an early end of the recording; `None` if there was none.
     pub fn failure(&self) -> Option<Arc<RecorderError>> {
         self.shared.lock().recorded.failure.clone()
     }
@@ -288,7 +288,7 @@ impl Queue {
     }
 }
 
-/// Body of the thread: writes batch after batch until told to end and nothing is queued.
+/// Thread function: writes batches until the end is requested and the queue is empty.
 fn run(shared: &Shared, mut store: impl Store) {
     let mut batch = Batch::default();
     let mut last_ns = 0;
@@ -314,7 +314,7 @@ fn run(shared: &Shared, mut store: impl Store) {
         };
         unflushed = !idle;
         if let Err(error) = written {
-            // The store is dropped unfinished: whole chunks that were written stay in its `.part`.
+            // The store is dropped unfinished: complete chunks stay in its `.part`.
             shared.lock().fail(error.into());
             shared.drained.notify_all();
             return;

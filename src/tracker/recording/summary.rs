@@ -6,10 +6,10 @@ use std::time::Duration;
 use super::{Damage, Event, RecordingInfo, SessionSettings};
 use crate::tracker::DecodeError;
 
-/// Most decode errors that are described; all are counted.
+/// Largest number of described decode errors; all are counted.
 const DESCRIBED: usize = 8;
 
-/// Content of a recording, and the parts that could not be used. [`Display`](fmt::Display) prints it.
+/// Content of a recording, and its unusable parts. [`Display`](fmt::Display) formats it as a report.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RecordingSummary {
     /// Description of the recording.
@@ -26,8 +26,7 @@ pub struct RecordingSummary {
     pub decode_errors_first: Vec<DecodeError>,
     /// Records missing by the device's counter.
     pub missing_records: u64,
-    /// Records whose device counter stands still or runs backward: repeated, or the device restarted. Their poses are
-    /// used.
+    /// Records whose device counter does not rise: repetitions, or after a restart of the device. Their poses are used.
     pub sequence_reversals: u64,
     /// Records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,
@@ -35,11 +34,11 @@ pub struct RecordingSummary {
     pub other_sensors: u64,
     /// Selected sensor; `None` before any record.
     pub sensor: Option<u16>,
-    /// Poses dropped because their host time runs backward or is far off.
+    /// Poses dropped because their host time decreases or is implausible.
     pub time_reversals: u64,
     /// Events.
     pub events: Vec<Event>,
-    /// Poses that the session used, recorded beside the tracker's bytes.
+    /// Number of recorded poses used by the session.
     pub session_poses: u64,
     /// Settings of the session, if recorded.
     pub settings: Option<SessionSettings>,

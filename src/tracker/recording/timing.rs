@@ -5,10 +5,10 @@ use serde::Serialize;
 use crate::pose::TimedPose;
 use crate::statistics::{mean_and_deviation, nearest_rank};
 
-/// Shortest interval between two poses that counts as a gap, ns: the probe's motion in it is unknown.
+/// Intervals between two poses longer than this are gaps, ns: the probe's motion in them is unknown.
 pub const GAP_NS: u64 = 250_000_000;
 
-/// Most gaps that are listed; all are counted.
+/// Largest number of listed gaps; all are counted.
 const LISTED: usize = 20;
 
 /// An interval without poses.
@@ -20,10 +20,10 @@ pub struct Gap {
     pub length_s: f64,
 }
 
-/// Regularity of the arrival of poses at the host. Gaps enter only `gaps`, `gap_count` and `max_ms`.
+/// Regularity of the arrival of poses at the host. Gaps affect only `gaps`, `gap_count` and `max_ms`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Timing {
-    /// Poses a second.
+    /// Pose rate, Hz.
     pub rate_hz: f64,
     /// Median interval, ms.
     pub p50_ms: f64,

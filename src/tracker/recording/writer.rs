@@ -13,7 +13,7 @@ use super::{
     SessionSettings, attached, part, part_path, pose_json,
 };
 
-/// Longest duration of a chunk, ns: the most that a killed recording loses.
+/// Longest duration of a chunk, ns: a killed recording loses at most this.
 const CHUNK_NS: u64 = 1_000_000_000;
 
 /// Largest size of a chunk, bytes.
@@ -21,7 +21,7 @@ const CHUNK_BYTES: u64 = 64 * 1024;
 
 /// Writes one recording.
 ///
-/// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` in one step. An unfinished
+/// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` atomically. An unfinished
 /// recording can be read from its `.part`, except for the last second. An existing `.part` that another process is
 /// writing is an error; one left by a killed process is renamed to `NAME.recovered-1.mcap`.
 pub struct RecordingWriter {
@@ -47,7 +47,7 @@ impl RecordingWriter {
     pub fn create(path: &Path, info: &RecordingInfo) -> Result<Self, RecordingError> {
         let file = part::create(path)?;
         let part = part_path(path);
-        // Without seeking, a chunk is one write: a kill leaves whole chunks.
+        // Without seeking, each chunk is one write: after a kill, all chunks are complete.
         let options = mcap::WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
@@ -68,7 +68,7 @@ impl RecordingWriter {
         };
         let raw_channel = channel(RAW_TOPIC, "application/octet-stream", &metadata)?;
         let event_channel = channel(EVENT_TOPIC, "json", &BTreeMap::new())?;
-        // A separate chunk, so that the channels are written at once.
+        // Flushed as a separate chunk, so the channels are written immediately.
         mcap.flush().map_err(|error| fail(&part, error))?;
         Ok(Self {
             mcap,
@@ -116,7 +116,7 @@ impl RecordingWriter {
         self.message(self.event_channel, event.host_time_ns, json.to_string().as_bytes())
     }
 
-    /// Appends a pose that the session used.
+    /// Appends a pose used by the session.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -145,7 +145,7 @@ impl RecordingWriter {
     }
 
     fn message(&mut self, channel_id: u16, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        // In either direction: after a time far in the future, chunks still have to end.
+        // In either direction: chunks must also end after a time far in the future.
         if time_ns.abs_diff(self.chunk_start_ns) >= CHUNK_NS {
             self.flush()?;
             self.chunk_start_ns = time_ns;
@@ -159,7 +159,7 @@ impl RecordingWriter {
     /// Writes the index, syncs the file to disk and renames it.
     ///
     /// # Errors
-    /// The file cannot be written or renamed; the `.part` is left.
+    /// The file cannot be written or renamed; the `.part` is kept.
     pub fn finish(mut self) -> Result<(), RecordingError> {
         self.mcap.finish().map_err(|error| fail(&self.part, error))?;
         let file = self.mcap.into_inner().into_inner().into_inner().map_err(io::Error::from);
@@ -167,7 +167,7 @@ impl RecordingWriter {
         std::fs::rename(&self.part, &self.path).map_err(|error| fail(&self.path, error))
     }
 
-    /// Removes the partial file; an existing file with the recording's name stays.
+    /// Removes the partial file; an existing file with the recording's name is kept.
     ///
     /// # Errors
     /// The `.part` cannot be removed.
@@ -179,7 +179,7 @@ impl RecordingWriter {
     }
 }
 
-/// Error with all its causes: MCAP's errors name the system's reason only there.
+/// Error with all its causes: MCAP's errors give the system's reason only as a cause.
 fn fail(path: &Path, error: impl std::error::Error) -> RecordingError {
     let mut reason = error.to_string();
     let mut cause = error.source();

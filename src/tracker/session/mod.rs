@@ -1,4 +1,4 @@
-//! Session with one tracker on a thread of its own: opens the port, runs the driver, time-stamps and decodes the bytes,
+//! Session with one tracker on a separate thread: opens the port, runs the driver, time-stamps and decodes the bytes,
 //! and recovers from hardware faults.
 
 use std::io;
@@ -27,13 +27,13 @@ use silence::SilenceWatch;
 /// First and longest pause before a port is reopened; it doubles in between.
 const RETRY: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(2)];
 
-/// A port that takes longer than this to accept a command is stuck.
+/// Time after which a port that does not accept a command counts as stuck.
 const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Longest wait for the last bytes to be sent at the end of a session.
 const STOP_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// Longest sleep of the loop, so that no time exceeds the clock's range.
+/// Longest sleep of the loop, to stay within the clock's range.
 const REST_LIMIT: Duration = Duration::from_secs(3600);
 
 /// Totals of a session.
@@ -43,7 +43,7 @@ pub struct SessionSummary {
     pub bytes: u64,
     /// Records passed to the listener.
     pub records: u64,
-    /// Pieces of the stream that are not records, and errors that the device reported.
+    /// Decode errors, and errors reported by the device.
     pub decode_errors: u64,
     /// Ignored records of other sensors.
     pub other_sensor: u64,
@@ -72,11 +72,11 @@ impl SessionHandle {
     }
 }
 
-/// Protocol and selected sensor of a tracker's bytes: the station's, or those of a recording. Without a sensor the first
-/// one received is taken.
+/// Protocol and selected sensor of a tracker's bytes: the station's, or those of a recording. `None` takes the first
+/// sensor received.
 ///
 /// # Errors
-/// An unreadable recording.
+/// The recording cannot be read.
 pub fn stream_of(settings: &Settings) -> Result<(Protocol, Option<u16>), TrackerError> {
     match &settings.transport {
         Transport::Recording { path, .. } => Ok(selection(settings, Some(RecordingReader::open(path)?.info()))),
@@ -97,7 +97,8 @@ fn selection(settings: &Settings, recording: Option<&RecordingInfo>) -> (Protoco
 /// A missing device is not an error: the session waits for it.
 ///
 /// # Errors
-/// A transport that can't carry the protocol or isn't built in; an unreadable recording; no thread available.
+/// The transport cannot carry the protocol or is not built in; a recording or tool description cannot be read; or no
+/// thread is available.
 pub fn spawn(
     settings: &Settings,
     listener: Box<dyn Listener>,
@@ -190,7 +191,7 @@ impl Session {
             if matches!(end, ConnectionEnd::Cancelled)
                 && let Some(bytes) = self.driver.stop()
             {
-                // A device that can't be stopped is no reason to stay.
+                // The session ends even if the device cannot be stopped.
                 let _ = timeout(STOP_TIMEOUT, self.port.send(&bytes)).await;
             }
             self.port.close();
@@ -258,20 +259,19 @@ impl Session {
     async fn listen(&mut self) -> io::Result<ConnectionEnd> {
         let mut piece = BytesMut::new();
         loop {
-            // A recording played at once never pauses where the token is polled.
+            // Playback without pauses never reaches a poll of the token.
             if self.cancel.is_cancelled() {
                 return Ok(ConnectionEnd::Cancelled);
             }
             self.send_pending().await?;
-            // A driver whose request timed out reports it even if no byte arrived.
+            // The driver reports a timed-out request even if no byte arrived.
             self.decode();
             let silent_at = self.silent_at();
             let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
             let wake_at = wake_at.min(self.now() + REST_LIMIT);
             piece.clear();
             tokio::select! {
-                // Received bytes take precedence over the clock: after a pause of the whole machine no device was
-                // silent.
+                // Received bytes take precedence over the clock: after a suspend, no device counts as silent.
                 biased;
                 received = self.port.receive(&mut piece) => match received? {
                     Received::Bytes { time_ns } => self.take(&piece, time_ns),
@@ -281,7 +281,7 @@ impl Session {
                 () = sleep_until(self.started + wake_at) => {}
             }
             let now = self.now();
-            // A record that has just arrived has moved the limit.
+            // Queried again: a record that just arrived has moved the deadline.
             if now >= self.silent_at() {
                 let for_ = self.silence.silent(now);
                 self.summary.silences += 1;
@@ -320,7 +320,7 @@ impl Session {
         }
     }
 
-    /// Passes on the records that the driver decodes from the bytes and the time so far.
+    /// Passes on the records that the driver decodes from the buffered bytes.
     fn decode(&mut self) {
         loop {
             let first_byte_ns = self.buffer.first_byte_ns();
@@ -371,7 +371,7 @@ impl Session {
         self.listener.event(now, &event);
     }
 
-    /// Present time on the driver's clock.
+    /// Current time on the driver's clock.
     fn now(&self) -> Duration {
         self.started.elapsed()
     }

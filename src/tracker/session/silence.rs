@@ -5,24 +5,24 @@ use std::time::Duration;
 /// Limit on the factor by which repeated restarts extend the silence limit: each restart may itself take long.
 const FACTOR_MAX: u32 = 8;
 
-/// Judges how long a device has been silent. All times are on the driver's clock.
+/// Measures the silence of a device. All times are on the driver's clock.
 pub(super) struct SilenceWatch {
     /// Whether silence of the device is normal.
     may_rest: bool,
     /// Time of the last record, or of opening the port.
     last_record: Duration,
-    /// Start of the silence being judged: `last_record`, or the last restart.
+    /// Start of the current silence: `last_record`, the last restart, or the last reported silence.
     from: Duration,
     /// Silence limit at the last check.
     last_limit: Duration,
-    /// Whether the device had its extra time for a first record after set-up.
+    /// Whether the device already had its extra time for a first record after set-up.
     had_grace: bool,
     /// Restarts since the last record.
     attempt: u32,
 }
 
 impl SilenceWatch {
-    /// Watch of a device that may be silent while nothing moves, if `may_rest`.
+    /// Watch of a device; if `may_rest`, it may be silent at rest.
     pub(super) fn new(may_rest: bool) -> Self {
         let zero = Duration::ZERO;
         Self { may_rest, last_record: zero, from: zero, last_limit: zero, had_grace: false, attempt: 0 }
@@ -33,12 +33,12 @@ impl SilenceWatch {
         self.attempt
     }
 
-    /// The port was opened.
+    /// Records that the port was opened.
     pub(super) fn opened(&mut self, now: Duration) {
         self.last_record = now;
     }
 
-    /// The device was restarted.
+    /// Records that the device was restarted.
     pub(super) fn restarted(&mut self, now: Duration) {
         self.from = now;
         // The previous start's limit does not apply to this one.
@@ -46,7 +46,7 @@ impl SilenceWatch {
         self.had_grace = false;
     }
 
-    /// A record or an error report of the device arrived.
+    /// Records that a record or an error report of the device arrived.
     pub(super) fn answered(&mut self, now: Duration) {
         (self.last_record, self.from) = (now, now);
         self.had_grace = false;
@@ -59,8 +59,8 @@ impl SilenceWatch {
             return Duration::MAX;
         }
         let limit = limit.saturating_mul(self.attempt.saturating_add(1).min(FACTOR_MAX));
-        // A device whose set-up took long still gets the whole shorter limit for its first record. Only once per start:
-        // a device that is set up repeatedly and never answers is silent.
+        // After a long set-up, the device still gets the full shorter limit for its first record. Only once per start:
+        // a device that is set up repeatedly and never answers counts as silent.
         if limit < self.last_limit && !self.had_grace {
             self.from = now;
             self.had_grace = true;
@@ -69,7 +69,7 @@ impl SilenceWatch {
         self.from.saturating_add(limit)
     }
 
-    /// Counts the silence, which is judged anew from `now` on; returns the time since the last record.
+    /// Counts a silence and restarts its measurement at `now`; returns the time since the last record.
     pub(super) fn silent(&mut self, now: Duration) -> Duration {
         self.attempt = self.attempt.saturating_add(1);
         self.from = now;

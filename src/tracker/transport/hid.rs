@@ -1,4 +1,4 @@
-//! HID transport. hidapi blocks, so it runs on a thread of its own; each report is one message.
+//! HID transport. hidapi blocks, so it runs on a separate thread; each report is one message.
 
 use std::io;
 use std::sync::Arc;
@@ -16,10 +16,10 @@ use crate::tracker::settings::PortName;
 /// Longest report, bytes: that of a full-speed interrupt endpoint.
 const REPORT_BYTES: usize = 64;
 
-/// Capacity of the report queue, half a second of reports. None is dropped: the thread waits.
+/// Capacity of the report queue, half a second of reports. If it is full, the thread waits.
 const QUEUE_CAPACITY: usize = 64;
 
-/// Interval at which the thread checks whether it should end, ms.
+/// Interval at which the thread checks the stop flag, ms.
 const POLL_MS: i32 = 50;
 
 /// A report and its arrival time.
@@ -55,7 +55,7 @@ impl HidPort {
         let thread = std::thread::Builder::new()
             .name("hid".to_owned())
             .spawn(move || read(device.as_ref(), opened, &sender, &flag))?;
-        // From here on, dropping `open` ends the thread, too.
+        // From here on, dropping `open` also ends the thread.
         let open = Open { reports, stop, thread: Some(thread) };
         let name = name.await.map_err(|_| io::Error::other("the thread that reads the HID device ended"))??;
         self.open = Some(open);
@@ -86,7 +86,7 @@ impl Drop for Open {
     }
 }
 
-/// Body of the thread: opens the device, then forwards each report until told to stop.
+/// Thread function: opens the device, then forwards each report until `stop` is set.
 fn read(
     device: Option<&PortName>,
     opened: oneshot::Sender<io::Result<String>>,
@@ -96,7 +96,7 @@ fn read(
     let (hid, name) = match devices::open_hid(device) {
         Ok(found) => found,
         Err(error) => {
-            // Nobody is left to receive the error.
+            // If the receiver is gone, the error is not needed.
             let _ = opened.send(Err(error));
             return;
         }

@@ -8,7 +8,7 @@ use tokio::time::{Instant, sleep_until};
 use super::Received;
 use crate::tracker::mock::{Board, Settings, Tick};
 
-/// Port of a simulated board, which ticks whether the port is open or not.
+/// Port of a simulated board, which also ticks while the port is closed.
 pub(in crate::tracker) struct MockPort {
     board: Board,
     /// Time of the first opening.

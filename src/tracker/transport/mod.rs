@@ -1,4 +1,4 @@
-//! Transports that deliver a tracker's bytes: one file each.
+//! Transports of a tracker's bytes.
 
 use std::io;
 
@@ -20,7 +20,7 @@ mod serial;
 mod tcp;
 mod udp;
 
-/// Most bytes read at once.
+/// Largest number of bytes per read.
 const PIECE: usize = 4096;
 
 /// Outcome of a read.
@@ -28,7 +28,7 @@ const PIECE: usize = 4096;
 pub(super) enum Received {
     /// Bytes were appended.
     Bytes {
-        /// Arrival of the first byte, ns since 1970 (UTC); `None` for the present.
+        /// Arrival of the first byte, ns since 1970 (UTC); `None` for the current time.
         time_ns: Option<u64>,
     },
     /// The stream starts over.
@@ -195,7 +195,7 @@ async fn send_to(stream: &mut Option<impl AsyncWrite + Unpin>, bytes: &[u8]) -> 
     stream.as_mut().ok_or_else(not_open)?.write_all(bytes).await
 }
 
-/// Error of a port that isn't open, which the session rules out.
+/// Error of a port that isn't open; the session opens ports before use.
 fn not_open() -> io::Error {
     io::Error::new(io::ErrorKind::NotConnected, "the port is not open")
 }

@@ -1,4 +1,4 @@
-//! Port of a device that a test simulates in the same runtime, under the test's clock.
+//! Port to a device simulated by a test in the same runtime, with the test's clock.
 
 use std::io;
 
@@ -7,10 +7,10 @@ use tokio::io::DuplexStream;
 
 use super::{Received, receive_from, send_to};
 
-/// Connects the simulated device.
+/// Function that connects the simulated device.
 pub(in crate::tracker) type Plug = Box<dyn FnMut() -> io::Result<DuplexStream> + Send>;
 
-/// A port that is opened by a function.
+/// A port opened by a function.
 pub(in crate::tracker) struct PipePort {
     plug: Plug,
     stream: Option<DuplexStream>,

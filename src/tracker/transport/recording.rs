@@ -18,7 +18,7 @@ pub(in crate::tracker) struct RecordingPort {
     speed: Speed,
     repeat: bool,
     reader: RecordingReader<BufReader<File>>,
-    /// Present time and recorded time, ns, at the start of this pass; `None` before its first message.
+    /// Current time and recorded time, ns, at the start of this pass; `None` before its first message.
     began: Option<(Instant, u64)>,
     /// Time and bytes of the next message.
     next: Option<(u64, Vec<u8>)>,
@@ -50,7 +50,7 @@ impl RecordingPort {
             Speed::Factor(factor) => {
                 let (start, first_ns) = *self.began.get_or_insert_with(|| (Instant::now(), time_ns));
                 let seconds = time_ns.saturating_sub(first_ns) as f64 * 1e-9 / factor;
-                // A recording with an absurd time waits forever instead of panicking.
+                // For an implausibly late time, wait forever instead of panicking.
                 let wait = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
                 match start.checked_add(wait) {
                     Some(at) => sleep_until(at).await,
@@ -87,7 +87,7 @@ impl RecordingPort {
         if self.reader.damage().damaged > 0 {
             tracing::warn!("{}: {} damaged parts left out", self.path.display(), self.reader.damage().damaged);
         }
-        // A recording without messages would repeat endlessly without pausing.
+        // A recording without messages would repeat in a busy loop.
         if !self.repeat || !std::mem::take(&mut self.played) {
             return Ok(Received::Ended);
         }

@@ -11,7 +11,7 @@ use crate::tracker::devices;
 use crate::tracker::driver::Line;
 use crate::tracker::settings::PortName;
 
-/// Longer than the longest character at the lowest speed.
+/// Duration of a break: longer than a character at the lowest speed.
 const BREAK: Duration = Duration::from_millis(250);
 
 /// A serial port, 8N1 without flow control.

@@ -28,7 +28,7 @@ impl UdpPort {
         Ok(format!("UDP {address}"))
     }
 
-    /// One datagram.
+    /// Receives one datagram.
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
         let socket = self.socket.as_ref().ok_or_else(not_open)?;
         socket.recv_buf(piece).await?;

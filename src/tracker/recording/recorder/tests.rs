@@ -23,7 +23,7 @@ struct Disk {
 
 impl Disk {
     fn take(&mut self, seen: Seen) -> Result<(), RecordingError> {
-        // A dropped gate is open.
+        // A dropped gate accepts everything.
         if self.gate.recv() == Ok(false) {
             return Err(RecordingError::Write { path: "disk".into(), reason: "it is full".into() });
         }
@@ -130,7 +130,7 @@ fn a_source_that_can_wait_loses_nothing_to_a_small_queue_and_is_not_blocked_fore
         assert_eq!(look.recv(), Ok(Seen::Raw(i, i.to_le_bytes().to_vec())));
     }
     let handle = writer.join().unwrap();
-    // From here on the disk accepts nothing.
+    // The disk accepts nothing from here on.
     (0..50).for_each(|i| handle.raw_within(i, b"x", Duration::from_millis(1)));
     assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { messages: 3, .. }));
     drop(open);

@@ -11,7 +11,7 @@ use crate::tracker::transport::pipe::PipePort;
 mod polhemus;
 use polhemus::{Kind, Polhemus};
 
-/// Port to a simulated device: `play` plays its side of one connection.
+/// Port to a simulated device; `play` runs the device's side of one connection.
 fn pipe<F: Future<Output = ()> + Send + 'static>(mut play: impl FnMut(DuplexStream) -> F + Send + 'static) -> Port {
     Port::Pipe(PipePort::new(Box::new(move || {
         let (host, far) = tokio::io::duplex(4096);
@@ -23,7 +23,7 @@ fn pipe<F: Future<Output = ()> + Send + 'static>(mut play: impl FnMut(DuplexStre
 /// A device behind a pipe.
 type Device = Arc<Mutex<Polhemus>>;
 
-/// Plays the device's side of one connection, until the host disconnects.
+/// Runs the device's side of one connection until the host disconnects.
 async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
     let mut input = [0; 256];
     loop {
@@ -38,7 +38,7 @@ async fn play(device: Device, mut stream: DuplexStream, epoch: Instant) {
         loop {
             let record = device.lock().unwrap().next_record(epoch.elapsed());
             let Some(record) = record else { break };
-            // The host has disconnected; its earlier bytes are still to be read.
+            // The host has disconnected; its earlier bytes must still be read.
             if stream.write_all(&record).await.is_err() {
                 break;
             }
@@ -65,7 +65,7 @@ const POLHEMUS: [(Kind, Protocol); 3] = [
 async fn a_polhemus_device_is_set_up_and_streams_millimetres() {
     for (kind, protocol) in POLHEMUS {
         let device = Device::new(Mutex::new(Polhemus::new(kind)));
-        // An earlier program left it streaming something else.
+        // An earlier program left it streaming in another format.
         device.lock().unwrap().state.streaming = true;
         let (session, calls, cancel) = piped(&device, protocol, Duration::from_secs(20));
         run_for(session, cancel, Duration::from_secs(3)).await;
@@ -102,7 +102,7 @@ async fn a_hung_device_is_restarted_with_growing_force_until_its_reset() {
 async fn commands_during_a_reset_are_lost() {
     let device = Device::new(Mutex::new(Polhemus::new(Kind::Liberty)));
     device.lock().unwrap().hung = true;
-    // Less than the 15 s that the reset takes.
+    // Less than the 15 s of a reset.
     let (session, calls, cancel) = piped(&device, Protocol::Liberty, Duration::from_secs(5));
     run_for(session, cancel, Duration::from_secs(20)).await;
     assert!(device.lock().unwrap().lost > 0 && calls.lock().unwrap().records.is_empty());
@@ -190,6 +190,6 @@ async fn a_device_that_is_set_up_and_never_answers_is_silent() {
         std::future::pending::<()>().await;
     });
     run_for(session, cancel, Duration::from_millis(21_200)).await;
-    // First asked at 3 s: silent when asked again at 8 s, and with twice the limit 13 s after that.
+    // First request at 3 s. Silent at the next request at 8 s, and with twice the limit 13 s later.
     assert_eq!(names(&calls.lock().unwrap()), ["connected", "silent", "silent", "disconnected"]);
 }

@@ -1,4 +1,4 @@
-//! Sessions in simulated time: with the mock here, with recordings and simulated devices in the files below.
+//! Sessions in simulated time: here with the mock; with recordings and simulated devices in the submodules.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::tracker::{Protocol, Speed, mock};
 mod devices;
 mod recordings;
 
-/// Calls that a listener received.
+/// Calls received by a listener.
 #[derive(Debug, Default)]
 struct Calls {
     bytes: Vec<(u64, Vec<u8>)>,

@@ -10,7 +10,7 @@ fn line(n: u32) -> String {
     ascii_line::encode(n, u64::from(n) * 20_000, &pose)
 }
 
-/// A recording of 50 lines a second, each split in two.
+/// A recording of 50 lines per second, each split in two.
 fn recording(lines: u32) -> (tempfile::TempDir, Settings) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
