@@ -15,7 +15,7 @@ use crate::sink::error::check_shape;
 use crate::transducer::Sector;
 
 const MARGIN: u32 = 14;
-/// Left of an image: the bar that says what a level means.
+/// Left of an image: the scale of its levels.
 const BAR_GUTTER: u32 = 44;
 /// Right of an image: the depth scale.
 const SCALE_GUTTER: u32 = 40;
@@ -144,7 +144,7 @@ impl ContactSheet<'_> {
         canvas
     }
 
-    /// Ticks at every cm below the face's centre, longer ones with numbers at every five.
+    /// Ticks at every cm below the face's centre; numbered ticks are longer.
     fn draw_depth_scale(&self, canvas: &mut Canvas, x: u32, y: u32) {
         let shrink = f64::from(self.panel_width) / f64::from(self.sector.width.max(1));
         let row = |cm: u32| {
