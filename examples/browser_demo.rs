@@ -146,7 +146,7 @@ impl Demo {
         Ok(Self { station, renderer, live, frame, shown, started })
     }
 
-    /// Applies a control. Returns whether the renderer must be configured anew.
+    /// Applies a control. Returns whether the renderer must be reconfigured.
     fn follow(&mut self, control: &Control) -> bool {
         let before = self.live;
         if let Control::Set(assignments) = control {

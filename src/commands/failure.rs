@@ -119,7 +119,7 @@ classified! {
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
-    // These faults lie in the model; the others are for the caller to fix.
+    // A failed run is a fault of the model or the machine; the caller can fix the others.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }

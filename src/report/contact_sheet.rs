@@ -276,7 +276,7 @@ mod tests {
         sheet.write(&path).unwrap();
         let image = image::open(&path).unwrap().into_rgb8();
         let (cell, top) = (BAR_GUTTER + 300 + SCALE_GUTTER, 2 * MARGIN + Text::Large.height() + CAPTION_HEIGHT);
-        // The middle column of each panel at a third of its height lies at 36 mm, in blood.
+        // The middle column of each panel at a third of its height is at 36 mm, in blood.
         let at = |panel: u32, y: u32| image.get_pixel(MARGIN + panel * cell + BAR_GUTTER + 150, top + y).0;
         assert_eq!(at(1, 72), colour::tissue("blood"));
         assert_eq!(at(1, 200), colour::tissue("liver"));

@@ -10,13 +10,13 @@ use crate::statistics::{nearest_rank, sorted};
 /// Stage of the frame time outside the passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
 
-/// Stage that holds whole frames.
+/// Stage of whole frames.
 pub const WHOLE_FRAME: &str = "whole frame";
 
 /// Times of many frames. Frames of one table have the same passes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TimeTable {
-    /// Stages in the order in which they first came, each with its times in ms.
+    /// Stages in order of first appearance, each with its times, ms.
     stages: Vec<(&'static str, Vec<f64>)>,
     whole_ms: Vec<f64>,
 }

@@ -38,7 +38,7 @@ pub struct FrameTimeline {
     pub sampled: Duration,
     /// The render was submitted.
     pub submitted: Duration,
-    /// The rendered frame lay in memory.
+    /// The rendered frame was in memory.
     pub rendered: Duration,
     /// Start and end of the generator's run; none if none ran on this frame.
     pub inference: Option<(Duration, Duration)>,

@@ -35,7 +35,7 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
     let (clock_of, told_of, mut run) = (clock.clone(), told.clone(), 0);
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
         run += 1;
-        // Run 40 comes back long after it was told to end, run 60 never does.
+        // Run 40 returns long after its termination, run 60 never does.
         let time = match run {
             40 => 5 * SECOND,
             60 => NEVER,

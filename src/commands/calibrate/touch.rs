@@ -237,7 +237,7 @@ mod tests {
             (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
         );
         assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
-        // One that moves is asked for again.
+        // A landmark with a moving tip is requested again.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
         assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));
     }

@@ -180,7 +180,7 @@ pub(super) fn generate(
     Ok(generator.run(&input, image)?)
 }
 
-/// The tuples of the split, as many as asked for, spread evenly.
+/// Tuples of the split, at most `--limit`, spread evenly.
 fn chosen<'a>(args: &Args, dataset: &'a Dataset) -> Result<Vec<&'a TupleRow>, anyhow::Error> {
     let header = &dataset.header;
     ensure!(

@@ -54,7 +54,7 @@ pub(crate) struct Costs {
 }
 
 impl Costs {
-    /// Cost of `effect`; none if the effect only changes a number in a table.
+    /// Cost of `effect`; `None` if it only changes numbers in tables.
     pub(crate) fn of(&self, effect: Effect) -> Option<&Cost> {
         self.costs.iter().find(|cost| cost.effect == effect)
     }

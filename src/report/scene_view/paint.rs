@@ -34,7 +34,7 @@ pub struct PictureSettings {
 pub struct SceneView {
     scenery: Scenery,
     tissue_names: Vec<String>,
-    /// Corners of the bounds of what is shown, mm.
+    /// Corners of the bounds of everything shown, mm.
     corners_mm: Vec<DVec3>,
     /// Corners of the probe's housing and points of its fan's outline, mm; empty without a probe.
     probe_mm: Vec<DVec3>,
@@ -262,7 +262,7 @@ mod tests {
             let amber = |(across, depth): (f64, f64)| {
                 let point = fan.scene_from_probe.transform_point(DVec3::new(across, 0.0, depth));
                 let (with, without) = (pixel(&there, point), pixel(&without, point));
-                // Amber is redder than what it lies on.
+                // Amber is redder than its background.
                 (with[0] - with[2]) - (without[0] - without[2])
             };
             // Framing differs, but the block fills both pictures with one colour.

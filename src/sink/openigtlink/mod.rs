@@ -70,7 +70,7 @@ settings! {
     }
 }
 
-/// The server, on a thread of its own.
+/// The server, on its own thread.
 pub struct OpenIgtLink {
     settings: Settings,
     probe: Probe,

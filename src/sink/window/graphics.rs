@@ -26,7 +26,7 @@ struct Uniforms {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     pub(super) picture: Placement,
-    /// Below 1 where the picture can't be trusted.
+    /// Brightness of the picture; below 1 if it can't be trusted.
     pub(super) brightness: f32,
     pub(super) marks_scale: u32,
 }
