@@ -96,7 +96,7 @@ fn present(
         if changed {
             demo.rebuild()?;
         }
-        // A frozen picture is shown once more, marked as frozen, and then stands.
+        // A frozen picture is presented once more, marked as frozen, and then no more.
         let frozen = demo.shown.info.settings.frozen;
         if frozen && demo.live.frozen {
             std::thread::sleep(Duration::from_millis(20));
@@ -146,7 +146,7 @@ impl Demo {
         Ok(Self { station, renderer, live, frame, shown, started })
     }
 
-    /// Applies a control. Returns whether the renderer must be configured anew.
+    /// Applies a control. Returns whether the renderer must be reconfigured.
     fn follow(&mut self, control: &Control) -> bool {
         let before = self.live;
         if let Control::Set(assignments) = control {

@@ -1,7 +1,7 @@
 //! Stress test: the rays of a million random frames through the real passes, without any non-finite value.
 //!
 //! `make hard ARGS="--frames N --seconds S --state FILE --station STATION"`. A frame counts as 256 rays. Each chunk is
-//! a random scene (or the station's) seen from 24 random poses with 32 rays a scanline; every word that the device
+//! a random scene (or the station's) seen from 24 random poses with 32 rays per scanline. Every word that the device
 //! wrote for the frame is checked by its bits. Chunks are numbered and depend only on their number: the state file
 //! records the progress of earlier runs, and the next run continues there. Exits with 1 at the first non-finite word,
 //! and names its chunk and pose.

@@ -1,4 +1,4 @@
-//! Frames of shipped scenes against committed SHA-256 sums: a change that is not meant to alter pictures alters no bit.
+//! Frames of shipped scenes against committed SHA-256 sums: a change that is not meant to alter images alters no bit.
 //!
 //! `INSONIFY_WRITE_SUMS=1 cargo test --release --test frames` rewrites the sums after a change that is meant to.
 
@@ -87,7 +87,7 @@ fn station_and_scene(name: &str) -> (Station, Scene) {
     (station, scene)
 }
 
-/// Sum of all of a frame except its times.
+/// Sum of everything in a frame except its times.
 fn sum(frame: &Frame) -> String {
     let mut sha = Sha256::new();
     sha.update(frame.width.to_le_bytes());

@@ -1,17 +1,18 @@
-//! Order of the modules: each knows only those below it, and files of a folder do not import each other in a circle.
+//! Order of the modules: each imports only modules below it, and files of a folder do not import each other in a
+//! circle.
 //!
 //! The source text is read, not compiled: `use` trees and inline paths that begin with `crate`, `super`, `self` or the name
 //! of a submodule. A name that a module re-exports counts for the file that it comes from. Code under `#[cfg(test)]` is
-//! left out. A folder's `mod.rs` stands for no file: it holds the folder's list of modules and what all of them share.
+//! skipped. A folder's `mod.rs` is exempt: it holds the folder's list of modules and their shared items.
 
-// clippy.toml allows these in test functions only, not in what they share.
+// clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// Modules from the highest to the lowest. Those of one line do not know each other.
+/// Modules from the highest to the lowest. Those of one line do not import each other.
 const ORDER: [&[&str]; 16] = [
     &["station"],
     &["pipeline"],
@@ -69,7 +70,7 @@ impl House {
         module
     }
 
-    /// Pairs (who, whom) of modules of which the first names the second, without what lies in `tests`.
+    /// Pairs (who, whom) of modules of which the first names the second, without modules of `tests`.
     fn edges(&self) -> impl Iterator<Item = (&Module, Module)> {
         let code = self.named.iter().filter(|(module, _)| !module.iter().any(|m| m.contains("tests")));
         code.flat_map(move |(module, paths)| paths.iter().map(move |path| (module, self.holder(path, 0))))
@@ -132,7 +133,7 @@ fn way_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<V
     None
 }
 
-/// What one file names.
+/// Paths that one file names.
 #[derive(Default)]
 struct File {
     named: BTreeSet<Module>,

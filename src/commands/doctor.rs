@@ -1,4 +1,4 @@
-//! `insonify doctor`: what is wrong with a scene, and what to do about it.
+//! `insonify doctor`: finds faults of a scene and names their remedies.
 
 use std::path::PathBuf;
 
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let tissues = station.as_ref().map_or(&builtin, |station| &station.tissues);
     let own = tissues.names().iter().filter(|name| builtin.index_of(name).is_none());
-    // The background is used, though no surface is made of it.
+    // The background counts as used, although no surface has it.
     let own_tissues: Vec<String> =
         own.filter(|name| station.as_ref().is_none_or(|s| s.background != **name)).cloned().collect();
     let start = station.as_ref().and_then(|s| s.default_pose.map(|pose| (pose, s.probe.depth_mm)));

@@ -1,4 +1,4 @@
-//! `insonify export`: a recording becomes a tracked sequence for other programs.
+//! `insonify export`: renders a recording into a tracked sequence for other programs.
 
 use std::path::PathBuf;
 

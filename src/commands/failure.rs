@@ -30,17 +30,17 @@ pub(crate) enum Failure {
     Other(anyhow::Error),
     /// The reader of the output has closed it (`insonify … | head`); not an error.
     OutputClosed,
-    /// Ended by Ctrl-C, with more to do: exit code 130.
+    /// Interrupted by Ctrl-C before the end: exit code 130.
     Interrupted,
 }
 
-/// Sorts errors without a type of their own here into those of the input and others.
+/// Marks errors as wrong input or as other failures, where no `From` conversion does.
 pub(crate) trait Classify<T> {
-    /// An error of what was asked for.
+    /// Marks an error as wrong input.
     fn input(self) -> Result<T, Failure>;
-    /// As [`Classify::input`], of the content of the file at `path`.
+    /// As [`Classify::input`], with `path` as context.
     fn input_of(self, path: &Path) -> Result<T, Failure>;
-    /// Any other error.
+    /// Marks an error as any other failure.
     fn other(self) -> Result<T, Failure>;
 }
 
@@ -62,7 +62,7 @@ impl<T, E: Into<anyhow::Error>> Classify<T> for Result<T, E> {
 }
 
 impl Failure {
-    /// Prints one paragraph to stderr and gives the exit code.
+    /// Prints one paragraph to stderr and returns the exit code.
     pub(crate) fn report(self) -> ExitCode {
         let (error, code) = match self {
             Self::Input(error) => (error, 2),
@@ -75,7 +75,7 @@ impl Failure {
     }
 }
 
-/// An error and its causes in one paragraph; a cause that the message before it already tells is left out.
+/// An error and its causes in one paragraph, without causes that the text already contains.
 fn paragraph(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for message in error.chain().map(ToString::to_string) {
@@ -88,7 +88,7 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-/// Class of each error, one enum a line; `as` names a case that wraps an error of another line.
+/// Class of each error, one enum per line. `as` names a variant that wraps an error of another line.
 macro_rules! classified {
     ($($error:ident $(as $wrapped:ident)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
@@ -103,7 +103,7 @@ macro_rules! classified {
 }
 
 classified! {
-    // What the caller can mend: install a driver, ask for less.
+    // The caller can fix these: install a driver, request less.
     BackendError {
         BackendError::NoAdapter { .. }
         | BackendError::NoDevice { .. }
@@ -119,7 +119,7 @@ classified! {
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
-    // A model that gives no image is a model to mend or replace.
+    // A failed run is a fault of the model or the machine; the caller can fix the others.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }

@@ -1,4 +1,4 @@
-//! A frame as `insonify render` writes it, read again.
+//! Reads frames that `insonify render` wrote.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub(crate) struct FrameDir {
 }
 
 impl FrameDir {
-    /// Reads mask.png, and bmode.png, segmentation.png with tissues.json and attenuation.npy if they are there.
+    /// Reads mask.png and, if present, bmode.png, attenuation.npy, and segmentation.png with tissues.json.
     pub(crate) fn read(directory: &Path) -> Result<Self> {
         let (mask, [width, height]) = grey(&directory.join("mask.png"))?;
         let optional = |name: &str| -> Result<Option<Vec<u8>>> {
@@ -40,7 +40,7 @@ impl FrameDir {
         Ok(Self { directory: directory.to_owned(), width, height, tissues, image, mask, segmentation, attenuation })
     }
 
-    /// The maps for a generator of that manifest.
+    /// Inputs of a generator with `manifest`; an error if one that it takes is missing.
     pub(crate) fn input(&self, manifest: &Manifest) -> Result<Input<'_>> {
         for (channel, there, file) in [
             (Channel::Image, self.image.is_some(), "bmode.png"),

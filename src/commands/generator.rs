@@ -1,4 +1,4 @@
-//! `insonify generator`: a model, checked, timed and applied.
+//! `insonify generator`: checks, times and applies a model.
 
 use std::path::PathBuf;
 
@@ -72,7 +72,7 @@ fn threads(text: &str) -> Result<u32, String> {
 }
 
 impl RuntimeArgs {
-    /// Options of a generator for tissues of those names, from number 1.
+    /// Options of a generator; `tissues` are names from number 1.
     pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
         LoadOptions { provider: self.provider, threads: self.threads, tissues }
     }

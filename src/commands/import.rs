@@ -1,4 +1,4 @@
-//! `insonify import`: tracked sequences of other programs become recordings.
+//! `insonify import`: converts tracked sequences of other programs into recordings.
 
 use std::fs::File;
 use std::io::BufReader;

@@ -13,12 +13,12 @@ use insonify::tracker::recording::RecordingSummary;
 
 use super::{Classify, Failure};
 
-/// Reads the file at `path`; an error calls it `what`.
+/// Reads the file at `path`; `what` names it in errors.
 pub(crate) fn bytes(path: &Path, what: &str) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).with_context(|| cannot_read(path, what)).input()
 }
 
-/// Whether the file at `path` starts with `magic`; an error calls it `what`.
+/// Whether the file at `path` starts with `magic`; `what` names it in errors.
 pub(crate) fn starts_with(path: &Path, magic: &[u8], what: &str) -> Result<bool, Failure> {
     let mut head = Vec::with_capacity(magic.len());
     let read = File::open(path).and_then(|file| file.take(magic.len() as u64).read_to_end(&mut head));
@@ -26,7 +26,7 @@ pub(crate) fn starts_with(path: &Path, magic: &[u8], what: &str) -> Result<bool,
     Ok(head == magic)
 }
 
-/// Reads the text of the file at `path`; an error calls it `what`.
+/// Reads the text of the file at `path`; `what` names it in errors.
 pub(crate) fn text(path: &Path, what: &str) -> Result<String, Failure> {
     std::fs::read_to_string(path).with_context(|| cannot_read(path, what)).input()
 }
@@ -36,7 +36,7 @@ fn cannot_read(path: &Path, what: &str) -> String {
     format!("cannot read {what}{space}{}", path.display())
 }
 
-/// The station's pose, unless another is given.
+/// `given`, else the station's pose; an error suggests `others`.
 pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Result<Pose, Failure> {
     given.or(station.default_pose).ok_or_else(|| {
         let station = station.path.display();
@@ -44,14 +44,14 @@ pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Resu
     })
 }
 
-/// Warns of what is missing in the recording at `path`.
+/// Warns if the recording at `path` is damaged or incomplete.
 pub(crate) fn warn_of_damage(path: &Path, summary: &RecordingSummary) {
     if !summary.is_clean() {
         tracing::warn!("{}: {summary}", path.display());
     }
 }
 
-/// Whether `path` is a station file: else it is a scene.
+/// Whether `path` is a station file; otherwise it is a scene.
 pub(crate) fn is_station(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
 }

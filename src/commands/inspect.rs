@@ -1,4 +1,4 @@
-//! `insonify inspect`: what is in a recording.
+//! `insonify inspect`: contents of a recording.
 
 use std::path::PathBuf;
 

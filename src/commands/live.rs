@@ -12,8 +12,8 @@ use insonify::station::Station;
 use super::status_line::StatusLine;
 use super::{Classify, Failure, quality};
 
-/// The station's generators; none where there are none, where ONNX Runtime is missing, or where every model is refused:
-/// the station goes on with what it renders, and says so.
+/// The station's generators; `None` without models, without ONNX Runtime, or if every model is refused. Failures are
+/// logged as warnings, and the session shows rendered images.
 pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Option<Box<dyn Enhancer>>, Failure> {
     if !station.generator.enabled || station.generator.models.is_empty() {
         return Ok(None);
@@ -27,7 +27,7 @@ pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Opti
         }
     };
     for refused in &loaded.refused {
-        // A provider that was asked for and isn't there is an error, never a silent fallback.
+        // A requested provider that is unavailable is an error, never a silent fallback.
         if let GeneratorError::Provider { .. } = refused.error {
             return Err(Failure::Input(anyhow!("{}: {}", refused.path.display(), refused.error)));
         }
@@ -37,7 +37,7 @@ pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Opti
     Ok(TieredEnhancer::new(loaded, clock.clone()).map(|enhancer| Box::new(enhancer) as Box<dyn Enhancer>))
 }
 
-/// Says of each generator how long it takes, and what it is where it was not trained.
+/// Prints the time of each generator, and marks fixed filters.
 fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
     for (tier, generator) in loaded.tiers.report().iter().zip(&loaded.generators) {
         let p50_ms = tier.p50.map_or(0.0, |t| t.as_secs_f64() * 1e3);
@@ -54,15 +54,15 @@ fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
     }
 }
 
-/// Chooses the quality of a station with a budget at `pose` or where the station begins, says which, and returns what
-/// keeps it; none without a budget.
+/// Chooses and prints the quality that fits the station's budget at `pose`, else at the station's pose. Returns the
+/// budget for the session to keep; `None` without one.
 pub(crate) fn choose_quality(
     renderer: &mut Renderer,
     station: &mut Station,
     pose: Option<Pose>,
 ) -> Result<Option<QualityBudget>, Failure> {
     let Some(budget_ms) = station.quality_budget_ms else { return Ok(None) };
-    // Where a tracker will put the probe is not known yet: the session corrects what this gets wrong.
+    // The tracked pose is not known yet; the session later corrects a wrong choice.
     let pose = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
     let climbed = renderer.choose_quality(&station.probe, &station.settings, &[pose], budget_ms)?;
     quality::say_chosen(&climbed);
@@ -70,7 +70,7 @@ pub(crate) fn choose_quality(
     Ok(Some(QualityBudget::new(&climbed)))
 }
 
-/// Runs a session and shows how it goes; `each` gets every status, too.
+/// Runs a session and prints its status; `each` also receives every status.
 pub(crate) fn run(
     station: &Station,
     limits: Limits,
@@ -78,7 +78,7 @@ pub(crate) fn run(
     mut each: impl FnMut(&Status),
 ) -> Result<Summary, Failure> {
     let mut settings = station.pipeline;
-    // A run that is far over its budget is ended there, not only where it hangs.
+    // Ends a generator's run that is far over its budget, not only one that hangs.
     settings.hang_ms = settings.hang_ms.min(station.generator.budget().stop_after.as_secs_f64() * 1e3);
     let mut line = StatusLine::new();
     let summary = Pipeline::run(&settings, limits, parts, |now| {
@@ -103,7 +103,7 @@ fn status(status: &Status) -> String {
     )
 }
 
-/// Names what of the tracker's measurements was not used.
+/// Prints the counts of tracker measurements that were not used.
 pub(crate) fn say_left_out(counters: &Counters) {
     let named = counters.named().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
     let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();

@@ -14,13 +14,13 @@ use tokio::sync::mpsc;
 
 use super::Failure;
 
-/// The sinks of a session, with what watchers say through them.
+/// Sinks of a session, and the controls that viewers send through them.
 pub(crate) struct LiveSinks {
     pub(crate) sinks: Vec<Box<dyn LiveSink>>,
     /// Log of all presented frames.
     pub(crate) log: Option<FrameLog>,
     pub(crate) controls: mpsc::Receiver<Control>,
-    /// Kept, so that the channel stays open where no sink takes input.
+    /// Keeps the channel open if no sink takes input.
     pub(crate) control: mpsc::Sender<Control>,
     #[cfg(feature = "window")]
     pub(crate) window: Option<insonify::sink::window::WindowSlot>,
@@ -40,7 +40,7 @@ pub(crate) fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKi
     kinds
 }
 
-/// Opens the sinks; those of files write below `out`.
+/// Opens the sinks; file sinks write below `out`.
 pub(crate) fn open(
     asked: &[LiveSinkKind],
     station: &Station,

@@ -1,4 +1,4 @@
-//! One file a subcommand, each a few calls into the library.
+//! One file per subcommand, each a few calls into the library.
 
 mod backend;
 mod calibrate;

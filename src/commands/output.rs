@@ -34,12 +34,12 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// A whole number with its thousands apart.
+/// A whole number with thousands separators.
 pub(crate) fn thousands(n: usize) -> String {
     if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }
 }
 
-/// A number of things, as `1 error` or `3 errors`.
+/// A count with its noun, as `1 error` or `3 errors`.
 pub(crate) fn counted(n: usize, name: &str) -> String {
     format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
 }

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 /// Speed of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Speed {
-    /// As fast as it can.
+    /// As fast as possible.
     Max,
-    /// Recorded seconds a second.
+    /// Recorded seconds per second.
     Factor(f64),
 }
 
@@ -27,16 +27,16 @@ impl FromStr for Speed {
     }
 }
 
-/// Holds frames back until they are due. A late frame is not made up for by leaving others out.
+/// Delays frames until they are due. Late frames do not cause others to be dropped.
 pub(crate) struct Pace {
-    /// From frame to frame; none without a wait.
+    /// Frame interval; `None` at full speed.
     interval: Option<Duration>,
     started: Option<Instant>,
     behind: Duration,
 }
 
 impl Pace {
-    /// Frames at `fps` a recorded second.
+    /// Paces `fps` frames per recorded second.
     pub(crate) fn new(speed: Speed, fps: f64) -> Self {
         let interval = match speed {
             Speed::Max => None,
@@ -55,12 +55,12 @@ impl Pace {
         }
     }
 
-    /// Due time of a frame, since the first.
+    /// Due time of a frame after the first one.
     fn due(&self, frame: usize) -> Option<Duration> {
         self.interval.map(|interval| interval.mul_f64(frame as f64))
     }
 
-    /// Greatest delay of a frame, s; none without a wait.
+    /// Greatest delay of a frame, s; `None` at full speed.
     pub(crate) fn behind_s(&self) -> Option<f64> {
         self.interval.map(|_| self.behind.as_secs_f64())
     }

@@ -11,13 +11,13 @@ const PRESS_MM: f64 = 2.5;
 
 /// Standard planes of a scene, and its skin.
 pub(crate) struct PlaneScene {
-    /// With the poses of probes on the skin.
+    /// Including probe poses on the skin.
     pub(crate) planes: StandardPlanes,
     pub(crate) skin: Skin,
 }
 
 impl PlaneScene {
-    /// Reads planes and, where it has a file, the scene; the phantom needs no mesh for that.
+    /// Reads the planes, and the scene if it is a file. The phantom's skin needs no mesh.
     pub(crate) fn open(station: &Station) -> Result<Self, Failure> {
         match &station.scene {
             SceneSource::File(path) => Self::of(station, &station.load_scene_from(path)?),

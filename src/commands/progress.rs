@@ -1,4 +1,4 @@
-//! Progress of what takes over a second, on stderr: a bar on a terminal, else a line now and then.
+//! Progress of long tasks on stderr: a bar on a terminal, otherwise a line every 5 s.
 
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 
 use super::{output, terminal};
 
-/// Time between two lines where there is no terminal.
+/// Time between two lines without a terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Progress of one task; several threads may report it.
@@ -20,7 +20,7 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    /// A task of `total` steps; 0 if that is not known yet.
+    /// A task of `total` steps; 0 if unknown.
     pub(crate) fn new(label: &'static str, total: usize) -> Self {
         let bar = ProgressBar::new(total as u64).with_message(label);
         let bar = terminal::show(bar, "{msg:12} {wide_bar:.cyan/blue} {pos}/{len} {elapsed} (left: {eta})");

@@ -1,4 +1,4 @@
-//! `insonify qa`: the QA phantom imaged and measured.
+//! `insonify qa`: images and measures the QA phantom.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -57,7 +57,7 @@ impl FromStr for RaysLayers {
     }
 }
 
-/// Says which quality a budget chose, and what the next one takes.
+/// Prints the quality that a budget chose, and the time of the next one.
 pub(crate) fn say_chosen(climbed: &Climbed) {
     let (point, budget_ms) = (climbed.point(), climbed.budget_ms);
     let Some(ms) = climbed.chosen_ms() else {

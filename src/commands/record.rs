@@ -1,4 +1,4 @@
-//! `insonify record`: a tracker's bytes become a recording.
+//! `insonify record`: records a tracker's bytes.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -27,13 +27,13 @@ use super::{Classify, Failure, input, output, recorder, terminal};
 /// Period of the recording's status checks.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// Longest wait of an unwatched stream for a slow disk.
+/// Longest time that stdin or a played recording waits for a slow disk.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Longest piece that is read from stdin at once, bytes.
+/// Most bytes read from stdin at once.
 const PIECE: usize = 4096;
 
-/// Events of the tracker that are told at one look.
+/// Most tracker events printed per status check.
 const TOLD: usize = 4;
 
 /// Record a tracker's bytes as they come, until Ctrl-C, or the duration or the stream is over.
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => {
             let Settings { protocol: own, device, .. } = &station.tracker;
             let protocol = args.tracker.protocol.unwrap_or(*own);
-            // Sensors of another protocol are other sensors; nobody asks a pipe for its first.
+            // The station's sensor number holds only for its own protocol.
             (protocol, args.tracker.sensor.or(device.sensor.filter(|_| protocol == *own)))
         }
     };
@@ -130,7 +130,7 @@ fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
                 "{path} has no [tracker] with a `transport`: give --protocol with --port or --address, or --stdin"
             )))
         }
-        // A repeating one would never end.
+        // A repeating recording would never end.
         Transport::Recording { repeat, .. } => {
             *repeat = false;
             Ok(settings)
@@ -139,7 +139,7 @@ fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
     }
 }
 
-/// The tracker, for people.
+/// Readable name of the tracker.
 fn name(tracker: &Settings) -> String {
     match &tracker.transport {
         Transport::None => "no tracker".to_owned(),
@@ -170,13 +170,13 @@ fn finish(args: &Args, recorded: Recorded, records: u64) -> Result<(), Failure> 
     output::line(args.out.display())
 }
 
-/// Hears the tracker: records its bytes, and counts what they say.
+/// Listens to the tracker: records its bytes and counts its records.
 #[derive(Clone)]
 struct Tap {
     handle: RecorderHandle,
     monitor: Monitor,
     bytes: Arc<AtomicU64>,
-    /// Longest wait of a byte for the disk, if it delays nothing else.
+    /// Longest wait of bytes for the disk; zero for live trackers.
     patience: Duration,
 }
 
@@ -209,7 +209,7 @@ impl Listener for Tap {
 /// Source of the bytes.
 enum Source {
     Tracker(SessionHandle, CancellationToken),
-    /// Tells why it ended.
+    /// Receives the reason for its end.
     Stdin(oneshot::Receiver<String>),
 }
 
@@ -226,7 +226,7 @@ impl Source {
         }
     }
 
-    /// Ends a tracker's session; a stdin that never ends is left behind.
+    /// Ends a tracker's session; a thread that waits for stdin is abandoned.
     fn end(self) {
         if let Self::Tracker(session, cancel) = self {
             cancel.cancel();
@@ -235,7 +235,7 @@ impl Source {
     }
 }
 
-/// Reads stdin on a thread of its own, which is left behind if it never ends; sends why it ended.
+/// Reads stdin on its own thread, which is abandoned if stdin never ends. The receiver gets the reason for the end.
 fn read_stdin(mut tap: Tap, protocol: Protocol) -> Result<oneshot::Receiver<String>, Failure> {
     let (end, ended) = oneshot::channel();
     let read = move || {
@@ -259,14 +259,14 @@ fn read_stdin(mut tap: Tap, protocol: Protocol) -> Result<oneshot::Receiver<Stri
                 Err(error) => break format!("the stream broke: {error}"),
             }
         };
-        // Nobody waits any more where the recording has ended otherwise.
+        // The receiver is gone if the recording ended for another reason.
         let _ = end.send(reason);
     };
     thread::Builder::new().name("tracker".to_owned()).spawn(read).other()?;
     Ok(ended)
 }
 
-/// Waits for whatever ends the recording, and says how it goes; gives why it ended and how many records there were.
+/// Prints the status until the recording ends. Returns the reason for the end and the number of records.
 fn wait(duration: Option<Duration>, mut source: Source, tap: &Tap) -> Result<(String, u64), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().other()?;
     let started = Instant::now();
@@ -333,7 +333,7 @@ impl Progress {
     }
 }
 
-/// Ctrl-C, or the signal that a service manager sends.
+/// Waits for Ctrl-C, or SIGTERM from a service manager.
 async fn stop_signal() -> std::io::Result<()> {
     #[cfg(unix)]
     {

@@ -8,8 +8,8 @@ use insonify::tracker::recording::{QueueLimits, Recorder, RecordingInfo, Recordi
 
 use super::{Classify, Failure, input, output};
 
-/// A recorder in `path` of a session of `station` that began at `start_time_ns`: a replay's scene moves from then on.
-/// `stream` is the protocol of the tracker's bytes and the sensor that counts.
+/// Starts recording a session of `station` to `path`. In a replay, scene time is 0 at `start_time_ns`. The pair is the
+/// protocol of the tracker's bytes and the sensor used.
 pub(crate) fn start(
     path: &Path,
     station: &Station,

@@ -1,4 +1,4 @@
-//! `insonify replay`: a recording becomes frames and a video.
+//! `insonify replay`: renders a recording into frames and a video.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ struct Report<'a> {
     fps: f64,
     /// Frames written.
     rendered: usize,
-    /// Of these, frames in gaps of the recording, and just behind them: their poses are not quite of their time.
+    /// Of these, frames in or just after gaps of the recording, whose poses are not exactly of their time.
     held: usize,
     /// Changes of settings by the recorded session among these frames.
     changes: usize,
@@ -86,7 +86,7 @@ struct Report<'a> {
     overflowed: usize,
     /// Whole command from the first submitted frame to the last written one, s.
     wall_s: f64,
-    /// Greatest delay of a frame at the wanted speed, s; none at full speed.
+    /// Greatest delay of a frame at the requested speed, s; `None` at full speed.
     #[serde(skip_serializing_if = "Option::is_none")]
     behind_s: Option<f64>,
     /// SHA-256 of image, segmentation and attenuation of all frames, in their order.
@@ -144,7 +144,7 @@ struct FrameEntry {
 }
 
 impl<'a> RecordingReport<'a> {
-    /// Text of `summary` about the recording at `path`.
+    /// Report of `summary` for the recording at `path`.
     pub(crate) fn new(path: &Path, summary: &'a RecordingSummary) -> Self {
         Self {
             path: path.display().to_string(),
@@ -174,7 +174,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let Part { probe, settings, .. } = replay.first()?;
 
     let (width, height) = (settings.image.width, settings.image.height);
-    // What an earlier replay left must not be taken for this one's.
+    // Output of an earlier replay must not pass for this one's.
     remove(&args.out.join("replay.json"))?;
     let left = earlier_frames(&args.out, start..end);
     if left > 0 {
@@ -203,7 +203,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
                 npy::write_f32(&name("attenuation", "npy"), [h as usize, w as usize], &frame.attenuation)?;
             }
             if mask != frame.mask {
-                // Another depth has another sector.
+                // The sector changes with the depth.
                 let name = if i == 0 { "mask.png".to_owned() } else { format!("mask_{:05}.png", start + i) };
                 png::write_grey(&args.out.join(name), w, h, &frame.mask, Effort::Small)?;
                 mask.clone_from(&frame.mask);

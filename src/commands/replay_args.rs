@@ -1,4 +1,4 @@
-//! A recorded session to render: its frames, with poses and settings as a live session had them.
+//! Recorded sessions to render: frames with the poses and settings of the live session.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ pub(crate) struct FrameRange {
 }
 
 impl FrameRange {
-    /// The frames of it that a recording of `frames` frames at `fps` has.
+    /// Part of the range within a recording of `frames` frames at `fps`.
     fn within(self, frames: usize, fps: f64) -> Result<Range<usize>, Failure> {
         let end = self.end.unwrap_or(frames).min(frames);
         if self.start >= end {
@@ -93,7 +93,7 @@ impl FromStr for FrameRange {
 
 /// Frames that are rendered with the same settings.
 pub(crate) struct Part {
-    /// Of the timeline.
+    /// Frame indices in the timeline.
     pub(crate) frames: Range<usize>,
     pub(crate) probe: Probe,
     pub(crate) settings: RenderSettings,
@@ -105,12 +105,11 @@ pub(crate) struct Replay {
     pub(crate) rate: FrameRate,
     pub(crate) summary: RecordingSummary,
     pub(crate) timeline: Timeline,
-    /// Frames asked for.
+    /// Requested frames.
     pub(crate) frames: Range<usize>,
     /// In the order of their frames; at least one.
     pub(crate) parts: Vec<Part>,
-    /// Time to render a frame that is to choose the quality, ms; none where the station, the command or the recorded
-    /// session says the quality.
+    /// Frame time that chooses the quality, ms; `None` if station, command or recorded session sets the quality.
     budget_ms: Option<f64>,
 }
 
@@ -140,10 +139,10 @@ impl ReplayArgs {
         Ok(Replay { station, rate, summary, timeline, frames, parts, budget_ms })
     }
 
-    /// Says where the recorded session began with other settings than the station's.
+    /// Prints the settings with which the recorded session began, if they differ from the station's.
     fn say_others(&self, station: &Station, controls: &ReplayedControls) {
         let mut others = controls.others_at_start();
-        // What is chosen here is no surprise.
+        // A quality chosen here differs on purpose.
         let chosen = self.quality.is_some() || station.quality_budget_ms.is_some();
         others.retain(|other| !chosen || !matches!(&*other.key, "rays" | "layers"));
         if others.is_empty() {
@@ -171,7 +170,7 @@ impl ReplayArgs {
         Ok((Timeline::replayed(&mut poses, first_ns, last_ns, rate)?, summary))
     }
 
-    /// Stretches of equal settings in `frames`.
+    /// Splits `frames` into parts of equal settings.
     fn parts(&self, live: &[LiveSettings], frames: Range<usize>) -> Vec<Part> {
         let mut parts: Vec<Part> = Vec::new();
         let mut last: Option<LiveSettings> = None;
@@ -241,8 +240,8 @@ impl Replay {
         Ok(())
     }
 
-    /// Renders all frames in order, two in flight. `before` is called before each is submitted, and may wait; `each` gets
-    /// each with its place among the frames asked for.
+    /// Renders all frames in order, two in flight. `before` runs before each submission and may wait. `each` receives
+    /// every frame with its index among the requested frames.
     pub(crate) fn render(
         &self,
         backend: &Backend,

@@ -118,7 +118,7 @@ struct SummaryLine<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
     let (poses, tracked) = pose_source(args, &station)?;
-    // A recording that can't be played is refused before anything is opened; one that nobody plays may be missing.
+    // Refuses an unplayable recording before anything is opened; an unused one may be missing.
     let stream = match &tracked {
         Some(_) => Some(stream_of(&station.tracker)?),
         None => None,
@@ -138,7 +138,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = session::adapter(&backend);
     let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
-    // Its sender is kept: the channel must stay open where no sink takes input.
+    // Keeps the sender: the channel must stay open even if no sink takes input.
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
     let mut recorded: Option<RecordedSlot> = None;
     let mut before: Vec<Box<dyn Part>> = Vec::new();
@@ -205,7 +205,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Poses, and the tracker that they come from where there is one.
+/// Poses, and their tracker if any.
 type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
 /// Source of the poses.
@@ -218,14 +218,14 @@ fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     Ok((Box::new(StandingPose(pose)), None))
 }
 
-/// Station, its tracker replaced by a recording if one is to be played.
+/// Loads the station; `--replay` replaces its tracker by a recording.
 fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
     args.effects.apply(&mut station.settings);
     if let Some(path) = &args.replay {
         station.tracker.transport =
             Transport::Recording { path: path.clone(), speed: Speed::Factor(1.0), repeat: false };
-        // The station's is one of another device: the recording says which of its sensors counts.
+        // The station's sensor is one of another device; the recording names its own.
         station.tracker.device.sensor = None;
     }
     Ok(station)
@@ -246,7 +246,7 @@ fn session(
             let session = scope.spawn(run);
             let shown = run_on_main_thread(slot, &window, control.clone());
             if shown.is_err() {
-                // The session must not go on unseen.
+                // The session must not continue without its window.
                 let _ = control.try_send(Control::Quit);
             }
             let summary = session.join().map_err(|_| Failure::Other(anyhow!("the session's thread panicked")))?;
@@ -257,7 +257,7 @@ fn session(
     run()
 }
 
-/// Says what the session did.
+/// Prints the summary, and appends it to the metrics file.
 fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), Failure> {
     if let Some(path) = &args.metrics {
         let file = std::fs::OpenOptions::new().append(true).open(path);

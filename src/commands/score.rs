@@ -1,4 +1,4 @@
-//! `insonify score`: how well a session found the standard planes.
+//! `insonify score`: compares a session with the standard planes.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
     input::warn_of_damage(&args.recording, &summary);
-    // What the session showed counts; without it, what the tracker says by the station's calibration.
+    // Scores the poses shown in the session; without any, the tracker's poses with the station's calibration.
     let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
         let calibration = station.pose_settings()?.calibration;
         (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
 }
 
-/// Lets poses stand still where the picture did, and gives the depth of the image at each, mm.
+/// Holds the pose while the picture is frozen. Returns the image depth at each pose, mm.
 fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
     let mut last = None;
     let mut each = |timed: &mut TimedPose| {

@@ -1,4 +1,4 @@
-//! `insonify selftest`: whether this station's device renders what acoustics says.
+//! `insonify selftest`: checks frames of this device against closed formulas of acoustics.
 
 use std::path::PathBuf;
 

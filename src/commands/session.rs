@@ -1,4 +1,4 @@
-//! Rendering session of a command: its scene, its warnings, and frames one after the other.
+//! Rendering for commands: scene, warnings, and frames in order.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ use insonify::transducer::Probe;
 use super::progress::Progress;
 use super::{Classify, Failure};
 
-/// Name and driver of what makes the frames.
+/// Name and driver of the backend.
 pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
     AdapterRecord { name: backend.name(), driver: backend.driver() }
 }
@@ -24,7 +24,7 @@ pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
     Ok(station.load_scene_from(&scene_file(station)?)?)
 }
 
-/// The file of a station's surfaces; a generated scene's is made where it is not there yet.
+/// File of a station's surfaces; a generated scene is built and cached if missing.
 pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
     match &station.scene {
         SceneSource::File(path) => Ok(path.clone()),
@@ -46,14 +46,14 @@ fn cache_directory() -> Result<PathBuf, Failure> {
     }
 }
 
-/// Says in one line each which effects are left out though the scene calls for them.
+/// Warns, one line each, of effects that are left out although the scene needs them.
 pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
     for warning in EffectPlan::new(scene, probe, settings).warnings() {
         tracing::warn!("{warning}");
     }
 }
 
-/// Says that a command takes the least quality of a station that has a budget in its place.
+/// Warns that the command ignores the station's budget and uses the lowest quality.
 pub(crate) fn warn_of_budget(station: &Station) {
     if let Some(budget_ms) = station.quality_budget_ms {
         let point = QualityPoint::from(station.settings.quality);
@@ -61,7 +61,7 @@ pub(crate) fn warn_of_budget(station: &Station) {
     }
 }
 
-/// Says that frames lack crossings that did not fit the buffers.
+/// Warns of frames in which crossings did not fit the buffers.
 pub(crate) fn warn_of_overflows(frames: usize) {
     if frames > 0 {
         tracing::warn!(
@@ -75,8 +75,8 @@ pub(crate) fn evenly(count: usize, total: usize) -> impl Iterator<Item = usize> 
     (0..count).map(move |i| (2 * i + 1) * total / (2 * count))
 }
 
-/// Renders `poses` in order, two in flight, and hands each frame to `each` with its index; `before` is called before each
-/// frame is submitted, may wait, and gives the time of the scene, s.
+/// Renders `poses` in order, two in flight. `each` receives every frame with its index. `before` runs before each
+/// submission, may wait, and returns the scene time, s.
 pub(crate) fn render_paced(
     renderer: &mut Renderer,
     poses: &[Pose],

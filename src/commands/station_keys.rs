@@ -1,4 +1,4 @@
-//! `insonify station-keys`: what a station file may say.
+//! `insonify station-keys`: keys of a station file.
 
 use clap::Parser;
 use insonify::station::print_keys;

@@ -1,10 +1,10 @@
-//! Status of a running session: a line that is overwritten on a terminal, else a line now and then.
+//! Status of a running session: a line overwritten in place on a terminal, otherwise a line every 5 s.
 
 use indicatif::ProgressBar;
 
 use super::terminal;
 
-/// Time between two lines where there is no terminal, s.
+/// Time between two lines without a terminal, s.
 const LINE_INTERVAL_S: f64 = 5.0;
 
 /// The line, on stderr.
@@ -14,12 +14,12 @@ pub(crate) struct StatusLine {
 }
 
 impl StatusLine {
-    /// Nothing said yet.
+    /// Starts without output.
     pub(crate) fn new() -> Self {
         Self { bar: terminal::show(ProgressBar::new_spinner(), "{msg}"), next_line_s: LINE_INTERVAL_S }
     }
 
-    /// Says `line`, which is only made where it is shown, at `elapsed_s` since the start.
+    /// Shows `line` at `elapsed_s` since the start; `line` is called only if its text is shown.
     pub(crate) fn set(&mut self, elapsed_s: f64, line: impl FnOnce() -> String) {
         match &self.bar {
             Some(bar) => bar.set_message(line()),

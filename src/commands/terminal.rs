@@ -1,4 +1,4 @@
-//! Text on stderr: warnings of one format, and progress bars that they don't tear.
+//! Text on stderr: warnings of one format, and progress bars that stay intact.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -14,7 +14,7 @@ use tracing_subscriber::registry::LookupSpan;
 /// All progress bars of the process.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Shows a bar on a terminal; text that is written by [`say`] or logged stays above it. None elsewhere.
+/// Shows a bar on a terminal; text of [`say`] and of the log appears above it. `None` without a terminal.
 pub(crate) fn show(bar: ProgressBar, template: &str) -> Option<ProgressBar> {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     io::stderr().is_terminal().then(|| BARS.add(bar.with_style(style)))
@@ -25,7 +25,7 @@ pub(crate) fn say(text: &str) {
     BARS.suspend(|| eprintln!("{text}"));
 }
 
-/// Logs to stderr what `RUST_LOG` asks for; without it warnings, and more with each `verbose`.
+/// Starts logging to stderr as `RUST_LOG` says. Without it: warnings, and more with each `verbose`.
 pub(crate) fn start_log(verbose: u8) {
     let default = ["warn", "insonify=info", "insonify=debug"][usize::from(verbose.min(2))];
     let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into());
@@ -50,7 +50,7 @@ impl Write for AboveBars {
     }
 }
 
-/// `warning: text`; debug events name their spans, too.
+/// Log format `warning: text`; debug events also name their spans.
 struct Line;
 
 impl<S, N> FormatEvent<S, N> for Line

@@ -12,13 +12,13 @@ use super::Failure;
 /// Poses at equal distances in time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Timeline {
-    /// A pose for each frame; where none is known the one before it.
+    /// Pose of each frame; the previous one if it is unknown.
     pub(crate) poses: Vec<Pose>,
     /// Host time of each frame, ns.
     pub(crate) times_ns: Vec<u64>,
-    /// Host time at which each frame shows the scene, ns: not its own while the picture stands still.
+    /// Host time of the scene shown in each frame, ns; held while the picture is frozen.
     scene_times_ns: Vec<u64>,
-    /// Host time at which the clock of the session's scene began, ns.
+    /// Host time of scene time 0, ns.
     scene_start_ns: u64,
     /// Frames whose pose is not exactly of their time.
     held: Vec<bool>,
@@ -37,7 +37,8 @@ impl Timeline {
         })
     }
 
-    /// As a live session had known the poses, from `first_ns` to `last_ns` at `rate`. It begins with the first pose.
+    /// Samples the poses that a live session would have known, from `first_ns` to `last_ns` at `rate`. Starts with the
+    /// first pose.
     pub(crate) fn replayed(
         poses: &mut ReplayedPoses,
         first_ns: u64,
@@ -50,8 +51,8 @@ impl Timeline {
         })
     }
 
-    /// Samples by `pose_at`, which also says whether the pose is one of its time. Refuses more frames than a session can
-    /// have: a wrong clock, most likely.
+    /// Samples `pose_at`, which also tells whether the pose is known at that time. Refuses more than `FRAMES_MAX`
+    /// frames, which usually mean a wrong clock.
     fn sampled(
         first_ns: u64,
         last_ns: u64,
@@ -88,13 +89,13 @@ impl Timeline {
         Ok(timeline)
     }
 
-    /// The scene moves as in a session that began at `start_ns`; as told by nothing, it begins with the first pose.
+    /// Sets scene time 0 to the session's start, `start_ns`; the default is the first frame.
     pub(crate) fn since(mut self, start_ns: u64) -> Self {
         self.scene_start_ns = start_ns;
         self
     }
 
-    /// Lets pose and scene stand still where `live`, the settings of each frame, says so.
+    /// Holds pose and scene in frozen frames; `live` has the settings of each frame.
     pub(crate) fn freeze(&mut self, live: &[LiveSettings]) {
         let mut last = None;
         for ((pose, time_ns), live) in self.poses.iter_mut().zip(&mut self.scene_times_ns).zip(live) {
@@ -110,7 +111,7 @@ impl Timeline {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 
-    /// Whether a frame's pose is not quite of its time.
+    /// Whether a frame's pose is not exactly of its time.
     pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }

@@ -47,10 +47,10 @@ pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
 }
 
 impl TrackerArgs {
-    /// The tracker that is asked for, with what `base` says of its device; none where no protocol is given.
+    /// The chosen tracker, with the device settings of `base`; `None` without a protocol.
     pub(crate) fn over(&self, base: Settings) -> Result<Option<Settings>, Failure> {
         let Some(protocol) = self.protocol else { return Ok(None) };
-        // Another device counts its sensors in its own way, and a recording has those of what was recorded.
+        // Sensor numbers of another protocol or of a recording do not apply.
         let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
         let mut settings = Settings { protocol, ..base };
         settings.device.sensor = self.sensor.or(settings.device.sensor.filter(|_| same));
@@ -58,7 +58,7 @@ impl TrackerArgs {
         settings.transport = match (&self.port, &self.address) {
             _ if hid.carries(protocol) => hid,
             (Some(port), _) => {
-                // An NDI device is met at its own speed and then switched to the one that is asked for.
+                // An NDI device is opened at its default speed and then switched to the requested one.
                 let baud = self.baud.filter(|_| protocol != Protocol::Ndi).unwrap_or(protocol.usual_baud());
                 Transport::Serial { port: port.clone(), baud }
             }

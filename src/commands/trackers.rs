@@ -1,4 +1,4 @@
-//! `insonify trackers`: what a tracker could be plugged into, and what one says.
+//! `insonify trackers`: lists ports and devices, or prints a tracker's data.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -139,7 +139,7 @@ struct Line {
 
 impl Line {
     fn new(report: &Report, time_s: f64) -> Self {
-        // A pose of long ago must not look like one of now.
+        // An old pose must not look current.
         let last = report.last.as_ref().filter(|_| report.records > 0);
         let (mut position_mm, mut quaternion, mut rates) = (None, None, None);
         match last.map(|record| record.reading) {
@@ -201,7 +201,7 @@ impl Line {
     }
 }
 
-/// Prints what the tracker says until Ctrl-C, its recording's end or `seconds`.
+/// Prints the tracker's data until Ctrl-C, the end of its recording, or for `seconds`.
 fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     let (monitor, cancel) = (Monitor::default(), CancellationToken::new());
     let session = spawn(settings, Box::new(monitor.clone()), cancel.clone())?;
@@ -253,7 +253,7 @@ fn print(report: &Report, time: Duration, json: bool) -> Result<(), Failure> {
     output::line(line.for_people())
 }
 
-/// Says what slows a serial adapter down.
+/// Prints a hint if a setting of the serial adapter adds latency.
 fn hint(settings: &Settings) {
     #[cfg(feature = "serial")]
     if let insonify::tracker::Transport::Serial { port, .. } = &settings.transport

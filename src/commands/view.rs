@@ -143,7 +143,7 @@ pub(crate) fn axes_of(station: &Station) -> Axes {
     }
 }
 
-/// The scene, and the station where one was given.
+/// The scene, and the station if given.
 fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
     if input::is_station(&args.scene) {
         let station = Station::load(&args.scene)?;

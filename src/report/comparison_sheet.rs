@@ -1,4 +1,4 @@
-//! A comparison sheet: rows of images of one place, side by side under their captions, and what differs between them.
+//! A comparison sheet: rows of captioned images of one region, side by side with their differences.
 
 use std::path::Path;
 
@@ -34,10 +34,10 @@ pub struct ComparisonSheet {
 }
 
 impl Panel {
-    /// Grey levels [height × width], brought to `panel_width` pixels where that is less.
+    /// Grey levels [height × width], reduced to `panel_width` pixels if wider.
     ///
     /// # Errors
-    /// Levels that don't fill that size.
+    /// `levels` does not fill `size`.
     pub fn grey(
         caption: impl Into<String>,
         levels: &[u8],
@@ -47,11 +47,11 @@ impl Panel {
         Self::of(caption.into(), levels.len(), size, panel_width, |index| [levels[index]; 3])
     }
 
-    /// `image` less `reference`, both [height × width]: red where it is brighter, blue where it is darker, with the full
-    /// colour from [`FULL_DIFFERENCE`] levels on.
+    /// `image` less `reference`, both [height × width]: red where it is brighter, blue where it is darker. Colours
+    /// saturate at [`FULL_DIFFERENCE`] levels.
     ///
     /// # Errors
-    /// Images that don't fill that size.
+    /// An image does not fill `size`.
     pub fn difference(
         caption: impl Into<String>,
         image: &[u8],

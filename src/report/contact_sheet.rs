@@ -15,7 +15,7 @@ use crate::sink::error::check_shape;
 use crate::transducer::Sector;
 
 const MARGIN: u32 = 14;
-/// Left of an image: the bar that says what a level means.
+/// Left of an image: the scale of its levels.
 const BAR_GUTTER: u32 = 44;
 /// Right of an image: the depth scale.
 const SCALE_GUTTER: u32 = 40;
@@ -144,7 +144,7 @@ impl ContactSheet<'_> {
         canvas
     }
 
-    /// Ticks at every cm below the face's centre, longer ones with numbers at every five.
+    /// Ticks at every cm below the face's centre; numbered ticks are longer.
     fn draw_depth_scale(&self, canvas: &mut Canvas, x: u32, y: u32) {
         let shrink = f64::from(self.panel_width) / f64::from(self.sector.width.max(1));
         let row = |cm: u32| {
@@ -276,7 +276,7 @@ mod tests {
         sheet.write(&path).unwrap();
         let image = image::open(&path).unwrap().into_rgb8();
         let (cell, top) = (BAR_GUTTER + 300 + SCALE_GUTTER, 2 * MARGIN + Text::Large.height() + CAPTION_HEIGHT);
-        // The middle column of each panel at a third of its height lies at 36 mm, in blood.
+        // The middle column of each panel at a third of its height is at 36 mm, in blood.
         let at = |panel: u32, y: u32| image.get_pixel(MARGIN + panel * cell + BAR_GUTTER + 150, top + y).0;
         assert_eq!(at(1, 72), colour::tissue("blood"));
         assert_eq!(at(1, 200), colour::tissue("liver"));

@@ -7,16 +7,16 @@ use serde::Serialize;
 use crate::render::FrameTimes;
 use crate::statistics::{nearest_rank, sorted};
 
-/// Stage that holds what a frame took beyond its passes.
+/// Stage of the frame time outside the passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
 
-/// Stage that holds whole frames.
+/// Stage of whole frames.
 pub const WHOLE_FRAME: &str = "whole frame";
 
 /// Times of many frames. Frames of one table have the same passes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TimeTable {
-    /// Stages in the order in which they first came, each with its times in ms.
+    /// Stages in order of first appearance, each with its times, ms.
     stages: Vec<(&'static str, Vec<f64>)>,
     whole_ms: Vec<f64>,
 }
@@ -26,7 +26,7 @@ pub struct TimeTable {
 pub struct StageTime {
     /// A pass, [`OVERHEAD`] or [`WHOLE_FRAME`].
     pub stage: &'static str,
-    /// Times behind the percentiles.
+    /// Number of times.
     pub count: usize,
     /// Median, ms.
     pub p50_ms: f64,
@@ -54,7 +54,7 @@ impl TimeTable {
         self.whole_ms.len()
     }
 
-    /// Percentiles of each pass, in order, then of what is beyond them and of whole frames; empty if no frame was added.
+    /// Percentiles of each pass, in order, then of the overhead and of whole frames; empty without frames.
     pub fn stages(&self) -> Vec<StageTime> {
         let stages = || self.stages.iter().map(|(name, times)| (*name, times));
         let passes = stages().filter(|(name, _)| *name != OVERHEAD);
@@ -80,7 +80,7 @@ impl TimeTable {
     }
 }
 
-/// Tables side by side, each with a heading, as text for people: a line a stage, p50 and p95 in ms.
+/// Tables side by side with headings, as text: one line per stage, p50 and p95 in ms.
 pub struct SideBySide<'a>(pub &'a [(&'a str, &'a TimeTable)]);
 
 impl fmt::Display for SideBySide<'_> {

@@ -36,7 +36,7 @@ impl Text {
     }
 }
 
-/// A canvas; what is drawn beyond its edges is cut off.
+/// A canvas; drawing beyond its edges is clipped.
 pub(crate) struct Canvas {
     image: RgbImage,
 }

@@ -31,7 +31,7 @@ const VIRIDIS: [u32; 256] = [
     0xf8e621, 0xfbe723, 0xfde725,
 ];
 
-/// Colours of the tissues that the tables here know: fluids blue and black, soft tissue red and brown, bone ivory.
+/// Fixed colours of built-in tissues: fluids blue and black, soft tissue red and brown, bone ivory.
 const TISSUES: [(&str, u32); 48] = [
     ("water", 0x1a5fb4),
     ("gel", 0x3584e4),
@@ -86,7 +86,7 @@ const TISSUES: [(&str, u32); 48] = [
 /// Red, green, blue.
 pub type Rgb = [u8; 3];
 
-/// The viridis colour of `value` in 0..=1; below and above are clipped, NaN is black.
+/// The viridis colour of `value`, clamped to 0..=1; NaN is black.
 pub fn viridis(value: f32) -> Rgb {
     if value.is_nan() {
         return [0; 3];
@@ -95,7 +95,7 @@ pub fn viridis(value: f32) -> Rgb {
     rgb(VIRIDIS[index.min(255)])
 }
 
-/// The colour of a tissue: fixed for the names of `assets/tissues.toml`, else drawn from its name.
+/// The colour of a tissue: fixed for the main built-in tissues, else derived from a hash of its name.
 pub fn tissue(name: &str) -> Rgb {
     if let Some(&(_, colour)) = TISSUES.iter().find(|(known, _)| *known == name) {
         return rgb(colour);
@@ -127,7 +127,7 @@ fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
     })
 }
 
-/// Opacity of each of `meshes` in a view of all, 0..=1: large ones hold the small ones, and are seen through.
+/// Opacity of each mesh in a common view, 0..=1: large meshes are more transparent, because they enclose small ones.
 pub(crate) fn opacities(meshes: &[&Mesh]) -> Vec<f32> {
     let areas: Vec<f64> = meshes.iter().map(|mesh| area_mm2(mesh)).collect();
     let largest = areas.iter().copied().fold(1e-9, f64::max);

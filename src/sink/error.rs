@@ -31,7 +31,7 @@ pub enum SinkError {
         /// Cause.
         source: serde_json::Error,
     },
-    /// The data does not have the size that its shape asks for.
+    /// The number of values does not match the shape.
     #[error("{path} would hold {found} values; its shape {shape:?} asks for {expected}")]
     Shape {
         /// File.
@@ -43,13 +43,13 @@ pub enum SinkError {
         /// Values given.
         found: usize,
     },
-    /// A frame rate that no video can have.
+    /// A frame rate outside 0.1..=1000.
     #[error("a video cannot run at {fps} frames a second; it must lie in 0.1..=1000")]
     FrameRate {
         /// Value given.
         fps: f64,
     },
-    /// The address can't be listened at.
+    /// The server can't listen at the address.
     #[error("the {sink} can't listen at {address}: {source}; take another port (0 for any free one) or address")]
     Listen {
         /// Sink.

@@ -1,4 +1,4 @@
-//! Whole files or none.
+//! Files that are written completely or not at all.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -28,7 +28,7 @@ pub fn remove(path: &Path) -> Result<(), SinkError> {
     }
 }
 
-/// An empty file at `path`, to be written bit by bit. Makes the directory if it is missing.
+/// Creates an empty file at `path` for incremental writing, and its directory if missing.
 pub(crate) fn create(path: &Path) -> Result<File, SinkError> {
     create_dir(directory_of(path))?;
     File::create(path).map_err(SinkError::io(path))
@@ -38,28 +38,28 @@ fn directory_of(path: &Path) -> &Path {
     path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// An empty file beside `path`, to be written and then given to [`commit`].
+/// Creates a temporary file beside `path`, for [`commit`] once it is written.
 pub(crate) fn begin(path: &Path) -> Result<NamedTempFile, SinkError> {
     let directory = directory_of(path);
     create_dir(directory)?;
     let suffix = path.extension().map(|e| format!(".part.{}", e.to_string_lossy())).unwrap_or_else(|| ".part".into());
     let mut builder = tempfile::Builder::new();
     builder.prefix(".insonify-").suffix(&suffix);
-    // A temporary file is private by default; what it becomes is an ordinary file, subject to the umask.
+    // A temporary file is private by default; the final file must follow the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(directory).map_err(SinkError::io(path))
 }
 
-/// Gives a finished file its name, replacing what bore it.
+/// Renames a finished file to `path`, replacing an existing file.
 pub(crate) fn commit(file: NamedTempFile, path: &Path) -> Result<(), SinkError> {
     file.persist(path).map(drop).map_err(|e| SinkError::io(path)(e.error))
 }
 
-/// Writes a file through `write`, and gives it its name when it is whole. Makes the directory if it is missing.
+/// Writes a file through `write`, and renames it to `path` once complete. Makes the directory if it is missing.
 ///
 /// # Errors
-/// The error of `write`, or an I/O error that names `path`. No file is left at `path` then.
+/// The error of `write`, or an I/O error that names `path`. An earlier file at `path` then stays unchanged.
 pub fn write_with(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), SinkError>,

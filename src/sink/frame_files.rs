@@ -8,7 +8,7 @@ use super::{FrameRecord, SinkError, create_dir, npy, remove, write_json};
 use crate::anatomy::TissueTable;
 use crate::render::Frame;
 
-/// A frame and what belongs to it.
+/// A frame with its tissues and its record.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameFiles<'a> {
     /// The frame.
@@ -30,15 +30,15 @@ impl FrameFiles<'_> {
     /// | `attenuation.npy` | float32 [height, width], 0..=1 |
     /// | `mask.png` | 255 inside the sector |
     /// | `lines.npy` | complex64 [scanlines, samples], baseband; only if the frame carries its lines |
-    /// | `frame.json` | the record; written last, so that its presence says that the rest is whole |
+    /// | `frame.json` | the record; written last, so that its presence marks a complete directory |
     ///
-    /// Of a frame that was rendered without maps there are no `segmentation.png`, `tissues.json` and `attenuation.npy`.
+    /// A frame rendered without maps has no `segmentation.png`, `tissues.json` and `attenuation.npy`.
     ///
     /// # Errors
     /// A map that does not have the frame's size, or a file that cannot be written.
     pub fn write(&self, dir: &Path) -> Result<Vec<PathBuf>, SinkError> {
         create_dir(dir)?;
-        // Of an earlier frame: it must not vouch for files that are about to change.
+        // An earlier frame's record must not vouch for the new files.
         remove(&dir.join("frame.json"))?;
         let Self { frame, tissues, record } = *self;
         let (width, height) = (frame.width, frame.height);
@@ -49,7 +49,7 @@ impl FrameFiles<'_> {
         };
         png::write_grey(&file("bmode.png"), width, height, &frame.bmode, Effort::Small)?;
         if frame.segmentation.is_empty() && frame.attenuation.is_empty() {
-            // Rendered without maps: none of an earlier frame may stand beside this one's image.
+            // Rendered without maps: removes the maps of an earlier frame.
             for name in ["segmentation.png", "tissues.json", "attenuation.npy"] {
                 remove(&dir.join(name))?;
             }
@@ -100,7 +100,7 @@ mod tests {
         TissueTable::new([("liver".to_owned(), tissue.clone()), ("blood".to_owned(), tissue)]).unwrap()
     }
 
-    /// That of 32 x 1 paths in liver alone.
+    /// Plan for 32 x 1 paths in liver alone.
     fn plan(probe: &Probe) -> EffectPlan {
         let scene = analytic::scene(Vec::new(), &tissues(), "liver").unwrap();
         EffectPlan::new(&scene, probe, &settings())
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(json["times"]["passes"][0]["name"], "march");
         assert_eq!((&json["probe"]["kind"], &json["probe"]["width_mm"]), (&"convex".into(), &serde_json::Value::Null));
         assert_eq!(json["adapter"]["driver"], "Mesa");
-        // Liver alone, and none of it scatters: of the rays asked for one shows all.
+        // Liver without scatterers: one of the requested rays suffices.
         assert_eq!((&json["quality"]["rays"], &json["simulated"]["rays"]), (&32.into(), &1.into()));
         assert_eq!(json["simulated"]["effects"], serde_json::json!(["attenuation", "maps"]));
     }

@@ -1,4 +1,4 @@
-//! A presented frame in a line of JSON, less its maps.
+//! A presented frame as a line of JSON, without its maps.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use super::live::PresentedFrame;
 pub struct FrameLine<'a> {
     /// Number of the frame.
     pub number: u64,
-    /// File that holds it, where there is one.
+    /// File of the image, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<&'a str>,
     /// `enhanced`, `held_enhanced` or `low_quality`.
@@ -34,14 +34,14 @@ pub struct FrameLine<'a> {
     pub presented_ms: f64,
     /// Generator tier at work.
     pub tier: Option<&'a str>,
-    /// Whether the picture stands still.
+    /// Whether the picture is frozen.
     pub frozen: bool,
     /// Latest fault.
     pub notice: Option<&'a str>,
 }
 
 impl<'a> FrameLine<'a> {
-    /// Of a frame.
+    /// The line of `frame`.
     pub fn new(frame: &'a PresentedFrame) -> Self {
         let times = &frame.info.timeline;
         let ms = |time: Duration| time.as_secs_f64() * 1e3;

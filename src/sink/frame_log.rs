@@ -1,4 +1,4 @@
-//! A log of all presented frames, a line of JSON each.
+//! A log of all presented frames, one line of JSON each.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,12 +16,12 @@ const WAITING_MAX: usize = 4 << 20;
 
 /// Log that loses no line.
 ///
-/// Lines wait in memory of a bounded size, and a thread writes them as fast as the disk takes them. Where the memory is
-/// full, [`push`](Self::push) waits for the disk, and counts it. Whole lines that were written before a kill can be read.
+/// Lines wait in a bounded buffer, from which a thread writes them to disk. If the buffer is full, [`push`](Self::push)
+/// waits and counts it. Lines written before a kill are readable.
 #[derive(Debug)]
 pub struct FrameLog {
     shared: Arc<Shared>,
-    /// Line at work; keeps its capacity.
+    /// Buffer for the current line.
     line: Vec<u8>,
     thread: Option<JoinHandle<()>>,
     counts: LogCounts,
@@ -34,7 +34,7 @@ pub struct LogCounts {
     pub pushed: u64,
     /// Of these, lines that had to wait for the disk.
     pub waited: u64,
-    /// Lines that are not in the file, since it cannot be written.
+    /// Lines lost because the file could not be written.
     pub failed: u64,
 }
 
@@ -45,7 +45,7 @@ pub enum LogEnd {
     Complete,
     /// The file cannot be written.
     Failed(SinkError),
-    /// The disk did not take the lines in time; the thread is left behind.
+    /// The disk did not take the lines in time; the thread is abandoned.
     Stuck,
 }
 
@@ -58,9 +58,9 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Queue {
-    /// Whole lines that the writer has not taken yet.
+    /// Complete lines that the writer has not taken yet.
     bytes: Vec<u8>,
-    /// Lines in `bytes`, and in the writer's hands.
+    /// Number of lines in `bytes`.
     lines: u64,
     closed: bool,
     ended: bool,
@@ -78,7 +78,7 @@ impl FrameLog {
         Self::to_writer(create(path)?, path, WAITING_MAX)
     }
 
-    /// A log in `writer`, of which at most `waiting_max` bytes wait in memory. Errors call it `path`.
+    /// Logs to `writer` with a buffer of at most `waiting_max` bytes. Errors name `path`.
     ///
     /// # Errors
     /// The system refuses a thread.
@@ -95,10 +95,10 @@ impl FrameLog {
     /// Adds the line of a frame. Returns whether it had to wait for the disk.
     ///
     /// # Errors
-    /// Once: the file cannot be written. Later lines are counted as failed.
+    /// The file cannot be written. Returned once; later lines are counted as failed.
     pub fn push(&mut self, frame: &PresentedFrame) -> Result<bool, SinkError> {
         self.line.clear();
-        // Writing to memory does not fail, and a line has no keys but names.
+        // Cannot fail: it writes to memory, and all keys are strings.
         let _ = serde_json::to_writer(&mut self.line, &FrameLine::new(frame));
         self.line.push(b'\n');
         self.counts.pushed += 1;
@@ -135,7 +135,7 @@ impl FrameLog {
         let counts = LogCounts { failed: queue.failed, ..self.counts };
         let end = queue.error.take().map_or(LogEnd::Complete, LogEnd::Failed);
         drop(queue);
-        // It has ended but for its return.
+        // Does not block: the thread's work is done.
         let _ = self.thread.take().map(JoinHandle::join);
         (counts, end)
     }
@@ -153,7 +153,7 @@ impl Drop for FrameLog {
 }
 
 impl Queue {
-    /// Whether `length` more bytes would be too many. A line that alone is too long is taken by an empty queue.
+    /// Whether `length` more bytes exceed the limit. An empty queue takes a line of any length.
     fn has_no_room(&self, length: usize, waiting_max: usize) -> bool {
         !self.ended && !self.bytes.is_empty() && self.bytes.len() + length > waiting_max
     }
@@ -198,7 +198,7 @@ mod tests {
     use super::super::live_video::tests::frame;
     use super::*;
 
-    /// Takes `delay` a write, and fails after `limit` bytes.
+    /// Takes `delay` per write, and fails after `limit` bytes.
     struct Slow {
         written: Arc<Mutex<Vec<u8>>>,
         delay: Duration,

@@ -2,12 +2,12 @@
 
 use super::SinkError;
 
-/// Frames a second, as the fraction that video containers hold.
+/// Frames per second as a fraction, as video containers store it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameRate {
-    /// Frames ...
+    /// Frames in `denominator` seconds.
     pub numerator: u32,
-    /// ... in this many seconds.
+    /// Seconds for `numerator` frames.
     pub denominator: u32,
 }
 
@@ -28,7 +28,7 @@ impl FrameRate {
         Ok(Self { numerator: thousandths / a, denominator: 1000 / a })
     }
 
-    /// Frames a second.
+    /// Frames per second.
     pub fn fps(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }

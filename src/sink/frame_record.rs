@@ -14,9 +14,9 @@ pub struct FrameRecord {
     pub version: &'static str,
     /// `scene_from_probe`.
     pub pose: PoseRecord,
-    /// Paths as asked for.
+    /// Requested quality.
     pub quality: RenderSettings,
-    /// Paths and effects simulated.
+    /// Simulated quality and effects.
     pub simulated: SimulatedRecord,
     /// Image.
     pub image: ImageRecord,
@@ -44,15 +44,15 @@ pub struct PoseRecord {
 /// Quality and effects after the effect plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulatedRecord {
-    /// Rays per scanline and layer: one where more show nothing more.
+    /// Rays per scanline and layer; 1 if more would change nothing.
     pub rays: u32,
-    /// Elevational layers: likewise.
+    /// Elevational layers; 1 if more would change nothing.
     pub layers: u32,
-    /// Names of the effects that the frame is made of.
+    /// Simulated effects.
     pub effects: Vec<Effect>,
 }
 
-/// The image and how it lies in the probe frame.
+/// The image and its geometry in the probe frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageRecord {
     /// Side of a square pixel, mm.

@@ -1,7 +1,7 @@
 //! Live output: frames for the sinks, and input from their viewers.
 //!
-//! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`] that the presenter
-//! reuses once all sinks have dropped it: a sink that keeps a frame for long makes the presenter take another one.
+//! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`] that the presenter reuses once all
+//! sinks have dropped it. If a sink still holds it, the presenter takes another one.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,11 +14,11 @@ use super::SinkError;
 /// Source of the picture in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrameSource {
-    /// The generator's, of this frame.
+    /// The generator's image of this frame.
     Enhanced,
-    /// The generator's of an earlier frame, whose pose is nearly this one's.
+    /// The generator's image of an earlier frame with nearly the same pose.
     HeldEnhanced,
-    /// The rendered one.
+    /// The rendered image.
     #[default]
     LowQuality,
 }
@@ -38,7 +38,7 @@ pub struct FrameTimeline {
     pub sampled: Duration,
     /// The render was submitted.
     pub submitted: Duration,
-    /// The rendered frame lay in memory.
+    /// The rendered frame was in memory.
     pub rendered: Duration,
     /// Start and end of the generator's run; none if none ran on this frame.
     pub inference: Option<(Duration, Duration)>,
@@ -46,12 +46,12 @@ pub struct FrameTimeline {
     pub presented: Duration,
 }
 
-/// Data of a frame beside its pixels: begun with the pose estimate, completed from stage to stage, passed on whole.
+/// Data of a frame besides its pixels; each stage completes its part.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrameInfo {
     /// Number among all frames that were begun, from 0.
     pub number: u64,
-    /// Estimate of the pose that the picture shows; its pose is none where there is no picture.
+    /// Pose estimate of the picture; its pose is `None` without a picture.
     pub estimate: Estimate,
     /// Times at which it passed each stage so far.
     pub timeline: FrameTimeline,
@@ -96,8 +96,8 @@ pub struct PresentedFrame {
 }
 
 impl PresentedFrame {
-    /// Row, in pixels from the upper edge, at which the middle of the probe's face lies: depth 0 of the depth scale. 0 where
-    /// the mask's middle column is empty.
+    /// Row of the centre of the probe's face, pixels from the upper edge: depth 0 of the depth scale. 0 if the mask's
+    /// middle column is empty.
     pub fn face_row(&self) -> f64 {
         let width = (self.width as usize).max(1);
         let column = self.mask.iter().skip(width / 2).step_by(width);
@@ -115,7 +115,7 @@ impl PresentedFrame {
 /// Query for whether a sink currently reads segmentation and attenuation.
 pub type MapsWanted = Arc<dyn Fn() -> bool + Send + Sync>;
 
-/// Takes frames, on a thread of its own: a slow sink drops frames, counted under its name, and delays nobody.
+/// Consumer of frames, on its own thread. A slow sink drops frames, counted under its name, and delays no other.
 pub trait LiveSink: Send {
     /// Name under which its drops and errors are counted.
     fn name(&self) -> &str;
@@ -129,10 +129,11 @@ pub trait LiveSink: Send {
     /// Shows or stores one frame.
     ///
     /// # Errors
-    /// The frame could not be taken. The station says so and goes on; a sink that fails again and again is closed.
+    /// The frame could not be shown or stored. The session logs it and continues; a sink that fails repeatedly is
+    /// closed.
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError>;
 
-    /// Ends: what is buffered is brought to where it belongs.
+    /// Ends the sink and flushes its buffers.
     ///
     /// # Errors
     /// Failure to finish the output.

@@ -11,7 +11,7 @@ use crate::suggest::did_you_mean;
 pub enum LiveSinkKind {
     /// Shows nothing: for measurements.
     Null,
-    /// A PNG a frame, with an index.
+    /// One PNG per frame, with an index.
     Png,
     /// A video.
     Video,
@@ -23,7 +23,7 @@ pub enum LiveSinkKind {
     OpenIgtLink,
 }
 
-/// A name that no sink has.
+/// Unknown sink name.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("unknown sink `{name}`{suggestion}; known: {known}")]
 pub struct UnknownSink {

@@ -6,18 +6,18 @@ use std::time::Duration;
 use super::live::{LiveSink, PresentedFrame};
 use super::{FrameRate, SinkError, Video};
 
-/// Longest pause that the video shows, s: a session that stands still for longer goes on after it.
+/// Longest pause in the video, s; longer pauses of the session are cut to it.
 const PAUSE_MAX_S: u64 = 10;
 
-/// Writes frames into a video of a fixed rate, each at the time at which it was presented: one that lasts for longer is
-/// repeated, and of several within one of the video's the last counts.
+/// Writes frames into a video of fixed rate at their presentation times. A frame that lasts longer is repeated; of
+/// several within one video frame, the last is kept.
 pub struct LiveVideo {
     stem: PathBuf,
     rate: FrameRate,
     video: Option<Video>,
-    /// Session time of the video's start, moved on by cut pauses.
+    /// Session time of the video's start, plus the cut parts of pauses.
     origin: Duration,
-    /// Frame that is shown now, and its place in the video.
+    /// Current frame, and its index in the video.
     shown: Vec<u8>,
     place: u64,
 }
@@ -71,10 +71,10 @@ pub(super) mod tests {
     use super::*;
     use crate::sink::live::{FrameInfo, FrameTimeline};
 
-    /// Grey levels between frames, so that the encoder's loss takes none for another.
+    /// Grey levels between frames, well above the encoder's loss.
     const LEVELS: u8 = 36;
 
-    /// A frame of 4 × 2 pixels, each its number.
+    /// A frame of 4 × 2 pixels whose grey level is its number.
     pub(crate) fn frame(number: u64, ms: u64) -> PresentedFrame {
         PresentedFrame {
             number,

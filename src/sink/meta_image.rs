@@ -19,7 +19,7 @@ use super::file::{begin, commit};
 use crate::pose::Pose;
 use crate::transducer::Sector;
 
-/// Room for the size of the compressed pixels, which is known at the end only, characters.
+/// Width of the field for the compressed size, which is known only at the end, characters.
 const SIZE_WIDTH: usize = 20;
 
 /// Time and pose of one image.
@@ -29,7 +29,7 @@ pub struct ImageTracking {
     pub time_s: f64,
     /// `scene_from_probe`.
     pub pose: Pose,
-    /// Whether the pose was measured; else it is written as invalid.
+    /// Whether the pose was measured; otherwise it is written as invalid.
     pub tracked: bool,
 }
 
@@ -117,10 +117,10 @@ impl MetaImageWriter {
         self.out.writer().write_all(image).map_err(SinkError::io(&self.path))
     }
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and renames it to its path.
     ///
     /// # Errors
-    /// Not as many images came as the head says, or the file cannot be written.
+    /// The number of images differs from the head's, or the file cannot be written.
     pub fn finish(self) -> Result<(), SinkError> {
         let io = || SinkError::io(&self.path);
         if self.pushed != self.images {
@@ -141,7 +141,7 @@ impl MetaImageWriter {
     }
 }
 
-/// The head's lines before the images', up to where the size of the compressed pixels belongs and from there.
+/// The head before the images' lines, split where the compressed size belongs.
 fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
     let compressed = if compress { "True\nCompressedDataSize = " } else { "False" };
     let before = format!(
@@ -157,7 +157,7 @@ fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
     (before, behind)
 }
 
-/// Linear part and offset, mm a pixel: right in the image is the probe's x, down its z.
+/// Linear part, mm per pixel, and offset, mm: right in the image is the probe's x, down its z.
 fn image_to_probe(sector: &Sector) -> (DMat3, DVec3) {
     let first = sector.pixel_centre_mm(0, 0);
     // Right-handed, like every transform that PLUS writes.

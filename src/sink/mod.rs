@@ -1,7 +1,7 @@
 //! Outputs for frames: image, array and video files; pages and windows of a live station.
 //!
-//! Every file is written under a temporary name beside its target and renamed when it is whole, so that a reader never
-//! sees half of one. Every error names the file.
+//! A file is written under a temporary name beside its target and renamed when complete, so that readers never see a
+//! partial one. Only logs grow in place. Every error names the file.
 
 pub mod browser;
 pub mod colour;

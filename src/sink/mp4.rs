@@ -34,7 +34,7 @@ const SEQUENCE_PARAMETERS: u8 = 7;
 const PICTURE_PARAMETERS: u8 = 8;
 const KEY_PICTURE: u8 = 5;
 
-/// A growing MP4 of grey frames, full range. Frames lie in the file as they come; only their sizes stay in memory.
+/// A growing MP4 of grey frames, full range. Frames are written as they come; only their sizes stay in memory.
 ///
 /// The file gets its name in [`Video::finish`]; dropped before that, it disappears.
 pub struct Video {
@@ -49,7 +49,7 @@ pub struct Video {
     size: [usize; 2],
     luma: Vec<u8>,
     chroma: Vec<u8>,
-    /// Coded picture at work: NAL units, each behind its length.
+    /// Buffer for a coded picture: NAL units with length prefixes.
     sample: Vec<u8>,
     position: u64,
     has_entry: bool,
@@ -70,7 +70,7 @@ impl Video {
             .bitrate(BitRate::from_bps(BIT_RATE))
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QUANTIZATION)
-            // Dark speckle is no background.
+            // Dark speckle must not count as background.
             .background_detection(false)
             .adaptive_quantization(false)
             .skip_frames(false)
@@ -107,7 +107,7 @@ impl Video {
         let layers = (0..coded.num_layers()).filter_map(|layer| coded.layer(layer));
         for layer in layers {
             for unit in (0..layer.nal_count()).filter_map(|unit| layer.nal_unit(unit)) {
-                // The encoder writes start codes of zeros and a one; MP4 has lengths.
+                // Strips the start code (zeros and a one); MP4 uses length prefixes.
                 let unit = unit.iter().position(|byte| *byte != 0).map_or(&[][..], |one| &unit[one + 1..]);
                 match unit.first().map(|header| header & 0x1f) {
                     Some(SEQUENCE_PARAMETERS) => parameters[0] = unit.to_vec(),
@@ -231,7 +231,7 @@ pub(super) mod tests {
         (frames, keys, track.duration as f64 / f64::from(track.timescale.get()))
     }
 
-    /// Speckle that drifts by a pixel a frame: Rayleigh amplitudes, log-compressed, under a ramp.
+    /// Speckle that drifts by one pixel per frame: Rayleigh amplitudes, log-compressed, under a ramp.
     fn speckle(width: usize, height: usize, frame: usize) -> Vec<u8> {
         let amplitude = |x: usize, y: usize| {
             let hash = |n: usize| (n as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;

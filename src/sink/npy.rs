@@ -26,11 +26,10 @@ pub fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]]) -> R
     write(path, shape, "c8", bytemuck::cast_slice(values))
 }
 
-/// An array of `uint8` as the bytes of its file: `planes` [planes × rows × columns] after each other, or without a third
-/// dimension where there is one plane.
+/// A `uint8` array as the bytes of its file: [planes × rows × columns], or [rows × columns] for a single plane.
 ///
 /// # Errors
-/// A plane that does not fill `shape`, which has the rows and columns; `path` is for the error alone.
+/// A plane does not fill `shape`, rows and columns; `path` only names it in the error.
 pub fn bytes_of_u8(path: &Path, shape: [usize; 2], planes: &[&[u8]]) -> Result<Vec<u8>, SinkError> {
     planes.iter().try_for_each(|plane| check_shape(path, shape, plane.len()))?;
     let [rows, columns] = shape.map(|n| n as u64);

@@ -1,4 +1,4 @@
-//! A PNG a frame, with an index.
+//! One PNG per frame, with an index.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -13,8 +13,8 @@ use super::png::{self, Effort};
 /// File with a line for each image.
 const INDEX: &str = "index.jsonl";
 
-/// Writes `000000.png` and so on, numbered as the frames are, and `index.jsonl` with a line for each: a frame that was
-/// dropped since the disk was slow is a gap in both.
+/// Writes `000000.png` and so on by frame number, and a line for each to `index.jsonl`. Frames dropped by a slow disk
+/// are gaps in both.
 #[derive(Debug)]
 pub struct PngSequence {
     directory: PathBuf,
@@ -40,7 +40,7 @@ impl LiveSink for PngSequence {
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
         let file = format!("{:06}.png", frame.number);
         png::write_grey(&self.directory.join(&file), frame.width, frame.height, &frame.image, Effort::Fast)?;
-        // A line at once: a file without its line would have no time.
+        // Written at once: an image without its line would have no time.
         let path = self.directory.join(INDEX);
         let line = serde_json::to_string(&FrameLine { file: Some(&file), ..FrameLine::new(frame) });
         let line = line.map_err(|source| SinkError::Json { path: path.clone(), source })? + "\n";

@@ -1,8 +1,8 @@
-//! Items that are used again once nobody holds them.
+//! Pool of items that are reused once nobody holds them.
 
 use std::sync::Arc;
 
-/// Items that are made once and used again and again. It belongs to the one thread that fills them.
+/// Reusable items. The pool belongs to the one thread that fills them.
 #[derive(Debug)]
 pub(crate) struct Pool<T> {
     items: Vec<Arc<T>>,
@@ -15,8 +15,7 @@ impl<T: Default> Pool<T> {
         Self { items: Vec::new(), limit }
     }
 
-    /// Fills an item that nobody holds, made anew if need be. None if `limit` items are held elsewhere; then `fill` is
-    /// not called.
+    /// Fills a free item, created if necessary. If all `limit` items are held elsewhere, `fill` is not called: `None`.
     pub(crate) fn fill<R>(&mut self, fill: impl FnOnce(&mut T) -> R) -> Option<(Arc<T>, R)> {
         let index = match self.items.iter().position(|item| Arc::strong_count(item) == 1) {
             Some(index) => index,

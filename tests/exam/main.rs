@@ -152,7 +152,7 @@ fn what_is_perturbed_is_what_is_lost() {
     // A turn in the image leaves the plane where it is.
     let rocked = plane(turned("abdomen", DVec3::Y, 12.0), "abdomen").best.unwrap();
     assert!(rocked.angle_deg < 1e-6 && (rocked.in_plane_deg - 12.0).abs() < 1e-6);
-    // Half of the angle's tolerance: of its 20 points a third is lost.
+    // Half of the angle's tolerance loses a third of its 20 points.
     let half = plane(turned("abdomen", DVec3::X, 5.0), "abdomen");
     assert!(half.found && (half.points - (100.0 - 20.0 / 3.0)).abs() < 1e-6, "{}", half.points);
     // Slid by 8 mm: a smaller section of the skull.
@@ -173,7 +173,7 @@ fn a_turned_femur_is_too_short() {
     let femur_mm = f64::from(Biometry::default().femur_mm);
     assert!((length(0.0) - femur_mm).abs() < 0.5, "{}", length(0.0));
     assert!((length(2.0) - femur_mm).abs() < 1.0, "{}", length(2.0));
-    // The slice cuts a shaft of 3.5 mm, and about 1.5 mm more, at its angle.
+    // The slice, about 1.5 mm thick, cuts a shaft of 3.5 mm at that angle.
     let short = length(15.0);
     assert!((5.0 / 15f64.to_radians().sin() - short).abs() < 5.0 && short < 26.0, "{short}");
     // Turned about its own length it is still a femur.
@@ -194,7 +194,7 @@ fn off_the_skin_nothing_is_found() {
 fn less_than_a_second_is_not_a_hold() {
     let mut poses = still(perfect("head"), 0.9);
     assert!(!scored(&poses, &[], &["head"]).planes[0].found);
-    // A second look after a gap does not add up.
+    // Holds before and after a gap are not summed.
     poses.extend(
         still(perfect("head"), 0.9).iter().map(|p| TimedPose { host_time_ns: p.host_time_ns + 2_000_000_000, ..*p }),
     );
@@ -217,7 +217,7 @@ fn an_expert_finds_all_it_was_asked_for() {
         for c in &score.calipers {
             assert!(c.error_percent.unwrap().abs() < 6.0, "seed {seed}: {c:?}");
         }
-        // It held the plane when it said so.
+        // Each plane was found before its `leave` event.
         let found: Vec<f64> = score.planes.iter().map(|p| p.find_s.unwrap()).collect();
         let search = session.events.iter().filter(|e| e.value.as_ref().is_some_and(|v| v["phase"] == "leave"));
         for (find_s, leave) in found.iter().zip(search) {
@@ -229,7 +229,7 @@ fn an_expert_finds_all_it_was_asked_for() {
 
 #[test]
 fn a_session_that_goes_nowhere_near_finds_nothing() {
-    // Along the mother's left, where only womb and bowel are, looking to her back.
+    // Along the mother's left, over womb and bowel only, facing her back.
     let skin = &place().skin;
     let poses: Vec<TimedPose> = still(Pose::IDENTITY, 20.0)
         .into_iter()
@@ -270,7 +270,7 @@ fn a_seed_gives_its_bytes() {
     let first = bytes(5, "a.mcap");
     assert!(first == bytes(5, "b.mcap"));
     assert!(first != bytes(6, "c.mcap"));
-    // And they are a whole recording whose truth the score does not see.
+    // The recording is complete, and its truth events do not affect the score.
     let (poses, summary) = read_all(RecordingReader::open(&dir.path().join("a.mcap")).unwrap()).unwrap();
     assert!(summary.is_clean() && poses.len() == 28 * 60 + 1, "{summary}");
     let truths: Vec<_> = summary.events.iter().filter(|e| e.name == TRUTH_EVENT).cloned().collect();

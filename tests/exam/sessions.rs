@@ -1,4 +1,5 @@
-//! Whole sessions: a perfect one scores full, a perturbed one loses what was perturbed, a random one finds nothing.
+//! Whole sessions: a perfect one scores full, a perturbed one loses the points of its perturbation, a random one finds
+//! nothing.
 
 use insonify::random::SplitMix64;
 
@@ -9,7 +10,8 @@ const ALL: [&str; 7] = ["head", "cerebellum", "abdomen", "femur", "heart", "spin
 const ROOMY: [&str; 3] = ["head", "abdomen", "femur"];
 const INTERVAL_NS: u64 = 16_666_667;
 
-/// A session that goes from plane to plane in a second and holds each; `held` is the pose a time after the hold began.
+/// A session that moves from plane to plane within a second and holds each. `held` gives the pose by time since the
+/// hold began, s.
 fn session(names: &[&str], hold_s: f64, held: impl Fn(&str, f64) -> Pose) -> Vec<TimedPose> {
     let mut poses: Vec<Pose> = Vec::new();
     for name in names {
@@ -18,7 +20,7 @@ fn session(names: &[&str], hold_s: f64, held: impl Fn(&str, f64) -> Pose) -> Vec
             let between = |i: usize| {
                 let part = i as f64 / 60.0;
                 Pose {
-                    // A metre off the skin half way: nothing is found by going past it.
+                    // A metre off the skin half way, so that no plane is found in passing.
                     position_mm: from.position_mm.lerp(target.position_mm, part)
                         + DVec3::Z * 1000.0 * (std::f64::consts::PI * part).sin(),
                     orientation: from.orientation.slerp(target.orientation, part),
@@ -70,11 +72,11 @@ fn each_perturbation_alone_loses_its_own_points() {
         assert!(found.iter().all(|p| (p - expected).abs() < 0.05), "{what}: {found:?}, expected {expected}");
     };
     each(points(&|name, _| perfect(name)), 100.0, "nothing");
-    // All up to a quarter of the tolerance, none at it: half loses a third of 20.
+    // Full points up to a quarter of the tolerance, none at all of it: half of it loses a third of 20.
     each(points(&|name, _| turned(name, DVec3::Z, 0.5 * tolerances(name).angle_deg)), 100.0 - 20.0 / 3.0, "angle");
     let offset = |name: &str, _| slid(perfect(name), DVec3::Y * 0.5 * tolerances(name).distance_mm);
     each(points(&offset), 100.0 - 20.0 / 3.0, "distance");
-    // To and fro along the image by 1.75 mm RMS: half way from 0.5 to 3 mm.
+    // A lateral oscillation of 1.75 mm RMS: half way from 0.5 to 3 mm.
     let amplitude_mm = 1.75 * std::f64::consts::SQRT_2;
     let shaken =
         |name: &str, s: f64| slid(perfect(name), DVec3::X * amplitude_mm * (s * 4.0 * std::f64::consts::PI).sin());
@@ -84,7 +86,7 @@ fn each_perturbation_alone_loses_its_own_points() {
 
 #[test]
 fn beyond_a_tolerance_or_too_short_nothing_is_found() {
-    // Each plane in a session of its own: off one of them may be on another.
+    // Each plane in a separate session: a pose off one plane may be on another.
     let found = |hold_s: f64, held: &dyn Fn(&str, f64) -> Pose| {
         let alone = |name: &str| {
             let score = scored(&session(&[name], hold_s, held), &[], &[name]);
@@ -96,13 +98,13 @@ fn beyond_a_tolerance_or_too_short_nothing_is_found() {
     assert_eq!(found(0.9, &|name, _| perfect(name)), 0, "held too short");
     assert_eq!(found(1.1, &|name, _| perfect(name)), 7);
     assert_eq!(found(1.5, &|name, _| turned(name, DVec3::Z, 1.1 * tolerances(name).angle_deg)), 0, "turned");
-    // The other way the right femur would come into view, which will do as well.
+    // In the other direction the right femur would come into view, which also counts.
     let offset = |name: &str, _| slid(perfect(name), DVec3::NEG_Y * 1.1 * tolerances(name).distance_mm);
     assert_eq!(found(1.5, &offset), 0, "slid");
     assert_eq!(found(1.5, &|name, _| slid(perfect(name), DVec3::Z * -6.0)), 0, "off the skin");
 }
 
-/// `pose` moved along its middle line, 2.5 mm into the skin; none where that line misses the body.
+/// `pose` moved along its middle line, 2.5 mm into the skin; `None` if that line misses the body.
 fn on_skin(pose: Pose, depth_mm: f64) -> Option<Pose> {
     let up = pose.orientation * DVec3::NEG_Z;
     let contact = place().skin.exit(pose.transform_point(DVec3::Z * depth_mm), up)?;
@@ -118,7 +120,8 @@ fn random_holds_beyond_a_tolerance_are_not_found_and_some_within_are() {
     for name in ["head", "cerebellum", "abdomen", "heart", "spine", "profile"] {
         let (limits, depth_mm) = (tolerances(name), perfect(name).position_mm.distance(view(name).centre_mm));
         for _ in 0..20 {
-            // A turn about an axis in the image, and a way along its normal: angle and distance are what is set here.
+            // A rotation about an axis in the image, and a shift along its normal, give exactly this angle and
+            // distance.
             let axis = DVec3::new(even(), 0.0, even()).normalize_or(DVec3::X);
             let (angle_deg, distance_mm) = (1.6 * even() * limits.angle_deg, 1.6 * even() * limits.distance_mm);
             let held = slid(turned(name, axis, angle_deg), DVec3::Y * distance_mm);
@@ -132,12 +135,12 @@ fn random_holds_beyond_a_tolerance_are_not_found_and_some_within_are() {
             }
         }
     }
-    // Of 120, three in five are beyond; of the others landmarks and contact let not all pass.
+    // Of 120, three in five are beyond; of the others, landmarks and contact reject some.
     assert!(beyond >= 30 && found >= 6, "{beyond} {found}");
 }
 
-/// A minute of a probe that slides over the belly without an aim, tilting and turning: about 90 mm and 110° a second, so
-/// that it goes past planes and holds none.
+/// A minute of a probe that slides, tilts and turns aimlessly over the belly, about 90 mm and 110° per second, so that
+/// it passes planes and holds none.
 fn wandering(seed: u64) -> Vec<TimedPose> {
     let mut random = SplitMix64::new(seed);
     let mut even = move || 2.0 * random.unit() - 1.0;

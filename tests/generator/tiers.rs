@@ -1,4 +1,4 @@
-//! The decisions between tiers, by a clock that is made up.
+//! Decisions between tiers, on a simulated clock.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ fn ms(n: u64) -> Duration {
     Duration::from_millis(n)
 }
 
-/// Tiers within a budget of 50 ms that were measured to take so long, and a clock.
+/// Tiers with given measured times and a budget of 50 ms, and a clock.
 struct Bench {
     tiers: Tiers,
     now: Duration,
@@ -76,7 +76,7 @@ fn overshoots_in_a_row_step_down_at_once() {
 #[test]
 fn a_high_95th_percentile_steps_down_once_it_has_settled() {
     let mut bench = Bench::new(&[30, 10]);
-    // Five measured runs and these: the twentieth settles it.
+    // With the five measured runs: the twentieth run decides.
     (0..14).for_each(|i| bench.run(30 + 30 * (i % 2)));
     assert_eq!(bench.changes, []);
     bench.run(30);

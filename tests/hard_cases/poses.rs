@@ -1,4 +1,4 @@
-//! Quaternions that are not normalised, negated or NaN; time that stands still or runs backward.
+//! Quaternions that are not normalised, negated or NaN; time that stops or runs backward.
 
 use glam::{DQuat, DVec3};
 use insonify::pose::{

@@ -1,4 +1,4 @@
-//! Controls of watchers during a session.
+//! Controls of viewers during a session.
 
 use super::*;
 
@@ -44,7 +44,7 @@ fn switching_the_generator_off_shows_rendered_frames_at_once() {
         match frame.number {
             50 => sender.try_send(Control::set("enhance", false)).unwrap(),
             100 => sender.try_send(Control::set("enhance", true)).unwrap(),
-            // What was generated before is another picture.
+            // Images generated before this no longer match.
             150 => sender.try_send(Control::set("gain_db", 3.0)).unwrap(),
             _ => {}
         }

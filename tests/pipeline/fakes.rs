@@ -17,11 +17,11 @@ pub(super) fn pose(x: f64) -> Pose {
 
 pub(super) type Extra = dyn Fn(Duration, QualityPoint) -> Duration + Send + Sync;
 
-/// What frames and generated pictures are made on where there is no other device.
+/// Processors shared by frames and generated images if there is no other device.
 #[derive(Default)]
 pub(super) struct Processors {
     pub(super) at_work: AtomicU64,
-    /// Times that both were at work at once.
+    /// Number of times that both worked at once.
     pub(super) shared: AtomicU64,
 }
 
@@ -34,14 +34,14 @@ impl Processors {
     }
 }
 
-/// A device that takes `service` for a frame, one after another, and fails where `faults` says so.
+/// A device that takes `service` per frame, one after another, and fails at frames chosen by `faults`.
 pub(super) struct Device {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) service: Duration,
-    /// What a frame of this quality takes beyond `service` now.
+    /// Time of a frame beyond `service`, by time and quality.
     pub(super) extra: Arc<Extra>,
     pub(super) quality: Quality,
-    /// When each is done, its pose, whether it has maps, and the scene's time.
+    /// Completion time, pose, whether it has maps, and scene time of each frame.
     pub(super) in_flight: VecDeque<(Duration, Pose, bool, f64)>,
     pub(super) time_s: f64,
     pub(super) maps: bool,
@@ -49,7 +49,7 @@ pub(super) struct Device {
     pub(super) received: Arc<AtomicU64>,
     pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     pub(super) gain_db: f64,
-    /// Where the processors make its frames, in `submit`.
+    /// Processors that make the frames, in `submit`, if any.
     pub(super) processors: Option<Arc<Processors>>,
 }
 
@@ -85,7 +85,7 @@ impl FrameRenderer for Device {
             map.clear();
             map.resize(PIXELS, 1 + self.gain_db as u8);
         }
-        // In tenths of a second.
+        // Scene time in tenths of a second.
         frame.mask.fill((10.0 * time_s) as u8);
         frame.attenuation.clear();
         frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
@@ -115,7 +115,7 @@ impl FrameRenderer for Device {
     }
 }
 
-/// Builds the device again; fails `failures` times first.
+/// Rebuilds the device; fails `failures` times first.
 pub(super) struct Factory {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) device: Box<dyn Fn() -> Device + Send>,
@@ -157,7 +157,7 @@ pub(super) fn tracked(now: Duration, x: f64) -> Estimate {
     }
 }
 
-/// 20 mm/s.
+/// A probe that moves at 20 mm/s.
 pub(super) fn moving(now: Duration) -> Estimate {
     tracked(now, 20.0 * now.as_secs_f64())
 }
@@ -190,14 +190,14 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer
     }
 }
 
-/// A generator that does `work` on a device of its own.
+/// A generator that does `work` on its own device.
 pub(super) fn translate(
     work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send + 'static,
 ) -> Box<dyn Enhancer> {
     Box::new(Translate { work, terminator: None, on_processors: false })
 }
 
-/// A generator that takes `time` a run and paints 200.
+/// A generator that takes `time` per run and paints 200.
 pub(super) fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn Enhancer> {
     let clock = clock.clone();
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
@@ -239,7 +239,7 @@ pub(super) fn broken() -> SinkError {
     SinkError::FrameRate { fps: 0.0 }
 }
 
-/// Events, and how many poses and settings.
+/// Events, and the numbers of poses and settings.
 #[derive(Default)]
 pub(super) struct Counted {
     pub(super) events: Vec<(u64, String)>,

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use super::*;
 
-/// Takes its time for each write.
+/// A slow writer.
 struct Slow(Arc<Mutex<Vec<u8>>>);
 
 impl Write for Slow {

@@ -32,7 +32,7 @@ fn a_frame_whose_run_fails_is_shown_as_soon_as_it_has() {
     let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     assert!(summary.generator.unwrap().failed >= 9);
     let ages: Vec<_> = seen(&log).iter().map(|frame| frame.age).collect();
-    // 20 ms alone, with a run of 10 ms that fails, and with one of 30 ms that doesn't; 100 ms are the deadline.
+    // 20 ms alone, 30 ms with a failed run of 10 ms, 50 ms with a run of 30 ms; the deadline is 100 ms.
     assert!(ages.iter().all(|age| [20 * MS, 30 * MS, 50 * MS].contains(age)), "{ages:?}");
     assert!(ages.iter().filter(|age| **age == 30 * MS).count() >= 2, "{ages:?}");
 }

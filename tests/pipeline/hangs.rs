@@ -35,7 +35,7 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
     let (clock_of, told_of, mut run) = (clock.clone(), told.clone(), 0);
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
         run += 1;
-        // Run 40 comes back long after it was told to end, run 60 never does.
+        // Run 40 returns long after its termination, run 60 never does.
         let time = match run {
             40 => 5 * SECOND,
             60 => NEVER,
@@ -62,7 +62,7 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
         assert!(first.is_some_and(|f| f.presented.as_secs_f64() < from_s + 1.5), "{words}: {first:?}");
     }
     let generator = summary.generator.unwrap();
-    // The end of the session tells the last one again.
+    // The end of the session terminates the last one again.
     assert_eq!((generator.hung, generator.given_up, told.load(Ordering::Relaxed)), (2, 2, 3));
     assert!(generator.stuck && summary.stuck == ["generator"], "{generator:?}");
     let after = frames.iter().filter(|f| f.presented.as_secs_f64() > 11.0).all(|f| f.source == FrameSource::LowQuality);

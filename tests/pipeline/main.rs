@@ -1,6 +1,6 @@
-//! A session with fakes for everything around it, on simulated time; and one on the real thing.
+//! Sessions with fakes for everything around them, on simulated time, and the program on the real renderer.
 
-// Helpers are outside of tests for clippy; a failing one fails its test.
+// clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod controls;

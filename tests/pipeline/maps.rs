@@ -1,8 +1,8 @@
-//! Maps are rendered while somebody reads them, and not otherwise.
+//! Maps are rendered only while somebody reads them.
 
 use super::*;
 
-/// Numbers of the frames that carried maps, each of them its own.
+/// Numbers of the frames that carried maps. Checks that the maps belong to their frame.
 fn frames_with_maps(
     clock: &Arc<dyn Clock>,
     enhancer: Option<Box<dyn Enhancer>>,
@@ -67,7 +67,7 @@ fn maps_are_rendered_while_the_generator_is_at_work() {
     assert!(read.load(Ordering::Relaxed) > 100);
 }
 
-/// A generator that keeps the budget except between these times.
+/// A generator that rests between these times.
 struct Resting {
     clock: Arc<dyn Clock>,
     rests: std::ops::Range<Duration>,
@@ -108,7 +108,7 @@ fn maps_are_not_rendered_while_the_generator_rests() {
     let enhancer = Resting { clock: clock.clone(), rests: 2000 * MS..6000 * MS };
     let with_maps = frames_with_maps(&clock, Some(Box::new(enhancer)), |_, _, _| {});
     let without: Vec<u64> = (0..200).filter(|number| !with_maps.contains(number)).collect();
-    // 20 frames/s: frames 40 to 120, and those that were in flight when it woke.
+    // 20 frames/s: frames 40 to 120, and those in flight when it resumed.
     assert!(with_maps.contains(&0) && with_maps.contains(&199), "{with_maps:?}");
     assert!((40..=44).contains(&without[0]) && (118..=125).contains(without.last().unwrap()), "{without:?}");
     assert!(without.len() >= 75, "{without:?}");

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// Frames of a session at 20 frames/s in which rendering for `service` and runs of `run` share the processors.
+/// Runs a session at 20 frames/s in which rendering for `service` and generator runs of `run(number)` share the
+/// processors.
 fn on_shared_processors(
     service: Duration,
     run: impl Fn(u64) -> Duration + Send + 'static,
@@ -51,7 +52,7 @@ fn where_both_do_not_fit_into_a_period_frames_come_a_little_later() {
 fn a_generator_that_takes_long_does_not_slow_frames_down() {
     let _guard = beside_others();
     let (summary, _, shared) = on_shared_processors(25 * MS, |_| 300 * MS);
-    // It gets its turns in the first run alone: nobody knew how long it takes.
+    // It takes turns only in its first run, while its duration is unknown.
     assert!(summary.presented >= 196 && summary.missed_ticks <= 4, "{summary:?}");
     assert!(shared > 100);
     let (summary, frames, _) = on_shared_processors(25 * MS, |n| if n == 30 { 1000 * SECOND } else { 10 * MS });

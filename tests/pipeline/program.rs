@@ -8,7 +8,7 @@ fn insonify(arguments: &[&str]) -> Command {
     command
 }
 
-/// The sphere's station with a small image, so that the software device is quick.
+/// The sphere's station with a small image, for speed on the software device.
 fn small_station(directory: &Path, rest: &str) -> String {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.glb");
     let path = directory.join("station.toml");
@@ -105,7 +105,7 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // "tracking" is said at the first frame.
+    // "tracking" is logged at the first frame.
     let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
     assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
     let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
@@ -121,7 +121,7 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
     assert!(json_lines(&metrics).last().unwrap()["summary"].is_object());
 }
 
-/// The whole chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
+/// The complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
 #[test]
 fn the_program_tracks_enhances_and_records() {
     use insonify::tracker::Protocol;

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// A session with a budget of 40 ms on a device of which a frame takes 7.9 ms and 1.34 ms a path (4x3: 24, 2x3: 16, 8x3: 40.1),
-/// and twice as much from 20 s to 60 s.
+/// A session with a budget of 40 ms. A frame takes 7.9 ms and 1.34 ms per path (4x3: 24, 2x3: 16, 8x3: 40.1), and twice
+/// as much from 20 s to 60 s.
 fn budgeted(clock: &Arc<dyn Clock>, heard: &Arc<Heard>) -> Session {
     let cost_ms = |point: QualityPoint| 7.9 + 1.34 * f64::from(point.paths());
     let climbed = climb::<()>(40.0, |point| Ok(Some(cost_ms(point)))).unwrap();
@@ -16,7 +16,7 @@ fn budgeted(clock: &Arc<dyn Clock>, heard: &Arc<Heard>) -> Session {
     Session { service: Duration::ZERO, extra, quality, observer, limits, ..Session::new(clock, moving) }
 }
 
-/// What was said of the quality, with its time in whole seconds.
+/// Events about the quality, with their times in whole seconds.
 fn said_of_quality(heard: &Heard) -> Vec<(u64, String)> {
     let heard = heard.0.lock().unwrap();
     let said = heard.events.iter().filter_map(|(at, text)| Some((*at, text.strip_prefix("quality: ")?)));

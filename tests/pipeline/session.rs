@@ -1,8 +1,8 @@
-//! A session of fakes, and what its frames showed.
+//! A session of fakes, and the record of its frames.
 
 use super::*;
 
-/// A sink that keeps what it sees of each frame.
+/// Data of a presented frame, kept by `logger`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Seen {
     pub(super) number: u64,
@@ -152,7 +152,7 @@ impl Session {
     }
 }
 
-/// Nothing is lost without being counted.
+/// Asserts that every frame is presented or counted as dropped.
 #[track_caller]
 pub(super) fn all_counted(summary: &Summary) {
     let drops: u64 = summary.drops.values().sum();
@@ -170,7 +170,7 @@ pub(super) fn all_counted(summary: &Summary) {
     }
 }
 
-/// How often the picture's kind changes, and whether it ever goes back and forth within three frames.
+/// Number of changes between rendered and generated images, and whether one is reversed at the next frame.
 pub(super) fn changes(frames: &[Seen]) -> (usize, bool) {
     let enhanced: Vec<bool> = frames.iter().map(|f| f.source != FrameSource::LowQuality).collect();
     let changes = enhanced.windows(2).filter(|w| w[0] != w[1]).count();

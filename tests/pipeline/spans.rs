@@ -12,10 +12,10 @@ use super::*;
 /// Fields of a span by their names.
 type Fields = BTreeMap<&'static str, f64>;
 
-/// Names and fields of spans, in the order of their beginnings.
+/// Names and fields of spans, in the order of their start.
 type Spans = Arc<Mutex<Vec<(&'static str, Fields)>>>;
 
-/// Keeps every span of the library while `CAPTURES` is set: it stays in place for the tests that follow.
+/// Keeps every span of the library while `CAPTURES` is set; it stays installed for later tests.
 struct Capture(Spans);
 
 static CAPTURES: AtomicBool = AtomicBool::new(false);
@@ -67,7 +67,7 @@ impl Subscriber for Capture {
 
 #[test]
 fn each_stage_has_a_span_with_frame_number_and_times() {
-    // Spans of other tests' sessions would be captured, too.
+    // Alone, because spans of other tests' sessions would be captured, too.
     let _guard = alone();
     let clock = clock();
     let enhancer = Some(generator(&clock, 10 * MS));

@@ -157,7 +157,7 @@ fn page_header(frame: &PresentedFrame) -> Vec<u8> {
     bytes
 }
 
-/// The messages of `frame` to an OpenIGTLink client: kind and body.
+/// The messages of `frame` to an OpenIGTLink client: type and body.
 fn openigtlink_messages(frame: &PresentedFrame) -> Vec<(String, Vec<u8>)> {
     let mut server = OpenIgtLink::new(IgtlSettings { port: 0, ..IgtlSettings::default() }, Probe::default()).unwrap();
     let mut stream = TcpStream::connect(server.address()).unwrap();

@@ -236,7 +236,7 @@ fn repeated_and_late_measurements_are_counted_and_not_used() {
     }
     let Counters { duplicates, out_of_order, missing, used, .. } = *estimator.counters();
     assert_eq!((duplicates, out_of_order, missing, used), (1, 1, 1, 6));
-    // Without a counter and a clock, host time that stands still or falls is not used.
+    // Without a counter and a clock, host times that repeat or fall are not used.
     let mut estimator = self::estimator();
     for i in [5, 6, 6, 3, 7] {
         estimator.push(&Measurement { sequence: None, device_time_us: None, ..measurement(i, at(i as f64)) });

@@ -1,8 +1,8 @@
-//! Each pass on the device against its twin, given the device's own output of the pass before.
+//! Each pass on the device against its twin, given the device's output of the previous pass.
 //!
-//! Tolerances are those of f32 (2⁻²⁴ = 6·10⁻⁸ of a number) carried through each pass. What is discrete may fall the
-//! other way where f32 and f64 disagree about a tie (the lattice cell of a sample, a triangle at an edge, Russian
-//! roulette): such outliers are counted, and their fraction is bounded.
+//! Tolerances are those of f32 (2⁻²⁴ = 6·10⁻⁸ of a number) carried through each pass. Discrete choices may differ where
+//! f32 and f64 disagree about a tie (the lattice cell of a sample, a triangle at an edge, Russian roulette). Such
+//! outliers are counted, and their fraction is bounded.
 
 use glam::DVec2;
 use insonify::render::Snapshot;
@@ -14,7 +14,7 @@ pub(crate) const PASSES: [&str; 9] =
 /// One rounding of f32, relative.
 const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
-/// A pass that doesn't do what its twin does.
+/// A pass that differs from its twin.
 #[derive(Debug)]
 #[allow(dead_code, reason = "read by `Debug` in a failing test")]
 pub(crate) struct Mismatch {
@@ -26,7 +26,7 @@ pub(crate) struct Mismatch {
     pub(crate) first: usize,
 }
 
-/// Errors of one output, over its tolerance.
+/// Errors of one output, relative to its tolerance.
 struct Tally {
     pass: &'static str,
     what: &'static str,
@@ -43,7 +43,7 @@ impl Tally {
         Self { pass, what, allowed, count: 0, outliers: 0, first: 0, worst: 0.0 }
     }
 
-    /// `error` over its tolerance; above 1, or NaN, is an outlier.
+    /// Adds an error relative to its tolerance; above 1, or NaN, is an outlier.
     fn add(&mut self, error: f64) {
         if error <= 1.0 {
             self.worst = self.worst.max(error);
@@ -57,7 +57,7 @@ impl Tally {
     fn finish(self) -> Result<(), Mismatch> {
         let Self { pass, what, allowed, count, outliers, first, worst } = self;
         println!("{pass:12} {what:24} {outliers:4} outliers of {count:6}, others within {worst:.3} of the tolerance");
-        // One tie may fall the other way however few there are.
+        // A single tie is allowed, however few values there are.
         if count > 0 && outliers as f64 <= (allowed * count as f64).max(if allowed > 0.0 { 1.0 } else { 0.0 }) {
             Ok(())
         } else {
@@ -92,7 +92,7 @@ fn locate(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn trace(s: &Snapshot) -> Result<(), Mismatch> {
     let twins = twin::trace(&s.inputs, &s.starts_inside);
-    // An edge, a facet or a roulette that falls the other way makes another path from there on.
+    // A different decision at an edge, a facet or a roulette gives a different path from there on.
     let mut tally = Tally::new("trace", "paths", 0.01);
     for (device, twin) in s.paths.iter().zip(&twins) {
         let pairs = device.segments.iter().zip(&twin.segments);
@@ -109,7 +109,7 @@ fn segment_error(s: &Snapshot, device: &Segment, twin: &Segment) -> f64 {
     let ends = [device.start_mm, depth];
     let place = ends.map(|r| (device.scatterer_mm(r) - twin.scatterer_mm(r)).length()).into_iter().fold(0.0, f64::max);
     let level = ends.map(|r| (device.ln_amplitude(r) - twin.ln_amplitude(r)).abs()).into_iter().fold(0.0, f64::max);
-    // Echoes below 10⁻⁶ (−120 dB) are compared with that.
+    // Errors of echoes below 10⁻⁶ (−120 dB) are relative to 10⁻⁶.
     let echo = (device.echo - twin.echo).abs() / twin.echo.abs().max(1.0e-6);
     let same = device.scatterer_density == twin.scatterer_density
         && device.scatterer_mean == twin.scatterer_mean
@@ -155,7 +155,7 @@ fn add_rows(tally: &mut Tally, s: &Snapshot, device: &[DVec2], twin: &[DVec2], t
     }
 }
 
-/// Error of a phase: a range is rounded a few times on the device, and each mm of it is many turns.
+/// Tolerance of a phase: the device rounds a range a few times, and each mm is many turns.
 fn phase_tolerance(s: &Snapshot) -> f64 {
     let reach_mm = s.inputs.depth_mm + s.inputs.probe_mm.length();
     std::f64::consts::TAU * s.inputs.phase_turns_per_mm * 4.0 * ROUNDING * reach_mm + 1.0e-5
@@ -171,7 +171,7 @@ fn march(s: &Snapshot) -> Result<(), Mismatch> {
 fn echo(s: &Snapshot) -> Result<(), Mismatch> {
     let mut twin = s.scattered.clone();
     twin::echo(&s.inputs, &s.paths, &mut twin);
-    // Only samples that an echo falls on; one in a thousand may fall on the neighbour.
+    // Only samples with an echo; a few echoes may round to the neighbouring sample.
     let mut tally = Tally::new("echo", "samples with echoes", 0.005);
     for ((before, device), twin) in s.scattered.iter().zip(&s.baseband).zip(&twin) {
         if before != device || before != twin {
@@ -193,7 +193,7 @@ fn detect(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("detect", "lines", 0.0);
     add_rows(&mut tally, s, &s.lines, &twin.lines, 1.0e-5);
     tally.finish()?;
-    // A null of the speckle is a difference of large numbers: a few are darker or lighter.
+    // A null of the speckle is a difference of large numbers, so a few levels differ.
     let mut tally = Tally::new("detect", "grey", 0.005);
     for (device, twin) in s.grey.iter().zip(&twin.grey) {
         tally.add((device - twin).abs() / 0.01);
@@ -218,7 +218,7 @@ fn section(s: &Snapshot) -> Result<(), Mismatch> {
     tally.finish()?;
     let mut tally = Tally::new("section", "raster", 0.005);
     for (device, twin) in s.sections.raster.iter().zip(&twin.raster) {
-        // The word keeps 16 bits of the number's 24.
+        // The raster keeps 16 of the 24 bits of a number.
         let tolerance = 1.0e-4 + twin.sum_np / 32768.0;
         let same = device.tissue == twin.tissue;
         tally.add(if same { (device.sum_np - twin.sum_np).abs() / tolerance } else { f64::NAN });

@@ -1,4 +1,4 @@
-//! Every pass that the host makes against its f64 twin; that wrong ones are caught, that no thread changes a frame, and that
+//! Every pass on the host against its f64 twin. Damaged passes are caught, the number of threads changes no frame, and
 //! frames in flight, new settings and maps behave as on a device.
 
 use insonify::render::{Choice, Frame, ImageConstants, Quality, RenderSettings, ShaderSet, Snapshot, TestHooks, twin};
@@ -42,7 +42,7 @@ fn without_some_effects_every_pass_of_the_host_is_its_twin() {
         }
         println!("--- without {group:?}");
         let snapshot = snapshot(&case);
-        // Where nothing echoes there is no echo to compare.
+        // Without interface echoes there is nothing to compare.
         let compared = |pass: &&&str| **pass != "echo" || !group.contains(&insonify::render::Effect::InterfaceEchoes);
         let wrong_here = PASSES.iter().filter(compared).filter_map(|pass| compare(pass, &snapshot).err());
         wrong.extend(wrong_here.map(|e| (group, e)));
@@ -102,7 +102,7 @@ fn from_pose_to_image_the_host_and_the_twins_show_the_same() {
         assert!(mean < 1.0 && p99 < 4.0, "{}: mean {mean}, p99 {p99}", case.name);
         assert!((other as f64) < 0.005 * inside.len() as f64, "{}: {other} pixels", case.name);
         assert!(level < 1.0e-3, "{}: {level}", case.name);
-        // Nothing is shown beside the sector.
+        // Nothing is shown outside the sector.
         let beside = (0..host.mask.len()).filter(|&i| host.mask[i] == 0);
         assert!(
             beside.into_iter().all(|i| host.bmode[i] == 0 && host.segmentation[i] == 0 && host.attenuation[i] == 0.0)
@@ -146,7 +146,7 @@ fn a_host_that_was_configured_anew_is_one_built_so() {
         let mut case = nested();
         change(&mut case.probe, &mut case.settings);
         let built = frame(&case);
-        // In flight stays as it was submitted.
+        // A frame in flight keeps the settings of its submission.
         renderer.submit(&start.pose).unwrap();
         renderer.reconfigure(&case.probe, &case.settings).unwrap();
         renderer.submit(&case.pose).unwrap();
@@ -197,7 +197,7 @@ fn the_host_shows_what_moves() {
 fn losses_of_any_strength_are_their_twins() {
     let mut wrong = Vec::new();
     for mut case in cases() {
-        // Bone takes more than 100 dB from one sample to the next.
+        // Bone attenuates by more than 100 dB from one sample to the next.
         (case.probe.samples, case.probe.frequency_mhz) = (48, 15.0);
         let snapshot = snapshot(&case);
         wrong.extend(
@@ -218,7 +218,7 @@ fn layers_in_turns_are_one_frame_of_the_host() {
     case.renderer(&ShaderSet::default()).render(&case.pose, &mut device).unwrap();
     let other = host.bmode.iter().zip(&device.bmode).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert!(other * 50 < host.bmode.len(), "{other} pixels");
-    // And as bright as one that needs no turns: without one of them it would be darker.
+    // As bright as a frame of a single batch; a missing batch would make it darker.
     case.settings.quality.rays = 40;
     let whole = frame(&case);
     let mean = |frame: &Frame| frame.bmode.iter().map(|&v| f64::from(v)).sum::<f64>() / frame.bmode.len() as f64;

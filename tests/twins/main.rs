@@ -1,4 +1,4 @@
-//! Every pass on the device against its f64 twin on the CPU; and that a damaged pass doesn't pass.
+//! Every pass on the device against its f64 twin on the CPU; damaged passes must fail.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -24,7 +24,7 @@ fn every_pass_is_its_twin() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Effects that are left out together.
+/// Effects that are switched off together.
 const WITHOUT: [&[Effect]; 4] = [
     &[Effect::Refraction, Effect::Attenuation],
     &[Effect::InterfaceEchoes, Effect::SpeedDisplacement],
@@ -42,7 +42,7 @@ fn without_some_effects_every_pass_is_its_twin() {
         }
         let snapshot = case.renderer(&ShaderSet::default()).snapshot(&case.pose).unwrap();
         println!("--- without {group:?}");
-        // Where nothing echoes there is no echo to compare.
+        // Without interface echoes there is nothing to compare.
         let compared = |pass: &&&str| **pass != "echo" || !group.contains(&Effect::InterfaceEchoes);
         let wrong_here = PASSES.iter().filter(compared).filter_map(|pass| compare(pass, &snapshot).err());
         wrong.extend(wrong_here.map(|e| (group, e)));
@@ -87,10 +87,10 @@ fn from_pose_to_image_the_twins_show_the_same() {
     }
 }
 
-/// One damage to each pass: what is wrong, the pass, the source and what replaces it.
+/// One damage per pass: description, pass, source text and its replacement.
 type Damages = &'static [(&'static str, &'static str, &'static str, &'static str)];
 
-/// Passes are compared on the device's own inputs, so that one renderer shows a damage to each of them at once.
+/// Passes are compared on the device's own inputs, so that one renderer can have a damage in each pass.
 const DAMAGES: [Damages; 3] = [
     &[
         (

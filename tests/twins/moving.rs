@@ -1,4 +1,5 @@
-//! Scenes that move: every pass is its twin at any time, what rests is as it was, and speckle goes with its tissue.
+//! Scenes that move: every pass matches its twin at any time, a scene at rest is unchanged, and speckle moves with its
+//! tissue.
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::motion::{Drift, Field, Rhythm, Shape};
@@ -10,10 +11,10 @@ use insonify::transducer::ProbeKind;
 use crate::compare::{PASSES, compare};
 use crate::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
 
-/// A time of full systole, and of a movement of the limb.
+/// A time of full systole, during a movement of the limb.
 pub(crate) const TIME_S: f64 = 0.6;
 
-/// The nested case with a liver and what is in it that beat, and a bone that swings.
+/// The nested case with a beating kidney and cyst, and a swinging bone.
 pub(crate) fn beating() -> Case {
     let mut case = nested();
     let field = |name: &str, surfaces: &[&str], shape, rhythm| Field {
@@ -70,7 +71,7 @@ fn a_moved_scene_is_cut_as_one_that_was_built_there() {
         assert!(frame.segmentation == fresh.segmentation, "at {time_s} s");
         assert!(frame.attenuation == fresh.attenuation, "at {time_s} s");
     }
-    // Back at rest everything is as it was.
+    // Back at rest, the frame is the one rendered without motion.
     renderer.set_time_s(0.0);
     renderer.render(&case.pose, &mut frame).unwrap();
     let rest = RENDERED.iter().find(|r| r.name == case.name).unwrap();
@@ -106,7 +107,7 @@ fn a_drift_moves_the_scene_under_the_probe() {
     case.scene.motion.drift = Some(Drift { way_mm, rhythm });
     let mut renderer = case.renderer(&ShaderSet::default());
     let (mut drifted, mut other) = (Frame::default(), Frame::default());
-    // The height of a breath.
+    // The peak of a breath.
     renderer.set_time_s(1.0);
     renderer.render(&case.pose, &mut drifted).unwrap();
     renderer.set_time_s(0.0);
@@ -134,14 +135,14 @@ fn correlation(a: &Frame, at: (usize, usize), b: &Frame, bt: (usize, usize), siz
 #[test]
 fn speckle_goes_with_its_tissue() {
     let mut scene = scene(vec![part("ball", "liver", 1, analytic::sphere(Vec3::new(0.0, 0.0, 30.0), 12.0, 4))], "gel");
-    // A turn about a far joint is nearly a shift: 5 mm to the side.
+    // A rotation about a distant joint is nearly a shift: 5 mm to the side.
     let (joint_mm, end_mm) = (Vec3::new(0.0, 0.0, -2000.0), Vec3::new(0.0, 0.0, 60.0));
     let shape = Shape::Swing { joint_mm, end_mm, axis: Vec3::Y, radius_mm: 40.0, angle_deg: 0.14 };
     let rhythm = Rhythm::Breath { breaths_per_min: 30.0, bout_s: 1.0, pause_s: 0.0, seed: 0 };
     scene.motion.fields = vec![Field { name: "turn".into(), surfaces: vec!["ball".into()], shape, rhythm }];
     let mut settings = settings((1, 1), 400);
     settings.image.height = 400;
-    // A scanline for each cell of the lattice at least: others would show other scatterers after the shift.
+    // At least one scanline per lattice cell; otherwise other scatterers would show after the shift.
     let probe = probe(ProbeKind::Linear { width_mm: 40.0 }, 50.0, 512, 1024);
     let pose = Pose::from_components([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
     let case = Case { name: "ball", scene, probe, settings, pose };

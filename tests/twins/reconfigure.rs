@@ -1,4 +1,4 @@
-//! A renderer that was configured anew against one that was built so: every frame is the same, bit for bit.
+//! A reconfigured renderer against one built with the same settings: every frame is the same, bit for bit.
 
 use std::sync::LazyLock;
 
@@ -13,7 +13,7 @@ use crate::scenes::{Case, cases, nested};
 pub(crate) type Change = fn(&mut Probe, &mut RenderSettings);
 type Expected = fn(&RenderError) -> bool;
 
-/// What a station changes, alone and together.
+/// Changes of a station's settings, alone and together.
 pub(crate) const CHANGES: [(&str, Change); 16] = [
     ("nothing", |_, _| ()),
     ("gain", |_, s| s.image.gain_db = 31.0),
@@ -49,7 +49,7 @@ pub(crate) fn untimed(frame: Frame) -> Frame {
     Frame { times: FrameTimes::default(), ..frame }
 }
 
-/// The nested scene with a change, and a renderer's frame of it.
+/// The nested scene with a change, and its frame by a new renderer.
 fn built(change: Change) -> (Case, Frame) {
     let mut case = nested();
     change(&mut case.probe, &mut case.settings);
@@ -57,7 +57,7 @@ fn built(change: Change) -> (Case, Frame) {
     (case, frame)
 }
 
-/// What renderers that were built so show, once for all tests.
+/// Frames of renderers built with each change, rendered once for all tests.
 static BUILT: LazyLock<Vec<(&str, Case, Frame)>> = LazyLock::new(|| {
     let frame = |(name, change)| {
         let (case, frame) = built(change);
@@ -88,7 +88,7 @@ fn a_renderer_configured_anew_is_one_that_was_built_so() {
     }
 }
 
-/// The nested scene with another value of a setting: 0.8 times a number or 5 for 0, 2 more for a count.
+/// The nested scene with another value of a setting: a number times 0.8 (5 instead of 0), a count plus or minus 2.
 pub(crate) fn changed(setting: &Setting) -> Case {
     let mut case = nested();
     let stored = match setting.table {
@@ -99,6 +99,8 @@ pub(crate) fn changed(setting: &Setting) -> Case {
     let last = setting.count() - 1;
     let value = stored.get(last);
     let other = match setting.kind {
+        // A limit shows only where it cuts.
+        Kind::Whole if setting.key.ends_with("_max") => setting.min,
         Kind::Whole if value + 2.0 <= setting.max => value + 2.0,
         Kind::Whole => value - 2.0,
         _ if value == 0.0 => 5.0,
@@ -134,7 +136,7 @@ fn frames_in_flight_stay_as_they_were_submitted() {
     let begun = render(&mut renderer, &start);
     let mut frame = Frame::default();
     for (name, case, expected) in BUILT.iter() {
-        // One in flight, then the ring full.
+        // One frame in flight, then two.
         renderer.submit(&start.pose).unwrap();
         renderer.reconfigure(&case.probe, &case.settings).unwrap();
         renderer.submit(&case.pose).unwrap();
@@ -157,7 +159,7 @@ fn what_is_refused_leaves_the_renderer_as_it_was() {
         (|_, s| s.image.gain_db = f64::NAN, |e| matches!(e, RenderError::Settings(_))),
         (|_, s| s.quality.rays = 0, |e| matches!(e, RenderError::Settings(_))),
         (|p, _| p.depth_mm = 0.0, |e| matches!(e, RenderError::Settings(_))),
-        // In range each, but more than any device binds at once: its paths' buffers are made before it is found out.
+        // Each in range, but more than any device binds at once; detected only after the paths' buffers are made.
         (
             |p, s| {
                 (p.scanlines, p.kind) = (1024, ProbeKind::Linear { width_mm: 40.0 });
@@ -172,7 +174,7 @@ fn what_is_refused_leaves_the_renderer_as_it_was() {
         renderer.submit(&start.pose).unwrap();
         match renderer.reconfigure(&case.probe, &case.settings) {
             Err(error) => assert!(expected(&error), "{i}: {error}"),
-            // A device that can do it.
+            // A device with enough memory.
             Ok(()) if i == 3 => renderer.reconfigure(&start.probe, &start.settings).unwrap(),
             Ok(()) => panic!("{i} was taken"),
         }
@@ -192,7 +194,7 @@ fn an_image_without_maps_is_the_image_with_them() {
         renderer.set_maps(false);
         let mut frame = with.clone();
         renderer.submit(&case.pose).unwrap();
-        // Of frames in flight each keeps its own choice.
+        // Each frame in flight keeps its own choice.
         renderer.set_maps(true);
         renderer.submit(&case.pose).unwrap();
         renderer.receive(&mut frame).unwrap();
@@ -220,7 +222,7 @@ fn maps_without_the_image_are_those_with_it() {
         renderer.set_image(false);
         let mut frame = with.clone();
         renderer.submit(&case.pose).unwrap();
-        // Of frames in flight each keeps its own choice; one without maps has its image.
+        // Each frame in flight keeps its own choice; the one without maps has its image.
         renderer.set_maps(false);
         renderer.submit(&case.pose).unwrap();
         renderer.receive(&mut frame).unwrap();

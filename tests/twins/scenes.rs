@@ -1,7 +1,7 @@
 //! Small scenes and probes that together reach every branch of the passes.
 //!
-//! No flat surface lies on a face of the scatterer lattice (multiples of 0.15 mm from the scene's centre): which cell its
-//! points fall into would be rounding.
+//! No flat surface is on a face of the scatterer lattice (multiples of 0.15 mm from the scene's centre), where rounding
+//! decides the cell.
 
 use std::sync::LazyLock;
 
@@ -67,7 +67,7 @@ pub(crate) fn settings(quality: (u32, u32), width: u32) -> RenderSettings {
     RenderSettings { image, quality, lines: true, maps: true, ..RenderSettings::default() }
 }
 
-/// Looks at `target` from `from`, turned a little so that nothing lies in a plane of coordinates.
+/// Looks at `target` from `from`, turned a little so that nothing is in a coordinate plane.
 fn pose(from: [f64; 3], target: [f64; 3]) -> Pose {
     let (from, target) = (DVec3::from(from), DVec3::from(target));
     Pose::looking(from, target - from, DVec3::new(1.0, 0.13, 0.07))
@@ -81,7 +81,7 @@ fn at(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
-/// Layers, one of them oblique, in each other.
+/// Nested layers, one of them oblique.
 fn slabs() -> Vec<Part> {
     vec![
         part("fat", "fat", 1, cuboid(at(-110.1, -40.1, 10.04), at(110.1, 40.1, 40.0))),

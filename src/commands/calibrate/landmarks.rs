@@ -1,4 +1,4 @@
-//! `insonify calibrate landmarks`: paired points become `scene_from_tracker`.
+//! `insonify calibrate landmarks`: fits `scene_from_tracker` to paired points.
 
 use std::path::{Path, PathBuf};
 
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     fit(&pairs, path, &args.output)
 }
 
-/// Fits landmarks, wherever they come from; errors call it `source`.
+/// Fits landmarks; `source` names them in errors.
 fn fit(pairs: &[Named<PointPair>], source: &Path, arguments: &OutputArgs) -> Result<(), Failure> {
     let points: Vec<PointPair> = pairs.iter().map(|p| p.value).collect();
     let found = register(&points).input_of(source)?;

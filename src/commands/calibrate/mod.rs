@@ -1,4 +1,4 @@
-//! `insonify calibrate`: where tracker, sensor and probe are to each other.
+//! `insonify calibrate`: transforms between scene, tracker, sensor and probe.
 
 mod landmarks;
 mod pivot;
@@ -82,7 +82,7 @@ impl From<Pose> for TransformReport {
     }
 }
 
-/// Puts a result into the calibration file at `path`, made if it is missing. `change` sees what the file held.
+/// Applies `change` to the calibration file at `path`, which is created if missing.
 fn write(path: &Path, change: impl FnOnce(&mut Calibration)) -> Result<(), Failure> {
     let mut calibration = if path.exists() { Calibration::load(path)? } else { Calibration::default() };
     change(&mut calibration);

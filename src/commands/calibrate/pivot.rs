@@ -1,4 +1,4 @@
-//! `insonify calibrate pivot`: a stylus turned about its tip shows where the tip is.
+//! `insonify calibrate pivot`: fits a stylus' tip to poses of pivoting about it.
 
 use std::path::{Path, PathBuf};
 

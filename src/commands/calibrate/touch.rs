@@ -18,10 +18,10 @@ use tokio_util::sync::CancellationToken;
 use super::super::{Classify, Failure, input, tracker_args};
 use super::positive;
 
-/// A tracker that gives no pose for so long is lost.
+/// Time without a pose after which the tracker counts as lost.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// So many times the poses needed are looked at before a tip counts as moving.
+/// Most poses examined for a still tip, as a multiple of the poses needed.
 const PATIENCE: usize = 10;
 
 /// Options of touching landmarks.
@@ -48,8 +48,7 @@ pub(super) struct TouchArgs {
     tolerance: f64,
 }
 
-/// Has the landmarks touched; gives them, and the calibration file that the result belongs into: `out`, else the
-/// station's.
+/// Records touched landmarks. Returns them and the calibration file for the result: `out`, else the station's.
 pub(super) fn run(
     path: &Path,
     args: &TouchArgs,
@@ -94,7 +93,7 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
     }
 }
 
-/// Present calibration: that of `out`, else that of the station's file. Either may be missing.
+/// Present calibration: values of `out`, else of the station's file. Either file may be missing.
 fn calibration(station: Option<&Path>, out: &Path) -> Result<Calibration, Failure> {
     let mut found = Calibration::default();
     for path in station.into_iter().chain([out]).filter(|path| path.exists()) {
@@ -125,7 +124,7 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
     Ok((DVec3::ZERO, "the sensor"))
 }
 
-/// Fault of the tracker, if any.
+/// State of the tracker, for error messages.
 fn condition(stream: &PoseStream) -> String {
     let report = stream.report();
     let mut text = format!("; the tracker is {}", report.state.name());
@@ -135,14 +134,14 @@ fn condition(stream: &PoseStream) -> String {
     report.events.last().map_or(text.clone(), |event| format!("{text} (last: {event})"))
 }
 
-/// Asks for one landmark after the other, a line of `input` each.
+/// Asks for each landmark in turn; a line of `input` answers.
 fn ask(
     points: &[Named<DVec3>],
     tip: &str,
     input: &mut impl BufRead,
     mut take: impl FnMut(&Named<DVec3>) -> Result<Touched, String>,
 ) -> Result<Vec<Named<PointPair>>, Failure> {
-    // By point, none where it was skipped.
+    // Per point; `None` if skipped.
     let mut taken: Vec<Option<Named<PointPair>>> = Vec::with_capacity(points.len());
     eprintln!(
         "Enter takes a landmark; `skip` leaves it out, `back` takes the one before again, `quit` ends without a result"
@@ -196,7 +195,7 @@ mod tests {
         ["A", "B", "C"].into_iter().enumerate().map(point).collect()
     }
 
-    /// The names taken, and how often each was tried.
+    /// The names taken, and the names tried, in order.
     fn asked(input: &str, mut is_still: impl FnMut(usize) -> bool) -> (Result<Vec<String>, String>, Vec<String>) {
         let mut tried = Vec::new();
         let result = ask(&points(), "it", &mut input.as_bytes(), |point| {
@@ -238,7 +237,7 @@ mod tests {
             (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
         );
         assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
-        // One that moves is asked for again.
+        // A landmark with a moving tip is requested again.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
         assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));
     }

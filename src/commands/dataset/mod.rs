@@ -165,7 +165,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     if args.dry_run {
         return Ok(());
     }
-    // Exams follow each other, and so do their tuples.
+    // The exams of a shard, and so their tuples, are consecutive.
     let ours = exams.first().zip(exams.last()).map_or(0..0, |(first, last)| first.tuples.start..last.tuples.end);
     let total = ours.len();
     let mut store = Store::open(out, &header, &stations, args.shard, ours)?;
@@ -212,7 +212,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     output::line(store.path.display())
 }
 
-/// Refuses to go on with a data set whose tuples look otherwise here: one tuple is rendered again.
+/// Refuses to continue a data set that this machine renders differently, checked on one tuple.
 fn as_before(renderer: &mut TupleRenderer, directory: &Path, header: &Header, row: &Row) -> Result<(), Failure> {
     if renderer.agrees(directory, header, row)? {
         return Ok(());
@@ -224,7 +224,7 @@ fn as_before(renderer: &mut TupleRenderer, directory: &Path, header: &Header, ro
     )))
 }
 
-/// Renders what is missing of an exam; gives how many.
+/// Renders the missing tuples of an exam. Returns their number.
 fn render_exam(
     renderer: &mut TupleRenderer,
     store: &mut Store,
@@ -285,7 +285,7 @@ fn with_phantom(station: &Station, exam: &Exam) -> Station {
     station
 }
 
-/// Whether its scene has standard planes: a file's lie beside it.
+/// Whether the scene has standard planes; those of a scene file are in a file beside it.
 fn station_has_planes(station: &Station) -> bool {
     station.scene_file().is_none_or(|path| file_beside(path).exists())
 }
@@ -321,7 +321,7 @@ fn classes(stations: &[Station]) -> Result<Vec<String>, Failure> {
     }
 }
 
-/// Says what will be made, and what it takes.
+/// Prints the number of tuples and their size on disk.
 fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) {
     let count = |split| exams.iter().filter(|e| e.split == split).map(|e| e.tuples.len()).sum::<usize>();
     let bytes: u64 = exams

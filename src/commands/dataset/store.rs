@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 use super::super::{Classify, Failure, input, output};
 use super::tuple_renderer::RenderedTuple;
 
-/// Lower-case hexadecimal digits of a sum.
+/// SHA-256 of `bytes`, as lower-case hexadecimal digits.
 pub(super) fn sha256(bytes: &[u8]) -> String {
     output::hex(&Sha256::digest(bytes))
 }
@@ -53,25 +53,25 @@ pub(super) fn open_station(directory: &Path, header: &Header, file: &str) -> Res
 /// The directory of a data set, and the manifest of one shard.
 pub(super) struct Store {
     directory: PathBuf,
-    /// The file of the rows.
+    /// Path of the manifest.
     pub(super) path: PathBuf,
     manifest: File,
-    /// Tuples that any shard has made.
+    /// Tuples that any shard has rendered.
     done: HashSet<usize>,
-    /// Those that are this shard's to make.
+    /// Tuples of this shard.
     ours: Range<usize>,
-    /// The last row that is there of this shard, else one of another.
+    /// Last row of this shard, else a row of another.
     pub(super) last: Option<Row>,
     masks: HashSet<String>,
-    /// Tuples to train and to test.
+    /// Finished tuples of this shard, for training and for test.
     pub(super) splits: (usize, usize),
-    /// Size of the tuples.
+    /// Total size of this shard's finished tuples, bytes.
     pub(super) bytes: u64,
 }
 
 impl Store {
-    /// Opens or makes the data set of `header` in `directory`, to make the tuples of `ours` that no shard has made yet; refuses
-    /// another data set's, and one that another run is writing the same shard of.
+    /// Opens or creates the data set of `header` in `directory`, to render the missing tuples of `ours`. Refuses a
+    /// directory of another data set, and tuples that another run is writing.
     pub(super) fn open(
         directory: &Path,
         header: &Header,
@@ -95,7 +95,7 @@ impl Store {
             for (station, kept) in stations.iter().zip(&header.stations) {
                 write_text(&directory.join(&kept.file), &input::text(&station.path, "")?)?;
             }
-            // Last: where it is, all else is.
+            // Written last: its presence marks a complete directory.
             write_json(&path, header)?;
         }
         let name = match shard.of {
@@ -104,14 +104,14 @@ impl Store {
         };
         let path = directory.join(name);
         let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(SinkError::io(&path))?;
-        // Where the file system knows no locks, runs are trusted.
+        // On file systems without locks, concurrent runs go unnoticed.
         if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
             return Err(busy(&path));
         }
         let (_, whole) = read_rows(&path)?;
-        // What a killed run left of its last row.
+        // Drops the incomplete last row of a killed run.
         manifest.set_len(whole).map_err(SinkError::io(&path))?;
-        // Shards of one number of shards share no tuples; of another number they do.
+        // Shards of the same split share no tuples; those of another split do.
         for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
             let file = File::open(&other).map_err(SinkError::io(&other))?;
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
@@ -149,7 +149,7 @@ impl Store {
         }
     }
 
-    /// Writes a tuple, its mask and then its row, whose sums and names it fills in.
+    /// Writes a tuple, its mask and then its row. Fills in the row's checksums and names.
     pub(super) fn keep(&mut self, row: &mut Row, tuple: &RenderedTuple) -> Result<(), Failure> {
         let [width, height] = tuple.size;
         row.size = tuple.size;
@@ -166,18 +166,18 @@ impl Store {
         Ok(())
     }
 
-    /// Whether a tuple is there.
+    /// Whether any shard has rendered a tuple.
     pub(super) fn has(&self, index: usize) -> bool {
         self.done.contains(&index)
     }
 
-    /// Tuples of this shard that are there.
+    /// Number of finished tuples of this shard.
     pub(super) fn done(&self) -> usize {
         self.splits.0 + self.splits.1
     }
 }
 
-/// Number of shards by a manifest's name.
+/// Number of shards in a manifest's name.
 fn shards_of(manifest: &Path) -> Option<String> {
     let name = manifest.file_name()?.to_string_lossy().into_owned();
     name.split_once("-of-").map(|(_, of)| of.to_owned())

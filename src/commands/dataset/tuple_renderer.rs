@@ -61,7 +61,7 @@ impl<'a> TupleRenderer<'a> {
 
     fn prepared(&mut self, station: &Station) -> Result<&mut SceneRenderers, Failure> {
         if self.scene.as_ref().is_none_or(|set| set.station != *station) {
-            // Before the next is made: both at once may be too much.
+            // Dropped before the next is built: memory may not hold both.
             self.scene = None;
             let scene = session::load_scene(station)?;
             let class_of = class_of(&self.classes, scene.tissues.names())?;
@@ -76,7 +76,7 @@ impl<'a> TupleRenderer<'a> {
         let backend = self.backend;
         let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
         let [rays, layers] = [row.lq, row.hq][quality];
-        // The maps are the same; the second frame needs none.
+        // Both qualities have the same maps; the second frame needs none.
         let maps = settings.maps && quality == 0;
         let settings = RenderSettings { quality: Quality { rays, layers, seed: row.seed }, maps, ..settings };
         let set = self.prepared(station)?;
@@ -96,7 +96,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(renderer)
     }
 
-    /// Renders the high quality of `row` with the random choices of `seed`: grey levels.
+    /// Renders the high quality of `row` with `seed`. Returns grey levels.
     pub(in crate::commands) fn high_quality(
         &mut self,
         station: &Station,
@@ -115,7 +115,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(())
     }
 
-    /// Whether the tuple of `row`, of the data set in `directory`, is the same here, bit for bit.
+    /// Whether rendering reproduces the tuple of `row` of the data set in `directory`, bit for bit.
     pub(super) fn agrees(&mut self, directory: &Path, header: &Header, row: &Row) -> Result<bool, Failure> {
         let station = station_of(directory, header, row)?;
         Ok(sha256(&self.tuple(&station, row)?.bytes) == row.sha256)

@@ -1,4 +1,5 @@
-//! The whole chain on the recorded exam, live: tracker bytes → decoder → estimator → render → generator → page and files.
+//! The complete chain live on the recorded exam: tracker bytes → decoder → estimator → render → generator → page and
+//! files.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -49,8 +50,7 @@ const STILL_PERIOD: Duration = Duration::from_secs(2);
 /// Allowance beyond the exam's length, after which the session is ended.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Runs the exam of that length once, and goes on with it while the page is watched by somebody at a terminal. `interrupt`
-/// is requested by Ctrl-C.
+/// Plays the exam of `length` once. On a terminal it repeats while the page is watched. Ctrl-C requests `interrupt`.
 pub(super) fn run(
     args: &Args,
     backend: &Backend,
@@ -71,7 +71,7 @@ pub(super) fn run(
 
     eprintln!("live: recorded tracker bytes → decoder → estimator → renderer → generator → page and files");
     let enhancer = live::enhancer(&station, &clock)?;
-    // The sender is kept: the channel must stay open where no sink takes input.
+    // Keeps the sender: the channel must stay open even if no sink takes input.
     let (control, controls) = mpsc::channel(CONTROLS_WAITING);
     let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
     let page = page(&station, scene, &control);
@@ -116,7 +116,7 @@ pub(super) fn run(
         before: vec![Box::new(tracker)],
         after: Vec::new(),
     };
-    // Recorded bytes come at their times; a session that hears nothing any more must end all the same.
+    // Ends the session even if the recorded bytes stop coming.
     let duration = (!stays).then(|| length + GRACE);
     let enter = if stays { enter() } else { Arc::default() };
     let end_s = (began + length).as_secs_f64();
@@ -142,7 +142,7 @@ pub(super) fn run(
     if interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
 }
 
-/// The station, written below `root` with all that it names: `insonify run` takes it from there, too.
+/// Writes the station and all its files below `root`, and loads it. `insonify run` can use them, too.
 fn station(root: &Path) -> Result<Station, Failure> {
     for (name, bytes) in FILES.into_iter().chain(GENERATORS.into_iter().flatten()) {
         let path = root.join(name);
@@ -168,7 +168,7 @@ impl End {
         (self.stays && self.played(now_s) && watchers == 0).then_some("the exam is over, and nobody watches")
     }
 
-    /// Whether it has just become known that it goes on.
+    /// Whether the exam has just begun to repeat; true once.
     fn news(&mut self, now_s: f64) -> bool {
         let news = self.stays && self.played(now_s) && !self.told;
         self.told |= news;
@@ -180,19 +180,19 @@ impl End {
     }
 }
 
-/// Set when Enter is pressed. Its thread is left behind where nobody does.
+/// Flag set when Enter is pressed. Its thread is abandoned if nobody presses it.
 fn enter() -> Arc<AtomicBool> {
     let pressed = Arc::<AtomicBool>::default();
     let set = pressed.clone();
     std::thread::spawn(move || {
         let read = std::io::stdin().read_line(&mut String::new());
-        // The end of the input is no wish.
+        // The end of the input is not a key press.
         set.store(read.is_ok_and(|bytes| bytes > 0), Ordering::Relaxed);
     });
     pressed
 }
 
-/// Takes away what an earlier demo left, so that it isn't taken for this one's.
+/// Removes stills and summary of an earlier demo.
 fn clear(directory: &Path) -> Result<(), Failure> {
     create_dir(directory)?;
     let stills = |path: &PathBuf| {
@@ -206,7 +206,7 @@ fn clear(directory: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The page, its address, and how many watch it.
+/// The page's sink, its address, and the count of its viewers.
 type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
 
 #[cfg(feature = "browser")]

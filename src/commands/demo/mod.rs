@@ -32,14 +32,14 @@ use super::run_table::SummaryTable;
 use super::timeline::Timeline;
 use super::{Classify, Failure, output, session};
 
-/// The station and the exam are part of the program, so that the demo runs from anywhere.
+/// Station and exam are embedded, so that the demo runs from any directory.
 const STATION: &str = include_str!("../../../configs/obstetric.toml");
 const EXAM: &[u8] = include_bytes!("../../../assets/exams/obstetric_sweep.mcap");
 const EXAM_NAME: &str = "obstetric_sweep.mcap";
 
-/// Rows of the contact sheet at most.
+/// Most rows of the contact sheet.
 const KEY_FRAMES_MAX: usize = 6;
-/// Frames behind the times at HQ.
+/// Least number of frames timed at HQ.
 const HQ_FRAMES: usize = 20;
 /// Width of an image in the contact sheet, pixels.
 const PANEL_WIDTH: u32 = 520;
@@ -122,7 +122,7 @@ struct Report<'a> {
     wall_s: f64,
     video: PathBuf,
     contact_sheet: PathBuf,
-    /// The live chain's; none where it was left out.
+    /// Summary of the live chain; `None` with `--no-live`.
     #[serde(skip_serializing_if = "Option::is_none")]
     live: Option<&'a Summary>,
 }
@@ -163,7 +163,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut hq = Stage::new(&backend, &scene, &bvh, &station, Quality::HQ)?;
     let sector = *lq.renderer.sector();
 
-    // Half the size: uncompressed video of the full frames would take a third of a gigabyte.
+    // Half the size keeps the video small.
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
     let frames = timeline.poses.len();
     let progress = Progress::new("exam at LQ", frames);
@@ -266,7 +266,7 @@ impl Stage {
         Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 
-    /// A frame of the scene as it is at `time_s`.
+    /// Renders the scene at `time_s`.
     fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, Failure> {
         self.renderer.set_time_s(time_s);
         self.renderer.render(pose, &mut self.frame)?;

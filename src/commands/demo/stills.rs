@@ -1,4 +1,4 @@
-//! Pictures of a live session, one every so often.
+//! Periodic pictures of a live session.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -6,17 +6,17 @@ use std::time::Duration;
 use insonify::sink::live::{LiveSink, PresentedFrame};
 use insonify::sink::{SinkError, png};
 
-/// Writes a PNG every `period`, named by the time at which it was shown and by what it shows.
+/// Writes a PNG every `period`, named by presentation time and frame source.
 pub(super) struct Stills {
     directory: PathBuf,
     period: Duration,
     next: Duration,
-    /// Pictures to write at most.
+    /// Pictures left to write.
     left: u32,
 }
 
 impl Stills {
-    /// Into `directory`, at most `count` pictures.
+    /// Writes at most `count` pictures into `directory`.
     pub(super) fn new(directory: &Path, period: Duration, count: u32) -> Self {
         Self { directory: directory.to_owned(), period, next: period, left: count }
     }
@@ -32,7 +32,7 @@ impl LiveSink for Stills {
         if shown < self.next || self.left == 0 {
             return Ok(());
         }
-        // Not one after the other where frames were late.
+        // Skips periods that late frames missed.
         while self.next <= shown {
             self.next += self.period;
         }

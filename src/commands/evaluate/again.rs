@@ -1,4 +1,4 @@
-//! The high quality itself, rendered again with other random choices: what of the target no generator can know.
+//! High quality rendered again with other seeds: the part of the target that no generator can predict.
 
 use anyhow::anyhow;
 use insonify::dataset::{Dataset, Row};
@@ -8,15 +8,15 @@ use insonify::render::twin::hash::pcg3d;
 use super::super::Failure;
 use super::super::dataset::{TupleRenderer, station_of};
 
-/// Renders tuples' high quality anew.
+/// Renders the high quality of tuples again.
 pub(super) struct Again<'a> {
     dataset: &'a Dataset,
     renderer: TupleRenderer<'a>,
     renders: u32,
     sums: Vec<u32>,
-    /// Stations of whose tuples one was rendered with its own seed.
+    /// Stations checked by rendering one tuple with its own seed.
     seen: Vec<String>,
-    /// Those of them whose tuple came out otherwise than the data set has it.
+    /// Checked stations whose tuple differs from the data set.
     pub(super) foreign: Vec<String>,
 }
 
@@ -26,7 +26,8 @@ impl<'a> Again<'a> {
         Self { dataset, renderer, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
     }
 
-    /// Renders the tuple of `row`, whose high quality is `hq`, as often as asked for: one of the images, and the mean of all.
+    /// Renders the tuple of `row`, with the high quality `hq`, `renders` times. Returns the first image and the mean of
+    /// all.
     pub(super) fn render(&mut self, row: &Row, hq: &[u8]) -> Result<[Vec<u8>; 2], Failure> {
         let station = station_of(&self.dataset.directory, &self.dataset.header, row)?;
         if !self.seen.contains(&row.station) {
@@ -49,7 +50,7 @@ impl<'a> Again<'a> {
         self.sums.clear();
         self.sums.resize(hq.len(), 0);
         for number in 1..=self.renders {
-            // Hashed, so that no two differ in few bits.
+            // Hashed, so that the seeds are unrelated.
             let seed = pcg3d([row.seed, number, 0])[0];
             let image = self.renderer.high_quality(&station, row, seed)?;
             self.sums.iter_mut().zip(image).for_each(|(sum, &level)| *sum += u32::from(level));

@@ -62,7 +62,7 @@ impl Geometry<'_> {
     }
 }
 
-/// From the station's file in the data set.
+/// Scanlines of a tuple's image, from the station's file in the data set.
 fn scanlines(dataset: &Dataset, row: &TupleRow) -> Result<Scanlines, anyhow::Error> {
     let text = std::fs::read_to_string(dataset.directory.join(&row.station))?;
     let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
@@ -70,7 +70,7 @@ fn scanlines(dataset: &Dataset, row: &TupleRow) -> Result<Scanlines, anyhow::Err
     Ok(Scanlines::new(&station.probe, row.size[0], row.size[1]))
 }
 
-/// Judges the tuples that are asked for.
+/// Judges the chosen tuples.
 pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
     let dataset = Dataset::open(directory).input()?;
     let chosen = chosen(args, &dataset).input()?;
@@ -180,7 +180,7 @@ pub(super) fn generate(
     Ok(generator.run(&input, image)?)
 }
 
-/// The tuples of the split, as many as asked for, spread evenly.
+/// Tuples of the split, at most `--limit`, spread evenly.
 fn chosen<'a>(args: &Args, dataset: &'a Dataset) -> Result<Vec<&'a TupleRow>, anyhow::Error> {
     let header = &dataset.header;
     ensure!(

@@ -19,7 +19,7 @@ pub(super) struct Vectors {
     pub(super) full: Vec<Vec<f64>>,
 }
 
-/// A tuple with all that images are judged by.
+/// A tuple with the data to judge its images.
 pub(super) struct Judged<'a> {
     pub(super) tuple: &'a Tuple,
     /// Number of the tuple.
@@ -47,7 +47,7 @@ pub(super) struct Row {
     pub(super) model: Option<PathBuf>,
     pub(super) variant: Option<Variant>,
     pub(super) images: Vec<ImageScores>,
-    /// Of each extractor.
+    /// Feature vectors per extractor.
     pub(super) vectors: Vec<Vectors>,
     tissues: Vec<RegionSum>,
     behind: RegionSum,
@@ -58,7 +58,7 @@ pub(super) struct Row {
 /// A row of the report.
 #[derive(Serialize)]
 pub(super) struct RowReport {
-    /// `LQ`, the generator's name, or what was rendered again.
+    /// `LQ`, the generator's name, or the name of the repeated high quality.
     pub(super) name: String,
     pub(super) model: Option<PathBuf>,
     pub(super) variant: Option<Variant>,
@@ -68,9 +68,9 @@ pub(super) struct RowReport {
     pub(super) full: Summary,
     /// Distances to the target's features.
     pub(super) distances: Vec<Distance>,
-    /// Share of the contrast of tissues' borders that is lost, mean over images.
+    /// Lost share of the contrast at tissue borders, mean over images.
     pub(super) contrast_lost: Option<f64>,
-    /// Of each tissue there is.
+    /// Errors of each tissue present.
     pub(super) tissues: Vec<TissueRow>,
     /// Behind bone.
     pub(super) behind_bone: Option<RegionError>,
@@ -92,7 +92,7 @@ pub(super) struct Distance {
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct TissueRow {
     pub(super) tissue: String,
-    /// Part of the sectors' pixels.
+    /// Share of the pixels inside the sectors.
     pub(super) share: f64,
     #[serde(flatten)]
     pub(super) error: RegionError,

@@ -1,4 +1,4 @@
-//! `insonify evaluate`: how near images come to their references, and generators to their targets.
+//! `insonify evaluate`: compares images with references, and generators with their targets.
 
 mod again;
 mod dataset;

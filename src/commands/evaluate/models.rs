@@ -1,4 +1,4 @@
-//! The generators and feature extractors that a command names.
+//! Generators and feature extractors named on the command line.
 
 use insonify::generator::{Generator, OnnxFeatures, Runtime};
 use insonify::quality::{FeatureExtractor, QualityError, crops};
@@ -6,7 +6,7 @@ use insonify::quality::{FeatureExtractor, QualityError, crops};
 use super::super::{Classify, Failure};
 use super::Args;
 
-/// Loads the generators for tissues of those names, from number 1; with their names, which differ.
+/// Loads the generators, each with a unique name; `tissues` are names from number 1.
 pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String, Generator)>, Failure> {
     let mut named: Vec<(String, Generator)> = Vec::new();
     if args.model.is_empty() {
@@ -23,7 +23,7 @@ pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String,
     Ok(named)
 }
 
-/// A feature extractor and what its distance is called.
+/// A feature extractor and the name of its distance.
 pub(super) struct Extractor {
     pub(super) label: String,
     pub(super) network: OnnxFeatures,
@@ -42,7 +42,7 @@ pub(super) fn add_features(
     Ok(())
 }
 
-/// The built-in network, and the one that is named.
+/// The built-in network, and the one of `--features`.
 pub(super) fn extractors(args: &Args) -> Result<Vec<Extractor>, Failure> {
     let runtime = Runtime::get().input()?;
     let mut all = vec![OnnxFeatures::texture64(runtime)?];
@@ -57,7 +57,7 @@ pub(super) fn extractors(args: &Args) -> Result<Vec<Extractor>, Failure> {
     all.into_iter().map(labelled).collect()
 }
 
-/// FID is what Inception v3 makes: its name, its input and its 2048 features tell it.
+/// Name of a distance: FID for Inception v3, recognised by its name, input side and 2048 features.
 fn label(name: &str, side: usize, length: usize) -> String {
     let is_inception = name.to_ascii_lowercase().contains("inception") && (side, length) == (299, 2048);
     if is_inception { "FID".to_owned() } else { format!("FD {name}") }

@@ -1,4 +1,4 @@
-//! Pictures of some tuples: low quality, what generators make of it, the target, and what is left between.
+//! Pictures of some tuples: low quality, generated images, the target, and the remaining difference.
 
 use std::path::{Path, PathBuf};
 

@@ -28,7 +28,7 @@ pub(super) struct Report {
     pub(super) rows: Vec<Row>,
 }
 
-/// A sequence.
+/// Steadiness of a sequence.
 #[derive(Serialize)]
 pub(super) struct Row {
     pub(super) name: String,
@@ -38,8 +38,8 @@ pub(super) struct Row {
 
 /// Renders the slide in both qualities, and runs the generators on each frame of the low one.
 ///
-/// The probe slides along the image's columns by whole pixels, so that the warp between frames is exact; nothing moves in
-/// the scene, and all frames have the station's seed, as in a live session.
+/// The probe slides laterally by whole pixels, so that the warp between frames is exact. The scene is static, and all
+/// frames have the station's seed, as in a live session.
 pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
     let station = Station::load(path)?;
     let all = poses::of_station(&station, None)?;
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
     Ok(Report { station: path.to_owned(), frames: poses.len(), step_pixels: args.step, step_mm, rows })
 }
 
-/// `frames` poses along the probe's own x axis, about `middle`.
+/// `frames` poses along the probe's x axis, centred on `middle`.
 fn slide(middle: &Pose, frames: usize, step_mm: f64) -> Vec<Pose> {
     let axis = middle.transform_vector(DVec3::X);
     let at = |i: usize| (i as f64 - 0.5 * (frames as f64 - 1.0)) * step_mm;

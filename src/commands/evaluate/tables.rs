@@ -1,4 +1,4 @@
-//! Tables of generators: printed and written as Markdown, all figures as JSON, a line an image as CSV.
+//! Tables of generators: printed and written as Markdown, all figures as JSON, one line per image as CSV.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use super::super::{Failure, output};
 use super::judge::{Distance, RowReport};
 use super::{Args, dataset, steadiness};
 
-/// Tissues with a smaller share of the pixels are left out of the printed table, not out of the JSON.
+/// Least share of the pixels for a tissue in the printed table; the JSON has all tissues.
 const SHARE_MIN: f64 = 0.002;
 
 #[derive(Serialize)]
@@ -23,7 +23,7 @@ struct Report<'a> {
     steadiness: Option<&'a steadiness::Report>,
 }
 
-/// Prints the tables, and writes what is asked for.
+/// Prints the tables and writes the requested files.
 pub(super) fn write(
     args: &Args,
     data: Option<&dataset::Report>,
@@ -124,7 +124,7 @@ fn shadows(rows: &[RowReport]) -> String {
     text + "\n"
 }
 
-/// A line a tissue: its share, the target's level, and for each row how far it is off.
+/// One line per tissue: its share, the target's level, and the errors of each row.
 fn tissues(rows: &[RowReport]) -> String {
     let Some(first) = rows.first() else { return String::new() };
     let mut text =

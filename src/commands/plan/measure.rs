@@ -15,10 +15,10 @@ use serde::Serialize;
 use crate::commands::Failure;
 use crate::commands::progress::Progress;
 
-/// Turns that every way of rendering gets, and frames of a turn; the first of a turn is not counted.
+/// Rounds of each variant, and frames per round; the first frame of a round is not counted.
 const ROUNDS: usize = 7;
 const FRAMES: usize = 4;
-/// Time after which no further turn begins, except the third: slow devices take fewer turns.
+/// Time after which no round beyond `ROUNDS_MIN` starts: slow devices measure fewer rounds.
 const LONG: Duration = Duration::from_secs(30);
 const ROUNDS_MIN: usize = 3;
 /// Time between frames of a scene that moves, s.
@@ -28,9 +28,9 @@ const STEP_S: f64 = 1.0 / 30.0;
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(crate) struct Cost {
     effect: Effect,
-    /// Median of the differences of a frame's time with and without it, in turns, ms.
+    /// Median over rounds of the difference in frame time with and without it, ms.
     cost_ms: f64,
-    /// Half of the distance of the differences' quartiles, ms.
+    /// Half the interquartile range of the differences, ms.
     spread_ms: f64,
 }
 
@@ -48,13 +48,13 @@ pub(crate) struct Costs {
     pub(crate) planned_ms: f64,
     /// Median time of a frame with all effects, ms.
     pub(crate) all_effects_ms: f64,
-    /// Frames behind each median.
+    /// Number of frames per median.
     pub(crate) frames: usize,
     costs: Vec<Cost>,
 }
 
 impl Costs {
-    /// Cost of `effect`; none if the effect only changes a number in a table.
+    /// Cost of `effect`; `None` if it only changes numbers in tables.
     pub(crate) fn of(&self, effect: Effect) -> Option<&Cost> {
         self.costs.iter().find(|cost| cost.effect == effect)
     }
@@ -65,12 +65,12 @@ impl Costs {
     }
 }
 
-/// A way of rendering, and its times.
+/// A variant of the settings, and its times.
 struct Way {
     settings: RenderSettings,
-    /// The effect in which it is not as planned.
+    /// Effect that differs from the plan.
     effect: Option<Effect>,
-    /// Median of each turn, ms.
+    /// Median of each round, ms.
     turns_ms: Vec<f64>,
     all_ms: Vec<f64>,
 }
@@ -81,20 +81,19 @@ impl Way {
     }
 }
 
-/// Whether an effect takes time of a frame: the others are numbers in the tables.
+/// Whether an effect costs frame time; the others only change numbers in tables.
 fn takes_time(effect: Effect) -> bool {
     use Effect::{Attenuation, FrequencyExponent, SpeedDisplacement, Thickness};
     ![SpeedDisplacement, Thickness, Attenuation, FrequencyExponent].contains(&effect)
 }
 
-/// The settings of a frame in which `effect` is the other way than planned, and every other effect as planned: rules follow
-/// one another, and would change with it.
+/// Settings that invert `effect` and force all other effects as planned: the plan's rules depend on each other.
 fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> RenderSettings {
     let mut other = *settings;
     for each in Effect::ALL {
         let on = plan.has(each) != (each == effect);
         if each == Effect::Maps {
-            // Never off by force: by who reads them.
+            // Maps can't be forced off; they are off only without a reader.
             other.effects = other.effects.with(each, Choice::Auto);
             other.maps = on;
         } else {
@@ -104,7 +103,7 @@ fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> Re
     other
 }
 
-/// Measures frames as planned, with all effects, and with each effect the other way than planned.
+/// Measures frames as planned, with all effects, and with each effect inverted.
 pub(crate) fn measure(
     backend: &Backend,
     scene: &Scene,
@@ -128,7 +127,7 @@ pub(crate) fn measure(
     let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;
     let mut frame = Frame::default();
     let progress = Progress::new("measuring", ROUNDS * ways.len());
-    // Compiles what each needs before the clock runs.
+    // Compiles each variant's pipelines before timing.
     for way in &ways {
         renderer.reconfigure(probe, &way.settings)?;
     }

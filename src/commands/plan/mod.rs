@@ -1,4 +1,4 @@
-//! `insonify plan`: which effects a scene calls for.
+//! `insonify plan`: effects that a scene needs, and their costs.
 
 mod measure;
 
@@ -66,7 +66,7 @@ struct Report<'a> {
     station: &'a PathBuf,
     quality: String,
     effects: &'a [Decision],
-    /// None without measuring.
+    /// `None` with `--no-measure` or without a pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     measured: Option<Measured>,
 }
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether a live session of the station reads the maps: its generator, or a page that shows them.
+/// Whether a live session of the station reads the maps, for its generator or its page.
 fn reads_maps(station: &Station) -> bool {
     (station.generator.enabled && !station.generator.models.is_empty())
         || live_sinks::kinds(&[], station).contains(&LiveSinkKind::Browser)

@@ -10,18 +10,18 @@ use super::reference::USUAL;
 /// Estimated times of a pose, s.
 pub(super) struct Estimate {
     pub(super) reference_s: f64,
-    /// Of each planned point, then of each generator.
+    /// Per planned point, then per generator.
     pub(super) points_s: Vec<f64>,
 }
 
-/// Time of a frame by its paths, s.
+/// Frame time as a linear function of the number of paths.
 struct Line {
     one_s: f64,
     path_s: f64,
 }
 
 impl Line {
-    /// From a frame of 1 × 1 and one of 8 × 3.
+    /// Fits a frame of 1 × 1 rays × layers and one of 8 × 3.
     fn of(bench: &mut Bench, base: Knobs, pose: &[Pose]) -> Result<Self, Failure> {
         let one_s = bench.frame_s(&base.with(1, 1), pose)?;
         let middle_s = bench.frame_s(&base.with(8, 3), pose)?;
@@ -34,7 +34,7 @@ impl Line {
 }
 
 impl Estimate {
-    /// From two frames with and two without what the scene does not call for, one of each generator and one comparison.
+    /// Measures two frames as planned, two with all effects, one per generator, and one comparison.
     pub(super) fn measure(bench: &mut Bench, planned: &[Planned], pose: &[Pose]) -> Result<Self, Failure> {
         let base = bench.base();
         let own = Line::of(bench, base, pose)?;
@@ -51,7 +51,7 @@ impl Estimate {
         Ok(Self { reference_s: USUAL.iter().map(|&(rays, layers)| all.frame_s(rays * layers)).sum(), points_s })
     }
 
-    /// Of a pose, s.
+    /// Time of a pose, s.
     pub(super) fn pose_s(&self) -> f64 {
         self.reference_s + self.points_s.iter().sum::<f64>()
     }
@@ -61,7 +61,7 @@ impl Estimate {
 #[derive(Default)]
 pub(super) struct Eta {
     left_s: f64,
-    /// Estimated and true time of what was measured, s.
+    /// Estimated and actual time of the measured parts, s.
     estimated_s: f64,
     taken_s: f64,
 }
@@ -71,7 +71,7 @@ impl Eta {
         Self { left_s: total_s, ..Self::default() }
     }
 
-    /// A part estimated at `estimate_s` is done: it took `taken_s`, or was kept from an earlier run.
+    /// Records that a part estimated at `estimate_s` took `taken_s`; `None` if kept from an earlier run.
     pub(super) fn done(&mut self, estimate_s: f64, taken_s: Option<f64>) {
         self.left_s = (self.left_s - estimate_s).max(0.0);
         if let Some(taken_s) = taken_s {
@@ -80,7 +80,7 @@ impl Eta {
         }
     }
 
-    /// s.
+    /// Remaining time, s.
     pub(super) fn left_s(&self) -> f64 {
         let slower = if self.estimated_s > 0.0 { self.taken_s / self.estimated_s } else { 1.0 };
         self.left_s * slower

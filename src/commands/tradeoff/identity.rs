@@ -1,4 +1,4 @@
-//! Identity of a run's frames, as text for the names of kept points.
+//! Identity of a run's frames, hashed into the names of stored points.
 
 use std::fmt::{self, Write};
 
@@ -21,7 +21,7 @@ impl Write for Sum {
 /// Station without knobs and poses; the scene by its content, not its path.
 pub(super) fn of(station: &Station, scene: &Scene) -> String {
     let mut sum = Sum(Sha256::new());
-    // A hash takes all.
+    // Writing to a hash cannot fail.
     let _ = write!(sum, "{scene:?}");
     let sum = output::hex(&sum.0.finalize());
     let Station { background, motion, probe, settings, generator, tissues, .. } = station;

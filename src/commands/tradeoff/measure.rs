@@ -1,4 +1,4 @@
-//! One point: frames, their times, and how far they are from the reference.
+//! Measurement of one point: frame times, and errors against the reference.
 
 use std::time::Instant;
 
@@ -19,25 +19,25 @@ use insonify::transducer::Probe;
 use super::super::{Classify, Failure};
 use super::reference::{Reference, Truth};
 
-/// Seeds, unlike those of the reference: how much the error differs between them is its noise.
+/// Seeds, unlike those of the reference. The error's difference between them is its noise.
 const SEEDS: [u32; 2] = [0, 1];
 const REPEATS: usize = 2;
-/// A fast point is repeated until a pose has taken so long for each seed, s.
+/// Least time per pose and seed, s; fast points are repeated, at most `REPEATS_MAX` times.
 const POSE_S: f64 = 0.25;
 const REPEATS_MAX: usize = 8;
 
-/// Time that a pose of a point takes whose frames take `frame_s` and comparisons `compare_s`, s.
+/// Time of a pose, s, if a frame takes `frame_s` and a comparison `compare_s`.
 pub(super) fn pose_s(frame_s: f64, compare_s: f64) -> f64 {
     let repeats = (POSE_S / frame_s.max(1e-6)).ceil().clamp(REPEATS as f64, REPEATS_MAX as f64);
     SEEDS.len() as f64 * repeats * frame_s + compare_s
 }
 
-/// A renderer with all that measuring needs.
+/// A renderer with the data to measure points.
 pub(super) struct Bench {
     renderer: Renderer,
     probe: Probe,
     settings: RenderSettings,
-    /// From number 1.
+    /// Tissue names from number 1.
     tissues: Vec<String>,
     generators: Vec<Generator>,
     frame: Frame,
@@ -56,12 +56,12 @@ struct PoseError {
 #[derive(Default)]
 struct Times {
     table: TimeTable,
-    /// Of each pose.
+    /// Frame times per pose.
     ms: Vec<Vec<f64>>,
     generator_ms: Vec<f64>,
 }
 
-/// Name of the point of a generator on top of LQ, or of the maps alone where it takes no image.
+/// Name of a generator's point: on top of LQ, or of the maps alone if it takes no image.
 fn enhanced(generator: &str, manifest: &Manifest) -> String {
     let from = if manifest.takes(Channel::Image) { "1x1" } else { "maps" };
     format!("{from} + {generator}")
@@ -85,7 +85,7 @@ impl Bench {
         })
     }
 
-    /// Names of the generators, in order; of the same ones all but the first have their number.
+    /// Names of the generators, in order; repeated names get their number.
     pub(super) fn generators(&self) -> Vec<String> {
         let names: Vec<&str> = self.generators.iter().map(|g| g.manifest().name.as_str()).collect();
         let unlike = |(index, name): (usize, &&str)| {
@@ -94,12 +94,12 @@ impl Bench {
         names.iter().enumerate().map(unlike).collect()
     }
 
-    /// Identity of the models: the sums of their files, which loading has checked.
+    /// Identity of the models: their manifests, with checksums of the files that loading has checked.
     pub(super) fn models(&self) -> String {
         self.generators.iter().map(|g| format!("{:?}\n", g.manifest())).collect()
     }
 
-    /// Time of a frame with those knobs, mean over `poses`, s; the first is rendered twice.
+    /// Mean frame time with `knobs` over `poses`, s, after one frame to warm up.
     pub(super) fn frame_s(&mut self, knobs: &Knobs, poses: &[Pose]) -> Result<f64, Failure> {
         self.configure(knobs, 0)?;
         poses.iter().take(1).try_for_each(|pose| self.render(pose).map(drop))?;
@@ -182,7 +182,7 @@ impl Bench {
             self.configure(&planned.knobs, seed)?;
             for (index, (pose, truth)) in poses.iter().zip(&reference.truths).enumerate() {
                 if turn == 0 && index == 0 {
-                    // Not counted: what is new was just uploaded.
+                    // Not counted: includes uploads for the new settings.
                     self.shown(pose, generator, &mut image)?;
                 }
                 let (mut done, mut spent_s) = (0, 0.0);
@@ -219,8 +219,7 @@ impl Bench {
         })
     }
 
-    /// Renders, without the image where the generator takes none, and enhances where one is given. Gives the times of both,
-    /// ms.
+    /// Renders, without the image if the generator takes none, and runs the generator if given. Returns both times, ms.
     fn shown(&mut self, pose: &Pose, generator: Option<usize>, image: &mut Vec<u8>) -> Result<[f64; 2], Failure> {
         let needed =
             generator.and_then(|index| self.generators.get(index)).is_none_or(|g| g.manifest().takes(Channel::Image));
@@ -248,7 +247,7 @@ impl Bench {
         })
     }
 
-    /// Errors by tissue, means over poses weighed by pixels.
+    /// Errors by tissue: means over poses, grey differences weighted by pixels.
     fn classes(&self, errors: &[PoseError], reference: &Reference) -> Vec<ClassError> {
         let of = |number: usize, tissue: &String| {
             let is = |class: u8| usize::from(class) == number;
@@ -276,7 +275,7 @@ impl Times {
     fn time(&self) -> Time {
         let all = self.ms.concat();
         let part = |part| percentile(&all, part).unwrap_or(f64::NAN);
-        // Poses differ, and that is no noise.
+        // Differences between poses are not noise.
         let less_median = |pose: &Vec<f64>| {
             let median = median(pose).unwrap_or(0.0);
             pose.iter().map(|ms| ms - median).collect::<Vec<_>>()

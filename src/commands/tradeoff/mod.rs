@@ -1,4 +1,4 @@
-//! `insonify tradeoff`: what accuracy costs in time.
+//! `insonify tradeoff`: frame time against image error.
 
 mod eta;
 mod identity;
@@ -78,9 +78,9 @@ Examples:
   insonify tradeoff configs/live.toml --out out/tradeoff
   insonify tradeoff configs/vessel_needle.toml --quick";
 
-/// Time that a run without --poses shall take, s; a reference that converges late may double it.
+/// Target duration of a run without `--poses`, s; a slowly converging reference may double it.
 const TIME_S: f64 = 270.0;
-/// Poses of such a run.
+/// Most poses of such a run.
 const POSES: usize = 3;
 
 #[derive(Serialize)]
@@ -138,7 +138,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let total = planned.len() + generators.len();
     for (index, estimate_s) in estimate.points_s.iter().enumerate() {
         let generator = index.checked_sub(planned.len());
-        // Generators go by their number: names of theirs may differ in what no file name holds.
+        // By number: names of generators may differ only in characters that file names lack.
         let file = generator.map_or_else(|| planned[index].name.clone(), |number| format!("generator {number}"));
         let started = Instant::now();
         let (point, taken_s) = match store.read(&file)? {
@@ -171,7 +171,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     write(&args.out, &report)
 }
 
-/// Poses that can be measured in [`TIME_S`]; of a run that goes on as many as it had, as estimates differ.
+/// Number of poses that fit into [`TIME_S`]. A resumed run keeps its number, because estimates vary.
 fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usize, Failure> {
     if let Some(count) = store.read::<usize>("poses")? {
         return Ok(count.clamp(1, POSES));

@@ -17,7 +17,7 @@ pub(in crate::commands) struct Poses {
     pub(super) what: &'static str,
 }
 
-/// Poses of `file`, else of the station's recording by its calibration, else the station's own.
+/// Poses of `file`, else of the station's recording, with the station's calibration; else the station's own pose.
 pub(in crate::commands) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses, Failure> {
     let own = match &station.tracker.transport {
         Transport::Recording { path, .. } => Some(path.as_path()),

@@ -15,19 +15,19 @@ use super::super::{Classify, Failure};
 use super::measure::Bench;
 use super::store::Store;
 
-/// Mean change of a pixel by doubled rays below which a reference is converged, grey levels. Chosen, not derived: of 255
-/// levels for 60 dB 2 are half a dB.
+/// Convergence limit: mean change of a pixel from doubled rays, grey levels. Chosen: 2 of 255 levels are 0.5 dB at 60
+/// dB.
 const RAYS_BOUND: f64 = 2.0;
-/// Mean change of a patch's level by the next greater number of layers below which it is, grey levels; chosen likewise.
+/// Convergence limit: mean change of patch levels from the next number of layers, grey levels. Also chosen.
 const LAYERS_BOUND: f64 = 2.0;
-/// Seeds, unlike those of points, so that no point shares its paths with what it is measured against.
+/// Base of the seeds. They differ from those of points, so that no point shares paths with its reference.
 const SEED: u32 = 0x5eed_0000;
-/// Rays that the reference begins with.
+/// Initial rays of the reference.
 const RAYS: u32 = 32;
-/// Its layers, the first those of HQ.
+/// Layers of the reference, in order of trial; the first are those of HQ.
 const LAYERS: [u32; 3] = [3, 5, 9];
 
-/// Rays and layers that are rendered where all goes well.
+/// Rays and layers that are usually rendered, for estimates.
 pub(super) const USUAL: [(u32, u32); 4] = [(32, 3), (64, 3), (128, 3), (128, 5)];
 
 /// Whether doubling the rays, and more layers, change little.
@@ -89,7 +89,7 @@ impl Truth {
         Ok(Self { size, bmode, segmentation, mask, speckle })
     }
 
-    /// `image` against it, within the sector.
+    /// Pair of `image` and this reference within the sector.
     pub(super) fn pair<'a>(&'a self, image: &'a [u8]) -> Result<Pair<'a>, Failure> {
         Ok(Pair::new(self.size, image, &self.bmode, Some(&self.mask))?)
     }
@@ -102,7 +102,8 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// From the store, which the second tells, or rendered with ever more paths until they change little.
+    /// Reads the reference from the store, or renders it with more paths until it converges. Also returns whether it
+    /// was stored.
     pub(super) fn make(bench: &mut Bench, store: &Store, poses: &[Pose], quick: bool) -> Result<(Self, bool), Failure> {
         if let Some(check) = store.read("reference")? {
             let truths = (0..poses.len()).map(|i| load(bench, store, i)).collect::<Result<_, _>>()?;
@@ -115,7 +116,7 @@ impl Reference {
                 png::write_grey(&path(store, name, index), width, height, map, Effort::Fast)?;
             }
         }
-        // Last: it says that the rest is whole.
+        // Written last: its presence marks a complete reference.
         store.write("reference", &reference.check)?;
         Ok((reference, false))
     }
@@ -160,7 +161,7 @@ impl Reference {
                 };
                 return Ok(Self { truths, check });
             }
-            // Half as many rays, so that they are checked again.
+            // Half the rays, so that their convergence is checked again.
             rays = (rays / 2).max(RAYS);
             (layers, next) = (next, LAYERS[2]);
             truths = render(rays, layers)?;
@@ -169,7 +170,7 @@ impl Reference {
 }
 
 fn truths(bench: &mut Bench, poses: &[Pose], (rays, layers): (u32, u32), seed: u32) -> Result<Vec<Truth>, Failure> {
-    // With every effect, so that leaving one out shows as an error if it is one.
+    // With every effect, so that omitting a relevant one shows as an error.
     bench.configure(&bench.base().with(rays, layers).with_all_effects(), seed)?;
     let range_db = bench.settings().image.dynamic_range_db;
     poses.iter().map(|pose| Truth::of(bench.render(pose)?, range_db)).collect()
@@ -186,7 +187,7 @@ fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, Failure> {
     Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0, bench.settings().image.dynamic_range_db)
 }
 
-/// Mean magnitude of the change of a pixel of the sectors.
+/// Mean absolute change of a pixel inside the sectors, grey levels.
 fn mean_change(before: &[Truth], after: &[Truth]) -> f64 {
     let (mut sum, mut count) = (0u64, 0u64);
     for (a, b) in before.iter().zip(after) {
@@ -198,7 +199,7 @@ fn mean_change(before: &[Truth], after: &[Truth]) -> f64 {
     sum as f64 / count.max(1) as f64
 }
 
-/// Mean magnitude of the change of the levels of patches.
+/// Mean absolute change of patch levels, grey levels.
 fn level_change(before: &[Truth], after: &[Truth]) -> Result<f64, Failure> {
     let changes = before.iter().zip(after).map(|(a, b)| Ok(level_difference(&b.pair(&a.bmode)?)?[0]));
     let changes = changes.collect::<Result<Vec<f64>, Failure>>()?;

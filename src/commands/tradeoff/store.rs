@@ -1,4 +1,4 @@
-//! Points as they are done, for a run that goes on later.
+//! Finished points on disk, for a resumed run.
 
 use std::path::{Path, PathBuf};
 
@@ -10,14 +10,14 @@ use sha2::{Digest, Sha256};
 
 use super::super::{Classify, Failure, output};
 
-/// Files in the folder, under names that hold all that they depend on.
+/// Files in a folder. Their names contain a hash of everything that they depend on.
 pub(super) struct Store {
     folder: PathBuf,
     key: String,
 }
 
 impl Store {
-    /// In `out`; without `resume` what is there of the same key is measured again.
+    /// Opens the store in `out`. Without `resume`, entries of the same key are deleted.
     pub(super) fn new(out: &Path, resume: bool, key: &[String]) -> Result<Self, Failure> {
         let folder = out.join("points");
         create_dir(&folder)?;
@@ -34,12 +34,12 @@ impl Store {
         Ok(store)
     }
 
-    /// Path of the entry of that name.
+    /// Path of the entry `name`.
     pub(super) fn path(&self, name: &str, extension: &str) -> PathBuf {
         self.folder.join(format!("{}_{}.{extension}", self.key, name.replace([' ', '/', '\\'], "_")))
     }
 
-    /// Reads what [`Store::write`] wrote; none where there is nothing.
+    /// Reads a value that [`Store::write`] wrote; `None` if there is none.
     pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Failure> {
         let path = self.path(name, "json");
         let text = match std::fs::read(&path) {

@@ -1,4 +1,4 @@
-//! Deviations over time, and the probe's way over the scene.
+//! Deviations over time, and the probe's path over the scene.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use crate::report::html::{escape, points as svg_points};
 /// Most points of a line: more than a screen shows.
 const POINTS_MAX: usize = 900;
 
-/// Deviations beyond this many tolerances are drawn here.
+/// Largest deviation drawn, in tolerances; larger ones are clamped to it.
 const TOP: f64 = 4.0;
 
 const WIDTH: f64 = 1000.0;
@@ -20,7 +20,7 @@ const HEIGHT: f64 = 150.0;
 const LEFT: f64 = 34.0;
 const BOTTOM: f64 = 18.0;
 
-/// Angle and distance off over time, each in tolerances: within the band is found.
+/// Deviations in angle and distance over time, in tolerances. Within the band, the plane is found.
 pub(super) fn deviations(plane: &StandardPlane, offsets: &[Offset], track: &Track, result: &PlaneScore) -> String {
     let end_s = track.time_s.last().copied().unwrap_or(0.0).max(1e-3);
     let x = |t: f64| LEFT + (WIDTH - LEFT) * t / end_s;
@@ -101,7 +101,7 @@ fn off_skin(track: &Track) -> Vec<(f64, f64)> {
     spans
 }
 
-/// The way of the probe's face from two sides, coloured by time, with the places from which planes are seen.
+/// The path of the probe's face from two sides, coloured by time, with the positions from which planes are seen.
 pub(super) fn ways(track: &Track, reference: &Reference<'_>) -> String {
     let sides = [("from the front", 0, 1, ["x", "y"]), ("from the feet", 0, 2, ["x", "z"])];
     let seen = |plane: &&StandardPlane| {
@@ -114,10 +114,10 @@ pub(super) fn ways(track: &Track, reference: &Reference<'_>) -> String {
 }
 
 fn way(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, usize), names: [&str; 2]) -> String {
-    /// Free border, mm, and least size of the picture, mm.
+    /// Margin and least size of the picture, mm.
     const BORDER_MM: f64 = 18.0;
     const LEAST_MM: f64 = 60.0;
-    // Up in the scene is up in the picture.
+    // SVG's y points down; up in the scene is up in the picture.
     let flat = |p: [f64; 3]| (p[i], -p[j]);
     let points: Vec<(f64, f64)> = track.position_mm.iter().map(|&p| flat(p)).collect();
     let all = || points.iter().copied().chain(marks.iter().map(|(_, p)| flat(p.to_array())));

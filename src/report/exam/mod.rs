@@ -1,4 +1,4 @@
-//! A scored session as a page to look at: one HTML file with its pictures in it, light or dark as the reader likes.
+//! Page about a scored session: one HTML file with embedded pictures, light or dark by the reader's preference.
 
 mod charts;
 mod section;
@@ -12,7 +12,7 @@ use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
 
-/// Writes the page about `score` to `path`; `title` is what people call the session.
+/// Writes the page about `score` to `path`; `title` names the session.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -27,7 +27,7 @@ pub(super) fn picture(canvas: &Canvas) -> Picture {
     Picture { width, height, rgb: canvas.as_rgb().to_vec() }
 }
 
-/// Lays a panel onto the canvas, and on it the fan's outline, a scale and the axes.
+/// Draws a panel with the fan's outline, a scale and the axes.
 pub(super) fn place(canvas: &mut Canvas, at: (u32, u32), panel: &Panel, axes: Axes) {
     if let Some(image) = RgbImage::from_raw(panel.width, panel.height, panel.rgb.clone()) {
         canvas.draw(at.0, at.1, &image);

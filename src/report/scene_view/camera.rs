@@ -12,7 +12,7 @@ use crate::suggest::did_you_mean;
 /// Viewing direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// From the side on which the image's right is right.
+    /// Onto the imaging plane, with the image's right on the right.
     Fan,
     /// From behind the probe, into the body.
     Probe,
@@ -65,7 +65,7 @@ impl FromStr for Direction {
     }
 }
 
-/// A turn about what is looked at.
+/// Rotation about the viewed scene.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Orbit {
     /// To the right, degrees, −360..=360.
@@ -88,12 +88,12 @@ impl FromStr for Orbit {
     }
 }
 
-/// A plane before which nothing is shown.
+/// A plane; everything in front of it is hidden.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cut {
     /// The imaging plane.
     Fan,
-    /// A plane across an axis (0 x, 1 y, 2 z) of the scene at a place, mm.
+    /// A plane perpendicular to a scene axis (0 x, 1 y, 2 z) at a coordinate, mm.
     Axis(usize, f64),
 }
 
@@ -119,7 +119,7 @@ pub(super) struct Camera {
     pub(super) up: DVec3,
     /// Into the picture.
     pub(super) forward: DVec3,
-    /// Shown in the picture's middle, mm.
+    /// Scene point in the picture's middle, mm.
     pub(super) centre_mm: DVec3,
     pub(super) mm_per_pixel: f64,
     /// The picture's middle, pixels.
@@ -127,7 +127,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Looks from `direction`, turned by `orbit`; `scene_from_probe` is asked for by the directions of the probe only.
+    /// Looks from `direction`, turned by `orbit`. `None` if `direction` needs a probe and `scene_from_probe` is `None`.
     pub(super) fn new(direction: Direction, orbit: Orbit, axes: Axes, scene_from_probe: Option<Pose>) -> Option<Self> {
         let q = scene_from_probe.map_or(DQuat::IDENTITY, |pose| pose.orientation);
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);

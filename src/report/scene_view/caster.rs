@@ -11,7 +11,7 @@ use obvhs::triangle::Triangle;
 
 use crate::anatomy::Mesh;
 
-/// Least component of a ray's direction: 1 µm a metre.
+/// Least component of a ray's direction: 1 µm per metre.
 const LEAST: f64 = 1e-6;
 
 /// Intersection of a ray and a triangle.
@@ -32,14 +32,14 @@ pub(super) struct Caster {
     bvh: Option<CwBvh>,
     triangles: Vec<Triangle>,
     surfaces: Vec<u32>,
-    /// Coordinates are relative to it, mm.
+    /// Origin of the triangles' coordinates, mm.
     centre_mm: DVec3,
-    /// No triangle is further from the centre, mm.
+    /// Radius about the centre that contains all triangles, mm.
     radius_mm: f64,
 }
 
 impl Caster {
-    /// Takes surfaces by index and mesh.
+    /// Builds the BVH of surfaces, given by index and mesh.
     pub(super) fn new<'a>(meshes: impl Iterator<Item = (u32, &'a Mesh)> + Clone) -> Self {
         let corners = meshes.clone().flat_map(|(_, mesh)| mesh.vertices_mm.iter()).map(|v| v.as_dvec3());
         let least = DVec3::splat(f64::INFINITY);
@@ -72,10 +72,10 @@ impl Caster {
         hits.clear();
         let Some(bvh) = &self.bvh else { return };
         let from_centre = point_mm - self.centre_mm;
-        // Start outside, near the centre's side of the line.
+        // Starts just outside the bounding sphere.
         let start = -from_centre.dot(direction) - 1.01 * self.radius_mm - 1.0;
         let origin = (from_centre + direction * start).as_vec3();
-        // A component of 0 makes NaNs of the boxes' slabs.
+        // A component of 0 would give NaN in the slab test of boxes.
         let slanted = |v: f64| if v.abs() < LEAST { LEAST.copysign(v) } else { v } as f32;
         let [x, y, z] = direction.to_array().map(slanted);
         let ray = Ray::new_inf(origin.into(), Vec3A::new(x, y, z));

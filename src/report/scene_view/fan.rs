@@ -26,14 +26,14 @@ pub struct Fan {
 }
 
 impl Fan {
-    /// Distance along the line of `point_mm` and `direction` at which it meets the imaging plane; none where it hardly does.
+    /// Distance from `point_mm` along `direction` to the imaging plane, mm; `None` if they are nearly parallel.
     pub(super) fn meets(&self, point_mm: DVec3, direction: DVec3) -> Option<f64> {
         let normal = self.scene_from_probe.orientation * DVec3::Y;
         let slope = normal.dot(direction);
         (slope.abs() > 1e-3).then(|| normal.dot(self.scene_from_probe.position_mm - point_mm) / slope)
     }
 
-    /// Grey level at a scene point of the imaging plane, or None without an image; None outside the fan.
+    /// Grey level at a scene point of the imaging plane: `None` outside the fan, `Some(None)` without an image.
     pub(super) fn at(&self, point_mm: DVec3) -> Option<Option<u8>> {
         let local = self.scene_from_probe.inverse().transform_point(point_mm);
         let place = DVec2::new(local.x, local.z);

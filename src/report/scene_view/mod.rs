@@ -1,8 +1,8 @@
 //! Pictures of a scene with the probe and its fan in it, made on the CPU: no driver is needed.
 //!
-//! Surfaces are shaded in the colours of their tissues and the more transparent the larger they are, so that what lies
-//! within shows. A cut takes away what lies before a plane and shows the tissues in the plane. The projection is parallel:
-//! one scale holds everywhere.
+//! Surfaces are shaded in the colours of their tissues. Larger surfaces are more transparent, so that inner ones show.
+//! A cut removes everything in front of a plane and shows the tissues in the plane. The projection is parallel: one
+//! scale holds everywhere.
 
 mod annotate;
 mod camera;
@@ -25,7 +25,7 @@ pub use selection::Selection;
 /// Errors of scene pictures.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum ViewError {
-    /// A name that no surface and no tissue of the scene bears.
+    /// No surface and no tissue of the scene has this name.
     #[error("no surface or tissue of the scene is called `{name}`{suggestion}")]
     UnknownName {
         /// Name asked for.
@@ -56,7 +56,7 @@ pub enum ViewError {
         /// Text found.
         text: String,
     },
-    /// The fan was asked for where no probe has a pose.
+    /// The fan was requested without a pose of the probe.
     #[error("{what} needs a probe: give --pose, or a station with a [pose]")]
     NoFan {
         /// Option that needs it.

@@ -24,7 +24,7 @@ pub struct PictureSettings {
     pub height: u32,
     /// Viewing direction.
     pub from: Direction,
-    /// A turn from there.
+    /// Rotation from that direction.
     pub orbit: Orbit,
     /// Cut through the scene.
     pub cut: Option<Cut>,
@@ -34,7 +34,7 @@ pub struct PictureSettings {
 pub struct SceneView {
     scenery: Scenery,
     tissue_names: Vec<String>,
-    /// Corners of the bounds of what is shown, mm.
+    /// Corners of the bounds of everything shown, mm.
     corners_mm: Vec<DVec3>,
     /// Corners of the probe's housing and points of its fan's outline, mm; empty without a probe.
     probe_mm: Vec<DVec3>,
@@ -77,7 +77,7 @@ impl SceneView {
     /// A picture with a legend, a scale and axes.
     ///
     /// # Errors
-    /// A size out of range; a direction or cut of the probe where there is none.
+    /// A size out of range; a direction or cut of the probe without a probe.
     pub fn picture(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
         let &PictureSettings { width, height, .. } = settings;
         check_size(width, height)?;
@@ -92,7 +92,7 @@ impl SceneView {
     /// Four panels in one picture: from the front, the left, the top and onto the fan, or from behind without a probe.
     ///
     /// # Errors
-    /// As [`SceneView::picture`].
+    /// A size out of range; a cut at the fan without a probe.
     pub fn sheet(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
         let &PictureSettings { width, height, .. } = settings;
         check_size(width, height)?;
@@ -107,7 +107,7 @@ impl SceneView {
         let mut canvas = annotate::canvas(width, height);
         let mut seen = [0; 4];
         for (i, (from, title)) in (0u32..).zip(panels.into_iter().zip(titles)) {
-            // The fan's own view is cut there: it shows the section that the probe sees.
+            // By default, the fan's view is cut at the fan, to show the section that the probe sees.
             let cut = if from == Direction::Fan { settings.cut.or(Some(Cut::Fan)) } else { settings.cut };
             let one = PictureSettings { from, orbit: Orbit::default(), cut, ..*settings };
             let panel = self.panel(&one, (w - 4, h - 4), from == Direction::Fan)?;
@@ -179,7 +179,7 @@ impl SceneView {
         Ok(Panel { width: size.0, height: size.1, rgb: rgb.collect(), seen, camera, outline })
     }
 
-    /// The plane of a cut, its normal toward the viewer; none where it is seen edge-on.
+    /// The plane of a cut, its normal toward the viewer; `None` if it is seen edge-on.
     fn plane(&self, cut: Option<Cut>, camera: &Camera) -> Result<Option<Plane>, ViewError> {
         let (point_mm, normal) = match cut {
             None => return Ok(None),
@@ -202,7 +202,7 @@ impl SceneView {
 
 fn check_size(width: u32, height: u32) -> Result<(), ViewError> {
     let good = 64..=8192;
-    // Two sides in range have no product that overflows.
+    // The product of two sides in range cannot overflow.
     let fits = good.contains(&width) && good.contains(&height) && width * height <= PIXELS_MAX;
     if fits { Ok(()) } else { Err(ViewError::Size { width, height }) }
 }
@@ -262,7 +262,7 @@ mod tests {
             let amber = |(across, depth): (f64, f64)| {
                 let point = fan.scene_from_probe.transform_point(DVec3::new(across, 0.0, depth));
                 let (with, without) = (pixel(&there, point), pixel(&without, point));
-                // Amber is redder than what it lies on.
+                // Amber is redder than its background.
                 (with[0] - with[2]) - (without[0] - without[2])
             };
             // Framing differs, but the block fills both pictures with one colour.

@@ -20,7 +20,7 @@ pub(super) struct Panel {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) rgb: Vec<u8>,
-    /// Tissues in it, a bit each.
+    /// Visible tissues, one bit each.
     pub(super) seen: [u64; 4],
     pub(super) camera: Camera,
     pub(super) outline: Vec<DVec3>,

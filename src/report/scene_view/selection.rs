@@ -16,11 +16,10 @@ impl Selection {
         Self { shown: vec![true; scene.surfaces.len()] }
     }
 
-    /// Shows those that `only` names (all, if it is empty) without those that `hide` names, each by its own name or by its
-    /// tissue's.
+    /// Shows the surfaces in `only` (all if it is empty) except those in `hide`, by the name of a surface or tissue.
     ///
     /// # Errors
-    /// A name that nothing bears; nothing left.
+    /// An unknown name; no surface left.
     pub fn of(scene: &Scene, only: &[String], hide: &[String]) -> Result<Self, ViewError> {
         let tissue = |index: usize| scene.tissues.names().get(index).map_or("", String::as_str);
         let named = |name: &str| -> Result<Vec<bool>, ViewError> {

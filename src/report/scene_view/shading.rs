@@ -1,4 +1,4 @@
-//! Colours of the places in a picture: surfaces, cuts and the fan along a line of sight.
+//! Colours of a picture's points: surfaces, cuts and the fan along a line of sight.
 
 use glam::{DVec3, Vec3};
 
@@ -7,16 +7,16 @@ use super::camera::Camera;
 use super::caster::{Caster, Hit};
 use crate::sink::colour;
 
-/// Less light than this part of what lies behind is not looked for.
+/// Remaining transmission at which a line of sight ends.
 const DARK: f32 = 0.02;
 pub(super) const GROUND: Vec3 = Vec3::new(0.055, 0.068, 0.085);
 pub(super) const HOUSING: Vec3 = Vec3::new(0.62, 0.66, 0.72);
 pub(super) const BEAD: Vec3 = Vec3::new(1.0, 0.62, 0.1);
-/// The fan where it bears no image.
+/// Colour of a fan without an image.
 const FAN: Vec3 = Vec3::new(1.0, 0.80, 0.30);
 const FAN_OPACITY: f32 = 0.30;
 const IMAGE_OPACITY: f32 = 0.93;
-/// The fan is drawn on a cut through its own plane, mm.
+/// Offset toward the viewer, mm, that draws the fan over a cut in its own plane.
 const BEFORE_MM: f32 = 0.02;
 
 /// Appearance of a surface.
@@ -27,19 +27,19 @@ pub(super) struct Look {
     pub(super) tissue: Option<usize>,
 }
 
-/// A cut that holds for a camera.
+/// Plane of a cut, with its normal toward the viewer.
 pub(super) struct Plane {
     pub(super) point_mm: DVec3,
     pub(super) normal: DVec3,
 }
 
-/// A place in the picture.
+/// A sample of the picture.
 #[derive(Clone, Copy)]
 pub(super) struct Sample {
     pub(super) colour: Vec3,
-    /// Tissues that are seen, a bit each.
+    /// Visible tissues, one bit each.
     pub(super) seen: [u64; 4],
-    /// Tells apart which layers are seen in which order.
+    /// Hash of the visible layers in their order.
     pub(super) layers: u32,
 }
 
@@ -51,7 +51,7 @@ pub(super) struct Scenery {
 }
 
 impl Scenery {
-    /// Colour of a place in the picture.
+    /// Colour, tissues and layers at a point of the picture.
     pub(super) fn sample(
         &self,
         camera: &Camera,
@@ -67,7 +67,7 @@ impl Scenery {
         let mut seen = [0u64; 4];
         let mut layers = 0_u32;
         let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>, layer: u32| {
-            // Layers that hardly show make no edge.
+            // Nearly invisible layers make no edge.
             if left * opacity > 0.04 {
                 layers = (layers.rotate_left(5) ^ (layer + 1)).wrapping_mul(0x9e37_79b9);
             }
@@ -128,7 +128,7 @@ impl Scenery {
         Sample { colour: light + left * GROUND, seen, layers }
     }
 
-    /// The highest surface that the line is inside of at `t_mm`, of those that are shown; the probe is none of them.
+    /// Index of the highest shown surface that contains the line's point at `t_mm`; the probe is excluded.
     fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
         let mut met = [0u64; 4];
         let mut highest = None;
@@ -137,7 +137,7 @@ impl Scenery {
             let tissue = self.looks.get(index).is_some_and(|look| look.tissue.is_some());
             let Some(word) = met.get_mut(index >> 6).filter(|_| tissue) else { continue };
             let bit = 1 << (index & 63);
-            // The first crossing beyond tells: outward from within.
+            // The point is inside if the first crossing beyond it leads outward.
             if *word & bit == 0 && hit.cosine > 0.0 {
                 highest = highest.max(Some(index));
             }

@@ -1,4 +1,4 @@
-//! A self-test as a page to print: one HTML file.
+//! Printable page about a self-test: one HTML file.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,14 +17,14 @@ pub fn write(path: &Path, report: &Report) -> Result<(), SinkError> {
     write_text(path, &page(report))
 }
 
-/// A number to two digits of its tolerance; with a tolerance of 0 a count.
+/// Text of a number, to two digits of its tolerance; a tolerance of 0 means a count.
 pub fn figure(value: f64, tolerance: f64) -> String {
     if !value.is_finite() {
         return "not measurable".to_owned();
     }
     let digits = if tolerance > 0.0 { (1.0 - tolerance.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
     let text = format!("{value:.digits$}");
-    // A rounding below zero is zero.
+    // Avoids a negative zero after rounding.
     if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
 }
 

@@ -1,7 +1,7 @@
 //! Access control of the page by token, `Host` and `Origin`.
 //!
 //! A foreign page in the same browser reaches the port, too. Its requests carry its own `Origin`, or, after it has made its
-//! name point here (DNS rebinding), its own name as `Host`; both are refused. Addresses in digits can't be rebound.
+//! name point here (DNS rebinding), its own name as `Host`; both are refused. Numeric addresses can't be rebound.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -53,7 +53,7 @@ impl Access {
         self.token.is_some()
     }
 
-    /// Whether the request is addressed to this server by a name that is its own.
+    /// Whether the request's `Host` is a name or address of this server.
     pub(super) fn accepts_host(&self, headers: &HeaderMap) -> bool {
         let Some(authority) = host(headers) else { return false };
         if authority.port_u16().unwrap_or(80) != self.local.port() || authority.as_str().contains('@') {
@@ -74,7 +74,7 @@ impl Access {
         origin.to_str().ok().and_then(|o| o.strip_prefix("http://")) == Some(authority.as_str())
     }
 
-    /// Whether `given` is the token, in time that does not tell how much of it is right.
+    /// Whether `given` is the token; the comparison takes constant time.
     pub(super) fn accepts_token(&self, given: &str) -> bool {
         let Some(token) = &self.token else { return true };
         let (given, wanted) = (Sha256::digest(given), Sha256::digest(token));
@@ -89,13 +89,13 @@ impl Access {
         pairs.any(|(key, value)| key == name && self.accepts_token(value))
     }
 
-    /// `Set-Cookie` that spares the page to repeat the token.
+    /// `Set-Cookie` value that stores the token for later requests.
     pub(super) fn cookie(&self) -> Option<String> {
         let token = self.token.as_ref()?;
         Some(format!("{}={token}; Path=/; HttpOnly; SameSite=Strict", self.cookie_name()))
     }
 
-    /// Browsers share cookies between the ports of a host.
+    /// Name of the cookie, with the port: browsers share cookies between the ports of a host.
     fn cookie_name(&self) -> String {
         format!("insonify_{}", self.local.port())
     }
@@ -116,7 +116,7 @@ fn random_token() -> Result<String, getrandom::Error> {
     Ok(URL_SAFE_NO_PAD.encode(bytes))
 }
 
-/// Address that a browser can open: for "every address", that of this machine's route outwards.
+/// Address that a browser can open: for the unspecified address, that of this machine's outbound route.
 fn reachable(ip: IpAddr) -> IpAddr {
     if !ip.is_unspecified() {
         return ip;

@@ -1,4 +1,4 @@
-//! The page's files, part of the program.
+//! The page's files, embedded in the program.
 
 /// A file of the page.
 #[derive(Debug)]

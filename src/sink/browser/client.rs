@@ -17,15 +17,15 @@ use super::messages::{self, Request, ToPage};
 use super::shared::{Client, ClientCounters, ClientSlot, FrameSet, Shared};
 use crate::settings::Control;
 
-/// Frames sent and not yet drawn: one on its way while one is drawn.
+/// Most frames sent and not yet drawn: one in transit while one is drawn.
 const FRAMES_UNDER_WAY: usize = 2;
-/// A page that takes nothing for so long is gone.
+/// Longest time to send a message before the page counts as gone.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-/// A page that answers no ping for so long is gone.
+/// Longest silence before the page counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
 const PING_PERIOD: Duration = Duration::from_secs(10);
 const STATS_PERIOD: Duration = Duration::from_secs(1);
-/// Answers that wait to be sent; then the page's messages wait, too.
+/// Most answers that wait to be sent; beyond that, the page's messages are not read.
 const ANSWERS: usize = 16;
 
 /// Messages from the reading half to the writing half.
@@ -35,7 +35,7 @@ enum Heard {
     Mistake(String),
 }
 
-/// Tells a page that there is no room.
+/// Turns a page away when there is no room.
 pub(super) async fn turn_away(mut socket: WebSocket, reason: String) {
     let close = CloseFrame { code: close_code::AGAIN, reason: reason.into() };
     // The page may have gone already.
@@ -56,7 +56,7 @@ pub(super) async fn run(socket: WebSocket, slot: ClientSlot) {
     tracing::info!("page {id} {why}; {sent} frames sent, {dropped} dropped");
 }
 
-/// Follows what the page says. Returns why it ended.
+/// Handles the page's messages. Returns why it ended.
 async fn read(
     mut receiver: SplitStream<WebSocket>,
     shared: &Shared,
@@ -117,7 +117,7 @@ impl<'a> Writer<'a> {
         Self { sender, shared, client, frames, under_way, last: 0 }
     }
 
-    /// Sends until the page or the station goes. Returns why it ended.
+    /// Sends until the page leaves or the station ends. Returns why it ended.
     async fn run(mut self, mut hears: mpsc::Receiver<Heard>) -> &'static str {
         match self.try_run(&mut hears).await {
             Ok(why) => why,
@@ -177,7 +177,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Sends the frame on the page once more, with what the page wants now: a frozen one has no successor.
+    /// Sends the current frame again with newly requested overlays: a frozen frame has no successor.
     async fn repeat(&mut self) -> Result<(), &'static str> {
         let set = self.frames.borrow().clone();
         let room = self.under_way.len() <= FRAMES_UNDER_WAY;

@@ -81,7 +81,7 @@ pub(super) struct SettingEntry {
     key: &'static str,
     /// Number of values.
     count: usize,
-    /// Values that the station takes.
+    /// Accepted range.
     range: [f64; 2],
     label: &'static str,
     caption: &'static str,
@@ -116,7 +116,7 @@ pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
 
 /// A message as text.
 pub(super) fn write(message: &ToPage<'_>) -> String {
-    // Strings, integers and enums always serialise; were that to change, the page hears of it.
+    // Strings, integers and enums always serialise; the fallback is an error message to the page.
     serde_json::to_string(message)
         .unwrap_or_else(|e| format!(r#"{{"type":"error","message":"the station could not write a message: {e}"}}"#))
 }

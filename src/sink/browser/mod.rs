@@ -1,8 +1,8 @@
-//! A page that shows the live station in a browser, and lets those who watch control it.
+//! A page that shows the live station in a browser, and lets viewers control it.
 //!
-//! The sink listens on a thread of its own. Frames go to each page over a WebSocket as binary messages ([`wire`] has the
-//! layout); a page says when it has drawn one, and no more than two are under way to it, so that a slow page skips frames
-//! and never waits for old ones. What a page asks for comes back as small JSON messages and is checked before it becomes a
+//! The sink listens on its own thread. Frames go to each page over a WebSocket as binary messages ([`wire`] has the
+//! layout). A page acknowledges each drawn frame. At most two are in transit to it, so that a slow page skips frames.
+//! Requests of a page are small JSON messages, which are checked before they become a
 //! [`Control`](crate::settings::Control).
 
 mod scene;

@@ -1,8 +1,8 @@
 //! The scene's surfaces for the page's 3-D view, as one answer over HTTP at `/scene`.
 //!
-//! Little-endian: `INSV`, u32 version 1, u32 length of the JSON that follows (padded with spaces to a multiple of 4), then
-//! of each of the JSON's `surfaces` in turn its vertices (f32 × 3, mm) and its triangles (u32 × 3). The last two surfaces
-//! are the probe's housing and the bead on the image's left, in the probe frame.
+//! Little-endian: `INSV`, u32 version 1, u32 length of the JSON that follows (padded with spaces to a multiple of 4),
+//! then, for each of the JSON's `surfaces`, its vertices (f32 × 3, mm) and its triangles (u32 × 3). The last two
+//! surfaces are the probe's housing and the bead on the image's left, in the probe frame.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::pose::Pose;
 use crate::sink::colour::{self, Rgb};
 use crate::transducer::{Probe, housing};
 
-/// Triangles of a packet; larger scenes are decimated.
+/// Most triangles of a packet; larger scenes are decimated.
 pub const TRIANGLES_MAX: usize = 150_000;
 
 const VERSION: u32 = 1;
@@ -35,7 +35,7 @@ struct Header<'a> {
 struct ProbeEntry {
     /// Radius of the face, mm; null for a linear one.
     face_radius_mm: Option<f64>,
-    /// Radians, or mm of a linear face.
+    /// Half extent of the face, radians; mm if linear.
     half_extent: f64,
 }
 
@@ -98,7 +98,7 @@ impl ScenePacket {
         &self.0
     }
 
-    /// The bytes, shared with an answer that is on its way.
+    /// The bytes, shared with a pending response.
     #[cfg(feature = "browser")]
     pub(super) fn shared(&self) -> bytes::Bytes {
         bytes::Bytes::from_owner(self.0.clone())

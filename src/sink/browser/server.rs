@@ -25,16 +25,16 @@ use super::assets::{ASSETS, Asset};
 use super::client;
 use super::shared::Shared;
 
-/// A page's messages are far smaller.
+/// Largest message accepted from a page, bytes; real ones are far smaller.
 const MESSAGE_BYTES_MAX: usize = 4096;
-/// Connections beside the pages' own: each page loads its files over a few.
+/// Most connections besides the pages' WebSockets; each page loads its files over a few.
 const CONNECTIONS_MAX: usize = 64;
-/// A connection that does not ask for anything is closed.
+/// Longest wait for the headers of a request; then the connection is closed.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Pages are told that the station ends for so long.
+/// Longest wait for the pages to leave when the station ends.
 const GOODBYE: Duration = Duration::from_secs(1);
 
-/// No script, style, frame or connection but the page's own.
+/// Allows only the page's own scripts, styles and connections.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -97,7 +97,7 @@ fn file(asset: &'static Asset) -> Response {
     ([(CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
 }
 
-/// The surfaces of the 3-D view, for the station's own page alone.
+/// The surfaces of the 3-D view, for the station's own page only.
 async fn scene(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     if !shared.access.accepts_origin(&headers) {
         return (StatusCode::FORBIDDEN, "only the station's own page may read the scene\n").into_response();
@@ -108,7 +108,7 @@ async fn scene(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Respons
     }
 }
 
-/// Checks every request and gives every answer its headers.
+/// Checks every request and adds the security headers to every response.
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let mut response = match instead(&shared.access, &request) {
         Some(response) => response,
@@ -129,7 +129,7 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
     response
 }
 
-/// Answer to a refused request; none if the request may pass.
+/// Response to a refused or redirected request; `None` if the request may pass.
 fn instead(access: &Access, request: &Request) -> Option<Response> {
     let headers = request.headers();
     if !access.accepts_host(headers) {
@@ -149,7 +149,7 @@ fn instead(access: &Access, request: &Request) -> Option<Response> {
     if request.uri().path() != "/" {
         return None;
     }
-    // The token goes out of the address bar and the history.
+    // Redirects, to remove the token from address bar and history.
     let cookie = access.cookie().and_then(|cookie| HeaderValue::from_str(&cookie).ok())?;
     let headers = [(SET_COOKIE, cookie), (LOCATION, HeaderValue::from_static("/"))];
     Some((StatusCode::SEE_OTHER, headers).into_response())

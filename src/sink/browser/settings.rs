@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use crate::settings::settings;
 
-/// Fewest characters of a token that a person chose.
+/// Fewest characters of a configured token.
 pub const TOKEN_CHARS_MIN: usize = 16;
 
 settings! {
@@ -29,7 +29,7 @@ settings! {
 }
 
 impl Settings {
-    /// Whether `token` may stand in an address and is long enough.
+    /// Whether `token` is long enough and has only characters that a URL allows.
     pub fn accepts_token(token: &str) -> bool {
         token.len() >= TOKEN_CHARS_MIN && token.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
     }

@@ -16,7 +16,7 @@ use crate::settings::Control;
 /// The messages of one frame.
 #[derive(Debug)]
 pub(super) struct FrameSet {
-    /// Counts the sets from 1, to see what a client missed.
+    /// Number of the set, from 1; gaps are frames that a client missed.
     pub(super) sequence: u64,
     pub(super) number: u64,
     pub(super) image: Bytes,
@@ -43,17 +43,17 @@ impl Overlays {
 /// Counters of a page since it connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientCounters {
-    /// Counts the pages from 1.
+    /// Number of the page, from 1.
     pub id: u64,
     /// Its address.
     pub address: SocketAddr,
     /// Frames sent to it.
     pub sent: u64,
-    /// Frames that it was too slow for.
+    /// Frames skipped because the page was too slow.
     pub dropped: u64,
 }
 
-/// A page's state, seen by the sink, too.
+/// State of a page, shared with the sink.
 #[derive(Debug)]
 pub(super) struct Client {
     pub(super) id: u64,
@@ -112,7 +112,7 @@ impl Shared {
         self.clients().values().fold(Overlays::default(), |all, client| all.or(client.overlays()))
     }
 
-    /// A slot for one more client; none where all are taken.
+    /// A slot for one more client; `None` if all are taken.
     pub(super) fn enter(self: &Arc<Self>, address: SocketAddr) -> Option<ClientSlot> {
         let mut clients = self.clients();
         if clients.len() >= self.clients_max as usize {
@@ -131,7 +131,7 @@ impl Shared {
     }
 }
 
-/// Slot of a client, free again when it is dropped.
+/// Slot of a client, freed on drop.
 pub(super) struct ClientSlot {
     pub(super) shared: Arc<Shared>,
     pub(super) client: Arc<Client>,

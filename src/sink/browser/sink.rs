@@ -21,7 +21,7 @@ use crate::sink::pool::Pool;
 
 const NAME: &str = "browser";
 
-/// A message on its way, whose memory is used again when every page has it.
+/// A message whose memory is reused once every page has received it.
 struct Owner(Arc<Vec<u8>>);
 
 impl AsRef<[u8]> for Owner {
@@ -56,11 +56,10 @@ impl BrowserMonitor {
 }
 
 impl BrowserSink {
-    /// Listens and serves from a thread of its own. Checked controls go to `controls`; one that finds it full is refused,
-    /// which the page shows.
+    /// Listens and serves on its own thread. Checked controls go to `controls`; if it is full, the page shows an error.
     ///
     /// # Errors
-    /// The address can't be listened at; no random token, runtime or thread can be had.
+    /// The server can't listen at the address, or gets no random token, runtime or thread.
     pub fn new(settings: &Settings, controls: mpsc::Sender<Control>, scene: &SceneInfo) -> Result<Self, SinkError> {
         let address = SocketAddr::new(settings.address, settings.port);
         let listen = |source| SinkError::Listen { sink: NAME, address, source };
@@ -106,7 +105,7 @@ impl BrowserSink {
         self.local
     }
 
-    /// A handle that tells who is watching.
+    /// A handle to the counters of the connected pages.
     pub fn monitor(&self) -> BrowserMonitor {
         BrowserMonitor { shared: self.shared.clone() }
     }
@@ -135,7 +134,7 @@ impl LiveSink for BrowserSink {
             let (message, ()) = self.pool.fill(|out| wire::encode(frame, map, out))?;
             Some(Bytes::from_owner(Owner(message)))
         };
-        // Over a frozen picture an overlay may be asked for later, when no new frame comes.
+        // Overlays may be requested while the picture is frozen, when no new frame comes.
         let frozen = frame.info.settings.frozen;
         let has_segmentation = (wanted.segmentation || frozen) && !frame.segmentation.is_empty();
         let has_attenuation = (wanted.attenuation || frozen) && !frame.attenuation.is_empty();

@@ -1,6 +1,6 @@
 //! Binary messages to a page: a fixed header, then one map of a frame.
 //!
-//! Little-endian. Times are in ms since the session began; a value that is not known is 0 and its flag is clear.
+//! Little-endian. Times are in ms since the session began; an unknown value is 0 and its flag is clear.
 //!
 //! | offset | type | meaning |
 //! |---|---|---|
@@ -11,7 +11,7 @@
 //! | 8 | u64 | frame number |
 //! | 16 | u32 × 2 | width, height, pixels |
 //! | 24 | f64 | side of a pixel, mm |
-//! | 32 | f64 | row, in pixels, at which the middle of the probe's face lies |
+//! | 32 | f64 | row of the middle of the probe's face, pixels |
 //! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
 //! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran |
 //! | 42 | u16 × 2 | bytes of the tier's name and of the notice |
@@ -22,7 +22,7 @@
 //! | 160 + 8n | u8 × width × height | the map, row-major |
 //! | | UTF-8 | name of the tier, then the notice |
 //!
-//! The maps 2 and 3 of a frame precede its grey levels and are sent only to pages that asked for them.
+//! The maps 2 and 3 of a frame precede its grey levels, and are sent only to pages that request them.
 
 use std::path::Path;
 use std::time::Duration;
@@ -35,7 +35,7 @@ use crate::settings::{Setting, live_settings};
 /// Bytes before the values of live settings.
 const FIXED_BYTES: usize = 160;
 const VERSION: u16 = 2;
-/// A longer tier name or notice is cut.
+/// Most bytes of a tier name or notice; longer ones are cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
 /// Map carried by a message.
@@ -114,7 +114,7 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
     }
 }
 
-/// A text cut to what the header can count, at a character's end.
+/// A text, cut at a character boundary to at most `TEXT_BYTES_MAX` bytes.
 fn text(text: Option<&str>) -> &str {
     let text = text.unwrap_or("");
     &text[..text.floor_char_boundary(TEXT_BYTES_MAX)]

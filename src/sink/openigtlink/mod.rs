@@ -6,19 +6,19 @@
 //! |---|---|---|
 //! | `STATUS` | `Tracking` | 1 (all is well), or 13 (not ready) while the sensor is stuck, or the pose stale or lost |
 //! | `TRANSFORM` | `ProbeToScene` | the probe's pose; left out while the status is not 1 |
-//! | `IMAGE` | `Image` | the picture, u8, one slice, where it lies in the scene |
+//! | `IMAGE` | `Image` | the picture, u8, one slice, at its place in the scene |
 //!
 //! # Frames
-//! All coordinates are RAS, mm: what 3D Slicer displays in. The scene is taken for the patient; [`SceneAxes`] says where
-//! its axes point. The image's first index runs along the probe's x (lateral), its second along the probe's z (into the
-//! body), so that its normal is the probe's −y. Its position is that of its centre, as the protocol asks. In 3D Slicer the
-//! image therefore lies at the probe's pose as it comes: it must *not* be put under `ProbeToScene` as well. Before the
-//! first pose the probe is taken to be at the scene's origin.
+//! All coordinates are RAS, mm, as in 3D Slicer. The scene stands for the patient; [`SceneAxes`] gives the directions
+//! of its axes. The image's first index runs along the probe's x (lateral), its second along the probe's z (into the
+//! body), so that its normal is the probe's −y. Its position is that of its centre, as the protocol requires. 3D Slicer
+//! therefore shows the image at the probe's pose: do *not* put it under `ProbeToScene` as well. Before the first pose,
+//! the probe is at the scene's origin.
 //!
-//! # Who gets what
-//! Each client has its own task and takes the newest frame when it is ready for one: what it passes over is counted, and
-//! a client that doesn't read delays nobody. One that reads nothing for [`STALL_LIMIT`] is disconnected. The protocol
-//! knows no password: whoever reaches the port sees the picture, so that it is loopback unless configured.
+//! # Clients
+//! Each client has its own task and takes the newest frame when ready; skipped frames are counted. A client that
+//! doesn't read delays no other. One that reads nothing for [`STALL_LIMIT`] is disconnected. The protocol has no
+//! password: anyone who reaches the port sees the picture. The default address is therefore loopback.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -70,13 +70,13 @@ settings! {
     }
 }
 
-/// The server, on a thread of its own.
+/// The server, on its own thread.
 pub struct OpenIgtLink {
     settings: Settings,
     probe: Probe,
     address: SocketAddr,
     latest: Arc<watch::Sender<Latest>>,
-    /// Messages of frames: one a client and two.
+    /// Encoded frames: one per client, and two more.
     pool: Pool<Encoded>,
     number: u64,
     counters: Arc<Counters>,
@@ -85,10 +85,10 @@ pub struct OpenIgtLink {
 }
 
 impl OpenIgtLink {
-    /// Starts listening for clients that want the frames of `probe`.
+    /// Starts the server for frames of `probe`.
     ///
     /// # Errors
-    /// The address can't be listened at, or the system gives no thread.
+    /// The server can't listen at the address, or the system refuses a thread.
     pub fn new(settings: Settings, probe: Probe) -> Result<Self, SinkError> {
         let address = SocketAddr::new(settings.address, settings.port);
         let refused = |source| SinkError::Listen { sink: SINK, address, source };
@@ -143,7 +143,7 @@ impl LiveSink for OpenIgtLink {
         }
         check_shape(Path::new("an OpenIGTLink image"), shape, frame.image.len())?;
         if self.latest.receiver_count() == 0 {
-            // The next client must not get a frame from before its time.
+            // The next client must not get an old frame.
             self.latest.send_replace(None);
             return Ok(());
         }

@@ -12,10 +12,10 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
-/// Longest time in which a client may read nothing.
+/// Longest time without a read before a client is disconnected.
 pub const STALL_LIMIT: Duration = Duration::from_secs(30);
 
-/// Bytes that the system may hold for a client: a frame or so. More would be latency.
+/// System's send buffer per client, bytes: about one frame. More would add latency.
 const SEND_BUFFER: u32 = 1 << 20;
 
 /// Counters of the server.
@@ -23,19 +23,19 @@ const SEND_BUFFER: u32 = 1 << 20;
 pub struct Counters {
     /// Clients connected now.
     pub connected: AtomicU64,
-    /// Clients that have come.
+    /// Clients accepted.
     pub accepted: AtomicU64,
-    /// Clients turned away since there were too many.
+    /// Clients refused because too many were connected.
     pub refused: AtomicU64,
-    /// Frames sent, each client's.
+    /// Frames sent, summed over clients.
     pub sent: AtomicU64,
-    /// Frames that a client passed over for a newer one, each client's.
+    /// Frames skipped for a newer one, summed over clients.
     pub dropped: AtomicU64,
-    /// Clients disconnected since they read nothing.
+    /// Clients disconnected because they read nothing.
     pub stalled: AtomicU64,
 }
 
-/// A frame as it goes over the wire.
+/// Encoded messages of a frame.
 #[derive(Default)]
 pub(super) struct Encoded {
     pub(super) number: u64,
@@ -47,7 +47,7 @@ pub(super) type Latest = Option<Arc<Encoded>>;
 /// Listens; accepted connections inherit the buffer's size.
 pub(super) fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
-    // A server that starts anew finds its port still in use by connections that have ended.
+    // Without this, a restarted server finds its port in use by ended connections.
     #[cfg(unix)]
     socket.set_reuseaddr(true)?;
     socket.set_send_buffer_size(SEND_BUFFER)?;
@@ -70,7 +70,7 @@ impl Server {
                 accepted = listener.accept() => accepted,
             };
             let Ok((stream, client)) = accepted else {
-                // Too many open files, most likely: that takes a while to get better.
+                // Probably too many open files: waits before the next attempt.
                 tokio::time::sleep(Duration::from_millis(100)).await;
                 continue;
             };
@@ -83,7 +83,7 @@ impl Server {
             self.counters.connected.fetch_add(1, Ordering::Relaxed);
             tracing::info!("OpenIGTLink client {client} is connected");
             let mut frames = self.latest.subscribe();
-            // One that connects while the picture is frozen sees it, too.
+            // A client that connects during a freeze gets the frozen frame.
             frames.mark_changed();
             let (counters, cancel) = (Arc::clone(&self.counters), self.cancel.clone());
             tokio::spawn(async move {
@@ -120,7 +120,7 @@ async fn discard(mut reader: OwnedReadHalf) {
     while reader.read(&mut bytes).await.is_ok_and(|length| length > 0) {}
 }
 
-/// Sends a client the newest frame, and again when there is a newer one.
+/// Sends a client every newest frame. Returns why it ended.
 async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, counters: &Counters) -> &'static str {
     let mut last: Option<u64> = None;
     let mut counted = |number: u64| {
@@ -138,7 +138,7 @@ async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, c
                 Ok(_) => return "it has left",
                 Err(_) => {
                     counters.stalled.fetch_add(1, Ordering::Relaxed);
-                    // All that came meanwhile, the newest too.
+                    // Counts the frames that came meanwhile, including the newest.
                     let newest = frames.borrow().as_ref().map(|newest| newest.number);
                     counted(newest.map_or(frame.number + 1, |number| number + 1));
                     return "it read nothing for too long";

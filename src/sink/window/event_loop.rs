@@ -1,4 +1,4 @@
-//! The window's half: events in, pictures out, on the main thread.
+//! Event loop of the window, on the main thread.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -23,21 +23,21 @@ use crate::sink::live::FrameInfo;
 
 /// Time without a new frame after which a picture that is not frozen is shown as not live.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Figures change so often, and silence is looked for.
+/// Period of updating figures and of checking for missing frames.
 const TICK: Duration = Duration::from_millis(500);
-/// After a key its value counts for so long: frames made before lag behind.
+/// Time after a key during which its values override those of frames rendered earlier.
 const HOLD: Duration = Duration::from_millis(900);
-/// Graphics that are lost again at once, this often, are given up.
+/// Most rebuilds in a row of lost graphics.
 const REBUILDS_MAX: u32 = 5;
 
-/// Opens the window and shows what comes into `slot`, until the window is closed or the sink ends. Keys go to `controls`;
-/// closing the window is [`Control::Quit`].
+/// Opens the window and shows the frames of `slot` until the window is closed or the sink ends. Keys go to `controls`;
+/// closing the window sends [`Control::Quit`].
 ///
 /// # Errors
-/// There is no display, no graphics device can show a window, or it is lost again and again.
+/// There is no display, no graphics device can show a window, or the device is lost repeatedly.
 ///
 /// # Panics
-/// On some systems where this is not the main thread.
+/// On some systems, if called on another thread than the main one.
 pub fn run_on_main_thread(
     slot: WindowSlot,
     settings: &Settings,
@@ -96,7 +96,7 @@ struct App {
     canvas: Canvas,
     /// Values in the marks; marks are drawn only when these change.
     drawn: Option<(Figures, Option<Shown>)>,
-    /// Settings that the keys asked for.
+    /// Settings requested by keys.
     wanted: LiveSettings,
     wanted_at: Option<Instant>,
     arrivals: usize,
@@ -127,7 +127,7 @@ impl App {
         event_loop.exit();
     }
 
-    /// Forgets what the marks show and uploads everything at the next drawing.
+    /// Uploads the picture again and marks everything for redrawing.
     fn redraw_all(&mut self) {
         self.drawn = None;
         if let (Some((window, graphics)), Some(shown)) = (&mut self.window, &self.shown) {
@@ -136,7 +136,7 @@ impl App {
         }
     }
 
-    /// Looks into the slot.
+    /// Takes the newest frame, and exits if the sink has ended.
     fn look(&mut self, event_loop: &ActiveEventLoop) {
         self.take_newest();
         if self.slot.state().sink_ended {
@@ -193,14 +193,14 @@ impl App {
         }
     }
 
-    /// Builds device and surface anew.
+    /// Rebuilds device and surface.
     fn rebuild(&mut self, event_loop: &ActiveEventLoop) {
         self.rebuilds += 1;
         if self.rebuilds > REBUILDS_MAX {
             return self.fail(event_loop, "its graphics are lost again and again; update the driver".to_owned());
         }
         tracing::warn!("the window's surface was lost; it is built anew");
-        // A window takes one surface at a time: the old one goes first.
+        // A window has one surface at a time: drops the old one first.
         let Some((window, graphics)) = self.window.take() else { return };
         drop(graphics);
         match Graphics::new(&window, self.display.clone()) {
@@ -332,7 +332,7 @@ impl ApplicationHandler<Wake> for App {
     }
 
     fn exiting(&mut self, _event_loop: &ActiveEventLoop) {
-        // The surface goes before the connection to the display.
+        // The surface must be dropped before the connection to the display.
         self.window = None;
     }
 }

@@ -1,4 +1,4 @@
-//! The window's device and surface: one picture, one layer of marks, one triangle.
+//! The window's device and surface: a picture and a layer of marks, drawn with one triangle.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +26,7 @@ struct Uniforms {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     pub(super) picture: Placement,
-    /// Below 1 where the picture can't be trusted.
+    /// Brightness of the picture; below 1 if it can't be trusted.
     pub(super) brightness: f32,
     pub(super) marks_scale: u32,
 }
@@ -36,9 +36,9 @@ pub(super) struct Look {
 pub(super) enum Drawn {
     /// It is on the screen, or the window can't be seen.
     Done,
-    /// The surface was configured anew: draw once more.
+    /// The surface was reconfigured: draw again.
     Again,
-    /// Surface or device are lost: build the graphics anew.
+    /// Surface or device is lost: rebuild the graphics.
     Lost,
 }
 
@@ -60,7 +60,7 @@ pub(super) struct Graphics {
 }
 
 impl Graphics {
-    /// Opens the device that can show `window`.
+    /// Opens a device that can show `window`.
     pub(super) fn new(window: &Arc<Window>, display: OwnedDisplayHandle) -> Result<Self, String> {
         let mut descriptor = wgpu::InstanceDescriptor::new_with_display_handle(Box::new(display));
         descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
@@ -89,7 +89,7 @@ impl Graphics {
         let mut configuration = surface
             .get_default_config(&adapter, size.width.max(1), size.height.max(1))
             .ok_or_else(|| format!("{} can't show this window", adapter.get_info().name))?;
-        // Grey levels are written as they are; sRGB is left to the shader where there is nothing else.
+        // Prefers a format that stores grey levels as they are; for an sRGB format the shader converts.
         let formats = surface.get_capabilities(&adapter).formats;
         let plain = formats.iter().find(|f| !f.is_srgb() && f.target_component_alignment() == Some(1));
         configuration.format = plain.copied().unwrap_or(configuration.format);
@@ -128,7 +128,7 @@ impl Graphics {
         })
     }
 
-    /// Follows the window's size.
+    /// Resizes the surface.
     pub(super) fn resize(&mut self, width: u32, height: u32) {
         let most = self.device.limits().max_texture_dimension_2d;
         (self.configuration.width, self.configuration.height) = (width.clamp(1, most), height.clamp(1, most));
@@ -256,7 +256,7 @@ fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderP
     });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("window"),
-        // That of the shader's bindings.
+        // Derived from the shader's bindings.
         layout: None,
         vertex: wgpu::VertexState {
             module: &module,

@@ -1,6 +1,6 @@
 //! Marks over the picture: depth scale, focus, states, figures, keys.
 //!
-//! Drawn on the CPU into a canvas of the window's size, only when something of it changes. Black is transparent.
+//! Drawn on the CPU into a canvas of the window's size, only when a mark changes. Black is transparent.
 
 use crate::pose::TrackingState;
 use crate::settings::{Display, hot_keys};
@@ -33,7 +33,7 @@ pub(super) struct Placement {
     pub(super) height: f32,
 }
 
-/// As large as fits between the margins, centred.
+/// Largest placement within the margins, centred.
 pub(super) fn place(image: (u32, u32), window: (u32, u32)) -> Placement {
     let (w, h) = (image.0.max(1) as f32, image.1.max(1) as f32);
     let room_x = (window.0 as f32 - 2.0 * MARGIN_X).max(1.0);
@@ -43,7 +43,7 @@ pub(super) fn place(image: (u32, u32), window: (u32, u32)) -> Placement {
     Placement { x: MARGIN_X + 0.5 * (room_x - width), y: MARGIN_TOP + 0.5 * (room_y - height), width, height }
 }
 
-/// Cm between numbered ticks, so that numbers keep their distance.
+/// Cm between numbered ticks, chosen for at least 26 pixels between numbers.
 pub(super) fn tick_step_cm(pixels_per_cm: f32) -> u32 {
     [1, 2, 5, 10, 20, 50].into_iter().find(|&step| step as f32 * pixels_per_cm >= 26.0).unwrap_or(100)
 }
@@ -70,7 +70,7 @@ impl Banner {
         }
     }
 
-    /// Colours of ground and ink.
+    /// Background and text colours.
     fn colours(self) -> (Rgb, Rgb) {
         match self {
             Self::Waiting => (PANEL, INK),
@@ -93,7 +93,7 @@ pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
     }
 }
 
-/// Figures of the window's own.
+/// State of the window that the marks show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Figures {
     pub(super) frames_per_s: usize,
@@ -150,13 +150,13 @@ fn depth_scale(canvas: &mut Canvas, shown: &Shown, at: Placement) {
         }
     }
     canvas.text(x + 12, (y_at(0.0).min(canvas.size().1 as f32) as u32).saturating_sub(30), "cm", Text::Small, FAINT);
-    // The focus points at the scale from the picture's side.
+    // Focus marker: a triangle between picture and scale.
     let focus =
         y_at((shown.info.settings.probe.focus_mm as f32).min(depth_mm)).round().min(canvas.size().1 as f32) as u32;
     for column in 0..7 {
         canvas.fill(x - 9 + column, focus.saturating_sub(6 - column), 1, 2 * (6 - column) + 1, WARN);
     }
-    // The side of the first scanline.
+    // Marker on the side of the first scanline.
     let marker = (at.x + 0.5 * at.width - (0.24 * at.width).min(190.0)) as u32;
     let top = at.y as u32 + 8;
     canvas.fill(marker, top, 12, 12, ACCENT);

@@ -1,8 +1,8 @@
 //! A native window that shows the live station, with the page's keys.
 //!
-//! Window systems want their events read on the main thread, so the window has two halves: [`WindowSink`] goes to the sinks,
-//! and [`run_on_main_thread`] is given the [`WindowSlot`] on the main thread, where it stays until the window is closed or the
-//! sink ends. Between them lies one frame, the newest.
+//! Window systems require events to be read on the main thread, so the window has two halves. [`WindowSink`] is a live
+//! sink; [`run_on_main_thread`] shows its frames until the window is closed or the sink ends. They share a
+//! [`WindowSlot`], which holds the newest frame.
 
 #[cfg(feature = "window")]
 mod event_loop;

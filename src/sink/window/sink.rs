@@ -1,4 +1,4 @@
-//! The sink's half, and the frame between the halves.
+//! Sink of the window, and the slot that it shares with the event loop.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::sink::live::{FrameInfo, FrameSource, LiveSink, PresentedFrame};
 
 pub(super) const NAME: &str = "window";
 
-/// Something new lies in the slot.
+/// Event: the slot has changed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wake;
 
@@ -54,7 +54,7 @@ pub(super) struct State {
     pub(super) proxy: Option<EventLoopProxy<Wake>>,
 }
 
-/// The frame between sink and window.
+/// The newest frame, shared by sink and window.
 #[derive(Debug, Clone, Default)]
 pub struct WindowSlot(Arc<Mutex<State>>);
 
@@ -68,7 +68,7 @@ impl WindowSlot {
         self.state().dropped
     }
 
-    /// Exchanges `shown` for the newest frame; false if there is none that is new.
+    /// Swaps `shown` with the newest frame; false if there is no new one.
     pub(super) fn take(&self, shown: &mut Shown) -> bool {
         let mut state = self.state();
         if !std::mem::take(&mut state.fresh) {
@@ -94,7 +94,7 @@ impl WindowSink {
     }
 }
 
-/// The event loop may have ended already.
+/// Wakes the event loop, unless it has ended.
 fn wake(proxy: Option<&EventLoopProxy<Wake>>) {
     let _ = proxy.map(|proxy| proxy.send_event(Wake));
 }
