@@ -26,10 +26,9 @@ pub struct PassTime {
 /// Times of one frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct FrameTimes {
-    /// Duration from the call until the frame lay in memory, ms.
+    /// Duration from submission until the frame is in memory, ms.
     pub total_ms: f64,
-    /// Duration of each pass, in the order in which they first ran, its runs added up; empty on a device without
-    /// timestamps.
+    /// Total duration of each pass's runs, in the order of first runs; empty on a device without timestamps.
     pub passes: Vec<PassTime>,
 }
 

@@ -1,8 +1,8 @@
-//! Effects that paths follow.
+//! Effects along a path.
 
 use crate::settings::{Effect, EffectSet};
 
-/// Switches of the effects along a path. Without one, the tables hold values with which its arithmetic does nothing.
+/// Switches of the effects along a path. For one that is off, the tables make its arithmetic do nothing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathEffects {
     pub(super) moving: bool,
