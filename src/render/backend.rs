@@ -15,7 +15,7 @@ use super::maker::FrameMaker;
 /// Environment variable that names a backend.
 const VARIABLE: &str = "INSONIFY_BACKEND";
 
-/// A word that names no backend.
+/// An unknown name of a backend.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("`{found}` is no backend; they are {}", BackendChoice::NAMES.join(", "))]
 pub struct UnknownBackend {

@@ -141,8 +141,8 @@ impl Buffers {
         })
     }
 
-    /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and no
-    /// pass may read data of another configuration.
+    /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and
+    /// none may read data of another configuration.
     pub(crate) fn fill(&self, gpu: &Gpu, scene: &SceneBuffers, tables: &Tables, previous: Option<&Self>) {
         let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
         let sector_pixels: Vec<u32> = tables.sector_words.iter().flat_map(word_pixels).collect();

@@ -32,8 +32,8 @@ impl Gpu {
         names("/dev").iter().chain(&names("/dev/dri")).any(is_node)
     }
 
-    /// Opens the best device: discrete, else integrated, else software if `software` is set. `WGPU_BACKEND` restricts the
-    /// interfaces.
+    /// Opens the best device: discrete, else integrated, else software if `software` is set. `WGPU_BACKEND` restricts
+    /// the interfaces.
     ///
     /// # Errors
     /// No driver (with the remedy), or a driver that refuses a device.

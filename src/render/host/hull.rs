@@ -64,8 +64,8 @@ impl Hull {
         Self { axes, bounded: strays.iter().sum::<f32>() == 0.0 }
     }
 
-    /// Bit mask of a node's children that a ray may meet from `first` to `last`. `nearest` receives a lower bound of the
-    /// entry distance of each.
+    /// Bit mask of a node's children that a ray may meet from `first` to `last`. `nearest` receives a lower bound of
+    /// the entry distance of each.
     ///
     /// Rounding is monotonic: a ray's distance to a side lies between the distances from the ends of the ranges.
     #[inline(always)]

@@ -45,8 +45,8 @@ pub(crate) struct Scatterers<'a> {
     pub(crate) gain: &'a [f32],
 }
 
-/// Fills `baseband`, complex [scanlines × row_samples]; the last batch adds to it. `powers`, of the same size, keeps the
-/// scatterers' power between the batches of a frame: of mean and deviation, scaled.
+/// Fills `baseband`, complex [scanlines × row_samples]; the last batch adds to it. `powers`, of the same size, keeps
+/// the scatterers' power between the batches of a frame: of mean and deviation, scaled.
 pub(crate) fn march(
     params: &Params,
     paths: Paths<'_>,

@@ -161,8 +161,8 @@ impl Scene<'_> {
         self.segment(state, record);
     }
 
-    /// Length of path per mm of range in the current medium. Ranges are depths: the lens delays its middle, so echoes of
-    /// oblique layers come no later.
+    /// Length of path per mm of range in the current medium. Ranges are depths: the lens delays its middle, so echoes
+    /// of oblique layers come no later.
     #[inline(always)]
     fn path_per_range(&self, state: &PathState) -> f32 {
         self.tissues[state.here as usize].speed_ratio * state.stretch

@@ -23,8 +23,8 @@ const COUNT_SHIFT: u32 = 28;
 pub(crate) struct Layout {
     /// Packed places of the words' pixels, tile by tile.
     places: Vec<[u32; 4]>,
-    /// The first pixel of each word, counted from its band's first; from COUNT_SHIFT up, the number of its pixels in the
-    /// image.
+    /// The first pixel of each word, counted from its band's first; from COUNT_SHIFT up, the number of its pixels in
+    /// the image.
     pixels: Vec<u32>,
     /// Words of each band of TILE_ROWS image rows.
     bands: Vec<Range<usize>>,
