@@ -1,4 +1,4 @@
-//! Constants that the shaders, the host renderer and the f64 twin share; `device::shaders` writes them into each shader.
+//! Constants shared by the shaders, the host renderer and the f64 twin; `device::shaders` writes them into each shader.
 
 use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
 

@@ -70,7 +70,7 @@ impl Renderer {
         Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default())
     }
 
-    /// As [`Renderer::with_bvh`], with passes that a test has changed. Shaders apply to a device, constants to the host.
+    /// As [`Renderer::with_bvh`], with passes changed by a test. Shaders apply to a device, constants to the host.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -112,13 +112,13 @@ impl Renderer {
 
     /// Changes the probe and settings. The scene and compiled passes are kept:
     ///
-    /// - gain, dynamic range, TGC, seed, reflections and maps are uniforms of the next frame and cost nothing, as long as
-    ///   the plan has the same effects;
+    /// - gain, dynamic range, TGC, seed, reflections and maps apply to the next frame and cost nothing, as long as the
+    ///   plan has the same effects;
     /// - all other settings rebuild the tables, and the buffers whose sizes change. A new pass (kept lines) is compiled
     ///   and warmed up by an extra frame.
     ///
-    /// Frames in flight stay as they were submitted and are received in their order, with their own size and maps. While
-    /// both are held, the memory of both is used.
+    /// Frames in flight stay as they were submitted and are received in their order, with their own size and maps.
+    /// While both are held, the memory of both is used.
     ///
     /// # Errors
     /// A value outside its range, or too little memory: the renderer is then unchanged. A device that fails in the
@@ -142,8 +142,8 @@ impl Renderer {
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
     }
 
-    /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at the
-    /// first write; neither may delay a user's first frame.
+    /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at
+    /// the first write; neither may delay a user's first frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
         let (maps, image) = (self.active.settings.maps, std::mem::replace(&mut self.image, true));
         // Looks away from the scene, as that takes the least time.
@@ -274,8 +274,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders a frame with its maps, whatever the settings are, and returns the inputs and outputs of every pass. Slow:
-    /// for tests and study.
+    /// Renders a frame with its maps, whatever the settings are, and returns the inputs and outputs of every pass.
+    /// Slow: for tests and study.
     ///
     /// # Errors
     /// Frames in flight, settings whose layers don't fit in one batch, or a device that fails.

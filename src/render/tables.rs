@@ -16,8 +16,8 @@ use crate::transducer::{Probe, Sector};
 
 /// Words of four pixels across a tile of the image.
 const TILE_WORDS: u32 = 4;
-/// Least number of map steps over the depth, even with few pixels: at an oblique boundary, the error of Σμ is a fraction
-/// of the distance between map rays.
+/// Least number of map steps over the depth, even with few pixels: at an oblique boundary, the error of Σμ is a
+/// fraction of the distance between map rays.
 const MAP_STEPS_MIN: f64 = 1000.0;
 /// Packed density of 1: the shaders compare it with 17 random bits.
 const DENSITY_ONE: f64 = 131072.0;
@@ -152,8 +152,8 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
 /// Elevational layers at Gauss–Hermite nodes, whose weights integrate the beam's Gaussian profile.
 ///
 /// A layer is a plane of straight rays: the least-squares line, over the depth, of node × beam width. Usually layers
-/// cross at the lens's focus: the width's sign changes there. If the beam has hardly a waist, they don't cross: the sign
-/// stays. The line that is nearer to the width is taken.
+/// cross at the lens's focus: the width's sign changes there. If the beam has hardly a waist, they don't cross: the
+/// sign stays. The line that is nearer to the width is taken.
 pub(crate) fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     const STEPS: u32 = 64;
     let depths = || (0..STEPS).map(|i| probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS));

@@ -41,10 +41,10 @@ settings! {
         /// Most reflections of a path; at 0 no mirror image or reverberation forms.
         reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
 
-        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, and its speckle is narrower.
+        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, with narrower speckle.
         beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
 
-        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, and its speckle is shorter.
+        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, with shorter speckle.
         pulse_taps_max: u32 = PULSE_TAPS_MAX, "", 3.0..=f64::from(PULSE_TAPS_MAX), Tables;
     }
     nested {
@@ -59,7 +59,7 @@ settings! {
         /// Whether frames carry the complex baseband lines.
         #[serde(skip)]
         lines: bool = false, Everything;
-        /// Whether frames carry segmentation and attenuation. The image is bit-identical without them, and takes less time.
+        /// Whether frames carry segmentation and attenuation; without them the image is bit-identical and faster.
         #[serde(skip)]
         maps: bool = true, Nothing;
         /// Choices for effects, which override the plan.

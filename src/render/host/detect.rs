@@ -36,8 +36,8 @@ fn slider_db(params: &Params, depth_mm: f32) -> f32 {
     low + (high - low) * (place - below as f32)
 }
 
-/// Convolves each row of `focused`, complex [scanlines × row_samples], with the pulse's envelope (between PULSE_PAD zeros)
-/// and turns its power into grey levels.
+/// Convolves each row of `focused`, complex [scanlines × row_samples], with the pulse's envelope (between PULSE_PAD
+/// zeros) and turns its power into grey levels.
 ///
 /// `polar` [scanlines × row_samples] takes one word per sample: the grey levels 0..=65535 of it and of its successor.
 /// `lines`, unless empty, takes the pulse-shaped baseband.

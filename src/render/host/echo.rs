@@ -8,7 +8,7 @@ use crate::render::constants::SEGMENTS;
 use crate::render::params::Params;
 
 /// Adds echoes to `baseband`, complex [scanlines × row_samples]. `echoes` holds amplitude and range in mm
-/// [paths × SEGMENTS]; `segment_counts` [paths]. A path's first segment begins at the face and has no echo.
+/// [paths × SEGMENTS]; `segment_counts` has one number per path. A path's first segment begins at the face and has no echo.
 pub(crate) fn echo(
     params: &Params,
     constants: ImageConstants,

@@ -87,8 +87,8 @@ pub(super) fn min(a: f32, b: f32) -> f32 {
 }
 
 /// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's
-/// origin. Edges extend outward by a tolerance, so a shared edge is never missed. Returns the distance (mm), whether the
-/// ray hits the triangle, and whether it enters the surface.
+/// origin. Edges extend outward by a tolerance, so a shared edge is never missed. Returns the distance (mm), whether
+/// the ray hits the triangle, and whether it enters the surface.
 #[inline(always)]
 pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, bool, bool) {
     let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));

@@ -1,6 +1,6 @@
 //! Vectorised loops, and the branch-free functions that they need.
 
-/// Defines a function whose body is compiled for AVX-512, for AVX2 and for any processor; the best is chosen at run time.
+/// Defines a function compiled for AVX-512, for AVX2 and for any processor; the best is chosen at run time.
 ///
 /// None fuses multiplications with additions, so all give the same bits.
 macro_rules! widened {

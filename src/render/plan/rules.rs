@@ -251,8 +251,8 @@ impl Rules<'_> {
                 Bound::none("smooth interfaces' echoes"),
             );
         }
-        // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up to
-        // half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
+        // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up
+        // to half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
         let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm * ratio);
         let bound = if self.one_medium() {

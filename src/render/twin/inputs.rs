@@ -130,8 +130,8 @@ pub struct Inputs {
     pub axes: Vec<Ray>,
     /// Layers.
     pub layers: Vec<Layer>,
-    /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has only
-    /// one path.
+    /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has
+    /// only one path.
     pub guides: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,

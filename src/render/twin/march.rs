@@ -11,8 +11,8 @@ use crate::render::constants::LN_SPECKLE_SILENT;
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
 /// A sample takes the scatterer of the lattice cell at its range on the scanline's guide, for all rays of the scanline:
-/// with a scatterer per ray, speckle would not converge. The mean power of all rays sets the scatterer's strength. Fully
-/// developed speckle has the same statistics with one sheet of scatterers as with many.
+/// with a scatterer per ray, speckle would not converge. The mean power of all rays sets the scatterer's strength.
+/// Fully developed speckle has the same statistics with one sheet of scatterers as with many.
 pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()

@@ -64,8 +64,8 @@ pub fn segment_at(path: &Path, range_mm: f64) -> usize {
 
 /// Follows every path through the scene, from the surfaces it starts inside `[paths]`.
 ///
-/// At a change of medium, the interface returns an echo. The path then reflects with probability R, else it is refracted
-/// (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
+/// At a change of medium, the interface returns an echo. The path then reflects with probability R, else it is
+/// refracted (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
 pub fn trace(inputs: &Inputs, starts_inside: &[Membership]) -> Vec<Path> {
     (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, starts_inside[path]).run()).collect()
 }
@@ -144,8 +144,8 @@ impl<'a> Tracer<'a> {
             let cos_incident = (-normal.dot(self.ray.direction)).clamp(0.0, 1.0);
             let split = between(tissue, beyond, cos_incident);
             let accepted = self.acceptance(boundary.roughness * boundary.roughness);
-            // If the reflection is not followed, the path continues with the transmitted energy: a rough surface scatters
-            // and never forms a mirror image.
+            // If the reflection is not followed, the path continues with the transmitted energy: a rough surface
+            // scatters and never forms a mirror image.
             let may_reflect = self.inputs.reflections;
             let follow = may_reflect && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
             // A guide takes the likelier way, so scatterer positions don't depend on chance.
@@ -239,8 +239,8 @@ impl<'a> Tracer<'a> {
         met
     }
 
-    /// A microfacet of a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness tilts the facet,
-    /// half widens the lobe about it.
+    /// A microfacet of a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness tilts the
+    /// facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
         if variance <= 0.0 || self.guide {
