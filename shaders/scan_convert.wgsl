@@ -60,7 +60,7 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
         // Between two tissues: Σμ at both depths gives the place of the boundary.
         let rate1 = ONE_WAY * tissues[after & 255u].attenuation_np_mm;
         let contrast = rate0 - rate1;
-        // Not with tissues that attenuate alike: halfway is within half a pixel.
+        // Unknown if both attenuate alike: halfway is within half a pixel.
         var boundary_mm = 0.5 * params.map_step_mm;
         if abs(contrast) > CONTRAST_MIN_NP_MM {
             boundary_mm = clamp((sum1 - sum0 - rate1 * params.map_step_mm) / contrast, 0.0, params.map_step_mm);

@@ -65,7 +65,7 @@ pub struct Frame {
     /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
     /// empty unless the settings ask for it.
     pub lines: Vec<[f32; 2]>,
-    /// Crossings of map rays or interactions of paths beyond what the buffers hold; 0 in a sound frame.
+    /// Crossings of map rays or interactions of paths beyond the capacity of buffers; 0 in a sound frame.
     pub overflows: u32,
     /// Times.
     pub times: FrameTimes,

@@ -184,7 +184,7 @@ impl Renderer {
         }
     }
 
-    /// Moves the scene to `time_s`, whatever the plan says.
+    /// Moves the scene to `time_s`, even if the plan has no motion.
     fn move_to(&mut self, time_s: f64) {
         // Renderers may share one tree until it moves; then each has its own copy.
         let bvh = Arc::make_mut(&mut self.bvh);

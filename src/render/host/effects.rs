@@ -13,7 +13,7 @@ pub(super) struct PathEffects {
 }
 
 impl PathEffects {
-    /// The switches of a frame; `displaced` says whether any triangle of the scene moves.
+    /// The switches of a frame; `displaced`: whether any triangle of the scene moves.
     pub(super) fn new(effects: EffectSet, displaced: bool) -> Self {
         Self {
             moving: displaced && effects.has(Effect::Motion),

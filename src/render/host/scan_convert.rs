@@ -301,7 +301,7 @@ fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_
     }
     let rate = |word: u32| maps.rates_np_mm[(word & 255) as usize];
     let contrast = rate(before) - rate(after);
-    // Not with tissues that attenuate alike: halfway is within half a pixel.
+    // Unknown if both attenuate alike: halfway is within half a pixel.
     let mut boundary_mm = 0.5 * step_mm;
     if contrast.abs() > CONTRAST_MIN_NP_MM {
         boundary_mm = ((sum1 - sum0 - rate(after) * step_mm) / contrast).max(0.0).min(step_mm);

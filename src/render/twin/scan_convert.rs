@@ -71,7 +71,7 @@ fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoin
     let boundary_mm = if contrast.abs() > CONTRAST_MIN_NP_MM {
         ((after.sum_np - before.sum_np - rate(after) * step_mm) / contrast).clamp(0.0, step_mm)
     } else {
-        // Not with tissues that attenuate alike: halfway is within half a pixel.
+        // Unknown if both attenuate alike: halfway is within half a pixel.
         0.5 * step_mm
     };
     let in_after_mm = (beyond_mm - boundary_mm).max(0.0);

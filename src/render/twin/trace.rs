@@ -89,7 +89,7 @@ struct Tracer<'a> {
     carried_mm: DVec3,
 }
 
-/// Interface that a path meets.
+/// Interface at which a path changes its medium.
 struct Meeting<'a> {
     /// Surfaces that the path was inside before.
     before: Membership,
