@@ -1,6 +1,6 @@
 // Axial pulse, envelope, TGC and log compression.
-// In: focused baseband, two samples a vector. Out: grey levels 0..=65535 of each sample and the one after it in a word,
-// so that scan conversion reads both at once, and the pulse-shaped baseband where it is wanted. Eight samples a thread.
+// In: focused baseband, two samples per vector. Out: one word per sample with the grey levels 0..=65535 of it and its
+// successor, for scan conversion; with KEEP_LINES also the pulse-shaped baseband. Eight samples per thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
 // Envelope of the pulse with PULSE_PAD zeros before and after it.
@@ -15,7 +15,7 @@ fn tap(index: i32) -> f32 {
     return pulse[u32(index) >> 2u][u32(index) & 3u];
 }
 
-// Level of the sliders at a depth, dB: straight lines between them.
+// Gain of the TGC sliders at a depth, dB: linear interpolation.
 fn slider_db(depth_mm: f32) -> f32 {
     let place = clamp(7.0 * depth_mm / params.depth_mm, 0.0, 7.0);
     let below = min(u32(place), 6u);
@@ -38,7 +38,7 @@ fn powers(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
     return vec4<f32>(dot(a.xy, a.xy), dot(a.zw, a.zw), dot(b.xy, b.xy), dot(b.zw, b.zw));
 }
 
-// Each of four levels with the one after it.
+// Packs each of four levels with its successor; `next` follows the fourth.
 fn pairs(level: vec4<f32>, next: f32) -> vec4<u32> {
     return vec4<u32>(pack2x16unorm(level.xy), pack2x16unorm(level.yz), pack2x16unorm(level.zw), pack2x16unorm(vec2<f32>(level.w, next)));
 }
@@ -51,7 +51,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let row = id.y * params.row_samples;
     let half = i32(params.axial_half);
-    // Pairs of samples that reach any of the nine, the first of them even; beyond the row's ends the pulse meets nothing.
+    // Reads the pairs of samples within the pulse of any of the nine outputs. Samples beyond the row's ends count as 0.
     let even = (half + 1) & ~1;
     let last = i32(params.samples) - 1;
     var a = vec4<f32>(0.0);
@@ -60,7 +60,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var d = vec4<f32>(0.0);
     // The first sample of the next thread.
     var e = vec2<f32>(0.0);
-    // Taps for the second sample of the pair in hand and those before it; the next pair's move up by two.
+    // Sliding window of taps; each pair of samples shifts it by two.
     var near = vec4<f32>(0.0);
     var far = vec4<f32>(0.0);
     var farthest = 0.0;

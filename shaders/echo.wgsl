@@ -1,5 +1,5 @@
-// Adds the interfaces' echoes to the baseband. One thread a scanline, its paths in a fixed order: floats add up the
-// same on every run, without atomics.
+// Adds the interfaces' echoes to the baseband. One thread per scanline takes its paths in a fixed order: the float sums
+// are reproducible without atomics.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> echoes: array<vec2<f32>>;

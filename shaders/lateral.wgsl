@@ -1,7 +1,7 @@
 // Lateral point-spread function: each sample becomes the beam's weighted mean over neighbouring scanlines.
-// The kernel belongs to a block of DEPTH_BLOCK samples; at the sector's edges the weights that remain are renormalised.
-// Complex [scanlines × row_samples] in and out, two samples a vector. Four samples of four scanlines a thread, so that a
-// scanline that is read serves all four.
+// Each block of DEPTH_BLOCK samples has a kernel; at the sector's edges the remaining weights are renormalised.
+// Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of four scanlines,
+// so each scanline that it reads serves all four.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
@@ -26,7 +26,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let half = i32(params.lateral_half);
     let kernel = i32((first >> BLOCK_SHIFT) * (2u * params.lateral_half + 1u)) + half;
-    // Weights of the scanline in hand for the first to the fourth output; the next one's move up.
+    // Weights of the current scanline for the four outputs; each scanline shifts them by one.
     var weights = vec4<f32>(0.0);
     var total = vec4<f32>(0.0);
     var a0 = vec4<f32>(0.0);

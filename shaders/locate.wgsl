@@ -1,6 +1,6 @@
-// Which surfaces each path starts inside.
-// In: ray table, BVH. Out: eight words of surface bits a path.
-// One thread a path: rays fastest, then scanlines, then layers; then the guides.
+// Surfaces that each path starts inside.
+// In: ray table, BVH. Out: eight words of surface bits per path.
+// One thread per path: rays fastest, then scanlines, then layers; then the guides.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,5 +1,5 @@
 // Scatterers along the paths: complex baseband before the point-spread function.
-// In: segments. Out: complex [scanlines × row_samples], two samples a vector. Eight consecutive samples a thread.
+// In: segments. Out: complex [scanlines × row_samples], two samples per vector. Eight consecutive samples per thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
@@ -9,13 +9,13 @@
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
 @group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
 @group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
-// Power of the scatterers from dispatch to dispatch, where a frame has several: mean and deviation, two samples a vector, scaled.
+// Power of the scatterers, kept between the dispatches of a frame: mean and deviation, scaled; two samples per vector.
 @group(0) @binding(7) var<storage, read_write> powers: array<vec4<f32>>;
 
-// Samples of a thread.
+// Samples per thread.
 const RUN: u32 = 8u;
 
-// The segment in hand.
+// The current segment.
 var<private> path: u32;
 var<private> at: u32;
 var<private> ends_mm: f32;
@@ -23,7 +23,7 @@ var<private> s0: vec4<f32>;
 var<private> s1: vec4<f32>;
 var<private> s2: vec4<f32>;
 
-// Loads the segment of path `chosen` that holds a sample; of one path, samples come in ascending order.
+// Loads the segment of path `chosen` that holds a sample. Samples of one path must come in ascending order.
 fn seek(chosen: u32, sample: u32, range_mm: f32) {
     // A loop, not an `if`: software devices skip a loop that no thread enters.
     loop {
@@ -46,9 +46,9 @@ fn seek(chosen: u32, sample: u32, range_mm: f32) {
     }
 }
 
-// The cell of the lattice that the path in hand is in.
+// The lattice cell of a sample on the current path.
 struct Met {
-    // Its scatterer is there where a medium's density is above this.
+    // The cell holds a scatterer in media whose density is above this.
     presence: u32,
     bits: u32,
     turn: vec2<f32>,
@@ -58,12 +58,12 @@ fn meet(range_mm: f32) -> Met {
     let here = s0.xyz + s1.xyz * range_mm;
     let cell = lattice_cell(here);
     let bits = lattice_hash(cell);
-    // Where the scatterer lies on the path: its phase is exact, whichever sample meets its cell.
+    // The scatterer's own range sets the phase, whichever sample finds its cell.
     let ahead_mm = dot(scatterer_position(cell, bits.y) - here, s1.xyz) / max(dot(s1.xyz, s1.xyz), 1.0e-12);
     return Met(bits.x >> 15u, bits.z, phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm)));
 }
 
-// Mean and deviation of the amplitude that the path in hand gives a scatterer, scaled.
+// Mean and deviation of a scatterer's amplitude on the current path, scaled.
 fn strength(presence: u32, range_mm: f32) -> vec2<f32> {
     let ln_amplitude = s0.w - s1.w * range_mm;
     let there = presence < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SPECKLE_SILENT;
@@ -92,7 +92,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let begins = params.layer_first == 0u;
     let ends = params.layer_first + params.layer_count == params.layers;
 
-    // Where scatterers lie the guide says for all; the only path of a scanline is its own.
+    // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
     let guide = select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
     var met: array<Met, RUN>;
     for (var i = 0u; i < RUN; i++) {
@@ -101,7 +101,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         seek(guide, sample, range_of(sample));
         met[i] = meet(range_of(first + i));
     }
-    // How strong they are, the mean power of all rays says. The guide may be one of them, and these samples begin anew.
+    // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
     var power: array<vec4<f32>, RUN / 2u>;
     for (var layer = 0u; layer < params.layer_count; layer++) {
@@ -131,7 +131,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         } else {
             powers[out + pair] = sum;
         }
-        // Interfaces of dispatches before are there already.
+        // `baseband` already holds the echoes of earlier dispatches.
         baseband[out + pair] = echoed + select(baseband[out + pair], vec4<f32>(0.0), begins);
     }
 }

@@ -1,5 +1,5 @@
-// The Σμ that BRIGHTEST_PART of the sector's area lies below, so that e^(−Σμ) at it is the 98th percentile of the attenuation.
-// Σμ never falls along a ray: bisect on it, measuring the area in front of it. One workgroup.
+// The Σμ below which BRIGHTEST_PART of the sector's area lies: e^(−Σμ) is the 98th percentile of the attenuation.
+// Bisection on Σμ by the area in front of it, since Σμ never falls along a ray. One workgroup.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> entries: array<vec4<f32>>;

@@ -1,9 +1,9 @@
-// From scanlines to pixels: B-mode and, where they are wanted, segmentation and attenuation in one pass. Four pixels of a row, a word, a thread;
-// words outside the sector have no thread and stay zero.
+// From scanlines to pixels: B-mode and, with MAPS, segmentation and attenuation in one pass. A thread makes one word:
+// four pixels of a row. Words outside the sector have no thread and stay zero.
 
 @group(0) @binding(0) var<uniform> params: Params;
-// Fractions of the sector's width (the lowest ACROSS_BITS bits) and depth of four pixels' centres, for each word that
-// meets the sector; all ones lie outside.
+// For each word that overlaps the sector, four pixel centres as fractions of the sector's width (lowest ACROSS_BITS
+// bits) and depth; all ones are outside.
 @group(0) @binding(1) var<storage, read> pixels: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> polar: array<u32>;
 @group(0) @binding(3) var<storage, read> raster: array<u32>;
@@ -12,7 +12,7 @@
 @group(0) @binding(6) var<storage, read_write> bmode: array<u32>;
 @group(0) @binding(7) var<storage, read_write> segmentation: array<u32>;
 @group(0) @binding(8) var<storage, read_write> attenuation: array<vec4<f32>>;
-// Where in the image each of those words lies.
+// Index of each of those words in the image.
 @group(0) @binding(9) var<storage, read> words: array<u32>;
 
 // Whether the maps are written beside the image.
@@ -46,7 +46,7 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     let sum0 = raster_sum(before);
     var sum = sum0 + rate0 * beyond_mm;
     var tissue = before & 255u;
-    // A boundary lies before the next depth. A loop, not an `if`: software devices skip a loop that no thread enters.
+    // A boundary before the next depth. A loop, not an `if`: software devices skip a loop that no thread enters.
     loop {
         if (before & WHOLE) != 0u {
             break;
@@ -57,10 +57,10 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
             sum = mix(sum0, sum1, clamp(beyond_mm / params.map_step_mm, 0.0, 1.0));
             break;
         }
-        // Between two tissues: Σμ says where the one ends.
+        // Between two tissues: Σμ at both depths gives the place of the boundary.
         let rate1 = ONE_WAY * tissues[after & 255u].attenuation_np_mm;
         let contrast = rate0 - rate1;
-        // Tissues that attenuate alike don't say: halfway is within half a pixel.
+        // Unknown if both attenuate alike: halfway is within half a pixel.
         var boundary_mm = 0.5 * params.map_step_mm;
         if abs(contrast) > CONTRAST_MIN_NP_MM {
             boundary_mm = clamp((sum1 - sum0 - rate1 * params.map_step_mm) / contrast, 0.0, params.map_step_mm);
@@ -81,7 +81,7 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     let row0 = u32(i32(line)) * params.row_samples;
     let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
     let along = fract(sample);
-    // A word holds a sample and the next; behind the last one `along` is 0.
+    // A word holds a sample and the next; at the last one `along` is 0.
     let a = unpack2x16unorm(polar[row0 + sample0]);
     let b = unpack2x16unorm(polar[row1 + sample0]);
     let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
@@ -91,7 +91,7 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     }
 
     let depth_mm = depth * params.depth_mm;
-    // Between two map rays, and half a ray beyond the last ones, Σμ is linear; the tissue is the nearer one's.
+    // Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the tissue is the nearer ray's.
     let ray = across * f32(params.map_rays) - 0.5;
     let first = min(u32(i32(max(ray, 0.0))), max(params.map_rays, 2u) - 2u);
     let part = clamp(ray - f32(i32(first)), -0.5, 1.5);

@@ -1,7 +1,7 @@
-// The media along straight map rays: the cross-section of the surfaces, and the attenuation from the face on.
-// Out: for each map ray up to ENTRIES runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue], and
-// at every map_step_mm of its depth a word: Σμ as f32 without its sign and lowest 8 bits, a bit that says that the run
-// reaches the next depth, and the tissue in the lowest 8.
+// Media along straight map rays: the cross-section of the surfaces, and the attenuation from the face.
+// Out: for each map ray up to ENTRIES runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue], and one
+// word per map_step_mm of depth. The word holds Σμ as f32 without its sign and lowest 8 bits, the bit WHOLE if the run
+// reaches the next depth, and the tissue in the lowest 8 bits.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,6 +1,6 @@
 // Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
 // In: ray table, BVH, start membership. Out: for each path up to SEGMENTS straight segments, each with the echo of the
-// interface that it begins at. One thread a path: rays fastest, then scanlines, then layers; then the guides.
+// interface that it begins at. One thread per path: rays fastest, then scanlines, then layers; then the guides.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -11,22 +11,22 @@
 @group(0) @binding(6) var<storage, read> starts_inside: array<u32>;
 @group(0) @binding(7) var<storage, read_write> overflows: array<atomic<u32>>;
 @group(0) @binding(8) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
-// Range at which each segment starts, mm; after the last one, a range that none reaches.
+// Range at which each segment starts, mm; after the last one, a range beyond every sample.
 @group(0) @binding(9) var<storage, read_write> starts: array<f32>;
-// Three vectors a segment, all as lines over the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
-// [its step a mm of range | fall of ln amplitude a mm], [scatterer mean, deviation, density | tag, 0].
+// Three vectors per segment, linear in the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
+// [its step per mm of range | fall of ln amplitude per mm], [scatterer mean, deviation, density | tag, 0].
 @group(0) @binding(10) var<storage, read_write> segments: array<vec4<f32>>;
 // Amplitude and range (mm) of the echo of the interface that a segment begins at.
 @group(0) @binding(11) var<storage, read_write> echoes: array<vec2<f32>>;
 @group(0) @binding(12) var<storage, read_write> segment_counts: array<u32>;
 // Segment that holds the first sample of each block of HINT_BLOCK, four to a word.
 @group(0) @binding(13) var<storage, read_write> hints: array<u32>;
-// How far each triangle is from where it rests, mm; only read where something moves.
+// Displacement of each triangle from its rest position, mm; only read if MOVING.
 @group(0) @binding(14) var<storage, read> displacements: array<vec4<f32>>;
 
 // Whether anything in the scene moves.
 override MOVING: bool = false;
-// Effects that the scene calls for; without one, the tables hold values with which its arithmetic would do nothing.
+// Effects that are simulated. For one that is off, the tables hold values with which its arithmetic does nothing.
 override REFRACTION: bool = true;
 override INTERFACE_ECHOES: bool = true;
 override ROUGHNESS: bool = true;
@@ -50,14 +50,14 @@ fn aperture_variance(range_mm: f32) -> f32 {
     return half_angle * half_angle;
 }
 
-// Part of the energy of a reflected beam that a surface of slope variance `variance` leaves within the aperture.
+// Fraction of a reflected beam's energy within the aperture, for a surface of slope variance `variance`.
 fn acceptance(variance: f32, range_mm: f32) -> f32 {
     let aperture = aperture_variance(range_mm);
     return aperture / (aperture + variance);
 }
 
-// Part of an echo's pressure that returns: a Gaussian lobe about the facet, as wide as the aperture and the half of the
-// roughness below the facet together, and a diffuse floor.
+// Fraction of an echo's pressure that returns: a Gaussian lobe about the facet, and a diffuse floor. The lobe's
+// variance is the aperture's plus half of the squared roughness.
 fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     let rough2 = roughness * roughness;
     let lobe2 = aperture_variance(range_mm) + 0.5 * rough2;
@@ -68,7 +68,7 @@ fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     return sqrt(specular + diffuse);
 }
 
-// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
+// The triangle that is the interface at a place: the first in the scene of those of the highest surface.
 fn place_interface() -> u32 {
     var chosen = 0u;
     var chosen_surface = 0u;
@@ -96,10 +96,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let line_ray = path % line_rays;
     let layer = params.layer_first + path / line_rays;
     let of_layer = layer_of(path);
-    // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+    // Over rays and layers, echoes in phase add in amplitude, others in power.
     let weight_in_phase = of_layer.z / f32(params.rays);
     let weight_power = sqrt(weight_in_phase);
-    // Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no later.
+    // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
     let stretch = of_layer.w;
 
     for (var word = 0u; word < 8u; word++) {
@@ -110,7 +110,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var direction = ray.direction;
     var range_mm = 0.0;
     var ln_amplitude = 0.0;
-    // Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    // Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     var ln_scatter = 0.0;
     var here = medium();
     var bounce = 0u;
@@ -122,10 +122,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var open = true;
     var lost = 0u;
     var crossed = 0u;
-    // From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
+    // Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
     var carried_mm = vec3<f32>(0.0);
     loop {
-        // A segment begins here.
+        // Writes the segment that begins here.
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
         let path_per_range = tissue.speed_ratio * stretch;
@@ -145,7 +145,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             break;
         }
 
-        // On to the next place where the medium changes.
+        // Advances to the next change of medium.
         var there = here;
         var chosen = 0u;
         var before = inside;
@@ -164,7 +164,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 done = true;
                 break;
             }
-            // The place: that crossing, and where others lie within TOUCH_MM of it, all of them.
+            // The place: that crossing and all others within TOUCH_MM of it.
             crossing_count = 1u;
             crossing_t[0] = t;
             crossing_key[0] = nearest_key;
@@ -199,7 +199,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             normal = -normal;
         }
         let beyond = tissues[there];
-        // An interface is as rough and as thick as the rougher and the thicker of its two sides.
+        // An interface has the larger roughness and thickness, and the smaller coherence, of its two sides.
         let roughness = max(tissue.roughness, beyond.roughness);
         let thickness_mm = max(tissue.thickness_mm, beyond.thickness_mm);
         let coherence = min(tissue.coherence, beyond.coherence);
@@ -212,7 +212,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 facet = normal;
             }
         }
-        // What returns depends on the facet; what goes on follows the mean surface.
+        // Echoes depend on the facet; paths follow the mean surface.
         let cos_facet = clamp(-dot(facet, direction), 0.0, 1.0);
         let cos_incident = clamp(-dot(normal, direction), 0.0, 1.0);
         // A division may round x/x to other than 1.
@@ -221,7 +221,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let z2 = beyond.impedance_mrayl;
         let split = interface_between(z1, z2, speed_ratio, cos_incident);
 
-        // The echo, spread over the interface's thickness at an offset that belongs to the place.
+        // Echo, shifted within the interface's thickness by a hash of the place.
         echo_range_mm = range_mm;
         if INTERFACE_ECHOES {
             var at_facet = split;
@@ -235,8 +235,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
         }
 
-        // Reflect with probability R or go on; reflections that hardly return are left to their weight. A guide takes the likelier
-        // way, so that where scatterers lie is no matter of chance.
+        // Reflects with probability R, else transmits; reflections that hardly return are not followed. A guide takes
+        // the likelier way, so scatterer positions don't depend on chance.
         let accepted = acceptance(roughness * roughness, range_mm);
         let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
         let reflects = REFLECTIONS && (split.energy_reflection >= 1.0
@@ -245,7 +245,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             inside = before;
             reflections++;
             open = reflections <= params.reflections_max;
-            // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+            // A rough surface spreads part of the beam beyond the aperture, both ways.
             ln_amplitude += log(accepted);
             ln_scatter += 0.5 * log(max(split.energy_reflection, 1.0e-30));
             var turned = direction + 2.0 * cos_facet * facet;
@@ -271,7 +271,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 }
             }
         }
-        // Nothing that far down is ever shown: −260 dB.
+        // Ends paths below −260 dB, which no display shows.
         open = open && ln_amplitude > LN_GIVEN_UP;
         if !open {
             ln_amplitude = 2.0 * LN_SILENT;

@@ -1,13 +1,13 @@
-// The live window: the grey picture in its place, the marks over all of it.
+// The live window: the grey picture in its rectangle, and marks over the whole window.
 
 struct Placement {
     // Picture: left, top, width, height, pixels of the window.
     picture: vec4<f32>,
-    // Pixels of the window to one of the marks.
+    // Window pixels per pixel of the marks.
     marks_scale: f32,
-    // 1 where the surface stores sRGB and converts what is written.
+    // 1 if the surface stores sRGB and converts written values, else 0.
     surface_is_srgb: f32,
-    // Brightness of the picture: below 1 where it can't be trusted.
+    // Brightness of the picture: below 1 if it can't be trusted.
     brightness: f32,
     unused: f32,
 }

@@ -1,7 +1,7 @@
 //! The command line: parse, dispatch, exit code.
 //!
-//! Exit codes: 0 done; 2 what was asked for cannot be done as asked (arguments, station, scene, pose, recording, no GPU
-//! driver); 1 anything else (a full disk, a lost device); 130 ended by Ctrl-C.
+//! Exit codes: 0 success; 2 invalid input (arguments, station, scene, pose, recording) or no GPU driver; 1 any other
+//! failure (a full disk, a lost device); 130 ended by Ctrl-C.
 
 mod commands;
 
@@ -19,7 +19,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Keeps Mesa from printing `error: XDG_RUNTIME_DIR is invalid` on machines without a desktop, where nothing is wrong.
+/// Suppresses Mesa's message `error: XDG_RUNTIME_DIR is invalid` on machines without a desktop, where it is harmless.
 fn quiet_the_driver() {
     if cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none() {
         // SAFETY: the first thing in `main`; no other thread runs yet that could read the environment.

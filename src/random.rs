@@ -4,7 +4,7 @@
 /// Step of the state from one number to the next.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The 64 bits that follow `state`. Also serves as a hash of `state`.
+/// Output of the generator in `state`: 64 bits. Also serves as a hash of `state`.
 pub fn bits(state: u64) -> u64 {
     let mut z = state.wrapping_add(STEP);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -17,7 +17,7 @@ pub fn fraction(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Number in 0..1 at place `index` of the sequence of `seed`.
+/// Number `index`, counted from 0, of the sequence of `seed`; in 0..1.
 pub fn at(seed: u64, index: u64) -> f64 {
     fraction(bits(seed.wrapping_add(index.wrapping_mul(STEP))))
 }

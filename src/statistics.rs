@@ -1,29 +1,29 @@
 //! Percentiles, medians, means and least-squares lines.
 //!
-//! Two definitions of a percentile are in use. Times are nearest ranks: each is a time that occurred. Image metrics are
-//! interpolated, as NumPy does by default.
+//! Two definitions of a percentile are in use. Percentiles of times are nearest ranks: each is a time that occurred.
+//! Those of image metrics are interpolated, as NumPy does by default.
 
-/// Nearest-rank percentile: the least value that at least `part` (0..=1) of the values do not exceed. `sorted` ascends.
-/// None of no values.
+/// Nearest-rank percentile: the least value that at least `part` (0..=1) of the values do not exceed. `sorted` is
+/// ascending. None if it is empty.
 pub fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
     let rank = (part * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
-/// Middle value; of an even number the upper one of the two in the middle. `sorted` ascends. None of no values.
+/// Median; the upper of the two middle values if their number is even. `sorted` is ascending. None if it is empty.
 pub fn upper_median<T: Copy>(sorted: &[T]) -> Option<T> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// `values` in ascending order; infinite values are ordered as numbers are, NaN is greatest.
+/// `values` in ascending order. Infinities sort like other numbers, positive NaN last.
 pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);
     sorted
 }
 
-/// Interpolated percentile: the value below which `part` (0..=1) of `values` lies, linear between neighbours in order.
-/// Type 7 of Hyndman and Fan 1996, NumPy's default. None of no values.
+/// Interpolated percentile: the value below which `part` (0..=1) of `values` lies, linear between sorted neighbours.
+/// Type 7 of Hyndman and Fan 1996, NumPy's default. None without values.
 pub fn percentile(values: &[f64], part: f64) -> Option<f64> {
     let sorted = sorted(values.iter().copied());
     let last = sorted.len().checked_sub(1)?;
@@ -31,31 +31,31 @@ pub fn percentile(values: &[f64], part: f64) -> Option<f64> {
     let (below, weight) = (place.floor(), place.fract());
     let low = *sorted.get(below as usize)?;
     let high = *sorted.get((below as usize + 1).min(last))?;
-    // An infinite neighbour of weight 0, and two infinite ones, would make NaN.
+    // Infinite neighbours would give NaN: 0 · ∞ or ∞ − ∞.
     Some(if weight == 0.0 || low == high { low } else { low + (high - low) * weight })
 }
 
-/// Interpolated median: the mean of the two middle values of an even number. None of no values.
+/// Interpolated median: the mean of the two middle values if their number is even. None without values.
 pub fn median(values: &[f64]) -> Option<f64> {
     percentile(values, 0.5)
 }
 
-/// Arithmetic mean. None of no values.
+/// Arithmetic mean. None without values.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut count = 0_u64;
     let sum: f64 = values.into_iter().inspect(|_| count += 1).sum();
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Mean, and standard deviation of the population. None of no values.
+/// Mean, and standard deviation of the population. None without values.
 pub fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
     let mean_of_all = mean(values.iter().copied())?;
     let variance = mean(values.iter().map(|v| (v - mean_of_all).powi(2)))?;
     Some((mean_of_all, variance.sqrt()))
 }
 
-/// Least-squares slope of y over x of points (x, y), and its standard error. The slope is NaN where x does not vary, the
-/// error where there are fewer than three points.
+/// Least-squares slope of y over x of points (x, y), and its standard error. The slope is NaN if x does not vary. The
+/// error is not finite with fewer than three points.
 pub fn slope(points: &[(f64, f64)]) -> (f64, f64) {
     let n = points.len() as f64;
     let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;

@@ -1,20 +1,20 @@
 // Traversal of a compressed wide BVH; the layout is documented in src/anatomy/bvh.
 
 struct TriangleHit {
-    // Signed distance along the ray, mm; only meaningful where `facing` is not 0.
+    // Signed distance along the ray, mm; undefined if `facing` is 0.
     t: f32,
-    // +1 where the ray enters the surface, −1 where it leaves, 0 where it misses.
+    // +1 if the ray enters the surface, −1 if it leaves, 0 if it misses.
     facing: i32,
 }
 
-// A component too small to divide by becomes a tiny one.
+// 1 / v; components too small to divide by are replaced by ±10⁻¹².
 fn safe_reciprocal(v: vec3<f32>) -> vec3<f32> {
     let tiny = vec3<f32>(1.0e-12);
     return 1.0 / select(v, select(-tiny, tiny, v >= vec3<f32>(0.0)), abs(v) < tiny);
 }
 
-// Möller–Trumbore about the point of the ray nearest to the first corner, so that f32 keeps its digits far from the
-// ray's origin; edges reach a tolerance outward, so that a shared edge is never missed.
+// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's origin.
+// Edges extend outward by a tolerance, so a shared edge is never missed.
 fn intersect_triangle(index: u32, origin: vec3<f32>, direction: vec3<f32>) -> TriangleHit {
     let w0 = bitcast<vec3<f32>>(triangles[3u * index].xyz);
     let w1 = bitcast<vec3<f32>>(triangles[3u * index + 1u].xyz);
@@ -42,13 +42,13 @@ fn octant_mask(direction: vec3<f32>) -> u32 {
         | select(0x01010101u, 0u, direction.z < 0.0);
 }
 
-// The bits of the child whose bytes lie at `shift`, if the ray meets its box.
+// Hit bits of the child whose bytes begin at bit `shift`; 0 if the ray misses its box.
 fn child_mask(
     shift: u32, child_bits: u32, bit_index: u32, scale: vec3<f32>, base: vec3<f32>,
     low_x: u32, high_x: u32, low_y: u32, high_y: u32, low_z: u32, high_z: u32,
     t_min: f32, t_max: f32,
 ) -> u32 {
-    // By way of i32: many devices convert signed integers only.
+    // Via i32: many devices convert signed integers only.
     let low = vec3<f32>(vec3<i32>(vec3<u32>(low_x, low_y, low_z) >> vec3<u32>(shift) & vec3<u32>(255u))) * scale + base;
     let high = vec3<f32>(vec3<i32>(vec3<u32>(high_x, high_y, high_z) >> vec3<u32>(shift) & vec3<u32>(255u))) * scale + base;
     let near = max(max(low.x, low.y), max(low.z, t_min));
@@ -57,7 +57,7 @@ fn child_mask(
     return select(0u, bits, near <= far + 1.0e-4);
 }
 
-// Children of one half of a node (four of eight) that the ray meets between t_min and t_max, as bits of a hit mask.
+// Hit mask of half a node's children (four of eight): those that the ray hits between t_min and t_max.
 fn half_node_mask(
     meta4: u32, octant: u32, scale: vec3<f32>, base: vec3<f32>,
     low_x: u32, high_x: u32, low_y: u32, high_y: u32, low_z: u32, high_z: u32,
@@ -67,7 +67,7 @@ fn half_node_mask(
     let inner_mask = (inner >> 4u) * 0xffu;
     let bit_index = (meta4 ^ (octant & inner_mask)) & 0x1f1f1f1fu;
     let child_bits = (meta4 >> 5u) & 0x07070707u;
-    // Unrolled: software devices pay for every turn of a loop.
+    // Unrolled: software devices pay for every iteration of a loop.
     return child_mask(0u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max)
         | child_mask(8u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max)
         | child_mask(16u, child_bits, bit_index, scale, base, low_x, high_x, low_y, high_y, low_z, high_z, t_min, t_max)
@@ -93,7 +93,7 @@ fn intersect_node(
     let scale = bitcast<vec3<f32>>(exponents << vec3<u32>(23u)) * reciprocal;
     let base = (bitcast<vec3<f32>>(n0.xyz) - origin) * reciprocal;
     let back = reciprocal < vec3<f32>(0.0);
-    // Quantised boxes are exact, the products are not: a part in 10⁶ and a micrometre of slack.
+    // Quantised boxes are exact, products are rounded: slack of 10⁻⁶ of the distance plus 1 µm.
     let slack = 1.0e-3 + 1.0e-6 * max(abs(t_min), abs(t_max));
     let first = t_min - slack;
     let last = t_max + slack;

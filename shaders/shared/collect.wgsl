@@ -1,7 +1,7 @@
-// Every crossing of a straight ray, sorted: up to CROSSINGS, which each pass defines.
+// Every crossing of a straight ray, sorted, up to the capacity CROSSINGS, which each pass defines.
 
 var<private> crossing_t: array<f32, CROSSINGS>;
-// Triangle in leaf order, and its facing in the lowest bit: 1 where the ray enters.
+// Triangle in leaf order, and its facing in the lowest bit: 1 if the ray enters.
 var<private> crossing_key: array<u32, CROSSINGS>;
 var<private> crossing_count: u32;
 var<private> crossing_lost: u32;
@@ -57,7 +57,7 @@ fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
     sort_crossings();
 }
 
-// By distance, then by key: insertion, since a traversal finds them nearly in order.
+// Insertion sort by distance, then by key: a traversal finds crossings nearly in order.
 fn sort_crossings() {
     for (var i = 1u; i < crossing_count; i++) {
         let t = crossing_t[i];
@@ -78,7 +78,7 @@ fn crossing_surface(i: u32) -> u32 {
 }
 
 // Applies all crossings within TOUCH_MM of the one at `first`, and returns the index after them. A surface that is
-// entered and left at one place is a crease or a silhouette: it stays as it was.
+// entered and left at one place is a crease or a silhouette: its membership is unchanged.
 fn cross_place(first: u32) -> u32 {
     let limit = crossing_t[first] + TOUCH_MM;
     var end = first + 1u;

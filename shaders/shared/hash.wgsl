@@ -1,4 +1,4 @@
-// Integer hashes: no state, no order, the same on every device.
+// Integer hashes: stateless, independent of order, the same on every device.
 
 // pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
 fn pcg3d(key: vec3<u32>) -> vec3<u32> {
@@ -18,8 +18,8 @@ fn unit(bits: u32) -> f32 {
     return f32(i32(bits >> 8u)) * 5.9604644775390625e-8;
 }
 
-// A number in 0..1 for dimension `dim` (0..3) of the path's `bounce`-th interface: low-discrepancy over the scanlines
-// and rays in the first bounces, a plain hash after them.
+// A number in 0..1 for dimension `dim` (0..4) of the path's `bounce`-th interface: low-discrepancy over the scanlines
+// and rays for the first four interfaces, a plain hash after them.
 fn sample_unit(line_ray: u32, layer: u32, bounce: u32, dim: u32) -> f32 {
     let rotation = pcg3d(vec3<u32>(params.seed, layer, bounce * 4u + dim));
     if bounce < 4u {

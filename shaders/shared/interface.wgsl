@@ -6,12 +6,12 @@ struct Interface {
 }
 
 fn interface_between(z1: f32, z2: f32, speed_ratio: f32, cos_incident: f32) -> Interface {
-    // One speed: the same at every angle, and no critical one.
+    // Equal speeds: the reflection is the same at every angle, and there is no critical angle.
     if speed_ratio == 1.0 {
         let same = (z2 - z1) / max(z2 + z1, 1.0e-30);
         return Interface(same, min(same * same, 1.0), cos_incident);
     }
-    // Grazing rays: 1 − cos² from its factors keeps its digits.
+    // In factors, since 1 − cos² loses its digits as cos approaches 1.
     let sin2_incident = max((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);
     let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;
     if sin2_transmitted >= 1.0 {

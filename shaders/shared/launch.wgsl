@@ -1,11 +1,11 @@
-// The first ray of a path: its scanline's, moved to its elevational layer. Behind the paths of all layers come the guides, one a
-// scanline, along the axes: they carry no echo, and say where the others' scatterers lie.
+// The first ray of a path: its scanline's, moved to its elevational layer. After the paths of all layers come the
+// guides, one per scanline, along the axes: they carry no echo and place the scatterers of the other paths.
 struct Launch {
     origin: vec3<f32>,
     direction: vec3<f32>,
 }
 
-// Offset and slope, weight and stretch of a path's layer; a guide is in the image plane, and weighs nothing.
+// Offset, slope, weight and stretch of a path's layer; a guide is in the image plane, with weight 0.
 fn layer_of(path: u32) -> vec4<f32> {
     let layer = path / (params.scanlines * params.rays);
     return select(vec4<f32>(0.0, 0.0, 0.0, 1.0), layers[min(params.layer_first + layer, LAYERS_MAX - 1u)], layer < params.layer_count);

@@ -2,7 +2,7 @@
 
 const NO_KEY: u32 = 0xffffffffu;
 
-// Triangle in leaf order, and its facing in the lowest bit: 1 where the ray enters.
+// Triangle in leaf order, and its facing in the lowest bit: 1 if the ray enters.
 var<private> nearest_key: u32;
 // Whether other crossings may lie within TOUCH_MM of it.
 var<private> nearest_crowded: bool;
@@ -38,7 +38,7 @@ fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f
             leaf.y &= ~(1u << offset);
             let index = leaf.x + offset;
             let hit = intersect_triangle(index, origin, direction);
-            // Selections only: software devices run all of a branch for every thread.
+            // Selections only: software devices run both sides of a branch for every thread.
             let first = nearest_key == NO_KEY;
             let met = hit.facing != 0 && hit.t > t_min && hit.t <= select(best + TOUCH_MM, t_max, first);
             nearest_crowded = select(nearest_crowded, !(first || hit.t < best - TOUCH_MM), met);

@@ -13,29 +13,29 @@ struct Params {
     lateral_half: u32,
     axial_half: u32,
     map_rays: u32,
-    // u32 words of a row of packed 8-bit pixels.
+    // u32 words per row of packed 8-bit pixels.
     row_words: u32,
     sample_spacing_mm: f32,
     depth_mm: f32,
-    // Turns of baseband phase a mm of depth.
+    // Turns of baseband phase per mm of depth.
     phase_turns_per_mm: f32,
     aperture_mm: f32,
     reach_mm: f32,
     tgc_db_per_mm: f32,
-    // Radius of the face; a negative one stands for a linear face.
+    // Radius of the face; negative for a linear face.
     face_radius_mm: f32,
     background: u32,
-    // Samples of a row in memory: a multiple of 16.
+    // Samples per row in memory: a multiple of 16.
     row_samples: u32,
     hint_words: u32,
-    // Depths that a map ray is sampled at, map_step_mm apart.
+    // Number of depths per map ray, map_step_mm apart.
     map_depths: u32,
     map_step_mm: f32,
-    // Words of packed pixels that meet the sector.
+    // Words of packed pixels that overlap the sector.
     sector_words: u32,
-    // Reflections that a path is followed through.
+    // Most reflections of a path.
     reflections_max: u32,
-    // Elevational layers of the frame, of which this dispatch has layer_count.
+    // Elevational layers of the frame; this dispatch has layer_count of them.
     layers: u32,
     // Guide paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
     guides: u32,

@@ -1,5 +1,5 @@
-// e^(i2π·turns) to 2·10⁻⁷, on every device alike: WGSL lets sin and cos be off by 2⁻¹¹. Polynomials in turns² over a
-// quarter turn to either side, fitted for the least greatest error.
+// e^(i2π·turns), with an error of 2·10⁻⁷ on every device: WGSL lets sin and cos be off by 2⁻¹¹. Minimax polynomials in
+// turns² over a quarter turn to either side.
 fn phasor(turns: f32) -> vec2<f32> {
     let within = turns - round(turns);
     let halves = round(2.0 * within);

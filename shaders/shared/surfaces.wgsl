@@ -1,4 +1,4 @@
-// Which surfaces a point is inside: one bit each; the highest set bit is the medium.
+// Surfaces that a point is inside, one bit each; the highest set bit is the medium.
 
 var<private> inside: array<u32, 8>;
 
@@ -8,7 +8,7 @@ fn set_inside(surface: u32, value: bool) {
     inside[word] = select(inside[word] & ~bit, inside[word] | bit, value);
 }
 
-// Tissue of the medium, and whether its surface moves: that of the highest surface the point is inside, else the
+// Tissue of the medium, with MOVES if its surface moves: that of the highest surface the point is inside, else the
 // background.
 fn medium_word() -> u32 {
     for (var word = 7; word >= 0; word--) {

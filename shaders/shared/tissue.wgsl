@@ -1,9 +1,9 @@
 // A tissue as the passes need it: `PackedTissue` of src/render/tables.rs.
 struct Tissue {
     impedance_mrayl: f32,
-    // c/c₀: mm of path a mm of range.
+    // c/c₀: mm of path per mm of range.
     speed_ratio: f32,
-    // Two-way attenuation of the amplitude, nepers a mm of path.
+    // Two-way attenuation of the amplitude, nepers per mm of path.
     attenuation_np_mm: f32,
     roughness: f32,
     // Part of the lattice cells that hold a scatterer, in 1/131072.
@@ -13,7 +13,7 @@ struct Tissue {
     thickness_mm: f32,
     // Part of an interface echo that stays in phase over its thickness.
     coherence: f32,
-    // c/c₀ in Snell's and Fresnel's laws; 1 everywhere where refraction is left out.
+    // c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     bending: f32,
     pad0: f32,
     pad1: f32,

@@ -10,13 +10,13 @@ use crate::statistics::nearest_rank;
 pub struct Budget {
     /// Time that one run may take.
     pub run: Duration,
-    /// A run older than this is stopped. Above `run`, so that a run that is a little late still gives its image.
+    /// Duration after which a run is stopped. Longer than `run`, so a slightly late run still gives its image.
     pub stop_after: Duration,
-    /// Runs that the 95th percentile looks back on.
+    /// Number of latest runs in the 95th percentile.
     pub window: usize,
-    /// Runs after which the 95th percentile counts. Of fewer than 20 it is the slowest of all.
+    /// Number of runs from which the 95th percentile counts. With fewer than 20 it equals the slowest.
     pub settle: usize,
-    /// Runs over the budget in a row that make a tier step down at once.
+    /// Consecutive runs over the budget after which a tier steps down at once.
     pub overshoots: u32,
     /// A tier steps up only while its 95th percentile is below this part of the budget.
     pub headroom: f64,
@@ -51,7 +51,7 @@ pub struct RunTimes {
 }
 
 impl RunTimes {
-    /// None yet; of `window`, at least 1, the latest are kept.
+    /// No durations yet; keeps the latest `window`, at least 1.
     pub fn new(window: usize) -> Self {
         let window = window.max(1);
         Self { latest: VecDeque::with_capacity(window), window, sorted: Vec::with_capacity(window) }
@@ -80,7 +80,8 @@ impl RunTimes {
         self.latest.is_empty()
     }
 
-    /// The least time that at least `part` (0..=1) of the runs did not exceed; none without runs.
+    /// Nearest-rank percentile: the least duration that at least `part` (0..=1) of the runs did not exceed. None if
+    /// empty.
     pub fn percentile(&mut self, part: f64) -> Option<Duration> {
         self.sorted.clear();
         self.sorted.extend(&self.latest);

@@ -29,7 +29,7 @@ pub enum GeneratorError {
         /// Fault, and the expected value.
         reason: String,
     },
-    /// The model is not the one that the manifest is of.
+    /// The model's hash differs from the manifest's.
     #[error("{path} has sha256 {found}; its manifest is of a model with {expected}")]
     Sha256 {
         /// Model.
@@ -39,7 +39,7 @@ pub enum GeneratorError {
         /// Sum of the file.
         found: String,
     },
-    /// The provider is not there.
+    /// The execution provider is not available.
     #[error(
         "the provider `{provider}` is not available: {reason}; use another, or an ONNX Runtime library that has it \
          (ORT_DYLIB_PATH)"
@@ -58,7 +58,7 @@ pub enum GeneratorError {
         /// Message of ONNX Runtime.
         reason: String,
     },
-    /// The model's tensors are not those that the manifest names.
+    /// The model's tensors differ from the manifest's.
     #[error("{path} does not fit its manifest: {reason}")]
     Signature {
         /// Model.
@@ -66,7 +66,7 @@ pub enum GeneratorError {
         /// Difference.
         reason: String,
     },
-    /// The station has a tissue that the model was not made for.
+    /// The model has no class for a tissue of the station.
     #[error("{path} knows no class for the tissue `{tissue}`, and its manifest names none for others")]
     UnknownTissue {
         /// Model.
@@ -82,7 +82,7 @@ pub enum GeneratorError {
         /// Fault.
         reason: String,
     },
-    /// The model does not do on this machine what it did where it was made.
+    /// The model does not reproduce its parity pair on this machine.
     #[error(
         "{path} is refused: on its parity pair it gives {found} at row {row}, column {column}, where {expected} is \
          expected; that is {difference} grey levels off, of {tolerance} allowed"
@@ -117,7 +117,7 @@ pub enum GeneratorError {
         /// Pixels given.
         found: usize,
     },
-    /// A tissue number that the station's table does not hold.
+    /// A tissue number outside the station's table.
     #[error("the segmentation holds the number {number}; the station's tissues go to {greatest}")]
     TissueNumber {
         /// Number found.
@@ -125,16 +125,16 @@ pub enum GeneratorError {
         /// Greatest known.
         greatest: usize,
     },
-    /// The model gave values that are no levels. Nothing of them is shown.
+    /// The model's output is not finite everywhere. It is not shown.
     #[error("generator `{name}`: {count} values of its output are not finite, the first at row {row}, column {column}")]
     NotFinite {
         /// Generator.
         name: String,
         /// Number of such values.
         count: usize,
-        /// First one.
+        /// Row of the first one.
         row: usize,
-        /// First one.
+        /// Column of the first one.
         column: usize,
     },
     /// The run was stopped by a [`Terminator`](super::Terminator).
@@ -154,7 +154,7 @@ pub enum GeneratorError {
 }
 
 impl GeneratorError {
-    /// Wraps an I/O error with the path that it happened at.
+    /// Wraps an I/O error with its path.
     pub(super) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self {
         move |source| Self::Io { path: path.to_owned(), source }
     }

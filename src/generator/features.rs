@@ -52,9 +52,9 @@ impl FromStr for FeatureScale {
     }
 }
 
-/// A model that makes a vector of a crop: its one input is float32 [1, 1 or 3, side, side], the grey level in every
-/// channel; its first output is float32 [1, d], or [1, d, …], which is averaged over what follows. Inception v3 without
-/// its last layer is one; where the model leaves its side open, 299 is taken.
+/// Feature extractor by an ONNX model. Its only input is float32 [1, 1 or 3, side, side], with the grey level in every
+/// channel; an open side becomes 299. Its first output is float32 [1, d], or [1, d, …] averaged over the trailing
+/// dimensions. Inception v3 without its last layer is such a model.
 pub struct OnnxFeatures {
     name: String,
     path: PathBuf,
@@ -74,20 +74,20 @@ impl OnnxFeatures {
     /// Loads the model at `path`.
     ///
     /// # Errors
-    /// A file that can't be read, a model that ONNX Runtime doesn't take, tensors of another kind.
+    /// A file that can't be read, a model that ONNX Runtime refuses, or tensors of another kind.
     pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
         let model = std::fs::read(path).map_err(GeneratorError::io(path))?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Self::of_model(stem, path, &model, runtime, scale)
     }
 
-    /// The built-in network `texture64`: 64 fixed statistics of the texture of a crop of 256 × 256, nothing of it learnt.
-    /// Means and deviations of the magnitudes of Gabor filters of 4 octaves and 4 orientations, and their correlations
-    /// (after Portilla and Simoncelli, IJCV 2000); `training/make_features.py` writes it and says what each one is. A
-    /// distance over these is no FID.
+    /// The built-in network `texture64`: 64 fixed texture statistics of a crop of 256 × 256; nothing is learnt. They
+    /// are means and deviations of the magnitudes of Gabor filters of 4 octaves and 4 orientations, and correlations
+    /// (after Portilla and Simoncelli, IJCV 2000). `training/make_features.py` writes the network and documents each
+    /// statistic. A distance over these features is no FID.
     ///
     /// # Errors
-    /// ONNX Runtime doesn't take it.
+    /// ONNX Runtime refuses it.
     pub fn texture64(runtime: &Runtime) -> Result<Self, GeneratorError> {
         let path = Path::new("assets/quality/texture64.onnx");
         Self::of_model("texture64".to_owned(), path, TEXTURE64, runtime, FeatureScale::Unit)

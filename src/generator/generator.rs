@@ -1,4 +1,4 @@
-//! One generator: a model with its manifest, and the passage of frames through it.
+//! One generator: a model with its manifest, and the translation of frames by it.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -17,13 +17,13 @@ use crate::render::Frame;
 pub struct LoadOptions<'a> {
     /// Execution provider.
     pub provider: Provider,
-    /// Threads of one run, 0 for one a processor.
+    /// Threads of one run, 0 for one per processor.
     pub threads: u32,
     /// Names of the station's tissues in the order of their numbers, from number 1.
     pub tissues: &'a [String],
 }
 
-/// One generator, ready to run. It keeps its tensors: a run allocates nothing where the size stays.
+/// One generator, ready to run. It keeps its tensors: runs of one size allocate nothing.
 pub struct Generator {
     path: PathBuf,
     manifest: Manifest,
@@ -44,7 +44,7 @@ impl Generator {
     ///
     /// # Errors
     /// Files that cannot be read or contradict each other, a provider that is not available, a model that ONNX Runtime
-    /// does not take, a tissue without a class, a parity pair that does not match.
+    /// refuses, a tissue without a class, or a parity pair that does not match.
     pub fn load(path: &Path, runtime: &Runtime, options: &LoadOptions) -> Result<Self, GeneratorError> {
         let manifest_path = Manifest::path_of(path);
         let manifest = Manifest::load(&manifest_path)?;
@@ -77,8 +77,8 @@ impl Generator {
     /// Translates a whole frame into `out` [height × width]: grey levels, 0 outside the sector.
     ///
     /// # Errors
-    /// Maps of the wrong size, unknown tissue numbers, a run that fails or is stopped, values that are not finite. `out`
-    /// holds no image then.
+    /// Maps of the wrong size, unknown tissue numbers, a run that fails or is stopped, or values that are not finite.
+    /// `out` is empty then.
     pub fn run(&mut self, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
         out.clear();
         let affine = self.output_affine();
@@ -87,10 +87,10 @@ impl Generator {
         Ok(())
     }
 
-    /// Runs `runs` times on a made-up frame of that size, after one that is not counted, and gives the times.
+    /// Durations of `runs` runs on a synthetic frame of `width` × `height` pixels, after one warm-up run.
     ///
     /// # Errors
-    /// As [`Generator::run`].
+    /// Those of [`Generator::run`].
     pub fn measure(&mut self, width: u32, height: u32, runs: usize) -> Result<Vec<Duration>, GeneratorError> {
         let pixels = width as usize * height as usize;
         let frame = Frame {
@@ -134,7 +134,7 @@ impl Generator {
         &self.parity
     }
 
-    /// Stops runs of this generator from other threads.
+    /// Handle that stops runs of this generator from other threads.
     pub fn terminator(&self) -> Terminator {
         self.session.terminator()
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::{Generator, GeneratorError, LoadOptions, Runtime, RuntimeError, Settings, Tiers};
 
-/// Runs that a tier is measured by before the session begins.
+/// Timed runs per tier before the session begins.
 const MEASURED_RUNS: usize = 5;
 
 /// A model that is not used, and why.
@@ -16,7 +16,7 @@ pub struct RefusedModel {
     pub error: GeneratorError,
 }
 
-/// The generators of a station, the best first, and who decides between them.
+/// A station's generators, the best first, and the choice among them.
 #[derive(Debug)]
 pub struct LoadedTiers {
     /// Generators; the index is that of the tier.
@@ -27,13 +27,13 @@ pub struct LoadedTiers {
     pub refused: Vec<RefusedModel>,
 }
 
-/// Loads every model of `settings`, and measures it at the field of view of `width` × `height`. A model that is refused
-/// leaves the others as they are. Takes as long as the models do: not for a thread that shows frames.
+/// Loads every model of `settings` and times it on frames of `width` × `height` pixels. A refused model does not affect
+/// the others. Blocks while the models load and run: don't call it on a thread that shows frames.
 ///
 /// `tissues` are the names of the station's tissues in the order of their numbers, from number 1.
 ///
 /// # Errors
-/// There is no ONNX Runtime, though models are named: a station goes on without generators, and says so.
+/// Models are named, but ONNX Runtime is missing or unusable. A station can still run without generators.
 pub fn load_tiers(
     settings: &Settings,
     tissues: &[String],

@@ -1,4 +1,4 @@
-//! Between the maps of a frame and the tensors of a model.
+//! Conversion between the maps of a frame and the tensors of a model.
 
 use std::ops::Range;
 use std::path::Path;
@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
 use super::{Channel, GeneratorError, Input};
 
-/// Rows that one core takes at a time: the runtime's threads wait meanwhile.
+/// Rows per parallel task. The runtime's threads are idle meanwhile.
 const BAND: usize = 64;
 
-/// A field of view amid what it is padded to: half of what is missing lies at left and above, the odd pixel at right and below.
+/// A field of view centred in its padded size; an odd pixel of padding is at the right or below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Geometry {
     pub(super) width: usize,
@@ -51,7 +51,7 @@ impl Geometry {
     }
 }
 
-/// Name of the class of what is outside the sector.
+/// Name of the class outside the sector.
 const OUTSIDE: &str = "outside";
 
 /// Class of each tissue number.
@@ -59,18 +59,18 @@ const OUTSIDE: &str = "outside";
 pub(super) struct ClassMap {
     class: [u8; 256],
     greatest: usize,
-    /// The class of what is outside the sector.
+    /// Class outside the sector.
     outside: u8,
 }
 
 impl ClassMap {
-    /// Numbers are classes already, as in a parity pair.
+    /// Identity: numbers are classes already, as in a parity pair.
     pub(super) fn identity(manifest: &SegmentationManifest) -> Self {
         let outside = manifest.class_of(OUTSIDE).unwrap_or_default() as u8;
         Self { class: std::array::from_fn(|i| i as u8), greatest: manifest.classes.len().saturating_sub(1), outside }
     }
 
-    /// Of a station's tissues: number 0 is outside, number i + 1 is `tissues[i]`.
+    /// Classes of a station's tissues: number 0 is outside, number i + 1 is `tissues[i]`.
     pub(super) fn of_tissues(
         manifest: &SegmentationManifest,
         tissues: &[String],
@@ -88,9 +88,8 @@ impl ClassMap {
     }
 }
 
-/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame. It is padded by what lies
-/// outside the sector, as networks saw it beside the sector in training: levels, mask and attenuation of 0, the class
-/// `outside`.
+/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame. Padding has the values
+/// outside the sector, as in training: level, mask and attenuation 0, class `outside`.
 pub(super) fn fill(
     manifest: &Manifest,
     classes: Option<&ClassMap>,
@@ -138,7 +137,7 @@ pub(super) fn fill(
                 let [outside, inside] = [offset, scale + offset];
                 plane(planes.next(), geometry, input.mask, outside, |m| if m > 0 { inside } else { outside });
             }
-            // `Generator` makes a class map of every segmentation that the manifest names.
+            // `Generator` makes a class map for every segmentation that the manifest names.
             (Channel::Image | Channel::Segmentation, ..) => {
                 let scale = scale / 255.0;
                 plane(planes.next(), geometry, input.image, offset, |x| f32::from(x) * scale + offset);
@@ -148,7 +147,7 @@ pub(super) fn fill(
     Ok(())
 }
 
-/// Fills one channel, with `outside` about the field of view.
+/// Fills one channel, with `outside` around the field of view.
 fn plane<T: Copy + Sync>(
     plane: Option<&mut [f32]>,
     geometry: &Geometry,
@@ -175,7 +174,7 @@ fn plane<T: Copy + Sync>(
     below.fill(outside);
 }
 
-/// Padded rows of the field of view, and where in each it lies.
+/// Padded rows of the field of view, and its columns in each.
 fn padded_rows<'a>(output: &'a [f32], geometry: &Geometry) -> (&'a [f32], Range<usize>) {
     let left = geometry.left();
     (&output[geometry.above()..geometry.above() + geometry.within()], left..left + geometry.width)
@@ -187,9 +186,9 @@ fn rows<'a>(output: &'a [f32], geometry: &Geometry) -> impl Iterator<Item = &'a 
     rows.chunks_exact(geometry.padded_width).map(move |row| &row[columns.clone()])
 }
 
-/// Row, column and number of values that are not finite; none in a sound output.
+/// Row and column of the first value that is not finite, and the number of such values. None if all are finite.
 pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, usize, usize)> {
-    // By its exponent, without a branch: rows are finite except for broken models.
+    // Tests the exponent, without a branch: only broken models give such values.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
     let (padded, columns) = padded_rows(output, geometry);
@@ -213,7 +212,7 @@ pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &G
         let targets = targets.chunks_exact_mut(width).zip(masks.chunks_exact(width));
         for (values, (target, mask)) in values.chunks_exact(padded_width).zip(targets) {
             for ((level, &value), &inside) in target.iter_mut().zip(&values[columns.clone()]).zip(mask) {
-                // Adding 2^23 rounds to a whole number, which is then in the lowest bits; a cast would cost a branch.
+                // Adding 2^23 rounds to a whole number in the lowest bits; a cast would cost a branch.
                 let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
                 *level = if inside > 0 { rounded } else { 0 };
             }
@@ -245,7 +244,7 @@ mod tests {
             let segmentation = manifest.segmentation.as_ref().unwrap();
             let of_station = ClassMap::of_tissues(segmentation, &tissues, Path::new("")).unwrap();
             for (classes, number) in [(of_station, 0), (ClassMap::identity(segmentation), 1)] {
-                // A frame that is all outside looks like the padding beside it.
+                // A frame entirely outside the sector looks like its padding.
                 let input = Input {
                     width: 3,
                     height: 2,
@@ -267,7 +266,7 @@ mod tests {
 
     #[test]
     fn a_field_of_view_lies_amid_what_is_outside() {
-        // Columns of which one is odd, and rows.
+        // Three columns of padding, an odd number, and two rows.
         let geometry = Geometry::new(1, 2, 4);
         let mut tensor = vec![f32::NAN; 16];
         plane(Some(&mut tensor), &geometry, &[1u8, 2], 9.0, f32::from);
@@ -330,7 +329,7 @@ mod tests {
         output[3] = f32::NAN;
         output[15] = f32::INFINITY;
         assert_eq!(not_finite(&output, &geometry), None);
-        // Its rows are the second and the third.
+        // The field of view has the second and the third row.
         output[10] = f32::NEG_INFINITY;
         output[9] = f32::NAN;
         assert_eq!(not_finite(&output, &geometry), Some((1, 1, 2)));

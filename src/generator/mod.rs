@@ -1,10 +1,10 @@
 //! Generators: ONNX models that give a rendered frame the appearance of a better one.
 //!
-//! A generator is an `.onnx` file with a [`Manifest`] beside it. [`Generator::load`] checks both, runs the bundled parity
-//! pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the whole field of
-//! view: normalise, pad by what is outside the sector to the model's multiple, infer, crop, clear what is outside the sector, round to
-//! grey levels. [`Tiers`] decides which of several generators runs within a budget of time. Without ONNX Runtime's
-//! library [`Runtime::get`] is an error that names the remedy; rendering needs none of this.
+//! A generator is an `.onnx` file with a [`Manifest`] beside it. [`Generator::load`] checks both, runs the bundled
+//! parity pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the whole
+//! field of view: normalise, pad to the model's multiple, infer, crop, clear pixels outside the sector, round to grey
+//! levels. [`Tiers`] chooses which of several generators runs within a time budget. Without ONNX Runtime's library
+//! [`Runtime::get`] returns an error that names the remedy; rendering works without it.
 
 mod budget;
 mod error;

@@ -1,4 +1,4 @@
-//! Whether a model does on this machine what it did where it was made.
+//! Parity check: a model must reproduce its recorded output on this machine.
 
 use std::fmt;
 use std::path::Path;
@@ -32,7 +32,7 @@ impl fmt::Display for ParityReport {
     }
 }
 
-/// An input, and the levels that must come of it.
+/// An input and its expected grey levels.
 #[derive(Debug)]
 pub(super) struct Pair {
     frame: Frame,
@@ -90,7 +90,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     if file.order() != npyz::Order::C {
         return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")));
     }
-    // A header may promise more than the file holds.
+    // The header may claim more data than the file holds.
     let promised = shape.iter().try_fold(4u64, |product, n| product.checked_mul(*n));
     if promised.is_none_or(|promised| promised > bytes.len() as u64) {
         return Err(io(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short")));
@@ -98,7 +98,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     Ok((shape, file.into_vec().map_err(io)?))
 }
 
-/// Compares what a model gave with what it must give.
+/// Compares a model's output with the expected levels.
 pub(super) fn compare(path: &Path, pair: &Pair, found: &[f32], tolerance: f32) -> Result<ParityReport, GeneratorError> {
     let differences = found.iter().zip(&pair.expected).map(|(f, e)| (f - e).abs()).enumerate();
     let (at, difference) = differences.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();

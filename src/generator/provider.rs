@@ -15,20 +15,20 @@ pub enum Provider {
     Cpu,
     /// An NVIDIA GPU by CUDA; needs ONNX Runtime's GPU library.
     Cuda,
-    /// An NVIDIA GPU by TensorRT, parts that it does not take by CUDA; needs ONNX Runtime's GPU library and TensorRT 10.
+    /// An NVIDIA GPU by TensorRT, unsupported parts by CUDA; needs ONNX Runtime's GPU library and TensorRT 10.
     TensorRt,
 }
 
 crate::names::named!(Provider { Cpu = "cpu", Cuda = "cuda", TensorRt = "tensorrt" });
 
 impl Provider {
-    /// Whether a run can be stopped while it lasts: ONNX Runtime looks for that between the nodes of a model, and
-    /// TensorRT makes one node of the whole.
+    /// Whether a run can be stopped midway. ONNX Runtime checks between the nodes of a model; TensorRT turns the whole
+    /// model into one node.
     pub fn can_stop(self) -> bool {
         self != Self::TensorRt
     }
 
-    /// Request to ONNX Runtime; none for the CPU.
+    /// Providers to request from ONNX Runtime; empty for the CPU.
     pub(super) fn dispatch(self) -> Vec<ExecutionProviderDispatch> {
         let cuda = || ep::CUDA::default().build().error_on_failure();
         match self {

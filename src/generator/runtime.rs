@@ -1,4 +1,4 @@
-//! ONNX Runtime's library, loaded when it is first asked for.
+//! ONNX Runtime's library, loaded on first use.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -12,7 +12,7 @@ const VARIABLE: &str = "ORT_DYLIB_PATH";
 /// Folder in which `scripts/setup` installs it, below the repository's root.
 const FOLDER: &str = "third_party/onnxruntime";
 
-/// Reason why there is no ONNX Runtime.
+/// Failure to find or load ONNX Runtime.
 #[derive(Debug, Error)]
 pub enum RuntimeError {
     /// No library was found.
@@ -47,7 +47,7 @@ pub enum RuntimeError {
     },
 }
 
-/// ONNX Runtime, one in a process.
+/// ONNX Runtime, one per process.
 #[derive(Debug)]
 pub struct Runtime {
     environment: Environment,
@@ -57,8 +57,8 @@ pub struct Runtime {
 impl Runtime {
     /// The runtime, loaded at the first call. After an error the next call tries again.
     ///
-    /// The library is the file that `ORT_DYLIB_PATH` names; else the one in `third_party/onnxruntime` of a folder above
-    /// the program or of the sources it was built from; else one beside the program.
+    /// The library is the file that `ORT_DYLIB_PATH` names, if it is set. Else it is searched for in
+    /// `third_party/onnxruntime` of the folders above the program and of its sources, then beside the program.
     ///
     /// # Errors
     /// No library, or one that cannot be used. The message says what to do.
@@ -80,7 +80,7 @@ impl Runtime {
         let unusable = |reason: String| RuntimeError::Unusable { path: library.clone(), reason };
         let builder = ort::init_from(&library).map_err(|e| unusable(e.to_string()))?;
         let environment = builder.with_telemetry(false).build().map_err(|e| unusable(e.to_string()))?;
-        // By default every event of the library is formatted, and then mostly thrown away.
+        // By default the library formats every event, and most are then dropped.
         environment.set_log_level(LogLevel::Warning);
         tracing::debug!("ONNX Runtime is {}", library.display());
         Ok(Self { environment, library })
@@ -98,7 +98,7 @@ impl Runtime {
 
 fn find() -> Result<PathBuf, RuntimeError> {
     if let Some(path) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
-        // The loader would look for a bare name elsewhere; what is meant is this file.
+        // The loader would search for a bare name elsewhere, so the path is made absolute.
         let path = PathBuf::from(path);
         let file = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         return if file.is_file() { Ok(file) } else { Err(RuntimeError::NoSuchFile { path }) };
@@ -109,7 +109,7 @@ fn find() -> Result<PathBuf, RuntimeError> {
     })
 }
 
-/// Folders that are searched for the library. Not the working directory: whoever writes there shall not choose our code.
+/// Folders searched for the library. The working directory is not: others may be able to place code there.
 fn folders() -> Vec<PathBuf> {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join(FOLDER);
     let Ok(program) = std::env::current_exe() else { return vec![sources] };
@@ -134,7 +134,7 @@ fn is_library(path: &Path) -> bool {
     let Some(name) = path.file_name().and_then(|n| n.to_str()) else { return false };
     let suffix = std::env::consts::DLL_SUFFIX;
     let stem = format!("{}onnxruntime", std::env::consts::DLL_PREFIX);
-    // Its providers' libraries begin with the same letters.
+    // Excludes libraries of providers, whose names begin with the same letters.
     name.strip_prefix(&stem).is_some_and(|rest| rest.starts_with('.') && rest.contains(suffix))
 }
 

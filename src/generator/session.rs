@@ -1,4 +1,4 @@
-//! ONNX session: one model in ONNX Runtime, with tensors that are kept from run to run.
+//! ONNX session: one model in ONNX Runtime, with tensors kept between runs.
 
 use std::fmt;
 use std::path::Path;
@@ -23,19 +23,19 @@ impl fmt::Debug for Terminator {
 }
 
 impl Terminator {
-    /// The number of the run in progress, counted from 1.
+    /// Number of the run in progress, counted from 1; None if there is none.
     pub fn running(&self) -> Option<u64> {
         let state = self.0.lock();
         state.running.then_some(state.number)
     }
 
-    /// Stops the run in progress: it ends with [`GeneratorError::Terminated`] as soon as the provider looks, at the
-    /// latest after the operation at work. Says whether there was one. Runs that begin later are not touched.
+    /// Stops the run in progress: it ends with [`GeneratorError::Terminated`] after its current operation at the
+    /// latest. Returns whether there was one. Later runs are not affected.
     pub fn terminate(&self) -> bool {
         self.stop(None)
     }
 
-    /// As [`Terminator::terminate`], but only if the run in progress is that of this number.
+    /// As [`Terminator::terminate`], but only if the run in progress has this number.
     pub fn terminate_run(&self, number: u64) -> bool {
         self.stop(Some(number))
     }
@@ -45,7 +45,7 @@ impl Terminator {
         if !state.running || number.is_some_and(|n| n != state.number) {
             return false;
         }
-        // Under the lock, so that it cannot fall into the next run.
+        // Under the lock, so that it cannot stop the next run.
         state.stopped = self.0.options.terminate().is_ok();
         state.stopped
     }
@@ -97,7 +97,7 @@ pub(super) struct Session {
     channels: usize,
     tensors: Option<Tensors>,
     control: Arc<RunControl>,
-    /// A device has its own memory: what is bound is copied when it is bound.
+    /// Set for devices with their own memory: binding copies the input.
     bind_each_run: bool,
 }
 
@@ -139,8 +139,8 @@ impl Session {
         Terminator(self.control.clone())
     }
 
-    /// The input tensor [channels × padded height × padded width] for that size, to be filled; made anew only where the
-    /// size changed.
+    /// The input tensor [channels × padded height × padded width], for the caller to fill; reallocated only if the size
+    /// changed.
     pub(super) fn input(&mut self, geometry: &Geometry) -> Result<&mut [f32], RunFailure> {
         if self.tensors.as_ref().is_none_or(|t| t.geometry != *geometry) {
             self.tensors = None;
@@ -156,7 +156,7 @@ impl Session {
         let allocator = Allocator::default();
         let shape = |channels: usize| [1, channels, geometry.padded_height, geometry.padded_width];
         let mut input = Tensor::<f32>::new(&allocator, shape(self.channels))?;
-        // Fresh memory holds anything.
+        // Fresh memory is uninitialised.
         input.extract_tensor_mut().1.fill(0.0);
         let mut output = Tensor::<f32>::new(&allocator, shape(1))?;
         output.extract_tensor_mut().1.fill(0.0);
@@ -166,7 +166,7 @@ impl Session {
         Ok(Tensors { geometry: *geometry, binding, input, output })
     }
 
-    /// Runs the model on the filled input, and gives the output [padded height × padded width].
+    /// Runs the model on the filled input and returns the output [padded height × padded width].
     pub(super) fn run(&mut self) -> Result<&[f32], RunFailure> {
         let Some(tensors) = &mut self.tensors else { return Err(RunFailure::Failed("no input".to_owned())) };
         if self.bind_each_run {
@@ -191,7 +191,7 @@ impl Session {
     }
 }
 
-/// Whether the model has the tensors that the manifest names; else what differs.
+/// Checks the model's tensors against the manifest; the error is the difference.
 fn check_signature(session: &ort::session::Session, manifest: &Manifest) -> Result<(), String> {
     let [input] = session.inputs() else {
         return Err(format!("it has {} inputs; a generator has one", session.inputs().len()));

@@ -16,14 +16,14 @@ settings! {
         /// Whether generators run at all.
         enabled: bool = true, "", 0.0..=1.0, Everything;
 
-        /// Threads of one run; 0 is one a processor.
+        /// Threads of one run; 0 is one per processor.
         threads: u32 = 0, "", 0.0..=256.0, Everything;
 
         /// Time that one run may take; a generator that cannot keep it is not started.
         budget_ms: f64 = 50.0, "ms", BUDGET_MIN_MS..=BUDGET_MAX_MS, Everything;
     }
     plain {
-        /// Models (`.onnx`, each with its manifest), the best first. None: the station shows what it renders.
+        /// Models (`.onnx`, each with its manifest), the best first. If empty, the station shows rendered frames.
         models: Vec<PathBuf> = Vec::new(), Everything;
         /// Execution provider.
         provider: Provider = Provider::Cpu, Everything;
@@ -31,7 +31,7 @@ settings! {
 }
 
 impl Settings {
-    /// The budget with everything that follows from it.
+    /// The budget, with the limits derived from it.
     pub fn budget(&self) -> Budget {
         // `max` before `min`, so that NaN becomes the least.
         let [least, greatest] = [BUDGET_MIN_MS, BUDGET_MAX_MS];

@@ -1,24 +1,24 @@
-//! Choice among several generators: the best that keeps the budget. Pure: the caller brings the time.
+//! Choice among several generators: the best that keeps the budget. Pure: the caller passes the time.
 
 use std::time::Duration;
 
 use super::budget::{Budget, RunTimes};
 
-/// Failed runs in a row after which a tier is given up.
+/// Consecutive failed runs after which a tier is given up.
 const FAILURES: u32 = 3;
 
 /// Outcome of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
-    /// With an image.
+    /// It gave an image.
     Done,
     /// It was stopped.
     Stopped,
-    /// With an error, in words.
+    /// It failed with this message.
     Failed(String),
 }
 
-/// A change of tier; none stands for the rendered image.
+/// A change of tier; None is the rendered image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
     /// Tier before.
@@ -41,7 +41,7 @@ pub enum TierState {
     },
     /// Its fastest run is over the budget: it is never started.
     TooSlow,
-    /// It failed again and again, the last time for this reason.
+    /// It failed repeatedly; this is the last reason.
     Failed(String),
 }
 
@@ -60,9 +60,9 @@ pub struct TierReport {
     pub stopped: u64,
     /// Runs that failed.
     pub failures: u64,
-    /// Half of the latest runs took at most this long.
+    /// Median duration of the latest runs, by nearest rank.
     pub p50: Option<Duration>,
-    /// 95 of 100 of the latest runs took at most this long.
+    /// 95th percentile of those durations, by nearest rank.
     pub p95: Option<Duration>,
 }
 
@@ -76,7 +76,7 @@ pub struct RunTicket {
 
 #[derive(Debug)]
 struct Tier {
-    /// Its totals, percentiles apart.
+    /// Its totals, without percentiles.
     totals: TierReport,
     times: RunTimes,
     /// Time from a failed step up to the next attempt.
@@ -91,14 +91,14 @@ struct Run {
     started: Duration,
 }
 
-/// Decides between tiers, the best first. Times are those of the session's clock, which must not run backward; one that
-/// does counts as one that stands still.
+/// Chooses among tiers, the best first. Times are those of the session's clock; if it runs backward, elapsed times
+/// count as 0.
 #[derive(Debug)]
 pub struct Tiers {
     budget: Budget,
     tiers: Vec<Tier>,
     current: Option<usize>,
-    /// Since when `current` is what it is.
+    /// Time of the last change of `current`.
     since: Duration,
     running: Option<Run>,
     runs: u64,
@@ -110,8 +110,8 @@ impl Tiers {
         Self { budget, tiers: Vec::new(), current: None, since: Duration::ZERO, running: None, runs: 0 }
     }
 
-    /// Adds a tier below those there are, with the times of runs made before the session. One whose fastest run is over
-    /// the budget is never started; one whose 95th percentile is, not at first.
+    /// Adds a tier below the others, with durations measured before the session. It is never started if the fastest is
+    /// over the budget, and not at first if the 95th percentile is.
     pub fn add(&mut self, name: &str, measured: &[Duration]) {
         let budget = self.budget;
         let mut times = RunTimes::new(budget.window);
@@ -131,7 +131,7 @@ impl Tiers {
         self.tiers.push(Tier { totals, times, hold: budget.hold, overshoots_in_a_row: 0, failures_in_a_row: 0 });
     }
 
-    /// The tier at work; none while the rendered image is all there is.
+    /// The current tier; None if only the rendered image is available.
     pub fn current(&self) -> Option<usize> {
         self.current
     }
@@ -141,7 +141,7 @@ impl Tiers {
         self.current.and_then(|i| self.tiers.get(i)).map(|tier| tier.totals.name.as_str())
     }
 
-    /// The tier that it is time to step up to. To be called before [`Tiers::start`].
+    /// The tier to step up to now, if any. Call it before [`Tiers::start`].
     pub fn next_up(&mut self, now: Duration) -> Option<usize> {
         if self.running.is_some() || now.saturating_sub(self.since) < self.budget.hold {
             return None;
@@ -153,11 +153,11 @@ impl Tiers {
             if !at_ease {
                 return None;
             }
-            // It has kept the budget for so long: whatever it did before is forgiven.
+            // It has kept the budget, so earlier failed steps no longer count.
             tier.hold = self.budget.hold;
         }
         let due = |tier: &Tier| matches!(tier.totals.state, TierState::OverBudget { retry_at } if now >= retry_at);
-        // The nearest better one.
+        // The closest better tier.
         self.tiers.iter().take(self.current.unwrap_or(self.tiers.len())).rposition(due)
     }
 
@@ -168,7 +168,7 @@ impl Tiers {
         Some(self.change(now, Some(to), "there is time to spare".to_owned()))
     }
 
-    /// Begins a run of the current tier; none where nothing may run, or a run is still in progress.
+    /// Begins a run of the current tier; None without one, or while a run is in progress.
     pub fn start(&mut self, now: Duration) -> Option<RunTicket> {
         let tier = self.current?;
         if self.running.is_some() {
@@ -180,7 +180,7 @@ impl Tiers {
         Some(ticket)
     }
 
-    /// Ends a run; one that isn't in progress is not counted.
+    /// Ends a run; a ticket of any other run is ignored.
     pub fn finish(&mut self, ticket: RunTicket, now: Duration, outcome: &Outcome) -> Option<Change> {
         let run = self.running.filter(|run| run.ticket == ticket)?;
         self.running = None;
@@ -231,7 +231,7 @@ impl Tiers {
         self.tiers.iter_mut().map(report).collect()
     }
 
-    /// Goes on with the best ready tier below `tier`, which is not ready.
+    /// Switches to the best ready tier below `tier`, which is no longer ready.
     fn leave(&mut self, tier: usize, now: Duration, reason: String) -> Option<Change> {
         if self.current != Some(tier) {
             return None;
@@ -245,7 +245,7 @@ impl Tiers {
         let from = std::mem::replace(&mut self.current, to);
         self.since = now;
         if let Some(tier) = to.and_then(|i| self.tiers.get_mut(i)) {
-            // Times of another load say nothing about this one.
+            // Durations under another load don't apply to this one.
             tier.times.clear();
             tier.overshoots_in_a_row = 0;
         }

@@ -1,4 +1,4 @@
-//! Backends: what makes frames, and the choice of it.
+//! Rendering backends and their choice.
 
 use std::fmt;
 use std::str::FromStr;
@@ -15,7 +15,7 @@ use super::maker::FrameMaker;
 /// Environment variable that names a backend.
 const VARIABLE: &str = "INSONIFY_BACKEND";
 
-/// A word that names no backend.
+/// An unknown name of a backend.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("`{found}` is no backend; they are {}", BackendChoice::NAMES.join(", "))]
 pub struct UnknownBackend {
@@ -23,7 +23,7 @@ pub struct UnknownBackend {
     pub found: String,
 }
 
-/// A word in the environment that names no backend.
+/// An unknown name of a backend in the environment.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("INSONIFY_BACKEND: {0}")]
 pub struct UnknownBackendVariable(UnknownBackend);
@@ -82,10 +82,11 @@ enum Kind {
 impl Backend {
     /// Opens the backend of a choice.
     ///
-    /// Devices are sorted: discrete before integrated before software; `WGPU_BACKEND` restricts the interfaces.
+    /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the interfaces.
     ///
     /// # Errors
-    /// `Device` without a driver, or with one that refuses a device. `Auto` falls back to the host, with a warning.
+    /// `Device` without a driver, or with one that refuses a device. `Auto` falls back to the host, with a warning if a
+    /// driver fails.
     pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
         match choice {
             BackendChoice::Host => Ok(Self(Kind::Host)),
@@ -113,12 +114,12 @@ impl Backend {
         }
     }
 
-    /// Whether it is the host's processors.
+    /// Whether frames are made by the host renderer.
     pub fn on_host(&self) -> bool {
         matches!(self.0, Kind::Host)
     }
 
-    /// Whether frames are made on processors: the host's, or by a software device.
+    /// Whether frames are made on the CPU: by the host renderer or by a software device.
     pub fn is_software(&self) -> bool {
         match &self.0 {
             Kind::Host => true,
@@ -142,7 +143,7 @@ impl Backend {
         }
     }
 
-    /// A maker of frames.
+    /// Frame maker of this backend.
     pub(super) fn maker(&self, inputs: FrameInputs<'_>, hooks: &TestHooks) -> Result<Box<dyn FrameMaker>, RenderError> {
         Ok(match &self.0 {
             Kind::Host => Box::new(HostRenderer::new(inputs, hooks.trace, hooks.image)?),

@@ -1,4 +1,4 @@
-//! Layers of a frame in batches, so that their segments fit into one buffer.
+//! Split of a frame's layers into batches whose segments fit into one buffer.
 
 use super::constants::SEGMENTS;
 use super::params::Params;
@@ -14,10 +14,10 @@ pub(crate) struct BatchPlan {
 }
 
 impl BatchPlan {
-    /// Plan of a frame of so many scanlines, rays and layers.
+    /// Plan of a frame of `scanlines` × `rays` × `layers` paths.
     pub(crate) fn new(scanlines: u32, rays: u32, layers: u32) -> Self {
         let bytes = |paths: u32| u64::from(scanlines) * u64::from(paths) * u64::from(SEGMENTS) * 48;
-        // Every batch has the guides, too.
+        // Every batch also holds the guides.
         let fits = ((SEGMENT_BYTES_MAX - bytes(1)) / bytes(rays)).clamp(1, u64::from(layers)) as u32;
         Self { layers_per_batch: fits, batches: layers.div_ceil(fits) }
     }

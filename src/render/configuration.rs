@@ -1,4 +1,4 @@
-//! State of a renderer for one probe and one set of settings, whatever makes its frames.
+//! State of a renderer for one probe and one set of settings, on any backend.
 
 use super::batch_plan::BatchPlan;
 use super::constants::MOVES;
@@ -56,9 +56,9 @@ pub(super) struct FrameInputs<'a> {
 #[derive(Debug)]
 pub(super) struct Configuration {
     pub(super) probe: Probe,
-    /// Settings as asked for; frames are made with what the plan leaves of them.
+    /// Requested settings; for frames the plan may reduce them.
     pub(super) settings: RenderSettings,
-    /// Effects that frames are made of.
+    /// Effects that frames simulate.
     pub(super) effects: EffectPlan,
     pub(super) params: Params,
     pub(super) tables: Tables,
@@ -81,7 +81,7 @@ impl Configuration {
         Ok(Self { probe: *probe, settings: *settings, effects, params, tables, batches })
     }
 
-    /// Warns of a sector without pixels and of kernels that are cut, if `previous` did not.
+    /// Warns of a sector without pixels, and of clipped kernels that `previous` did not have.
     pub(super) fn warn(&self, previous: Option<&Self>) {
         if self.tables.sector_words.is_empty() {
             tracing::warn!(
@@ -94,8 +94,8 @@ impl Configuration {
         }
     }
 
-    /// Whether `probe` and `settings` need no other tables, buffers or passes: every changed setting is a uniform or is
-    /// chosen for each frame, and the plan stays.
+    /// Whether `probe` and `settings` need no other tables, buffers or passes: every changed setting is a uniform or a
+    /// choice per frame, and the plan is the same except for maps.
     pub(super) fn has_tables_of(&self, media: &Media, probe: &Probe, settings: &RenderSettings) -> bool {
         if self.probe.change_to(probe).max(self.settings.change_to(settings)) > Change::Nothing {
             return false;
@@ -104,7 +104,7 @@ impl Configuration {
         apart_from_maps(&media.plan(probe, settings)) == apart_from_maps(&self.effects)
     }
 
-    /// Takes settings for which [`Configuration::has_tables_of`] holds.
+    /// Applies settings for which [`Configuration::has_tables_of`] holds.
     pub(super) fn set_uniforms(&mut self, media: &Media, settings: &RenderSettings) {
         self.settings = *settings;
         self.effects = media.plan(&self.probe, settings);

@@ -1,4 +1,4 @@
-//! Constants that the shaders, the host renderer and the f64 twin share; `device::shaders` writes them into each shader.
+//! Constants shared by the shaders, the host renderer and the f64 twin; `device::shaders` writes them into each shader.
 
 use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
 
@@ -8,9 +8,9 @@ pub(crate) const DEPTH_BLOCK: u32 = 16;
 pub(crate) const SEGMENTS: u32 = 40;
 /// Runs of one medium along a map ray, at most.
 pub(crate) const ENTRIES: u32 = 96;
-/// Stride of a path's segment starts: one more than segments for the range that no sample reaches, padded to 16 bytes.
+/// Stride of a path's segment starts: one more than segments, for a range beyond every sample, padded to 16 bytes.
 pub(crate) const STARTS: u32 = SEGMENTS + 4;
-/// Samples that share a hint of their segment.
+/// Samples per segment hint.
 pub(crate) const HINT_BLOCK: u32 = 64;
 /// Greatest numbers of tissues, layers, samples and pulse taps: sizes of the uniform tables.
 pub(crate) const TISSUES_MAX: u32 = 255;
@@ -29,48 +29,48 @@ pub(crate) const AXIAL_HALF_MAX: u32 = PULSE_TAPS_MAX / 2;
 
 /// Hits this close along a ray are one place, mm: touching surfaces, or one edge hit twice.
 pub(crate) const TOUCH_MM: f64 = 1.0e-3;
-/// Crossings that are kept at one place, on the way back from the face, and along a map ray.
+/// Capacities for crossings: at one place, behind the face, and along a map ray.
 pub(crate) const CROSSINGS_AT_A_PLACE: u32 = 16;
 pub(crate) const CROSSINGS_BEHIND: u32 = 64;
 pub(crate) const CROSSINGS_OF_A_MAP_RAY: u32 = 160;
-/// Places that one path may cross, most of them without a change of medium.
+/// Most places that one path may cross. Few of them change the medium.
 pub(crate) const PLACES_MAX: u32 = 192;
 /// Range beyond every sample, mm.
 pub(crate) const BEYOND_MM: f64 = 3.0e38;
 
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
-/// Offset of the lattice that spreads echoes, mm: planes at round coordinates would lie on cell faces, where rounding
-/// chooses the cell.
+/// Offset of the lattice that spreads echoes, mm. Without it, planes at round coordinates would be on cell faces, and
+/// rounding would choose the cell.
 pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;
 /// Factor of the surface number in that lattice's hash.
 pub(crate) const SURFACE_SALT: u32 = 7919;
 /// Normalises the sum of four nibbles, of mean 30, to a mean square of ½.
 pub(crate) const DEVIATE_SCALE: f64 = 0.07669649888;
 
-/// Least returned part of the energy, within the aperture, for which a reflection is followed. Below it a path goes on
-/// with the weight of what is transmitted: a rough surface scatters and never forms a mirror image.
+/// Least returned fraction of the energy, within the aperture, for which a reflection is followed. Below it a path
+/// continues with the transmitted energy: a rough surface scatters and never forms a mirror image.
 pub(crate) const REFLECTION_FOLLOWED: f64 = 0.05;
 /// ln of the two-way amplitude at which a path ends: 10⁻¹³, −260 dB.
 pub(crate) const LN_GIVEN_UP: f64 = -30.0;
-/// ln of an amplitude that no display shows: 10⁻³⁴.
+/// ln of an amplitude that no display shows: −695 dB.
 pub(crate) const LN_SILENT: f64 = -80.0;
 /// The same for scatterers: −651 dB.
 pub(crate) const LN_SPECKLE_SILENT: f64 = -75.0;
-/// Scatterer powers are those of amplitudes times e⁴⁰, so that the squares of all audible ones are normal numbers.
+/// ln of the scale of scatterer amplitudes: the squares of all audible ones become normal numbers.
 pub(crate) const LN_SCALE: f64 = 40.0;
 /// e⁻⁴⁰.
 pub(crate) const UNSCALED: f64 = 4.248354255e-18;
 
-/// Energy that a very rough surface returns diffusely at normal incidence.
+/// Fraction of the energy that a very rough surface returns diffusely at normal incidence.
 pub(crate) const DIFFUSE: f64 = 0.02;
 /// Squared roughness at which half of that returns.
 pub(crate) const DIFFUSE_HALF_ROUGHNESS2: f64 = 0.1;
-/// Half angle of the accepting aperture over aperture/range, and its bounds, radians.
+/// Ratio of the accepted half angle to aperture/range, and bounds of that angle, radians.
 pub(crate) const APERTURE_HALF_ANGLE: f64 = 0.25;
 pub(crate) const APERTURE_HALF_ANGLE_MIN: f64 = 0.06;
 pub(crate) const APERTURE_HALF_ANGLE_MAX: f64 = 0.5;
-/// Least cosine between a path and the facet that it meets; a facet beyond it is replaced by the mean surface.
+/// Least cosine of a path's incidence on a facet; below it, the mean surface replaces the facet.
 pub(crate) const FACET_COS_MIN: f64 = 0.02;
 
 /// Decibels of a doubling of power: 10·log₁₀ 2.
@@ -80,9 +80,9 @@ pub(crate) const ONE_WAY: f64 = 0.5;
 /// Part of the sector's area that is brighter than the attenuation's percentile, and the steps of its bisection.
 pub(crate) const BRIGHTEST_PART: f64 = 0.02;
 pub(crate) const PERCENTILE_STEPS: u32 = 30;
-/// Least difference of two attenuations, nepers/mm, from which the place of their boundary is computed.
+/// Least difference of two attenuations for which the place of their boundary is computed, nepers/mm.
 pub(crate) const CONTRAST_MIN_NP_MM: f64 = 1.0e-3;
-/// Number of the first tissue in the segmentation; 0 lies outside the sector.
+/// Number of the first tissue in the segmentation; 0 is outside the sector.
 pub(crate) const FIRST_TISSUE: u32 = 1;
 
 /// Bit beside a small integer that travels as a float: some devices flush denormals.
@@ -93,17 +93,17 @@ pub(crate) const TAG_DENSITY: u32 = 0x3_ffff;
 pub(crate) const TISSUE_MASK: u32 = 0xffff;
 /// Bit beside the tissue of a surface that moves.
 pub(crate) const MOVES: u32 = 1 << 16;
-/// Bit of a raster word whose run reaches the next depth; the tissue lies below it, Σμ above.
+/// Bit of a raster word whose run reaches the next depth; the bits below hold the tissue, those above Σμ.
 pub(crate) const WHOLE: u32 = 1 << 8;
-/// Bits of the fraction of the sector's width in a packed pixel; the fraction of its depth lies above.
+/// Bits of the fraction of the sector's width in a packed pixel; the bits above hold the fraction of its depth.
 pub(crate) const ACROSS_BITS: u32 = 15;
 /// Packed pixel outside the sector.
 pub(crate) const OUTSIDE: u32 = u32::MAX;
 /// Image rows of a tile.
 pub(crate) const TILE_ROWS: u32 = 16;
 
-/// Generators of Kronecker sequences: 2³² times the fractional parts of the golden ratio and of the square roots of 2, 3, 7,
-/// 11, 13, 19, 22, 29, 31, 43, 33, 53, 58, 71, 73. They are badly approximable, so that neighbouring scanlines differ.
+/// Generators of Kronecker sequences: 2³² times the fractional parts of the golden ratio and of the square roots of 2,
+/// 3, 7, 11, 13, 19, 22, 29, 31, 43, 33, 53, 58, 71, 73. They are badly approximable, so neighbouring scanlines differ.
 pub(crate) const KRONECKER: [u32; 16] = [
     2654435769, 1779033703, 3144134277, 2773480763, 1359893119, 2600822925, 1541459225, 2965313109, 1654270251,
     2438529371, 2394180231, 3197872217, 1203062813, 2644725351, 1830299339, 2336478295,

@@ -6,7 +6,7 @@ use super::frame::FRAMES_IN_FLIGHT;
 use crate::anatomy::BvhError;
 use crate::settings::SettingsError;
 
-/// Failure of what makes frames: it can't be had, or it fails.
+/// Failure to open or run a backend.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum BackendError {
     /// No driver was found.
@@ -85,7 +85,7 @@ pub enum RenderError {
     /// A setting is outside its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The scene has indices that no pass may follow.
+    /// The scene has invalid indices, or more surfaces or tissues than passes can handle.
     #[error("the scene can't be rendered: {what}")]
     Scene {
         /// The fault.
@@ -97,7 +97,7 @@ pub enum RenderError {
     /// `receive` with the ring empty.
     #[error("no frame is in flight; submit a pose before receiving")]
     RingEmpty,
-    /// A snapshot of a frame whose layers are rendered in turns.
+    /// A snapshot of a frame with several batches of layers.
     #[error("a snapshot holds one batch of layers, these settings need {batches}: lower the rays or layers")]
     Batches {
         /// Batches needed.

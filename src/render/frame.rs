@@ -26,10 +26,9 @@ pub struct PassTime {
 /// Times of one frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct FrameTimes {
-    /// Duration from the call until the frame lay in memory, ms.
+    /// Duration from submission until the frame is in memory, ms.
     pub total_ms: f64,
-    /// Duration of each pass, in the order in which they first ran, its runs added up; empty on a device without
-    /// timestamps.
+    /// Total duration of each pass's runs, in the order of first runs; empty on a device without timestamps.
     pub passes: Vec<PassTime>,
 }
 
@@ -66,7 +65,7 @@ pub struct Frame {
     /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
     /// empty unless the settings ask for it.
     pub lines: Vec<[f32; 2]>,
-    /// Crossings of map rays or interactions of paths beyond what the buffers hold; 0 in a sound frame.
+    /// Crossings of map rays or interactions of paths beyond the capacity of buffers; 0 in a sound frame.
     pub overflows: u32,
     /// Times.
     pub times: FrameTimes,

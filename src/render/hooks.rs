@@ -1,4 +1,4 @@
-//! Changes to passes that tests make, to see their comparison with the f64 twins fail.
+//! Changes to passes by tests, which check that the comparison with the f64 twins then fails.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
 use super::device::ShaderSet;

@@ -1,4 +1,4 @@
-//! The point-spread function as kernels: the lateral beam by depth, the pulse, and the gain of scatterers that both leave.
+//! The point-spread function as kernels: the lateral beam by depth, the pulse, and the scatterers' gain after both.
 
 use std::fmt;
 
@@ -6,32 +6,32 @@ use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, P
 use crate::settings::RenderSettings;
 use crate::transducer::Probe;
 
-/// Standard deviations that a kernel holds to either side of its middle.
+/// Half widths of kernels, standard deviations.
 const LATERAL_REACH: f64 = 2.5;
 const AXIAL_REACH: f64 = 4.0;
 
 /// Kernel of the point-spread function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
-    /// The beam across scanlines, of the pass `lateral`: at the most 32 scanlines to either side.
+    /// The beam across scanlines, of the pass `lateral`: at most 32 scanlines to either side.
     Lateral,
-    /// The pulse along a scanline, of the pass `detect`: at the most 128 samples to either side.
+    /// The pulse along a scanline, of the pass `detect`: at most 128 samples to either side.
     Axial,
 }
 
-/// A kernel that is wider than its pass holds and is cut there: the speckle is narrower than the beam or pulse makes it,
-/// its level stays right.
+/// A kernel that is cut to the largest width of its pass. Speckle is then narrower than the beam or pulse makes it; its
+/// level stays right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClippedKernel {
     /// The clipped kernel.
     pub(crate) kernel: Kernel,
-    /// Scanlines or samples to either side that it takes, where it is the widest.
+    /// Scanlines or samples to either side that it needs at its widest.
     pub(crate) wanted: u32,
-    /// Scanlines or samples to either side that it has.
+    /// Scanlines or samples to either side that it keeps.
     pub(crate) kept: u32,
-    /// Depths from and to which it is cut, mm.
+    /// First and last depth at which it is cut, mm.
     pub(crate) depths_mm: [f64; 2],
-    /// Value of the key that makes it so wide: `probe.scanlines` of the lateral, `probe.samples` of the axial one.
+    /// Value of the key that widens it: `probe.scanlines` if lateral, `probe.samples` if axial.
     pub(crate) value: u32,
 }
 
@@ -60,13 +60,13 @@ pub(crate) struct Kernels {
     /// [2·axial_half + 1] between PULSE_PAD zeros, 1 at the peak.
     pub(crate) pulse: Vec<f32>,
     pub(crate) axial_half: u32,
-    /// Gain of the scatterers [blocks], so that their level is that of the tissue at every depth.
+    /// Gain of the scatterers [blocks], which keeps their level at that of the tissue at every depth.
     pub(crate) scatterer_gain: Vec<f32>,
     pub(crate) clipped: Vec<ClippedKernel>,
 }
 
 impl Kernels {
-    /// Kernels within the settings' caps. Only what the passes themselves cut is noted as clipped: caps are wanted.
+    /// Kernels within the settings' caps. Only kernels cut by the limits of passes count as clipped: caps are intended.
     pub(crate) fn new(probe: &Probe, settings: &RenderSettings) -> Self {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
         let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max));
@@ -102,7 +102,7 @@ fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKer
         let depth = depth_mm(block);
         probe.lateral_sigma_mm(depth) / probe.line_spacing_mm(depth).max(1e-9)
     };
-    // Beyond the other end of the array there is nothing to take.
+    // No kernel reaches beyond the other end of the array.
     let array = probe.scanlines.max(2) - 1;
     let wanted = |block: u32| ((LATERAL_REACH * sigma_lines(block)).ceil() as u32).clamp(1, array);
     let widest = (0..blocks).map(wanted).max().unwrap_or(1);
@@ -151,8 +151,8 @@ fn padded(pulse: &[f64]) -> Vec<f32> {
     zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
 }
 
-/// Power of unit scatterers after the pulse: the samples that one lattice cell spans carry one echo, so that they add in
-/// amplitude. The chance that two points of a ray x apart share a cell is averaged over all directions.
+/// Power of unit scatterers after the pulse. Samples in one lattice cell have the same scatterer and add in amplitude.
+/// The chance that two points of a ray share a cell is averaged over all directions.
 fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
     const STEPS: i32 = 24;
     let shared = |distance: f64| {

@@ -1,4 +1,4 @@
-//! The best quality whose frames keep a budget on this machine, measured.
+//! Measurement of the best quality whose frames keep a budget on this machine.
 
 use super::error::{BackendError, RenderError};
 use super::frame::Frame;
@@ -12,8 +12,8 @@ use crate::transducer::Probe;
 /// Rungs of the [`LADDER`].
 pub const RUNGS: usize = 9;
 
-/// Points that a budget chooses from, in rising cost: each has twice or three times the paths of the one before. Layers come before
-/// rays: they are nearer to the best frame for their time (README).
+/// Points that a budget chooses from, in rising cost: each has two or three times the paths of the one before. Layers
+/// come before rays: they improve a frame more for their time (README).
 pub const LADDER: [QualityPoint; RUNGS] = [
     QualityPoint::new(1, 1),
     QualityPoint::new(1, 3),
@@ -26,7 +26,7 @@ pub const LADDER: [QualityPoint; RUNGS] = [
     QualityPoint::new(128, 3),
 ];
 
-/// Frames whose median is a rung's time, after one that warms it up.
+/// Timed frames per rung, after one that warms it up. Their median counts.
 const FRAMES: usize = 3;
 
 /// Result of climbing the quality ladder.
@@ -34,9 +34,9 @@ const FRAMES: usize = 3;
 pub struct Climbed {
     /// Time that a frame may take, ms.
     pub budget_ms: f64,
-    /// The best rung within the budget; the least where none is.
+    /// The best rung within the budget; 0 if there is none.
     pub rung: usize,
-    /// Median time of a frame of each rung, ms; none where it was not reached, or the device refuses it.
+    /// Median time of a frame of each rung, ms; None if it was not reached or the device refuses it.
     pub frame_ms: [Option<f64>; RUNGS],
 }
 
@@ -58,7 +58,7 @@ impl Climbed {
 }
 
 /// Climbs the ladder up to the first rung over the budget. `frame_ms` renders a frame of a point and returns its time,
-/// ms, or none where the device has no room for such frames; times that are no finite number are left out.
+/// ms, or None if the device has no room for such frames. Times that are not finite are ignored.
 ///
 /// # Errors
 /// Those of `frame_ms`.
@@ -88,9 +88,9 @@ pub fn climb<E>(
 }
 
 impl Renderer {
-    /// Measures which point of the [`LADDER`] keeps the budget at `poses`, in turn, and goes on with `probe` and
-    /// `settings` of that quality. The seed is kept. Times are those of a frame alone, from its submission until it lies
-    /// in memory.
+    /// Measures which point of the [`LADDER`] keeps the budget at `poses`, in turn, and switches to `probe` and
+    /// `settings` with that quality. The seed is kept. Frames are timed one by one, from submission until they are in
+    /// memory.
     ///
     /// # Errors
     /// Those of [`Renderer::reconfigure`] and [`Renderer::render`], except that a rung without room
@@ -131,7 +131,7 @@ mod tests {
     use crate::render::preset::Preset;
     use crate::settings::Quality;
 
-    /// Climbs on a machine that takes 10 ms and `per_path` ms a path.
+    /// Climbs on a machine that takes 10 ms plus `per_path` ms per path.
     fn climbed(budget_ms: f64, per_path: f64) -> (Climbed, usize) {
         let mut frames = 0;
         let climbed = climb::<()>(budget_ms, |point| {

@@ -1,4 +1,4 @@
-//! Interface of what makes frames: the host's processors or a device.
+//! Interface of frame makers: the host renderer and the device renderer.
 
 use std::fmt::Debug;
 
@@ -20,7 +20,7 @@ pub(super) trait FrameMaker: Debug + Send {
     /// Whether passes were compiled since the last call: the next frame takes longer.
     fn take_cold(&mut self) -> bool;
 
-    /// Takes over the nodes and triangles that moved, for the next frames.
+    /// Updates the nodes and triangles that moved, for the next frames.
     fn move_scene(&mut self, bvh: &Bvh, changed: &Changed);
 
     /// Starts a frame at the pose of the uniforms.
@@ -35,7 +35,7 @@ pub(super) trait FrameMaker: Debug + Send {
     /// A device that fails.
     fn receive(&mut self, frame: &mut Frame) -> Result<(), BackendError>;
 
-    /// Makes a frame with its maps, and keeps what every pass wrote.
+    /// Makes a frame with its maps, and returns the outputs of every pass.
     ///
     /// # Errors
     /// A device that fails.

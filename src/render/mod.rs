@@ -1,6 +1,6 @@
 //! From a pose to a frame. `host` and `device` make frames, each with the same passes; `twin` is their f64 reference.
 //!
-//! Host and device do not know each other. Both know what lies directly in this module: tables, uniforms, effect plan,
+//! Host and device do not know each other. Both use the files directly in this module: tables, uniforms, effect plan,
 //! constants. [`Renderer`] is their one interface.
 
 mod backend;

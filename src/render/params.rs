@@ -10,10 +10,10 @@ use crate::pose::Pose;
 use crate::settings::{Effect, EffectSet, ImageUniforms, RenderSettings};
 use crate::transducer::Probe;
 
-/// Words of the settings of the image, and zeros that make the uniforms a multiple of 16 bytes.
+/// Words of the image settings, and zeros that make the uniforms a multiple of 16 bytes.
 const IMAGE_WORDS: usize = size_of::<ImageUniforms>() / 4;
 const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
-/// Vectors of four that hold the settings of the image.
+/// Vectors of four that hold the image settings.
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
 // WGSL aligns the vectors of `image` to 16 bytes.
@@ -52,7 +52,7 @@ pub(crate) struct Params {
     pub(crate) reflections_max: u32,
     pub(crate) layers: u32,
     pub(crate) guides: u32,
-    /// Zeros: `image` begins at a multiple of 16 bytes, as in WGSL. A new field takes a word of them.
+    /// Zeros: `image` begins at a multiple of 16 bytes, as in WGSL. A new field replaces one of these words.
     pub(crate) padding: [u32; 2],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
@@ -106,12 +106,12 @@ impl Params {
         }
     }
 
-    /// Paths of a batch of `layers` that carry echoes.
+    /// Number of paths that carry echoes in a batch of `layers`.
     pub(crate) fn sounding_paths(&self, layers: u32) -> u32 {
         self.scanlines * self.rays * layers
     }
 
-    /// Paths of a batch of `layers`: the guides behind those that carry echoes.
+    /// Number of paths in a batch of `layers`: those that carry echoes, then the guides.
     pub(crate) fn paths(&self, layers: u32) -> u32 {
         self.sounding_paths(layers) + self.guides
     }
@@ -121,7 +121,7 @@ impl Params {
         Vec3::new(self.lateral[3], self.elevational[3], self.axial[3])
     }
 
-    /// A vector of the probe frame in the scene.
+    /// Scene vector of a probe-frame vector.
     pub(crate) fn scene_vector(&self, v: Vec3) -> Vec3 {
         let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
         axis(self.lateral) * v.x + axis(self.elevational) * v.y + axis(self.axial) * v.z
@@ -137,7 +137,7 @@ impl Params {
         self.lateral = column(DVec3::X, origin.x);
         self.elevational = column(DVec3::Y, origin.y);
         self.axial = column(DVec3::Z, origin.z);
-        // From any point of the face back through the whole scene.
+        // Reaches from any point of the face back through the whole scene.
         let face = probe.half_extent().max(1.0) * probe.face_radius_mm().unwrap_or(1.0).max(1.0);
         self.reach_mm = (origin.length() + 2.0 * bvh.radius_mm + face + probe.elevational_height_mm) as f32;
     }

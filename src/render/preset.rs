@@ -1,4 +1,4 @@
-//! Named points of what accuracy costs: rays × layers.
+//! Quality points, rays × layers, and their names.
 
 use std::fmt;
 use std::str::FromStr;
@@ -27,7 +27,7 @@ impl QualityPoint {
         Quality { rays: self.rays, layers: self.layers, seed }
     }
 
-    /// Paths a scanline: rays × layers.
+    /// Paths per scanline: rays × layers.
     pub const fn paths(self) -> u32 {
         self.rays * self.layers
     }
@@ -58,7 +58,7 @@ pub struct UnknownPreset {
 pub enum Preset {
     /// 1 ray × 1 layer: the paper's low quality.
     Fast,
-    /// 2 rays × 3 layers: what lies beside the scan plane, too.
+    /// 2 rays × 3 layers: with the tissue beside the scan plane.
     Balanced,
     /// 32 rays × 3 layers: the paper's high quality.
     Accurate,

@@ -1,4 +1,4 @@
-//! Frames from poses: one interface, whatever makes the frames; up to two are in flight.
+//! Frames from poses: one interface for all backends; up to two frames are in flight.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -56,7 +56,7 @@ impl Renderer {
         Self::with_bvh(backend, scene, Bvh::build(scene)?, probe, settings)
     }
 
-    /// As [`Renderer::new`] with a BVH built before, which renderers may share.
+    /// As [`Renderer::new`], with a BVH built before, which renderers may share.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -70,8 +70,7 @@ impl Renderer {
         Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default())
     }
 
-    /// As [`Renderer::with_bvh`] with passes that a test has changed. Shaders are those of a device, constants those of the
-    /// host.
+    /// As [`Renderer::with_bvh`], with passes changed by a test. Shaders apply to a device, constants to the host.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -111,19 +110,19 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// Goes on with another probe and other settings. The scene and compiled passes are kept:
+    /// Changes the probe and settings. The scene and compiled passes are kept:
     ///
-    /// - gain, dynamic range, TGC, seed, reflections and maps are numbers of the next frame and cost nothing, as long as
-    ///   the plan calls for the same effects;
-    /// - all else makes the tables anew and those buffers whose sizes change. A pass that is new (kept lines) is compiled
-    ///   and warmed up by a frame of its own.
+    /// - gain, dynamic range, TGC, seed, reflections and maps apply to the next frame and cost nothing, as long as the
+    ///   plan has the same effects;
+    /// - all other settings rebuild the tables, and the buffers whose sizes change. A new pass (kept lines) is compiled
+    ///   and warmed up by an extra frame.
     ///
-    /// Frames in flight stay as they were submitted and are received in their order, with their own size and maps. While
-    /// both are held, the memory of both is used.
+    /// Frames in flight stay as they were submitted and are received in their order, with their own size and maps.
+    /// While both are held, the memory of both is used.
     ///
     /// # Errors
-    /// A value outside its range, or too little memory: the renderer is then as it was before. A device that fails in
-    /// the warm-up.
+    /// A value outside its range, or too little memory: the renderer is then unchanged. A device that fails in the
+    /// warm-up.
     pub fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderError> {
         probe.validate()?;
         settings.validate()?;
@@ -143,8 +142,8 @@ impl Renderer {
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
     }
 
-    /// Renders a frame for each of `with` or without maps: drivers compile at the first dispatch, and memory is mapped at
-    /// the first write. Neither shall happen in a user's first frame.
+    /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at
+    /// the first write; neither may delay a user's first frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
         let (maps, image) = (self.active.settings.maps, std::mem::replace(&mut self.image, true));
         // Looks away from the scene, as that takes the least time.
@@ -160,7 +159,7 @@ impl Renderer {
     }
 
     /// Sets whether the next frames carry segmentation and attenuation: as [`Renderer::reconfigure`] with
-    /// [`RenderSettings::maps`], at no cost, for a choice that is made for each frame.
+    /// [`RenderSettings::maps`], but at no cost, so it may be called for each frame.
     pub fn set_maps(&mut self, maps: bool) {
         if maps != self.active.settings.maps {
             self.active.settings.maps = maps;
@@ -168,26 +167,26 @@ impl Renderer {
         }
     }
 
-    /// Sets whether the next frames carry their B-mode image. Without it [`Frame::bmode`] is empty and the passes that make
-    /// it are left out, for a generator that takes maps alone. Frames without maps, and those whose lines are kept, have it
-    /// in any case. Costs nothing; frames in flight stay as they were submitted.
+    /// Sets whether the next frames carry their B-mode image. Without it [`Frame::bmode`] is empty and its passes are
+    /// skipped, for a generator that takes only maps. Frames without maps, and those with lines, always have it. Costs
+    /// nothing; frames in flight stay as they were submitted.
     pub fn set_image(&mut self, image: bool) {
         self.image = image;
     }
 
     /// Moves the scene to `time_s`, for the frames that are submitted from now on.
     ///
-    /// Only corners and boxes that changed are taken over; a scene that does not move costs nothing. A new renderer shows
-    /// time 0, at which everything rests.
+    /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. A new renderer shows
+    /// time 0, with everything at rest.
     pub fn set_time_s(&mut self, time_s: f64) {
         if self.bvh.moves() && self.active.effects.has(Effect::Motion) {
             self.move_to(time_s);
         }
     }
 
-    /// Moves the scene to `time_s`, whatever the plan says.
+    /// Moves the scene to `time_s`, even if the plan has no motion.
     fn move_to(&mut self, time_s: f64) {
-        // Several renderers may start from one tree; each moves its own.
+        // Renderers may share one tree until it moves; then each has its own copy.
         let bvh = Arc::make_mut(&mut self.bvh);
         bvh.set_time_s(time_s);
         for changed in bvh.changed() {
@@ -200,7 +199,7 @@ impl Renderer {
         &self.active.settings
     }
 
-    /// Effects that frames are made of, and why.
+    /// Effects that frames simulate, and why.
     pub fn plan(&self) -> &EffectPlan {
         &self.active.effects
     }
@@ -275,8 +274,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders a frame with its maps, whatever the settings say, and keeps what every pass read and wrote. Slow: for tests
-    /// and study.
+    /// Renders a frame with its maps, whatever the settings are, and returns the inputs and outputs of every pass.
+    /// Slow: for tests and study.
     ///
     /// # Errors
     /// Frames in flight, settings whose layers don't fit in one batch, or a device that fails.
@@ -294,7 +293,7 @@ impl Renderer {
     }
 }
 
-/// Checks every index that passes follow unchecked.
+/// Checks every index that passes use unchecked.
 fn check_scene(scene: &Scene, bvh: &Bvh) -> Result<(), RenderError> {
     let (surfaces, tissues) = (scene.surfaces.len(), scene.tissues.tissues().len());
     let fail = |what: String| Err(RenderError::Scene { what });

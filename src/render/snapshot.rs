@@ -35,7 +35,7 @@ pub(super) struct PassBuffers {
 /// Inputs and outputs of every pass of one frame, as typed values in f64.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
-    /// Inputs of the passes, beside each other's outputs.
+    /// Inputs of the passes, except outputs of other passes.
     pub inputs: Inputs,
     /// `locate`: surfaces that each path starts inside `[paths]`.
     pub starts_inside: Vec<Membership>,
@@ -97,7 +97,7 @@ impl Snapshot {
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
-            // A device's buffer of lines that nobody wants is shorter.
+            // A device's buffer of lines is shorter if they are not wanted.
             lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },
             grey: polar.into_iter().map(|word| f64::from(word & 0xffff) / 257.0).collect(),
             sections,

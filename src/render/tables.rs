@@ -16,10 +16,10 @@ use crate::transducer::{Probe, Sector};
 
 /// Words of four pixels across a tile of the image.
 const TILE_WORDS: u32 = 4;
-/// Least steps of the maps over the depth, however few pixels the image has: where an oblique boundary cuts between two
-/// map rays, Σμ is off by a part of their distance.
+/// Least number of map steps over the depth, even with few pixels: at an oblique boundary, the error of Σμ is a
+/// fraction of the distance between map rays.
 const MAP_STEPS_MIN: f64 = 1000.0;
-/// Part of scatterer cells in a density of 1, as the shader compares 17 bits.
+/// Packed density of 1: the shaders compare it with 17 random bits.
 const DENSITY_ONE: f64 = 131072.0;
 
 /// `Tissue` of `shaders/shared/tissue.wgsl`.
@@ -40,7 +40,7 @@ pub(crate) struct PackedTissue {
 }
 
 impl PackedTissue {
-    /// A tissue as far as its effects are simulated; an effect that isn't has the value that makes it do nothing.
+    /// A tissue with the simulated effects; an effect that is off has the value that makes it do nothing.
     fn new(tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
         let of = |effect: Effect, value: f64, without: f64| if effects.has(effect) { value } else { without };
         let thickness_mm = of(Effect::Thickness, tissue.thickness_mm, 0.0);
@@ -48,7 +48,7 @@ impl PackedTissue {
         let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
         let loss_np_mm = 2.0 * attenuation_np_mm(loss_db_cm_mhz, exponent, probe.frequency_mhz);
         let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
-        // A sinc of the phase over the thickness, as the Gaussian of the same curvature: never negative.
+        // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
         let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
         Self {
             impedance_mrayl: tissue.impedance_mrayl() as f32,
@@ -74,18 +74,18 @@ pub(crate) struct Tables {
     /// Origin and direction of each map ray.
     pub(crate) map_rays: Vec<[f32; 4]>,
     pub(crate) map_ray_count: u32,
-    /// Depths that a map ray is sampled at, `map_step_mm` apart, from the face to beyond the deepest pixel.
+    /// Number of depths per map ray, `map_step_mm` apart, from the face to beyond the deepest pixel.
     pub(crate) map_depths: u32,
-    /// Distance of those depths, and at the most of neighbouring map rays, mm.
+    /// Spacing of those depths, and largest spacing of neighbouring map rays, mm.
     pub(crate) map_step_mm: f64,
-    /// Elevational offset at the face (mm), its slope, weight, and its rays' length a mm of depth.
+    /// Of each layer: elevational offset at the face (mm), slope, weight, and length of its rays per mm of depth.
     pub(crate) layers: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
     /// The point-spread function.
     pub(crate) kernels: Kernels,
     /// Packed place of each pixel [height × 4·row_words].
     pub(crate) pixels: Vec<u32>,
-    /// Words of four pixels that meet the sector, tile by tile: index of each in the image.
+    /// Image indices of the words of four pixels that overlap the sector, tile by tile.
     pub(crate) sector_words: Vec<u32>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Arc<[u8]>,
@@ -143,17 +143,17 @@ fn rays(probe: &Probe, rays_per_line: u32) -> Vec<[f32; 4]> {
     table
 }
 
-/// Map rays are no further apart than a step at the deepest arc.
+/// Number of map rays: at most a step apart at the deepest arc, and at most 16,384.
 fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
     let arc_mm = probe.line_spacing_mm(probe.depth_mm) * f64::from(probe.scanlines);
     ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
 }
 
-/// Gauss–Hermite nodes and weights over the elevational beam, so that layers integrate its Gaussian profile.
+/// Elevational layers at Gauss–Hermite nodes, whose weights integrate the beam's Gaussian profile.
 ///
-/// A layer is a plane of straight rays. They run from the lens through its focus and part behind it: the least-squares line,
-/// over the depth, of the layer's node times the beam's width, of the other sign beyond the focus. Where the beam has hardly
-/// a waist, they go on without crossing, by the same line without that sign, whichever is nearer to the width.
+/// A layer is a plane of straight rays: the least-squares line, over the depth, of node × beam width. Usually layers
+/// cross at the lens's focus: the width's sign changes there. If the beam has hardly a waist, they don't cross: the
+/// sign stays. The line that is nearer to the width is taken.
 pub(crate) fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     const STEPS: u32 = 64;
     let depths = || (0..STEPS).map(|i| probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS));
@@ -185,7 +185,7 @@ fn line_through(points: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) 
 }
 
 /// Nodes (in standard deviations, ascending) and weights (sum 1) that integrate a standard normal exactly up to
-/// degree 2·count − 1: the roots of the probabilists' Hermite polynomial, by Newton's method
+/// degree 2·count − 1: the roots of the probabilists' Hermite polynomial, found by bisection
 /// (Press et al., *Numerical Recipes*, section 4.6).
 fn gauss_hermite(count: u32) -> Vec<(f64, f64)> {
     let n = count as usize;
@@ -199,7 +199,7 @@ fn gauss_hermite(count: u32) -> Vec<(f64, f64)> {
         }
         (current, previous)
     };
-    // Every root lies between sign changes of a fine scan: they interlace no closer than 1/√n.
+    // A fine scan separates all roots: they are at least 1/√n apart.
     let reach = 2.0 * (count as f64).sqrt() + 2.0;
     let steps = 4000;
     let mut nodes = Vec::with_capacity(n);
@@ -241,7 +241,7 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     (places, mask)
 }
 
-/// Fractions of the sector's width and depth, in one word: to 1/65,534 of the width and 1/262,140 of the depth.
+/// Fractions of the sector's width and depth in one word, rounded to within 1/65,532 and 1/262,140.
 fn pack_place(across: f64, depth: f64) -> u32 {
     let (across_max, depth_max) = place_scales();
     let across = (across.clamp(0.0, 1.0) * across_max).round() as u32;
@@ -256,7 +256,7 @@ pub(crate) fn unpack_place(word: u32) -> Option<[f64; 2]> {
     (word != OUTSIDE).then(|| [f64::from(across) / across_max, f64::from(word >> ACROSS_BITS) / depth_max])
 }
 
-/// Codes of a fraction of 1: one less than the bits hold, so that no place is [`OUTSIDE`].
+/// Codes of a fraction of 1: one less than the bits hold, so no place equals [`OUTSIDE`].
 fn place_scales() -> (f64, f64) {
     (f64::from((1u32 << ACROSS_BITS) - 2), f64::from((1u32 << (32 - ACROSS_BITS)) - 2))
 }
@@ -296,7 +296,7 @@ mod tests {
         for depth in (0..=150).map(f64::from) {
             let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
             for [offset, slope, ..] in [below, above].map(|l| l.map(f64::from)) {
-                // Straight rays have no waist: at the focus they are off by it.
+                // Straight rays have no waist, so they differ from the beam at the focus.
                 let got = (offset + slope * depth).abs();
                 assert!((got - want).abs() < 0.9, "{got} mm, not {want}, at {depth} mm");
             }
@@ -307,7 +307,7 @@ mod tests {
 
     #[test]
     fn layers_of_a_lens_without_a_waist_do_not_cross() {
-        // So low a frequency that the beam is as wide at the focus as at the face, nearly; and a focus just within the image.
+        // A low frequency, with the beam nearly as wide at the focus as at the face; and a focus just within the image.
         let lenses = [
             Probe { frequency_mhz: 2.5, elevational_focus_mm: 80.0, depth_mm: 160.0, ..Probe::default() },
             Probe { depth_mm: 75.0, ..Probe::default() },

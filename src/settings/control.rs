@@ -19,10 +19,10 @@ pub enum Control {
 pub struct Assignment {
     /// Key without its table.
     pub key: String,
-    /// Place in a list, from 0.
+    /// Index in a list, from 0.
     #[serde(default)]
     pub index: usize,
-    /// Value; 0 or 1 of a switch.
+    /// Value; 0 or 1 for a switch.
     pub value: f64,
 }
 
@@ -58,7 +58,7 @@ impl Control {
     /// Checks keys and values.
     ///
     /// # Errors
-    /// As [`Assignment::check`], of the first that fails.
+    /// The first error of [`Assignment::check`].
     pub fn check(&self) -> Result<(), SettingsError> {
         match self {
             Self::Set(assignments) => assignments.iter().try_for_each(|assignment| assignment.check().map(|_| ())),
@@ -71,7 +71,7 @@ impl LiveSettings {
     /// These settings with `assignments`.
     ///
     /// # Errors
-    /// As [`Assignment::check`]; then none is assigned.
+    /// The first error of [`Assignment::check`]; nothing is assigned then.
     pub fn with(mut self, assignments: &[Assignment]) -> Result<Self, SettingsError> {
         for assignment in assignments {
             let setting = assignment.check()?;

@@ -1,4 +1,4 @@
-//! Effects by name, and the choice of a station for each.
+//! Effects by name, and a station's choice for each.
 
 use std::fmt;
 use std::str::FromStr;
@@ -28,9 +28,9 @@ macro_rules! effects {
 effects! {
     /// Paths bend where the speed of sound changes (Snell's law), and turn back beyond the critical angle.
     Refraction = "refraction";
-    /// A slow or fast tissue displaces what lies behind it: time of flight by each medium's speed, not by 1540 m/s.
+    /// Displacement behind slow or fast tissue: time of flight by each medium's speed, not by 1540 m/s.
     SpeedDisplacement = "speed_displacement";
-    /// Echoes of the places where the medium changes.
+    /// Echoes from the boundaries between media.
     InterfaceEchoes = "interface_echoes";
     /// Microfacets of rough interfaces, which spread their echoes and reflections.
     Roughness = "roughness";
@@ -44,13 +44,13 @@ effects! {
     Layers = "layers";
     /// Loss along the path, in the image and in its map.
     Attenuation = "attenuation";
-    /// Attenuation by a power of the frequency other than 1.
+    /// Attenuation proportional to a power of the frequency other than 1.
     FrequencyExponent = "frequency_exponent";
     /// Speckle.
     Scatterers = "scatterers";
-    /// Parts that move against each other, and drift of the whole scene.
+    /// Relative motion of parts, and drift of the whole scene.
     Motion = "motion";
-    /// Segmentation and attenuation beside the image; auto: where a sink or a generator reads them.
+    /// Segmentation and attenuation beside the image; auto: if a sink or a generator reads them.
     Maps = "maps";
 }
 
@@ -60,7 +60,7 @@ impl Effect {
         Self::DOCS[self as usize].trim_ascii()
     }
 
-    /// Words that a station file takes for it: the maps are never off.
+    /// Words that a station file accepts for it; `maps` cannot be off.
     pub fn words(self) -> &'static [&'static str] {
         match self {
             Self::Maps => &["auto", "on"],
@@ -131,7 +131,7 @@ impl EffectChoices {
     /// Sets the choice for `effect`.
     ///
     /// # Errors
-    /// `maps` off: the maps are left out wherever nothing reads them, and needed wherever something does.
+    /// `maps` off: maps are omitted automatically if nothing reads them.
     pub fn set(&mut self, effect: Effect, choice: Choice) -> Result<(), String> {
         if (effect, choice) == (Effect::Maps, Choice::Off) {
             return Err(
@@ -144,7 +144,7 @@ impl EffectChoices {
         Ok(())
     }
 
-    /// These choices with `choice` for `effect`; a refused one changes nothing, see [`EffectChoices::set`].
+    /// These choices with `choice` for `effect`; unchanged if [`EffectChoices::set`] refuses it.
     #[must_use]
     pub fn with(mut self, effect: Effect, choice: Choice) -> Self {
         let _ = self.set(effect, choice);

@@ -1,4 +1,4 @@
-//! [`settings!`]: one block a setting becomes a field, its default, and its [`Setting`].
+//! [`settings!`]: turns one block per setting into a field, its default, and its [`Setting`].
 
 use super::{Change, Setting, SettingsError, Stored};
 
@@ -12,7 +12,7 @@ pub trait SettingsGroup {
     /// Storage of a setting of this group or of a nested one.
     fn stored(&self, key: &str) -> Option<&dyn Stored>;
 
-    /// The same, to be written.
+    /// Mutable storage of a setting of this group or of a nested one.
     fn stored_mut(&mut self, key: &str) -> Option<&mut dyn Stored>;
 
     /// Checks every value against its range, nested groups first.
@@ -38,10 +38,10 @@ pub(crate) fn check_own<G: SettingsGroup>(group: &G) -> Result<(), SettingsError
 
 /// Defines a struct of settings.
 ///
-/// A block of `struct` is one setting: documentation, field, type, default, unit, range, what a change needs, and the
-/// control of live displays where it has one. `nested` are groups within the group. `plain` are fields that no station
-/// key sets by itself, each with what a change of it needs. `uniforms NAME` makes a second struct of the group's own
-/// settings, as words of 32 bits that the passes read.
+/// Each block of `struct` is one setting: documentation, field, type, default, unit, range, `Change`, and an optional
+/// control on live displays. `nested` holds groups within the group. `plain` holds fields that have no single station
+/// key, each with its `Change`. `uniforms NAME` also defines a struct of the group's own settings, as 32-bit words that
+/// the passes read.
 macro_rules! settings {
     (
         $(#[$meta:meta])*

@@ -1,4 +1,4 @@
-//! Keys of the live displays. Those of a single setting stand with its definition.
+//! Keys of the live displays. Keys of a single setting are defined with the setting.
 
 use std::sync::LazyLock;
 
@@ -16,7 +16,7 @@ pub enum Action {
         setting: &'static str,
         /// Added to the value.
         by: f64,
-        /// Value that the key does not go beyond; serialized as null where it is infinite.
+        /// Limit of the value; serialized as null if infinite.
         until: f64,
     },
     /// Sets every TGC slider to 0 dB.
@@ -34,7 +34,7 @@ pub enum Action {
     Help,
     /// Ends the session.
     Quit,
-    /// Something that the page does by itself: its name in `app.js`.
+    /// Action of the page alone, by its name in `app.js`.
     Page(&'static str),
 }
 
@@ -71,7 +71,7 @@ impl HotKey {
     }
 }
 
-/// A quality with a key and a button of its own.
+/// A quality with its own key and button.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct QualityPointKey {
     /// Name on the button.
@@ -107,7 +107,7 @@ fn key(keys: &[&'static str], shown: &'static str, meaning: &'static str, action
     HotKey { keys: keys.to_vec(), shown, meaning, action }
 }
 
-/// Every key: those of settings first.
+/// All keys, those of settings first.
 pub fn hot_keys() -> &'static [HotKey] {
     static HOT_KEYS: LazyLock<Vec<HotKey>> = LazyLock::new(|| {
         let of_settings = live_settings().filter_map(|setting| Some((setting, setting.control.as_ref()?)));
@@ -145,8 +145,8 @@ pub fn hot_key(display: Display, name: &str) -> Option<Action> {
 }
 
 impl Action {
-    /// Assignments that the action asks for, beginning at `settings`; empty where it changes no setting. Values stay in
-    /// their ranges.
+    /// Assignments of the action, starting from `settings`; empty if it changes no setting. Values are clamped to their
+    /// ranges.
     pub fn assignments(self, settings: &LiveSettings) -> Vec<Assignment> {
         match self {
             Self::Step { setting: key, by, until } => {

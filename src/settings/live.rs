@@ -4,13 +4,13 @@ use super::live_control::toggle;
 use super::{ImageSettings, Probe, Quality, RenderSettings, Setting, SettingsGroup, settings};
 
 settings! {
-    /// Settings of a running session. Those with a [`LiveControl`](super::LiveControl) can be changed; the others stay.
+    /// Settings of a running session. Only those with a [`LiveControl`](super::LiveControl) can be changed.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct LiveSettings in "session" {
-        /// Picture stands still.
+        /// Whether the picture is frozen.
         frozen: bool = false, "", 0.0..=1.0, Nothing, toggle("Freeze").key(" ", "Space", "freeze, unfreeze", 1.0);
 
-        /// Generator may run.
+        /// Whether the generator may run.
         enhance: bool = true, "", 0.0..=1.0, Nothing, toggle("Generator").key("e", "E", "generator on, off", 1.0);
     }
     nested {
@@ -22,12 +22,12 @@ settings! {
 }
 
 impl LiveSettings {
-    /// Whether frames with these settings and with `other` differ in nothing but their pose.
+    /// Whether frames of one pose are the same with these settings and with `other`.
     pub fn same_picture(&self, other: &Self) -> bool {
         (&self.probe, &self.render) == (&other.probe, &other.render)
     }
 
-    /// Captions of live settings that have one, as `Depth 15.0 cm`, then rays × layers.
+    /// Captions of the live settings that have one, such as `Depth 15.0 cm`, then rays × layers.
     pub fn captions(&self) -> Vec<String> {
         let of_settings = live_settings().filter_map(|setting| {
             let control = setting.control.as_ref().filter(|control| !control.caption.is_empty())?;
@@ -40,7 +40,7 @@ impl LiveSettings {
     }
 }
 
-/// Settings that can be changed while a session runs, in the order of displays. Their keys are unique without the table.
+/// Settings that can be changed while a session runs, in display order. Their keys are unique without the table.
 pub fn live_settings() -> impl Iterator<Item = &'static Setting> {
     let groups = [
         ImageSettings::settings(),

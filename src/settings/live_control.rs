@@ -11,11 +11,11 @@ pub struct LiveControl {
     pub label: &'static str,
     /// Name in the caption under the picture; empty: not shown there.
     pub caption: &'static str,
-    /// Slider; none: a switch, or values that are set by buttons and keys.
+    /// Slider; none for a switch, or if buttons and keys set the value.
     pub slider: Option<Slider>,
     /// Unit shown; none: the setting's.
     pub unit: Option<&'static str>,
-    /// Shown number over the setting's value.
+    /// Factor from the setting's value to the shown number.
     pub scale: f64,
     /// Decimals shown.
     pub digits: usize,
@@ -47,7 +47,7 @@ pub struct StepKey {
     pub meaning: &'static str,
     /// Added to the value.
     pub by: f64,
-    /// Value that the key does not go beyond.
+    /// Limit of the value.
     pub until: f64,
 }
 
@@ -76,22 +76,22 @@ pub(super) const fn hidden(label: &'static str) -> LiveControl {
 }
 
 impl LiveControl {
-    /// Another name in the caption; empty: none.
+    /// Changes the name in the caption; empty: not shown there.
     pub(super) fn caption(self, caption: &'static str) -> Self {
         Self { caption, ..self }
     }
 
-    /// Shows `scale` times the value, in `unit`, with so many decimals.
+    /// Shows `scale` times the value, in `unit`, with `digits` decimals.
     pub(super) fn shown(self, unit: &'static str, scale: f64, digits: usize) -> Self {
         Self { unit: Some(unit), scale, digits, ..self }
     }
 
-    /// A key that adds `by`.
+    /// Adds a key that changes the value by `by`.
     pub(super) fn key(self, key: &'static str, shown: &'static str, meaning: &'static str, by: f64) -> Self {
         self.key_until(key, shown, meaning, by, by * f64::INFINITY)
     }
 
-    /// A key that adds `by`, not beyond `until`.
+    /// Adds a key that changes the value by `by`, up to the limit `until`.
     pub(super) fn key_until(
         mut self,
         key: &'static str,

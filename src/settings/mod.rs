@@ -3,7 +3,7 @@
 //! A block of `settings!` in `probe.rs`, `image.rs`, `quality.rs`, `pipeline.rs` or `live.rs` holds a setting's key,
 //! type, default, unit, range, documentation, the work that a change needs, and its control on live displays. Derived
 //! from it: station keys and their checks, `insonify station-keys`, the page's controls, hot keys, live controls,
-//! recorded settings and their replay, and the choice of what a renderer makes again.
+//! recorded settings and their replay, and the parts that a renderer rebuilds.
 
 mod control;
 mod effect;

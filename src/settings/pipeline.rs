@@ -6,13 +6,13 @@ settings! {
     /// Conditions for showing generated pictures.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct ChoiceSettings in "pipeline" {
-        /// Distance from the last generated frame up to which that is held.
+        /// Largest distance from the last generated frame's pose at which that frame is held.
         hold_mm: f64 = 0.3, "mm", 0.0..=100.0, Nothing;
 
-        /// Angle from the last generated frame up to which that is held.
+        /// Largest angle from the last generated frame's pose at which that frame is held.
         hold_deg: f64 = 0.3, "degrees", 0.0..=180.0, Nothing;
 
-        /// Frames in a row that the generator must be ready for before its frames are shown.
+        /// Consecutive frames that the generator must be ready for before its frames are shown.
         steady_frames: u32 = 8, "", 1.0..=256.0, Nothing;
     }
 }
@@ -27,10 +27,10 @@ settings! {
         /// Longest time from sampling a frame's pose until it is shown, whatever the generator does.
         budget_ms: f64 = 100.0, "ms", 0.0..=10_000.0, Everything;
 
-        /// Length of a generator run that counts as hanging.
+        /// Duration of a generator run that counts as hanging.
         hang_ms: f64 = 5000.0, "ms", 10.0..=600_000.0, Everything;
 
-        /// Time that displays have to finish at the end.
+        /// Time allowed for displays to finish at the end.
         finish_ms: f64 = 10_000.0, "ms", 0.0..=600_000.0, Everything;
     }
     nested {

@@ -5,15 +5,15 @@ use serde::Serialize;
 use super::live_control::hidden;
 use super::{EffectChoices, ImageSettings, settings};
 
-/// Reflections after which a path always ends.
+/// Greatest value of `quality.reflections_max`.
 pub const REFLECTIONS_MAX: u32 = 6;
-/// Taps of the widest lateral beam that its pass holds; odd.
+/// Most taps of the lateral kernel in its pass; odd.
 pub const BEAM_TAPS_MAX: u32 = 65;
-/// Taps of the longest pulse that its pass holds; odd.
+/// Most taps of the pulse in its pass; odd.
 pub const PULSE_TAPS_MAX: u32 = 257;
 
 settings! {
-    /// Number of paths, and which.
+    /// Number of paths, and their random seed.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
     pub struct Quality in "quality" {
         /// Rays per scanline and layer.
@@ -35,16 +35,16 @@ impl Quality {
 }
 
 settings! {
-    /// All settings of a renderer, beside scene and probe. Serializes as the `[quality]` of a station.
+    /// All settings of a renderer except scene and probe. Serializes as the `[quality]` of a station.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct RenderSettings in "quality" {
-        /// Reflections that a path is followed through; at 0 no mirror image or reverberation forms.
+        /// Most reflections of a path; at 0 no mirror image or reverberation forms.
         reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
 
-        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, and its speckle is narrower.
+        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, with narrower speckle.
         beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
 
-        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, and its speckle is shorter.
+        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, with shorter speckle.
         pulse_taps_max: u32 = PULSE_TAPS_MAX, "", 3.0..=f64::from(PULSE_TAPS_MAX), Tables;
     }
     nested {
@@ -59,10 +59,10 @@ settings! {
         /// Whether frames carry the complex baseband lines.
         #[serde(skip)]
         lines: bool = false, Everything;
-        /// Whether frames carry segmentation and attenuation. The image is bit-identical without them, and takes less time.
+        /// Whether frames carry segmentation and attenuation; without them the image is bit-identical and faster.
         #[serde(skip)]
         maps: bool = true, Nothing;
-        /// Choices for effects, over those of the plan.
+        /// Choices for effects, which override the plan.
         #[serde(skip)]
         effects: EffectChoices = EffectChoices::default(), Everything;
     }

@@ -14,7 +14,7 @@ impl LiveSettings {
         values.collect()
     }
 
-    /// Takes the value of a live setting; none if there is no such setting.
+    /// Sets a live setting; None if there is no such setting.
     ///
     /// # Errors
     /// A value of another type. Its range is not checked.

@@ -18,11 +18,11 @@ pub struct Setting {
     pub unit: &'static str,
     /// Type of the value.
     pub kind: Kind,
-    /// Least value of a number, or of each of several.
+    /// Least value; in a list, of each element.
     pub min: f64,
-    /// Greatest value of a number, or of each of several.
+    /// Greatest value; in a list, of each element.
     pub max: f64,
-    /// Default of a number, or of each of several.
+    /// Default; in a list, of each element.
     pub default: f64,
     /// Documentation: one sentence.
     pub doc: &'static str,
@@ -39,7 +39,7 @@ pub enum Kind {
     Number,
     /// A whole number.
     Whole,
-    /// So many numbers.
+    /// A list of this many numbers.
     Numbers(usize),
     /// On (1) or off (0).
     Switch,
@@ -52,11 +52,11 @@ pub enum Change {
     Nothing,
     /// Tables are computed again: beam, pulse, depths.
     Tables,
-    /// The frame has another size, other paths or other passes: tables, buffers and passes are made again.
+    /// Tables, buffers and passes are rebuilt: the frame's size, paths or passes change.
     Everything,
 }
 
-/// A value that a setting does not take.
+/// An invalid value, index or key of a setting.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum SettingsError {
     /// A value outside its range.
@@ -118,7 +118,7 @@ impl Setting {
         }
     }
 
-    /// Whether pictures depend on it: on all but the switches of a session.
+    /// Whether frames depend on it: true for all settings except the switches of a session.
     pub fn is_of_picture(&self) -> bool {
         self.table != "session"
     }
@@ -194,10 +194,10 @@ pub trait Stored {
     /// Type of the value.
     fn kind(&self) -> Kind;
 
-    /// The value; of a list that at `index`.
+    /// The value; in a list, the element at `index`.
     fn get(&self, index: usize) -> f64;
 
-    /// Stores the value; in a list at `index`. Values are checked before.
+    /// Stores the value; in a list, at `index`. The caller has checked it.
     fn set(&mut self, index: usize, value: f64);
 }
 

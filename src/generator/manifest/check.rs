@@ -1,4 +1,4 @@
-//! Checks of a manifest: values in range, and parts that agree with each other.
+//! Checks of a manifest: ranges of values, and consistency of its parts.
 
 use std::path::Path;
 

@@ -19,13 +19,13 @@ pub struct Manifest {
     pub name: String,
     /// Description in one sentence.
     pub description: String,
-    /// Trained or written down.
+    /// Trained or written by hand.
     pub kind: Kind,
     /// Variant by the paper's name; must agree with the channels.
     pub variant: Variant,
     /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
-    /// Width and height are padded to a multiple of this, 1..=1024: half before, half behind, the odd pixel behind.
+    /// Width and height are padded to a multiple of this, 1..=1024: half before, half after, an odd pixel after.
     pub padding_multiple: u32,
     /// The input tensor.
     pub input: InputManifest,
@@ -36,7 +36,7 @@ pub struct Manifest {
     pub output: OutputManifest,
     /// An input and its expected output.
     pub parity: ParityManifest,
-    /// Training data; present if and only if it is a trained one.
+    /// Training data; present if and only if the generator is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Training>,
     /// Measured quality.
@@ -50,7 +50,7 @@ pub struct Manifest {
 pub enum Kind {
     /// Trained on pairs of images.
     Trained,
-    /// Written down: nothing was learnt.
+    /// Written by hand: nothing is learnt.
     FixedFilter,
 }
 
@@ -67,7 +67,7 @@ pub enum Variant {
     Maps,
 }
 
-/// A map that becomes a channel, or with classes several.
+/// A map that becomes one channel, or one channel per class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
@@ -75,7 +75,7 @@ pub enum Channel {
     Image,
     /// 1 inside the sector, 0 outside.
     Mask,
-    /// The class of the tissue: its index, or 1 in the channel of the class and 0 in those of others.
+    /// Class of the tissue: its index in one channel, or 1 in the channel of the class and 0 in the others.
     Segmentation,
     /// One-way attenuation over its 98th percentile, 0..=1.
     Attenuation,
@@ -89,7 +89,7 @@ pub struct Affine {
     pub scale: f32,
     /// Offset.
     pub offset: f32,
-    /// 1, or for the attenuation 0.5 or 0.25: it falls over ten decades, and a linear network sees but the first two.
+    /// 1; for the attenuation also 0.5 or 0.25. It falls over ten decades, of which a linear channel shows only two.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub power: f32,
 }
@@ -115,18 +115,18 @@ impl Affine {
 pub struct InputManifest {
     /// Its name in the model.
     pub name: String,
-    /// Its channels, in order; the segmentation may be one or one a class.
+    /// Its channels, in order; the segmentation may be one channel or one per class.
     pub channels: Vec<Channel>,
-    /// From the map's own values, as [`Channel`] tells them, to those of the tensor.
+    /// Mapping of [`Channel::Image`] to values of the tensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<Affine>,
-    /// Likewise.
+    /// Mapping of [`Channel::Mask`] likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<Affine>,
-    /// Likewise.
+    /// Mapping of [`Channel::Segmentation`] likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<Affine>,
-    /// Likewise.
+    /// Mapping of [`Channel::Attenuation`] likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attenuation: Option<Affine>,
 }
@@ -137,20 +137,19 @@ pub struct InputManifest {
 pub struct SegmentationManifest {
     /// One channel or several.
     pub encoding: Encoding,
-    /// Names of classes in their order: tissues, or groups that [`Self::of`] puts tissues into; `outside` is what is
-    /// outside the sector.
+    /// Names of the classes in order: tissues, or groups of tissues by [`Self::of`]. `outside` is the area outside the
+    /// sector.
     pub classes: Vec<String>,
-    /// The class that stands for every tissue not named. Without it, such a tissue is an error.
+    /// Class of all tissues that are not named. Without it, such a tissue is an error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
-    /// The class of each tissue that is not its own: `tissue = "class"`.
+    /// Class of each tissue that is no class itself: `tissue = "class"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub of: BTreeMap<String, String>,
 }
 
 impl SegmentationManifest {
-    /// Index of the class of the tissue of that name: by [`Self::of`], else the class of its name, else
-    /// [`Self::other`]'s.
+    /// Index of a tissue's class: by [`Self::of`], else the class of the same name, else [`Self::other`].
     pub fn class_of(&self, tissue: &str) -> Option<usize> {
         let index = |name: &String| self.classes.iter().position(|class| class == name);
         let own = || self.classes.iter().position(|class| class == tissue);
@@ -164,7 +163,7 @@ impl SegmentationManifest {
 pub enum Encoding {
     /// One channel with the index of the class.
     Map,
-    /// One channel a class with 0 or 1.
+    /// One channel per class, with 0 or 1.
     Classes,
 }
 
@@ -176,7 +175,7 @@ pub struct OutputManifest {
     pub name: String,
     /// Grey level / 255 = scale · y + offset.
     pub scale: f32,
-    /// See `scale`.
+    /// Offset of that formula.
     pub offset: f32,
 }
 
@@ -184,8 +183,8 @@ pub struct OutputManifest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParityManifest {
-    /// Planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255; those that the model
-    /// does not take are not looked at by it.
+    /// Planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255. The model ignores
+    /// planes that it does not take.
     pub input: String,
     /// Grey levels before rounding [height, width], 0 outside the sector.
     pub output: String,
@@ -203,7 +202,7 @@ pub struct Training {
     pub iterations: u64,
 }
 
-/// Figures on the test set: means.
+/// Mean quality metrics on the test set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quality {
@@ -241,7 +240,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Scale and offset from the values of `channel` to those of the tensor.
+    /// Mapping of `channel` to values of the tensor.
     pub(super) fn affine(&self, channel: Channel) -> Option<Affine> {
         match channel {
             Channel::Image => self.input.image,

@@ -9,7 +9,7 @@ use crate::render::error::BackendError;
 use crate::render::params::Params;
 use crate::render::tables::Tables;
 
-/// Stride of one batch's uniforms; every device aligns to 256 at the most.
+/// Stride of one batch's uniforms, bytes; no device needs a larger alignment.
 pub(crate) const PARAMS_STRIDE: u64 = 256;
 
 const STORAGE: wgpu::BufferUsages =
@@ -83,8 +83,8 @@ pub(crate) struct Buffers {
 }
 
 impl Buffers {
-    /// Makes the buffers, those of `previous` taken where they have the size. What is taken keeps its contents until
-    /// [`Buffers::fill`], so that a configuration that fails leaves `previous` whole.
+    /// Makes the buffers, and reuses those of `previous` that have the right size. They keep their contents until
+    /// [`Buffers::fill`], so a configuration that fails leaves `previous` intact.
     pub(crate) fn new(
         gpu: &Gpu,
         tables: &Tables,
@@ -141,13 +141,13 @@ impl Buffers {
         })
     }
 
-    /// Uploads the tables and clears what passes write: image words outside of the sector are written by none, and a pass
-    /// must not find what another configuration left.
+    /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and
+    /// none may read data of another configuration.
     pub(crate) fn fill(&self, gpu: &Gpu, scene: &SceneBuffers, tables: &Tables, previous: Option<&Self>) {
         let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
         let sector_pixels: Vec<u32> = tables.sector_words.iter().flat_map(word_pixels).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
-        // Zeros behind a table that is shorter than its uniform.
+        // Pads a table that is shorter than its uniform with zeros.
         let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {
             let mut whole = bytes.to_vec();
             whole.resize(buffer.size() as usize, 0);
@@ -214,7 +214,7 @@ impl Buffers {
                 (&self.layers, uniform),
                 (&self.scatterer_gain, uniform),
                 (&self.baseband, write),
-                // Not read before `lateral` writes it.
+                // Keeps powers until `lateral` writes it.
                 (&self.focused, write),
             ],
             "echo" => vec![(&self.echoes, read), (&self.segment_counts, read), (&self.baseband, write)],

@@ -23,11 +23,11 @@ pub(super) struct DeviceConfiguration {
 }
 
 impl DeviceConfiguration {
-    /// Makes all that differs from `previous`, and shares the rest with it. Nothing of `previous` changes before
+    /// Makes whatever differs from `previous`, and shares the rest with it. `previous` is unchanged until
     /// [`Buffers::fill`].
     ///
     /// # Errors
-    /// More than the device has, or a pass that it refuses.
+    /// Sizes beyond the device's limits or memory, or a pass that it refuses.
     pub(super) fn new(
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -87,7 +87,7 @@ impl DeviceConfiguration {
         Ok(Self { buffers, path_passes, image_passes, scan_convert_image, slots })
     }
 
-    /// Passes after those of the paths, in their order.
+    /// Passes of a frame after the path passes, in order.
     pub(super) fn image_passes(&self, contents: Contents) -> impl Iterator<Item = &Pass> {
         let taken = self.image_passes.iter().filter(move |pass| takes(contents, pass.name));
         taken.map(move |pass| {

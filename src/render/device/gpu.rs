@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::render::error::BackendError;
 
-/// Names of GPU nodes in `/dev` and `/dev/dri` begin so.
+/// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
 /// A device and its queue.
@@ -19,7 +19,7 @@ pub(in crate::render) struct Gpu {
 }
 
 impl Gpu {
-    /// Whether this machine may have a GPU. Costs no more than a look at `/dev`, and starts no driver.
+    /// Whether this machine may have a GPU. Only lists `/dev` and `/dev/dri`; starts no driver.
     pub(in crate::render) fn may_exist() -> bool {
         if !cfg!(target_os = "linux") {
             return true;
@@ -32,8 +32,8 @@ impl Gpu {
         names("/dev").iter().chain(&names("/dev/dri")).any(is_node)
     }
 
-    /// Opens the best device: discrete before integrated before, with `software`, software. `WGPU_BACKEND` restricts the
-    /// interfaces.
+    /// Opens the best device: discrete, else integrated, else software if `software` is set. `WGPU_BACKEND` restricts
+    /// the interfaces.
     ///
     /// # Errors
     /// No driver (with the remedy), or a driver that refuses a device.
@@ -84,7 +84,7 @@ impl Gpu {
         }
     }
 
-    /// Checks what the settings need against a limit of the device.
+    /// Checks the needs of the settings against a limit of the device.
     ///
     /// # Errors
     /// The device offers less.
@@ -101,7 +101,7 @@ impl Gpu {
         Err(BackendError::Limit { what, needed, limit_name, offered, adapter: self.adapter_name() })
     }
 
-    /// Result of `make`; `pass` is refused where the device reports an error meanwhile.
+    /// Result of `make`; an error for `pass` if the device reports a validation error meanwhile.
     pub(super) fn validated<T>(&self, pass: &'static str, make: impl FnOnce() -> T) -> Result<T, BackendError> {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = make();

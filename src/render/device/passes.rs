@@ -1,4 +1,4 @@
-//! Compiled passes, kept by their specialisation, and their bindings.
+//! Compiled passes, cached by their specialisation, and their bindings.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ struct Compiled {
     pipeline: wgpu::ComputePipeline,
 }
 
-/// Every pass compiled so far: it depends on the shader and its overrides alone.
+/// Every pass compiled so far. A compiled pass depends only on the shader and its overrides.
 #[derive(Debug)]
 pub(crate) struct Pipelines {
     shaders: ShaderSet,
@@ -41,7 +41,7 @@ impl Pipelines {
         cold
     }
 
-    /// The pass `name`, compiled if it wasn't yet; `bound` is what it binds.
+    /// The pass `name`, compiled if it wasn't yet; `bound` lists its buffers after the parameters.
     fn get(
         &mut self,
         gpu: &Gpu,
@@ -76,7 +76,7 @@ fn compile(
         ..wgpu::ShaderRuntimeChecks::checked()
     };
     // SAFETY: every index is bounded by the counts that the buffers were sized from (`Params`, `Tables`), every loop by
-    // such a count or a constant; `check_scene` has seen every index of the scene. Checks cost time on every read.
+    // such a count or a constant; `check_scene` has checked every index of the scene. Checks cost time on every read.
     let module = unsafe { device.create_shader_module_trusted(descriptor, checks) };
     let uniform = wgpu::BindGroupLayoutEntry {
         binding: 0,
@@ -121,7 +121,7 @@ fn compile(
     Compiled { name, constants: constants.to_vec(), layout, pipeline }
 }
 
-/// A compiled pass with what it binds in one configuration.
+/// A compiled pass with its bindings in one configuration.
 #[derive(Debug)]
 pub(crate) struct Pass {
     pub(crate) name: &'static str,

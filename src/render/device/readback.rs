@@ -23,11 +23,11 @@ pub(crate) struct Shape {
     /// Image, pixels.
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// Words of four pixels a row.
+    /// Words of four pixels per row.
     pub(crate) row_words: u32,
-    /// Scanlines that are kept as complex lines; 0 where none are.
+    /// Scanlines kept as complex lines; 0 if lines are not kept.
     pub(crate) lines: u32,
-    /// Samples of a row, and with its padding.
+    /// Samples per row, without and with padding.
     pub(crate) samples: u32,
     pub(crate) row_samples: u32,
     /// Passes of a frame with maps, in their order.
@@ -39,7 +39,7 @@ const MAP_PASSES: [&str; 2] = ["section", "percentile"];
 /// Passes that a frame without its image leaves out.
 const IMAGE_PASSES: [&str; 6] = ["locate", "trace", "march", "echo", "lateral", "detect"];
 
-/// Whether a frame of these contents takes the pass of that name.
+/// Whether a frame of these contents needs the pass of that name.
 pub(super) fn takes(contents: Contents, pass: &str) -> bool {
     (contents.maps || !MAP_PASSES.contains(&pass)) && (contents.image || !IMAGE_PASSES.contains(&pass))
 }
@@ -147,11 +147,11 @@ impl Slot {
         }
     }
 
-    /// Asks for the staging memory; `wait` must come before it is read.
+    /// Requests the mapping of the staging memory; [`Slot::read`] must wait for the message to `done`.
     pub(crate) fn map(&self, done: &mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>) {
         let done = done.clone();
         self.staging.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver lives as long as the renderer; a full channel can't be: one message a frame in flight.
+            // The receiver lives as long as the renderer. The channel has room for one message per frame in flight.
             let _ = done.try_send(result);
         });
     }
@@ -166,7 +166,7 @@ impl Slot {
             let at = |offset: u64, size: u64| &bytes[offset as usize..(offset + size) as usize];
             (frame.width, frame.height) = (self.shape.width, self.shape.height);
             let (width, stride) = (self.shape.width as usize, 4 * self.shape.row_words as usize);
-            // Of a frame without its image, or without maps, none are left of an earlier one.
+            // A frame without image or maps must not keep those of an earlier frame.
             frame.bmode.clear();
             if contents.image {
                 unpad(&mut frame.bmode, at(0, l.pixels), width, stride);

@@ -82,7 +82,7 @@ impl DeviceRenderer {
         self.gpu.queue.write_buffer(&self.active.buffers.params, 0, &self.uniforms);
     }
 
-    /// Begins the commands of a frame: clears what passes read and none writes.
+    /// Begins the commands of a frame: uploads uniforms, clears the counter, and the baseband if no `march` writes it.
     fn begin(&mut self, inputs: FrameInputs<'_>) -> wgpu::CommandEncoder {
         self.upload_uniforms(inputs);
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
@@ -101,7 +101,7 @@ impl DeviceRenderer {
             match self.mapped.try_recv() {
                 Ok(result) => break result,
                 Err(_) => {
-                    // Of this frame alone: the next one may be at work.
+                    // Waits for this frame only: the next one may still run.
                     let submission_index = Some(in_flight.submission.clone());
                     let wait = wgpu::PollType::Wait { submission_index, timeout: None };
                     self.gpu.device.poll(wait).map_err(|e| lost(e.to_string()))?;
@@ -128,7 +128,7 @@ impl FrameMaker for DeviceRenderer {
     }
 
     fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
-        // Writes are in order with submissions: a frame in flight keeps what it was submitted with.
+        // Writes are in order with submissions: a frame in flight keeps the data that it was submitted with.
         let write = |buffer: &wgpu::Buffer, first: usize, size: usize, bytes: &[u8]| {
             self.gpu.queue.write_buffer(buffer, (first * size) as u64, bytes);
         };

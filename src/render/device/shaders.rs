@@ -1,4 +1,4 @@
-//! WGSL sources: one file a pass, with the shared constants and the files that it imports put before it.
+//! WGSL sources: one file per pass, preceded by the shared constants and its imports.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
 use crate::anatomy::bvh::STACK_DEPTH_MAX;
@@ -6,7 +6,7 @@ use crate::render::constants as shared;
 use crate::render::params::IMAGE_QUADS;
 use crate::settings::{ImageSettings, SettingsGroup, wgsl_readers};
 
-/// Sources of every pass. A test may change one, to see the comparison with its twin fail.
+/// Sources of every pass. Tests change one to make the comparison with its twin fail.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
@@ -94,7 +94,7 @@ impl ShaderSet {
         self.sources.iter().find(|(n, _)| *n == name).map_or("", |(_, source)| source)
     }
 
-    /// Replaces `from` by `to` in the pass `name`; false where it doesn't occur.
+    /// Replaces `from` by `to` in the pass `name`; false if it doesn't occur.
     #[cfg(feature = "test-hooks")]
     pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
         match self.sources.iter_mut().find(|(n, source)| *n == name && source.contains(from)) {

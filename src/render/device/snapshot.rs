@@ -10,7 +10,7 @@ use crate::render::frame::unpad;
 use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
 
-/// Contents of a buffer, once the device has run what was submitted before.
+/// Contents of a buffer after all earlier submissions.
 fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError> {
     let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("snapshot"),
@@ -21,7 +21,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, Some(buffer.size()));
     let submission_index = Some(gpu.queue.submit([encoder.finish()]));
-    // A failed map shows when the range is asked for.
+    // `get_mapped_range` reports a failed map.
     copy.slice(..).map_async(wgpu::MapMode::Read, |_| {});
     let wait = wgpu::PollType::Wait { submission_index, timeout: None };
     gpu.device.poll(wait).map_err(|e| BackendError::Lost { reason: e.to_string() })?;
@@ -36,7 +36,7 @@ fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Ve
     Ok(rows)
 }
 
-/// Runs every pass of one batch after the commands of `encoder`, and reads back what each wrote.
+/// Runs every pass of one batch after the commands of `encoder`, and reads back their outputs.
 ///
 /// # Errors
 /// A device that fails.
@@ -48,7 +48,7 @@ pub(super) fn pass_buffers(
 ) -> Result<PassBuffers, BackendError> {
     let buffers = &active.buffers;
     let passes = || active.path_passes.iter().chain(&active.image_passes);
-    // Echoes are added in place: the scatterers alone are read on the way.
+    // Echoes are added in place, so the scatterers' baseband is read before `echo`.
     let scatters = passes().take_while(|pass| !["echo", "lateral"].contains(&pass.name)).count();
     let record = |encoder: &mut wgpu::CommandEncoder, pass: &Pass| {
         let label = Some(pass.name);

@@ -8,10 +8,10 @@ use crate::render::constants::{ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
 use crate::render::snapshot::PassBuffers;
 
-/// Outputs of the passes, and what they need beside the tables.
+/// Outputs of the passes, and their inputs beside the tables.
 #[derive(Debug)]
 pub(super) struct Buffers {
-    /// Images apart, which go into the frame. `lines` are empty unless the settings ask for them.
+    /// All outputs except images, which go into the frame. `lines` are empty unless the settings ask for them.
     pub(super) passes: PassBuffers,
     pub(super) gain: DepthGain,
     pub(super) layout: Layout,
@@ -19,7 +19,7 @@ pub(super) struct Buffers {
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
 }
 
-/// Zeros, if there is the memory.
+/// `count` zeros, or an error if memory is short.
 fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>, BackendError> {
     let zeroed = usize::try_from(count).ok().and_then(|count| bytemuck::allocation::try_zeroed_vec(count).ok());
     zeroed.ok_or_else(|| BackendError::Memory {

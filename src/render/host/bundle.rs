@@ -1,4 +1,4 @@
-//! Follows neighbouring paths at once: they look for their next crossings together, and meet their interfaces together.
+//! Follows a bundle of neighbouring paths: finds their crossings together, and computes their interfaces together.
 
 use super::depart::depart;
 use super::interface_batch::InterfaceBatch;
@@ -9,7 +9,7 @@ use super::path_state::PathState;
 use super::search::{Covered, collect, nearest};
 use super::traverse::{Crossing, Ray};
 
-/// The records of a bundle's paths, and the memory that following them needs.
+/// Records of a bundle's paths, and working memory.
 #[derive(Debug)]
 pub(super) struct Bundle {
     pub(super) records: [PathRecord; RAYS],
@@ -25,7 +25,7 @@ pub(super) struct Bundle {
 }
 
 impl Bundle {
-    /// Paths of a bundle.
+    /// Paths per bundle.
     pub(super) const PATHS: usize = RAYS;
 
     pub(super) fn new() -> Self {
@@ -42,7 +42,7 @@ impl Bundle {
         }
     }
 
-    /// Follows `count` paths from `first` on into the first records; how many crossings and segments found no room.
+    /// Follows `count` paths from `first` on into the first records. Returns the number of crossings and segments lost.
     #[inline(always)]
     pub(super) fn follow(&mut self, scene: &Scene<'_>, first: usize, count: usize) -> u32 {
         let Self { records, states, packet, visits, covered, behind, place, batch, boundaries } = self;
@@ -73,7 +73,7 @@ impl Bundle {
             batch.clear();
             for (lane, state) in states[..count].iter_mut().enumerate() {
                 let Some(found) = ahead[lane] else {
-                    // Nothing lies ahead.
+                    // No crossing ahead.
                     state.open = false;
                     continue;
                 };

@@ -1,4 +1,4 @@
-//! The shared constants in single precision, and those of the passes that a test may change.
+//! The shared constants in single precision, and constants of the passes that a test may change.
 
 use crate::render::constants::{self as shared, BRIGHTEST_PART, CELL_MM, FIRST_TISSUE, ONE_WAY};
 
@@ -17,7 +17,7 @@ pub(super) const APERTURE_HALF_ANGLE_MAX: f32 = shared::APERTURE_HALF_ANGLE_MAX 
 pub(super) const FACET_COS_MIN: f32 = shared::FACET_COS_MIN as f32;
 pub(super) const CONTRAST_MIN_NP_MM: f32 = shared::CONTRAST_MIN_NP_MM as f32;
 
-/// Defines a set of constants: fields that a test may change with the feature `test-hooks`, constants of the compiler
+/// Defines a set of constants: fields that a test may change with the feature `test-hooks`, compile-time constants
 /// without it.
 macro_rules! changeable {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty = $value:expr;)* }) => {
@@ -58,13 +58,13 @@ macro_rules! changeable {
 changeable! {
     /// Constants of the host's `locate` and `trace`.
     TraceConstants {
-        /// Part of the way back through the scene that is searched for the surfaces that a path starts inside.
+        /// Fraction of the way back through the scene that is searched for surfaces that a path starts inside.
         reach: f32 = 1.0;
-        /// Least returned part of the energy, within the aperture, for which a reflection is followed.
+        /// Least returned fraction of the energy, within the aperture, for which a reflection is followed.
         reflection_followed: f32 = shared::REFLECTION_FOLLOWED as f32;
         /// Offset of the lattice that spreads echoes, mm.
         off_the_grid_mm: f32 = shared::OFF_THE_GRID_MM as f32;
-        /// Energy that a very rough surface returns diffusely at normal incidence.
+        /// Fraction of the energy that a very rough surface returns diffusely at normal incidence.
         diffuse: f32 = shared::DIFFUSE as f32;
     }
 }
@@ -82,7 +82,7 @@ changeable! {
         db_a_doubling: f32 = shared::DB_A_DOUBLING as f32;
         /// `section`: one-way part of the two-way attenuation.
         one_way: f32 = ONE_WAY as f32;
-        /// `percentile`: part of the sector's area that is brighter.
+        /// `percentile`: fraction of the sector's area that is brighter than the percentile.
         brightest_part: f32 = BRIGHTEST_PART as f32;
         /// `scan_convert`: number of the first tissue.
         first_number: u32 = FIRST_TISSUE;

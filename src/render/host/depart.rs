@@ -1,4 +1,4 @@
-//! Departures of paths from interfaces, a packet at once: `shaders/trace.wgsl` where the medium changes.
+//! Departures of a packet of paths from their interfaces: that part of `shaders/trace.wgsl`.
 
 use super::constants::{FACET_COS_MIN, LN_SILENT, TraceConstants};
 use super::effects::PathEffects;
@@ -19,7 +19,7 @@ pub(super) struct Rules {
     pub(super) aperture_mm: f32,
 }
 
-/// Random numbers of a guide: it takes the likelier way off an untilted facet, so that no chance moves scatterers.
+/// Random numbers of a guide: it takes the likelier way at an untilted facet, so chance doesn't move scatterers.
 const OF_GUIDE: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
 
 widened! {
@@ -79,7 +79,7 @@ fn tilt(
     }
 }
 
-/// Ratio of the speeds beyond and before the interface; 1 for equal ones, since a division may round x/x to another number.
+/// Ratio of the speeds beyond and before the interface. Exactly 1 for equal ones, as x/x may be rounded.
 #[inline(always)]
 fn speed_ratio(arrivals: &Arrivals, i: usize) -> f32 {
     let (here, beyond) = (arrivals.bending[0][i], arrivals.bending[1][i]);
@@ -114,13 +114,13 @@ fn transmit_or_reflect(
         let (direction, normal, facet) = (vector(&arrivals.direction, i), vector(normals, i), vector(facets, i));
         let cos_incident = cos(normal, direction);
         let split = between(arrivals, i, cos_incident);
-        // Reflect with probability R or go on; reflections that hardly return are left to their weight.
+        // Reflects with probability R, else transmits; reflections that hardly return are not followed.
         let roughness = arrivals.roughness[i];
         let accepted = acceptance(roughness * roughness, arrivals.range_mm[i], aperture_mm);
         let energy = split.energy_reflection;
         let follow = effects.reflections & (energy * accepted >= constants.reflection_followed());
         let reflected = effects.reflections & ((energy >= 1.0) | (follow & (random[i] < energy)));
-        // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+        // A rough surface spreads part of the beam beyond the aperture, both ways.
         let ln_kept = ln(if reflected { accepted } else { at_least(1.0 - energy, 1.0e-30) });
         let ln_reflected = 0.5 * ln(at_least(energy, 1.0e-30));
         let by_chance = follow & !reflected;
@@ -140,7 +140,7 @@ fn transmit_or_reflect(
     }
 }
 
-/// Computes the echoes, spread over the interface's thickness by an offset that is a hash of the place.
+/// Computes the echoes, shifted within the interface's thickness by a hash of the place.
 #[inline(always)]
 fn return_echoes(arrivals: &Arrivals, facets: &[Lanes; 3], departures: &mut Departures, rules: Rules) {
     let Rules { constants, aperture_mm, .. } = rules;
@@ -176,7 +176,7 @@ mod tests {
     use crate::render::host::interface_batch::{Arrival, InterfaceBatch};
     use crate::render::twin::hash::sample_unit;
 
-    /// A random interface: sometimes of one speed, smooth, faint or met along the surface.
+    /// A random interface, at any angle: sometimes with equal speeds, smooth or unattenuated.
     fn arrival(trial: u32, lane: u32) -> Arrival {
         let number = |dim| sample_unit(17, trial, lane, 9, dim) as f32;
         let vector = |first: u32| [0, 1, 2].map(|i| number(first + i) - 0.5);

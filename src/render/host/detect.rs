@@ -7,7 +7,7 @@ use super::wide::{at_least, at_most, log2, nearest_bits, widened};
 use crate::render::constants::{AXIAL_HALF_MAX, PULSE_PAD, ROW_ALIGN};
 use crate::render::params::Params;
 
-/// Complex samples that are made at once.
+/// Complex samples per block.
 const BLOCK: usize = ROW_ALIGN as usize;
 /// Most numbers in a block's convolution window.
 const WINDOW_MAX: usize = 2 * (BLOCK + 2 * AXIAL_HALF_MAX as usize);
@@ -36,11 +36,11 @@ fn slider_db(params: &Params, depth_mm: f32) -> f32 {
     low + (high - low) * (place - below as f32)
 }
 
-/// Convolves each row of `focused`, complex [scanlines × row_samples], with the pulse's envelope (between PULSE_PAD zeros)
-/// and turns its power into grey levels.
+/// Convolves each row of `focused`, complex [scanlines × row_samples], with the pulse's envelope (between PULSE_PAD
+/// zeros) and turns its power into grey levels.
 ///
-/// `polar` [scanlines × row_samples] takes grey levels 0..=65535 of each sample and the one after it in a word; `lines`,
-/// unless it is empty, the pulse-shaped baseband.
+/// `polar` [scanlines × row_samples] takes one word per sample: the grey levels 0..=65535 of it and of its successor.
+/// `lines`, unless empty, takes the pulse-shaped baseband.
 pub(crate) fn detect(
     params: &Params,
     constants: ImageConstants,
@@ -85,7 +85,7 @@ fn detect_row_body(
 ) {
     let half = pulse.len() / 2;
     let reach = BLOCK + 2 * half;
-    // Beyond the row's ends the pulse meets nothing.
+    // Samples beyond the row's ends count as 0.
     let row = &row[..2 * params.samples as usize];
     let mut lines = lines.as_chunks_mut::<{ 2 * BLOCK }>().0.iter_mut();
     let blocks = polar.as_chunks_mut::<BLOCK>().0.iter_mut().zip(gain.as_chunks::<BLOCK>().0);
@@ -93,7 +93,7 @@ fn detect_row_body(
     let mut edge = [0.0; WINDOW_MAX];
     for (block, (polar, gain)) in blocks.enumerate() {
         let first = block * BLOCK;
-        // Numbers of the row before the window's first, and in it.
+        // The window within the row, or at the row's ends a copy padded with zeros.
         let window = match first.checked_sub(half).and_then(|from| row.get(2 * from..2 * (from + reach))) {
             Some(window) => window,
             None => {
@@ -117,7 +117,7 @@ fn detect_row_body(
             *out = nearest_bits(level * GREY_MAX) & 0xffff;
         }
     }
-    // Each with the one after it; nothing reads what is behind the last.
+    // Packs each sample with its successor. The last word's upper half is never read.
     for i in 1..polar.len() {
         polar[i - 1] |= polar[i] << 16;
     }

@@ -7,8 +7,8 @@ use super::wide::phasor;
 use crate::render::constants::SEGMENTS;
 use crate::render::params::Params;
 
-/// Adds to `baseband`, complex [scanlines × row_samples]; `echoes` are amplitude and range in mm [paths × SEGMENTS],
-/// `segment_counts` those of the paths. A path's first segment begins at the face, not at an interface.
+/// Adds echoes to `baseband`, complex [scanlines × row_samples]. `echoes` holds amplitude and range in mm
+/// [paths × SEGMENTS]; `segment_counts` has one number per path. A path's first segment begins at the face and has no echo.
 pub(crate) fn echo(
     params: &Params,
     constants: ImageConstants,

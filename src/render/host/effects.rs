@@ -1,8 +1,8 @@
-//! Effects that paths follow.
+//! Effects along a path.
 
 use crate::settings::{Effect, EffectSet};
 
-/// Switches of the effects along a path. Without one, the tables hold values with which its arithmetic does nothing.
+/// Switches of the effects along a path. For one that is off, the tables make its arithmetic do nothing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathEffects {
     pub(super) moving: bool,
@@ -13,7 +13,7 @@ pub(super) struct PathEffects {
 }
 
 impl PathEffects {
-    /// The switches of a frame; `displaced` says whether any triangle of the scene moves.
+    /// The switches of a frame; `displaced`: whether any triangle of the scene moves.
     pub(super) fn new(effects: EffectSet, displaced: bool) -> Self {
         Self {
             moving: displaced && effects.has(Effect::Motion),

@@ -64,8 +64,8 @@ impl Hull {
         Self { axes, bounded: strays.iter().sum::<f32>() == 0.0 }
     }
 
-    /// Bit mask of a node's children that a ray may meet from `first` to `last`. `nearest` takes a lower bound of the
-    /// entry distance of each.
+    /// Bit mask of a node's children that a ray may meet from `first` to `last`. `nearest` receives a lower bound of
+    /// the entry distance of each.
     ///
     /// Rounding is monotonic: a ray's distance to a side lies between the distances from the ends of the ranges.
     #[inline(always)]
@@ -96,7 +96,7 @@ impl Hull {
             mask |= u32::from(from[i] <= to[i] + 1.0e-4) << i;
         }
         *nearest = from;
-        // Along an axis on which some rays go one way and some the other: where they are between the other axes' sides.
+        // An axis along which rays go both ways: bounds of their positions between the other axes' sides.
         for (axis, span) in self.axes.iter().enumerate() {
             let [least, most] = span.reciprocal;
             if least > 0.0 || most < 0.0 {
@@ -105,7 +105,7 @@ impl Hull {
             let ([o0, o1], [d0, d1], margin) = (span.origin, span.direction, span.margin_mm);
             let mut beside = 0;
             for i in 0..WIDTH {
-                // Behind the origin, what goes one way comes from the other.
+                // Distances may be negative, so either end of the range may give the bound.
                 let lowest = o0 + min(min(d0 * from[i], d0 * to[i]), min(d1 * from[i], d1 * to[i])) - margin;
                 let highest = o1 + max(max(d0 * from[i], d0 * to[i]), max(d1 * from[i], d1 * to[i])) + margin;
                 beside |= u32::from((bounds[3 + axis][i] < lowest) | (bounds[axis][i] > highest)) << i;

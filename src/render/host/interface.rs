@@ -52,10 +52,10 @@ pub(super) struct Interface {
 /// The formulas of `acoustics::interface`.
 #[inline(always)]
 pub(super) fn interface_between(z1: f32, z2: f32, speed_ratio: f32, cos_incident: f32) -> Interface {
-    // Grazing rays: 1 − cos² from its factors keeps its digits.
+    // In factors, since 1 − cos² loses its digits as cos approaches 1.
     let sin2_incident = at_least((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);
     let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;
-    // One speed: the same at every angle, and no critical one.
+    // Equal speeds: the reflection is the same at every angle, and there is no critical angle.
     let one_speed = speed_ratio == 1.0;
     let total = !one_speed & (sin2_transmitted >= 1.0);
     let bent = at_least(1.0 - sin2_transmitted, 0.0).sqrt();
@@ -76,7 +76,7 @@ pub(super) fn interface_between(z1: f32, z2: f32, speed_ratio: f32, cos_incident
 #[inline(always)]
 pub(super) fn microfacet(n: Vector, variance: f32, u: f32, v: f32) -> Vector {
     let slope = at_least(-variance * ln(at_least(1.0 - u, 1.0e-7)), 0.0).sqrt();
-    // Of y × n and x × n the one that is not near 0.
+    // y × n or x × n, whichever is not near 0.
     let tangent = normalised(pick(n[0].abs() > 0.7, [n[2], 0.0, -n[0]], [0.0, -n[2], n[1]]));
     let bitangent = [
         n[1] * tangent[2] - n[2] * tangent[1],
@@ -87,7 +87,7 @@ pub(super) fn microfacet(n: Vector, variance: f32, u: f32, v: f32) -> Vector {
     normalised(plus(plus(n, tangent, slope * cos), bitangent, slope * sin))
 }
 
-/// Mean square slope of the reflected rays that an aperture accepts, seen from `range_mm`.
+/// Mean square slope of the reflected rays that an aperture accepts from `range_mm`.
 #[inline(always)]
 fn aperture_variance(range_mm: f32, aperture_mm: f32) -> f32 {
     let half_angle = APERTURE_HALF_ANGLE * aperture_mm / at_least(range_mm, 1.0);
@@ -95,15 +95,15 @@ fn aperture_variance(range_mm: f32, aperture_mm: f32) -> f32 {
     half_angle * half_angle
 }
 
-/// Part of the energy of a reflected beam that a surface of slope variance `variance` leaves within the aperture.
+/// Fraction of a reflected beam's energy within the aperture, for a surface of slope variance `variance`.
 #[inline(always)]
 pub(super) fn acceptance(variance: f32, range_mm: f32, aperture_mm: f32) -> f32 {
     let aperture = aperture_variance(range_mm, aperture_mm);
     aperture / (aperture + variance)
 }
 
-/// Part of an echo's pressure that returns: a Gaussian lobe about the facet, as wide as the aperture and the half of the
-/// roughness below the facet together, and a diffuse floor.
+/// Fraction of an echo's pressure that returns: a Gaussian lobe about the facet, and a diffuse floor. The lobe's
+/// variance is the aperture's plus half of the squared roughness.
 #[inline(always)]
 pub(super) fn returning(cos_facet: f32, roughness: f32, range_mm: f32, aperture_mm: f32, diffuse: f32) -> f32 {
     let rough2 = roughness * roughness;

@@ -1,10 +1,10 @@
-//! Paths that arrive at interfaces, and how they depart, as a batch: a number of each side by side.
+//! A batch of paths at interfaces: arrivals and departures, as structures of arrays.
 
 use super::interface::Vector;
 use super::lanes::{Lanes, RAYS, Words};
 use crate::render::constants::KRONECKER;
 
-/// Random numbers of an interface: whether it reflects, and the facet's slope and azimuth.
+/// Random numbers per interface: for the reflection, and for the facet's slope and azimuth.
 pub(super) const DIMENSIONS: usize = 3;
 
 /// State of a path that arrives at an interface, and the media on both sides.
@@ -46,7 +46,7 @@ pub(super) struct Departure {
     pub(super) echo_offset_mm: f32,
 }
 
-/// Arrivals, a number of each side by side.
+/// Arrivals as a structure of arrays.
 #[derive(Debug, Default)]
 pub(super) struct Arrivals {
     pub(super) origin: [Lanes; 3],
@@ -72,7 +72,7 @@ pub(super) struct Arrivals {
     pub(super) generators: [Words; DIMENSIONS],
 }
 
-/// Departures, a number of each side by side.
+/// Departures as a structure of arrays.
 #[derive(Debug, Default)]
 pub(super) struct Departures {
     pub(super) direction: [Lanes; 3],
@@ -106,7 +106,7 @@ pub(super) fn set(of: &mut [Lanes; 3], i: usize, to: Vector) {
 
 impl InterfaceBatch {
     pub(super) fn new() -> Self {
-        // Lanes without a path are computed with the others: no value of theirs may divide by zero.
+        // Lanes without a path are computed, too: their values must not divide by zero.
         let arrivals = Arrivals {
             path_per_range: [1.0; RAYS],
             impedances_mrayl: [[1.0; RAYS]; 2],

@@ -1,10 +1,10 @@
-//! Numbers of a packet's rays, side by side.
+//! Numbers of a packet's rays, one lane per ray.
 
-/// Rays of a packet.
+/// Rays per packet.
 pub(super) const RAYS: usize = 32;
-/// One number of each ray.
+/// One number per ray.
 pub(super) type Lanes = [f32; RAYS];
-/// One whole number of each ray.
+/// One whole number per ray.
 pub(super) type Words = [u32; RAYS];
 
 /// Reduces all lanes to one number, half by half as vector registers do.

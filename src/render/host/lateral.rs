@@ -7,13 +7,13 @@ use super::wide::widened;
 use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
 
-/// Numbers of a block of complex samples, which share a kernel.
+/// Numbers in a block of complex samples that share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
-/// Scanlines that follow each other on one thread: they read the same rows.
+/// Least consecutive scanlines per task: they read the same rows.
 const LINES_TOGETHER: usize = 8;
 
-/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. The kernel belongs to a block of samples;
-/// at the sector's edges the weights that remain are renormalised. Weights below the constants' least one are zeros.
+/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel; at
+/// the sector's edges the remaining weights are renormalised. Weights below `least_weight` count as 0.
 pub(crate) fn lateral(
     params: &Params,
     constants: ImageConstants,
@@ -46,7 +46,7 @@ fn focus_row_body(
 ) {
     let half = params.lateral_half as usize;
     let stride = row.len();
-    // Taps that meet a scanline.
+    // Taps within the array.
     let from = half.saturating_sub(line);
     let to = (2 * half + 1).min(params.scanlines as usize + half - line);
     let first_line = line + from - half;
@@ -55,7 +55,7 @@ fn focus_row_body(
         let weights = &kernel[from..to];
         let mut sum = [0.0f32; BLOCK];
         let mut total = 0.0;
-        // Denormal weights are zeros on a GPU, and slow.
+        // Denormal weights are zeros on a GPU, and slow here.
         let some = |weight: &&f32| **weight >= constants.least_weight();
         let skipped = weights.iter().take_while(|w| !some(w)).count();
         let mut at = (first_line + skipped) * stride + block * BLOCK;

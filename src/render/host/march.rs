@@ -7,21 +7,21 @@ use super::wide::{at_least, at_most, exp, floor, pcg3d, phasor, real, widened};
 use crate::render::constants::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY};
 use crate::render::params::Params;
 
-/// Samples that are made at once: they share a gain.
+/// Samples per block, which share a gain.
 const BLOCK: usize = DEPTH_BLOCK as usize;
-/// Blocks that paths are read for in turn: what they add to stays in the nearest cache.
+/// Blocks per pass over the paths: their sums stay in the first-level cache.
 const CHUNK: usize = 32;
-/// A number of each of a block's samples.
+/// One number per sample of a block.
 type Lanes = [f32; BLOCK];
-/// Numbers of a segment.
+/// Numbers per segment.
 const SEGMENT: usize = 12;
-/// Those that say where its scatterers lie: origin and step.
+/// Indices of those that place its scatterers: origin and step.
 const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
-/// Of what is silent, scaled: e⁻⁷⁰.
+/// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
-/// Most that ln of the power falls over a block where one block's powers are made from those of the block before.
+/// Largest fall of ln power per block for which a block's powers are derived from those of the block before.
 const LN_FALL_MAX: f32 = 7.0;
-/// ln of the powers that are computed, scaled. Lanes that lie before their segment begins are louder than it, by a block's fall.
+/// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
 const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
 
 /// Traced paths of a batch: the outputs of `trace`.
@@ -29,9 +29,9 @@ const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCAL
 pub(crate) struct Paths<'a> {
     /// Start of each segment, mm of range [paths × STARTS].
     pub(crate) starts: &'a [f32],
-    /// Origin and level; step and its fall; mean, deviation, density, 0 [paths × SEGMENTS].
+    /// Origin and ln amplitude; step and fall; mean, deviation, density, 0 [paths × SEGMENTS].
     pub(crate) segments: &'a [[f32; SEGMENT]],
-    /// Segments of the blocks' first samples, four a word [paths × hint_words].
+    /// Segments that hold the first samples of hint blocks, four per word [paths × hint_words].
     pub(crate) hints: &'a [u32],
 }
 
@@ -41,12 +41,12 @@ pub(crate) struct Scatterers<'a> {
     pub(crate) constants: ImageConstants,
     /// Offset, slope, weight and stretch of each elevational layer.
     pub(crate) layers: &'a [[f32; 4]],
-    /// Of each block of samples.
+    /// Gain of each block of samples.
     pub(crate) gain: &'a [f32],
 }
 
-/// Fills `baseband`, complex [scanlines × row_samples]; later layers are added. `powers`, of the same size, carries the
-/// scatterers' power over the batches of a frame: that of mean and deviation, scaled.
+/// Fills `baseband`, complex [scanlines × row_samples]; the last batch adds to it. `powers`, of the same size, keeps
+/// the scatterers' power between the batches of a frame: of mean and deviation, scaled.
 pub(crate) fn march(
     params: &Params,
     paths: Paths<'_>,
@@ -124,7 +124,7 @@ fn march_row_body(
                 }
             }
             for (j, out) in row.iter_mut().enumerate() {
-                // Interfaces of batches before are there already.
+                // `row` already holds the echoes of earlier batches.
                 let before = if begins { [0.0; 2] } else { *out };
                 *out = [before[0] + sums[0][j], before[1] + sums[1][j]];
             }
@@ -132,7 +132,7 @@ fn march_row_body(
     }
 }
 
-/// Adds the power that a path of the weight `weight` gives to the mean and the deviation of the scatterers of a run of blocks.
+/// Adds a path's power, times `weight`, to the scatterers' mean and deviation in a run of blocks.
 #[inline(always)]
 fn accumulate_power(
     params: &Params,
@@ -150,7 +150,7 @@ fn accumulate_power(
         let stop = first_beyond(params, end_mm, sample, last);
         let &[_, _, _, level, _, _, _, fall, mean, deviation, density, _] = segment;
         let density = (density.to_bits() & TAG_DENSITY) as i32;
-        // Nothing scatters in a fluid, and beyond where a path ends.
+        // Skips media without scatterers, and inaudible segments.
         if density != 0 && level - fall * range_mm(params, sample) > LN_SPECKLE_SILENT {
             let parts = [weight * mean * mean, weight * deviation * deviation];
             let begin = sample.wrapping_sub(first) as usize;
@@ -186,12 +186,11 @@ fn accumulate_power(
     }
 }
 
-/// The first sample in (sample, last] that a segment which ends at `end_mm` does not hold. Two samples share a segment: that of the
-/// first.
+/// The first sample in (sample, last] beyond a segment that ends at `end_mm`. Two samples share the first's segment.
 #[inline(always)]
 fn first_beyond(params: &Params, end_mm: f32, sample: u32, last: u32) -> u32 {
     let about = (end_mm / params.sample_spacing_mm - 0.5).clamp(real(sample), real(last));
-    // Rounded to even, and then to where it belongs.
+    // An even estimate, then corrected.
     let mut stop = ((about as u32).wrapping_add(1) & !1).clamp(sample.wrapping_add(2), last);
     while stop > sample.wrapping_add(2) && range_mm(params, stop.wrapping_sub(2)) >= end_mm {
         stop = stop.wrapping_sub(2);
@@ -242,17 +241,17 @@ fn range_mm(params: &Params, sample: u32) -> f32 {
     (real(sample) + 0.5) * params.sample_spacing_mm
 }
 
-/// The cells of the lattice that a path is in at a block's samples.
+/// Lattice cells of a path at a block's samples.
 #[derive(Debug, Default)]
 struct Cells {
-    /// The cell's scatterer is there where a medium's density is above this.
+    /// The cell holds a scatterer in media whose density is above this.
     presence: [u32; BLOCK],
     deviate: [Lanes; 2],
     turn: [Lanes; 2],
 }
 
 impl Cells {
-    /// Takes the cells of segments, of origin and step.
+    /// Finds the cells from the origins and steps of segments.
     #[inline(always)]
     fn find(&mut self, params: &Params, constants: ImageConstants, places: &[Lanes; PLACE.len()], first: u32) {
         let cell_mm = constants.cell_mm();
@@ -270,7 +269,7 @@ impl Cells {
                 (cell[1] as f32 + offset(10)) * cell_mm - here[1],
                 (cell[2] as f32 + offset(20)) * cell_mm - here[2],
             ];
-            // Its range sets the phase, whichever sample meets its cell.
+            // The scatterer's own range sets the phase, whichever sample finds its cell.
             let along = ahead[0] * dx[i] + ahead[1] * dy[i] + ahead[2] * dz[i];
             let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
             let turn = phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm));
@@ -283,7 +282,7 @@ impl Cells {
         }
     }
 
-    /// Adds the echoes of scatterers of the strengths (mean and deviation) times `gain` to `sums`.
+    /// Adds the echoes of the scatterers, with mean and deviation times `gain`, to `sums`.
     #[inline(always)]
     fn echo(&self, gain: f32, [mean, deviation]: &[Lanes; 2], sums: &mut [Lanes; 2]) {
         let (turn, deviate) = (&self.turn, &self.deviate);
@@ -295,7 +294,7 @@ impl Cells {
     }
 }
 
-/// A complex number of mean 0 and mean square 1: in each part the sum of four nibbles.
+/// A complex number of mean 0 and mean square 1: each part is a sum of four nibbles.
 #[inline(always)]
 fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);

@@ -4,10 +4,10 @@ use super::constants::TOUCH_MM;
 use super::traverse::Crossing;
 use crate::anatomy::bvh::PackedTriangle;
 
-/// The surfaces that a point is inside, a bit each; the highest one is the medium.
+/// The surfaces that a point is inside, one bit each; the highest one is the medium.
 pub(super) type Inside = [u32; 8];
 
-/// The highest of the surfaces: below it, a path meets nothing that it would notice.
+/// The highest of the surfaces. Crossings of lower ones don't change the medium.
 #[inline(always)]
 pub(super) fn highest(inside: &Inside) -> Option<u32> {
     let word = (0..8).rev().find(|&word| inside[word] != 0)?;
@@ -20,7 +20,8 @@ pub(super) fn medium_word(surface_words: &[u32], background: u32, inside: &Insid
     highest(inside).map_or(background, |surface| surface_words[surface as usize])
 }
 
-/// Applies all of a place. A surface that is entered and left at one place is a crease or a silhouette: it stays as it was.
+/// Applies all crossings of a place. A surface that is entered and left there is a crease or a silhouette: its
+/// membership is unchanged.
 #[inline(always)]
 pub(super) fn cross(triangles: &[PackedTriangle], place: &[Crossing], inside: &mut Inside) {
     let surface = |crossing: &Crossing| triangles[crossing.triangle as usize].surface;
@@ -35,8 +36,8 @@ pub(super) fn cross(triangles: &[PackedTriangle], place: &[Crossing], inside: &m
     }
 }
 
-/// Applies crossings in the order of their distances, place by place, up to the first place that reaches `t`: how many places,
-/// where the last one ends, and what is left.
+/// Applies crossings, sorted by distance, place by place up to the first place that reaches `t`. Returns the number of
+/// places, the end of the last one (mm), and the remaining crossings.
 #[inline(always)]
 pub(super) fn cross_until<'a>(
     triangles: &[PackedTriangle],
@@ -74,7 +75,7 @@ mod tests {
     fn places_that_end_before_the_crossing_are_passed_and_the_one_that_reaches_it_is_left() {
         let triangles = triangles();
         let touch = TOUCH_MM;
-        // Enters two, a crease of the first, and an exit as far before the crossing as a place is long.
+        // Two entries, a crease of the third surface, and an exit one place's length before the crossing.
         let crossings = [
             at(10.0, 0, true),
             at(10.0 + 0.5 * touch, 1, true),
@@ -85,7 +86,7 @@ mod tests {
         let mut inside = [0; 8];
         let (places, end, rest) = cross_until(&triangles, &crossings, 30.0, &mut inside);
         assert_eq!((places, end, rest, inside[0]), (2, 20.0 + touch, &crossings[4..], 0b11));
-        // A hair farther on, that exit is a place of its own.
+        // Slightly farther on, that exit is a separate place.
         let (places, _, rest) = cross_until(&triangles, rest, 30.0 + touch, &mut inside);
         assert_eq!((places, rest, inside[0]), (1, &crossings[5..], 0b10));
     }

@@ -1,8 +1,8 @@
 //! Every pass on the host's processors: its shader's function in the same single precision, over slices in the shaders'
 //! layouts.
 //!
-//! Rays go through the scene in packets, their boxes eight at a time. Multiplications and additions are not fused, so that
-//! frames don't depend on the processor's instructions, nor on the number of threads.
+//! Rays go through the scene in packets, their boxes eight at a time. Multiplications and additions are not fused, so
+//! that frames don't depend on the processor's instructions, nor on the number of threads.
 
 mod buffers;
 mod bundle;

@@ -1,4 +1,4 @@
-//! Rays that go much the same way, through the tree at once.
+//! Traversal of the tree by a packet of similar rays.
 
 use glam::Vec3;
 
@@ -8,11 +8,11 @@ use super::traverse::{Ray, Stack, Tree, boxes, intersect, intersection, leaf, ma
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::anatomy::bvh::PackedTriangle;
 
-/// Up to so many rays are tested one by one: with eight boxes of a node at once, with one triangle at a time.
+/// Most rays that are tested one by one: at a node against its eight boxes at once, at a leaf against each triangle.
 const FEW_AT_A_NODE: u32 = 4;
 const FEW_AT_A_LEAF: u32 = 2;
 
-/// Rays, a number of each side by side. Those that are not `on` find nothing.
+/// Rays as a structure of arrays. Lanes that are not `on` find nothing.
 #[derive(Debug)]
 pub(super) struct Packet {
     origin: [Lanes; 3],
@@ -21,7 +21,7 @@ pub(super) struct Packet {
     t_min: Lanes,
     pub(super) t_max: Lanes,
     single: [Ray; RAYS],
-    /// A bit each.
+    /// One bit per lane.
     on: u32,
 }
 
@@ -38,19 +38,19 @@ impl Packet {
         }
     }
 
-    /// Takes all rays out.
+    /// Removes all rays.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.on = 0;
     }
 
-    /// Whether no ray is in it.
+    /// Whether it has no ray.
     #[inline(always)]
     pub(super) fn is_empty(&self) -> bool {
         self.on == 0
     }
 
-    /// Puts a ray in, which looks for crossings in (t_min, t_max].
+    /// Adds a ray that searches for crossings in (t_min, t_max].
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, ray: Ray, t_min: f32, t_max: f32) {
         for axis in 0..3 {
@@ -98,7 +98,7 @@ struct Met {
     rays: [u32; WIDTH],
 }
 
-/// Tests a node's boxes with the rays of `rays`; those that the packet's `hull` meets.
+/// Tests a node's boxes against `rays`. With many rays, only boxes that the packet's `hull` meets are tested.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
 fn meet(
@@ -189,12 +189,12 @@ pub(super) fn traverse(
             let bottom = depth;
             for slot in 0..WIDTH {
                 let child = node.children[slot];
-                // The root is nobody's child: a ray that is not a number meets what is missing, too.
+                // Child 0 is missing, since the root is no child; a NaN ray meets missing ones, too.
                 if met.rays[slot] == 0 || child == 0 {
                     continue;
                 }
                 let entry = Visit { near: met.near[slot], child, rays: met.rays[slot] };
-                // Nearest on top.
+                // Sorted with the nearest on top.
                 let mut at = depth;
                 while at > bottom && visits[at - 1].near < entry.near {
                     visits[at] = visits[at - 1];

@@ -28,9 +28,9 @@ pub(super) struct Scene<'a> {
     pub(super) tree: Tree<'a>,
     /// Displacement of each triangle from its rest position; empty for static scenes.
     pub(super) displacements: &'a [[f32; 4]],
-    /// Tissue of each surface, with [`MOVES`] where it moves.
+    /// Tissue of each surface, with [`MOVES`] if it moves.
     pub(super) surface_words: &'a [u32],
-    /// With the batch's layers.
+    /// Uniforms of the batch.
     pub(super) params: &'a Params,
     pub(super) rays: &'a [[f32; 4]],
     pub(super) layers: &'a [[f32; 4]],
@@ -47,7 +47,7 @@ pub(super) struct Boundary {
     /// Tissue beyond, and whether its surface moves.
     there: u32,
     moves: bool,
-    /// In leaf order.
+    /// Triangle of the interface, in leaf order.
     triangle: u32,
 }
 
@@ -108,7 +108,7 @@ impl Scene<'_> {
         Rules { effects, constants, seed: params.seed, aperture_mm: params.aperture_mm }
     }
 
-    /// The triangle at a place that is the interface: of the highest surface, and of its triangles the first of the scene.
+    /// The triangle that is the interface at a place: the first in the scene of those of the highest surface.
     fn interface_of(&self, place: &[Crossing]) -> u32 {
         let order = |c: &&Crossing| {
             let triangle = &self.tree.triangles[c.triangle as usize];
@@ -122,7 +122,7 @@ impl Scene<'_> {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
         let (line_ray, number) = (path % line_rays, path / line_rays);
-        // Behind the paths of all layers come the guides, along the axes, which follow the rays in their table.
+        // Guides come after the paths of all layers, along the axes, which follow the rays in their table.
         let guide = number >= p.layer_count as usize;
         let layer = p.layer_first as usize + number;
         let [offset, slope, weight, stretch] = if guide { [0.0, 0.0, 0.0, 1.0] } else { self.layers[layer] };
@@ -143,7 +143,7 @@ impl Scene<'_> {
         }
     }
 
-    /// Distance behind the first ray that is searched for surfaces entered before it, mm.
+    /// Distance behind a path's start that is searched for surfaces that it starts inside, mm.
     #[inline(always)]
     pub(super) fn back_mm(&self) -> f32 {
         self.params.reach_mm * self.constants.reach()
@@ -161,8 +161,8 @@ impl Scene<'_> {
         self.segment(state, record);
     }
 
-    /// Length of path a mm of range in the medium at hand. Ranges are depths: the lens delays its middle, so that an oblique
-    /// layer's echoes come no later.
+    /// Length of path per mm of range in the current medium. Ranges are depths: the lens delays its middle, so echoes
+    /// of oblique layers come no later.
     #[inline(always)]
     fn path_per_range(&self, state: &PathState) -> f32 {
         self.tissues[state.here as usize].speed_ratio * state.stretch
@@ -205,14 +205,14 @@ impl Scene<'_> {
         }
     }
 
-    /// The highest surface that the path is inside; 0 where it is inside none: nothing lies below the first.
+    /// The highest surface that the path is inside; 0 if none, since no surface is below the first.
     #[inline(always)]
     pub(super) fn highest(state: &PathState) -> u32 {
         highest(&state.inside).unwrap_or(0)
     }
 
-    /// Takes the path to its nearest crossing, within [`Self::left_mm`], through those that are `covered`: the interface
-    /// there, if the medium changes.
+    /// Advances the path to its nearest crossing, within [`Self::left_mm`], and applies the `covered` ones before it.
+    /// Returns the interface there if the medium changes.
     #[inline(always)]
     pub(super) fn advance(
         &self,
@@ -230,7 +230,7 @@ impl Scene<'_> {
             state.open = false;
             return None;
         }
-        // The place: that crossing, or a covered one that it touches, and where others lie within TOUCH_MM of it, all of them.
+        // The place: that crossing, or a covered one that touches it, and all others within TOUCH_MM.
         let t = touching.first().map_or(found.crossing.t, |c| c.t.min(found.crossing.t));
         place.crossings[0] = found.crossing;
         let mut crossings = 1;
@@ -276,7 +276,7 @@ impl Scene<'_> {
             ln_amplitude: state.ln_amplitude,
             in_phase: state.in_phase,
             in_power: state.in_power,
-            // An interface is as rough and as thick as the rougher and the thicker of its two sides.
+            // An interface has the larger roughness and thickness, and the smaller coherence, of its two sides.
             roughness: tissue.roughness.max(beyond.roughness),
             thickness_mm: tissue.thickness_mm.max(beyond.thickness_mm),
             coherence: tissue.coherence.min(beyond.coherence),
@@ -290,7 +290,7 @@ impl Scene<'_> {
         }
     }
 
-    /// Sends a path on from the interface `at`, and writes the segment behind it.
+    /// Continues a path beyond the interface `at`, and writes its next segment.
     #[inline(always)]
     pub(super) fn depart(&self, state: &mut PathState, at: &Boundary, departure: &Departure, record: &mut PathRecord) {
         state.echo_range_mm = state.range_mm;
@@ -312,7 +312,7 @@ impl Scene<'_> {
                 state.carried_mm = if at.moves { displaced() } else { Vec3::ZERO };
             }
         }
-        // Nothing that far down is ever shown: −260 dB.
+        // Ends paths below −260 dB, which no display shows.
         state.open = state.open && state.ln_amplitude > LN_GIVEN_UP;
         if !state.open {
             state.ln_amplitude = 2.0 * LN_SILENT;
@@ -328,7 +328,7 @@ impl Scene<'_> {
         self.hint(record);
     }
 
-    /// Notes the segment that holds the first sample of each block, four blocks a word.
+    /// Records the segment that holds the first sample of each block, four blocks per word.
     fn hint(&self, record: &mut PathRecord) {
         let p = self.params;
         let mut holds = 0;

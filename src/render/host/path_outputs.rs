@@ -1,4 +1,4 @@
-//! Memory that paths are written into.
+//! Output buffers of paths.
 
 use super::path::PathRecord;
 use crate::render::constants::{SEGMENTS, STARTS};

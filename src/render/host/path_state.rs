@@ -1,4 +1,4 @@
-//! The state of one path on its way.
+//! The state of one path while it is traced.
 
 use glam::Vec3;
 
@@ -9,30 +9,30 @@ use super::membership::Inside;
 pub(super) struct PathState {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
-    /// It carries no echo, and says where the others' scatterers lie.
+    /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
     pub(super) guide: bool,
-    /// Length a mm of depth in its layer.
+    /// Length per mm of depth in its layer.
     pub(super) stretch: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) inside: Inside,
-    // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+    // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
     pub(super) in_phase: f32,
     pub(super) in_power: f32,
     pub(super) here: u32,
     pub(super) range_mm: f32,
     pub(super) ln_amplitude: f32,
-    /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     pub(super) ln_scatter: f32,
     pub(super) bounce: u32,
     pub(super) reflections: u32,
     pub(super) crossed: u32,
     pub(super) echo: f32,
     pub(super) echo_range_mm: f32,
-    /// From where on along the ray crossings count, mm.
+    /// Distance along the ray beyond which crossings count, mm.
     pub(super) t_min: f32,
     pub(super) open: bool,
-    /// From where the medium rests to where it is: scatterers are looked up at rest, so that speckle goes with its tissue.
+    /// Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
     pub(super) carried_mm: Vec3,
     /// Crossings and segments that found no room.
     pub(super) lost: u32,

@@ -4,11 +4,11 @@ use super::constants::ImageConstants;
 use crate::render::constants::{ENTRIES, PERCENTILE_STEPS};
 use crate::render::params::Params;
 
-/// Sums side by side.
+/// Number of partial sums.
 const LANES: usize = 8;
 
-/// The Σμ (nepers) that a part of the sector's area (2 %) lies below, from the runs of the map rays [map_rays × ENTRIES] and their
-/// counts. Σμ never falls along a ray: bisect on it, measuring the area in front of it.
+/// The Σμ (nepers) below which 2 % of the sector's area lies, from the runs of the map rays [map_rays × ENTRIES] and
+/// their counts. Bisection on Σμ by the area in front of it, since Σμ never falls along a ray.
 pub(crate) fn percentile(
     params: &Params,
     constants: ImageConstants,

@@ -42,7 +42,7 @@ pub(in crate::render) struct HostRenderer {
     spare: Vec<Frame>,
 }
 
-/// Durations of passes, one after the other.
+/// Stopwatch for consecutive passes.
 struct Laps<'a> {
     last: Instant,
     times: &'a mut FrameTimes,
@@ -72,7 +72,7 @@ impl HostRenderer {
         Ok(Self { nodes, trace, image, follow: fastest(), buffers, made, spare })
     }
 
-    /// Makes a frame that holds `contents`. `scattered` takes the baseband before the interfaces echo.
+    /// Makes a frame that holds `contents`. `scattered` takes the baseband before the interfaces' echoes are added.
     fn render(
         &mut self,
         inputs: FrameInputs<'_>,

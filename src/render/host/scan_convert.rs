@@ -1,4 +1,4 @@
-//! From scanlines to pixels: B-mode and, where they are wanted, segmentation and attenuation in one pass.
+//! From scanlines to pixels: B-mode and, if wanted, segmentation and attenuation in one pass.
 
 use std::ops::Range;
 
@@ -9,22 +9,21 @@ use super::wide::{at_least, at_most, exp, floor, nearest_bits, real, widened};
 use crate::render::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 use crate::render::params::Params;
 
-/// Pixels that are made at once: so many that what is gathered one by one has left the store buffer when it is read again
-/// eight at a time.
+/// Pixels per group: enough that values gathered one by one have left the store buffer before vector loads read them.
 const LANES: usize = 64;
-/// Pixels that are looked at together for a border between tissues.
+/// Pixels tested together for a border between tissues.
 const NEAR: usize = 8;
 const WORDS: usize = LANES / 4;
 const ACROSS_SCALE: f32 = 1.0 / ((1u32 << ACROSS_BITS) - 2) as f32;
 const DEPTH_SCALE: f32 = 1.0 / ((1u32 << (32 - ACROSS_BITS)) - 2) as f32;
 const COUNT_SHIFT: u32 = 28;
 
-/// The words of four pixels that meet the sector, and where in the image each lies: made once for a configuration.
+/// Words of four pixels that overlap the sector, and their places in the image; made once per configuration.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// Packed places of the words' pixels, tile by tile.
     places: Vec<[u32; 4]>,
-    /// The first pixel of each word, counted from its band's first, and above COUNT_SHIFT how many of its pixels lie in
+    /// The first pixel of each word, counted from its band's first; from COUNT_SHIFT up, the number of its pixels in
     /// the image.
     pixels: Vec<u32>,
     /// Words of each band of TILE_ROWS image rows.
@@ -64,7 +63,7 @@ pub(crate) struct Maps<'a> {
     pub(crate) constants: ImageConstants,
 }
 
-/// The image, [height × width] each; the maps are empty where none are wanted.
+/// The image and maps, [height × width] each; maps are empty if not wanted.
 #[derive(Debug)]
 pub(crate) struct Image<'a> {
     /// Grey levels.
@@ -75,7 +74,7 @@ pub(crate) struct Image<'a> {
     pub(crate) attenuation: &'a mut [f32],
 }
 
-/// Writes every pixel, 0 outside of the sector, from `polar` as the detector leaves it.
+/// Writes every pixel, 0 outside the sector, from the detector's output `polar`.
 pub(crate) fn scan_convert(params: &Params, layout: &Layout, polar: &[u32], maps: Option<Maps<'_>>, image: Image<'_>) {
     let band = TILE_ROWS as usize * layout.width;
     let bmode = image.bmode.par_chunks_mut(band).zip(&layout.bands);
@@ -105,7 +104,7 @@ widened! {
     ) = convert_band_with_maps_body
 }
 
-// Plain loops: a closure would be compiled apart, without AVX2.
+// Plain loops: a closure would be compiled separately, without AVX2.
 #[inline(always)]
 fn convert_band_body(params: &Params, layout: &Layout, words: &Range<usize>, polar: &[u32], bmode: &mut [u8]) {
     bmode.fill(0);
@@ -140,7 +139,7 @@ fn convert_band_with_maps_body(
     }
 }
 
-/// The places of a few words; where there are fewer, those of pixels outside the sector.
+/// The places of up to WORDS words, filled up with places outside the sector.
 #[inline(always)]
 fn group(words: &[[u32; 4]]) -> [u32; LANES] {
     let mut places = [OUTSIDE; LANES];
@@ -213,8 +212,8 @@ fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
     grey
 }
 
-/// Tissue numbers and attenuation: between two map rays, and half a ray beyond the last ones, Σμ is linear; the tissue is
-/// the nearer one's.
+/// Tissue numbers and attenuation. Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the
+/// tissue is the nearer ray's.
 #[inline(always)]
 fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LANES], [f32; LANES]) {
     let stride = if params.map_rays > 1 { params.map_depths } else { 0 };
@@ -233,7 +232,7 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
         beyond_mm[i] = depth_mm - step as f32 * params.map_step_mm;
         at[i] = (first as u32).wrapping_mul(params.map_depths).wrapping_add(step as u32).min(last);
     }
-    // Of each pixel's two map rays, the two depths about it.
+    // Raster words of each pixel's two map rays at the two depths around it.
     let mut pairs = [[[0u32; 2]; LANES]; 2];
     if (last as usize) + (stride as usize) + 1 < maps.raster.len() {
         for i in 0..LANES {
@@ -292,8 +291,8 @@ fn sum_np(word: u32) -> f32 {
     f32::from_bits((word & 0xffff_fe00) >> 1)
 }
 
-/// Σμ and tissue between two depths of a map ray. Where two tissues meet between them, the Σμ at both depths says how
-/// much of the step lies in each.
+/// Σμ and tissue between two depths of a map ray. If two tissues meet between them, the Σμ at both depths gives the
+/// length of the step in each.
 fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_mm: f32) -> (f32, u32) {
     let step_mm = params.map_step_mm;
     let (sum0, sum1) = (sum_np(before), sum_np(after));
@@ -302,7 +301,7 @@ fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_
     }
     let rate = |word: u32| maps.rates_np_mm[(word & 255) as usize];
     let contrast = rate(before) - rate(after);
-    // Tissues that attenuate alike don't say: halfway is within half a pixel.
+    // Unknown if both attenuate alike: halfway is within half a pixel.
     let mut boundary_mm = 0.5 * step_mm;
     if contrast.abs() > CONTRAST_MIN_NP_MM {
         boundary_mm = ((sum1 - sum0 - rate(after) * step_mm) / contrast).max(0.0).min(step_mm);

@@ -26,7 +26,7 @@ pub(super) fn nearest(
             if t > beyond + TOUCH_MM {
                 return beyond;
             }
-            // Without room, it counts as any other.
+            // A crossing without room counts as any other.
             match covered[lane].push(crossing) {
                 None => return beyond,
                 Some(other) => crossing = other,
@@ -48,7 +48,7 @@ pub(super) fn nearest(
     nearest
 }
 
-/// Crossings of a ray that do not change the medium: of surfaces below the one that it is inside.
+/// Crossings of a ray that do not change the medium: those of surfaces below the medium's.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Covered {
     crossings: [Crossing; Self::MOST],
@@ -56,7 +56,7 @@ pub(super) struct Covered {
 }
 
 impl Covered {
-    /// A path in fat passes some ten.
+    /// Capacity. A path in fat has about ten.
     const MOST: usize = 16;
 
     pub(super) fn new() -> Self {
@@ -67,7 +67,7 @@ impl Covered {
         self.count = 0;
     }
 
-    /// The one that finds no room: the farthest, so that it doesn't depend on the order in which they come.
+    /// Adds a crossing. If there is no room, returns the farthest, so the result doesn't depend on the order of calls.
     #[inline(always)]
     fn push(&mut self, crossing: Crossing) -> Option<Crossing> {
         if let Some(slot) = self.crossings.get_mut(self.count) {
@@ -80,7 +80,7 @@ impl Covered {
         Some(if nearer { std::mem::replace(farthest, crossing) } else { crossing })
     }
 
-    /// Those up to `t`, by distance.
+    /// Crossings up to `t`, sorted by distance.
     #[inline(always)]
     pub(super) fn up_to(&mut self, t: f32) -> &[Crossing] {
         let all = &mut self.crossings[..self.count];
@@ -89,8 +89,8 @@ impl Covered {
     }
 }
 
-/// Every crossing of each ray in (t_min, t_max], in no order, those that `into` has no room for lost: how many each ray has, and
-/// how many are lost. Where some are lost, which ones depends on the other rays.
+/// Collects every crossing of each ray in (t_min, t_max], unsorted. Returns the number stored per ray, and the number
+/// lost for lack of room in `into`. Which ones are lost depends on the other rays.
 #[inline(always)]
 pub(super) fn collect(
     tree: &Tree<'_>,
@@ -136,14 +136,14 @@ mod tests {
         Bvh::build(&analytic::scene(parts, &TissueTable::builtin().unwrap(), "liver").unwrap()).unwrap()
     }
 
-    /// A ray of packet `trial`: neighbours by a spread of mm and of slope; now and then along an axis.
+    /// A ray of packet `trial`: neighbours differ by `spread` in mm and slope. Every fifth packet follows an axis.
     fn ray(trial: u32, lane: u32, spread: f32) -> Ray {
         let number = |dim| sample_unit(11, trial, 0, 0, dim) as f32 - 0.5;
         let own = |dim| spread * (sample_unit(12, trial, lane, 0, dim) as f32 - 0.5);
         let origin = Vec3::new(20.0 * number(0) + 10.0 * own(0), 6.0 * number(1) + 3.0 * own(1), 10.0 * number(2));
         let slopes = Vec3::new(number(3) + own(3), number(4) + own(4), 1.0);
         let direction = if trial.is_multiple_of(5) { Vec3::Z } else { slopes.normalize() };
-        // Now and then the rays of a packet go both ways along an axis, or along every axis.
+        // In some packets, rays go both ways, or the axes are permuted.
         let back = if trial.is_multiple_of(11) { lane % 2 == 1 } else { trial.is_multiple_of(7) };
         let direction = if back { -direction } else { direction };
         Ray::new(
@@ -161,7 +161,7 @@ mod tests {
         let mut covered = [Covered::new(); RAYS];
         let (mut crossings, mut crowds, mut nothing, mut below) = (0, 0, 0, 0);
         for trial in 0..2000u32 {
-            // From rays that are one to rays that go anywhere.
+            // From identical rays to unrelated ones.
             let spread = [0.0, 0.01, 0.2, 2.0][trial as usize % 4];
             let (t_min, t_max) = if trial.is_multiple_of(3) { (-40.0, 0.0) } else { (1.0e-3, 70.0) };
             packet.clear();
@@ -204,7 +204,7 @@ mod tests {
                 below += under.len();
             }
         }
-        // There was something to find, and something to get wrong.
+        // The packets cover enough of every case.
         let enough = crossings > 10_000 && crowds > 100 && nothing > 100 && below > 1000;
         assert!(enough, "{crossings}, {crowds}, {nothing}, {below}");
     }
@@ -229,7 +229,7 @@ mod tests {
         all.sort_by(by_distance);
         let found = nearest(&tree, &packet, &mut Visits::new(), &[12; RAYS], &mut covered)[0].unwrap();
         assert_eq!((found.crossing, covered[0].up_to(found.crossing.t)), (all[Covered::MOST], &all[..Covered::MOST]));
-        // Within the eighth sphere the outer seven change nothing, and find room.
+        // Within the eighth sphere, crossings of the outer seven are covered and have room.
         let found = nearest(&tree, &packet, &mut Visits::new(), &[7; RAYS], &mut covered)[0].unwrap();
         assert_eq!((found.crossing, covered[0].up_to(found.crossing.t)), (all[7], &all[..7]));
     }
@@ -240,10 +240,10 @@ mod tests {
         let nodes: Vec<_> = bvh.nodes.iter().map(WideNode::decode).collect();
         let tree = Tree { nodes: &nodes, triangles: &bvh.triangles };
         let mut covered = [Covered::new(); RAYS];
-        // One goes apart: without it, the bounds of the others would leave out what it meets.
+        // One ray is apart from the others, so bounds without it would miss its crossings.
         let x_mm = |lane: usize| if lane == 0 { -9.0 } else { 2.0 + 0.1 * lane as f32 };
         let other = |lane: usize| Ray::new(Vec3::new(x_mm(lane), 1.0, -40.0), Vec3::Z);
-        // Whichever it is, the others find what they find alone.
+        // Whichever lane is NaN, the others find the same as alone.
         for stray in 0..RAYS {
             let mut packet = Packet::new();
             packet.set(stray, Ray::new(Vec3::NAN, Vec3::NAN), 0.0, 70.0);

@@ -1,4 +1,4 @@
-//! The media along straight map rays: the cross-section of the surfaces, and the attenuation from the face on.
+//! Media along straight map rays: the cross-section of the surfaces, and the attenuation from the face.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use super::wide::{at_least, real, widened};
 use crate::render::constants::{CROSSINGS_OF_A_MAP_RAY, ENTRIES, TAG, TISSUE_MASK, WHOLE};
 use crate::render::params::Params;
 
-/// Crossings of one ray.
+/// Capacity for crossings of one ray.
 const CROSSINGS: usize = CROSSINGS_OF_A_MAP_RAY as usize;
 
 /// Inputs of the map rays.
@@ -35,12 +35,12 @@ pub(crate) struct Section<'a> {
     pub(crate) entries: &'a mut [[f32; 4]],
     /// Number of runs of each ray.
     pub(crate) entry_counts: &'a mut [u32],
-    /// At every map_step_mm of depth Σμ without its sign and lowest 8 bits, whether the run reaches the next depth, and
-    /// the tissue [map_rays × map_depths].
+    /// One word per map_step_mm of depth: Σμ without its sign and lowest 8 bits, a bit if the run reaches the next
+    /// depth, and the tissue [map_rays × map_depths].
     pub(crate) raster: &'a mut [u32],
 }
 
-/// Fills `section`; how many crossings and runs found no room.
+/// Fills `section`; returns the number of crossings and runs that found no room.
 pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -> u32 {
     let depths = params.map_depths as usize;
     let entries =
@@ -86,7 +86,7 @@ struct Runs<'a> {
 }
 
 widened! {
-    /// Follows rays from outside of the scene through the face to the full depth.
+    /// Follows rays from outside the scene through the face to the full depth.
     fn follow(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut Follower) = follow_body
 }
 
@@ -103,7 +103,7 @@ fn follow_body(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut 
     (follower.counts, follower.lost) = collect(&scene.tree, &packet, &mut Visits::new(), into);
 }
 
-/// The runs between the crossings of a ray.
+/// Divides a ray into runs at its crossings.
 fn divide(params: &Params, scene: &Scene<'_>, found: &mut [Crossing], runs: &mut Runs<'_>) {
     found.sort_unstable_by(by_distance);
     let mut ahead = found;
@@ -111,7 +111,7 @@ fn divide(params: &Params, scene: &Scene<'_>, found: &mut [Crossing], runs: &mut
     let mut begun = false;
     loop {
         let t = ahead.first().map(|crossing| crossing.t);
-        // The medium at the face counts from there on.
+        // The first run begins at the face.
         if !begun && t.is_none_or(|t| t > 0.0) {
             begun = true;
             runs.begin(scene, 0.0, medium(params, scene, &inside));
@@ -127,7 +127,7 @@ fn divide(params: &Params, scene: &Scene<'_>, found: &mut [Crossing], runs: &mut
 }
 
 impl Runs<'_> {
-    /// A medium from `start_mm` on.
+    /// Begins a run at `start_mm`, unless the last one has the same tissue.
     fn begin(&mut self, scene: &Scene<'_>, start_mm: f32, tissue: u32) {
         let mut sum_np = 0.0;
         if let Some(&[start, sum, rate, tag]) = self.count.checked_sub(1).and_then(|last| self.entries.get(last)) {
@@ -164,7 +164,7 @@ fn rasterise_body(params: &Params, runs: &[[f32; 4]], raster: &mut [u32]) {
     for (i, &[start_mm, sum_np, rate_np_mm, tag]) in runs.iter().enumerate() {
         let end_mm = runs.get(i + 1).map_or(2.0 * params.depth_mm + 1.0, |next| next[0]);
         let tissue = tag.to_bits() & 255;
-        // Near the end, then exactly there.
+        // An estimate of the end, then the exact one.
         let mut to = (((end_mm / step_mm) as usize).saturating_sub(1)).clamp(from, raster.len());
         while to < raster.len() && (to as f32) * step_mm < end_mm {
             to += 1;

@@ -6,16 +6,16 @@ use super::bundle::Bundle;
 use super::path::Scene;
 use super::path_outputs::PathOutputs;
 
-/// Paths that one core follows before others may take over.
+/// Paths per parallel task.
 const PATHS_A_TASK: usize = Bundle::PATHS;
 
-/// Function that follows the paths from an index on into the outputs; returns the number of crossings and segments lost.
+/// Function that follows paths from an index on into the outputs; returns the number of crossings and segments lost.
 pub(super) type Follow = fn(&Scene<'_>, usize, &mut PathOutputs<'_>) -> u32;
 
-/// Follows a range of paths, split over the cores in whole bundles; returns the number of crossings and segments that found
-/// no room.
+/// Follows a range of paths, split over the cores in whole bundles; returns the number of crossings and segments that
+/// found no room.
 ///
-/// Outputs of a path depend on that path alone, except where more surfaces lie behind its first ray than fit: which ones
+/// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
 /// are lost depends on its neighbours.
 pub(super) fn trace(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: PathOutputs<'_>) -> u32 {
     if paths.len() <= PATHS_A_TASK {
@@ -31,7 +31,7 @@ pub(super) fn trace(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut 
     a + b
 }
 
-/// Follows a run of paths with the instructions that it is compiled for.
+/// Follows a run of paths, with the instruction set of the function that it is inlined into.
 #[inline(always)]
 fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
     let mut bundle = Bundle::new();
@@ -46,7 +46,7 @@ fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32
     lost
 }
 
-/// Follows paths with eight lanes a register, with the same bits. AVX-512 is slower here; interfaces take it.
+/// [`follow_run`] with AVX2, bit-identical. AVX-512 is slower here; only interfaces use it.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {

@@ -20,7 +20,7 @@ pub(crate) struct Tree<'a> {
 pub(crate) struct Stack([(f32, u32); STACK]);
 
 impl Stack {
-    /// Visits that a traversal may have before it.
+    /// Most pending visits of a traversal.
     pub(super) const DEPTH: usize = STACK;
 
     pub(crate) fn new() -> Self {
@@ -28,7 +28,7 @@ impl Stack {
     }
 }
 
-/// A ray as boxes are tested with it.
+/// A ray, prepared for box tests.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ray {
     pub(super) origin: Vec3,
@@ -41,7 +41,7 @@ pub(crate) struct Ray {
 impl Ray {
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, direction: Vec3) -> Self {
-        // A component too small to divide by becomes a tiny one.
+        // Components too small to divide by are replaced by ±TINY.
         const TINY: f32 = 1.0e-12;
         let safe = |x: f32| if x.abs() < TINY { if x >= 0.0 { TINY } else { -TINY } } else { x };
         let reciprocal = 1.0 / Vec3::new(safe(direction.x), safe(direction.y), safe(direction.z));
@@ -74,21 +74,21 @@ pub(crate) struct Nearest {
     pub(crate) crowded: bool,
 }
 
-/// The greater; one instruction, where neither is NaN.
+/// The greater of two numbers, in one instruction; NaN is not handled.
 #[inline(always)]
 pub(super) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The lesser; one instruction, where neither is NaN.
+/// The smaller of two numbers, in one instruction; NaN is not handled.
 #[inline(always)]
 pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Möller–Trumbore about the point of the ray nearest to the first corner, so that f32 keeps its digits far from the
-/// ray's origin; edges reach a tolerance outward, so that a shared edge is never missed. Distance, whether the ray meets
-/// the triangle there, and whether it enters.
+/// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's
+/// origin. Edges extend outward by a tolerance, so a shared edge is never missed. Returns the distance (mm), whether
+/// the ray hits the triangle, and whether it enters the surface.
 #[inline(always)]
 pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, bool, bool) {
     let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));
@@ -115,7 +115,7 @@ pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bo
     hit.then_some((t, enters))
 }
 
-/// Children that the ray meets from `first` to `last`, a bit each, and where it enters their boxes.
+/// Bit mask of the children that the ray meets from `first` to `last`. `near` receives the entry distances.
 #[inline(always)]
 pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WIDTH]) -> u32 {
     let bounds = &node.bounds;
@@ -139,7 +139,7 @@ pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mu
     mask
 }
 
-/// The products of box tests are not exact: a part in 10⁶ and a micrometre.
+/// Slack of box tests for rounded products, mm: 10⁻⁶ of the distance plus 1 µm.
 #[inline(always)]
 pub(super) fn slack(t_min: f32, t_max: f32) -> f32 {
     1.0e-3 + 1.0e-6 * max(t_min.abs(), t_max.abs())
@@ -152,7 +152,7 @@ pub(super) fn leaf(child: u32) -> std::ops::Range<usize> {
     first..first + (child & 3) as usize
 }
 
-/// Every crossing in (t_min, t_max] in the order of the tree, those beyond `into` lost; how many are found and lost.
+/// Collects every crossing in (t_min, t_max], in tree order. Returns the number stored in `into` and the number lost.
 #[inline(always)]
 pub(crate) fn collect(
     tree: &Tree<'_>,
@@ -177,7 +177,7 @@ pub(crate) fn collect(
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;
                 mask &= mask - 1;
-                // The root is nobody's child: a ray that is not a number meets what is missing, too.
+                // Child 0 is missing, since the root is no child; a NaN ray meets missing ones, too.
                 if node.children[slot] != 0 {
                     stack[depth].1 = node.children[slot];
                     depth += 1;

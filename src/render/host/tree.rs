@@ -1,15 +1,15 @@
-//! The scene's tree as a CPU traverses it best: the boxes of a node's eight children side by side, in full precision.
+//! The scene's tree in a CPU's layout: the boxes of a node's eight children side by side, in full precision.
 
 /// Children of a node.
 pub(crate) const WIDTH: usize = 8;
-/// Set in a child that is a leaf: below it `first triangle << 2 | triangles`.
+/// Set in a child that is a leaf; the bits below hold `first triangle << 2 | number of triangles`.
 pub(crate) const LEAF: u32 = 1 << 31;
 
 /// A node of `anatomy::Bvh::nodes`, its boxes decoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(32))]
 pub(crate) struct WideNode {
-    /// Least x, y, z, then greatest x, y, z of each child, mm. A child that is missing has the least above the greatest.
+    /// Least x, y, z, then greatest x, y, z of each child, mm. A missing child has the least above the greatest.
     pub(crate) bounds: [[f32; WIDTH]; 6],
     /// Node of each child, or a [`LEAF`].
     pub(crate) children: [u32; WIDTH],

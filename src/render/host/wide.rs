@@ -1,8 +1,8 @@
 //! Vectorised loops, and the branch-free functions that they need.
 
-/// Defines a function whose body is compiled for AVX-512, for AVX2 and for any processor; the best is chosen at run time.
+/// Defines a function compiled for AVX-512, for AVX2 and for any processor; the best is chosen at run time.
 ///
-/// None fuses multiplications with additions, so that all give the same bits.
+/// None fuses multiplications with additions, so all give the same bits.
 macro_rules! widened {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
         $(#[$doc])*
@@ -53,7 +53,7 @@ pub(super) fn round(x: f32) -> f32 {
     (x + TO_INTEGER) - TO_INTEGER
 }
 
-/// The nearest integer, half to even, of a number in 0..2²²; in the lowest bits, others stand above them.
+/// The nearest integer, half to even, of a number in 0..2²², in the lowest 22 bits; higher bits are also set.
 #[inline(always)]
 pub(super) fn nearest_bits(x: f32) -> u32 {
     (x + TO_INTEGER).to_bits()
@@ -67,7 +67,7 @@ pub(super) fn floor(x: f32) -> i32 {
     nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
 }
 
-/// The greater of two numbers, in one instruction: no care is taken of NaN.
+/// The greater of two numbers, in one instruction; NaN is not handled.
 #[inline(always)]
 pub(super) fn at_least(x: f32, least: f32) -> f32 {
     if x > least { x } else { least }
@@ -99,9 +99,9 @@ pub(super) fn pcg3d(key: [u32; 3]) -> [u32; 3] {
     [x, y, z]
 }
 
-/// log₂ of a normal positive number, to 5·10⁻⁷ beside the rounding of the result.
+/// log₂ of a normal positive number, with an error of 5·10⁻⁷ plus the rounding of the result.
 ///
-/// The polynomial over √½..√2 is fitted for the least greatest error.
+/// A minimax polynomial over √½..√2.
 #[inline(always)]
 pub(super) fn log2(x: f32) -> f32 {
     const ROOT_HALF: u32 = 0x3f35_04f3;
@@ -119,9 +119,9 @@ pub(super) fn log2(x: f32) -> f32 {
     exponent as f32 + p * t
 }
 
-/// eˣ for −87 < x < 88, to 3·10⁻⁷ of itself.
+/// eˣ for −87 < x < 88, with a relative error of 3·10⁻⁷.
 ///
-/// x is an integer times ln 2 and a rest within half of it; the polynomial is fitted for the least greatest error; e⁰ is 1.
+/// x is split into an integer times ln 2 and a remainder of at most half of it, for a minimax polynomial. e⁰ is 1.
 #[inline(always)]
 pub(super) fn exp(x: f32) -> f32 {
     // ln 2 in two parts: the first has so few bits that its multiples are exact.
@@ -137,7 +137,7 @@ pub(super) fn exp(x: f32) -> f32 {
     let p = p * t + EXP[2];
     let p = p * t + EXP[1];
     let p = p * t + EXP[0];
-    // The integer's bits stand lowest in `shifted`; they go to the exponent.
+    // The integer is in the lowest bits of `shifted`; it is added to the exponent.
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 

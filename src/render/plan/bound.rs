@@ -4,18 +4,18 @@ use std::fmt;
 
 use serde::Serialize;
 
-/// Grey levels of 255 that an effect may change at the most and still be left out.
+/// Largest change for which an effect may be left out, grey levels of 255.
 pub const GREY_ALLOWED: f64 = 0.5;
 
-/// The most by which leaving an effect out changes a frame, in any pose.
+/// Bound on the change of a frame without an effect, in any pose.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Bound {
-    /// Nothing but rounding of f32; it chooses the cell where a scanline runs in a face of the scatterer lattice.
+    /// Rounding of f32 only. It may choose another cell if a scanline runs in a face of the scatterer lattice.
     Exact,
-    /// The level of any pixel; where media of different loss meet, except speckle nulls 26 dB below the mean.
+    /// Level of any pixel. If media of different loss meet, speckle nulls 26 dB below the mean are excepted.
     Level {
-        /// Most that a level changes, dB.
+        /// Largest change of a level, dB.
         db: f64,
         /// The same, grey levels of 255.
         grey: f64,
@@ -46,7 +46,7 @@ impl Bound {
         Self::Level { db, grey: db * 255.0 / dynamic_range_db }
     }
 
-    /// Nothing bounds it.
+    /// No bound.
     pub(super) fn none(lacks: impl Into<String>) -> Self {
         Self::None { lacks: lacks.into() }
     }

@@ -10,7 +10,7 @@ pub(super) struct Medium {
 }
 
 impl Medium {
-    /// Speed and impedance as the device has them: media that agree in both meet without an echo and without a bend.
+    /// Speed (m/s) and impedance (MRayl) in f32. Media that agree in both neither echo nor refract where they meet.
     pub(super) fn acoustic(&self) -> (f32, f32) {
         (self.tissue.speed_m_s as f32, self.tissue.impedance_mrayl() as f32)
     }
@@ -21,8 +21,8 @@ impl Medium {
     }
 }
 
-/// Scene properties that decide which effects are needed. Any two of its media are assumed to meet: surfaces overlap,
-/// move and may be open, so only tracing the paths would show which do.
+/// Scene properties that decide which effects are needed. Any two of its media are assumed to meet: surfaces may
+/// overlap, move and be open, so only tracing would show which do.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SceneFacts {
     /// Tissues of the surfaces that have triangles, and the background.

@@ -1,4 +1,4 @@
-//! Rules of what is lost along the path.
+//! Rules for the loss along the path.
 
 use super::bound::{Bound, GREY_ALLOWED};
 use super::facts::Medium;
@@ -7,10 +7,10 @@ use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::settings::{Choice, Effect};
 
-/// The weakest speckle whose level a bound holds for, over the mean: two and a half in a thousand samples are weaker.
+/// Amplitude of the weakest speckle that a bound covers, over the RMS: 0.25 % of samples are weaker.
 const NULL_AMPLITUDE: f64 = 0.05;
 impl Rules<'_> {
-    /// The least loss a mm of range, dB, that a frame may be made with: attenuation is decided after the echoes.
+    /// Least loss per mm of range that frames may have, dB: attenuation is decided after the echoes.
     pub(super) fn least_loss_db_mm(&self, medium: &Medium) -> f64 {
         let choice = self.settings.effects.of(Effect::Attenuation);
         if !decided(choice, !self.attenuation().bound.negligible()) {
@@ -24,7 +24,7 @@ impl Rules<'_> {
         }
     }
 
-    /// Loss to and fro a mm of range, dB.
+    /// Two-way loss per mm of range, dB.
     pub(super) fn loss_db_mm(&self, medium: &Medium) -> f64 {
         let forced_off = self.settings.effects.of(Effect::FrequencyExponent) == Choice::Off;
         let exponent = if forced_off { 1.0 } else { medium.tissue.attenuation_exponent };
@@ -36,8 +36,8 @@ impl Rules<'_> {
         2.0 * attenuation_db_mm(loss_db_cm_mhz, exponent, self.probe.frequency_mhz) * self.speed_ratio(medium)
     }
 
-    /// The bound of a loss over the depth, dB, that `of` gives a medium a mm of range, and the medium of the most; none
-    /// where no medium has any. `map_db_mm` is the same to and fro a mm of way, as the attenuation map has it.
+    /// Largest loss over the depth (dB), its medium, and the bound of that loss; None if no medium has any. `of` is a
+    /// medium's loss per mm of range. `map_db_mm` is its two-way loss per mm of path, as in the attenuation map.
     fn loss_bound(
         &self,
         of: impl Fn(&Medium) -> f64,
@@ -49,11 +49,11 @@ impl Rules<'_> {
             return Some((db, medium, Bound::none("the loss in lines.npy")));
         }
         let one_loss = self.facts.media.windows(2).all(|pair| of(&pair[0]) as f32 == of(&pair[1]) as f32);
-        // Echoes of different loss that cancel in a null of the speckle no longer do so.
+        // Echoes that cancel in a speckle null no longer do so if their losses differ.
         let level_db =
             if one_loss { db } else { db_from_amplitude(1.0 + (10f64.powf(db / 20.0) - 1.0) / NULL_AMPLITUDE) };
         let bound = Bound::level(level_db, self.settings.image.dynamic_range_db);
-        // One way, and as much again by the percentile that the map is divided by. Any frame may be asked for its maps.
+        // One way, and as much again by the percentile that the map is divided by. Any frame may need its maps.
         let map_db = self.facts.media.iter().map(map_db_mm).fold(0.0, f64::max) * self.probe.depth_mm;
         let map_off = 1.0 - 10f64.powf(-map_db / 20.0);
         if bound.negligible() && map_off > GREY_ALLOWED / 255.0 {

@@ -1,6 +1,6 @@
-//! The effect plan: which effects a scene calls for, decided before anything is compiled, and why.
+//! The effect plan: the effects that a scene calls for, with reasons, decided before anything is compiled.
 //!
-//! An effect is left out only where a bound on what it changes holds for every pose of the probe: see [`Bound`].
+//! An effect is left out only if the change of a frame has a small bound in every pose of the probe: see [`Bound`].
 
 mod bound;
 mod facts;
@@ -23,7 +23,7 @@ use rules::{Rules, decided};
 /// Whether one effect is simulated, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Decision {
-    /// Which.
+    /// The effect.
     pub effect: Effect,
     /// Whether it is simulated.
     pub on: bool,
@@ -92,7 +92,7 @@ impl EffectPlan {
         self.decisions.iter().filter_map(Decision::warning)
     }
 
-    /// The settings that frames are made with: one ray and one layer where more of them show nothing more.
+    /// Settings of frames: one ray or one layer if more would not change the frame.
     pub(crate) fn settings(&self, asked: &RenderSettings) -> RenderSettings {
         let mut settings = *asked;
         if !self.has(Effect::Rays) {

@@ -1,4 +1,4 @@
-//! When a scene calls for an effect, and how far a frame without it is off. Every rule holds for any pose of the probe.
+//! Rules: whether a scene calls for an effect, and the error of a frame without it. All hold for any pose of the probe.
 
 use super::bound::Bound;
 use super::facts::{Medium, SceneFacts};
@@ -10,10 +10,10 @@ use crate::settings::RenderSettings;
 use crate::settings::{Choice, Effect, EffectSet};
 use crate::transducer::{Probe, Sector};
 
-/// Parts of the lateral beam's σ that an edge may lie aside.
+/// Invisible lateral shift of an edge, fraction of the lateral beam's σ.
 const ASIDE_OF_BEAM: f64 = 0.25;
 
-/// Most that an interface returns over its pressure reflection, its lobe and its diffuse floor together.
+/// Largest ratio of returned pressure to reflected pressure, with lobe and diffuse floor together.
 const RETURNING_MAX: f64 = 1.01;
 
 /// Result of a rule: the reason, and the error bound of a frame without the effect.
@@ -55,8 +55,8 @@ impl Rules<'_> {
         }
     }
 
-    /// The slowest and the fastest medium where they differ. The smallest difference counts: at its grazing incidence it
-    /// turns a ray back.
+    /// The slowest and the fastest medium, if their speeds differ. Any difference counts: at grazing incidence it
+    /// reflects totally.
     fn two_speeds(&self) -> Option<(&Medium, &Medium)> {
         self.facts.speeds().filter(|(slow, fast)| slow.acoustic().0 != fast.acoustic().0)
     }
@@ -99,7 +99,7 @@ impl Rules<'_> {
         finding(format!("{}, the image's scale is of 1540 m/s", speed(medium)), Bound::Displacement { mm })
     }
 
-    /// Most that an interface reflects of the pressure, at any angle, and which.
+    /// Largest pressure reflection of any interface at any angle, and its media.
     fn strongest(&self) -> Option<(f64, (&Medium, &Medium))> {
         most(self.acting(), |(a, b)| pressure_reflection(a, b))
     }
@@ -129,7 +129,7 @@ impl Rules<'_> {
         if self.two_speeds().is_none() {
             return finding(format!("{} to {} reflects {:.1} dB", a.name, b.name, db_from_amplitude(r)), lacks);
         }
-        // The most telling: that at normal incidence.
+        // The reason names the strongest reflection at normal incidence.
         let Some((r, (a, b))) = most(self.acting(), |(a, b)| at_normal_incidence(a, b)) else {
             return finding("speeds differ", lacks);
         };
@@ -139,12 +139,12 @@ impl Rules<'_> {
         finding(reason, lacks)
     }
 
-    /// Gain that the best case meets, dB: where gain, TGC and sliders together exceed the least attenuation the most.
+    /// Largest net gain at any depth, dB: gain, TGC and sliders minus the least attenuation.
     fn best_gain_db(&self) -> f64 {
         let image = &self.settings.image;
         let least = self.facts.media.iter().map(|m| self.least_loss_db_mm(m)).fold(f64::INFINITY, f64::min);
         let loss_db_mm = if least.is_finite() { least } else { 0.0 };
-        // Straight lines between the sliders: the most is at one of them.
+        // Linear between the sliders, so the maximum is at one of them.
         let at = |(i, slider_db): (usize, &f64)| {
             let depth_mm = self.probe.depth_mm * i as f64 / 7.0;
             image.gain_db + slider_db + (image.tgc_db_per_cm / 10.0 - loss_db_mm) * depth_mm
@@ -152,13 +152,13 @@ impl Rules<'_> {
         image.tgc_sliders_db.iter().enumerate().map(at).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Way in a medium for a mm of range: 1 where displacement by speed is left out.
+    /// Length of path per mm of range in a medium; 1 without displacement by speed.
     pub(super) fn speed_ratio(&self, medium: &Medium) -> f64 {
         if self.on.has(Effect::SpeedDisplacement) { medium.tissue.speed_m_s / ASSUMED_SPEED_M_S } else { 1.0 }
     }
 
     fn roughness(&self) -> Finding {
-        // Roughness spreads reflections until none is followed: those of smooth faces decide.
+        // Roughness weakens reflections, so those of smooth faces decide.
         let reflects = !self.reflections_of(|_, _| 0.0).bound.negligible();
         if !self.on.has(Effect::InterfaceEchoes) && !decided(self.settings.effects.of(Effect::Reflections), reflects) {
             return finding("no interface echoes or reflects", Bound::Exact);
@@ -185,7 +185,7 @@ impl Rules<'_> {
                     // Paths add in power on a thick face, in amplitude on a thin one.
                     return finding(reason, Bound::none("grain and place of thick faces"));
                 }
-                // Half of it to either side of the face, in a medium that is slower than the image's scale at the most so.
+                // Half of it to either side of the face, at the speed of the slowest medium if below the image's scale.
                 let slowest = self.facts.speeds().map_or(1.0, |(slow, _)| self.speed_ratio(slow));
                 finding(reason, Bound::Displacement { mm: 0.5 * mm / slowest.min(1.0) })
             }
@@ -198,7 +198,7 @@ impl Rules<'_> {
         self.reflections_of(|a, b| if rough { a.tissue.roughness.max(b.tissue.roughness) } else { 0.0 })
     }
 
-    /// The rule of reflections where the interface of two media is as rough as `roughness` says.
+    /// The rule of reflections, with the roughness of each interface from `roughness`.
     fn reflections_of(&self, roughness: impl Fn(&Medium, &Medium) -> f64) -> Finding {
         let reflections_max = self.settings.reflections_max;
         if let Some((slow, fast)) = self.two_speeds() {
@@ -209,7 +209,7 @@ impl Rules<'_> {
             );
             return finding(reason, Bound::none("mirror images and reverberation"));
         }
-        // One speed: R is the same at every angle. The lobe is the widest at the face.
+        // Equal speeds: R is the same at every angle. The aperture accepts the most at the face.
         let aperture = (0.25 * self.probe.aperture_mm).clamp(0.06, 0.5).powi(2);
         let returned = |&(a, b): &(_, _)| {
             let rough = roughness(a, b);
@@ -217,7 +217,7 @@ impl Rules<'_> {
         };
         match most(self.acting(), returned) {
             None => finding(self.silent(), Bound::Exact),
-            // Rounding must not decide: a hundredth less is followed, too.
+            // A tolerance of 1 %, so that rounding doesn't decide.
             Some((most, (a, b))) if most >= 0.99 * REFLECTION_FOLLOWED => {
                 let percent = 100.0 * most;
                 let (a, b) = (&a.name, &b.name);
@@ -251,8 +251,8 @@ impl Rules<'_> {
                 Bound::none("smooth interfaces' echoes"),
             );
         }
-        // No chance is left, and scatterers lie on the scanline's axis: rays differ in where they cross edges, half a share to
-        // either side. Media of another speed reach farther than the depth, where shares are wider.
+        // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up
+        // to half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
         let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm * ratio);
         let bound = if self.one_medium() {
@@ -275,7 +275,7 @@ impl Rules<'_> {
         (0.5 * Sector::fit(self.probe, image.width, image.height).pixel_mm).max(ASIDE_OF_BEAM * narrowest_mm)
     }
 
-    /// Whether all media are one in all that a path meets.
+    /// Whether all media have the same speed, impedance, loss and scatterers.
     fn one_medium(&self) -> bool {
         let like = |m: &Medium| {
             let t = &m.tissue;
@@ -291,7 +291,7 @@ impl Rules<'_> {
             return finding("the settings ask for one", Bound::Exact);
         }
         if self.one_medium() {
-            // Oblique layers lose more on their longer way.
+            // Oblique layers lose more on their longer paths.
             let longer =
                 layers(self.probe, asked).iter().map(|&[.., stretch]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
             let loss_db_mm = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(0.0, f64::max);
@@ -351,7 +351,7 @@ pub(super) fn most<T>(items: impl Iterator<Item = T>, value: impl Fn(&T) -> f64)
     items.map(|item| (value(&item), item)).max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// Angle beyond which nothing passes from the slow medium into the fast one, degrees.
+/// Critical angle from the slow medium into the fast one, degrees.
 fn critical_deg(slow: &Medium, fast: &Medium) -> f64 {
     (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees()
 }
@@ -365,14 +365,13 @@ pub(super) fn decided(choice: Choice, called_for: bool) -> bool {
     }
 }
 
-/// Most of the pressure that the interface of two media reflects at any angle: all of it at the grazing angle, unless they
-/// have one speed.
+/// Largest pressure reflection of two media at any angle: 1 at grazing incidence, unless their speeds are equal.
 fn pressure_reflection(a: &Medium, b: &Medium) -> f64 {
     let one_speed = a.acoustic().0 == b.acoustic().0;
     if one_speed { at_normal_incidence(a, b) } else { 1.0 }
 }
 
-/// Part of the pressure that the interface of two media reflects at normal incidence.
+/// Magnitude of the pressure reflection of two media at normal incidence.
 fn at_normal_incidence(a: &Medium, b: &Medium) -> f64 {
     let (z1, z2) = (a.tissue.impedance_mrayl(), b.tissue.impedance_mrayl());
     ((z2 - z1) / (z2 + z1)).abs()

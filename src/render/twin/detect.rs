@@ -16,7 +16,7 @@ pub struct Detected {
 
 /// Convolves each line with the pulse's envelope and turns its magnitude into grey levels.
 ///
-/// The reference is fixed: 0 dB, a perfect reflector, is white whatever else is in the image.
+/// The reference is fixed: 0 dB, a perfect reflector, is white in every image.
 pub fn detect(inputs: &Inputs, focused: &[DVec2]) -> Detected {
     let half = inputs.pulse.len() / 2;
     let mut lines = Vec::with_capacity(focused.len());
@@ -40,7 +40,7 @@ pub fn detect(inputs: &Inputs, focused: &[DVec2]) -> Detected {
 }
 
 impl Inputs {
-    /// Level of the sliders at a depth, dB: straight lines between eight depths from the face to the full depth.
+    /// Gain of the TGC sliders at a depth, dB: linear between eight depths from the face to the full depth.
     pub fn slider_db(&self, depth_mm: f64) -> f64 {
         let place = (7.0 * depth_mm / self.depth_mm).clamp(0.0, 7.0);
         let below = (place as usize).min(6);

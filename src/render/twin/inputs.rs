@@ -22,11 +22,11 @@ pub struct Ray {
 pub struct Layer {
     /// Elevational offset at the face, mm.
     pub offset_mm: f64,
-    /// Elevational offset a mm of ray.
+    /// Elevational offset per mm of ray.
     pub slope: f64,
-    /// Part of the beam's energy; all layers' sum is 1.
+    /// Fraction of the beam's energy; the sum over all layers is 1.
     pub weight: f64,
-    /// Length of its rays a mm of depth.
+    /// Length of its rays per mm of depth.
     pub stretch: f64,
 }
 
@@ -35,11 +35,11 @@ pub struct Layer {
 pub struct Medium {
     /// Characteristic impedance, MRayl.
     pub impedance_mrayl: f64,
-    /// c/c₀: mm of path a mm of range.
+    /// c/c₀: mm of path per mm of range.
     pub speed_ratio: f64,
-    /// c/c₀ in Snell's and Fresnel's laws; 1 everywhere where refraction is left out.
+    /// c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     pub bending: f64,
-    /// Two-way attenuation of the amplitude, nepers a mm of path.
+    /// Two-way attenuation of the amplitude, nepers per mm of path.
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
     pub roughness: f64,
@@ -81,9 +81,9 @@ pub struct Triangle {
     pub edge1_mm: DVec3,
     /// Third corner minus the first, mm.
     pub edge2_mm: DVec3,
-    /// Reach beyond the edges, mm a mm of distance from the ray's origin.
+    /// Reach beyond the edges, mm per mm of distance from the ray's origin.
     pub tolerance: f64,
-    /// Index of its surface; of surfaces that overlap the highest is the medium.
+    /// Index of its surface; if surfaces overlap, the highest is the medium.
     pub surface: u32,
     /// Index of the triangle in the scene.
     pub index: u32,
@@ -102,17 +102,17 @@ pub struct Inputs {
     pub probe_mm: DVec3,
     /// Scanlines.
     pub scanlines: usize,
-    /// Samples of a scanline. Sample j lies at range (j + ½)·spacing.
+    /// Samples per scanline. Sample j is at range (j + ½)·spacing.
     pub samples: usize,
-    /// Distance of samples, mm of range.
+    /// Spacing of samples, mm of range.
     pub sample_spacing_mm: f64,
     /// Deepest range, mm.
     pub depth_mm: f64,
-    /// Turns of the baseband's phase a mm of range: 2f/c₀.
+    /// Turns of the baseband's phase per mm of range: 2f/c₀.
     pub phase_turns_per_mm: f64,
-    /// Rays of a scanline and layer.
+    /// Rays per scanline and layer.
     pub rays_per_line: usize,
-    /// Reflections that a path is followed through.
+    /// Most reflections of a path.
     pub reflections_max: u32,
     /// Seed of every random choice.
     pub seed: u32,
@@ -130,8 +130,8 @@ pub struct Inputs {
     pub axes: Vec<Ray>,
     /// Layers.
     pub layers: Vec<Layer>,
-    /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has only
-    /// one path.
+    /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has
+    /// only one path.
     pub guides: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
@@ -151,7 +151,7 @@ pub struct Inputs {
     pub depth_block: usize,
     /// Envelope of the pulse, from −half to +half samples, 1 at its peak.
     pub pulse: Vec<f64>,
-    /// Time-gain compensation, dB a mm of range.
+    /// Time-gain compensation, dB per mm of range.
     pub tgc_db_per_mm: f64,
     /// Settings of the image.
     pub image: ImageUniforms,
@@ -159,9 +159,9 @@ pub struct Inputs {
     pub face_radius_mm: Option<f64>,
     /// Straight rays of the maps.
     pub map_rays: Vec<Ray>,
-    /// Depths that a map ray is sampled at.
+    /// Number of depths per map ray.
     pub map_depths: usize,
-    /// Distance of those depths, mm.
+    /// Spacing of those depths, mm.
     pub map_step_mm: f64,
     /// Scanline and sample of each pixel's centre, counted from the first ones' centres [height × width]; None outside.
     pub pixels: Vec<Option<[f64; 2]>>,
@@ -242,17 +242,17 @@ impl Inputs {
         }
     }
 
-    /// Paths of a frame that carry echoes: rays fastest, then scanlines, then layers.
+    /// Number of paths of a frame that carry echoes: rays fastest, then scanlines, then layers.
     pub fn sounding(&self) -> usize {
         self.rays.len() * self.layers.len()
     }
 
-    /// Paths of a frame: the guides behind those that carry echoes.
+    /// Number of paths of a frame: those that carry echoes, then the guides.
     pub fn paths(&self) -> usize {
         self.sounding() + self.guides
     }
 
-    /// The layer of a path. A guide is in the image plane, and weighs nothing.
+    /// The layer of a path. A guide is in the image plane, with weight 0.
     pub fn layer_of(&self, path: usize) -> Layer {
         let image_plane = Layer { offset_mm: 0.0, slope: 0.0, weight: 0.0, stretch: 1.0 };
         self.layers.get(path / self.rays.len()).copied().unwrap_or(image_plane)
@@ -263,7 +263,7 @@ impl Inputs {
         (sample as f64 + 0.5) * self.sample_spacing_mm
     }
 
-    /// A ray of the probe frame in the scene, its direction of length 1.
+    /// Scene ray of a probe-frame ray; its direction has length 1.
     pub fn in_scene(&self, ray: &Ray) -> Ray {
         Ray {
             origin_mm: self.probe_mm + self.scene_from_probe * ray.origin_mm,

@@ -4,8 +4,8 @@ use glam::DVec2;
 
 use super::inputs::Inputs;
 
-/// Baseband as the beam sees it: each sample the weighted mean over neighbouring scanlines, its weights renormalised at
-/// the sector's edges [scanlines × samples].
+/// Baseband after the beam [scanlines × samples]: each sample is the weighted mean over neighbouring scanlines, with
+/// weights renormalised at the sector's edges.
 pub fn lateral(inputs: &Inputs, baseband: &[DVec2]) -> Vec<DVec2> {
     let mut focused = Vec::with_capacity(baseband.len());
     for line in 0..inputs.scanlines {

@@ -1,4 +1,4 @@
-//! The scatterer lattice, fixed in the scene: a pure hash of a cell, so that nothing repeats and nothing is stored.
+//! The scatterer lattice, fixed in the scene. A scatterer is a pure hash of its cell: nothing repeats or is stored.
 
 use glam::{DVec2, DVec3};
 
@@ -8,7 +8,7 @@ use crate::render::constants::CELL_MM;
 /// Side of a cell as the device rounds it, mm.
 const CELL_F32_MM: f32 = CELL_MM as f32;
 
-/// The cell that a point lies in.
+/// The cell of a point.
 pub fn cell(point_mm: DVec3) -> [i32; 3] {
     // The device multiplies by this rounded number.
     let cells_per_mm = f64::from(1.0 / CELL_F32_MM);
@@ -27,9 +27,9 @@ pub fn scatterer_mm(cell: [i32; 3], bits: u32) -> DVec3 {
     (corner + DVec3::new(offset(0), offset(10), offset(20))) * f64::from(CELL_F32_MM)
 }
 
-/// A complex number of mean 0 and mean square 1, nearly Gaussian: in each part the sum of four nibbles (Irwin–Hall).
+/// A complex number of mean 0 and mean square 1, nearly Gaussian: each part is a sum of four nibbles (Irwin–Hall).
 ///
-/// It stands for the many scatterers of a real cell, so that speckle is fully developed however few cells a pulse meets.
+/// It represents the many scatterers of a real cell: speckle is fully developed even if a pulse covers few cells.
 pub fn scatterer_deviate(bits: u32) -> DVec2 {
     let sum = |from: u32| (0..4).map(|i| f64::from((bits >> (from + 4 * i)) & 15)).sum::<f64>();
     // Four times the variance of a nibble, (16² − 1)/12, in each of two parts.

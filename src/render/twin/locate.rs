@@ -7,8 +7,8 @@ use super::surfaces::{Membership, crossings, places};
 
 /// The surfaces that each path starts inside `[paths]`.
 ///
-/// The path's line is followed from outside the whole scene up to the face, counting itself in and out of each closed
-/// surface on the way.
+/// The path's line is followed from outside the whole scene up to the face. Its crossings enter and leave the closed
+/// surfaces on the way.
 pub fn locate(inputs: &Inputs) -> Vec<Membership> {
     let starts = (0..inputs.paths()).into_par_iter().map(|path| inside_at_start(inputs, &inputs.launch(path)));
     starts.collect()

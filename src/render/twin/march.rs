@@ -10,9 +10,9 @@ use crate::render::constants::LN_SPECKLE_SILENT;
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
-/// A sample meets the scatterer of the lattice cell that lies on the scanline's guide at its range. All rays of a scanline sound the
-/// same tissue: no number of them would make speckle converge that each read elsewhere. How strong the scatterer is, the mean power
-/// of all rays says: where speckle is fully developed, that of many sheets of scatterers and that of one are the same noise.
+/// A sample takes the scatterer of the lattice cell at its range on the scanline's guide, for all rays of the scanline:
+/// with a scatterer per ray, speckle would not converge. The mean power of all rays sets the scatterer's strength.
+/// Fully developed speckle has the same statistics with one sheet of scatterers as with many.
 pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
@@ -45,9 +45,9 @@ fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVe
         inputs.layers.iter().enumerate().map(of_layer).sum::<DVec2>().powf(0.5)
     };
     let strength = DVec2::new(mean, 0.0) + deviation * lattice::scatterer_deviate(amplitude);
-    // The scatterer's own range sets the phase, whichever sample meets its cell.
+    // The scatterer's own range sets the phase, whichever sample finds its cell.
     let ahead_mm = (lattice::scatterer_mm(cell, offset) - here).dot(place.step) / place.step.length_squared();
-    // Complex numbers multiply as vectors rotate.
+    // `rotate` is the complex product.
     inputs.scatterer_gain[sample / inputs.depth_block] * strength.rotate(inputs.carrier(range_mm + ahead_mm))
 }
 

@@ -1,8 +1,8 @@
-//! The f64 CPU twin of every WGSL pass: what each pass means, in the plainest code, and what it is tested against.
+//! The f64 twin of every pass: the reference that each pass is tested against, in plain code.
 //!
-//! A twin reads the values that the device gets, f32 widened to f64, so that the two differ by rounding only. It hits
-//! triangles by brute force: it shares no tree with the device. Paths are in the device's order: rays fastest, then
-//! scanlines, then layers; then the guides. Samples are `[scanlines × samples]`, without the device's padding.
+//! A twin reads the device's inputs, f32 widened to f64, so the two differ by rounding only. It intersects triangles by
+//! brute force, without the device's tree. Paths are in the device's order: rays fastest, then scanlines, then layers;
+//! then the guides. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
 //! locate → trace → march → echo → lateral → detect ┐

@@ -4,11 +4,11 @@ use super::inputs::Inputs;
 use super::section::Run;
 use crate::render::constants::BRIGHTEST_PART;
 
-/// The Σμ (nepers) that 2 % of the sector's area lie below: e^(−Σμ) at it is the map's 98th percentile.
+/// The Σμ (nepers) below which 2 % of the sector's area lies: e^(−Σμ) is the map's 98th percentile.
 pub fn percentile(inputs: &Inputs, runs: &[Vec<Run>]) -> f64 {
     let wanted = BRIGHTEST_PART * area(inputs, inputs.depth_mm) * runs.len() as f64;
     let in_front = |limit_np: f64| -> f64 { runs.iter().map(|r| area(inputs, reach_mm(inputs, r, limit_np))).sum() };
-    // Σμ never falls along a ray: bisect on it.
+    // Bisection on Σμ, which never falls along a ray.
     let (mut low, mut high) = (0.0, 1.0e4);
     for _ in 0..200 {
         let middle = 0.5 * (low + high);

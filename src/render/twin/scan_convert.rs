@@ -15,7 +15,7 @@ pub struct Maps {
     pub attenuation: Vec<f64>,
 }
 
-/// Reads every pixel off the scanlines (bilinear) and off the map rays (Σμ linear between two rays,
+/// Interpolates every pixel from the scanlines (bilinear) and from the map rays (Σμ linear between two rays,
 /// the tissue of the nearer one; exact between their depths).
 pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], percentile_np: f64) -> Maps {
     let count = inputs.pixels.len();
@@ -42,7 +42,7 @@ fn bilinear(inputs: &Inputs, grey: &[f64], line: f64, sample: f64) -> f64 {
     mix(along(line as usize), along((line as usize + 1).min(inputs.scanlines - 1)), line.fract())
 }
 
-/// The medium and Σμ at a depth of a scanline, between two map rays or half a ray beyond the last ones.
+/// The medium and Σμ at a depth of a scanline, between two map rays or up to half a spacing beyond the outer ones.
 fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> RasterPoint {
     let count = inputs.map_rays.len();
     let place = (line + 0.5) / inputs.scanlines as f64 * count as f64 - 0.5;
@@ -55,8 +55,8 @@ fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> 
     RasterPoint { sum_np, tissue: if part >= 0.5 { next.tissue } else { one.tissue } }
 }
 
-/// The medium and Σμ between two depths of a map ray. Where two tissues meet between them, the Σμ at both depths says
-/// how much of the step lies in each.
+/// The medium and Σμ between two depths of a map ray. If two tissues meet between them, the Σμ at both depths gives the
+/// length of the step in each.
 fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoint {
     let step_mm = inputs.map_step_mm;
     let index = ((depth_mm / step_mm) as usize).min(on_ray.len() - 2);
@@ -71,7 +71,7 @@ fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoin
     let boundary_mm = if contrast.abs() > CONTRAST_MIN_NP_MM {
         ((after.sum_np - before.sum_np - rate(after) * step_mm) / contrast).clamp(0.0, step_mm)
     } else {
-        // Tissues that attenuate alike don't say: halfway is within half a pixel.
+        // Unknown if both attenuate alike: halfway is within half a pixel.
         0.5 * step_mm
     };
     let in_after_mm = (beyond_mm - boundary_mm).max(0.0);

@@ -1,4 +1,4 @@
-//! The media along straight rays: the cross-section of the surfaces, and the attenuation from the face on.
+//! Media along straight rays: the cross-section of the surfaces, and the attenuation from the face.
 
 use rayon::prelude::*;
 
@@ -37,7 +37,7 @@ pub struct Sections {
     pub raster: Vec<RasterPoint>,
 }
 
-/// The media along every map ray. Straight rays: the maps are the anatomy in the image plane, not what refraction shows.
+/// The media along every map ray. Rays are straight: maps show the anatomy in the image plane, without refraction.
 pub fn section(inputs: &Inputs) -> Sections {
     let runs: Vec<Vec<Run>> = (0..inputs.map_rays.len()).into_par_iter().map(|ray| runs_of(inputs, ray)).collect();
     let depths = || (0..inputs.map_depths).map(|i| i as f64 * inputs.map_step_mm);
@@ -48,7 +48,7 @@ pub fn section(inputs: &Inputs) -> Sections {
 fn runs_of(inputs: &Inputs, ray: usize) -> Vec<Run> {
     let ray = inputs.in_scene(&inputs.map_rays[ray]);
     let mut inside = Membership::default();
-    // The medium at the face counts from the first place beyond it on.
+    // The first run begins at the face.
     let mut runs: Vec<Run> = Vec::new();
     let begin = |runs: &mut Vec<Run>, start_mm: f64, tissue: usize| {
         let sum_np = runs.last().map_or(0.0, |last| last.sum_np + last.rate_np_mm * (start_mm - last.start_mm));

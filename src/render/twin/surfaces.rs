@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::inputs::{Inputs, Ray, Triangle};
 use crate::render::constants::TOUCH_MM;
 
-/// The surfaces that a point is inside, a bit each, surface 0 in the lowest bit of the first word.
+/// The surfaces that a point is inside, one bit each, surface 0 in the lowest bit of the first word.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Membership(pub [u32; 8]);
 
@@ -30,7 +30,8 @@ impl Membership {
         self.highest().map_or(inputs.background, |s| inputs.surface_tissue[s as usize])
     }
 
-    /// Crosses all of `place`. A surface that is entered and left at one place is a crease or a silhouette: it stays.
+    /// Applies all crossings of `place`. A surface that is entered and left there is a crease or a silhouette: its
+    /// membership is unchanged.
     pub(super) fn cross(&mut self, place: &[Crossing<'_>]) {
         for crossing in place {
             let surface = crossing.triangle.surface;
@@ -80,7 +81,7 @@ fn intersect<'a>(triangle: &'a Triangle, ray: &Ray) -> Option<Crossing<'a>> {
     hit.then(|| Crossing { t_mm: t0 + triangle.edge2_mm.dot(q) / determinant, enters: determinant > 0.0, triangle })
 }
 
-/// Crossings in groups that lie within TOUCH_MM of their first.
+/// Groups of crossings, each within TOUCH_MM of its first.
 pub(super) fn places<'a, 'b>(mut crossings: &'b [Crossing<'a>]) -> impl Iterator<Item = &'b [Crossing<'a>]> {
     std::iter::from_fn(move || {
         let limit = crossings.first()?.t_mm + TOUCH_MM;

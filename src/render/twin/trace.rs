@@ -13,7 +13,7 @@ use crate::render::constants::{
     TOUCH_MM,
 };
 
-/// A straight stretch of a path in one medium. What varies along it is a line over the range ρ, mm.
+/// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
     /// Range at which it begins, mm.
@@ -64,32 +64,32 @@ pub fn segment_at(path: &Path, range_mm: f64) -> usize {
 
 /// Follows every path through the scene, from the surfaces it starts inside `[paths]`.
 ///
-/// At a change of medium, the interface returns an echo. The path then reflects with probability R or goes on refracted
-/// (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
+/// At a change of medium, the interface returns an echo. The path then reflects with probability R, else it is
+/// refracted (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
 pub fn trace(inputs: &Inputs, starts_inside: &[Membership]) -> Vec<Path> {
     (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, starts_inside[path]).run()).collect()
 }
 
-/// A path under way.
+/// State of a path while it is traced.
 struct Tracer<'a> {
     inputs: &'a Inputs,
     line_ray: usize,
     layer: usize,
     of_layer: Layer,
-    /// It carries no echo, and says where the others' scatterers lie.
+    /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
     guide: bool,
     inside: Membership,
     ray: Ray,
     range_mm: f64,
     ln_amplitude: f64,
-    /// Scatterers of different paths add in power: chance takes half of an interface's loss, this the other half.
+    /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     ln_scatter: f64,
     bounce: u32,
     /// Displacement of the medium from its rest position, mm: speckle moves with its tissue.
     carried_mm: DVec3,
 }
 
-/// Interface that a path meets.
+/// Interface at which a path changes its medium.
 struct Meeting<'a> {
     /// Surfaces that the path was inside before.
     before: Membership,
@@ -144,17 +144,17 @@ impl<'a> Tracer<'a> {
             let cos_incident = (-normal.dot(self.ray.direction)).clamp(0.0, 1.0);
             let split = between(tissue, beyond, cos_incident);
             let accepted = self.acceptance(boundary.roughness * boundary.roughness);
-            // A path goes on with the weight of what is transmitted where the reflection is not followed: a rough surface's
+            // If the reflection is not followed, the path continues with the transmitted energy: a rough surface
             // scatters and never forms a mirror image.
             let may_reflect = self.inputs.reflections;
             let follow = may_reflect && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-            // A guide takes the likelier way, so that where scatterers lie is no matter of chance.
+            // A guide takes the likelier way, so scatterer positions don't depend on chance.
             let chance = if self.guide { 0.5 } else { self.random(0) };
             let total = may_reflect && split.energy_reflection >= 1.0;
             if total || (follow && chance < split.energy_reflection) {
                 self.inside = meeting.before;
                 reflections += 1;
-                // A rough surface spreads the beam beyond what the aperture accepts, on both ways.
+                // A rough surface spreads part of the beam beyond the aperture, both ways.
                 self.ln_amplitude += accepted.ln();
                 self.ln_scatter += 0.5 * split.energy_reflection.max(1.0e-30).ln();
                 self.reflect(facet, normal);
@@ -183,8 +183,8 @@ impl<'a> Tracer<'a> {
         hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, dim)
     }
 
-    /// Length of path a mm of range. Ranges are depths: the lens delays its middle, so that an oblique layer's echoes come no
-    /// later.
+    /// Length of path per mm of range. Ranges are depths: the lens delays its middle, so echoes of oblique layers come
+    /// no later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
         tissue.speed_ratio * self.of_layer.stretch
     }
@@ -207,11 +207,10 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Moves on to the next place where the medium changes, across surfaces that a higher one hides; None where the path
-    /// runs out of depth before.
+    /// Advances to the next change of medium, across surfaces that a higher one hides; None if the depth ends first.
     fn next_change(&mut self, here: usize, crossed: &mut u32) -> Option<Meeting<'a>> {
         let tissue = self.inputs.media[here];
-        // An interface just left is not met again.
+        // Skips the interface just left.
         let t_min_mm = if self.bounce == 0 { 0.0 } else { TOUCH_MM };
         let left_mm = (self.inputs.depth_mm - self.range_mm) * self.path_per_range(&tissue);
         let ahead = crossings(self.inputs, &self.ray, t_min_mm, left_mm + TOUCH_MM);
@@ -228,7 +227,7 @@ impl<'a> Tracer<'a> {
             gone_mm = t_mm;
             let there = self.inside.medium(self.inputs);
             if there != here {
-                // The interface is the highest surface's; of its triangles the first.
+                // The interface is the first in the scene of the highest surface's triangles.
                 let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));
                 met = place.iter().max_by_key(order).map(|&crossing| Meeting { before, crossing, there });
                 break;
@@ -240,8 +239,8 @@ impl<'a> Tracer<'a> {
         met
     }
 
-    /// A microfacet of a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness tilts the facet,
-    /// half widens the lobe about it.
+    /// A microfacet of a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness tilts the
+    /// facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
         if variance <= 0.0 || self.guide {
@@ -252,11 +251,11 @@ impl<'a> Tracer<'a> {
         let tangent = helper.cross(n).normalize();
         let (sin, cos) = (std::f64::consts::TAU * self.random(2)).sin_cos();
         let facet = (n + slope * (cos * tangent + sin * n.cross(tangent))).normalize();
-        // A facet that the path would meet from behind.
+        // Rejects a facet that the path would hit from behind or at a grazing angle.
         if facet.dot(self.ray.direction) > -FACET_COS_MIN { n } else { facet }
     }
 
-    /// Amplitude and range (mm) of the echo of an interface met here.
+    /// Amplitude and range (mm) of the echo of the interface here.
     fn echo(
         &self,
         at_facet: &Interface,
@@ -268,20 +267,20 @@ impl<'a> Tracer<'a> {
         if !self.inputs.interface_echoes {
             return (0.0, self.range_mm);
         }
-        // Spread over the interface's thickness at an offset that belongs to the place.
+        // Shifted within the interface's thickness by a hash of the place.
         let salt = (surface as i32 + 1).wrapping_mul(SURFACE_SALT as i32);
         let offset =
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
-        // Interfaces add in amplitude over rays and layers where they stay in phase, in power where they don't.
+        // Over rays and layers, echoes in phase add in amplitude, others in power.
         let in_phase = self.of_layer.weight / self.inputs.rays_per_line as f64;
         let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
         let arriving = if self.ln_amplitude > LN_SILENT { self.ln_amplitude.exp() } else { 0.0 };
         (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)
     }
 
-    /// Part of an echo's pressure that returns: a Gaussian lobe about the facet, as wide as the aperture and the half of
-    /// the roughness below the facet together, and a diffuse floor.
+    /// Fraction of an echo's pressure that returns: a Gaussian lobe about the facet, and a diffuse floor. The lobe's
+    /// variance is the aperture's plus half of the squared roughness.
     fn returning(&self, cos_facet: f64, roughness: f64) -> f64 {
         let rough2 = roughness * roughness;
         let cos2 = (cos_facet * cos_facet).max(1.0e-6);
@@ -292,7 +291,7 @@ impl<'a> Tracer<'a> {
         (specular + diffuse).sqrt()
     }
 
-    /// Part of the energy of a reflected beam that a surface of slope variance `variance` leaves within the aperture.
+    /// Fraction of a reflected beam's energy within the aperture, for a surface of slope variance `variance`.
     fn acceptance(&self, variance: f64) -> f64 {
         self.aperture_variance() / (self.aperture_variance() + variance)
     }
@@ -303,7 +302,7 @@ impl<'a> Tracer<'a> {
         half_angle.clamp(APERTURE_HALF_ANGLE_MIN, APERTURE_HALF_ANGLE_MAX).powi(2)
     }
 
-    /// Turns back at the facet, or at the mean surface where the facet would lead through it.
+    /// Reflects at the facet, or at the mean surface if the facet would reflect the path through it.
     fn reflect(&mut self, facet: DVec3, normal: DVec3) {
         let direction = self.ray.direction;
         let mirrored = |n: DVec3| direction - 2.0 * direction.dot(n) * n;
@@ -311,7 +310,7 @@ impl<'a> Tracer<'a> {
         self.ray.direction = if turned.dot(normal) > 0.0 { turned } else { mirrored(normal) }.normalize();
     }
 
-    /// Goes on by Snell's law; `speed_ratio` is c₂/c₁.
+    /// Refracts by Snell's law; `speed_ratio` is c₂/c₁.
     fn refract(&mut self, normal: DVec3, cos_incident: f64, cos_transmitted: f64, speed_ratio: f64) {
         let bent = speed_ratio * self.ray.direction + (speed_ratio * cos_incident - cos_transmitted) * normal;
         if cos_transmitted > 0.0 && bent.dot(normal) < 0.0 {
