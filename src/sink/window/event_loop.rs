@@ -15,7 +15,6 @@ use super::Settings;
 use super::graphics::{Drawn, Graphics, Look};
 use super::marks::{self, Banner, Figures};
 use super::sink::{NAME, Shown, Wake, WindowSlot};
-use crate::pose::Estimate;
 use crate::settings::{Action, Control, Display, LiveSettings, hot_key};
 use crate::sink::SinkError;
 use crate::sink::canvas::Canvas;
@@ -170,8 +169,10 @@ impl App {
         let (frames_per_s, latency_ms) = (self.frames_per_s, self.latency_ms);
         let figures = Figures { frames_per_s, latency_ms, help: self.help, banner };
         let resized = self.canvas.size() != marks_size;
-        let drawn = self.drawn.as_ref().map(|(figures, shown)| (*figures, shown.as_ref().map(labels)));
-        if resized || drawn != Some((figures, shown.map(labels))) {
+        let is_drawn = self.drawn.as_ref().is_some_and(|(drawn_figures, drawn)| {
+            *drawn_figures == figures && drawn.as_ref().map(labels) == shown.map(labels)
+        });
+        if resized || !is_drawn {
             if resized {
                 self.canvas = Canvas::new(marks_size.0, marks_size.1, [0; 3]);
             }
