@@ -31,7 +31,7 @@ pub trait Driver: Send {
     /// Longest accepted silence before the device is restarted; longer while it resets.
     fn silence_limit(&self) -> Duration;
 
-    /// Takes the next record from the front of `buffer`, like [`super::Decoder::decode`]. Other replies advance the
+    /// Takes the next record from the front of `buffer`, like [`StreamDecoder::decode`](super::StreamDecoder::decode). Other replies advance the
     /// exchange.
     ///
     /// # Errors
