@@ -31,8 +31,8 @@ pub trait Driver: Send {
     /// Longest accepted silence before the device is restarted; longer while it resets.
     fn silence_limit(&self) -> Duration;
 
-    /// Takes the next record from the front of `buffer`, like [`StreamDecoder::decode`](super::StreamDecoder::decode). Other replies advance the
-    /// exchange.
+    /// Takes the next record from the front of `buffer`, like [`StreamDecoder::decode`](super::StreamDecoder::decode).
+    /// Other replies advance the exchange.
     ///
     /// # Errors
     /// Bytes that are neither a record nor an expected reply, or an error that the device reports. They are removed,
