@@ -140,7 +140,7 @@ fn a_perfect_session_scores_full_and_measures_the_truth() {
 }
 
 #[test]
-fn what_is_perturbed_is_what_is_lost() {
+fn tilts_turns_and_offsets_lose_their_own_points() {
     let plane = |pose: Pose, name: &str| scored(&still(pose, 1.5), &[], &[name]).planes.remove(0);
     // Tilted by 20 degrees about the image's horizontal, and by 15 about the beam.
     for (axis, degrees) in [(DVec3::X, 20.0), (DVec3::Z, 15.0)] {

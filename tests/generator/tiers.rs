@@ -147,7 +147,7 @@ fn stopped_runs_step_down_and_failing_ones_are_given_up() {
 
 proptest! {
     #[test]
-    fn what_runs_is_always_ready_and_nothing_overflows(
+    fn the_running_tier_is_always_ready_and_nothing_overflows(
         steps in prop::collection::vec((0u64..400, 0u8..4, 0u64..4000), 1..200),
         measured in prop::collection::vec(1u64..80, 0..4),
     ) {

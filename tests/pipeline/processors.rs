@@ -40,7 +40,7 @@ fn frames_and_generated_pictures_take_turns_on_the_same_processors() {
 }
 
 #[test]
-fn where_both_do_not_fit_into_a_period_frames_come_a_little_later() {
+fn frames_slow_down_if_render_and_generator_exceed_a_period() {
     let _guard = beside_others();
     let (summary, frames, shared) = on_shared_processors(30 * MS, |_| 30 * MS);
     assert_eq!(shared, 0);

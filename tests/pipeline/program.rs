@@ -63,7 +63,7 @@ fn the_program_runs_a_station_on_the_real_renderer() {
 }
 
 #[test]
-fn what_cannot_be_run_is_refused() {
+fn stations_and_flags_that_cannot_run_are_refused() {
     let _guard = beside_others();
     let dir = tempfile::tempdir().unwrap();
     let station = small_station(dir.path(), "");

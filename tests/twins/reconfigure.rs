@@ -151,7 +151,7 @@ fn frames_in_flight_stay_as_they_were_submitted() {
 }
 
 #[test]
-fn what_is_refused_leaves_the_renderer_as_it_was() {
+fn a_refused_change_leaves_the_renderer_as_it_was() {
     let start = nested();
     let mut renderer = start.renderer(&ShaderSet::default());
     let begun = render(&mut renderer, &start);
