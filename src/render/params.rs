@@ -10,8 +10,9 @@ use crate::pose::Pose;
 use crate::settings::{Effect, EffectSet, ImageUniforms, RenderSettings};
 use crate::transducer::Probe;
 
-/// Words of the image settings, and zeros that make the uniforms a multiple of 16 bytes.
+/// 32-bit words of the image settings.
 const IMAGE_WORDS: usize = size_of::<ImageUniforms>() / 4;
+/// Words of padding that make the uniforms a multiple of 16 bytes.
 const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
 /// Vectors of four that hold the image settings.
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
