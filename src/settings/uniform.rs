@@ -48,7 +48,8 @@ where
 
 /// WGSL functions that read the settings of a group from `words`, an array of vectors of four.
 ///
-/// A function's name is `prefix` followed by the setting's key, such as `image_gain_db()`. Functions of lists take an index.
+/// A function's name is `prefix` followed by the setting's key, such as `image_gain_db()`. Functions of lists take an
+/// index.
 pub fn wgsl_readers(prefix: &str, words: &str, settings: &[Setting]) -> String {
     let mut first = 0;
     let reader = |setting: &Setting| {
