@@ -2,9 +2,63 @@
 // are reproducible without atomics.
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> echoes: array<vec2<f32>>;
-@group(0) @binding(2) var<storage, read> segment_counts: array<u32>;
-@group(0) @binding(3) var<storage, read_write> baseband: array<vec2<f32>>;
+@group(0) @binding(1) var<storage, read> starts: array<f32>;
+@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> echoes: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read> segment_counts: array<u32>;
+@group(0) @binding(5) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
+// Read if APERTURE.
+@group(0) @binding(6) var<uniform> aperture: Aperture;
+@group(0) @binding(7) var<storage, read> line_gains: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> baseband: array<vec2<f32>>;
+
+// Whether the aperture's gain replaces the loss of paths that have not reflected.
+override APERTURE: bool = false;
+
+// Loss of a path at the start of an interval, from the segments up to `arrived`.
+fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
+    let range_mm = f32(interval) * aperture.plane_mm;
+    var at = arrived;
+    while at > 0u && starts[path * STARTS + at] > range_mm {
+        at--;
+    }
+    return loss_on(path, at, range_mm);
+}
+
+// How far a scanline lags behind its depth, by its own loss in an interval.
+fn lags(own_np: f32) -> f32 {
+    return TRACKED_NP / (max(own_np, 0.0) + TRACKED_NP);
+}
+
+// ln of the amplitude, two-way, that returns from the interface behind segment `arrived`: the aperture's gain before the
+// obstacles which the path has not crossed yet.
+fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
+    let range_mm = starts[path * STARTS + arrived + 1u];
+    let index = interval_index(range_mm);
+    var interval = interval_at(line, index);
+    let begins_np = loss_at_interval(path, arrived, index);
+    if index > 0u {
+        let last = interval_at(line, index - 1u);
+        let lag = (f32(index) - interval.start) / lags(last.own_np);
+        let own_np = begins_np - loss_at_interval(path, arrived, index - 1u) - last.row_np;
+        interval.start = f32(index) - lags(own_np) * clamp(lag, 0.0, 1.0);
+    }
+    let loss_np = loss_on(path, arrived, range_mm) - begins_np + interval.begins_np;
+    return gain_within(line, interval, range_mm / aperture.plane_mm - f32(index), loss_np);
+}
+
+// Adds the echo at the start of a segment, times `weight`.
+fn add(line: u32, path: u32, segment: u32, weight: f32) {
+    let echo = echoes[path * SEGMENTS + segment];
+    let sample = echo.y / params.sample_spacing_mm;
+    if echo.x != 0.0 && sample >= 0.0 && sample < f32(params.samples) {
+        var amplitude = weight * echo.x;
+        if APERTURE && !diverted(path, segment - 1u) {
+            amplitude *= exp(max(interface_gain(line, path, segment - 1u), -80.0));
+        }
+        baseband[line * params.row_samples + u32(sample)] += amplitude * phasor(-params.phase_turns_per_mm * echo.y);
+    }
+}
 
 @compute @workgroup_size(16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -13,14 +67,24 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     for (var layer = 0u; layer < params.layer_count; layer++) {
+        let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
             let path = (layer * params.scanlines + line) * params.rays + ray;
             let count = segment_counts[path];
+            var reflected_mm = BEYOND_MM;
             for (var i = 1u; i < count; i++) {
-                let echo = echoes[path * SEGMENTS + i];
-                let sample = echo.y / params.sample_spacing_mm;
-                if echo.x != 0.0 && sample >= 0.0 && sample < f32(params.samples) {
-                    baseband[line * params.row_samples + u32(sample)] += echo.x * phasor(-params.phase_turns_per_mm * echo.y);
+                if diverted(path, i) {
+                    reflected_mm = min(reflected_mm, starts[path * STARTS + i]);
+                }
+                add(line, path, i, 1.0);
+            }
+            if APERTURE && params.guides > 0u && reflected_mm < BEYOND_MM {
+                // The guide stands for what the path missed.
+                let guide = guide_of(line);
+                for (var i = 1u; i < segment_counts[guide]; i++) {
+                    if starts[guide * STARTS + i] > reflected_mm {
+                        add(line, guide, i, weight);
+                    }
                 }
             }
         }

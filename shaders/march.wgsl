@@ -9,8 +9,14 @@
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
 @group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
 @group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
-// Power of the scatterers, kept between the dispatches of a frame: mean and deviation, scaled; two samples per vector.
+// Power of the scatterers, kept between the dispatches of a frame, scaled: mean, deviation, both times the density, 0.
 @group(0) @binding(7) var<storage, read_write> powers: array<vec4<f32>>;
+// Read if APERTURE.
+@group(0) @binding(8) var<uniform> aperture: Aperture;
+@group(0) @binding(9) var<storage, read> line_gains: array<vec4<f32>>;
+
+// Whether the aperture's gain replaces the loss of paths that have not reflected.
+override APERTURE: bool = false;
 
 // Samples per thread.
 const RUN: u32 = 8u;
@@ -63,14 +69,42 @@ fn meet(range_mm: f32) -> Met {
     return Met(bits.x >> 15u, bits.z, phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm)));
 }
 
-// Mean and deviation of a scatterer's amplitude on the current path, scaled.
-fn strength(presence: u32, range_mm: f32) -> vec2<f32> {
-    let ln_amplitude = s0.w - s1.w * range_mm;
-    let there = presence < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SPECKLE_SILENT;
-    return select(vec2<f32>(0.0), s2.xy * exp(max(ln_amplitude, LN_SPECKLE_SILENT) + LN_SCALE), there);
+// Power of the current segment's scatterers: mean, deviation, and both times the density.
+fn scatterer_power() -> vec3<f32> {
+    let density = bitcast<u32>(s2.z) & TAG_DENSITY;
+    let power = s2.xy * s2.xy;
+    return select(vec3<f32>(0.0), vec3<f32>(power, (power.x + power.y) * f32(i32(density))), density > 0u);
 }
 
-fn echo(met: Met, strength: vec2<f32>) -> vec2<f32> {
+// Power of an amplitude, scaled.
+fn scaled_power(ln_amplitude: f32) -> f32 {
+    return exp(2.0 * (clamp(ln_amplitude, LN_SPECKLE_SILENT, 0.25 + LN_SCALE) + LN_SCALE));
+}
+
+// Power of the scatterers of a path at a sample, scaled. Beyond its first reflection a path has its own loss, and the
+// guide stands for what it missed.
+fn power_of(chosen: u32, guide: u32, sample: u32, range_mm: f32, seen: f32) -> vec3<f32> {
+    // Two samples share a segment: that of the first.
+    seek(chosen, sample & ~1u, range_of(sample & ~1u));
+    if APERTURE && (bitcast<u32>(s2.z) & DIVERTED) == 0u {
+        return seen * scatterer_power();
+    }
+    let ln_amplitude = s0.w - s1.w * range_mm;
+    let own = select(0.0, scaled_power(ln_amplitude), ln_amplitude > LN_SPECKLE_SILENT) * scatterer_power();
+    if !APERTURE {
+        return own;
+    }
+    let slot = 3u * (guide * SEGMENTS + segment_from(guide, 0u, range_of(sample & ~1u)));
+    s2 = segments[slot + 2u];
+    // The current segment is no longer the path's.
+    path = 0xffffffffu;
+    return own + seen * scatterer_power();
+}
+
+fn echo(met: Met, power: vec3<f32>) -> vec2<f32> {
+    // Where media meet, their densities are averaged by power.
+    let density = power.z / max(power.x + power.y, MIN_POSITIVE);
+    let strength = select(vec2<f32>(0.0), sqrt(power.xy), f32(i32(met.presence)) + 0.5 < density);
     let amplitude = vec2<f32>(strength.x, 0.0) + strength.y * scatterer_deviate(met.bits);
     return vec2<f32>(
         amplitude.x * met.turn.x - amplitude.y * met.turn.y, amplitude.x * met.turn.y + amplitude.y * met.turn.x);
@@ -88,50 +122,53 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     path = 0xffffffffu;
-    let out = (line * params.row_samples + first) >> 1u;
+    let out = line * params.row_samples + first;
     let begins = params.layer_first == 0u;
     let ends = params.layer_first + params.layer_count == params.layers;
 
     // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
-    let guide = select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
+    let guide = guide_of(line);
     var met: array<Met, RUN>;
+    // Scaled power of the aperture's gain.
+    var seen: array<f32, RUN>;
     for (var i = 0u; i < RUN; i++) {
+        let range_mm = range_of(first + i);
         // Two samples share a segment: that of the first.
-        let sample = first + (i & ~1u);
-        seek(guide, sample, range_of(sample));
-        met[i] = meet(range_of(first + i));
+        seek(guide, first + (i & ~1u), range_of(first + (i & ~1u)));
+        met[i] = meet(range_mm);
+        if APERTURE {
+            seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (s1.w * range_mm - s2.w)));
+        }
     }
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
-    var power: array<vec4<f32>, RUN / 2u>;
+    var power: array<vec3<f32>, RUN>;
     for (var layer = 0u; layer < params.layer_count; layer++) {
         let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
-            for (var pair = 0u; pair < RUN / 2u; pair++) {
-                let sample = first + 2u * pair;
-                seek((layer * params.scanlines + line) * params.rays + ray, sample, range_of(sample));
-                let s = vec4<f32>(
-                    strength(met[2u * pair].presence, range_of(sample)),
-                    strength(met[2u * pair + 1u].presence, range_of(sample + 1u)));
-                power[pair] += weight * s * s;
+            for (var i = 0u; i < RUN; i++) {
+                let chosen = (layer * params.scanlines + line) * params.rays + ray;
+                power[i] += weight * power_of(chosen, guide, first + i, range_of(first + i), seen[i]);
             }
         }
     }
     let block = first >> BLOCK_SHIFT;
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
-    for (var pair = 0u; pair < RUN / 2u; pair++) {
-        var sum = power[pair];
+    for (var i = 0u; i < RUN; i += 2u) {
+        var sums = array<vec3<f32>, 2>(power[i], power[i + 1u]);
         if !begins {
-            sum += powers[out + pair];
+            sums[0] += powers[out + i].xyz;
+            sums[1] += powers[out + i + 1u].xyz;
         }
         var echoed = vec4<f32>(0.0);
         if ends {
-            let s = gain * sqrt(sum);
-            echoed = vec4<f32>(echo(met[2u * pair], s.xy), echo(met[2u * pair + 1u], s.zw));
+            echoed = gain * vec4<f32>(echo(met[i], sums[0]), echo(met[i + 1u], sums[1]));
         } else {
-            powers[out + pair] = sum;
+            powers[out + i] = vec4<f32>(sums[0], 0.0);
+            powers[out + i + 1u] = vec4<f32>(sums[1], 0.0);
         }
         // `baseband` already holds the echoes of earlier dispatches.
-        baseband[out + pair] = echoed + select(baseband[out + pair], vec4<f32>(0.0), begins);
+        let at = (out + i) >> 1u;
+        baseband[at] = echoed + select(baseband[at], vec4<f32>(0.0), begins);
     }
 }

@@ -14,7 +14,9 @@
 // Range at which each segment starts, mm; after the last one, a range beyond every sample.
 @group(0) @binding(9) var<storage, read_write> starts: array<f32>;
 // Three vectors per segment, linear in the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
-// [its step per mm of range | fall of ln amplitude per mm], [scatterer mean, deviation, density | tag, 0].
+// [its step per mm of range | fall of ln amplitude per mm], [scatterer mean, deviation, density | tag, ln passed].
+// ln passed is the ln amplitude at ρ = 0 of a wave that passes every interface. Behind a reflection the density has the
+// bit DIVERTED, and ln passed is that just behind the interface.
 @group(0) @binding(10) var<storage, read_write> segments: array<vec4<f32>>;
 // Amplitude and range (mm) of the echo of the interface that a segment begins at.
 @group(0) @binding(11) var<storage, read_write> echoes: array<vec2<f32>>;
@@ -31,6 +33,7 @@ override REFRACTION: bool = true;
 override INTERFACE_ECHOES: bool = true;
 override ROUGHNESS: bool = true;
 override REFLECTIONS: bool = true;
+override APERTURE: bool = false;
 
 const CROSSINGS: u32 = CROSSINGS_AT_A_PLACE;
 
@@ -97,7 +100,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let layer = params.layer_first + path / line_rays;
     let of_layer = layer_of(path);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
-    let weight_in_phase = of_layer.z / f32(params.rays);
+    // A guide's echoes stand for those of diverted paths, in their place.
+    let weight_in_phase = select(of_layer.z / f32(params.rays), 1.0, guide);
     let weight_power = sqrt(weight_in_phase);
     // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
     let stretch = of_layer.w;
@@ -112,6 +116,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var ln_amplitude = 0.0;
     // Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     var ln_scatter = 0.0;
+    // ln amplitude of a wave that passes every interface, and whether the path has reflected.
+    var ln_passed = 0.0;
+    var is_diverted = false;
     var here = medium();
     var bounce = 0u;
     var reflections = 0u;
@@ -135,7 +142,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         segments[3u * at] = vec4<f32>(origin - carried_mm - step * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
         segments[3u * at + 1u] = vec4<f32>(step, fall);
         segments[3u * at + 2u] = vec4<f32>(
-            tissue.scatterer_mean, tissue.scatterer_deviation, bitcast<f32>(TAG | tissue.scatterer_density), 0.0);
+            tissue.scatterer_mean,
+            tissue.scatterer_deviation,
+            bitcast<f32>(TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterer_density),
+            ln_passed + fall * select(range_mm, 0.0, is_diverted));
         echoes[at] = vec2<f32>(echo, echo_range_mm);
         count++;
         if !open || count == SEGMENTS {
@@ -182,6 +192,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             origin += direction * t;
             range_mm += t / path_per_range;
             ln_amplitude -= tissue.attenuation_np_mm * t;
+            ln_passed -= tissue.attenuation_np_mm * t;
             t_min = TOUCH_MM;
             if there != here {
                 break;
@@ -231,16 +242,22 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * SURFACE_SALT)).x) - 0.5;
             echo_range_mm += offset * thickness_mm / path_per_range;
             let weight = mix(weight_power, weight_in_phase, coherence);
+            // The aperture's gain takes the place of the path's loss, in `echo`.
+            let ln_arriving = select(ln_amplitude, 0.0, APERTURE && !is_diverted);
             echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
-                * select(0.0, exp(max(ln_amplitude, LN_SILENT)), ln_amplitude > LN_SILENT);
+                * select(0.0, exp(max(ln_arriving, LN_SILENT)), ln_arriving > LN_SILENT);
         }
 
         // Reflects with probability R, else transmits; reflections that hardly return are not followed. A guide takes
         // the likelier way, so scatterer positions don't depend on chance.
         let accepted = acceptance(roughness * roughness, range_mm);
         let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-        let reflects = REFLECTIONS && (split.energy_reflection >= 1.0
+        // With the aperture, a guide passes every interface: its scatterers are what the aperture sees behind it.
+        let reflects = REFLECTIONS && !(APERTURE && guide) && (split.energy_reflection >= 1.0
             || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, guide) < split.energy_reflection));
+        let ln_through = log(max(1.0 - split.energy_reflection, 1.0e-30));
+        ln_passed += select(ln_through, 0.0, is_diverted);
+        is_diverted = is_diverted || reflects;
         if reflects {
             inside = before;
             reflections++;
@@ -254,11 +271,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             direction = normalize(turned);
         } else {
-            let ln_passed = log(max(1.0 - split.energy_reflection, 1.0e-30));
             if follow {
-                ln_scatter += 0.5 * ln_passed;
+                ln_scatter += 0.5 * ln_through;
             } else {
-                ln_amplitude += ln_passed;
+                ln_amplitude += ln_through;
             }
             here = there;
             if MOVING {
@@ -272,7 +288,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
         // Ends paths below −260 dB, which no display shows.
-        open = open && ln_amplitude > LN_GIVEN_UP;
+        open = open && ((APERTURE && !is_diverted) || ln_amplitude > LN_GIVEN_UP);
         if !open {
             ln_amplitude = 2.0 * LN_SILENT;
         }

@@ -77,6 +77,20 @@ pub(crate) const FACET_COS_MIN: f64 = 0.02;
 pub(crate) const DB_A_DOUBLING: f64 = 3.01029995664;
 /// One-way part of the two-way attenuation.
 pub(crate) const ONE_WAY: f64 = 0.5;
+/// Loss of an interval, nepers, at which a scanline's place among the planes follows its loss and its depth alike.
+pub(crate) const TRACKED_NP: f64 = 0.3;
+/// Loss that counts as evenly spread over each interval, nepers: scanlines without loss advance with depth.
+pub(crate) const SPREAD_NP: f64 = 0.1;
+/// Least power of a beam behind obstacles, over its power without them: −120 dB.
+pub(crate) const VISIBLE_MIN: f64 = 1.0e-12;
+/// Most gain by diffraction at an edge, nepers of amplitude.
+pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
+/// Least transmission of a row of cells, which the row's common loss is taken from.
+pub(crate) const TRANSMISSION_MIN: f64 = 1.0e-20;
+/// Most cells along the face of the aperture's grid.
+pub(crate) const CELLS_MAX: u32 = 2048;
+/// Least normal number, as a divisor.
+pub(crate) const MIN_POSITIVE: f64 = 1.175494351e-38;
 /// Part of the sector's area that is brighter than the attenuation's percentile, and the steps of its bisection.
 pub(crate) const BRIGHTEST_PART: f64 = 0.02;
 pub(crate) const PERCENTILE_STEPS: u32 = 30;
@@ -89,6 +103,8 @@ pub(crate) const FIRST_TISSUE: u32 = 1;
 pub(crate) const TAG: u32 = 0x4000_0000;
 /// Bits of a scatterer density.
 pub(crate) const TAG_DENSITY: u32 = 0x3_ffff;
+/// Bit beside the scatterer density of a segment that a path reached by a reflection.
+pub(crate) const DIVERTED: u32 = 1 << 20;
 /// Bits of a tissue in a word that may carry [`MOVES`] or [`TAG`].
 pub(crate) const TISSUE_MASK: u32 = 0xffff;
 /// Bit beside the tissue of a surface that moves.

@@ -3,6 +3,7 @@
 //! Host and device do not know each other. Both use the files directly in this module: tables, uniforms, effect plan,
 //! constants. [`Renderer`] is their one interface.
 
+mod aperture;
 mod backend;
 mod batch_plan;
 mod configuration;

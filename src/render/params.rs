@@ -70,7 +70,13 @@ impl Params {
         on: EffectSet,
     ) -> Self {
         let image = &settings.image;
-        let scatters = on.has(Effect::Scatterers);
+        let several = settings.quality.rays * settings.quality.layers > 1;
+        // With the aperture, a path that reflects needs another that passes.
+        let guided = if on.has(Effect::Aperture) {
+            several || on.has(Effect::Reflections)
+        } else {
+            several && on.has(Effect::Scatterers)
+        };
         Self {
             lateral: [0.0; 4],
             elevational: [0.0; 4],
@@ -100,7 +106,7 @@ impl Params {
             sector_words: tables.sector_words.len() as u32,
             reflections_max: settings.reflections_max,
             layers: settings.quality.layers,
-            guides: if scatters && settings.quality.rays * settings.quality.layers > 1 { probe.scanlines } else { 0 },
+            guides: if guided { probe.scanlines } else { 0 },
             padding: [0; 2],
             image: image.into(),
             tail: [0; TAIL],
@@ -110,6 +116,11 @@ impl Params {
     /// Number of paths that carry echoes in a batch of `layers`.
     pub(crate) fn sounding_paths(&self, layers: u32) -> u32 {
         self.scanlines * self.rays * layers
+    }
+
+    /// Index of the guide of a scanline in this batch: its only path if there are no guides.
+    pub(crate) fn guide_of(&self, line: u32) -> u32 {
+        if self.guides == 0 { line } else { self.sounding_paths(self.layer_count) + line }
     }
 
     /// Number of paths in a batch of `layers`: those that carry echoes, then the guides.

@@ -3,9 +3,9 @@
 use glam::{DVec2, Vec3};
 
 use super::configuration::FrameInputs;
-use super::constants::{ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TISSUE_MASK};
+use super::constants::{DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TISSUE_MASK};
 use super::frame::unpad;
-use super::twin::{Inputs, Membership, Path, RasterPoint, Run, Sections, Segment};
+use super::twin::{Aperture, Boundary, Inputs, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission};
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
 #[derive(Debug, Clone, Default)]
@@ -16,6 +16,16 @@ pub(super) struct PassBuffers {
     pub(super) echoes: Vec<[f32; 2]>,
     pub(super) segment_counts: Vec<u32>,
     pub(super) hints: Vec<u32>,
+    /// `transmission`: mask [planes × cells] and the loss of each row's best cell.
+    pub(super) mask: Vec<f32>,
+    pub(super) row_np: Vec<f32>,
+    /// `propagate`, and the first plane that it fills.
+    pub(super) fields: Vec<f32>,
+    pub(super) first_plane: u32,
+    /// `beams` [planes × cells].
+    pub(super) beam_powers: Vec<f32>,
+    /// `visibility` [scanlines × (planes + 1)].
+    pub(super) line_gains: Vec<[f32; 4]>,
     /// Baseband before the interfaces echo.
     pub(super) scattered: Vec<[f32; 2]>,
     pub(super) baseband: Vec<[f32; 2]>,
@@ -45,6 +55,17 @@ pub struct Snapshot {
     pub hints: Vec<u8>,
     /// Samples that share a hint.
     pub hint_block: usize,
+    /// `transmission`; empty without the aperture, as the next three.
+    pub transmission: Transmission,
+    /// `propagate`: field of each mode at each node [modes × planes × cells], the first nodes of each row, from
+    /// `first_plane` on.
+    pub fields: Vec<DVec2>,
+    /// First plane of `fields`.
+    pub first_plane: usize,
+    /// `beams`: echo power at each node [planes × cells], the first nodes of each row.
+    pub beam_powers: Vec<f64>,
+    /// `visibility` [scanlines × (planes + 1)].
+    pub line_gains: Vec<Boundary>,
     /// `march`: baseband of the scatterers [scanlines × samples].
     pub scattered: Vec<DVec2>,
     /// `echo`: the same with the interfaces' echoes.
@@ -94,6 +115,11 @@ impl Snapshot {
             paths: (0..inputs.paths()).map(|path| path_from(&buffers, path)).collect(),
             hints: buffers.hints.iter().flat_map(|word| word.to_le_bytes()).collect(),
             hint_block: HINT_BLOCK as usize,
+            transmission: transmission_from(&buffers, &inputs),
+            fields: fields_from(&buffers, &inputs),
+            first_plane: buffers.first_plane as usize,
+            beam_powers: wide(&buffers.beam_powers, of_aperture(&inputs, |a| a.planes * a.cells)),
+            line_gains: line_gains_from(&buffers, &inputs),
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
@@ -111,10 +137,47 @@ impl Snapshot {
     }
 }
 
+/// A size of the aperture's tables; 0 without the effect.
+fn of_aperture(inputs: &Inputs, size: impl Fn(&Aperture) -> usize) -> usize {
+    inputs.aperture.as_ref().map_or(0, size)
+}
+
+/// The first numbers of a buffer, which may be longer.
+fn wide(values: &[f32], count: usize) -> Vec<f64> {
+    values.iter().take(count).map(|&v| v.into()).collect()
+}
+
+fn transmission_from(buffers: &PassBuffers, inputs: &Inputs) -> Transmission {
+    Transmission {
+        mask: wide(&buffers.mask, of_aperture(inputs, |a| a.planes * a.cells)),
+        row_np: wide(&buffers.row_np, of_aperture(inputs, |a| a.planes)),
+    }
+}
+
+/// The fields with real and imaginary parts together.
+fn fields_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<DVec2> {
+    let rows = of_aperture(inputs, |a| a.modes.len() * a.planes);
+    let cells = of_aperture(inputs, |a| a.cells).max(1);
+    let row = |row: &[f32]| {
+        let (re, im) = row.split_at(cells);
+        re.iter().zip(im).map(|(&re, &im)| DVec2::new(re.into(), im.into())).collect::<Vec<_>>()
+    };
+    buffers.fields.chunks_exact(2 * cells).take(rows).flat_map(row).collect()
+}
+
+fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
+    let boundary = |numbers: &[f32; 4]| {
+        let [place, loss_np, gain_np, shared_np] = numbers.map(f64::from);
+        Boundary { place, loss_np, gain_np, shared_np }
+    };
+    let count = of_aperture(inputs, |a| inputs.scanlines * (a.planes + 1));
+    buffers.line_gains.iter().take(count).map(boundary).collect()
+}
+
 fn path_from(buffers: &PassBuffers, path: usize) -> Path {
     let segment = |i: usize| {
         let slot = path * SEGMENTS as usize + i;
-        let [x, y, z, level, dx, dy, dz, fall, mean, deviation, density, _] = buffers.segments[slot];
+        let [x, y, z, level, dx, dy, dz, fall, mean, deviation, density, passed] = buffers.segments[slot];
         let [echo, echo_range_mm] = buffers.echoes[slot].map(f64::from);
         Segment {
             start_mm: buffers.starts[path * STARTS as usize + i].into(),
@@ -125,6 +188,8 @@ fn path_from(buffers: &PassBuffers, path: usize) -> Path {
             scatterer_mean: mean.into(),
             scatterer_deviation: deviation.into(),
             scatterer_density: density.to_bits() & TAG_DENSITY,
+            diverted: density.to_bits() & DIVERTED != 0,
+            ln_passed_at_zero: passed.into(),
             echo,
             echo_range_mm,
         }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
+use super::aperture::ApertureTables;
 use super::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 use super::kernels::Kernels;
 use crate::acoustics::attenuation::attenuation_np_mm;
@@ -83,6 +84,8 @@ pub(crate) struct Tables {
     pub(crate) tissues: Vec<PackedTissue>,
     /// The point-spread function.
     pub(crate) kernels: Kernels,
+    /// Tables of the aperture; none if its effect is off.
+    pub(crate) aperture: Option<ApertureTables>,
     /// Packed place of each pixel [height × 4·row_words].
     pub(crate) pixels: Vec<u32>,
     /// Image indices of the words of four pixels that overlap the sector, tile by tile.
@@ -113,6 +116,7 @@ impl Tables {
             layers: layers(probe, settings.quality.layers),
             tissues: tissues.iter().map(|t| PackedTissue::new(t, probe, effects)).collect(),
             kernels: Kernels::new(probe, settings),
+            aperture: if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None },
             pixels,
             sector_words,
             mask: mask.into(),

@@ -46,6 +46,8 @@ effects! {
     Attenuation = "attenuation";
     /// Attenuation proportional to a power of the frequency other than 1.
     FrequencyExponent = "frequency_exponent";
+    /// Shadows as a focused aperture sees them: it looks past small obstacles. Off: each path by itself.
+    Aperture = "aperture";
     /// Speckle.
     Scatterers = "scatterers";
     /// Relative motion of parts, and drift of the whole scene.

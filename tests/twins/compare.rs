@@ -8,8 +8,10 @@ use glam::DVec2;
 use insonify::render::Snapshot;
 use insonify::render::twin::{self, Path, Segment};
 
-pub(crate) const PASSES: [&str; 9] =
-    ["locate", "trace", "march", "echo", "lateral", "detect", "section", "percentile", "scan_convert"];
+pub(crate) const PASSES: [&str; 13] = [
+    "locate", "trace", "transmission", "propagate", "beams", "visibility", "march", "echo", "lateral", "detect", "section",
+    "percentile", "scan_convert",
+];
 
 /// One rounding of f32, relative.
 const ROUNDING: f64 = 1.0 / 16_777_216.0;
@@ -71,6 +73,10 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
     match pass {
         "locate" => locate(s),
         "trace" => trace(s).and_then(|()| hints(s)),
+        "transmission" => transmission(s),
+        "propagate" => propagate(s),
+        "beams" => beams(s),
+        "visibility" => visibility(s),
         "march" => march(s),
         "echo" => echo(s),
         "lateral" => lateral(s),
@@ -111,13 +117,20 @@ fn segment_error(s: &Snapshot, device: &Segment, twin: &Segment) -> f64 {
     let level = ends.map(|r| (device.ln_amplitude(r) - twin.ln_amplitude(r)).abs()).into_iter().fold(0.0, f64::max);
     // Errors of echoes below 10⁻⁶ (−120 dB) are relative to 10⁻⁶.
     let echo = (device.echo - twin.echo).abs() / twin.echo.abs().max(1.0e-6);
+    let passed = if twin.diverted {
+        (device.ln_passed_at_zero - twin.ln_passed_at_zero).abs()
+    } else {
+        ends.map(|r| (device.ln_passed(r) - twin.ln_passed(r)).abs()).into_iter().fold(0.0, f64::max)
+    };
     let same = device.scatterer_density == twin.scatterer_density
+        && device.diverted == twin.diverted
         && device.scatterer_mean == twin.scatterer_mean
         && device.scatterer_deviation == twin.scatterer_deviation;
     let errors = [
         (device.start_mm - twin.start_mm).abs() / 1.0e-3,
         place / 1.0e-2,
         level / 1.0e-3,
+        passed / (1.0e-3 + 1.0e-5 * twin.ln_passed_at_zero.abs()),
         echo / 1.0e-3,
         (device.echo_range_mm - twin.echo_range_mm).abs() / 1.0e-3,
         if same { 0.0 } else { 2.0 },
@@ -161,16 +174,80 @@ fn phase_tolerance(s: &Snapshot) -> f64 {
     std::f64::consts::TAU * s.inputs.phase_turns_per_mm * 4.0 * ROUNDING * reach_mm + 1.0e-5
 }
 
+fn transmission(s: &Snapshot) -> Result<(), Mismatch> {
+    let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
+    let twin = twin::transmission(&s.inputs, aperture, &s.paths);
+    // A loss of hundreds of nepers, rounded, at the start of an interval.
+    let mut tally = Tally::new("transmission", "cells", 0.001);
+    for (device, twin) in s.transmission.mask.iter().zip(&twin.mask) {
+        tally.add((device - twin).abs() / 2.0e-4);
+    }
+    tally.finish()?;
+    let mut tally = Tally::new("transmission", "row losses", 0.0);
+    for (device, twin) in s.transmission.row_np.iter().zip(&twin.row_np) {
+        tally.add((device - twin).abs() / (2.0e-4 + 1.0e-4 * twin));
+    }
+    tally.finish()
+}
+
+fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
+    let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
+    let twin = twin::propagate(aperture, &s.transmission.mask);
+    let mut tally = Tally::new("propagate", "fields", 0.0);
+    for (row, (device, twin)) in s.fields.chunks_exact(aperture.cells).zip(twin.chunks_exact(aperture.cells)).enumerate() {
+        let (slot, plane) = (row / aperture.planes, row % aperture.planes);
+        if plane >= s.first_plane && slot < aperture.mode_count[plane] {
+            for node in 0..aperture.nodes(plane) {
+                // A mode's amplitude on the face is 1.
+                tally.add((device[node] - twin[node]).length() / 1.0e-4);
+            }
+        }
+    }
+    // Nothing differs where nothing is in the way.
+    if s.first_plane == aperture.planes { Ok(()) } else { tally.finish() }
+}
+
+fn beams(s: &Snapshot) -> Result<(), Mismatch> {
+    let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
+    let twin = twin::beams(aperture, &s.fields);
+    let mut tally = Tally::new("beams", "powers", 0.0);
+    for plane in 0..aperture.planes {
+        for node in 0..aperture.nodes(plane) {
+            let (device, twin) = (s.beam_powers[plane * aperture.cells + node], twin[plane * aperture.cells + node]);
+            let twin = if plane < s.first_plane { 1.0 } else { twin };
+            // Beyond the array's ends the power without obstacles is tiny.
+            tally.add((device - twin).abs() / (1.0e-3 * twin.max(1.0e-9)));
+        }
+    }
+    tally.finish()
+}
+
+fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
+    let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
+    let twin = twin::visibility(&s.inputs, aperture, &s.paths, &s.beam_powers, &s.transmission.row_np);
+    let mut tally = Tally::new("visibility", "scanlines", 0.002);
+    for (device, twin) in s.line_gains.iter().zip(&twin) {
+        let errors = [
+            (device.place - twin.place).abs() / 2.0e-3,
+            (device.loss_np - twin.loss_np).abs() / (1.0e-3 + 1.0e-5 * twin.loss_np),
+            (device.gain_np - twin.gain_np).abs() / 1.0e-3,
+            (device.shared_np - twin.shared_np).abs() / (1.0e-3 + 1.0e-5 * twin.shared_np),
+        ];
+        tally.add(errors.into_iter().fold(0.0, |worst, e| if e <= worst { worst } else { e }));
+    }
+    tally.finish()
+}
+
 fn march(s: &Snapshot) -> Result<(), Mismatch> {
     // A sample within 10⁻⁵ mm of a face of its lattice cell (0.15 mm) may fall into the neighbour.
     let mut tally = Tally::new("march", "scatterers", 0.005);
-    add_rows(&mut tally, s, &s.scattered, &twin::march(&s.inputs, &s.paths), phase_tolerance(s));
+    add_rows(&mut tally, s, &s.scattered, &twin::march(&s.inputs, &s.paths, &s.line_gains), phase_tolerance(s));
     tally.finish()
 }
 
 fn echo(s: &Snapshot) -> Result<(), Mismatch> {
     let mut twin = s.scattered.clone();
-    twin::echo(&s.inputs, &s.paths, &mut twin);
+    twin::echo(&s.inputs, &s.paths, &s.line_gains, &mut twin);
     // Only samples with an echo; a few echoes may round to the neighbouring sample.
     let mut tally = Tally::new("echo", "samples with echoes", 0.005);
     for ((before, device), twin) in s.scattered.iter().zip(&s.baseband).zip(&twin) {

@@ -1,6 +1,7 @@
 //! Buffers of the device: those of the scene, made once, and those of a configuration.
 
-use super::gpu::Gpu;
+use super::aperture_buffers::ApertureBuffers;
+use super::gpu::{Gpu, UNIFORM};
 use super::shaders::PASSES;
 use crate::anatomy::Bvh;
 use crate::render::batch_plan::BatchPlan;
@@ -11,17 +12,6 @@ use crate::render::tables::Tables;
 
 /// Stride of one batch's uniforms, bytes; no device needs a larger alignment.
 pub(crate) const PARAMS_STRIDE: u64 = 256;
-
-const STORAGE: wgpu::BufferUsages =
-    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
-const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
-
-fn storage(gpu: &Gpu, label: &'static str, size: u64) -> Result<wgpu::Buffer, BackendError> {
-    let limits = gpu.device.limits();
-    let offered = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    gpu.check_limit(label, size, "bytes a storage buffer", offered)?;
-    gpu.buffer(label, size.max(16), STORAGE)
-}
 
 /// Buffers of the scene, which don't change with probe and settings.
 #[derive(Debug)]
@@ -36,7 +26,7 @@ pub(crate) struct SceneBuffers {
 impl SceneBuffers {
     pub(crate) fn new(gpu: &Gpu, surface_words: &[u32], bvh: &Bvh) -> Result<Self, BackendError> {
         let filled = |label: &'static str, bytes: &[u8]| {
-            let buffer = storage(gpu, label, bytes.len() as u64)?;
+            let buffer = gpu.storage(label, bytes.len() as u64)?;
             gpu.queue.write_buffer(&buffer, 0, bytes);
             Ok(buffer)
         };
@@ -74,6 +64,8 @@ pub(crate) struct Buffers {
     pub(crate) focused: wgpu::Buffer,
     pub(crate) polar: wgpu::Buffer,
     pub(crate) lines: wgpu::Buffer,
+    pub(crate) aperture: ApertureBuffers,
+    pub(crate) kept_powers: wgpu::Buffer,
     pub(crate) entries: wgpu::Buffer,
     pub(crate) entry_counts: wgpu::Buffer,
     pub(crate) percentile: wgpu::Buffer,
@@ -101,7 +93,7 @@ impl Buffers {
         let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();
         let work = |label: &'static str, size: u64, of: Of| match taken(of, size.max(16)) {
             Some(buffer) => Ok(buffer),
-            None => storage(gpu, label, size),
+            None => gpu.storage(label, size),
         };
         let filled = |label, bytes: &[[f32; 4]], of: Of| work(label, size_of_val(bytes) as u64, of);
         // Small tables are uniforms: software devices read those several times faster.
@@ -132,6 +124,8 @@ impl Buffers {
             focused: work("focused baseband", samples * 8, |b| &b.focused)?,
             polar: work("polar image", samples * 4, |b| &b.polar)?,
             lines: work("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
+            aperture: ApertureBuffers::new(gpu, tables, params, previous.map(|b| &b.aperture))?,
+            kept_powers: work("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| &b.kept_powers)?,
             entries: work("section", u64::from(params.map_rays) * u64::from(ENTRIES) * 16, |b| &b.entries)?,
             entry_counts: work("section counts", u64::from(params.map_rays) * 4, |b| &b.entry_counts)?,
             percentile: work("percentile", 16, |b| &b.percentile)?,
@@ -162,6 +156,7 @@ impl Buffers {
         padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
         write(&self.pixels, bytemuck::cast_slice(&sector_pixels));
         write(&self.sector_words, bytemuck::cast_slice(&tables.sector_words));
+        self.aperture.fill(gpu, tables);
         // New memory is zero.
         let Some(previous) = previous else { return };
         let label = wgpu::CommandEncoderDescriptor { label: Some("clear") };
@@ -214,10 +209,55 @@ impl Buffers {
                 (&self.layers, uniform),
                 (&self.scatterer_gain, uniform),
                 (&self.baseband, write),
-                // Keeps powers until `lateral` writes it.
-                (&self.focused, write),
+                (&self.kept_powers, write),
+                (&self.aperture.shape, uniform),
+                (&self.aperture.line_gains, read),
             ],
-            "echo" => vec![(&self.echoes, read), (&self.segment_counts, read), (&self.baseband, write)],
+            "echo" => vec![
+                (&self.starts, read),
+                (&self.segments, read),
+                (&self.echoes, read),
+                (&self.segment_counts, read),
+                (&self.layers, uniform),
+                (&self.aperture.shape, uniform),
+                (&self.aperture.line_gains, read),
+                (&self.baseband, write),
+            ],
+            "transmission" => vec![
+                (&self.starts, read),
+                (&self.segments, read),
+                (&self.layers, uniform),
+                (&self.aperture.shape, uniform),
+                (&self.aperture.cell_rays, read),
+                (&self.aperture.mask, write),
+                (&self.aperture.row_np, write),
+            ],
+            "propagate" => vec![
+                (&self.aperture.shape, uniform),
+                (&self.aperture.modes, read),
+                (&self.aperture.face, read),
+                (&self.aperture.steps, read),
+                (&self.aperture.mask, read),
+                (&self.aperture.fields, write),
+            ],
+            "beams" => vec![
+                (&self.aperture.shape, uniform),
+                (&self.aperture.modes, read),
+                (&self.aperture.beam_parts, read),
+                (&self.aperture.reach_nodes, read),
+                (&self.aperture.unobstructed, read),
+                (&self.aperture.fields, read),
+                (&self.aperture.beam_powers, write),
+            ],
+            "visibility" => vec![
+                (&self.starts, read),
+                (&self.segments, read),
+                (&self.aperture.shape, uniform),
+                (&self.aperture.line_cells, read),
+                (&self.aperture.beam_powers, read),
+                (&self.aperture.row_np, read),
+                (&self.aperture.line_gains, write),
+            ],
             "lateral" => vec![(&self.lateral_kernels, read), (&self.baseband, read), (&self.focused, write)],
             "detect" => {
                 vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]

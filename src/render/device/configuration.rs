@@ -15,7 +15,9 @@ use crate::settings::Effect;
 #[derive(Debug)]
 pub(super) struct DeviceConfiguration {
     pub(super) buffers: Buffers,
-    pub(super) path_passes: Vec<Pass>,
+    path_passes: Vec<Pass>,
+    /// Index in `path_passes`, and batch, of each dispatch before `image_passes`.
+    path_order: Vec<(usize, u32)>,
     pub(super) image_passes: Vec<Pass>,
     /// Last of `image_passes` for frames without maps.
     scan_convert_image: Pass,
@@ -53,14 +55,29 @@ impl DeviceConfiguration {
             ("INTERFACE_ECHOES", flag(on.has(Effect::InterfaceEchoes))),
             ("ROUGHNESS", flag(on.has(Effect::Roughness))),
             ("REFLECTIONS", flag(on.has(Effect::Reflections))),
+            ("APERTURE", flag(on.has(Effect::Aperture))),
         ];
-        let mut path_passes = vec![pass("locate", path_groups, &[])?, pass("trace", path_groups, &trace)?];
+        let aperture = [("APERTURE", flag(on.has(Effect::Aperture)))];
+        let lines = [params.scanlines.div_ceil(16), 1, 1];
+        let traced = vec![pass("locate", path_groups, &[])?, pass("trace", path_groups, &trace)?];
+        let seen = match &tables.aperture {
+            Some(tables) => vec![
+                pass("transmission", [tables.planes as u32, 1, 1], &[])?,
+                pass("propagate", [tables.modes.len() as u32, 1, 1], &[])?,
+                pass("beams", [(tables.cells as u32).div_ceil(64), tables.planes as u32, 1], &[])?,
+                pass("visibility", lines, &[])?,
+            ],
+            None => Vec::new(),
+        };
+        let mut returned = Vec::new();
         if on.has(Effect::Scatterers) {
-            path_passes.push(pass("march", samples_by(8), &[])?);
+            returned.push(pass("march", samples_by(8), &aperture)?);
         }
         if on.has(Effect::InterfaceEchoes) {
-            path_passes.push(pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?);
+            returned.push(pass("echo", lines, &aperture)?);
         }
+        let path_order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
+        let path_passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
         let image_passes = vec![
             pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
             pass("detect", samples_by(8), &keep)?,
@@ -70,7 +87,7 @@ impl DeviceConfiguration {
         ];
         let scan_convert_image = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
 
-        let of_paths = (0..batches.batches).flat_map(|_| &path_passes);
+        let of_paths = path_order.iter().map(|&(pass, _)| &path_passes[pass]);
         let shape = Shape {
             width: params.image.width,
             height: params.image.height,
@@ -84,7 +101,12 @@ impl DeviceConfiguration {
             Some(previous) if *previous.slots[0].shape() == shape => previous.slots.clone(),
             _ => [Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)],
         };
-        Ok(Self { buffers, path_passes, image_passes, scan_convert_image, slots })
+        Ok(Self { buffers, path_passes, path_order, image_passes, scan_convert_image, slots })
+    }
+
+    /// Passes of the paths and their batches, in order.
+    pub(super) fn path_passes(&self) -> impl Iterator<Item = (&Pass, u32)> {
+        self.path_order.iter().map(|&(pass, batch)| (&self.path_passes[pass], batch))
     }
 
     /// Passes of a frame after the path passes, in order.
@@ -94,5 +116,40 @@ impl DeviceConfiguration {
             let image_alone = !contents.maps && pass.name == self.scan_convert_image.name;
             if image_alone { &self.scan_convert_image } else { pass }
         })
+    }
+}
+
+/// Order of the passes that trace, see and return, numbered in this order, over the batches of a frame.
+///
+/// The aperture's gain needs the paths of all batches: several batches are traced again before they return. The first of
+/// the passes that see is run for every batch, the others once.
+fn path_order([traced, seen, returned]: [usize; 3], batches: u32) -> Vec<(usize, u32)> {
+    let passes = |range: std::ops::Range<usize>, batch: u32| range.map(move |pass| (pass, batch));
+    let (after_trace, after_sight) = (traced + seen, traced + seen + returned);
+    let mut order = Vec::new();
+    if seen > 0 {
+        (0..batches).for_each(|batch| order.extend(passes(0..traced + 1, batch)));
+        order.extend(passes(traced + 1..after_trace, batches - 1));
+    }
+    for batch in 0..batches {
+        if seen == 0 || batches > 1 {
+            order.extend(passes(0..traced, batch));
+        }
+        order.extend(passes(after_trace..after_sight, batch));
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batches_are_traced_again_if_the_aperture_sees_them_all_first() {
+        let passes = |order: Vec<(usize, u32)>| order.into_iter().map(|(pass, _)| pass).collect::<Vec<_>>();
+        assert_eq!(passes(path_order([2, 0, 2], 2)), [0, 1, 2, 3, 0, 1, 2, 3]);
+        assert_eq!(passes(path_order([2, 4, 2], 1)), [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(passes(path_order([2, 4, 2], 2)), [0, 1, 2, 0, 1, 2, 3, 4, 5, 0, 1, 6, 7, 0, 1, 6, 7]);
+        assert_eq!(path_order([2, 4, 2], 2)[6], (3, 1));
     }
 }

@@ -4,6 +4,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::render::error::BackendError;
 
+/// Uses of buffers that passes read and write, and of small tables.
+const STORAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
+pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
+
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
@@ -109,6 +114,14 @@ impl Gpu {
             Some(error) => Err(BackendError::Pipeline { pass, reason: error.to_string() }),
             None => Ok(made),
         }
+    }
+
+    /// A storage buffer of at least `bytes` zeros.
+    pub(super) fn storage(&self, what: &'static str, bytes: u64) -> Result<wgpu::Buffer, BackendError> {
+        let limits = self.device.limits();
+        let offered = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        self.check_limit(what, bytes, "bytes a storage buffer", offered)?;
+        self.buffer(what, bytes.max(16), STORAGE)
     }
 
     /// A buffer of `bytes` zeros.

@@ -1,5 +1,6 @@
 //! Every pass on a graphics device, by wgpu. No other module names a type of wgpu.
 
+mod aperture_buffers;
 mod buffers;
 mod configuration;
 mod gpu;

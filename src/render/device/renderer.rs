@@ -156,9 +156,8 @@ impl FrameMaker for DeviceRenderer {
             index += 1;
         };
         // Maps alone need no paths.
-        let batches = if contents.image { inputs.configuration.batches.batches } else { 0 };
-        for batch in 0..batches {
-            self.active.path_passes.iter().for_each(|pass| record(pass, batch));
+        if contents.image {
+            self.active.path_passes().for_each(|(pass, batch)| record(pass, batch));
         }
         self.active.image_passes(contents).for_each(|pass| record(pass, 0));
         slot.record(&mut encoder, &self.active.buffers, contents);

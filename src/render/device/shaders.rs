@@ -2,6 +2,7 @@
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
 use crate::anatomy::bvh::STACK_DEPTH_MAX;
+use crate::render::aperture::MODE_NONE;
 use crate::render::constants as shared;
 use crate::render::params::IMAGE_QUADS;
 use crate::settings::{ImageSettings, SettingsGroup, wgsl_readers};
@@ -25,11 +26,15 @@ macro_rules! pass {
 }
 
 /// Name and source of each pass.
-pub(super) const PASSES: [(&str, &str); 9] = [
+pub(super) const PASSES: [(&str, &str); 13] = [
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
-    pass!("march", "tissue", "hash", "lattice", "phasor"),
-    pass!("echo", "phasor"),
+    pass!("transmission", "aperture", "loss"),
+    pass!("propagate", "aperture", "phasor"),
+    pass!("beams", "aperture", "phasor"),
+    pass!("visibility", "aperture", "loss"),
+    pass!("march", "tissue", "hash", "lattice", "phasor", "aperture", "loss", "line_gain"),
+    pass!("echo", "phasor", "aperture", "loss", "line_gain"),
     pass!("lateral"),
     pass!("detect"),
     pass!("section", "tissue", "bvh", "surfaces", "collect"),
@@ -65,16 +70,16 @@ fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX LAYERS_MAX BLOCK_QUADS PULSE_QUADS
             CROSSINGS_AT_A_PLACE CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
-            TAG_DENSITY TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE;
+            TAG_DENSITY DIVERTED CELLS_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE;
         i32: PULSE_PAD SURFACE_SALT;
         f32: TOUCH_MM BEYOND_MM CELL_MM OFF_THE_GRID_MM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
-            CONTRAST_MIN_NP_MM;
+            CONTRAST_MIN_NP_MM TRACKED_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP TRANSMISSION_MIN MIN_POSITIVE;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(
-        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\n{readers}",
+        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst MODE_NONE: i32 = {MODE_NONE};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\n{readers}",
         shared::HINT_BLOCK.trailing_zeros(),
         shared::DEPTH_BLOCK.trailing_zeros(),
         shared::KRONECKER.map(literal::u32).join(", "),

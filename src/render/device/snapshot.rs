@@ -36,7 +36,7 @@ fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Ve
     Ok(rows)
 }
 
-/// Runs every pass of one batch after the commands of `encoder`, and reads back their outputs.
+/// Runs every pass after the commands of `encoder`, and reads back their outputs.
 ///
 /// # Errors
 /// A device that fails.
@@ -47,13 +47,13 @@ pub(super) fn pass_buffers(
     params: &Params,
 ) -> Result<PassBuffers, BackendError> {
     let buffers = &active.buffers;
-    let passes = || active.path_passes.iter().chain(&active.image_passes);
+    let passes = || active.path_passes().chain(active.image_passes.iter().map(|pass| (pass, 0)));
     // Echoes are added in place, so the scatterers' baseband is read before `echo`.
-    let scatters = passes().take_while(|pass| !["echo", "lateral"].contains(&pass.name)).count();
-    let record = |encoder: &mut wgpu::CommandEncoder, pass: &Pass| {
+    let scatters = passes().take_while(|(pass, _)| !["echo", "lateral"].contains(&pass.name)).count();
+    let record = |encoder: &mut wgpu::CommandEncoder, (pass, batch): (&Pass, u32)| {
         let label = Some(pass.name);
         let descriptor = wgpu::ComputePassDescriptor { label, timestamp_writes: None };
-        pass.record(&mut encoder.begin_compute_pass(&descriptor), 0);
+        pass.record(&mut encoder.begin_compute_pass(&descriptor), batch);
     };
     passes().take(scatters).for_each(|pass| record(&mut encoder, pass));
     gpu.queue.submit([encoder.finish()]);
@@ -81,5 +81,11 @@ pub(super) fn pass_buffers(
         segmentation: image(gpu, &buffers.segmentation, params)?,
         attenuation: image(gpu, &buffers.attenuation, params)?,
         overflows: read(gpu, &buffers.overflows)?.first().copied().unwrap_or_default(),
+        mask: read(gpu, &buffers.aperture.mask)?,
+        row_np: read(gpu, &buffers.aperture.row_np)?,
+        fields: read(gpu, &buffers.aperture.fields)?,
+        first_plane: 0,
+        beam_powers: read(gpu, &buffers.aperture.beam_powers)?,
+        line_gains: read(gpu, &buffers.aperture.line_gains)?,
     })
 }

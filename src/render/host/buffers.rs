@@ -1,8 +1,11 @@
 //! Memory of the host's passes for one configuration.
 
 use super::detect::DepthGain;
+use super::fourier::{Roots, Wide};
 use super::path_outputs::PathOutputs;
+use super::propagate::Propagation;
 use super::scan_convert::Layout;
+use crate::render::aperture::{ApertureTables, MODE_LANES};
 use crate::render::configuration::Configuration;
 use crate::render::constants::{ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
@@ -13,10 +16,38 @@ use crate::render::snapshot::PassBuffers;
 pub(super) struct Buffers {
     /// All outputs except images, which go into the frame. `lines` are empty unless the settings ask for them.
     pub(super) passes: PassBuffers,
+    pub(super) aperture: Option<ApertureBuffers>,
+    /// Powers of the scatterers between batches; empty if there is one.
+    pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
     pub(super) layout: Layout,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
+}
+
+/// Memory of the aperture's passes beside their outputs.
+#[derive(Debug)]
+pub(super) struct ApertureBuffers {
+    pub(super) propagation: Propagation,
+    pub(super) beam_roots: Roots,
+    /// [cells × planes]
+    pub(super) layer_powers: Vec<f32>,
+    /// [groups of modes × cells]
+    pub(super) mode_work: Vec<Wide>,
+    /// [planes × 2 × beams]
+    pub(super) beam_work: Vec<Wide>,
+}
+
+impl ApertureBuffers {
+    fn new(tables: &ApertureTables) -> Self {
+        Self {
+            propagation: Propagation::new(tables),
+            beam_roots: Roots::new(tables.beams),
+            layer_powers: vec![0.0; tables.cells * tables.planes],
+            mode_work: vec![Wide::ZERO; tables.modes.len() / MODE_LANES * tables.cells],
+            beam_work: vec![Wide::ZERO; tables.planes * 2 * tables.beams],
+        }
+    }
 }
 
 /// `count` zeros, or an error if memory is short.
@@ -56,8 +87,21 @@ impl Buffers {
             raster: zeros("map raster", map_rays * u64::from(params.map_depths))?,
             ..PassBuffers::default()
         };
+        let passes = match &tables.aperture {
+            Some(aperture) => PassBuffers {
+                mask: zeros("transmission", (aperture.planes * aperture.cells) as u64)?,
+                row_np: zeros("row losses", aperture.planes as u64)?,
+                fields: zeros("mode fields", (aperture.modes.len() * aperture.planes * 2 * aperture.cells) as u64)?,
+                beam_powers: zeros("beam powers", (aperture.planes * aperture.cells) as u64)?,
+                line_gains: zeros("line gains", u64::from(params.scanlines) * (aperture.planes as u64 + 1))?,
+                ..passes
+            },
+            None => passes,
+        };
         Ok(Self {
             passes,
+            aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
+            kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
             layout: Layout::new(params.image.width, params.image.height, &tables.pixels, &tables.sector_words),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],

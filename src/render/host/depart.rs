@@ -119,14 +119,18 @@ fn transmit_or_reflect(
         let accepted = acceptance(roughness * roughness, arrivals.range_mm[i], aperture_mm);
         let energy = split.energy_reflection;
         let follow = effects.reflections & (energy * accepted >= constants.reflection_followed());
-        let reflected = effects.reflections & ((energy >= 1.0) | (follow & (random[i] < energy)));
+        // With the aperture, a guide passes every interface: its scatterers are what the aperture sees behind it.
+        let passes = effects.aperture & (arrivals.guide[i] != 0);
+        let reflected = effects.reflections & !passes & ((energy >= 1.0) | (follow & (random[i] < energy)));
         // A rough surface spreads part of the beam beyond the aperture, both ways.
-        let ln_kept = ln(if reflected { accepted } else { at_least(1.0 - energy, 1.0e-30) });
+        let ln_passed = ln(at_least(1.0 - energy, 1.0e-30));
+        let ln_kept = if reflected { ln(accepted) } else { ln_passed };
         let ln_reflected = 0.5 * ln(at_least(energy, 1.0e-30));
         let by_chance = follow & !reflected;
         let of_scatter = if by_chance { 0.5 * ln_kept } else { 0.0 };
         departures.ln_amplitude[i] = if by_chance { 0.0 } else { ln_kept };
         departures.ln_scatter[i] = if reflected { ln_reflected } else { of_scatter };
+        departures.ln_passed[i] = ln_passed;
         departures.reflected[i] = u32::from(reflected);
 
         let turned = plus(direction, facet, 2.0 * cos(facet, direction));
@@ -207,7 +211,7 @@ mod tests {
     #[test]
     fn every_instruction_set_gives_the_same_departures() {
         let on =
-            PathEffects { moving: true, refraction: true, interface_echoes: true, roughness: true, reflections: true };
+            PathEffects { moving: true, refraction: true, interface_echoes: true, roughness: true, reflections: true, aperture: false };
         let rules = Rules { effects: on, constants: TraceConstants::default(), seed: 5, aperture_mm: 20.0 };
         let (mut batch, mut plain) = (InterfaceBatch::new(), InterfaceBatch::new());
         let (mut reflected, mut bent) = (0, 0);

@@ -10,6 +10,7 @@ pub(super) struct PathEffects {
     pub(super) interface_echoes: bool,
     pub(super) roughness: bool,
     pub(super) reflections: bool,
+    pub(super) aperture: bool,
 }
 
 impl PathEffects {
@@ -21,6 +22,7 @@ impl PathEffects {
             interface_echoes: effects.has(Effect::InterfaceEchoes),
             roughness: effects.has(Effect::Roughness),
             reflections: effects.has(Effect::Reflections),
+            aperture: effects.has(Effect::Aperture),
         }
     }
 }

@@ -41,6 +41,8 @@ pub(super) struct Departure {
     /// Change of ln amplitude: of the whole path, and of its scatterers alone.
     pub(super) ln_amplitude: f32,
     pub(super) ln_scatter: f32,
+    /// ln of the amplitude that passes the interface, two-way.
+    pub(super) ln_passed: f32,
     pub(super) echo: f32,
     /// Range of the echo minus that of the interface, mm.
     pub(super) echo_offset_mm: f32,
@@ -80,6 +82,7 @@ pub(super) struct Departures {
     pub(super) reflected: Words,
     pub(super) ln_amplitude: Lanes,
     pub(super) ln_scatter: Lanes,
+    pub(super) ln_passed: Lanes,
     pub(super) echo: Lanes,
     pub(super) echo_offset_mm: Lanes,
 }
@@ -164,6 +167,7 @@ impl InterfaceBatch {
             reflected: departures.reflected[i] != 0,
             ln_amplitude: departures.ln_amplitude[i],
             ln_scatter: departures.ln_scatter[i],
+            ln_passed: departures.ln_passed[i],
             echo: departures.echo[i],
             echo_offset_mm: departures.echo_offset_mm[i],
         }

@@ -5,32 +5,40 @@
 //! that frames don't depend on the processor's instructions, nor on the number of threads.
 
 mod buffers;
+mod beams;
 mod bundle;
 mod constants;
 mod depart;
 mod detect;
 mod echo;
 mod effects;
+mod fourier;
 mod hull;
 mod interface;
 mod interface_batch;
 mod lanes;
 mod lateral;
+mod line_gain;
 mod march;
 mod membership;
 mod packet;
 mod path;
 mod path_outputs;
 mod path_state;
+mod paths;
 mod percentile;
+mod power;
 mod processor;
+mod propagate;
 mod renderer;
 mod scan_convert;
 mod search;
 mod section;
 mod trace;
+mod transmission;
 mod traverse;
 mod tree;
+mod visibility;
 mod wide;
 
 #[cfg(feature = "test-hooks")]

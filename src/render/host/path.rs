@@ -11,7 +11,7 @@ use super::path_state::PathState;
 use super::search::Covered;
 use super::traverse::{Crossing, Nearest, Ray, Stack, Tree, by_distance, collect};
 use crate::render::constants::{
-    self as shared, CROSSINGS_AT_A_PLACE, HINT_BLOCK, MOVES, PLACES_MAX, SAMPLES_MAX, SEGMENTS, STARTS, TAG,
+    self as shared, CROSSINGS_AT_A_PLACE, DIVERTED, HINT_BLOCK, MOVES, PLACES_MAX, SAMPLES_MAX, SEGMENTS, STARTS, TAG,
     TISSUE_MASK,
 };
 use crate::render::params::Params;
@@ -128,7 +128,8 @@ impl Scene<'_> {
         let [offset, slope, weight, stretch] = if guide { [0.0, 0.0, 0.0, 1.0] } else { self.layers[layer] };
         let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
-        let in_phase = weight / p.rays as f32;
+        // A guide's echoes stand for those of diverted paths, in their place.
+        let in_phase = if guide { 1.0 } else { weight / p.rays as f32 };
         PathState {
             line_ray: line_ray as u32,
             layer: layer as u32,
@@ -161,6 +162,12 @@ impl Scene<'_> {
         self.segment(state, record);
     }
 
+    /// Whether the aperture's gain takes the place of the path's own loss.
+    #[inline(always)]
+    fn by_aperture(&self, state: &PathState) -> bool {
+        self.effects.aperture && !state.diverted
+    }
+
     /// Length of path per mm of range in the current medium. Ranges are depths: the lens delays its middle, so echoes
     /// of oblique layers come no later.
     #[inline(always)]
@@ -181,6 +188,7 @@ impl Scene<'_> {
         let step = state.direction * self.path_per_range(state);
         let fall = tissue.attenuation_np_mm * self.path_per_range(state);
         let from = state.origin - state.carried_mm - step * state.range_mm;
+        let (passed_mm, flag) = if state.diverted { (0.0, DIVERTED) } else { (state.range_mm, 0) };
         let count = record.count as usize;
         record.starts[count] = state.range_mm;
         record.segments[count] = [
@@ -194,8 +202,8 @@ impl Scene<'_> {
             fall,
             tissue.scatterer_mean,
             tissue.scatterer_deviation,
-            f32::from_bits(TAG | tissue.scatterer_density),
-            0.0,
+            f32::from_bits(TAG | flag | tissue.scatterer_density),
+            state.ln_passed + fall * passed_mm,
         ];
         record.echoes[count] = [state.echo, state.echo_range_mm];
         record.count += 1;
@@ -251,6 +259,7 @@ impl Scene<'_> {
         state.origin += state.direction * t;
         state.range_mm += t / self.path_per_range(state);
         state.ln_amplitude -= tissue.attenuation_np_mm * t;
+        state.ln_passed -= tissue.attenuation_np_mm * t;
         state.t_min = TOUCH_MM;
         let changes = there & TISSUE_MASK != state.here;
         changes.then(|| Boundary {
@@ -273,7 +282,8 @@ impl Scene<'_> {
             outward: outward.to_array(),
             range_mm: state.range_mm,
             path_per_range: self.path_per_range(state),
-            ln_amplitude: state.ln_amplitude,
+            // The aperture's gain takes the place of the path's loss, in `echo`.
+            ln_amplitude: if self.by_aperture(state) { 0.0 } else { state.ln_amplitude },
             in_phase: state.in_phase,
             in_power: state.in_power,
             // An interface has the larger roughness and thickness, and the smaller coherence, of its two sides.
@@ -298,6 +308,10 @@ impl Scene<'_> {
             state.echo_range_mm += departure.echo_offset_mm;
             state.echo = departure.echo;
         }
+        if !state.diverted {
+            state.ln_passed += departure.ln_passed;
+        }
+        state.diverted |= departure.reflected;
         state.ln_amplitude += departure.ln_amplitude;
         state.ln_scatter += departure.ln_scatter;
         state.direction = Vec3::from(departure.direction);
@@ -313,7 +327,7 @@ impl Scene<'_> {
             }
         }
         // Ends paths below −260 dB, which no display shows.
-        state.open = state.open && state.ln_amplitude > LN_GIVEN_UP;
+        state.open = state.open && (self.by_aperture(state) || state.ln_amplitude > LN_GIVEN_UP);
         if !state.open {
             state.ln_amplitude = 2.0 * LN_SILENT;
         }

@@ -24,6 +24,10 @@ pub(super) struct PathState {
     pub(super) ln_amplitude: f32,
     /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     pub(super) ln_scatter: f32,
+    /// ln of the amplitude, two-way, that a wave keeps which passes every interface.
+    pub(super) ln_passed: f32,
+    /// Whether the path has reflected.
+    pub(super) diverted: bool,
     pub(super) bounce: u32,
     pub(super) reflections: u32,
     pub(super) crossed: u32,

@@ -5,26 +5,33 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::beams::beams;
 use super::buffers::{Buffers, path_outputs};
 use super::constants::{ImageConstants, TraceConstants};
 use super::detect::detect;
-use super::echo::echo;
+use super::echo::{Interfaces, echo};
 use super::effects::PathEffects;
 use super::lateral::lateral;
-use super::march::{Paths, Scatterers, march};
+use super::line_gain::Visibility;
+use super::march::{Scatterers, march};
 use super::path;
+use super::paths::Paths;
 use super::percentile::percentile;
+use super::propagate::{first_plane, propagate};
 use super::scan_convert::{Image, Maps, scan_convert};
 use super::section::{self, Section, section};
 use super::trace::{Follow, fastest, trace};
+use super::transmission::{Transmission, transmission};
 use super::traverse::Tree;
 use super::tree::WideNode;
+use super::visibility::visibility;
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
-use crate::render::configuration::FrameInputs;
+use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, Frame, FrameTimes, unpad};
 use crate::render::maker::FrameMaker;
+use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
 
@@ -127,50 +134,100 @@ impl HostRenderer {
     /// Runs the passes of the paths, batch by batch; returns the number of crossings and segments that found no room.
     fn follow_paths(
         &mut self,
-        FrameInputs { bvh, media, configuration }: FrameInputs<'_>,
+        inputs: FrameInputs<'_>,
         laps: &mut Laps<'_>,
         mut scattered: Option<&mut Vec<[f32; 2]>>,
     ) -> u32 {
-        let (tables, b) = (&configuration.tables, &mut self.buffers.passes);
-        let effects = configuration.effects.effects();
+        let FrameInputs { configuration, .. } = inputs;
+        let (tables, effects) = (&configuration.tables, configuration.effects.effects());
+        let batches = configuration.batches;
         let mut lost = 0;
         if !effects.has(Effect::Scatterers) {
-            b.baseband.fill([0.0; 2]);
+            self.buffers.passes.baseband.fill([0.0; 2]);
         }
-        for batch in 0..configuration.batches.batches {
-            let params = configuration.batches.params(batch, &configuration.params);
-            let scene = path::Scene {
-                tree: Tree { nodes: &self.nodes, triangles: &bvh.triangles },
-                displacements: bvh.displacements(),
-                surface_words: &media.surface_words,
-                params: &params,
-                rays: &tables.rays,
-                layers: &tables.layers,
-                tissues: &tables.tissues,
-                effects: PathEffects::new(effects, media.moving),
-                constants: self.trace,
-            };
-            // The last batch may have fewer layers.
-            let paths = params.paths(params.layer_count) as usize;
-            lost += trace(&scene, self.follow, 0..paths, path_outputs(b, paths));
-            laps.note("trace");
+        // The aperture's gain needs the paths of all batches, so several batches are traced twice.
+        if tables.aperture.is_some() {
+            for batch in 0..batches.batches {
+                let params = batches.params(batch, &configuration.params);
+                lost += self.trace_batch(inputs, &params, laps);
+                self.see_through(configuration, &params, laps);
+            }
+        }
+        for batch in 0..batches.batches {
+            let params = batches.params(batch, &configuration.params);
+            if tables.aperture.is_none() {
+                lost += self.trace_batch(inputs, &params, laps);
+            } else if batches.batches > 1 {
+                self.trace_batch(inputs, &params, laps);
+            }
+            let Buffers { passes: b, kept_powers, .. } = &mut self.buffers;
+            let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
+            let visibility = tables.aperture.as_ref().map(|tables| Visibility { tables, lines: &b.line_gains });
+            let visibility = visibility.as_ref();
             if effects.has(Effect::Scatterers) {
-                let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
                 let (layers, gain) = (&tables.layers, &tables.kernels.scatterer_gain);
-                let scatterers = Scatterers { constants: self.image, layers, gain };
-                // `focused` keeps powers until `lateral` writes it.
-                march(&params, paths, scatterers, &mut b.baseband, &mut b.focused);
+                let scatterers = Scatterers { constants: self.image, layers, gain, visibility };
+                march(&params, paths, scatterers, &mut b.baseband, kept_powers);
                 laps.note("march");
             }
             if let Some(scattered) = &mut scattered {
                 scattered.clone_from(&b.baseband);
             }
             if effects.has(Effect::InterfaceEchoes) {
-                echo(&params, self.image, &b.echoes, &b.segment_counts, &mut b.baseband);
+                let (echoes, segment_counts, layers) = (&b.echoes, &b.segment_counts, &tables.layers);
+                let interfaces = Interfaces { paths, echoes, segment_counts, layers, visibility };
+                echo(&params, self.image, interfaces, &mut b.baseband);
                 laps.note("echo");
             }
         }
         lost
+    }
+
+    /// Traces the paths of a batch; returns the number of crossings and segments that found no room.
+    fn trace_batch(
+        &mut self,
+        FrameInputs { bvh, media, configuration }: FrameInputs<'_>,
+        params: &Params,
+        laps: &mut Laps<'_>,
+    ) -> u32 {
+        let tables = &configuration.tables;
+        let scene = path::Scene {
+            tree: Tree { nodes: &self.nodes, triangles: &bvh.triangles },
+            displacements: bvh.displacements(),
+            surface_words: &media.surface_words,
+            params,
+            rays: &tables.rays,
+            layers: &tables.layers,
+            tissues: &tables.tissues,
+            effects: PathEffects::new(configuration.effects.effects(), media.moving),
+            constants: self.trace,
+        };
+        // The last batch may have fewer layers.
+        let paths = params.paths(params.layer_count) as usize;
+        let lost = trace(&scene, self.follow, 0..paths, path_outputs(&mut self.buffers.passes, paths));
+        laps.note("trace");
+        lost
+    }
+
+    /// Adds a batch to the transmission of the scan plane; after the last one, makes the gain along the scanlines.
+    fn see_through(&mut self, configuration: &Configuration, params: &Params, laps: &mut Laps<'_>) {
+        let Buffers { passes: b, aperture, .. } = &mut self.buffers;
+        let (Some(tables), Some(work)) = (&configuration.tables.aperture, aperture) else { return };
+        let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
+        let into = Transmission { powers: &mut work.layer_powers, mask: &mut b.mask, row_np: &mut b.row_np };
+        transmission(params, tables, &configuration.tables.layers, paths, into);
+        laps.note("transmission");
+        if params.layer_first + params.layer_count < params.layers {
+            return;
+        }
+        let first = first_plane(tables, &b.mask);
+        b.first_plane = first as u32;
+        propagate(tables, &work.propagation, first, &b.mask, &mut work.mode_work, &mut b.fields);
+        laps.note("propagate");
+        beams(tables, &work.beam_roots, first, &b.fields, &mut work.beam_work, &mut b.beam_powers);
+        laps.note("beams");
+        visibility(params, tables, paths, &b.beam_powers, &b.row_np, &mut b.line_gains);
+        laps.note("visibility");
     }
 
     /// Runs the passes of the maps up to scan conversion; returns the number of crossings and runs that found no room.

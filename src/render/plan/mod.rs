@@ -62,8 +62,9 @@ impl EffectPlan {
         let mut rules = Rules { facts, probe, settings, on: EffectSet::default() };
         let decide = |effect| {
             let found = rules.of(effect);
-            let (called_for, choice) = (!found.bound.negligible(), settings.effects.of(effect));
-            let on = decided(choice, called_for);
+            let possible = rules.possible(effect);
+            let (called_for, choice) = (possible && !found.bound.negligible(), settings.effects.of(effect));
+            let on = possible && decided(choice, called_for);
             if on {
                 rules.on = rules.on.and(effect);
             }

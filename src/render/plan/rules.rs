@@ -4,6 +4,7 @@ use super::bound::Bound;
 use super::facts::{Medium, SceneFacts};
 use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::decibel::db_from_amplitude;
+use crate::render::aperture::ApertureTables;
 use crate::render::constants::{REFLECTION_FOLLOWED, SEGMENTS};
 use crate::render::tables::layers;
 use crate::settings::RenderSettings;
@@ -15,6 +16,12 @@ const ASIDE_OF_BEAM: f64 = 0.25;
 
 /// Largest ratio of returned pressure to reflected pressure, with lobe and diffuse floor together.
 const RETURNING_MAX: f64 = 1.01;
+
+/// Thickness of an obstacle in reasons, mm.
+const SHADOWED_MM: f64 = 3.0;
+
+/// Why a probe has no aperture.
+const NO_APERTURE: &str = "not simulated for phased arrays, whose beams leave one place, and for very wide faces";
 
 /// Result of a rule: the reason, and the error bound of a frame without the effect.
 pub(super) struct Finding {
@@ -49,10 +56,16 @@ impl Rules<'_> {
             Effect::Layers => self.layers(),
             Effect::Attenuation => self.attenuation(),
             Effect::FrequencyExponent => self.frequency_exponent(),
+            Effect::Aperture => self.aperture(),
             Effect::Scatterers => self.scatterers(),
             Effect::Motion => self.motion(),
             Effect::Maps => self.maps(),
         }
+    }
+
+    /// Whether the probe lets an effect be simulated.
+    pub(super) fn possible(&self, effect: Effect) -> bool {
+        effect != Effect::Aperture || ApertureTables::possible(self.probe)
     }
 
     /// The slowest and the fastest medium, if their speeds differ. Any difference counts: at grazing incidence it
@@ -310,6 +323,27 @@ impl Rules<'_> {
         let widest = sigma_mm(0.0).max(sigma_mm(self.probe.depth_mm));
         let reason = format!("the slice is up to {:.1} mm thick (±2 σ), and media differ across it", 4.0 * widest);
         finding(reason, Bound::none("blur across the slice"))
+    }
+
+    fn aperture(&self) -> Finding {
+        if !ApertureTables::possible(self.probe) {
+            return finding(NO_APERTURE, Bound::none("what an aperture sees past obstacles"));
+        }
+        let loss = |m: &Medium| self.loss_db_mm(m) as f32;
+        let differ = |(a, b): &(&Medium, &Medium)| loss(a) != loss(b) || a.acoustic() != b.acoustic();
+        let most = most(self.facts.pairs().filter(differ), |(a, b)| {
+            let loss_db_mm = (self.loss_db_mm(a) - self.loss_db_mm(b)).abs();
+            let interface_db = -db_from_amplitude((1.0 - pressure_reflection(a, b).powi(2)).max(1.0e-3));
+            loss_db_mm * SHADOWED_MM + interface_db
+        });
+        match most {
+            None => finding("all media lose alike: nothing casts a shadow", Bound::Exact),
+            Some((db, (a, b))) => {
+                let (strong, weak) = if self.loss_db_mm(a) < self.loss_db_mm(b) { (b, a) } else { (a, b) };
+                let reason = format!("{} of {SHADOWED_MM} mm in {} loses {db:.0} dB", strong.name, weak.name);
+                finding(reason, Bound::none("what an aperture sees past obstacles"))
+            }
+        }
     }
 
     fn scatterers(&self) -> Finding {

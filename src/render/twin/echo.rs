@@ -4,18 +4,47 @@ use glam::DVec2;
 
 use super::inputs::Inputs;
 use super::trace::Path;
+use super::visibility::{Boundary, LineGain};
 
 /// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].
-pub fn echo(inputs: &Inputs, paths: &[Path], baseband: &mut [DVec2]) {
+///
+/// With the aperture, its gain replaces the loss of a path that has not reflected, and the guide's echoes stand for those
+/// that a path missed behind its first reflection.
+pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut [DVec2]) {
     for (index, path) in paths.iter().enumerate().take(inputs.sounding()) {
         let line = index / inputs.rays_per_line % inputs.scanlines;
+        let gain = inputs.aperture.as_ref().map(|aperture| LineGain::new(aperture, gains, line));
         // The first segment begins at the face, not at an interface.
-        for segment in path.segments.iter().skip(1) {
-            let sample = segment.echo_range_mm / inputs.sample_spacing_mm;
-            if segment.echo != 0.0 && (0.0..inputs.samples as f64).contains(&sample) {
-                let at = line * inputs.samples + sample as usize;
-                baseband[at] += segment.echo * inputs.carrier(segment.echo_range_mm);
-            }
+        for segment in 1..path.segments.len() {
+            add(inputs, path, segment, gain, 1.0, line, baseband);
         }
+        let reflection = path.segments.iter().find(|segment| segment.diverted);
+        if let (Some(reflection), Some(_), 1..) = (reflection, gain, inputs.guides) {
+            let weight = inputs.layer_of(index).weight / inputs.rays_per_line as f64;
+            let guide = &paths[inputs.guide_of(line)];
+            let behind = (1..guide.segments.len()).filter(|&s| guide.segments[s].start_mm > reflection.start_mm);
+            behind.for_each(|segment| add(inputs, guide, segment, gain, weight, line, baseband));
+        }
+    }
+}
+
+/// Adds the echo at the start of a segment, times `weight`.
+fn add(
+    inputs: &Inputs,
+    path: &Path,
+    number: usize,
+    gain: Option<LineGain<'_>>,
+    weight: f64,
+    line: usize,
+    baseband: &mut [DVec2],
+) {
+    let segment = &path.segments[number];
+    let sample = segment.echo_range_mm / inputs.sample_spacing_mm;
+    if segment.echo != 0.0 && (0.0..inputs.samples as f64).contains(&sample) {
+        let arrived = number - 1;
+        let seen = gain.filter(|_| !path.segments[arrived].diverted);
+        let gain = seen.map_or(1.0, |gain| gain.at_interface(path, arrived).max(-80.0).exp());
+        let at = line * inputs.samples + sample as usize;
+        baseband[at] += weight * gain * segment.echo * inputs.carrier(segment.echo_range_mm);
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3, Vec3, Vec4};
 
+use super::aperture::Aperture;
 use crate::anatomy::Bvh;
 use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TISSUE_MASK};
 use crate::render::params::Params;
@@ -157,6 +158,8 @@ pub struct Inputs {
     pub image: ImageUniforms,
     /// Radius of the face, mm: 0 for a phased array, none for a linear one.
     pub face_radius_mm: Option<f64>,
+    /// Tables of the aperture; none if its effect is off.
+    pub aperture: Option<Aperture>,
     /// Straight rays of the maps.
     pub map_rays: Vec<Ray>,
     /// Number of depths per map ray.
@@ -235,6 +238,7 @@ impl Inputs {
             tgc_db_per_mm: params.tgc_db_per_mm.into(),
             image: params.image,
             face_radius_mm: (params.face_radius_mm >= 0.0).then_some(params.face_radius_mm.into()),
+            aperture: tables.aperture.as_ref().map(Aperture::from),
             map_rays: rays(&tables.map_rays),
             map_depths: params.map_depths as usize,
             map_step_mm: params.map_step_mm.into(),
@@ -245,6 +249,11 @@ impl Inputs {
     /// Number of paths of a frame that carry echoes: rays fastest, then scanlines, then layers.
     pub fn sounding(&self) -> usize {
         self.rays.len() * self.layers.len()
+    }
+
+    /// Index of the path of a scanline that places its scatterers: its guide, or its only path.
+    pub fn guide_of(&self, line: usize) -> usize {
+        if self.guides == 0 { line } else { self.sounding() + line }
     }
 
     /// Number of paths of a frame: those that carry echoes, then the guides.

@@ -1,11 +1,12 @@
 //! Scatterers along the paths: complex baseband before the point-spread function.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::inputs::{Inputs, Layer};
 use super::lattice;
-use super::trace::{Path, segment_at};
+use super::trace::{Path, Segment, segment_at};
+use super::visibility::{Boundary, LineGain};
 use crate::render::constants::LN_SPECKLE_SILENT;
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
@@ -13,37 +14,52 @@ use crate::render::constants::LN_SPECKLE_SILENT;
 /// A sample takes the scatterer of the lattice cell at its range on the scanline's guide, for all rays of the scanline:
 /// with a scatterer per ray, speckle would not converge. The mean power of all rays sets the scatterer's strength.
 /// Fully developed speckle has the same statistics with one sheet of scatterers as with many.
-pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
-    let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
+///
+/// With the aperture, its gain replaces the loss of paths that have not reflected, and the guide stands for those that
+/// have.
+pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> {
+    let sample = |index: usize| sample_of(inputs, paths, gains, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
 }
 
-fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVec2 {
+/// Power of a segment's scatterers: of their mean, of their deviation, and of both times the density.
+fn power(segment: &Segment) -> DVec3 {
+    let mean = segment.scatterer_mean.powi(2);
+    let deviation = segment.scatterer_deviation.powi(2);
+    let density = f64::from(segment.scatterer_density);
+    if density == 0.0 { DVec3::ZERO } else { DVec3::new(mean, deviation, (mean + deviation) * density) }
+}
+
+fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, sample: usize) -> DVec2 {
     let range_mm = inputs.range_mm(sample);
     // Two samples share a segment: that of the first.
     let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
-    // The only path of a scanline is its own guide.
-    let alone = inputs.guides == 0;
-    let place = segment_of(if alone { line } else { inputs.sounding() + line });
+    let place = segment_of(inputs.guide_of(line));
     let here = place.scatterer_mm(range_mm);
     let cell = lattice::cell(here);
     let [presence, offset, amplitude] = lattice::hash(cell);
-    let mean_and_deviation = |path: usize| {
+    let gain = inputs.aperture.as_ref().map(|aperture| {
+        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * place.ln_passed(range_mm));
+        (2.0 * ln_amplitude.max(LN_SPECKLE_SILENT)).exp()
+    });
+    let power_of = |path: usize| {
         let segment = segment_of(path);
+        if let Some(gain) = gain.filter(|_| !segment.diverted) {
+            return gain * power(segment);
+        }
         let ln_amplitude = segment.ln_amplitude(range_mm);
-        let there = presence >> 15 < segment.scatterer_density && ln_amplitude > LN_SPECKLE_SILENT;
-        let statistics = DVec2::new(segment.scatterer_mean, segment.scatterer_deviation);
-        if there { ln_amplitude.exp() * statistics } else { DVec2::ZERO }
+        let loss = if ln_amplitude > LN_SPECKLE_SILENT { (2.0 * ln_amplitude).exp() } else { 0.0 };
+        loss * power(segment) + gain.map_or(DVec3::ZERO, |gain| gain * power(place))
     };
-    let DVec2 { x: mean, y: deviation } = {
-        let rays = inputs.rays_per_line;
-        let of_layer = |(number, layer): (usize, &Layer)| {
-            let first = (number * inputs.scanlines + line) * rays;
-            let power: DVec2 = (first..first + rays).map(|path| mean_and_deviation(path).powf(2.0)).sum();
-            power * layer.weight / rays as f64
-        };
-        inputs.layers.iter().enumerate().map(of_layer).sum::<DVec2>().powf(0.5)
+    let rays = inputs.rays_per_line;
+    let of_layer = |(number, layer): (usize, &Layer)| {
+        let first = (number * inputs.scanlines + line) * rays;
+        (first..first + rays).map(power_of).sum::<DVec3>() * layer.weight / rays as f64
     };
+    let power = inputs.layers.iter().enumerate().map(of_layer).sum::<DVec3>();
+    // Where media meet, their densities are averaged by power.
+    let there = f64::from(presence >> 15) + 0.5 < power.z / (power.x + power.y).max(f64::MIN_POSITIVE);
+    let [mean, deviation] = if there { [power.x.sqrt(), power.y.sqrt()] } else { [0.0; 2] };
     let strength = DVec2::new(mean, 0.0) + deviation * lattice::scatterer_deviate(amplitude);
     // The scatterer's own range sets the phase, whichever sample finds its cell.
     let ahead_mm = (lattice::scatterer_mm(cell, offset) - here).dot(place.step) / place.step.length_squared();

@@ -5,10 +5,12 @@
 //! then the guides. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
-//! locate → trace → march → echo → lateral → detect ┐
-//!                              section → percentile ┴→ scan_convert
+//! locate → trace → transmission → propagate → beams → visibility → march → echo → lateral → detect ┐
+//!                                                                             section → percentile ┴→ scan_convert
 //! ```
 
+mod aperture;
+mod beams;
 mod detect;
 mod echo;
 pub mod hash;
@@ -18,11 +20,16 @@ pub mod lattice;
 mod locate;
 mod march;
 mod percentile;
+mod propagate;
 mod scan_convert;
 mod section;
 mod surfaces;
 mod trace;
+mod transmission;
+mod visibility;
 
+pub use aperture::Aperture;
+pub use beams::beams;
 pub use detect::{Detected, detect};
 pub use echo::echo;
 pub use inputs::{Inputs, Layer, Medium, Ray, Triangle};
@@ -30,16 +37,25 @@ pub use lateral::lateral;
 pub use locate::locate;
 pub use march::march;
 pub use percentile::percentile;
+pub use propagate::propagate;
 pub use scan_convert::{Maps, scan_convert};
 pub use section::{RasterPoint, Run, Sections, section};
 pub use surfaces::Membership;
 pub use trace::{Path, Segment, segment_at, trace};
+pub use transmission::{Transmission, transmission};
+pub use visibility::{Boundary, visibility};
 
 /// All passes, from a pose to the maps of a frame.
 pub fn frame(inputs: &Inputs) -> Maps {
     let paths = trace(inputs, &locate(inputs));
-    let mut baseband = march(inputs, &paths);
-    echo(inputs, &paths, &mut baseband);
+    let gains = inputs.aperture.as_ref().map(|aperture| {
+        let Transmission { mask, row_np } = transmission(inputs, aperture, &paths);
+        let powers = beams(aperture, &propagate(aperture, &mask));
+        visibility(inputs, aperture, &paths, &powers, &row_np)
+    });
+    let gains = gains.unwrap_or_default();
+    let mut baseband = march(inputs, &paths, &gains);
+    echo(inputs, &paths, &gains, &mut baseband);
     let detected = detect(inputs, &lateral(inputs, &baseband));
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);

@@ -32,6 +32,11 @@ pub struct Segment {
     pub scatterer_deviation: f64,
     /// Part of the lattice's cells that hold one, in 1/131072.
     pub scatterer_density: u32,
+    /// Whether the path has reflected before it.
+    pub diverted: bool,
+    /// ln of the amplitude at ρ = 0, two-way, of a wave that passes every interface; behind a reflection, that just behind
+    /// the interface.
+    pub ln_passed_at_zero: f64,
     /// Amplitude of the echo of the interface at which the segment begins.
     pub echo: f64,
     /// Range of that echo, mm.
@@ -42,6 +47,11 @@ impl Segment {
     /// Scatterer lookup position at `range_mm`, mm.
     pub fn scatterer_mm(&self, range_mm: f64) -> DVec3 {
         self.origin_mm + self.step * range_mm
+    }
+
+    /// ln of the amplitude at `range_mm`, two-way, of a wave that passes every interface, if the path has not reflected.
+    pub fn ln_passed(&self, range_mm: f64) -> f64 {
+        self.ln_passed_at_zero - self.fall_np_mm * range_mm
     }
 
     /// ln of the amplitude at `range_mm`, two-way.
@@ -84,6 +94,9 @@ struct Tracer<'a> {
     ln_amplitude: f64,
     /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     ln_scatter: f64,
+    /// ln of the amplitude of a wave that passes every interface, and whether the path has reflected.
+    ln_passed: f64,
+    diverted: bool,
     bounce: u32,
     /// Displacement of the medium from its rest position, mm: speckle moves with its tissue.
     carried_mm: DVec3,
@@ -111,6 +124,8 @@ impl<'a> Tracer<'a> {
             range_mm: 0.0,
             ln_amplitude: 0.0,
             ln_scatter: 0.0,
+            ln_passed: 0.0,
+            diverted: false,
             bounce: 0,
             carried_mm: DVec3::ZERO,
         }
@@ -151,7 +166,15 @@ impl<'a> Tracer<'a> {
             // A guide takes the likelier way, so scatterer positions don't depend on chance.
             let chance = if self.guide { 0.5 } else { self.random(0) };
             let total = may_reflect && split.energy_reflection >= 1.0;
-            if total || (follow && chance < split.energy_reflection) {
+            // With the aperture, a guide passes every interface: its scatterers are what the aperture sees behind it.
+            let passes = self.inputs.aperture.is_some() && self.guide;
+            let reflects = !passes && (total || (follow && chance < split.energy_reflection));
+            let ln_passed = (1.0 - split.energy_reflection).max(1.0e-30).ln();
+            if !self.diverted {
+                self.ln_passed += ln_passed;
+            }
+            self.diverted |= reflects;
+            if reflects {
                 self.inside = meeting.before;
                 reflections += 1;
                 // A rough surface spreads part of the beam beyond the aperture, both ways.
@@ -159,7 +182,6 @@ impl<'a> Tracer<'a> {
                 self.ln_scatter += 0.5 * split.energy_reflection.max(1.0e-30).ln();
                 self.reflect(facet, normal);
             } else {
-                let ln_passed = (1.0 - split.energy_reflection).max(1.0e-30).ln();
                 if follow {
                     self.ln_scatter += 0.5 * ln_passed;
                 } else {
@@ -170,12 +192,18 @@ impl<'a> Tracer<'a> {
                 self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
                 self.refract(normal, cos_incident, split.cos_transmitted, beyond.bending / tissue.bending);
             }
-            if reflections > self.inputs.reflections_max || self.ln_amplitude <= LN_GIVEN_UP {
+            let given_up = self.ln_amplitude <= LN_GIVEN_UP && !self.by_aperture();
+            if reflections > self.inputs.reflections_max || given_up {
                 self.ln_amplitude = 2.0 * LN_SILENT;
                 open = false;
             }
             self.bounce += 1;
         }
+    }
+
+    /// Whether the aperture's gain takes the place of the path's own loss.
+    fn by_aperture(&self) -> bool {
+        self.inputs.aperture.is_some() && !self.diverted
     }
 
     /// A number in 0..1 for dimension `dim` of the interface at hand.
@@ -202,6 +230,8 @@ impl<'a> Tracer<'a> {
             scatterer_mean: tissue.scatterer_mean,
             scatterer_deviation: tissue.scatterer_deviation,
             scatterer_density: tissue.scatterer_density,
+            diverted: self.diverted,
+            ln_passed_at_zero: self.ln_passed + if self.diverted { 0.0 } else { fall_np_mm * self.range_mm },
             echo,
             echo_range_mm,
         }
@@ -236,6 +266,7 @@ impl<'a> Tracer<'a> {
         self.ray.origin_mm += self.ray.direction * gone_mm;
         self.range_mm += gone_mm / self.path_per_range(&tissue);
         self.ln_amplitude -= tissue.attenuation_np_mm * gone_mm;
+        self.ln_passed -= tissue.attenuation_np_mm * gone_mm;
         met
     }
 
@@ -273,9 +304,13 @@ impl<'a> Tracer<'a> {
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
-        let in_phase = self.of_layer.weight / self.inputs.rays_per_line as f64;
+        let of_path = self.of_layer.weight / self.inputs.rays_per_line as f64;
+        // A guide's echoes stand for those of diverted paths, in their place.
+        let in_phase = if self.guide { 1.0 } else { of_path };
         let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
-        let arriving = if self.ln_amplitude > LN_SILENT { self.ln_amplitude.exp() } else { 0.0 };
+        // The aperture's gain takes the place of the path's loss, in `echo`.
+        let ln_arriving = if self.by_aperture() { 0.0 } else { self.ln_amplitude };
+        let arriving = if ln_arriving > LN_SILENT { ln_arriving.exp() } else { 0.0 };
         (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)
     }
 

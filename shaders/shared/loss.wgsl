@@ -1,0 +1,25 @@
+// Loss along traced paths, one-way nepers.
+
+fn diverted(path: u32, at: u32) -> bool {
+    return (bitcast<u32>(segments[3u * (path * SEGMENTS + at) + 2u].z) & DIVERTED) != 0u;
+}
+
+// Loss at a range on a segment that no reflection came before.
+fn loss_on(path: u32, at: u32, range_mm: f32) -> f32 {
+    let slot = 3u * (path * SEGMENTS + at);
+    return 0.5 * (segments[slot + 1u].w * range_mm - segments[slot + 2u].w);
+}
+
+// Segment that holds a range, from segment `first` on.
+fn segment_from(path: u32, first: u32, range_mm: f32) -> u32 {
+    var at = first;
+    while starts[path * STARTS + at + 1u] <= range_mm {
+        at++;
+    }
+    return at;
+}
+
+// The path of a scanline that passes every interface: its guide, or its only path.
+fn guide_of(line: u32) -> u32 {
+    return select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
+}

@@ -1,0 +1,68 @@
+// Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
+// Out: [scanlines × (planes + 1)] place among the planes, loss of the guide (one-way nepers), gain at the plane before
+// (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers). A thread per scanline.
+//
+// A scanline follows the planes by its own loss: behind an obstacle it takes the plane behind it, before it the plane
+// before it, wherever in an interval the obstacle lies.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> starts: array<f32>;
+@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
+@group(0) @binding(3) var<uniform> aperture: Aperture;
+// Place of each scanline, in cells.
+@group(0) @binding(4) var<storage, read> line_cells: array<f32>;
+@group(0) @binding(5) var<storage, read> powers: array<f32>;
+@group(0) @binding(6) var<storage, read> row_np: array<f32>;
+@group(0) @binding(7) var<storage, read_write> line_gains: array<vec4<f32>>;
+
+fn node_gain(plane: u32, node: u32) -> f32 {
+    return min(0.5 * log(max(powers[plane * aperture.cells + node], VISIBLE_MIN)), VISIBLE_MAX_NP);
+}
+
+// Gain of a scanline at a plane, interpolated between the beams.
+fn plane_gain(line: u32, plane: u32) -> f32 {
+    let node_cells = node_cells_at(plane);
+    let node = clamp(line_cells[line] / f32(node_cells), 0.0, f32(aperture.cells / node_cells) - 1.001);
+    let low = u32(node);
+    return mix(node_gain(plane, low), node_gain(plane, low + 1u), node - f32(low));
+}
+
+@compute @workgroup_size(16)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let line = id.x;
+    if line >= params.scanlines {
+        return;
+    }
+    let guide = guide_of(line);
+    let row = line * (aperture.planes + 1u);
+    var at = 0u;
+    var begins_np = loss_on(guide, 0u, 0.0);
+    var shared_np = 0.0;
+    // Place within the interval of the last loss, 0..1.
+    var last = 0.5;
+    line_gains[row] = vec4<f32>(-0.5, begins_np, 0.0, 0.0);
+    for (var interval = 0u; interval < aperture.planes; interval++) {
+        let from_mm = f32(interval) * aperture.plane_mm;
+        let to_mm = f32(interval + 1u) * aperture.plane_mm;
+        // Trapezoids of the pieces of the interval.
+        var low = from_mm;
+        var area = 0.0;
+        while low < to_mm {
+            at = segment_from(guide, at, low);
+            let high = min(starts[guide * STARTS + at + 1u], to_mm);
+            area += 0.5 * (loss_on(guide, at, low) + loss_on(guide, at, high) - 2.0 * begins_np) * (high - low);
+            low = high;
+        }
+        at = segment_from(guide, at, to_mm);
+        let ends_np = loss_on(guide, at, to_mm);
+        let own_np = max(ends_np - begins_np - row_np[interval], 0.0);
+        let followed = own_np / (own_np + TRACKED_NP);
+        let mean_np = area / aperture.plane_mm - 0.5 * row_np[interval];
+        let centre = clamp(1.0 - mean_np / max(own_np, 1.0e-6), 0.0, 1.0);
+        last = mix(last, centre, followed);
+        shared_np += row_np[interval];
+        begins_np = ends_np;
+        let place = f32(interval + 1u) - (1.0 - followed) * last;
+        line_gains[row + interval + 1u] = vec4<f32>(place, ends_np, plane_gain(line, interval), shared_np);
+    }
+}

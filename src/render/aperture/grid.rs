@@ -1,0 +1,258 @@
+//! Sizes of the grid: cells along the face, planes in depth, modes.
+
+use rustfft::num_complex::Complex64;
+
+use super::geometry::Face;
+use crate::acoustics::beam::RECEIVE_F_NUMBER_MIN;
+use crate::acoustics::wavelength_mm;
+use crate::render::constants::CELLS_MAX;
+use crate::transducer::Probe;
+
+/// Modes that are computed together.
+pub(crate) const MODE_LANES: usize = 16;
+/// Most beams of a period.
+pub(crate) const BEAMS_MAX: usize = 256;
+/// Most planes of a frame.
+pub(crate) const PLANES_MAX: usize = 128;
+
+/// Largest distance of planes, mm, unless the image is deeper than [`PLANES_MAX`] of them.
+const PLANE_MM: f64 = 3.33;
+/// Largest distance of beams along the face, mm.
+const BEAM_MM: f64 = 0.5625;
+/// Largest cell of a curved face, mm: rays leave it at steep angles.
+const CURVED_CELL_MM: f64 = 0.22;
+/// Space on either side of the array, mm.
+const MARGIN_MM: f64 = 3.0;
+/// Width over which the array's sensitivity falls at its ends, mm: a hard end would scatter the copies of beams.
+const FACE_EDGE_MM: f64 = 2.0;
+/// Sines beyond the aperture's steepest ray that belong to its beams.
+const SLOPE_MARGIN: f64 = 0.06;
+/// Distance from a scanline within which scatterers are summed, mm at the scatterers.
+const REACH_MM: f64 = 7.0;
+/// Spread from which every second mode does.
+const HALVING_SPREAD: f64 = 2.0;
+/// Most rays of a layer that are taken for one cell.
+const CELL_RAYS_MAX: u32 = 4;
+
+/// Sizes, in the terms of [`ApertureTables`](super::ApertureTables).
+#[derive(Debug, Clone)]
+pub(super) struct Grid {
+    pub(super) shape: Face,
+    /// Wave number, radians per mm.
+    pub(super) wave_number: f64,
+    /// Width of the array along the face.
+    pub(super) width_mm: f64,
+    /// Period of the modes along the face.
+    pub(super) period_mm: f64,
+    pub(super) cells: usize,
+    pub(super) cell_mm: f64,
+    pub(super) beams: usize,
+    pub(super) node_cells: usize,
+    pub(super) planes: usize,
+    pub(super) plane_samples: u32,
+    pub(super) plane_mm: f64,
+    pub(super) halves_at: usize,
+    pub(super) modes: Vec<Option<i32>>,
+    pub(super) lasting_modes: usize,
+}
+
+impl Grid {
+    /// Sizes for a probe; none for a phased array or a face that is too wide.
+    pub(super) fn new(probe: &Probe) -> Option<Self> {
+        let radius_mm = probe.face_radius_mm().unwrap_or(f64::INFINITY);
+        if radius_mm <= 0.0 {
+            return None;
+        }
+        let (shape, curved) = (Face { radius_mm }, radius_mm.is_finite());
+        let width_mm = 2.0 * probe.half_extent() * if curved { radius_mm } else { 1.0 };
+        let wave_number = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz);
+
+        // The period is the distance of a beam from its copies, which must lie outside the aperture and the reach.
+        let period_min_mm = (if curved { 0.7 } else { 0.9 } * probe.aperture_mm).max(2.0 * REACH_MM);
+        let node_cells = if curved { 2 } else { 1 };
+        let beam_mm = if curved { CURVED_CELL_MM * node_cells as f64 } else { BEAM_MM };
+        let beams = (((period_min_mm / beam_mm - 1e-9).ceil() as usize).next_power_of_two()).max(MODE_LANES);
+        let domain_mm = width_mm + 2.0 * MARGIN_MM;
+        let period_max_mm = beam_mm * beams as f64;
+        let periods = ((domain_mm / period_max_mm - 1e-9).ceil() as usize).max(1).next_power_of_two();
+        let period_mm = (domain_mm / periods as f64).clamp(period_min_mm, period_max_mm);
+        let cells = periods * beams * node_cells;
+        if cells > CELLS_MAX as usize || beams > BEAMS_MAX {
+            return None;
+        }
+
+        let (plane_samples, planes) = planes(probe);
+        let plane_mm = f64::from(plane_samples) * probe.sample_spacing_mm();
+        let depth_of = |plane: usize| (plane as f64 + 0.5) * plane_mm;
+        let halves_at = match node_cells {
+            1 => planes,
+            _ => (0..planes).find(|&p| shape.spread(depth_of(p)) >= HALVING_SPREAD).unwrap_or(planes),
+        };
+        let slopes = (0..planes).map(|p| shape.slope(0.5 * receive_mm(probe, depth_of(p)), depth_of(p)));
+        let steepest = slopes.fold(shape.slope(0.5 * probe.aperture_mm, probe.focus_mm), f64::max) + SLOPE_MARGIN;
+        let highest = (wave_number * period_mm * steepest / std::f64::consts::TAU) as usize;
+        let highest = highest.min((beams * node_cells - 1) / 2) as i32;
+        let (modes, lasting_modes) = ordered(highest, halves_at < planes);
+        Some(Self {
+            shape,
+            wave_number,
+            width_mm,
+            period_mm,
+            cells,
+            cell_mm: period_mm / (beams * node_cells) as f64,
+            beams,
+            node_cells,
+            planes,
+            plane_samples,
+            plane_mm,
+            halves_at,
+            modes,
+            lasting_modes,
+        })
+    }
+
+    /// Depth of a plane, mm.
+    pub(super) fn depth_mm(&self, plane: usize) -> f64 {
+        (plane as f64 + 0.5) * self.plane_mm
+    }
+
+    /// Wave number along the face of a mode, radians per mm.
+    pub(super) fn mode_wave_number(&self, mode: i32) -> f64 {
+        std::f64::consts::TAU * f64::from(mode) / self.period_mm
+    }
+
+    /// Whether a plane has all modes.
+    pub(super) fn whole(&self, plane: usize) -> bool {
+        plane < self.halves_at
+    }
+
+    /// Cells per node at a plane.
+    pub(super) fn node_cells_at(&self, plane: usize) -> usize {
+        if self.whole(plane) { self.node_cells } else { 1 }
+    }
+
+    /// Distance in nodes within which a beam's scatterers are summed: at most half a period.
+    pub(super) fn reach_nodes(&self, plane: usize) -> f64 {
+        let node_mm = self.cell_mm * self.node_cells_at(plane) as f64;
+        let half_period = 0.5 * self.beams as f64 - 1.0;
+        (REACH_MM / self.shape.spread(self.depth_mm(plane)) / node_mm).min(half_period)
+    }
+
+    /// Propagation of each spatial frequency from the plane before to each plane [planes × cells]; evanescent waves end.
+    pub(super) fn steps(&self) -> Vec<Complex64> {
+        let mut steps = Vec::with_capacity(self.planes * self.cells);
+        for plane in 0..self.planes {
+            let to = self.depth_mm(plane);
+            let from = if plane == 0 { 0.0 } else { self.depth_mm(plane - 1) };
+            for cell in 0..self.cells {
+                let cycles = if cell <= self.cells / 2 { cell as f64 } else { cell as f64 - self.cells as f64 };
+                let q = std::f64::consts::TAU * cycles / (self.cells as f64 * self.cell_mm);
+                steps.push(self.phase(q, from, to).map_or(Complex64::ZERO, |phase| Complex64::from_polar(1.0, phase)));
+            }
+        }
+        steps
+    }
+
+    /// ∫(√(k² − q²/ρ²) − k)dz between two depths; none for an evanescent wave. Four-point Gauss quadrature.
+    fn phase(&self, q: f64, from_mm: f64, to_mm: f64) -> Option<f64> {
+        const NODES: [(f64, f64); 2] =
+            [(0.339_981_043_584_856_3, 0.652_145_154_862_546_1), (0.861_136_311_594_052_6, 0.347_854_845_137_453_9)];
+        let (middle, half) = (0.5 * (from_mm + to_mm), 0.5 * (to_mm - from_mm));
+        let mut sum = 0.0;
+        for (node, weight) in NODES {
+            for at in [middle - half * node, middle + half * node] {
+                let across = q / self.shape.spread(at);
+                let along2 = self.wave_number * self.wave_number - across * across;
+                if along2 <= 0.0 {
+                    return None;
+                }
+                // √(k² − q²) − k without cancellation.
+                sum -= weight * across * across / (along2.sqrt() + self.wave_number);
+            }
+        }
+        Some(half * sum)
+    }
+
+    /// Sensitivity of the face at each cell: 1 within the array, 0 beyond it, smooth at its ends.
+    pub(super) fn face(&self) -> Vec<f64> {
+        let at = |cell: usize| {
+            let across = (cell as f64 - 0.5 * self.cells as f64) * self.cell_mm;
+            let inside = (0.5 * self.width_mm - across.abs()) / FACE_EDGE_MM + 0.5;
+            (std::f64::consts::FRAC_PI_2 * inside.clamp(0.0, 1.0)).sin().powi(2)
+        };
+        (0..self.cells).map(at).collect()
+    }
+
+    /// Place of a scanline, in cells.
+    pub(super) fn line_cell(&self, probe: &Probe, line: u32) -> f64 {
+        self.cell_of((f64::from(line) + 0.5) / f64::from(probe.scanlines))
+    }
+
+    /// Place of a fraction of the sector's width, in cells.
+    fn cell_of(&self, fraction: f64) -> f64 {
+        (fraction - 0.5) * self.width_mm / self.cell_mm + 0.5 * self.cells as f64
+    }
+
+    /// Rays of a layer that cross each cell; the nearest one if none does. At most [`CELL_RAYS_MAX`], spread evenly.
+    pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<[u32; 3]> {
+        let all = probe.scanlines * rays_per_line;
+        let per_cell = self.cell_mm / self.width_mm * f64::from(all);
+        let ray_of = |cell: f64| ((cell - 0.5 * self.cells as f64) * self.cell_mm / self.width_mm + 0.5) * f64::from(all);
+        let last = f64::from(all - 1);
+        let of_cell = |cell: usize| {
+            let (from, to) = (ray_of(cell as f64 - 0.5), ray_of(cell as f64 + 0.5));
+            // Ray i is at i + ½.
+            let (first, end) = ((from - 0.5).ceil().clamp(0.0, last), (to - 0.5).ceil().clamp(0.0, last + 1.0));
+            if per_cell < 1.0 || end <= first {
+                return [(0.5 * (from + to) - 0.5).round().clamp(0.0, last) as u32, 1, 1];
+            }
+            let crossing = (end - first) as u32;
+            let step = crossing.div_ceil(CELL_RAYS_MAX);
+            let count = crossing.div_ceil(step);
+            // Centred: what the steps leave over goes to both ends.
+            [first as u32 + (crossing - 1 - (count - 1) * step) / 2, step, count]
+        };
+        (0..self.cells).map(of_cell).collect()
+    }
+}
+
+/// Width of the receive aperture focused at a depth, mm.
+pub(super) fn receive_mm(probe: &Probe, depth_mm: f64) -> f64 {
+    probe.aperture_mm.min(depth_mm / RECEIVE_F_NUMBER_MIN)
+}
+
+/// Samples per interval between planes, and the number of intervals. An interval is a multiple or a fraction of 16
+/// samples.
+fn planes(probe: &Probe) -> (u32, usize) {
+    let apart_mm = PLANE_MM.max(probe.depth_mm / (PLANES_MAX as f64 - 1.0));
+    let samples = ((apart_mm / probe.sample_spacing_mm()) as u32).max(1);
+    let deep = probe.depth_mm / (PLANES_MAX as f64 - 1.0) > PLANE_MM;
+    let rounded = match samples {
+        // Rounded up where the number of planes is limited.
+        16.. if deep => samples.div_ceil(16) * 16,
+        16.. => samples / 16 * 16,
+        _ if deep => samples.next_power_of_two(),
+        _ => 1 << samples.ilog2(),
+    };
+    (rounded, probe.samples.div_ceil(rounded) as usize)
+}
+
+/// Numbers of the modes up to `highest`, even ones first, padded to whole groups, and the length of the even part. Without
+/// `halving` all are one part.
+fn ordered(highest: i32, halving: bool) -> (Vec<Option<i32>>, usize) {
+    let group = |stride: i32, first: i32| {
+        let numbers = (-highest..=highest).filter(|m| (m - first).rem_euclid(stride) == 0).map(Some);
+        let mut modes: Vec<_> = numbers.collect();
+        modes.resize(modes.len().next_multiple_of(MODE_LANES), None);
+        modes
+    };
+    if !halving {
+        let modes = group(1, 0);
+        let count = modes.len();
+        return (modes, count);
+    }
+    let mut modes = group(2, 0);
+    let lasting = modes.len();
+    modes.extend(group(2, 1));
+    (modes, lasting)
+}

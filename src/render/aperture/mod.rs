@@ -1,0 +1,171 @@
+//! Tables of the aperture: waves along the face, their propagation, and the beams that they make up.
+//!
+//! All transmit and receive beams of a frame are sums of a few waves e^(iqx) on the face, the modes. `propagate` sends
+//! each mode through the loss of the scan plane, `beams` sums modes into beams. The method is an angular spectrum on a
+//! coarse grid; docs/notes/aperture.md derives it and holds its errors against diffraction sums.
+//!
+//! x is the place along the face in mm, also of a curved face, where q/ρ is the angular wave number at depth z and
+//! ρ = 1 + z/radius.
+
+mod beams;
+mod geometry;
+mod grid;
+mod shape;
+mod unobstructed;
+
+use grid::Grid;
+pub(crate) use grid::{BEAMS_MAX, MODE_LANES, PLANES_MAX};
+pub(crate) use shape::{ApertureShape, MODE_NONE};
+
+use crate::settings::Quality;
+use crate::transducer::Probe;
+
+/// Complex number, real part first.
+pub(crate) type Complex = [f32; 2];
+
+/// Tables for one probe and one quality.
+#[derive(Debug, Clone)]
+pub(crate) struct ApertureTables {
+    /// Cells along the face, a power of two; the last one is next to the first.
+    pub(crate) cells: usize,
+    /// Depth planes, one in the middle of each interval of `plane_samples` samples.
+    pub(crate) planes: usize,
+    pub(crate) plane_samples: u32,
+    pub(crate) plane_mm: f32,
+    /// Beams per period of the modes, a power of two.
+    pub(crate) beams: usize,
+    /// Cells per node at the first planes: 1 or 2. From plane `halves_at` on it is 1, and odd modes are left out.
+    pub(crate) node_cells: usize,
+    pub(crate) halves_at: usize,
+    /// Number of each mode, even ones first; `None` pads to whole groups of [`MODE_LANES`].
+    pub(crate) modes: Vec<Option<i32>>,
+    /// Modes, padding included, that go on after `halves_at`.
+    pub(crate) lasting_modes: usize,
+    /// Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
+    pub(crate) steps: Vec<Complex>,
+    /// Part of each mode in the transmit beam at x = 0 [modes].
+    pub(crate) transmit: Vec<Complex>,
+    /// The same for the receive beam focused at each plane [planes × modes].
+    pub(crate) receive: Vec<Complex>,
+    /// Sensitivity of the face: 1 within the array, 0 beyond it [cells].
+    pub(crate) face: Vec<f32>,
+    /// Distance at each plane, in nodes, within which a beam's scatterers are summed.
+    pub(crate) reach_nodes: Vec<f32>,
+    /// Echo power of each beam without obstacles [planes × cells], the first nodes of each row.
+    pub(crate) unobstructed: Vec<f32>,
+    /// Rays that cross each cell: the first, the distance to the next, their number [cells].
+    pub(crate) cell_rays: Vec<[u32; 3]>,
+    /// Place of each scanline, in cells [scanlines].
+    pub(crate) line_cells: Vec<f32>,
+}
+
+impl ApertureTables {
+    /// Whether a probe has tables: not a phased array, whose beams all leave one aperture, nor a face that is too wide.
+    pub(crate) fn possible(probe: &Probe) -> bool {
+        Grid::new(probe).is_some()
+    }
+
+    /// Tables of a probe, if it has any.
+    pub(crate) fn new(probe: &Probe, quality: Quality) -> Option<Self> {
+        let grid = Grid::new(probe)?;
+        let beams = beams::Beams::new(probe, &grid);
+        let steps = grid.steps();
+        let face = grid.face();
+        let unobstructed = unobstructed::echo_power(&grid, &beams, &steps, &face);
+        let single = |values: &[rustfft::num_complex::Complex64]| -> Vec<Complex> {
+            values.iter().map(|v| [v.re as f32, v.im as f32]).collect()
+        };
+        let scale = 1.0 / grid.cells as f64;
+        Some(Self {
+            cells: grid.cells,
+            planes: grid.planes,
+            plane_samples: grid.plane_samples,
+            plane_mm: grid.plane_mm as f32,
+            beams: grid.beams,
+            node_cells: grid.node_cells,
+            halves_at: grid.halves_at,
+            lasting_modes: grid.lasting_modes,
+            steps: steps.iter().map(|h| [(h.re * scale) as f32, (h.im * scale) as f32]).collect(),
+            transmit: single(&beams.transmit),
+            receive: single(&beams.receive),
+            face: face.iter().map(|&v| v as f32).collect(),
+            reach_nodes: (0..grid.planes).map(|plane| grid.reach_nodes(plane) as f32).collect(),
+            unobstructed: unobstructed.iter().map(|&v| v as f32).collect(),
+            cell_rays: grid.cell_rays(probe, quality.rays),
+            line_cells: (0..probe.scanlines).map(|line| grid.line_cell(probe, line) as f32).collect(),
+            modes: grid.modes,
+        })
+    }
+
+    /// Cells per node at a plane.
+    pub(crate) fn node_cells_at(&self, plane: usize) -> usize {
+        if plane < self.halves_at { self.node_cells } else { 1 }
+    }
+
+    /// Nodes at a plane: places along the face with a beam each.
+    pub(crate) fn nodes_at(&self, plane: usize) -> usize {
+        self.cells / self.node_cells_at(plane)
+    }
+
+    /// Modes, padding included, that take part at a plane.
+    pub(crate) fn modes_at(&self, plane: usize) -> usize {
+        if plane < self.halves_at { self.modes.len() } else { self.lasting_modes }
+    }
+
+    /// Index of a mode within one period at a plane: modulo the number of beams.
+    pub(crate) fn bin(&self, plane: usize, mode: i32) -> usize {
+        let stride = if plane < self.halves_at || self.node_cells == 1 { 1 } else { 2 };
+        (mode / stride).rem_euclid(self.beams as i32) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::ProbeKind;
+
+    fn tables(probe: &Probe) -> ApertureTables {
+        ApertureTables::new(probe, Quality { rays: 1, layers: 1, seed: 0 }).unwrap()
+    }
+
+    fn linear(width_mm: f64) -> Probe {
+        Probe { kind: ProbeKind::Linear { width_mm }, ..Probe::default() }
+    }
+
+    #[test]
+    fn grids_hold_the_face_and_are_fine_enough() {
+        for probe in [Probe::default(), linear(40.0), linear(80.0), linear(12.0)] {
+            let grid = Grid::new(&probe).unwrap();
+            assert!(grid.cells.is_power_of_two() && grid.beams.is_power_of_two(), "{probe:?}");
+            assert!(grid.cells as f64 * grid.cell_mm >= grid.width_mm + 6.0 - 1e-9, "{probe:?}");
+            let finest = if probe.face_radius_mm().is_some() { 0.2201 } else { 0.5626 };
+            assert!(grid.cell_mm <= finest, "{} mm", grid.cell_mm);
+            assert!(grid.plane_mm <= 3.34 && grid.planes <= PLANES_MAX, "{} mm", grid.plane_mm);
+            assert_eq!(grid.modes.len() % MODE_LANES, 0);
+        }
+        assert!(Grid::new(&Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() }).is_none());
+    }
+
+    #[test]
+    fn every_cell_has_rays_and_every_ray_of_the_array_has_a_cell() {
+        for (probe, rays) in [(Probe::default(), 1), (Probe::default(), 32), (Probe { scanlines: 40, ..linear(40.0) }, 1)]
+        {
+            let tables = ApertureTables::new(&probe, Quality { rays, layers: 1, seed: 0 }).unwrap();
+            let all = probe.scanlines * rays;
+            for &[first, step, count] in &tables.cell_rays {
+                assert!(count >= 1 && step >= 1 && first + (count - 1) * step < all);
+            }
+        }
+    }
+
+    #[test]
+    fn beams_of_a_linear_array_are_alike_in_its_middle() {
+        let tables = tables(&linear(60.0));
+        let nodes = tables.nodes_at(10);
+        let row = &tables.unobstructed[10 * tables.cells..][..nodes];
+        let middle = row[nodes / 2];
+        for node in nodes / 2 - 8..nodes / 2 + 8 {
+            assert!((row[node] / middle - 1.0).abs() < 0.01, "{} of {middle}", row[node]);
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Sizes of the aperture's grid as the shaders read them.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::ApertureTables;
+
+/// Number of a mode that pads a group.
+pub(crate) const MODE_NONE: i32 = 0x7fff;
+
+/// `Aperture` of `shaders/shared/aperture.wgsl`.
+#[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(crate) struct ApertureShape {
+    cells: u32,
+    planes: u32,
+    beams: u32,
+    node_cells: u32,
+    halves_at: u32,
+    modes: u32,
+    lasting_modes: u32,
+    plane_mm: f32,
+}
+
+impl ApertureShape {
+    pub(crate) fn new(tables: &ApertureTables) -> Self {
+        Self {
+            cells: tables.cells as u32,
+            planes: tables.planes as u32,
+            beams: tables.beams as u32,
+            node_cells: tables.node_cells as u32,
+            halves_at: tables.halves_at as u32,
+            modes: tables.modes.len() as u32,
+            lasting_modes: tables.lasting_modes as u32,
+            plane_mm: tables.plane_mm,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Buffers of the aperture's passes; a few bytes each if the effect is off.
+
+use super::gpu::{Gpu, UNIFORM};
+use crate::render::aperture::{ApertureShape, MODE_NONE};
+use crate::render::error::BackendError;
+use crate::render::params::Params;
+use crate::render::tables::Tables;
+
+/// Tables and outputs of `transmission`, `propagate`, `beams` and `visibility`. Cloning shares the memory.
+#[derive(Debug, Clone)]
+pub(crate) struct ApertureBuffers {
+    pub(super) shape: wgpu::Buffer,
+    pub(super) cell_rays: wgpu::Buffer,
+    pub(super) line_cells: wgpu::Buffer,
+    pub(super) modes: wgpu::Buffer,
+    pub(super) face: wgpu::Buffer,
+    pub(super) steps: wgpu::Buffer,
+    pub(super) beam_parts: wgpu::Buffer,
+    pub(super) reach_nodes: wgpu::Buffer,
+    pub(super) unobstructed: wgpu::Buffer,
+    pub(crate) mask: wgpu::Buffer,
+    pub(crate) row_np: wgpu::Buffer,
+    pub(crate) fields: wgpu::Buffer,
+    pub(crate) beam_powers: wgpu::Buffer,
+    pub(crate) line_gains: wgpu::Buffer,
+}
+
+impl ApertureBuffers {
+    /// Makes the buffers, and reuses those of `previous` that have the right size.
+    pub(super) fn new(
+        gpu: &Gpu,
+        tables: &Tables,
+        params: &Params,
+        previous: Option<&Self>,
+    ) -> Result<Self, BackendError> {
+        type Of = fn(&ApertureBuffers) -> &wgpu::Buffer;
+        let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();
+        let aperture = tables.aperture.as_ref();
+        let (cells, planes, modes) =
+            aperture.map_or((0, 0, 0), |a| (a.cells as u64, a.planes as u64, a.modes.len() as u64));
+        let lines = u64::from(params.scanlines);
+        let work = |label: &'static str, size: u64, of: Of| match taken(of, size.max(16)) {
+            Some(buffer) => Ok(buffer),
+            None => gpu.storage(label, size),
+        };
+        let shape = size_of::<ApertureShape>() as u64;
+        Ok(Self {
+            shape: match taken(|b| &b.shape, shape) {
+                Some(buffer) => buffer,
+                None => gpu.buffer("aperture", shape, UNIFORM)?,
+            },
+            cell_rays: work("cell rays", 16 * cells, |b| &b.cell_rays)?,
+            line_cells: work("line cells", if aperture.is_some() { 4 * lines } else { 0 }, |b| &b.line_cells)?,
+            modes: work("modes", 4 * modes, |b| &b.modes)?,
+            face: work("face", 4 * cells, |b| &b.face)?,
+            steps: work("propagation steps", 8 * planes * cells, |b| &b.steps)?,
+            beam_parts: work("beam parts", 8 * (planes + 1) * modes, |b| &b.beam_parts)?,
+            reach_nodes: work("beam reach", 4 * planes, |b| &b.reach_nodes)?,
+            unobstructed: work("unobstructed beams", 4 * planes * cells, |b| &b.unobstructed)?,
+            mask: work("transmission", 4 * planes * cells, |b| &b.mask)?,
+            row_np: work("row losses", 4 * planes, |b| &b.row_np)?,
+            fields: work("mode fields", 8 * modes * planes * cells, |b| &b.fields)?,
+            beam_powers: work("beam powers", 4 * planes * cells, |b| &b.beam_powers)?,
+            line_gains: work("line gains", if aperture.is_some() { 16 * lines * (planes + 1) } else { 0 }, |b| {
+                &b.line_gains
+            })?,
+        })
+    }
+
+    /// Uploads the tables.
+    pub(super) fn fill(&self, gpu: &Gpu, tables: &Tables) {
+        let Some(tables) = &tables.aperture else { return };
+        let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
+        write(&self.shape, bytemuck::bytes_of(&ApertureShape::new(tables)));
+        let cell_rays: Vec<[u32; 4]> = tables.cell_rays.iter().map(|&[a, b, c]| [a, b, c, 0]).collect();
+        write(&self.cell_rays, bytemuck::cast_slice(&cell_rays));
+        write(&self.line_cells, bytemuck::cast_slice(&tables.line_cells));
+        let modes: Vec<i32> = tables.modes.iter().map(|mode| mode.unwrap_or(MODE_NONE)).collect();
+        write(&self.modes, bytemuck::cast_slice(&modes));
+        write(&self.face, bytemuck::cast_slice(&tables.face));
+        write(&self.steps, bytemuck::cast_slice(&tables.steps));
+        write(&self.beam_parts, bytemuck::cast_slice(&[&tables.transmit[..], &tables.receive].concat()));
+        write(&self.reach_nodes, bytemuck::cast_slice(&tables.reach_nodes));
+        write(&self.unobstructed, bytemuck::cast_slice(&tables.unobstructed));
+    }
+}

@@ -1,0 +1,173 @@
+//! The aperture's gain at samples and interfaces of a scanline, from the outputs of `visibility`.
+
+use super::constants::{SPREAD_NP, TRACKED_NP};
+use super::paths::{BLOCK, Lanes, Paths, range_mm, seek};
+use super::transmission::loss_np;
+use super::visibility::Boundary;
+use super::wide::{at_least, at_most, floor, real};
+use crate::render::aperture::ApertureTables;
+use crate::render::params::Params;
+
+/// Gain along all scanlines.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Visibility<'a> {
+    pub(super) tables: &'a ApertureTables,
+    /// [scanlines × (planes + 1)]
+    pub(super) lines: &'a [Boundary],
+}
+
+impl<'a> Visibility<'a> {
+    /// Gain along a scanline.
+    pub(super) fn line(&self, line: u32) -> LineGain<'a> {
+        let boundaries = self.tables.planes + 1;
+        LineGain { row: &self.lines[line as usize * boundaries..][..boundaries], plane_mm: self.tables.plane_mm }
+    }
+
+    /// ln of the amplitude, two-way, at the samples of a block.
+    #[inline(always)]
+    pub(super) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32, loudness: &mut Lanes) {
+        let (gain, guide) = (self.line(line), params.guide_of(line));
+        let (mut falls, mut passed) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let (end_mm, segment) = seek(params, paths, guide, first);
+        if range_mm(params, first.wrapping_add(BLOCK as u32 - 1)) < end_mm {
+            (falls, passed) = ([segment[7]; BLOCK], [segment[11]; BLOCK]);
+        } else {
+            for i in 0..BLOCK {
+                // Two samples share a segment: that of the first.
+                let segment = seek(params, paths, guide, first.wrapping_add((i & !1) as u32)).1;
+                (falls[i], passed[i]) = (segment[7], segment[11]);
+            }
+        }
+        if self.tables.plane_samples as usize % BLOCK == 0 {
+            let interval = (first / self.tables.plane_samples) as usize;
+            gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed], loudness);
+        } else {
+            for i in 0..BLOCK {
+                let range_mm = range_mm(params, first.wrapping_add(i as u32));
+                loudness[i] = gain.at(range_mm, 0.5 * (falls[i] * range_mm - passed[i]));
+            }
+        }
+    }
+}
+
+/// The gain along one scanline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LineGain<'a> {
+    row: &'a [Boundary],
+    plane_mm: f32,
+}
+
+/// An interval of a scanline.
+#[derive(Debug, Clone, Copy)]
+struct Interval {
+    /// Places among the planes at its ends.
+    places: [f32; 2],
+    /// Loss at its start, loss of its row, and the scanline's own loss in it; one-way nepers.
+    begins_np: f32,
+    row_np: f32,
+    own_np: f32,
+    /// Loss that all scanlines share, at its start.
+    shared_np: f32,
+}
+
+impl Interval {
+    /// Place among the planes where `loss_np` is lost at a part of the interval.
+    #[inline(always)]
+    fn place(&self, part: f32, loss_np: f32) -> f32 {
+        let lost_np = loss_np - self.begins_np - self.row_np * part + SPREAD_NP * part;
+        let done = at_most(at_least(lost_np / (self.own_np + SPREAD_NP), 0.0), 1.0);
+        self.places[0] + done * (self.places[1] - self.places[0])
+    }
+}
+
+impl LineGain<'_> {
+    #[inline(always)]
+    fn interval(&self, interval: usize) -> Interval {
+        let ([start, begins_np, _, shared_np], [end, ends_np, _, shared_end_np]) =
+            (self.row[interval], self.row[interval + 1]);
+        let row_np = shared_end_np - shared_np;
+        let own_np = at_least(ends_np - begins_np - row_np, 0.0);
+        Interval { places: [start, end], begins_np, row_np, own_np, shared_np }
+    }
+
+    /// Index of the interval that holds a range, and the part of it before the range.
+    #[inline(always)]
+    fn index(&self, range_mm: f32) -> (usize, f32) {
+        let place = range_mm / self.plane_mm;
+        let interval = floor(place).clamp(0, self.row.len() as i32 - 2) as usize;
+        (interval, place - interval as f32)
+    }
+
+    /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+    #[inline(always)]
+    fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
+        let (index, part) = self.index(range_mm);
+        let interval = self.interval(index);
+        self.gain(interval.place(part, loss_np)) - 2.0 * (interval.shared_np + interval.row_np * part)
+    }
+
+    /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.
+    #[inline(always)]
+    fn whole_block(
+        &self,
+        params: &Params,
+        first: u32,
+        index: usize,
+        [falls, passed]: [&Lanes; 2],
+        loudness: &mut Lanes,
+    ) {
+        let interval = self.interval(index);
+        let per_mm = 1.0 / self.plane_mm;
+        let mut places = [0.0; BLOCK];
+        for i in 0..BLOCK {
+            let range_mm = range_mm(params, first.wrapping_add(i as u32));
+            let part = range_mm * per_mm - real(index as u32);
+            places[i] = interval.place(part, 0.5 * (falls[i] * range_mm - passed[i])) + 1.0;
+            loudness[i] = -2.0 * (interval.shared_np + interval.row_np * part);
+        }
+        // Places of one interval lie within three planes.
+        let low = floor(at_least(interval.places[0] + 1.0, 0.0)) as usize;
+        let node = |k: usize| self.row[(low + k).min(self.row.len() - 1)][2];
+        let (start, steps) = (node(0), [node(1) - node(0), node(2) - node(1), node(3) - node(2)]);
+        for i in 0..BLOCK {
+            let beyond = places[i] - real(low as u32);
+            let within = |k: f32| at_most(at_least(beyond - k, 0.0), 1.0);
+            loudness[i] += start + steps[0] * within(0.0) + steps[1] * within(1.0) + steps[2] * within(2.0);
+        }
+    }
+
+    /// Gain at a place among the planes, −1 being the face.
+    #[inline(always)]
+    fn gain(&self, place: f32) -> f32 {
+        let at = at_most(at_least(place + 1.0, 0.0), (self.row.len() - 1) as f32);
+        let low = (at as usize).min(self.row.len() - 2);
+        let part = at - low as f32;
+        self.row[low][2] * (1.0 - part) + self.row[low + 1][2] * part
+    }
+
+    /// ln of the amplitude, two-way, that returns from an interface of a path: the aperture's gain before the obstacles
+    /// which that path has not crossed yet. `starts` and `segments` are the path's; the interface begins segment
+    /// `arrived` + 1.
+    pub(super) fn at_interface(&self, starts: &[f32], segments: &[[f32; 12]], arrived: usize) -> f32 {
+        let range_mm = starts[arrived + 1];
+        let (index, part) = self.index(range_mm);
+        let mut interval = self.interval(index);
+        // Loss of the path at the start of an interval.
+        let loss_of = |interval: usize| {
+            let range_mm = interval as f32 * self.plane_mm;
+            let holds = (0..=arrived).rev().find(|&at| starts[at] <= range_mm).unwrap_or(0);
+            loss_np(&segments[holds], range_mm)
+        };
+        let begins_np = loss_of(index);
+        if let Some(before) = index.checked_sub(1) {
+            // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
+            let last = self.interval(before);
+            let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
+            let lag = (index as f32 - interval.places[0]) / lags(last.own_np);
+            let own_np = begins_np - loss_of(before) - last.row_np;
+            interval.places[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
+        }
+        let loss_np = loss_np(&segments[arrived], range_mm) - begins_np + interval.begins_np;
+        self.gain(interval.place(part, loss_np)) - 2.0 * (interval.shared_np + interval.row_np * part)
+    }
+}

@@ -1,0 +1,177 @@
+//! Power of the scatterers along the paths of a scanline.
+
+use super::constants::{LN_SCALE, LN_SPECKLE_SILENT};
+use super::paths::{BLOCK, CHUNK, Lanes, Paths, SEGMENT, first_beyond, range_mm, seek};
+use super::transmission::diverted;
+use super::wide::{at_least, at_most, exp, real};
+use crate::render::constants::TAG_DENSITY;
+use crate::render::params::Params;
+
+/// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
+const SILENT_POWER: f32 = 3.975_449_7e-31;
+/// Largest fall of ln power per block for which a block's powers are derived from those of the block before.
+const LN_FALL_MAX: f32 = 7.0;
+/// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
+const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
+
+/// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
+pub(super) type Power = [Lanes; 3];
+
+/// Run of blocks of a path, and the path's weight.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stretch {
+    pub(super) first: u32,
+    pub(super) blocks: usize,
+    pub(super) weight: f32,
+}
+
+/// Powers of a run of blocks.
+#[derive(Debug)]
+pub(super) struct Powers {
+    /// Of paths whose loss the aperture's gain replaces.
+    seen: [Power; CHUNK],
+    /// Of paths with their own loss, scaled.
+    traced: [Power; CHUNK],
+    /// Whether `traced` holds any.
+    diverted: bool,
+}
+
+impl Powers {
+    pub(super) const fn new() -> Self {
+        let zeros = [[[0.0; BLOCK]; 3]; CHUNK];
+        Self { seen: zeros, traced: zeros, diverted: false }
+    }
+
+    /// Clears the first blocks.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, blocks: usize) {
+        self.seen[..blocks].fill([[0.0; BLOCK]; 3]);
+        self.traced[..blocks].fill([[0.0; BLOCK]; 3]);
+        self.diverted = false;
+    }
+
+    /// Adds a path. Beyond its first reflection it has its own loss, and the guide stands for what it missed.
+    #[inline(always)]
+    pub(super) fn add(&mut self, params: &Params, paths: &Paths<'_>, [path, guide]: [u32; 2], stretch: Stretch, aperture: bool) {
+        let Stretch { first, blocks, .. } = stretch;
+        let last = first.wrapping_add((blocks * BLOCK) as u32);
+        let mut sample = first;
+        while sample < last {
+            let (end_mm, segment) = seek(params, paths, path, sample);
+            let stop = first_beyond(params, end_mm, sample, last);
+            let run = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
+            if aperture && !diverted(segment) {
+                self.add_seen(stretch.weight, segment, run);
+            } else {
+                self.diverted = true;
+                self.add_traced(params, stretch, segment, run);
+                if aperture {
+                    self.add_guide(params, paths, guide, stretch, [sample, stop]);
+                }
+            }
+            sample = stop;
+        }
+    }
+
+    /// Adds the guide's scatterers at samples where a path is on another way.
+    #[inline(always)]
+    fn add_guide(&mut self, params: &Params, paths: &Paths<'_>, guide: u32, stretch: Stretch, [from, to]: [u32; 2]) {
+        let mut sample = from;
+        while sample < to {
+            let (end_mm, segment) = seek(params, paths, guide, sample);
+            let stop = first_beyond(params, end_mm, sample, to);
+            let run = [sample, stop].map(|sample| sample.wrapping_sub(stretch.first) as usize);
+            self.add_seen(stretch.weight, segment, run);
+            sample = stop;
+        }
+    }
+
+    /// Adds the scatterers of a segment without its loss.
+    #[inline(always)]
+    fn add_seen(&mut self, weight: f32, segment: &[f32; SEGMENT], [begin, end]: [usize; 2]) {
+        let Some(parts) = parts(weight, segment) else { return };
+        for block in begin / BLOCK..end.div_ceil(BLOCK) {
+            let Some(sums) = self.seen.get_mut(block) else { break };
+            let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
+            for i in 0..BLOCK {
+                let within = (i as i32 >= from) & ((i as i32) < to);
+                for (sums, part) in sums.iter_mut().zip(parts) {
+                    sums[i] += if within { part } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    /// Adds the scatterers of a segment with its loss, scaled.
+    #[inline(always)]
+    fn add_traced(&mut self, params: &Params, stretch: Stretch, segment: &[f32; SEGMENT], [begin, end]: [usize; 2]) {
+        let (level, fall) = (segment[3], segment[7]);
+        // Skips media without scatterers, and inaudible segments.
+        let Some(parts) = parts(stretch.weight, segment) else { return };
+        if level - fall * range_mm(params, stretch.first.wrapping_add(begin as u32)) <= LN_SPECKLE_SILENT {
+            return;
+        }
+        let mut now = [0.0; BLOCK];
+        let fall_a_block = 2.0 * fall * params.sample_spacing_mm * BLOCK as f32;
+        let on = exp(-at_most(fall_a_block, LN_FALL_MAX));
+        for block in begin / BLOCK..end.div_ceil(BLOCK) {
+            if block == begin / BLOCK || fall_a_block > LN_FALL_MAX {
+                let first = stretch.first.wrapping_add((block * BLOCK) as u32);
+                for (i, now) in now.iter_mut().enumerate() {
+                    let ln_amplitude = level - fall * range_mm(params, first.wrapping_add(i as u32));
+                    *now = scaled_power(ln_amplitude);
+                }
+            }
+            let Some(sums) = self.traced.get_mut(block) else { break };
+            let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
+            for i in 0..BLOCK {
+                let within = (i as i32 >= from) & ((i as i32) < to) & (now[i] > SILENT_POWER);
+                let power = if within { now[i] } else { 0.0 };
+                for (sums, part) in sums.iter_mut().zip(parts) {
+                    sums[i] += part * power;
+                }
+                now[i] *= on;
+            }
+            // Amplitude falls with depth, so the first sample bounds the block.
+            if now[0] <= SILENT_POWER {
+                break;
+            }
+        }
+    }
+
+    /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude.
+    #[inline(always)]
+    pub(super) fn total(&self, block: usize, loudness: &Lanes) -> Power {
+        let mut total = self.seen[block];
+        for i in 0..BLOCK {
+            let gain = scaled_power(loudness[i]);
+            for sums in &mut total {
+                sums[i] *= gain;
+            }
+        }
+        if self.diverted {
+            for (sums, traced) in total.iter_mut().zip(&self.traced[block]) {
+                for i in 0..BLOCK {
+                    sums[i] += traced[i];
+                }
+            }
+        }
+        total
+    }
+}
+
+/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density. None without
+/// scatterers.
+#[inline(always)]
+fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
+    let [mean, deviation, density] = [segment[8], segment[9], segment[10]];
+    let density = density.to_bits() & TAG_DENSITY;
+    let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
+    (density != 0).then_some([mean, deviation, (mean + deviation) * real(density)])
+}
+
+/// Power of an amplitude, scaled.
+#[inline(always)]
+fn scaled_power(ln_amplitude: f32) -> f32 {
+    exp(at_most(at_least(2.0 * (ln_amplitude + LN_SCALE), LN_POWERS[0]), LN_POWERS[1]))
+}

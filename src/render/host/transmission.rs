@@ -1,0 +1,139 @@
+//! Transmission of the scan plane: what each cell of each interval lets pass, from the loss along the paths.
+
+use rayon::prelude::*;
+
+use super::constants::TRANSMISSION_MIN;
+use super::interface::ln;
+use super::paths::Paths;
+use super::wide::{at_least, at_most, exp, widened};
+use crate::render::aperture::{ApertureTables, PLANES_MAX};
+use crate::render::constants::DIVERTED;
+use crate::render::params::Params;
+
+/// A number for each boundary of the intervals of a path.
+pub(super) type Boundaries = [f32; PLANES_MAX + 1];
+
+/// Outputs of the pass.
+#[derive(Debug)]
+pub(super) struct Transmission<'a> {
+    /// Mean over the layers of the fourth power of a cell's transmission [cells × planes].
+    pub(super) powers: &'a mut [f32],
+    /// Transmission of a cell over the greatest of its row [planes × cells].
+    pub(super) mask: &'a mut [f32],
+    /// Loss of that greatest one, one-way nepers [planes].
+    pub(super) row_np: &'a mut [f32],
+}
+
+/// Adds the paths of a batch; the last batch makes the mask.
+pub(super) fn transmission(
+    params: &Params,
+    tables: &ApertureTables,
+    layers: &[[f32; 4]],
+    paths: Paths<'_>,
+    into: Transmission<'_>,
+) {
+    let Transmission { powers, mask, row_np } = into;
+    let columns = powers.par_chunks_exact_mut(tables.planes).zip(&tables.cell_rays);
+    columns.for_each(|(column, rays)| add_column(params, tables, layers, paths, *rays, column));
+    if params.layer_first + params.layer_count < params.layers {
+        return;
+    }
+    let rows = mask.par_chunks_exact_mut(tables.cells).zip(row_np).enumerate();
+    rows.for_each(|(plane, (row, row_np))| {
+        let mut greatest = TRANSMISSION_MIN;
+        for (value, column) in row.iter_mut().zip(powers.chunks_exact(tables.planes)) {
+            *value = column[plane].sqrt().sqrt();
+            greatest = at_least(greatest, *value);
+        }
+        let scale = 1.0 / greatest;
+        for value in row {
+            *value *= scale;
+        }
+        *row_np = -ln(greatest);
+    });
+}
+
+/// Adds the weighted mean over a batch's layers of a cell's transmission to the fourth power, for each interval: powers
+/// of layers add, on both ways.
+fn add_column(
+    params: &Params,
+    tables: &ApertureTables,
+    layers: &[[f32; 4]],
+    paths: Paths<'_>,
+    [first, step, count]: [u32; 3],
+    column: &mut [f32],
+) {
+    if params.layer_first == 0 {
+        column.fill(0.0);
+    }
+    let mut losses = [0.0; PLANES_MAX + 1];
+    for layer in 0..params.layer_count {
+        let mut sums = [0.0; PLANES_MAX + 1];
+        for ray in 0..count {
+            paths.losses(params, tables, layer, first + ray * step, &mut losses);
+            add_transmissions(&losses, &mut sums);
+        }
+        let weight = layers[(params.layer_first + layer) as usize][2];
+        for (power, &sum) in column.iter_mut().zip(&sums) {
+            let mean = sum / count as f32;
+            *power += weight * (mean * mean) * (mean * mean);
+        }
+    }
+}
+
+impl Paths<'_> {
+    /// Losses of a path at the boundaries of the intervals, one-way nepers; from its first reflection on, they rise as
+    /// those of its scanline's guide.
+    fn losses(&self, params: &Params, tables: &ApertureTables, layer: u32, line_ray: u32, losses: &mut Boundaries) {
+        let (starts, segments) = self.of((layer * params.scanlines * params.rays + line_ray) as usize);
+        let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
+        let mut at = 0;
+        for boundary in 0..=tables.planes {
+            while starts[at + 1] <= range_of(boundary) && !diverted(&segments[at]) {
+                at += 1;
+            }
+            if !diverted(&segments[at]) {
+                losses[boundary] = loss_np(&segments[at], range_of(boundary));
+                continue;
+            }
+            let (reflected_mm, reflected_np) = (starts[at], -0.5 * segments[at][11]);
+            let (starts, segments) = self.of(params.guide_of(line_ray / params.rays) as usize);
+            let mut at = 0;
+            while starts[at + 1] <= reflected_mm {
+                at += 1;
+            }
+            let before_np = loss_np(&segments[at], reflected_mm);
+            for (loss, boundary) in losses.iter_mut().zip(0..=tables.planes).skip(boundary) {
+                while starts[at + 1] <= range_of(boundary) {
+                    at += 1;
+                }
+                *loss = reflected_np + (loss_np(&segments[at], range_of(boundary)) - before_np);
+            }
+            return;
+        }
+    }
+}
+
+/// Whether a path came to a segment by a reflection.
+#[inline(always)]
+pub(super) fn diverted(segment: &[f32; 12]) -> bool {
+    segment[10].to_bits() & DIVERTED != 0
+}
+
+/// Loss from the face to a range on a segment that no reflection came before, one-way nepers.
+#[inline(always)]
+pub(super) fn loss_np(segment: &[f32; 12], range_mm: f32) -> f32 {
+    0.5 * (segment[7] * range_mm - segment[11])
+}
+
+widened! {
+    /// Adds the transmission of each interval of a path.
+    fn add_transmissions(losses: &Boundaries, sums: &mut Boundaries) = add_transmissions_body
+}
+
+#[inline(always)]
+fn add_transmissions_body(losses: &Boundaries, sums: &mut Boundaries) {
+    for i in 0..PLANES_MAX {
+        sums[i] += exp(-at_most(at_least(losses[i + 1] - losses[i], 0.0), 80.0));
+    }
+}

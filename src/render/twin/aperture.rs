@@ -1,0 +1,78 @@
+//! Tables of the aperture in f64.
+
+use glam::DVec2;
+
+use crate::render::aperture::ApertureTables;
+
+/// Tables of the aperture as uploaded to the device.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aperture {
+    /// Cells along the face.
+    pub cells: usize,
+    /// Planes, one in the middle of each interval.
+    pub planes: usize,
+    /// Depth of an interval, mm.
+    pub plane_mm: f64,
+    /// Beams per period of the modes.
+    pub beams: usize,
+    /// Cells per node at each plane.
+    pub node_cells: Vec<usize>,
+    /// Modes per bin of a period at each plane: 2 where odd ones are left out.
+    pub mode_stride: Vec<i32>,
+    /// Modes, padding included, that take part at each plane.
+    pub mode_count: Vec<usize>,
+    /// Number of each mode; None pads.
+    pub modes: Vec<Option<i32>>,
+    /// Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
+    pub steps: Vec<DVec2>,
+    /// Part of each mode in the transmit beam.
+    pub transmit: Vec<DVec2>,
+    /// The same in the receive beam of each plane [planes × modes].
+    pub receive: Vec<DVec2>,
+    /// Sensitivity of the face at each cell.
+    pub face: Vec<f64>,
+    /// Distance at each plane, in nodes, within which a beam's scatterers are summed.
+    pub reach_nodes: Vec<f64>,
+    /// Echo power of each beam without obstacles [planes × cells].
+    pub unobstructed: Vec<f64>,
+    /// Rays of each cell: the first, the distance to the next, their number.
+    pub cell_rays: Vec<[usize; 3]>,
+    /// Place of each scanline, in cells.
+    pub line_cells: Vec<f64>,
+}
+
+impl From<&ApertureTables> for Aperture {
+    fn from(tables: &ApertureTables) -> Self {
+        let complex = |values: &[[f32; 2]]| -> Vec<DVec2> {
+            values.iter().map(|&[re, im]| DVec2::new(re.into(), im.into())).collect()
+        };
+        let wide = |values: &[f32]| -> Vec<f64> { values.iter().map(|&v| v.into()).collect() };
+        let planes = 0..tables.planes;
+        let stride = |plane: usize| if plane < tables.halves_at || tables.node_cells == 1 { 1 } else { 2 };
+        Self {
+            cells: tables.cells,
+            planes: tables.planes,
+            plane_mm: tables.plane_mm.into(),
+            beams: tables.beams,
+            node_cells: planes.clone().map(|plane| tables.node_cells_at(plane)).collect(),
+            mode_stride: planes.clone().map(stride).collect(),
+            mode_count: planes.map(|plane| tables.modes_at(plane)).collect(),
+            modes: tables.modes.clone(),
+            steps: complex(&tables.steps),
+            transmit: complex(&tables.transmit),
+            receive: complex(&tables.receive),
+            face: wide(&tables.face),
+            reach_nodes: wide(&tables.reach_nodes),
+            unobstructed: wide(&tables.unobstructed),
+            cell_rays: tables.cell_rays.iter().map(|rays| rays.map(|v| v as usize)).collect(),
+            line_cells: wide(&tables.line_cells),
+        }
+    }
+}
+
+impl Aperture {
+    /// Nodes at a plane.
+    pub fn nodes(&self, plane: usize) -> usize {
+        self.cells / self.node_cells[plane]
+    }
+}

@@ -1,0 +1,48 @@
+//! Propagation of the modes from plane to plane through the transmission of the scan plane, by plain Fourier sums.
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::aperture::Aperture;
+
+/// Field of each mode at each node, before the interval of each plane [modes × planes × cells]; the first nodes of a row.
+pub fn propagate(aperture: &Aperture, mask: &[f64]) -> Vec<DVec2> {
+    let (cells, planes) = (aperture.cells, aperture.planes);
+    let roots: Vec<DVec2> =
+        (0..cells).map(|k| DVec2::from_angle(std::f64::consts::TAU * k as f64 / cells as f64)).collect();
+    let mode = |slot: usize| -> Vec<DVec2> {
+        let mut rows = vec![DVec2::ZERO; planes * cells];
+        let Some(mode) = aperture.modes[slot] else { return rows };
+        let period = aperture.beams * aperture.node_cells[0];
+        let wave = |cell: usize| {
+            let across = cell as f64 - (cells / 2) as f64;
+            aperture.face[cell] * DVec2::from_angle(std::f64::consts::TAU * f64::from(mode) * across / period as f64)
+        };
+        let mut field: Vec<DVec2> = (0..cells).map(wave).collect();
+        for plane in 0..planes {
+            if slot >= aperture.mode_count[plane] {
+                break;
+            }
+            let spectrum: Vec<DVec2> = (0..cells)
+                .map(|k| {
+                    let sum: DVec2 = (0..cells).map(|n| field[n].rotate(conjugate(roots[k * n % cells]))).sum();
+                    sum.rotate(aperture.steps[plane * cells + k])
+                })
+                .collect();
+            let at = |n: usize| (0..cells).map(|k| spectrum[k].rotate(roots[k * n % cells])).sum::<DVec2>();
+            field = (0..cells).map(at).collect();
+            for node in 0..aperture.nodes(plane) {
+                rows[plane * cells + node] = field[node * aperture.node_cells[plane]];
+            }
+            for (value, passes) in field.iter_mut().zip(&mask[plane * cells..][..cells]) {
+                *value *= *passes;
+            }
+        }
+        rows
+    };
+    (0..aperture.modes.len()).into_par_iter().flat_map_iter(mode).collect()
+}
+
+fn conjugate(v: DVec2) -> DVec2 {
+    DVec2::new(v.x, -v.y)
+}

@@ -1,0 +1,65 @@
+//! Transmission of the scan plane: what each cell of each interval lets pass, from the loss along the paths.
+
+use rayon::prelude::*;
+
+use super::aperture::Aperture;
+use super::inputs::Inputs;
+use super::trace::{Path, segment_at};
+use crate::render::constants::TRANSMISSION_MIN;
+
+/// Transmission of the scan plane.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Transmission {
+    /// Transmission of a cell over the greatest of its row [planes × cells].
+    pub mask: Vec<f64>,
+    /// Loss of that greatest one, one-way nepers [planes].
+    pub row_np: Vec<f64>,
+}
+
+/// The transmission of every cell.
+pub fn transmission(inputs: &Inputs, aperture: &Aperture, paths: &[Path]) -> Transmission {
+    let row = |plane: usize| -> (Vec<f64>, f64) {
+        let ends_mm = [plane, plane + 1].map(|boundary| boundary as f64 * aperture.plane_mm);
+        let cells: Vec<f64> = (0..aperture.cells).map(|cell| transmitted(inputs, aperture, paths, cell, ends_mm)).collect();
+        let greatest = cells.iter().copied().fold(TRANSMISSION_MIN, f64::max);
+        (cells.iter().map(|value| value / greatest).collect(), -greatest.ln())
+    };
+    let rows: Vec<_> = (0..aperture.planes).into_par_iter().map(row).collect();
+    Transmission {
+        mask: rows.iter().flat_map(|(cells, _)| cells.iter().copied()).collect(),
+        row_np: rows.iter().map(|(_, loss_np)| *loss_np).collect(),
+    }
+}
+
+/// Transmission of a cell between two depths: mean amplitude over the rays, mean power of both ways over the layers.
+fn transmitted(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize, [from, to]: [f64; 2]) -> f64 {
+    let [first, step, count] = aperture.cell_rays[cell];
+    let of_layer = |layer: usize| -> f64 {
+        let passed = |ray: usize| {
+            let line_ray = first + ray * step;
+            let path = &paths[layer * inputs.rays.len() + line_ray];
+            let guide = &paths[inputs.guide_of(line_ray / inputs.rays_per_line)];
+            (-(loss_np(path, guide, to) - loss_np(path, guide, from)).max(0.0)).exp()
+        };
+        (0..count).map(passed).sum::<f64>() / count as f64
+    };
+    let powers = inputs.layers.iter().enumerate().map(|(number, layer)| layer.weight * of_layer(number).powi(4));
+    powers.sum::<f64>().powf(0.25)
+}
+
+/// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the guide.
+fn loss_np(path: &Path, guide: &Path, range_mm: f64) -> f64 {
+    let reflection = path.segments.iter().find(|segment| segment.diverted);
+    match reflection.filter(|segment| segment.start_mm <= range_mm) {
+        None => passed_np(path, range_mm),
+        Some(segment) => {
+            let beyond = passed_np(guide, range_mm) - passed_np(guide, segment.start_mm);
+            -0.5 * segment.ln_passed_at_zero + beyond
+        }
+    }
+}
+
+/// Loss of a path that has not reflected, one-way nepers.
+pub(super) fn passed_np(path: &Path, range_mm: f64) -> f64 {
+    -0.5 * path.segments[segment_at(path, range_mm)].ln_passed(range_mm)
+}

@@ -1,0 +1,154 @@
+//! Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
+
+use super::aperture::Aperture;
+use super::inputs::Inputs;
+use super::trace::{Path, segment_at};
+use super::transmission::passed_np;
+use crate::render::constants::{SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN};
+
+/// Numbers of a scanline at a boundary of the intervals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Boundary {
+    /// Place among the planes.
+    pub place: f64,
+    /// Loss of the guide, one-way nepers.
+    pub loss_np: f64,
+    /// Gain at the plane before, nepers of amplitude, two-way.
+    pub gain_np: f64,
+    /// Loss that all scanlines share, one-way nepers.
+    pub shared_np: f64,
+}
+
+/// The gain along every scanline [scanlines × (planes + 1)], from the power of the beams and the losses of the rows.
+pub fn visibility(
+    inputs: &Inputs,
+    aperture: &Aperture,
+    paths: &[Path],
+    powers: &[f64],
+    row_np: &[f64],
+) -> Vec<Boundary> {
+    let line = |line: usize| {
+        let guide = &paths[inputs.guide_of(line)];
+        let boundaries = places(aperture, guide, row_np);
+        let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
+            Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
+            None => boundary,
+        };
+        boundaries.into_iter().enumerate().map(gained).collect::<Vec<_>>()
+    };
+    (0..inputs.scanlines).flat_map(line).collect()
+}
+
+/// Places and losses of a scanline.
+fn places(aperture: &Aperture, guide: &Path, row_np: &[f64]) -> Vec<Boundary> {
+    let start = Boundary { place: -0.5, loss_np: passed_np(guide, 0.0), gain_np: 0.0, shared_np: 0.0 };
+    let mut boundaries = vec![start];
+    let mut last = 0.5;
+    for (interval, &row_np) in row_np.iter().enumerate() {
+        let [from, to] = [interval, interval + 1].map(|boundary| boundary as f64 * aperture.plane_mm);
+        let before = boundaries[interval];
+        let rise = |at_mm: f64| passed_np(guide, at_mm) - before.loss_np;
+        let own_np = (rise(to) - row_np).max(0.0);
+        let followed = own_np / (own_np + TRACKED_NP);
+        let mean_np = mean_loss_np(guide, from, to) - before.loss_np - 0.5 * row_np;
+        let centre = (1.0 - mean_np / own_np.max(1.0e-6)).clamp(0.0, 1.0);
+        last += followed * (centre - last);
+        boundaries.push(Boundary {
+            place: (interval + 1) as f64 - (1.0 - followed) * last,
+            loss_np: passed_np(guide, to),
+            gain_np: 0.0,
+            shared_np: before.shared_np + row_np,
+        });
+    }
+    boundaries
+}
+
+/// Mean loss of a guide between two ranges, one-way nepers.
+fn mean_loss_np(guide: &Path, from: f64, to: f64) -> f64 {
+    let pieces = (segment_at(guide, from)..=segment_at(guide, to)).map(|at| {
+        let segment = &guide.segments[at];
+        let end = guide.segments.get(at + 1).map_or(to, |next| next.start_mm.min(to));
+        let start = segment.start_mm.max(from);
+        -0.5 * segment.ln_passed(0.5 * (start + end)) * (end - start)
+    });
+    pieces.sum::<f64>() / (to - from)
+}
+
+/// Gain of a scanline at a plane, interpolated between the beams.
+fn gain(aperture: &Aperture, line: usize, plane: usize, powers: &[f64]) -> f64 {
+    let nodes = aperture.nodes(plane);
+    let node = (aperture.line_cells[line] / aperture.node_cells[plane] as f64).clamp(0.0, nodes as f64 - 1.001);
+    let of = |node: usize| (0.5 * powers[plane * aperture.cells + node].max(VISIBLE_MIN).ln()).min(VISIBLE_MAX_NP);
+    let part = node - node.floor();
+    of(node as usize) * (1.0 - part) + of(node as usize + 1) * part
+}
+
+/// The gain along one scanline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LineGain<'a> {
+    aperture: &'a Aperture,
+    row: &'a [Boundary],
+}
+
+impl<'a> LineGain<'a> {
+    /// The gain along scanline `line` of all `boundaries`.
+    pub(super) fn new(aperture: &'a Aperture, boundaries: &'a [Boundary], line: usize) -> Self {
+        let count = aperture.planes + 1;
+        Self { aperture, row: &boundaries[line * count..][..count] }
+    }
+
+    /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+    pub(super) fn at(&self, range_mm: f64, loss_np: f64) -> f64 {
+        let interval = self.interval(range_mm);
+        self.within(interval, range_mm, loss_np, self.row[interval].place)
+    }
+
+    fn interval(&self, range_mm: f64) -> usize {
+        ((range_mm / self.aperture.plane_mm) as usize).min(self.aperture.planes - 1)
+    }
+
+    /// Loss of an interval that all scanlines share, and the scanline's own, one-way nepers.
+    fn losses(&self, interval: usize) -> (f64, f64) {
+        let [a, b] = [self.row[interval], self.row[interval + 1]];
+        let row_np = b.shared_np - a.shared_np;
+        (row_np, (b.loss_np - a.loss_np - row_np).max(0.0))
+    }
+
+    /// The gain in an interval, from the place `start` among the planes on.
+    fn within(&self, interval: usize, range_mm: f64, loss_np: f64, start: f64) -> f64 {
+        let (row_np, own_np) = self.losses(interval);
+        let part = range_mm / self.aperture.plane_mm - interval as f64;
+        let lost_np = loss_np - self.row[interval].loss_np - row_np * part + SPREAD_NP * part;
+        let done = (lost_np / (own_np + SPREAD_NP)).clamp(0.0, 1.0);
+        let place = start + done * (self.row[interval + 1].place - start);
+        self.gain(place) - 2.0 * (self.row[interval].shared_np + row_np * part)
+    }
+
+    /// Gain at a place among the planes, −1 being the face.
+    fn gain(&self, place: f64) -> f64 {
+        let at = (place + 1.0).clamp(0.0, self.aperture.planes as f64);
+        let low = (at as usize).min(self.aperture.planes - 1);
+        let part = at - low as f64;
+        self.row[low].gain_np * (1.0 - part) + self.row[low + 1].gain_np * part
+    }
+
+    /// ln of the amplitude, two-way, that returns from the interface where segment `arrived` of a path ends: the gain
+    /// before the obstacles which that path has not crossed yet.
+    pub(super) fn at_interface(&self, path: &Path, arrived: usize) -> f64 {
+        let range_mm = path.segments[arrived + 1].start_mm;
+        // The path before its interface.
+        let loss_np = |range_mm: f64| -0.5 * path.segments[segment_at(path, range_mm).min(arrived)].ln_passed(range_mm);
+        let interval = self.interval(range_mm);
+        let begins_np = loss_np(interval as f64 * self.aperture.plane_mm);
+        let mut start = self.row[interval].place;
+        if let Some(before) = interval.checked_sub(1) {
+            let lags = |own_np: f64| TRACKED_NP / (own_np.max(0.0) + TRACKED_NP);
+            let (row_np, own_np) = self.losses(before);
+            let lag = (interval as f64 - start) / lags(own_np);
+            let rise_np = begins_np - loss_np(before as f64 * self.aperture.plane_mm) - row_np;
+            start = interval as f64 - lags(rise_np) * lag.clamp(0.0, 1.0);
+        }
+        let lost_np = -0.5 * path.segments[arrived].ln_passed(range_mm) - begins_np + self.row[interval].loss_np;
+        self.within(interval, range_mm, lost_np, start)
+    }
+}
