@@ -17,8 +17,10 @@ use crate::fixtures::rows;
 
 /// Thickness of the obstacles, mm.
 const THICK_MM: f64 = 1.0;
-/// Half of the window in which power is averaged, mm: along and across the scanline.
-const WINDOW_MM: [f64; 2] = [1.0, 0.7];
+/// Half of the window in which power is averaged, mm along the middle scanline.
+const WINDOW_MM: f64 = 1.0;
+/// Scanlines: one is in the middle.
+const LINES: u32 = 255;
 
 /// An obstacle and a beam; samples behind it.
 struct Case {
@@ -57,7 +59,7 @@ fn cases(file: &str) -> Vec<Case> {
 impl Case {
     fn probe(&self) -> Probe {
         let depth_mm = self.depth_mm + self.levels.iter().map(|level| level.0).fold(0.0, f64::max) + 5.0;
-        let flat = linear(128, 0.5, 1536, depth_mm);
+        let flat = linear(LINES, 0.24, 1536, depth_mm);
         let kind = match self.radius_mm {
             Some(radius_mm) => ProbeKind::Convex { radius_mm, fov_deg: 60.0 },
             None => flat.kind,
@@ -108,15 +110,9 @@ impl Case {
         };
         let (with, without) = (render(true), render(false));
         let power = |frame: &Frame, range_mm: f64| {
-            let [along, across] = WINDOW_MM;
-            let lines = (0..probe.scanlines).filter(|&l| {
-                let lateral = probe.lateral_coordinate((f64::from(l) + 0.5) / f64::from(probe.scanlines));
-                let mm = lateral * probe.face_radius_mm().map_or(1.0, |radius| radius + range_mm);
-                mm.abs() <= across.max(0.6 * probe.line_spacing_mm(range_mm))
-            });
             let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
-            let samples = |l: u32| line(&probe, frame, l)[sample(range_mm - along)..sample(range_mm + along)].to_vec();
-            lines.flat_map(samples).map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
+            let samples = &line(&probe, frame, LINES / 2)[sample(range_mm - WINDOW_MM)..sample(range_mm + WINDOW_MM)];
+            samples.iter().map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
         };
         let level = |&(behind_mm, _): &(f64, f64)| {
             let range_mm = self.depth_mm + behind_mm;
