@@ -81,24 +81,10 @@ fn scaled_power(ln_amplitude: f32) -> f32 {
     return exp(2.0 * (clamp(ln_amplitude, LN_SPECKLE_SILENT, 0.25 + LN_SCALE) + LN_SCALE));
 }
 
-// Power of the scatterers of a path at a sample, scaled. Beyond its first reflection a path has its own loss, and the
-// guide stands for what it missed.
-fn power_of(chosen: u32, guide: u32, sample: u32, range_mm: f32, seen: f32) -> vec3<f32> {
-    // Two samples share a segment: that of the first.
-    seek(chosen, sample & ~1u, range_of(sample & ~1u));
-    if APERTURE && (bitcast<u32>(s2.z) & DIVERTED) == 0u {
-        return seen * scatterer_power();
-    }
+// Power of an own loss, scaled; 0 where nothing is heard.
+fn own_power(range_mm: f32) -> f32 {
     let ln_amplitude = s0.w - s1.w * range_mm;
-    let own = select(0.0, scaled_power(ln_amplitude), ln_amplitude > LN_SPECKLE_SILENT) * scatterer_power();
-    if !APERTURE {
-        return own;
-    }
-    let slot = 3u * (guide * SEGMENTS + segment_from(guide, 0u, range_of(sample & ~1u)));
-    s2 = segments[slot + 2u];
-    // The current segment is no longer the path's.
-    path = 0xffffffffu;
-    return own + seen * scatterer_power();
+    return select(0.0, scaled_power(ln_amplitude), ln_amplitude > LN_SPECKLE_SILENT);
 }
 
 fn echo(met: Met, power: vec3<f32>) -> vec2<f32> {
@@ -129,14 +115,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
     let guide = guide_of(line);
     var met: array<Met, RUN>;
-    // Scaled power of the aperture's gain.
+    // Scaled power of the aperture's gain, and that of the guide's scatterers.
     var seen: array<f32, RUN>;
+    var guided: array<vec3<f32>, RUN / 2u>;
     for (var i = 0u; i < RUN; i++) {
         let range_mm = range_of(first + i);
         // Two samples share a segment: that of the first.
         seek(guide, first + (i & ~1u), range_of(first + (i & ~1u)));
         met[i] = meet(range_mm);
         if APERTURE {
+            guided[i >> 1u] = scatterer_power();
             seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (s1.w * range_mm - s2.w)));
         }
     }
@@ -146,9 +134,23 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var layer = 0u; layer < params.layer_count; layer++) {
         let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
-            for (var i = 0u; i < RUN; i++) {
-                let chosen = (layer * params.scanlines + line) * params.rays + ray;
-                power[i] += weight * power_of(chosen, guide, first + i, range_of(first + i), seen[i]);
+            for (var pair = 0u; pair < RUN / 2u; pair++) {
+                let i = 2u * pair;
+                let range_mm = range_of(first + i);
+                seek((layer * params.scanlines + line) * params.rays + ray, first + i, range_mm);
+                let here = weight * scatterer_power();
+                if APERTURE && (bitcast<u32>(s2.z) & DIVERTED) == 0u {
+                    power[i] += seen[i] * here;
+                    power[i + 1u] += seen[i + 1u] * here;
+                } else {
+                    // Beyond its first reflection a path has its own loss, and the guide stands for what it missed.
+                    power[i] += own_power(range_mm) * here;
+                    power[i + 1u] += own_power(range_of(first + i + 1u)) * here;
+                    if APERTURE {
+                        power[i] += seen[i] * weight * guided[pair];
+                        power[i + 1u] += seen[i + 1u] * weight * guided[pair];
+                    }
+                }
             }
         }
     }
