@@ -14,6 +14,7 @@ mod hooks;
 mod host;
 mod kernels;
 mod ladder;
+mod lateral_beam;
 mod maker;
 mod params;
 pub mod plan;

@@ -1,4 +1,4 @@
-//! Point targets and edges: −6 dB widths compared with those of pulse, beam and lens.
+//! Point targets and edges: −6 dB widths compared with those of the pulse, and of beam and lens by diffraction.
 
 use glam::DVec2;
 
@@ -7,10 +7,17 @@ use super::measure::{half_width, line, magnitude};
 use super::{Check, Family, Rig};
 use crate::acoustics::pulse::FWHM_PER_SIGMA;
 use crate::render::RenderError;
+use crate::settings::Apodization;
 use crate::transducer::{Probe, ProbeKind};
 
 /// Depths of the posts, mm.
 const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
+/// Two-way lateral widths at [`POSTS_MM`] by an independent sum over the default aperture, `tests/truth/point_spread.py`.
+const DIFFRACTION_MM: [(Apodization, [f64; POSTS_MM.len()]); 3] = [
+    (Apodization::Rectangular, [0.4434, 0.5511, 1.3331]),
+    (Apodization::Hann, [0.7244, 0.8939, 2.0874]),
+    (Apodization::Gaussian, [0.5473, 0.6738, 1.6120]),
+];
 /// Depth of the edge for the elevational beam, mm.
 const EDGE_MM: f64 = 30.0;
 /// Outer node of three Gauss–Hermite layers, in standard deviations: √3; the others are 0 and −√3.
@@ -59,14 +66,20 @@ impl Family for Beam {
             let want = FWHM_PER_SIGMA * probe.axial_sigma_mm();
             let name = format!("axial width at {depth:.0} mm");
             checks.push(Check::new("Point spread", name, "mm", want, half_width(near) * spacing, 0.02 * want));
-            let neighbours = probe.scanlines / (2 * POSTS_MM.len() as u32);
-            let across: Vec<f64> = (post_line(i) - neighbours..post_line(i) + neighbours)
-                .map(|l| line(&probe, frame, l).get(sample).map_or(0.0, |&s| magnitude(s)))
-                .collect();
-            let want = FWHM_PER_SIGMA * probe.lateral_sigma_mm(depth);
-            let name = format!("lateral width at {depth:.0} mm");
-            let got = half_width(&across) * probe.line_spacing_mm(depth);
-            checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+        }
+        for (apodization, widths) in DIFFRACTION_MM {
+            let probe = Probe { apodization, ..probe };
+            let frame = rig.frame(&probe, &small(1, 1), &at(self.posts.x, self.posts.y, 0.0))?;
+            for (i, (&depth, want)) in POSTS_MM.iter().zip(widths).enumerate() {
+                let sample = (depth / spacing) as usize;
+                let neighbours = probe.scanlines / (2 * POSTS_MM.len() as u32);
+                let across: Vec<f64> = (post_line(i) - neighbours..post_line(i) + neighbours)
+                    .map(|l| line(&probe, frame, l).get(sample).map_or(0.0, |&s| magnitude(s)))
+                    .collect();
+                let name = format!("lateral width at {depth:.0} mm, {}", apodization.name());
+                let got = half_width(&across) * probe.line_spacing_mm(depth);
+                checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+            }
         }
         // As the probe moves across the edge, the outer one of three layers sees it √3 σ before the middle one.
         let near = linear(1, 1.0, 256, 50.0);

@@ -270,7 +270,7 @@ impl Rules<'_> {
     fn aside_allowed_mm(&self) -> f64 {
         let image = &self.settings.image;
         let focus_mm = self.probe.focus_mm.min(self.probe.depth_mm);
-        let depths_mm = (0..=64).map(|i| self.probe.depth_mm * f64::from(i) / 64.0).chain([focus_mm]);
+        let depths_mm = (0..=8).map(|i| self.probe.depth_mm * f64::from(i) / 8.0).chain([focus_mm]);
         let narrowest_mm = depths_mm.map(|z| self.probe.lateral_sigma_mm(z)).fold(f64::INFINITY, f64::min);
         (0.5 * Sector::fit(self.probe, image.width, image.height).pixel_mm).max(ASIDE_OF_BEAM * narrowest_mm)
     }
