@@ -5,12 +5,11 @@
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> hints: array<u32>;
-@group(0) @binding(4) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
-@group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
-@group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
+@group(0) @binding(4) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
+@group(0) @binding(5) var<storage, read_write> baseband: array<vec4<f32>>;
 // Power of the scatterers, kept between the dispatches of a frame: mean and deviation, scaled; two samples per vector.
-@group(0) @binding(7) var<storage, read_write> powers: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> powers: array<vec4<f32>>;
 
 // Samples per thread.
 const RUN: u32 = 8u;
@@ -104,8 +103,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
     var power: array<vec4<f32>, RUN / 2u>;
+    let weight = 1.0 / f32(params.rays * params.layers);
     for (var layer = 0u; layer < params.layer_count; layer++) {
-        let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
             for (var pair = 0u; pair < RUN / 2u; pair++) {
                 let sample = first + 2u * pair;

@@ -12,9 +12,8 @@ pub(crate) const ENTRIES: u32 = 96;
 pub(crate) const STARTS: u32 = SEGMENTS + 4;
 /// Samples per segment hint.
 pub(crate) const HINT_BLOCK: u32 = 64;
-/// Greatest numbers of tissues, layers, samples and pulse taps: sizes of the uniform tables.
+/// Greatest numbers of tissues, samples and pulse taps: sizes of the uniform tables.
 pub(crate) const TISSUES_MAX: u32 = 255;
-pub(crate) const LAYERS_MAX: u32 = 33;
 pub(crate) const SAMPLES_MAX: u32 = 8192;
 pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
 pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);

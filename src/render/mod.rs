@@ -8,6 +8,7 @@ mod batch_plan;
 mod configuration;
 mod constants;
 mod device;
+mod elevation;
 mod error;
 mod frame;
 mod hooks;

@@ -107,6 +107,11 @@ impl Params {
         }
     }
 
+    /// Part of the beam's energy of each path that carries echoes.
+    pub(crate) fn path_weight(&self) -> f32 {
+        1.0 / (self.rays * self.layers) as f32
+    }
+
     /// Number of paths that carry echoes in a batch of `layers`.
     pub(crate) fn sounding_paths(&self, layers: u32) -> u32 {
         self.scanlines * self.rays * layers

@@ -20,8 +20,10 @@ const DIFFRACTION_MM: [(Apodization, [f64; POSTS_MM.len()]); 3] = [
 ];
 /// Depth of the edge for the elevational beam, mm.
 const EDGE_MM: f64 = 30.0;
-/// Outer node of three Gauss–Hermite layers, in standard deviations: √3; the others are 0 and −√3.
-const OUTER_NODE: f64 = 1.732_050_807_568_877_2;
+/// Rays and layers at the edge.
+const PATHS: (u32, u32) = (128, 5);
+/// Part of a Gaussian below −σ.
+const BELOW_SIGMA: f64 = 0.158_655_253_931_457_05;
 
 /// Posts in a fan, and an edge.
 pub(super) struct Beam {
@@ -81,25 +83,27 @@ impl Family for Beam {
                 checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
             }
         }
-        // As the probe moves across the edge, the outer one of three layers sees it √3 σ before the middle one.
+        // As the probe moves across the edge, the part of the beam that meets it grows like a Gaussian's integral.
         let near = linear(1, 1.0, 256, 50.0);
         let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near };
         for (probe, side) in [(near, "before"), (far, "beyond")] {
             let mut amplitude = |y: f64| {
-                let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
-                // Excludes depths behind the edge, where layers hit the slab's side.
+                let frame = rig.frame(&probe, &small(PATHS.0, PATHS.1), &at(self.edge.x, self.edge.y + y, 0.0))?;
+                // Excludes depths behind the edge, where paths hit the slab's side.
                 let [from, to] = [EDGE_MM - 0.1, EDGE_MM + 0.2].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
                 let edge = line(&probe, frame, 0).get(from..to).unwrap_or_default();
                 Ok::<_, RenderError>(edge.iter().map(|&s| magnitude(s)).fold(0.0, f64::max))
             };
             let (none, all) = (amplitude(-10.0)?, amplitude(10.0)?);
-            let level = none + 0.05 * (all - none);
-            let (mut low, mut high) = (-10.0, 10.0);
-            for _ in 0..12 {
-                let middle = 0.5 * (low + high);
-                if amplitude(middle)? > level { high = middle } else { low = middle }
-            }
-            let got = -FWHM_PER_SIGMA * 0.5 * (low + high) / OUTER_NODE;
+            let mut place = |part: f64| {
+                let (mut low, mut high) = (-10.0, 10.0);
+                for _ in 0..12 {
+                    let middle = 0.5 * (low + high);
+                    if amplitude(middle)? > none + part * (all - none) { high = middle } else { low = middle }
+                }
+                Ok::<_, RenderError>(0.5 * (low + high))
+            };
+            let got = FWHM_PER_SIGMA * 0.5 * (place(1.0 - BELOW_SIGMA)? - place(BELOW_SIGMA)?);
             let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
             let name = format!("elevational width at {EDGE_MM:.0} mm, {side} the focus");
             checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));

@@ -4,7 +4,7 @@ use super::gpu::Gpu;
 use super::shaders::PASSES;
 use crate::anatomy::Bvh;
 use crate::render::batch_plan::BatchPlan;
-use crate::render::constants::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
+use crate::render::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
 use crate::render::params::Params;
 use crate::render::tables::Tables;
@@ -55,7 +55,6 @@ pub(crate) struct Buffers {
     pub(crate) params: wgpu::Buffer,
     rays: wgpu::Buffer,
     map_rays: wgpu::Buffer,
-    layers: wgpu::Buffer,
     tissues: wgpu::Buffer,
     lateral_kernels: wgpu::Buffer,
     pulse: wgpu::Buffer,
@@ -111,9 +110,8 @@ impl Buffers {
         };
         Ok(Self {
             params: uniform("params", PARAMS_STRIDE * u64::from(plan.batches), |b| &b.params)?,
-            rays: filled("rays", &tables.rays, |b| &b.rays)?,
+            rays: work("rays", 16 * (tables.rays.len() + tables.elevations.len()) as u64, |b| &b.rays)?,
             map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
-            layers: uniform("layers", 16 * u64::from(LAYERS_MAX), |b| &b.layers)?,
             tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
@@ -153,9 +151,8 @@ impl Buffers {
             whole.resize(buffer.size() as usize, 0);
             write(buffer, &whole);
         };
-        write(&self.rays, bytemuck::cast_slice(&tables.rays));
+        write(&self.rays, bytemuck::cast_slice(&[&tables.rays[..], &tables.elevations].concat()));
         write(&self.map_rays, bytemuck::cast_slice(&tables.map_rays));
-        padded(&self.layers, bytemuck::cast_slice(&tables.layers));
         padded(&self.tissues, bytemuck::cast_slice(&tables.tissues));
         write(&self.lateral_kernels, bytemuck::cast_slice(&tables.kernels.lateral));
         padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
@@ -187,7 +184,6 @@ impl Buffers {
                 (&scene.triangles, read),
                 (&scene.surface_tissue, read),
                 (&self.rays, read),
-                (&self.layers, uniform),
                 (&self.starts_inside, write),
                 (&self.overflows, write),
             ],
@@ -196,7 +192,6 @@ impl Buffers {
                 (&scene.triangles, read),
                 (&scene.surface_tissue, read),
                 (&self.rays, read),
-                (&self.layers, uniform),
                 (&self.starts_inside, read),
                 (&self.overflows, write),
                 (&self.tissues, uniform),
@@ -211,7 +206,6 @@ impl Buffers {
                 (&self.starts, read),
                 (&self.segments, read),
                 (&self.hints, read),
-                (&self.layers, uniform),
                 (&self.scatterer_gain, uniform),
                 (&self.baseband, write),
                 // Keeps powers until `lateral` writes it.

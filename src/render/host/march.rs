@@ -39,8 +39,6 @@ pub(crate) struct Paths<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scatterers<'a> {
     pub(crate) constants: ImageConstants,
-    /// Offset, slope, weight and stretch of each elevational layer.
-    pub(crate) layers: &'a [[f32; 4]],
     /// Gain of each block of samples.
     pub(crate) gain: &'a [f32],
 }
@@ -97,9 +95,8 @@ fn march_row_body(
             }
         }
         // The mean power of all rays sets their strength.
+        let weight = params.path_weight();
         for layer in 0..params.layer_count {
-            let of_layer = scatterers.layers.get(params.layer_first.wrapping_add(layer) as usize);
-            let weight = of_layer.map_or(0.0, |layer| layer[2]) / params.rays as f32;
             let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
             for ray in 0..params.rays {
                 let blocks = row.len();

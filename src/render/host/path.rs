@@ -33,7 +33,8 @@ pub(super) struct Scene<'a> {
     /// Uniforms of the batch.
     pub(super) params: &'a Params,
     pub(super) rays: &'a [[f32; 4]],
-    pub(super) layers: &'a [[f32; 4]],
+    /// Elevational offset, slope and stretch of each path of a scanline [layers × rays].
+    pub(super) elevations: &'a [[f32; 4]],
     pub(super) tissues: &'a [PackedTissue],
     pub(super) effects: PathEffects,
     pub(super) constants: TraceConstants,
@@ -90,7 +91,7 @@ impl Place {
 }
 
 impl Scene<'_> {
-    /// Origin and direction of a path's first ray: the table's, moved to its elevational layer.
+    /// Origin and direction of a path's first ray: the table's, moved across the slice.
     fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
         let p = self.params;
         let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
@@ -125,10 +126,11 @@ impl Scene<'_> {
         // Guides come after the paths of all layers, along the axes, which follow the rays in their table.
         let guide = number >= p.layer_count as usize;
         let layer = p.layer_first as usize + number;
-        let [offset, slope, weight, stretch] = if guide { [0.0, 0.0, 0.0, 1.0] } else { self.layers[layer] };
+        let across = layer * p.rays as usize + line_ray % p.rays as usize;
+        let [offset, slope, stretch, _] = if guide { [0.0, 0.0, 1.0, 0.0] } else { self.elevations[across] };
         let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
-        let in_phase = weight / p.rays as f32;
+        let in_phase = p.path_weight();
         PathState {
             line_ray: line_ray as u32,
             layer: layer as u32,
@@ -174,14 +176,15 @@ impl Scene<'_> {
         if state.open { (self.params.depth_mm - state.range_mm) * self.path_per_range(state) } else { 0.0 }
     }
 
-    /// Writes the segment that begins here.
+    /// Writes the segment that begins here. The last record takes each further segment: what lies between counts as the
+    /// medium before.
     #[inline(always)]
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];
         let step = state.direction * self.path_per_range(state);
         let fall = tissue.attenuation_np_mm * self.path_per_range(state);
         let from = state.origin - state.carried_mm - step * state.range_mm;
-        let count = record.count as usize;
+        let count = record.count.min(SEGMENTS - 1) as usize;
         record.starts[count] = state.range_mm;
         record.segments[count] = [
             from.x,
@@ -198,11 +201,7 @@ impl Scene<'_> {
             0.0,
         ];
         record.echoes[count] = [state.echo, state.echo_range_mm];
-        record.count += 1;
-        if record.count == SEGMENTS {
-            state.lost += u32::from(state.open);
-            state.open = false;
-        }
+        record.count = count as u32 + 1;
     }
 
     /// The highest surface that the path is inside; 0 if none, since no surface is below the first.

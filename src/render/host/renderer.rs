@@ -124,7 +124,7 @@ impl HostRenderer {
         unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);
     }
 
-    /// Runs the passes of the paths, batch by batch; returns the number of crossings and segments that found no room.
+    /// Runs the passes of the paths, batch by batch; returns the number of crossings that found no room.
     fn follow_paths(
         &mut self,
         FrameInputs { bvh, media, configuration }: FrameInputs<'_>,
@@ -145,7 +145,7 @@ impl HostRenderer {
                 surface_words: &media.surface_words,
                 params: &params,
                 rays: &tables.rays,
-                layers: &tables.layers,
+                elevations: &tables.elevations,
                 tissues: &tables.tissues,
                 effects: PathEffects::new(effects, media.moving),
                 constants: self.trace,
@@ -156,8 +156,7 @@ impl HostRenderer {
             laps.note("trace");
             if effects.has(Effect::Scatterers) {
                 let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
-                let (layers, gain) = (&tables.layers, &tables.kernels.scatterer_gain);
-                let scatterers = Scatterers { constants: self.image, layers, gain };
+                let scatterers = Scatterers { constants: self.image, gain: &tables.kernels.scatterer_gain };
                 // `focused` keeps powers until `lateral` writes it.
                 march(&params, paths, scatterers, &mut b.baseband, &mut b.focused);
                 laps.note("march");

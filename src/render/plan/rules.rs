@@ -5,7 +5,7 @@ use super::facts::{Medium, SceneFacts};
 use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::render::constants::{REFLECTION_FOLLOWED, SEGMENTS};
-use crate::render::tables::layers;
+use crate::render::elevation::elevations;
 use crate::settings::RenderSettings;
 use crate::settings::{Choice, Effect, EffectSet};
 use crate::transducer::{Probe, Sector};
@@ -251,6 +251,10 @@ impl Rules<'_> {
                 Bound::none("smooth interfaces' echoes"),
             );
         }
+        let layers = self.settings.quality.layers;
+        if layers > 1 && self.settings.effects.of(Effect::Layers) != Choice::Off && !self.one_medium() {
+            return finding(format!("{asked} asked for, to fill the slice of {layers} layers"), Bound::none("blur across the slice"));
+        }
         // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up
         // to half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
@@ -293,7 +297,7 @@ impl Rules<'_> {
         if self.one_medium() {
             // Oblique layers lose more on their longer paths.
             let longer =
-                layers(self.probe, asked).iter().map(|&[.., stretch]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
+                elevations(self.probe, self.settings.quality.rays, asked).iter().map(|&[.., stretch, _]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
             let loss_db_mm = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(0.0, f64::max);
             let db = longer * loss_db_mm * self.probe.depth_mm;
             if db == 0.0 {

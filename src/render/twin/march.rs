@@ -3,7 +3,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::inputs::{Inputs, Layer};
+use super::inputs::Inputs;
 use super::lattice;
 use super::trace::{Path, segment_at};
 use crate::render::constants::LN_SPECKLE_SILENT;
@@ -37,12 +37,11 @@ fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVe
     };
     let DVec2 { x: mean, y: deviation } = {
         let rays = inputs.rays_per_line;
-        let of_layer = |(number, layer): (usize, &Layer)| {
-            let first = (number * inputs.scanlines + line) * rays;
-            let power: DVec2 = (first..first + rays).map(|path| mean_and_deviation(path).powf(2.0)).sum();
-            power * layer.weight / rays as f64
+        let of_layer = |layer: usize| {
+            let first = (layer * inputs.scanlines + line) * rays;
+            (first..first + rays).map(|path| mean_and_deviation(path).powf(2.0)).sum::<DVec2>()
         };
-        inputs.layers.iter().enumerate().map(of_layer).sum::<DVec2>().powf(0.5)
+        ((0..inputs.layers).map(of_layer).sum::<DVec2>() * inputs.path_weight()).powf(0.5)
     };
     let strength = DVec2::new(mean, 0.0) + deviation * lattice::scatterer_deviate(amplitude);
     // The scatterer's own range sets the phase, whichever sample finds its cell.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::inputs::{Inputs, Layer, Medium, Ray};
+use super::inputs::{Inputs, Medium, Ray};
 use super::surfaces::{Crossing, Membership, crossings, places};
 use super::{hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
@@ -75,7 +75,8 @@ struct Tracer<'a> {
     inputs: &'a Inputs,
     line_ray: usize,
     layer: usize,
-    of_layer: Layer,
+    /// Length per mm of depth.
+    stretch: f64,
     /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
     guide: bool,
     inside: Membership,
@@ -104,7 +105,7 @@ impl<'a> Tracer<'a> {
             inputs,
             line_ray: path % inputs.rays.len(),
             layer: path / inputs.rays.len(),
-            of_layer: inputs.layer_of(path),
+            stretch: inputs.elevation_of(path).stretch,
             guide: path >= inputs.sounding(),
             inside,
             ray: inputs.launch(path),
@@ -124,8 +125,10 @@ impl<'a> Tracer<'a> {
         let (mut crossed, mut reflections) = (0, 0);
         let mut open = true;
         loop {
+            // The last record takes each further segment: what lies between counts as the medium before.
+            path.segments.truncate(SEGMENTS as usize - 1);
             path.segments.push(self.segment(&media[here], echo, echo_range_mm));
-            if !open || path.segments.len() == SEGMENTS as usize {
+            if !open {
                 return path;
             }
             let Some(meeting) = self.next_change(here, &mut crossed) else { return path };
@@ -186,7 +189,7 @@ impl<'a> Tracer<'a> {
     /// Length of path per mm of range. Ranges are depths: the lens delays its middle, so echoes of oblique layers come
     /// no later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
-        tissue.speed_ratio * self.of_layer.stretch
+        tissue.speed_ratio * self.stretch
     }
 
     /// The segment that begins here.
@@ -273,7 +276,7 @@ impl<'a> Tracer<'a> {
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
-        let in_phase = self.of_layer.weight / self.inputs.rays_per_line as f64;
+        let in_phase = self.inputs.path_weight();
         let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
         let arriving = if self.ln_amplitude > LN_SILENT { self.ln_amplitude.exp() } else { 0.0 };
         (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)
