@@ -135,7 +135,9 @@ impl Setting {
             return Err(SettingsError::Range { key, value, min, max });
         }
         match self.kind {
-            Kind::Whole | Kind::Switch | Kind::Word(_) if value.fract() != 0.0 => Err(SettingsError::Fraction { key, value }),
+            Kind::Whole | Kind::Switch | Kind::Word(_) if value.fract() != 0.0 => {
+                Err(SettingsError::Fraction { key, value })
+            }
             _ => Ok(()),
         }
     }

@@ -253,7 +253,10 @@ impl Rules<'_> {
         }
         let layers = self.settings.quality.layers;
         if layers > 1 && self.settings.effects.of(Effect::Layers) != Choice::Off && !self.one_medium() {
-            return finding(format!("{asked} asked for, to fill the slice of {layers} layers"), Bound::none("blur across the slice"));
+            return finding(
+                format!("{asked} asked for, to fill the slice of {layers} layers"),
+                Bound::none("blur across the slice"),
+            );
         }
         // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up
         // to half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
@@ -296,8 +299,10 @@ impl Rules<'_> {
         }
         if self.one_medium() {
             // Oblique layers lose more on their longer paths.
-            let longer =
-                elevations(self.probe, self.settings.quality.rays, asked).iter().map(|&[.., stretch, _]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
+            let longer = elevations(self.probe, self.settings.quality.rays, asked)
+                .iter()
+                .map(|&[.., stretch, _]| f64::from(stretch) - 1.0)
+                .fold(0.0, f64::max);
             let loss_db_mm = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(0.0, f64::max);
             let db = longer * loss_db_mm * self.probe.depth_mm;
             if db == 0.0 {

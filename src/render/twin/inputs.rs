@@ -177,8 +177,7 @@ impl Inputs {
         let kernels = &tables.kernels;
         let mut line_rays = rays(&tables.rays);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
-        let elevation =
-            |e: &[f32; 4]| Elevation { offset_mm: e[0].into(), slope: e[1].into(), stretch: e[2].into() };
+        let elevation = |e: &[f32; 4]| Elevation { offset_mm: e[0].into(), slope: e[1].into(), stretch: e[2].into() };
         let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
         let triangles = bvh.triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
             corner_mm: Vec3::from(t.corner).as_dvec3(),

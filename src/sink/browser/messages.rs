@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::SceneInfo;
 use crate::settings::{
-    Assignment, Display, HotKey, Kind, LiveControl, QUALITY_POINTS, QualityPointKey, Setting, Slider, hot_keys, live_settings,
+    Assignment, Display, HotKey, Kind, LiveControl, QUALITY_POINTS, QualityPointKey, Setting, Slider, hot_keys,
+    live_settings,
 };
 use crate::sink::colour;
 
@@ -98,7 +99,18 @@ impl SettingEntry {
         let &LiveControl { label, caption, slider, unit, scale, digits, .. } = setting.control.as_ref()?;
         let words = if let Kind::Word(words) = setting.kind { words } else { &[] };
         let (key, count, range) = (setting.key, setting.count(), [setting.min, setting.max]);
-        Some(Self { key, count, range, label, caption, unit: unit.unwrap_or(setting.unit), scale, digits, slider, words })
+        Some(Self {
+            key,
+            count,
+            range,
+            label,
+            caption,
+            unit: unit.unwrap_or(setting.unit),
+            scale,
+            digits,
+            slider,
+            words,
+        })
     }
 }
 
