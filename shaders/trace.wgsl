@@ -96,7 +96,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let layer = params.layer_first + path / line_rays;
     // Over rays and layers, echoes in phase add in amplitude, others in power.
     let weight_in_phase = 1.0 / f32(params.rays * params.layers);
-    let weight_power = sqrt(weight_in_phase);
+    let weight_power = sqrt(weight_in_phase * min(1.0, CELLS_OF_A_BEAM * weight_in_phase));
     // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
     let stretch = elevation_of(path).z;
 

@@ -42,6 +42,9 @@ pub(crate) const CELL_MM: f64 = 0.15;
 /// Offset of the lattice that spreads echoes, mm. Without it, planes at round coordinates would be on cell faces, and
 /// rounding would choose the cell.
 pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;
+/// Echoes of a scanline at one face that add in power, at most. The beam covers about so many cells of that lattice, and
+/// echoes of one cell are in phase: with more paths, they add in amplitude.
+pub(crate) const CELLS_OF_A_BEAM: f64 = 96.0;
 /// Factor of the surface number in that lattice's hash.
 pub(crate) const SURFACE_SALT: u32 = 7919;
 /// Normalises the sum of four nibbles, of mean 30, to a mean square of ½.

@@ -4,6 +4,7 @@
 //! the cone, both Gaussian and independent. The slice keeps its thickness at the focus, where all lines of the cone meet.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::transducer::Probe;
 
@@ -39,8 +40,8 @@ pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32) -> Vec<[f32; 4]>
 impl Envelope {
     /// Least-squares envelope of the elevational beam's standard deviations, relative to them.
     fn of(probe: &Probe) -> Self {
-        let depths = (0..DEPTHS).map(|i| (f64::from(i) + 0.5) / f64::from(DEPTHS));
-        let widths: Vec<_> = depths.map(|part| (part, probe.elevational_sigma_mm(part * probe.depth_mm))).collect();
+        let parts = (0..DEPTHS).into_par_iter().map(|i| (f64::from(i) + 0.5) / f64::from(DEPTHS));
+        let widths: Vec<_> = parts.map(|part| (part, probe.elevational_sigma_mm(part * probe.depth_mm))).collect();
         let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
         for (part, sigma) in &widths {
             let row = DVec3::new(1.0, *part, part * part) / (sigma * sigma);

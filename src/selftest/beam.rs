@@ -84,7 +84,8 @@ impl Family for Beam {
             }
         }
         // As the probe moves across the edge, the part of the beam that meets it grows like a Gaussian's integral.
-        let near = linear(1, 1.0, 256, 50.0);
+        // A wide aperture takes the echoes of the oblique paths, too.
+        let near = Probe { aperture_mm: 80.0, ..linear(1, 1.0, 256, 50.0) };
         let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near };
         for (probe, side) in [(near, "before"), (far, "beyond")] {
             let mut amplitude = |y: f64| {
@@ -106,7 +107,8 @@ impl Family for Beam {
             let got = FWHM_PER_SIGMA * 0.5 * (place(1.0 - BELOW_SIGMA)? - place(BELOW_SIGMA)?);
             let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
             let name = format!("elevational width at {EDGE_MM:.0} mm, {side} the focus");
-            checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+            // The widths of straight lines follow those of diffraction within so much.
+            checks.push(Check::new("Point spread", name, "mm", want, got, 0.1 * want));
         }
         Ok(checks)
     }

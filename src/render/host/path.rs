@@ -130,7 +130,6 @@ impl Scene<'_> {
         let [offset, slope, stretch, _] = if guide { [0.0, 0.0, 1.0, 0.0] } else { self.elevations[across] };
         let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
-        let in_phase = p.path_weight();
         PathState {
             line_ray: line_ray as u32,
             layer: layer as u32,
@@ -138,8 +137,8 @@ impl Scene<'_> {
             stretch,
             origin,
             direction,
-            in_phase,
-            in_power: in_phase.sqrt(),
+            in_phase: p.path_weight(),
+            in_power: p.power_weight(),
             open: true,
             ..PathState::default()
         }

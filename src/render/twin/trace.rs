@@ -8,9 +8,9 @@ use super::surfaces::{Crossing, Membership, crossings, places};
 use super::{hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
 use crate::render::constants::{
-    APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, DIFFUSE, DIFFUSE_HALF_ROUGHNESS2,
-    FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED, SEGMENTS, SURFACE_SALT,
-    TOUCH_MM,
+    APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, CELLS_OF_A_BEAM, DIFFUSE,
+    DIFFUSE_HALF_ROUGHNESS2, FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED,
+    SEGMENTS, SURFACE_SALT, TOUCH_MM,
 };
 
 /// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
@@ -277,7 +277,8 @@ impl<'a> Tracer<'a> {
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
         let in_phase = self.inputs.path_weight();
-        let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
+        let in_power = (in_phase * (CELLS_OF_A_BEAM * in_phase).min(1.0)).sqrt();
+        let weight = in_power + (in_phase - in_power) * boundary.coherence;
         let arriving = if self.ln_amplitude > LN_SILENT { self.ln_amplitude.exp() } else { 0.0 };
         (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)
     }
