@@ -6,11 +6,10 @@
 @group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> echoes: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> segment_counts: array<u32>;
-@group(0) @binding(5) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
 // Read if APERTURE.
-@group(0) @binding(6) var<uniform> aperture: Aperture;
-@group(0) @binding(7) var<storage, read> line_gains: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> baseband: array<vec2<f32>>;
+@group(0) @binding(5) var<uniform> aperture: Aperture;
+@group(0) @binding(6) var<storage, read> line_gains: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> baseband: array<vec2<f32>>;
 
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
@@ -66,8 +65,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if line >= params.scanlines {
         return;
     }
+    let weight = 1.0 / f32(params.rays * params.layers);
     for (var layer = 0u; layer < params.layer_count; layer++) {
-        let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
             let path = (layer * params.scanlines + line) * params.rays + ray;
             let count = segment_counts[path];

@@ -7,9 +7,8 @@
 @group(0) @binding(2) var<storage, read> triangles: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> surface_tissue: array<u32>;
 @group(0) @binding(4) var<storage, read> rays: array<vec4<f32>>;
-@group(0) @binding(5) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
-@group(0) @binding(6) var<storage, read_write> starts_inside: array<u32>;
-@group(0) @binding(7) var<storage, read_write> overflows: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read_write> starts_inside: array<u32>;
+@group(0) @binding(6) var<storage, read_write> overflows: array<atomic<u32>>;
 
 const CROSSINGS: u32 = CROSSINGS_BEHIND;
 

@@ -5,15 +5,14 @@
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> hints: array<u32>;
-@group(0) @binding(4) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
-@group(0) @binding(5) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
-@group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
+@group(0) @binding(4) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
+@group(0) @binding(5) var<storage, read_write> baseband: array<vec4<f32>>;
 // Power of the scatterers, kept between the dispatches of a frame, scaled: mean, deviation, both times the density, 0.
-@group(0) @binding(7) var<storage, read_write> powers: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> powers: array<vec4<f32>>;
 // Read if APERTURE.
-@group(0) @binding(8) var<uniform> aperture: Aperture;
-@group(0) @binding(9) var<storage, read> line_gains: array<vec4<f32>>;
+@group(0) @binding(7) var<uniform> aperture: Aperture;
+@group(0) @binding(8) var<storage, read> line_gains: array<vec4<f32>>;
 
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
@@ -131,8 +130,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
     var power: array<vec3<f32>, RUN>;
+    let weight = 1.0 / f32(params.rays * params.layers);
     for (var layer = 0u; layer < params.layer_count; layer++) {
-        let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
             for (var pair = 0u; pair < RUN / 2u; pair++) {
                 let i = 2u * pair;

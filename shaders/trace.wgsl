@@ -7,24 +7,23 @@
 @group(0) @binding(2) var<storage, read> triangles: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> surface_tissue: array<u32>;
 @group(0) @binding(4) var<storage, read> rays: array<vec4<f32>>;
-@group(0) @binding(5) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
-@group(0) @binding(6) var<storage, read> starts_inside: array<u32>;
-@group(0) @binding(7) var<storage, read_write> overflows: array<atomic<u32>>;
-@group(0) @binding(8) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
+@group(0) @binding(5) var<storage, read> starts_inside: array<u32>;
+@group(0) @binding(6) var<storage, read_write> overflows: array<atomic<u32>>;
+@group(0) @binding(7) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
 // Range at which each segment starts, mm; after the last one, a range beyond every sample.
-@group(0) @binding(9) var<storage, read_write> starts: array<f32>;
+@group(0) @binding(8) var<storage, read_write> starts: array<f32>;
 // Three vectors per segment, linear in the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
 // [its step per mm of range | fall of ln amplitude per mm], [scatterer mean, deviation, density | tag, ln passed].
 // ln passed is the ln amplitude at ρ = 0 of a wave that passes every interface. Behind a reflection the density has the
 // bit DIVERTED, and ln passed is that just behind the interface.
-@group(0) @binding(10) var<storage, read_write> segments: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> segments: array<vec4<f32>>;
 // Amplitude and range (mm) of the echo of the interface that a segment begins at.
-@group(0) @binding(11) var<storage, read_write> echoes: array<vec2<f32>>;
-@group(0) @binding(12) var<storage, read_write> segment_counts: array<u32>;
+@group(0) @binding(10) var<storage, read_write> echoes: array<vec2<f32>>;
+@group(0) @binding(11) var<storage, read_write> segment_counts: array<u32>;
 // Segment that holds the first sample of each block of HINT_BLOCK, four to a word.
-@group(0) @binding(13) var<storage, read_write> hints: array<u32>;
+@group(0) @binding(12) var<storage, read_write> hints: array<u32>;
 // Displacement of each triangle from its rest position, mm; only read if MOVING.
-@group(0) @binding(14) var<storage, read> displacements: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read> displacements: array<vec4<f32>>;
 
 // Whether anything in the scene moves.
 override MOVING: bool = false;
@@ -98,13 +97,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let guide = is_guide(path);
     let line_ray = path % line_rays;
     let layer = params.layer_first + path / line_rays;
-    let of_layer = layer_of(path);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
     // A guide's echoes stand for those of diverted paths, in their place.
-    let weight_in_phase = select(of_layer.z / f32(params.rays), 1.0, guide);
-    let weight_power = sqrt(weight_in_phase);
+    let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, guide);
+    let weight_power = sqrt(weight_in_phase * min(1.0, CELLS_OF_A_BEAM * weight_in_phase));
     // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
-    let stretch = of_layer.w;
+    let stretch = elevation_of(path).z;
 
     for (var word = 0u; word < 8u; word++) {
         inside[word] = starts_inside[path * 8u + word];
@@ -132,7 +130,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
     var carried_mm = vec3<f32>(0.0);
     loop {
-        // Writes the segment that begins here.
+        // Writes the segment that begins here. The last record takes each further segment: what lies between counts as
+        // the medium before.
+        count = min(count, SEGMENTS - 1u);
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
         let path_per_range = tissue.speed_ratio * stretch;
@@ -148,10 +148,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             ln_passed + fall * select(range_mm, 0.0, is_diverted));
         echoes[at] = vec2<f32>(echo, echo_range_mm);
         count++;
-        if !open || count == SEGMENTS {
-            if open {
-                lost++;
-            }
+        if !open {
             break;
         }
 

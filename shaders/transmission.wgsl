@@ -5,13 +5,12 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
-@group(0) @binding(3) var<uniform> layers: array<vec4<f32>, LAYERS_MAX>;
-@group(0) @binding(4) var<uniform> aperture: Aperture;
+@group(0) @binding(3) var<uniform> aperture: Aperture;
 // Rays of each cell: the first, the distance to the next, their number.
-@group(0) @binding(5) var<storage, read> cell_rays: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read> cell_rays: array<vec4<u32>>;
 // Between batches: mean over the layers of the fourth power of the transmission.
-@group(0) @binding(6) var<storage, read_write> transmissions: array<f32>;
-@group(0) @binding(7) var<storage, read_write> row_np: array<f32>;
+@group(0) @binding(5) var<storage, read_write> transmissions: array<f32>;
+@group(0) @binding(6) var<storage, read_write> row_np: array<f32>;
 
 const THREADS: u32 = 64u;
 
@@ -55,7 +54,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
             }
             // Powers of layers add, on both ways.
             let mean = sum / f32(rays.z);
-            power += layers[params.layer_first + layer].z * (mean * mean) * (mean * mean);
+            power += (mean * mean) * (mean * mean) / f32(params.layers);
         }
         let at = plane * aperture.cells + cell;
         var value = power + select(transmissions[at], 0.0, begins);

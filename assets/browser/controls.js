@@ -35,11 +35,11 @@ export class Controls {
 
   /** A slider with its name and value. Each of several settings is named by its depth. */
   row(setting, index) {
-    const { key, count, slider, label, unit, scale, digits } = setting;
+    const { key, count, slider, label, unit, scale, digits, words } = setting;
     const input = document.createElement("input");
     const [min, max, step] = [slider.min, slider.max, slider.step];
     Object.assign(input, { type: "range", min, max, step, value: 0, id: idOf(setting, index) });
-    Object.assign(input.dataset, count > 1 ? {} : { unit, scale, digits });
+    Object.assign(input.dataset, count > 1 ? {} : { unit, scale, digits, words: words.join(" ") });
     input.addEventListener("input", () => this.moved(setting, index, Number(input.value)));
     input.addEventListener("change", () => input.blur());
     const row = document.createElement("label");
@@ -200,14 +200,15 @@ export class Controls {
 const idOf = ({ key, count }, index) => (count > 1 ? `${key}_${index}` : key);
 
 /** A value as text, with its unit. */
-const shownText = (value, { unit, scale, digits }) => `${(value * scale).toFixed(digits)} ${unit}`;
+const shownText = (value, { unit, scale, digits, words }) => words[value] ?? `${(value * scale).toFixed(digits)} ${unit}`;
 
 /** Writes a slider's value beside it. */
 export function show(input, value) {
-  const { unit = "", scale = "1", digits = "0" } = input.dataset;
+  const { unit = "", scale = "1", digits = "0", words = "" } = input.dataset;
   const output = input.parentElement.querySelector("output");
   const number = (value * Number(scale)).toFixed(Number(digits));
-  const text = unit ? `${number} ${unit}` : value > 0 ? `+${number}` : number;
+  const word = words.split(" ")[value];
+  const text = word ? word : unit ? `${number} ${unit}` : value > 0 ? `+${number}` : number;
   if (output.textContent !== text) output.textContent = text;
   const filled = (Number(input.value) - Number(input.min)) / (Number(input.max) - Number(input.min));
   input.style.setProperty("--filled", `${(100 * filled).toFixed(1)}%`);

@@ -1,14 +1,17 @@
-// The first ray of a path: its scanline's, moved to its elevational layer. After the paths of all layers come the
+// The first ray of a path: its scanline's, moved across the slice. After the paths of all layers come the
 // guides, one per scanline, along the axes: they carry no echo and place the scatterers of the other paths.
 struct Launch {
     origin: vec3<f32>,
     direction: vec3<f32>,
 }
 
-// Offset, slope, weight and stretch of a path's layer; a guide is in the image plane, with weight 0.
-fn layer_of(path: u32) -> vec4<f32> {
-    let layer = path / (params.scanlines * params.rays);
-    return select(vec4<f32>(0.0, 0.0, 0.0, 1.0), layers[min(params.layer_first + layer, LAYERS_MAX - 1u)], layer < params.layer_count);
+// Offset, slope and stretch of a path across the slice; a guide is in the image plane. After rays and axes, their table
+// holds those of every path of a scanline [layers × rays].
+fn elevation_of(path: u32) -> vec3<f32> {
+    let line_rays = params.scanlines * params.rays;
+    let across = (params.layer_first + path / line_rays) * params.rays + path % params.rays;
+    let at = 2u * (line_rays + params.scanlines) + select(across, 0u, is_guide(path));
+    return select(rays[at].xyz, vec3<f32>(0.0, 0.0, 1.0), is_guide(path));
 }
 
 fn is_guide(path: u32) -> bool {
@@ -19,8 +22,8 @@ fn launch(path: u32) -> Launch {
     let line_rays = params.scanlines * params.rays;
     // The axes follow the rays in their table.
     let ray = 2u * select(path % line_rays, path - line_rays * params.layer_count + line_rays, is_guide(path));
-    let layer = layer_of(path);
-    let origin = rays[ray].xyz + vec3<f32>(0.0, layer.x, 0.0);
-    let direction = rays[ray + 1u].xyz + vec3<f32>(0.0, layer.y, 0.0);
+    let elevation = elevation_of(path);
+    let origin = rays[ray].xyz + vec3<f32>(0.0, elevation.x, 0.0);
+    let direction = rays[ray + 1u].xyz + vec3<f32>(0.0, elevation.y, 0.0);
     return Launch(scene_from_probe_point(origin), normalize(scene_from_probe_vector(direction)));
 }

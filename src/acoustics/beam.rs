@@ -1,61 +1,268 @@
-//! Beam widths against depth: a fixed transmit focus, dynamic receive focus, a fixed elevational lens.
+//! Beams of focused apertures by diffraction sums: a fixed transmit focus with a dynamic receive focus, and a fixed lens.
+//!
+//! Each way is a Huygens sum over the elements of the aperture. The power of both ways is summed over the pulse's band:
+//! by Parseval, that is the energy of a point's echo.
 
+use super::pulse::FWHM_PER_SIGMA;
 use super::wavelength_mm;
-
-/// −6 dB two-way width of a rectangular aperture at its focus, in λ·F#: 0.886.
-///
-/// The full width at half maximum of sinc², the two-way field of a rectangular aperture
-/// (Szabo, *Diagnostic Ultrasound Imaging*, 2nd ed., section 6).
-pub const TWO_WAY_WIDTH_PER_LAMBDA_F: f64 = 0.886;
-
-/// Width of one way of a Gaussian beam whose two ways multiply to [`TWO_WAY_WIDTH_PER_LAMBDA_F`], in λ·F#.
-const ONE_WAY_WIDTH_PER_LAMBDA_F: f64 = TWO_WAY_WIDTH_PER_LAMBDA_F * std::f64::consts::SQRT_2;
+use crate::settings::Apodization;
 
 /// Smallest F-number of the receive aperture: elements are insensitive at steeper angles.
 pub const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
+/// Offsets of a profile.
+pub const OFFSETS: usize = 160;
+/// Last offset of a dynamically focused beam's profile, λ·F# of reception: side lobes farther out are below −30 dB.
+const LOBES: f64 = 6.0;
+/// Frequencies over the band.
+const FREQUENCIES: u32 = 9;
+/// Most elements of one half of an aperture, as many as scanners have.
+const ELEMENTS_MAX: f64 = 128.0;
+/// Offsets that are computed together.
+const LANES: usize = 8;
 
-/// −6 dB one-way width in mm of an aperture focused at `focus_mm`: a Gaussian beam that is half the aperture wide at
-/// the face and diffraction-limited at the focus.
-pub fn fixed_focus_width_mm(frequency_mhz: f64, aperture_mm: f64, focus_mm: f64, depth_mm: f64) -> f64 {
-    let waist = ONE_WAY_WIDTH_PER_LAMBDA_F * wavelength_mm(frequency_mhz) * focus_mm / aperture_mm;
-    let face = (0.5 * aperture_mm).max(waist);
-    let growth = ((face / waist).powi(2) - 1.0).max(0.0).sqrt();
-    waist * (1.0 + (growth * (depth_mm - focus_mm) / focus_mm).powi(2)).sqrt()
+/// Focus of reception.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reception {
+    /// At every depth, with an aperture that opens with the depth up to its width.
+    Dynamic,
+    /// That of transmission.
+    Fixed,
 }
 
-/// −6 dB one-way width in mm of a dynamically focused receive aperture that opens to `aperture_mm`.
-pub fn dynamic_focus_width_mm(frequency_mhz: f64, aperture_mm: f64, depth_mm: f64) -> f64 {
-    let f_number = (depth_mm / aperture_mm).max(RECEIVE_F_NUMBER_MIN);
-    ONE_WAY_WIDTH_PER_LAMBDA_F * wavelength_mm(frequency_mhz) * f_number
+/// An apodized aperture and its focus.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beam {
+    /// Centre frequency, MHz.
+    pub frequency_mhz: f64,
+    /// Two-way −6 dB bandwidth over the centre frequency.
+    pub fractional_bandwidth: f64,
+    /// Weights across the aperture.
+    pub apodization: Apodization,
+    /// Width of the aperture, mm.
+    pub aperture_mm: f64,
+    /// Focal depth of transmission, mm.
+    pub focus_mm: f64,
+    /// Focus of reception.
+    pub reception: Reception,
 }
 
-/// −6 dB two-way lateral width in mm: fixed transmit focus times dynamic receive focus, 0.886·λ·F# at the focus.
-pub fn lateral_width_mm(frequency_mhz: f64, aperture_mm: f64, focus_mm: f64, depth_mm: f64) -> f64 {
-    let transmit = fixed_focus_width_mm(frequency_mhz, aperture_mm, focus_mm, depth_mm);
-    let receive = dynamic_focus_width_mm(frequency_mhz, aperture_mm, depth_mm);
-    (transmit.powi(-2) + receive.powi(-2)).powf(-0.5)
+/// Two-way amplitude of the beam at one depth, against the offset from its axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// Distance between two offsets, mm.
+    pub step_mm: f64,
+    /// Amplitude at the offsets 0, 1, … steps; 1 at its maximum.
+    pub levels: [f64; OFFSETS],
 }
 
-/// −6 dB two-way elevational width in mm of a lens `height_mm` high, focused at `focus_mm` on both ways.
-pub fn elevational_width_mm(frequency_mhz: f64, height_mm: f64, focus_mm: f64, depth_mm: f64) -> f64 {
-    fixed_focus_width_mm(frequency_mhz, height_mm, focus_mm, depth_mm) / std::f64::consts::SQRT_2
+/// Two elements, at equal distances from the axis.
+struct Pair {
+    amplitude: f64,
+    /// Delay on the axis, mm.
+    late_mm: f64,
+    /// Sine of the angle to the axis.
+    sine: f64,
+}
+
+impl Beam {
+    /// Profile at `depth_mm`.
+    pub fn profile(&self, depth_mm: f64) -> Profile {
+        let wavelength = wavelength_mm(self.frequency_mhz);
+        let depth_mm = depth_mm.max(self.least_depth_mm());
+        let step_mm = self.reach_mm(depth_mm) / OFFSETS as f64;
+        let transmit = self.pairs(self.aperture_mm, self.focus_mm, depth_mm);
+        let receive = match self.reception {
+            Reception::Dynamic => {
+                Some(self.pairs(self.aperture_mm.min(depth_mm / RECEIVE_F_NUMBER_MIN), depth_mm, depth_mm))
+            }
+            Reception::Fixed => None,
+        };
+        let mut power = [0.0; OFFSETS];
+        for i in 0..FREQUENCIES {
+            let aside = self.fractional_bandwidth * (f64::from(i) / f64::from(FREQUENCIES - 1) - 0.5);
+            // A field rises with the frequency on each way (Rayleigh's integral).
+            let rise = (1.0 + aside).powi(4);
+            let weight = rise * (-0.5 * (aside * FWHM_PER_SIGMA / self.fractional_bandwidth).powi(2)).exp();
+            let wave_number = std::f64::consts::TAU * (1.0 + aside) / wavelength;
+            let out = intensity(&transmit, wave_number, step_mm);
+            let back = receive.as_ref().map(|receive| intensity(receive, wave_number, step_mm));
+            for (power, (out, back)) in power.iter_mut().zip(out.iter().zip(back.as_ref().unwrap_or(&out))) {
+                *power += weight * out * back;
+            }
+        }
+        let most = power.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        Profile { step_mm, levels: power.map(|power| (power / most).sqrt()) }
+    }
+
+    /// −6 dB two-way width at `depth_mm`, mm.
+    pub fn width_mm(&self, depth_mm: f64) -> f64 {
+        let profile = self.profile(depth_mm);
+        2.0 * profile.steps_above(0.5) * profile.step_mm
+    }
+
+    /// Last offset of a profile, mm.
+    pub fn reach_mm(&self, depth_mm: f64) -> f64 {
+        let wavelength = wavelength_mm(self.frequency_mhz);
+        let f_number = depth_mm / self.aperture_mm;
+        match self.reception {
+            Reception::Dynamic => LOBES * wavelength * f_number.max(RECEIVE_F_NUMBER_MIN),
+            Reception::Fixed => {
+                let geometric = 0.5 * self.aperture_mm * (depth_mm / self.focus_mm - 1.0).abs();
+                let longest = wavelength / (1.0 - 0.5 * self.fractional_bandwidth);
+                geometric + (longest * depth_mm).sqrt() + 1.5 * longest * f_number
+            }
+        }
+    }
+
+    /// Least depth of the sums, mm: a wavelength, and where the elements of a lens lie dense enough.
+    fn least_depth_mm(&self) -> f64 {
+        let wavelength = wavelength_mm(self.frequency_mhz);
+        match self.reception {
+            Reception::Dynamic => wavelength,
+            Reception::Fixed => wavelength.max(0.5 * self.aperture_mm.powi(2) / (ELEMENTS_MAX * self.shortest_mm())),
+        }
+    }
+
+    /// Shortest wavelength of the band, mm.
+    fn shortest_mm(&self) -> f64 {
+        wavelength_mm(self.frequency_mhz) / (1.0 + 0.5 * self.fractional_bandwidth)
+    }
+
+    /// Elements of an aperture `width_mm` wide that is focused at `focus_mm`, seen from `depth_mm`.
+    ///
+    /// A beam that is focused everywhere is narrow: distances are exact on its axis, and linear in the offset. Off the
+    /// focus of a lens, offsets are as large as the lens: distances are parabolas, exact enough for the elements that
+    /// count there.
+    fn pairs(&self, width_mm: f64, focus_mm: f64, depth_mm: f64) -> Vec<Pair> {
+        let exact = self.reception == Reception::Dynamic;
+        let away_mm = |place_mm: f64, focus_mm: f64| {
+            if exact { place_mm.hypot(focus_mm) - focus_mm } else { 0.5 * place_mm * place_mm / focus_mm }
+        };
+        let late_mm = |place_mm| away_mm(place_mm, depth_mm) - away_mm(place_mm, focus_mm);
+        // Turns of the phase from the middle to the end, on the axis and at the last offset.
+        let end_mm = 0.5 * width_mm;
+        let turns = (late_mm(end_mm).abs() + end_mm * self.reach_mm(depth_mm) / depth_mm) / self.shortest_mm();
+        let count = (12.0 + 2.5 * turns).min(ELEMENTS_MAX).ceil() as u32;
+        let pair = |i| {
+            let place = 0.5 * (f64::from(i) + 0.5) / f64::from(count);
+            let place_mm = place * width_mm;
+            let distance_mm = if exact { place_mm.hypot(depth_mm) } else { depth_mm };
+            Pair {
+                amplitude: self.apodization.weight(place) / distance_mm.sqrt(),
+                late_mm: late_mm(place_mm),
+                sine: place_mm / distance_mm,
+            }
+        };
+        (0..count).map(pair).collect()
+    }
+}
+
+/// Squared magnitude of the field of one way, at all offsets.
+///
+/// At an offset x, the elements of a pair are x·sine nearer and farther. What the distance changes beyond that is nearly
+/// equal for all elements.
+fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
+    let (mut re, mut im) = ([0.0; OFFSETS], [0.0; OFFSETS]);
+    for pair in pairs {
+        let (sin, cos) = (wave_number * pair.late_mm).sin_cos();
+        let amplitude = [pair.amplitude * cos, pair.amplitude * sin];
+        // Cosines of multiples of an angle, by Chebyshev's recurrence: one by one, then all lanes at once.
+        let mut cosines = [1.0; LANES + 1];
+        cosines[1] = (wave_number * pair.sine * step_mm).cos();
+        for i in 2..=LANES {
+            cosines[i] = 2.0 * cosines[1] * cosines[i - 1] - cosines[i - 2];
+        }
+        let twice = 2.0 * cosines[LANES];
+        let mut now: [f64; LANES] = std::array::from_fn(|i| cosines[i]);
+        let mut before: [f64; LANES] = std::array::from_fn(|i| cosines[LANES - i]);
+        for (re, im) in re.as_chunks_mut::<LANES>().0.iter_mut().zip(im.as_chunks_mut::<LANES>().0) {
+            for i in 0..LANES {
+                re[i] += amplitude[0] * now[i];
+                im[i] += amplitude[1] * now[i];
+                (before[i], now[i]) = (now[i], twice * now[i] - before[i]);
+            }
+        }
+    }
+    std::array::from_fn(|i| re[i] * re[i] + im[i] * im[i])
+}
+
+impl Profile {
+    /// Offset beyond which the amplitude stays below `level`, in steps; the last one if it does not.
+    pub fn steps_above(&self, level: f64) -> f64 {
+        let last = self.levels.iter().rposition(|&l| l >= level).unwrap_or(0);
+        let Some(next) = self.levels.get(last + 1) else { return last as f64 };
+        last as f64 + (self.levels[last] - level) / (self.levels[last] - next)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn two_way_width_at_the_focus_is_0_886_lambda_f() {
-        let width = lateral_width_mm(8.0, 20.0, 70.0, 70.0);
-        assert!((width - 0.886 * 0.1925 * 3.5).abs() < 1e-9, "{width}");
+    fn lateral(apodization: Apodization, focus_mm: f64) -> Beam {
+        Beam {
+            frequency_mhz: 8.0,
+            fractional_bandwidth: 0.6,
+            apodization,
+            aperture_mm: 20.0,
+            focus_mm,
+            reception: Reception::Dynamic,
+        }
     }
 
     #[test]
-    fn beam_is_widest_away_from_the_focus() {
+    fn widths_are_those_of_the_reference() {
+        let rows = include_str!("../../tests/truth/point_spread.csv").lines().filter(|line| !line.starts_with('#'));
+        for row in rows.skip(1) {
+            let (name, numbers) = row.split_once(',').unwrap();
+            let numbers: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
+            let &[frequency_mhz, aperture_mm, focus_mm, depth, want] = &numbers[..] else { panic!("{row}") };
+            let beam = lateral(Apodization::named(name).unwrap(), focus_mm);
+            let got = Beam { frequency_mhz, aperture_mm, ..beam }.width_mm(depth);
+            assert!((got / want - 1.0).abs() < 0.01, "{row}: {got}");
+        }
+    }
+
+    #[test]
+    fn a_narrow_band_has_the_textbook_width_at_the_focus() {
+        // sinc² falls to a half at ±0.443 λ·F#.
+        let beam = Beam { fractional_bandwidth: 0.05, ..lateral(Apodization::Rectangular, 70.0) };
+        let want = 0.886 * wavelength_mm(8.0) * 3.5;
+        assert!((beam.width_mm(70.0) / want - 1.0).abs() < 0.01, "{}", beam.width_mm(70.0));
+    }
+
+    #[test]
+    fn apodization_lowers_side_lobes() {
+        let beyond = |apodization| {
+            let profile = lateral(apodization, 70.0).profile(70.0);
+            profile.levels[(1.6 * profile.steps_above(0.5) * 2.0) as usize]
+        };
+        let [rectangular, hann, gaussian] = Apodization::ALL.map(beyond);
+        assert!((0.02..0.06).contains(&rectangular), "{rectangular}");
+        assert!(gaussian < 0.01 && hann < 0.01, "{gaussian} {hann}");
+    }
+
+    #[test]
+    fn beams_of_any_size_are_finite_and_wide() {
+        for aperture_mm in [0.5, 20.0, 200.0] {
+            for (focus_mm, fractional_bandwidth) in [(1.0, 1.5), (70.0, 0.6), (1000.0, 0.05)] {
+                for reception in [Reception::Dynamic, Reception::Fixed] {
+                    let beam = lateral(Apodization::Hann, focus_mm);
+                    let beam = Beam { aperture_mm, fractional_bandwidth, reception, ..beam };
+                    for depth in [0.0, 1.0, 70.0, 500.0] {
+                        let width = beam.width_mm(depth);
+                        assert!(width.is_finite() && width > 0.0, "{beam:?} at {depth} mm: {width}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_lens_is_widest_away_from_its_focus() {
+        let lens = Beam { aperture_mm: 12.0, reception: Reception::Fixed, ..lateral(Apodization::Gaussian, 60.0) };
         for depth in [1.0, 20.0, 140.0] {
-            let at = |z| elevational_width_mm(5.0, 12.0, 60.0, z);
-            assert!(at(depth) > at(60.0));
+            assert!(lens.width_mm(depth) > 1.2 * lens.width_mm(60.0), "{depth} mm");
         }
     }
 }

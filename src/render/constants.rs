@@ -12,9 +12,8 @@ pub(crate) const ENTRIES: u32 = 96;
 pub(crate) const STARTS: u32 = SEGMENTS + 4;
 /// Samples per segment hint.
 pub(crate) const HINT_BLOCK: u32 = 64;
-/// Greatest numbers of tissues, layers, samples and pulse taps: sizes of the uniform tables.
+/// Greatest numbers of tissues, samples and pulse taps: sizes of the uniform tables.
 pub(crate) const TISSUES_MAX: u32 = 255;
-pub(crate) const LAYERS_MAX: u32 = 33;
 pub(crate) const SAMPLES_MAX: u32 = 8192;
 pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
 pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);
@@ -43,6 +42,9 @@ pub(crate) const CELL_MM: f64 = 0.15;
 /// Offset of the lattice that spreads echoes, mm. Without it, planes at round coordinates would be on cell faces, and
 /// rounding would choose the cell.
 pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;
+/// Echoes of a scanline at one face that add in power, at most. The beam covers about so many cells of that lattice, and
+/// echoes of one cell are in phase: with more paths, they add in amplitude.
+pub(crate) const CELLS_OF_A_BEAM: f64 = 96.0;
 /// Factor of the surface number in that lattice's hash.
 pub(crate) const SURFACE_SALT: u32 = 7919;
 /// Normalises the sum of four nibbles, of mean 30, to a mean square of ½.

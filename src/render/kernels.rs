@@ -3,11 +3,13 @@
 use std::fmt;
 
 use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PULSE_PAD};
+use super::lateral_beam::LateralBeam;
 use crate::settings::RenderSettings;
 use crate::transducer::Probe;
 
-/// Half widths of kernels, standard deviations.
-const LATERAL_REACH: f64 = 2.5;
+/// Half width of the main lobe, down to −26 dB, over that at −6 dB.
+const MAIN_LOBE: f64 = 2.1;
+/// Half width of the pulse, standard deviations.
 const AXIAL_REACH: f64 = 4.0;
 
 /// Kernel of the point-spread function.
@@ -91,34 +93,40 @@ impl Kernels {
     }
 }
 
-/// Half width and kernels of the lateral beam for each block of samples.
+/// Half width and kernels of the lateral beam for each block of samples: the two-way profile by diffraction, with its
+/// side lobes. Real weights give a point its image, and diffuse clutter its power; of phases beside the axis only the
+/// sum over a smooth plate would tell, whose level the kernel's sum of 1 keeps.
 fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| {
         let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
         (sample * probe.sample_spacing_mm()).min(probe.depth_mm)
     };
-    let sigma_lines = |block: u32| {
-        let depth = depth_mm(block);
-        probe.lateral_sigma_mm(depth) / probe.line_spacing_mm(depth).max(1e-9)
-    };
+    let beam = LateralBeam::new(probe);
+    let spacing_mm = |block: u32| probe.line_spacing_mm(depth_mm(block)).max(1e-9);
     // No kernel reaches beyond the other end of the array.
     let array = probe.scanlines.max(2) - 1;
-    let wanted = |block: u32| ((LATERAL_REACH * sigma_lines(block)).ceil() as u32).clamp(1, array);
-    let widest = (0..blocks).map(wanted).max().unwrap_or(1);
-    let half = widest.min(LATERAL_HALF_MAX).min(cap);
-    let mut cut = (0..blocks).filter(|&block| wanted(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);
+    let lines = |block: u32, reach_mm: f64| ((reach_mm / spacing_mm(block)).ceil() as u32).clamp(1, array);
+    let wanted = |block: u32| lines(block, beam.at(depth_mm(block)).reach_mm());
+    let half = (0..blocks).map(wanted).max().unwrap_or(1).min(LATERAL_HALF_MAX).min(cap);
+    // Side lobes beyond the limit are missing without a word; a cut main lobe is reported.
+    let main_lobe = |block: u32| lines(block, MAIN_LOBE * beam.at(depth_mm(block)).half_width_mm());
+    let mut cut = (0..blocks).filter(|&block| main_lobe(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);
     let clipped = cut.next().map(|first| ClippedKernel {
         kernel: Kernel::Lateral,
-        wanted: widest,
+        wanted: (0..blocks).map(main_lobe).max().unwrap_or(1),
         kept: half,
         depths_mm: [depth_mm(first), depth_mm(cut.next_back().unwrap_or(first))],
         value: probe.scanlines,
     });
-    let mut kernels = Vec::new();
+    let mut kernels = Vec::with_capacity((blocks * (2 * half + 1)) as usize);
     for block in 0..blocks {
-        let sigma = sigma_lines(block).max(1e-3);
-        let kernel = gaussian(half, sigma);
+        let (at, reach) = (beam.at(depth_mm(block)), wanted(block));
+        let weight = |tap: u32| {
+            let lines = tap.abs_diff(half);
+            if lines <= reach { at.amplitude(f64::from(lines) * spacing_mm(block)) } else { 0.0 }
+        };
+        let kernel: Vec<f64> = (0..=2 * half).map(weight).collect();
         let sum: f64 = kernel.iter().sum();
         kernels.extend(kernel.iter().map(|w| w / sum));
     }

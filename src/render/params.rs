@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
-use super::constants::{HINT_BLOCK, ROW_ALIGN};
+use super::constants::{CELLS_OF_A_BEAM, HINT_BLOCK, ROW_ALIGN};
 use super::tables::Tables;
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
@@ -111,6 +111,17 @@ impl Params {
             image: image.into(),
             tail: [0; TAIL],
         }
+    }
+
+    /// Part of the beam's energy of each path that carries echoes.
+    pub(crate) fn path_weight(&self) -> f32 {
+        1.0 / (self.rays * self.layers) as f32
+    }
+
+    /// Weight of a path's echo that adds to others' in power.
+    pub(crate) fn power_weight(&self) -> f32 {
+        let weight = self.path_weight();
+        (weight * (CELLS_OF_A_BEAM as f32 * weight).min(1.0)).sqrt()
     }
 
     /// Number of paths that carry echoes in a batch of `layers`.

@@ -86,7 +86,7 @@ pub struct Snapshot {
     pub segmentation: Vec<u8>,
     /// `scan_convert`: attenuation over its percentile [height × width].
     pub attenuation: Vec<f64>,
-    /// Number of crossings and segments that found no room.
+    /// Number of crossings that found no room.
     pub overflows: u32,
 }
 

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::aperture::ApertureTables;
 use super::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
+use super::elevation::elevations;
 use super::kernels::Kernels;
 use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
@@ -79,8 +80,8 @@ pub(crate) struct Tables {
     pub(crate) map_depths: u32,
     /// Spacing of those depths, and largest spacing of neighbouring map rays, mm.
     pub(crate) map_step_mm: f64,
-    /// Of each layer: elevational offset at the face (mm), slope, weight, and length of its rays per mm of depth.
-    pub(crate) layers: Vec<[f32; 4]>,
+    /// Of each path of a scanline [layers × rays]: elevational offset at the face (mm), slope, length per mm of depth, 0.
+    pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
     /// The point-spread function.
     pub(crate) kernels: Kernels,
@@ -113,7 +114,7 @@ impl Tables {
             map_ray_count,
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
-            layers: layers(probe, settings.quality.layers),
+            elevations: elevations(probe, settings.quality.rays, settings.quality.layers),
             tissues: tissues.iter().map(|t| PackedTissue::new(t, probe, effects)).collect(),
             kernels: Kernels::new(probe, settings),
             aperture: if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None },
@@ -153,80 +154,6 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
     ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
 }
 
-/// Elevational layers at Gauss–Hermite nodes, whose weights integrate the beam's Gaussian profile.
-///
-/// A layer is a plane of straight rays: the least-squares line, over the depth, of node × beam width. Usually layers
-/// cross at the lens's focus: the width's sign changes there. If the beam has hardly a waist, they don't cross: the
-/// sign stays. The line that is nearer to the width is taken.
-pub(crate) fn layers(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
-    const STEPS: u32 = 64;
-    let depths = || (0..STEPS).map(|i| probe.depth_mm * (f64::from(i) + 0.5) / f64::from(STEPS));
-    let width = |crosses: bool, depth: f64| {
-        let side = if crosses && depth > probe.elevational_focus_mm { -1.0 } else { 1.0 };
-        side * probe.elevational_sigma_mm(depth)
-    };
-    let fit = |crosses: bool| {
-        let (start, slope) = line_through(depths().map(|depth| (depth, width(crosses, depth))));
-        let off = |depth: f64| ((start + slope * depth).abs() - probe.elevational_sigma_mm(depth)).powi(2);
-        (depths().map(off).sum::<f64>(), start, slope)
-    };
-    let (crossing, parallel) = (fit(true), fit(false));
-    let (_, start, slope) = if crossing.0 < parallel.0 { crossing } else { parallel };
-    gauss_hermite(count)
-        .into_iter()
-        .map(|(node, weight)| [node * start, node * slope, weight, (node * slope).hypot(1.0)].map(|v| v as f32))
-        .collect()
-}
-
-/// Start and slope of the least-squares line through points.
-fn line_through(points: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
-    let n = points.clone().count() as f64;
-    let mean = points.clone().fold((0.0, 0.0), |m, (x, y)| (m.0 + x / n, m.1 + y / n));
-    let (xy, xx) =
-        points.fold((0.0, 0.0), |sum, (x, y)| (sum.0 + (x - mean.0) * (y - mean.1), sum.1 + (x - mean.0).powi(2)));
-    let slope = xy / xx;
-    (mean.1 - slope * mean.0, slope)
-}
-
-/// Nodes (in standard deviations, ascending) and weights (sum 1) that integrate a standard normal exactly up to
-/// degree 2·count − 1: the roots of the probabilists' Hermite polynomial, found by bisection
-/// (Press et al., *Numerical Recipes*, section 4.6).
-fn gauss_hermite(count: u32) -> Vec<(f64, f64)> {
-    let n = count as usize;
-    // Orthonormal Hermite functions keep the recurrence within range: p_k = He_k/√k!.
-    let evaluate = |x: f64| {
-        let (mut previous, mut current) = (0.0, 1.0);
-        for k in 0..n {
-            let k = k as f64;
-            let next = (x * current - k.sqrt() * previous) / (k + 1.0).sqrt();
-            (previous, current) = (current, next);
-        }
-        (current, previous)
-    };
-    // A fine scan separates all roots: they are at least 1/√n apart.
-    let reach = 2.0 * (count as f64).sqrt() + 2.0;
-    let steps = 4000;
-    let mut nodes = Vec::with_capacity(n);
-    let mut x0 = -reach;
-    let mut y0 = evaluate(x0).0;
-    for i in 1..=steps {
-        let x1 = -reach + 2.0 * reach * f64::from(i) / f64::from(steps);
-        let y1 = evaluate(x1).0;
-        if y0 == 0.0 || y0 * y1 < 0.0 {
-            let (mut low, mut high, sign) = (x0, x1, y0);
-            for _ in 0..80 {
-                let middle = 0.5 * (low + high);
-                if evaluate(middle).0 * sign > 0.0 { low = middle } else { high = middle }
-            }
-            let root = if y0 == 0.0 { x0 } else { 0.5 * (low + high) };
-            let previous = evaluate(root).1;
-            nodes.push((if root.abs() < 1e-9 { 0.0 } else { root }, 1.0 / (n as f64 * previous * previous)));
-        }
-        (x0, y0) = (x1, y1);
-    }
-    nodes
-}
-
 /// Place of every pixel, rows padded to whole words, and the mask.
 fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     let stride = sector.width.div_ceil(4) * 4;
@@ -263,77 +190,4 @@ pub(crate) fn unpack_place(word: u32) -> Option<[f64; 2]> {
 /// Codes of a fraction of 1: one less than the bits hold, so no place equals [`OUTSIDE`].
 fn place_scales() -> (f64, f64) {
     (f64::from((1u32 << ACROSS_BITS) - 2), f64::from((1u32 << (32 - ACROSS_BITS)) - 2))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn three_layers_are_the_textbook_nodes() {
-        let nodes = gauss_hermite(3);
-        let root3 = 3f64.sqrt();
-        for (got, want) in nodes.iter().zip([(-root3, 1.0 / 6.0), (0.0, 2.0 / 3.0), (root3, 1.0 / 6.0)]) {
-            assert!((got.0 - want.0).abs() < 1e-9 && (got.1 - want.1).abs() < 1e-9, "{got:?}");
-        }
-    }
-
-    #[test]
-    fn layer_weights_sum_to_one_and_reproduce_the_variance() {
-        for count in 1..=33 {
-            let nodes = gauss_hermite(count);
-            assert_eq!(nodes.len(), count as usize);
-            let sum: f64 = nodes.iter().map(|n| n.1).sum();
-            assert!((sum - 1.0).abs() < 1e-9, "{count}: {sum}");
-            if count > 1 {
-                let variance: f64 = nodes.iter().map(|n| n.1 * n.0 * n.0).sum();
-                assert!((variance - 1.0).abs() < 1e-6, "{count}: {variance}");
-            }
-        }
-    }
-
-    #[test]
-    fn layers_follow_the_lens_through_its_focus() {
-        let probe = Probe::default();
-        let [below, middle, above] = layers(&probe, 3)[..] else { panic!("three layers") };
-        assert_eq!(middle, [0.0, 0.0, middle[2], 1.0]);
-        for depth in (0..=150).map(f64::from) {
-            let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
-            for [offset, slope, ..] in [below, above].map(|l| l.map(f64::from)) {
-                // Straight rays have no waist, so they differ from the beam at the focus.
-                let got = (offset + slope * depth).abs();
-                assert!((got - want).abs() < 0.9, "{got} mm, not {want}, at {depth} mm");
-            }
-        }
-        let crossing = f64::from(-above[0] / above[1]);
-        assert!((crossing - probe.elevational_focus_mm).abs() < 1.0, "{crossing}");
-    }
-
-    #[test]
-    fn layers_of_a_lens_without_a_waist_do_not_cross() {
-        // A low frequency, with the beam nearly as wide at the focus as at the face; and a focus just within the image.
-        let lenses = [
-            Probe { frequency_mhz: 2.5, elevational_focus_mm: 80.0, depth_mm: 160.0, ..Probe::default() },
-            Probe { depth_mm: 75.0, ..Probe::default() },
-        ];
-        for probe in lenses {
-            let [_, _, [offset, slope, ..]] = layers(&probe, 3)[..] else { panic!("three layers") };
-            for depth in [0.0, 0.5 * probe.depth_mm, probe.depth_mm] {
-                let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
-                let got = f64::from(offset) + f64::from(slope) * depth;
-                assert!((got - want).abs() < 0.45, "{got} mm, not {want}, at {depth} mm");
-            }
-        }
-    }
-
-    #[test]
-    fn layers_of_a_lens_focused_beyond_the_image_never_cross() {
-        let probe = Probe { depth_mm: 50.0, ..Probe::default() };
-        let [_, _, [offset, slope, ..]] = layers(&probe, 3)[..] else { panic!("three layers") };
-        let ends = [f64::from(offset), f64::from(offset + 50.0 * slope)];
-        for (got, depth) in ends.into_iter().zip([0.0, 50.0]) {
-            let want = 3f64.sqrt() * probe.elevational_sigma_mm(depth);
-            assert!((got - want).abs() < 0.1, "{got} mm, not {want}, at {depth} mm");
-        }
-    }
 }

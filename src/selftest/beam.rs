@@ -1,4 +1,4 @@
-//! Point targets and edges: −6 dB widths compared with those of pulse, beam and lens.
+//! Point targets and edges: −6 dB widths compared with those of the pulse, and of beam and lens by diffraction.
 
 use glam::DVec2;
 
@@ -7,14 +7,23 @@ use super::measure::{half_width, line, magnitude};
 use super::{Check, Family, Rig};
 use crate::acoustics::pulse::FWHM_PER_SIGMA;
 use crate::render::RenderError;
+use crate::settings::Apodization;
 use crate::transducer::{Probe, ProbeKind};
 
 /// Depths of the posts, mm.
 const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
+/// Two-way lateral widths at [`POSTS_MM`] by an independent sum over the default aperture, `tests/truth/point_spread.py`.
+const DIFFRACTION_MM: [(Apodization, [f64; POSTS_MM.len()]); 3] = [
+    (Apodization::Rectangular, [0.4434, 0.5511, 1.3331]),
+    (Apodization::Hann, [0.7244, 0.8939, 2.0874]),
+    (Apodization::Gaussian, [0.5473, 0.6738, 1.6120]),
+];
 /// Depth of the edge for the elevational beam, mm.
 const EDGE_MM: f64 = 30.0;
-/// Outer node of three Gauss–Hermite layers, in standard deviations: √3; the others are 0 and −√3.
-const OUTER_NODE: f64 = 1.732_050_807_568_877_2;
+/// Rays and layers at the edge.
+const PATHS: (u32, u32) = (128, 5);
+/// Part of a Gaussian below −σ.
+const BELOW_SIGMA: f64 = 0.158_655_253_931_457_05;
 
 /// Posts in a fan, and an edge.
 pub(super) struct Beam {
@@ -59,37 +68,47 @@ impl Family for Beam {
             let want = FWHM_PER_SIGMA * probe.axial_sigma_mm();
             let name = format!("axial width at {depth:.0} mm");
             checks.push(Check::new("Point spread", name, "mm", want, half_width(near) * spacing, 0.02 * want));
-            let neighbours = probe.scanlines / (2 * POSTS_MM.len() as u32);
-            let across: Vec<f64> = (post_line(i) - neighbours..post_line(i) + neighbours)
-                .map(|l| line(&probe, frame, l).get(sample).map_or(0.0, |&s| magnitude(s)))
-                .collect();
-            let want = FWHM_PER_SIGMA * probe.lateral_sigma_mm(depth);
-            let name = format!("lateral width at {depth:.0} mm");
-            let got = half_width(&across) * probe.line_spacing_mm(depth);
-            checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
         }
-        // As the probe moves across the edge, the outer one of three layers sees it √3 σ before the middle one.
-        let near = linear(1, 1.0, 256, 50.0);
+        for (apodization, widths) in DIFFRACTION_MM {
+            let probe = Probe { apodization, ..probe };
+            let frame = rig.frame(&probe, &small(1, 1), &at(self.posts.x, self.posts.y, 0.0))?;
+            for (i, (&depth, want)) in POSTS_MM.iter().zip(widths).enumerate() {
+                let sample = (depth / spacing) as usize;
+                let neighbours = probe.scanlines / (2 * POSTS_MM.len() as u32);
+                let across: Vec<f64> = (post_line(i) - neighbours..post_line(i) + neighbours)
+                    .map(|l| line(&probe, frame, l).get(sample).map_or(0.0, |&s| magnitude(s)))
+                    .collect();
+                let name = format!("lateral width at {depth:.0} mm, {}", apodization.name());
+                let got = half_width(&across) * probe.line_spacing_mm(depth);
+                checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+            }
+        }
+        // As the probe moves across the edge, the part of the beam that meets it grows like a Gaussian's integral.
+        // A wide aperture takes the echoes of the oblique paths, too.
+        let near = Probe { aperture_mm: 80.0, ..linear(1, 1.0, 256, 50.0) };
         let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near };
         for (probe, side) in [(near, "before"), (far, "beyond")] {
             let mut amplitude = |y: f64| {
-                let frame = rig.frame(&probe, &small(1, 3), &at(self.edge.x, self.edge.y + y, 0.0))?;
-                // Excludes depths behind the edge, where layers hit the slab's side.
+                let frame = rig.frame(&probe, &small(PATHS.0, PATHS.1), &at(self.edge.x, self.edge.y + y, 0.0))?;
+                // Excludes depths behind the edge, where paths hit the slab's side.
                 let [from, to] = [EDGE_MM - 0.1, EDGE_MM + 0.2].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
                 let edge = line(&probe, frame, 0).get(from..to).unwrap_or_default();
                 Ok::<_, RenderError>(edge.iter().map(|&s| magnitude(s)).fold(0.0, f64::max))
             };
             let (none, all) = (amplitude(-10.0)?, amplitude(10.0)?);
-            let level = none + 0.05 * (all - none);
-            let (mut low, mut high) = (-10.0, 10.0);
-            for _ in 0..12 {
-                let middle = 0.5 * (low + high);
-                if amplitude(middle)? > level { high = middle } else { low = middle }
-            }
-            let got = -FWHM_PER_SIGMA * 0.5 * (low + high) / OUTER_NODE;
+            let mut place = |part: f64| {
+                let (mut low, mut high) = (-10.0, 10.0);
+                for _ in 0..12 {
+                    let middle = 0.5 * (low + high);
+                    if amplitude(middle)? > none + part * (all - none) { high = middle } else { low = middle }
+                }
+                Ok::<_, RenderError>(0.5 * (low + high))
+            };
+            let got = FWHM_PER_SIGMA * 0.5 * (place(1.0 - BELOW_SIGMA)? - place(BELOW_SIGMA)?);
             let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
             let name = format!("elevational width at {EDGE_MM:.0} mm, {side} the focus");
-            checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
+            // The widths of straight lines follow those of diffraction within so much.
+            checks.push(Check::new("Point spread", name, "mm", want, got, 0.1 * want));
         }
         Ok(checks)
     }

@@ -65,6 +65,11 @@ pub(super) const fn slider(
     control(label, label, Some(Slider { section, min: *ends.start(), max: *ends.end(), step }))
 }
 
+/// A slider over the words of a setting, in a section of the page.
+pub(super) const fn choice(label: &'static str, section: &'static str, words: &[&str]) -> LiveControl {
+    slider(label, section, 0.0..=(words.len() - 1) as f64, 1.0)
+}
+
 /// A switch.
 pub(super) const fn toggle(label: &'static str) -> LiveControl {
     control(label, "", None)

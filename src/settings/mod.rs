@@ -5,6 +5,7 @@
 //! from it: station keys and their checks, `insonify station-keys`, the page's controls, hot keys, live controls,
 //! recorded settings and their replay, and the parts that a renderer rebuilds.
 
+mod apodization;
 mod control;
 mod effect;
 mod group;
@@ -19,6 +20,7 @@ mod recorded;
 mod setting;
 mod uniform;
 
+pub use apodization::Apodization;
 pub use control::{Assignment, Control};
 pub use effect::{Choice, Effect, EffectChoices, EffectSet};
 pub use group::SettingsGroup;

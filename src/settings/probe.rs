@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::live_control::slider;
-use super::{Change, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
+use super::live_control::{choice, slider};
+use super::{Apodization, Change, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
 
 /// Shape of a transducer's face.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -115,6 +115,10 @@ settings! {
 
         /// Widest active aperture.
         aperture_mm: f64 = 20.0, "mm", 0.5..=200.0, Tables;
+
+        /// Weights across the aperture and across the elevational lens, on both ways.
+        apodization: Apodization = Apodization::Gaussian, "", 0.0..=2.0, Tables,
+            choice("Apodization", "image", Apodization::NAMES).caption("");
 
         /// Height of the elevational lens.
         elevational_height_mm: f64 = 12.0, "mm", 0.5..=100.0, Tables;

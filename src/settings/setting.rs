@@ -43,6 +43,8 @@ pub enum Kind {
     Numbers(usize),
     /// On (1) or off (0).
     Switch,
+    /// One of these words; the value is its index.
+    Word(&'static [&'static str]),
 }
 
 /// Work that a change of a setting needs before the next frame, from the least to the most.
@@ -114,7 +116,7 @@ impl Setting {
     pub const fn count(&self) -> usize {
         match self.kind {
             Kind::Numbers(count) => count,
-            Kind::Number | Kind::Whole | Kind::Switch => 1,
+            Kind::Number | Kind::Whole | Kind::Switch | Kind::Word(_) => 1,
         }
     }
 
@@ -133,7 +135,9 @@ impl Setting {
             return Err(SettingsError::Range { key, value, min, max });
         }
         match self.kind {
-            Kind::Whole | Kind::Switch if value.fract() != 0.0 => Err(SettingsError::Fraction { key, value }),
+            Kind::Whole | Kind::Switch | Kind::Word(_) if value.fract() != 0.0 => {
+                Err(SettingsError::Fraction { key, value })
+            }
             _ => Ok(()),
         }
     }
@@ -153,16 +157,18 @@ impl Setting {
             Kind::Whole => self.default.to_string(),
             Kind::Numbers(count) => format!("[{}]", vec![self.default.to_string(); count].join(", ")),
             Kind::Switch => (self.default > 0.0).to_string(),
+            Kind::Word(words) => format!("{:?}", word(words, self.default)),
         }
     }
 
-    /// `stored` as JSON: a number, a list of numbers, or true or false.
+    /// `stored` as JSON: a number, a list of numbers, true or false, or a word.
     pub fn to_json(&self, stored: &dyn Stored) -> Value {
         match self.kind {
             Kind::Number => json!(stored.get(0)),
             Kind::Whole => json!(stored.get(0) as i64),
             Kind::Numbers(count) => (0..count).map(|index| stored.get(index)).collect(),
             Kind::Switch => json!(stored.get(0) > 0.0),
+            Kind::Word(words) => json!(word(words, stored.get(0))),
         }
     }
 
@@ -178,6 +184,10 @@ impl Setting {
                 (whole.map(|whole| vec![whole.into()]), "a whole number".to_owned())
             }
             Kind::Switch => (value.as_bool().map(|on| vec![on.into()]), "true or false".to_owned()),
+            Kind::Word(words) => {
+                let index = value.as_str().and_then(|found| words.iter().position(|word| *word == found));
+                (index.map(|index| vec![index as f64]), format!("one of \"{}\"", words.join("\", \"")))
+            }
             Kind::Numbers(count) => {
                 let numbers = value.as_array().and_then(|values| values.iter().map(Value::as_f64).collect());
                 (numbers.filter(|numbers: &Vec<f64>| numbers.len() == count), format!("{count} numbers"))
@@ -187,6 +197,11 @@ impl Setting {
         numbers.iter().enumerate().for_each(|(index, number)| stored.set(index, *number));
         Ok(())
     }
+}
+
+/// Word of an index; empty if there is none.
+fn word(words: &'static [&'static str], index: f64) -> &'static str {
+    words.get(index as usize).copied().unwrap_or_default()
 }
 
 /// Storage of a setting's value.

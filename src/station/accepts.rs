@@ -65,6 +65,7 @@ impl From<&Setting> for Accepts {
             Kind::Whole => Self::Integer { min: setting.min as i64, max: setting.max as i64 },
             Kind::Numbers(count) => Self::Numbers { count, limit: setting.max },
             Kind::Switch => Self::Bool,
+            Kind::Word(words) => Self::OneOf(words),
         }
     }
 }

@@ -8,7 +8,7 @@ use super::StationError;
 use super::accepts::{Accepts, LISTEN_ADDRESS};
 use super::keys::{KeyDoc, of_table};
 use crate::pose::{Pose, PoseError};
-use crate::settings::SettingsGroup;
+use crate::settings::{Kind, SettingsGroup};
 use crate::suggest::did_you_mean;
 
 /// Checked values of one table.
@@ -81,6 +81,13 @@ impl Values {
                     numbers.for_each(|(index, number)| stored.set(index, number));
                 }
                 Value::Boolean(on) => stored.set(0, (*on).into()),
+                Value::String(found) => {
+                    if let Kind::Word(words) = stored.kind()
+                        && let Some(index) = words.iter().position(|word| word == found)
+                    {
+                        stored.set(0, index as f64);
+                    }
+                }
                 value => stored.set(0, number(value).unwrap_or(stored.get(0))),
             }
         }

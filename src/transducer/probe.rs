@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use crate::acoustics::{self, beam, pulse};
+use crate::acoustics::beam::{Beam, Reception};
+use crate::acoustics::{self, pulse};
 use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
@@ -59,15 +60,40 @@ impl Probe {
         pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth)
     }
 
-    /// Standard deviation of the two-way lateral beam at `depth_mm`, mm.
-    pub fn lateral_sigma_mm(&self, depth_mm: f64) -> f64 {
-        beam::lateral_width_mm(self.frequency_mhz, self.aperture_mm, self.focus_mm, depth_mm) / pulse::FWHM_PER_SIGMA
+    /// The beam across scanlines: a fixed transmit focus and a dynamic receive focus.
+    pub fn lateral_beam(&self) -> Beam {
+        Beam {
+            frequency_mhz: self.frequency_mhz,
+            fractional_bandwidth: self.fractional_bandwidth,
+            apodization: self.apodization,
+            aperture_mm: self.aperture_mm,
+            focus_mm: self.focus_mm,
+            reception: Reception::Dynamic,
+        }
     }
 
-    /// Standard deviation of the two-way elevational beam at `depth_mm`, mm.
+    /// The beam across the slice: a lens, focused at one depth on both ways.
+    pub fn elevational_beam(&self) -> Beam {
+        Beam {
+            aperture_mm: self.elevational_height_mm,
+            focus_mm: self.elevational_focus_mm,
+            reception: Reception::Fixed,
+            ..self.lateral_beam()
+        }
+    }
+
+    /// Standard deviation of the Gaussian as wide as the two-way lateral beam at −6 dB, at `depth_mm`, mm.
+    ///
+    /// Sums over the aperture: about 0.1 ms.
+    pub fn lateral_sigma_mm(&self, depth_mm: f64) -> f64 {
+        self.lateral_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
+    }
+
+    /// Standard deviation of the Gaussian as wide as the two-way elevational beam at −6 dB, at `depth_mm`, mm.
+    ///
+    /// Sums over the lens: about 0.1 ms.
     pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
-        let (height, focus) = (self.elevational_height_mm, self.elevational_focus_mm);
-        beam::elevational_width_mm(self.frequency_mhz, height, focus, depth_mm) / pulse::FWHM_PER_SIGMA
+        self.elevational_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
     }
 
     /// Turns of baseband phase per mm of depth: 2f/c₀. An echo at depth z carries e^(−i2π·turns·z).

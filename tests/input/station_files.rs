@@ -289,7 +289,10 @@ fn documented_keys_are_those_of_the_settings() {
         (0..setting.count()).for_each(|_| setting.check(setting.default).unwrap());
         // Read from a station file, the value arrives in its field.
         if setting.count() == 1 {
-            let text = format!("{:?}", setting.min);
+            let text = match setting.kind {
+                Kind::Word(words) => format!("{:?}", words[0]),
+                _ => format!("{:?}", setting.min),
+            };
             let whole = setting.kind == Kind::Whole;
             let station = accepted(doc, if whole { text.trim_end_matches(".0") } else { &text }).unwrap();
             let stored = match setting.table {

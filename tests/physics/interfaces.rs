@@ -90,6 +90,28 @@ fn an_echo_from_behind_interfaces_has_passed_each_twice() {
 }
 
 #[test]
+fn a_path_goes_on_beyond_the_segments_that_it_keeps() {
+    const FACES: u32 = 60;
+    let mut bench = Bench::new(silent(1540.0, 1.60));
+    let other = bench.tissue(silent(1540.0, 1.61));
+    for i in 0..FACES {
+        let tissue = if i % 2 == 0 { other } else { 0 };
+        bench.add(tissue, 1 + i as i32, slab(0.0, 45.0 - 0.3 * f64::from(i), 2.0 + 0.6 * f64::from(i), 100.0));
+    }
+    let plate = bench.tissue(silent(1540.0, 1.9));
+    bench.add(plate, 100, slab(0.0, 20.0, 45.0, 100.0));
+    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(16, 0.5, 2048, 50.0), &small(1, 1));
+    let frame = rig.frame(&pose(0));
+    let passed = (1.0 - energy(1.60, 1.61)).powi(FACES as i32);
+    for line in 0..16 {
+        let echoes = rig.echoes(&frame, line, 0.02);
+        assert_eq!(echoes.len(), 1, "{echoes:?}");
+        assert!((echoes[0].peak_mm - 45.0).abs() <= rig.probe.sample_spacing_mm(), "{echoes:?}");
+        assert_part(echoes[0].amplitude, passed * energy(1.60, 1.9).sqrt(), 1e-3, "echo");
+    }
+}
+
+#[test]
 fn strong_interfaces_transmit_and_reflect_their_shares_of_many_paths() {
     // Water, a plate, water: paths branch randomly, so the mean over rays and scanlines is tested.
     let plates = [2.6, 3.5, 7.8];

@@ -18,5 +18,6 @@ mod refraction;
 mod scenes;
 mod selftest;
 mod sizes;
+mod slice;
 mod specimens;
 mod speckle;

@@ -1,7 +1,8 @@
-//! Point targets: −6 dB widths of pulse and beam at any buffer spacing.
+//! Point targets: −6 dB widths of pulse and beam at any buffer spacing, and against diffraction.
 
 use glam::DVec3;
 use insonify::acoustics::pulse::FWHM_PER_SIGMA;
+use insonify::settings::Apodization;
 use insonify::transducer::{Probe, ProbeKind};
 
 use super::bench::{Bench, Rig, assert_part, at, half_width, linear, magnitude, post, silent, small};
@@ -55,4 +56,73 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
             );
         }
     }
+}
+
+/// −6 dB widths of the reference: probe, depth and width, mm.
+fn reference() -> Vec<(Probe, f64, f64)> {
+    let rows = include_str!("../truth/point_spread.csv").lines().filter(|line| !line.starts_with('#')).skip(1);
+    let row = |line: &str| {
+        let (name, numbers) = line.split_once(',').unwrap();
+        let numbers: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
+        let &[frequency_mhz, aperture_mm, focus_mm, depth_mm, width_mm] = &numbers[..] else { panic!("{line}") };
+        let apodization = Apodization::named(name).unwrap();
+        (Probe { apodization, frequency_mhz, aperture_mm, focus_mm, ..Probe::default() }, depth_mm, width_mm)
+    };
+    rows.map(row).collect()
+}
+
+/// Widths of point images at `depths` on evenly spread scanlines of one frame, mm.
+fn rendered_widths(probe: &Probe, depths: &[f64]) -> Vec<f64> {
+    let share = probe.scanlines / depths.len() as u32;
+    let line = |i: usize| i as u32 * share + share / 2;
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let target = bench.tissue(silent(1540.0, 1.7));
+    for (i, &depth) in depths.iter().enumerate() {
+        bench.add(target, 1, post(DVec3::ZERO, probe, line(i), depth, 400.0));
+    }
+    let frame = Rig::new(&bench.scene().unwrap(), probe, &small(1, 1)).frame(&at(0.0, 0.0, 0.0));
+    let width = |(i, &depth): (usize, &f64)| {
+        let sample = (depth / probe.sample_spacing_mm()) as usize;
+        let across: Vec<f64> = (line(i) - share / 2..line(i) + share / 2)
+            .map(|l| magnitude(frame.lines[l as usize * probe.samples as usize + sample]).max(1e-30))
+            .collect();
+        half_width(&across) * probe.line_spacing_mm(depth)
+    };
+    depths.iter().enumerate().map(width).collect()
+}
+
+#[test]
+fn point_images_are_as_wide_as_diffraction_makes_them() {
+    let reference = reference();
+    assert!(reference.len() >= 9 * 13);
+    let mut worst: f64 = 0.0;
+    for group in reference.chunk_by(|a, b| a.0 == b.0) {
+        let depths: Vec<f64> = group.iter().map(|&(_, depth, _)| depth).collect();
+        let wide = linear(1024, 0.2, 3072, 150.0);
+        let Probe { apodization, frequency_mhz, aperture_mm, focus_mm, .. } = group[0].0;
+        let probe = Probe { apodization, frequency_mhz, aperture_mm, focus_mm, ..wide };
+        for (&(_, depth, want), got) in group.iter().zip(rendered_widths(&probe, &depths)) {
+            worst = worst.max((got / want - 1.0).abs());
+            let name = format!("{} at {frequency_mhz} MHz, focus {focus_mm} mm, {depth} mm", apodization.name());
+            assert_part(got, want, 0.05, &name);
+        }
+    }
+    println!("linear: within {:.1} % of diffraction", 100.0 * worst);
+}
+
+#[test]
+fn point_images_of_a_curved_face_are_as_wide_as_diffraction_makes_them() {
+    let mut worst: f64 = 0.0;
+    for group in reference().chunk_by(|a, b| a.0 == b.0) {
+        for part in group.chunks(4) {
+            let depths: Vec<f64> = part.iter().map(|&(_, depth, _)| depth).collect();
+            // The default's scanlines are too far apart to measure a width that is not Gaussian.
+            let probe = Probe { scanlines: 1024, ..part[0].0 };
+            for (&(_, depth, want), got) in part.iter().zip(rendered_widths(&probe, &depths)) {
+                worst = worst.max((got / want - 1.0).abs());
+                assert_part(got, want, 0.05, &format!("{probe:?} at {depth} mm"));
+            }
+        }
+    }
+    println!("convex: within {:.1} % of diffraction", 100.0 * worst);
 }

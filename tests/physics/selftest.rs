@@ -75,7 +75,7 @@ const DAMAGES: [Damage; 19] = [
         "Point spread",
     ),
     ("beam of one depth everywhere", "lateral", "(first >> BLOCK_SHIFT)", "0u", "Point spread"),
-    ("layers all in the plane", "trace", "vec3<f32>(0.0, layer.y, 0.0)", "vec3<f32>(0.0)", "Point spread"),
+    ("paths all in the plane", "trace", "vec3<f32>(0.0, elevation.y, 0.0)", "vec3<f32>(0.0)", "Point spread"),
     (
         "a texture that repeats every 9.6 mm",
         "march",

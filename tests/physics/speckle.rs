@@ -81,7 +81,7 @@ fn all_paths(rays: u32, layers: u32) -> RenderSettings {
 }
 
 #[test]
-fn layers_are_weighted_in_power() {
+fn paths_across_the_slice_are_weighted_in_power() {
     // A scattering half-space beside a silent one of the same medium: its face has no echo.
     let scene = |min: Vec3| {
         let mut bench = Bench::new(grainy(0.0, 0.0));
@@ -91,18 +91,21 @@ fn layers_are_weighted_in_power() {
     };
     let probe = linear(160, 0.25, 2048, 40.0);
     let level_db = |min: Vec3| {
-        let mut rig = Rig::new(&scene(min), &probe, &all_paths(2, 3));
+        let mut rig = Rig::new(&scene(min), &probe, &all_paths(32, 3));
         let frame = rig.frame(&at(0.0, 0.0, 0.0));
         let values = (4..probe.scanlines - 4).flat_map(|line| rig.line(&frame, line).to_vec());
         10.0 * (mean_square(values.map(magnitude)) / 1e-4).log10()
     };
-    // Of three layers, the outer ones weigh a sixth each; they are more than 0.2 mm from the middle one at all depths.
-    let beyond = |y_mm: f32| level_db(Vec3::new(-300.0, y_mm, -300.0));
-    let all_db = beyond(-300.0);
-    for (y_mm, part) in [(-0.2, 5.0f64 / 6.0), (0.2, 1.0 / 6.0)] {
-        let off_db = beyond(y_mm) - all_db - 10.0 * part.log10();
-        println!("scatterers beyond y = {y_mm} mm: {off_db:+.3} dB off");
-        assert!(off_db.abs() < 0.05, "{off_db} dB beyond {y_mm} mm");
+    let beyond = |y_mm: f32| 10f64.powf(0.1 * level_db(Vec3::new(-300.0, y_mm, -300.0)));
+    let all = beyond(-300.0);
+    let half = beyond(0.0) / all;
+    println!("scatterers beyond the image plane: {half:.4} of the power");
+    assert!((half - 0.5).abs() < 0.02, "{half}");
+    // The beam is even: what lies beyond y and beyond −y makes the whole.
+    for y_mm in [0.7, 2.0] {
+        let (outer, inner) = (beyond(y_mm) / all, beyond(-y_mm) / all);
+        println!("scatterers beyond y = {y_mm} mm: {outer:.4} of the power; beyond {:.1} mm: {inner:.4}", -y_mm);
+        assert!((outer + inner - 1.0).abs() < 0.02 && outer < 0.4 && outer > 0.05, "{outer} and {inner}");
     }
 }
 

@@ -103,6 +103,7 @@ pub(crate) fn changed(setting: &Setting) -> Case {
         Kind::Whole if setting.key.ends_with("_max") => setting.min,
         Kind::Whole if value + 2.0 <= setting.max => value + 2.0,
         Kind::Whole => value - 2.0,
+        Kind::Word(_) => setting.min,
         _ if value == 0.0 => 5.0,
         _ => 0.8 * value,
     };

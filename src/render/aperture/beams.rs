@@ -39,7 +39,7 @@ fn beam(probe: &Probe, grid: &Grid, aperture_mm: f64, focus_mm: f64) -> Vec<Comp
         .map(|element| {
             let across = place(element);
             let delay = grid.shape.distance_mm(across, focus_mm) - focus_mm;
-            Complex64::from_polar(weight(probe, across / aperture_mm), -k * delay)
+            Complex64::from_polar(probe.apodization.weight(across / aperture_mm), -k * delay)
         })
         .collect();
     let part = |mode: &Option<i32>| {
@@ -57,9 +57,4 @@ fn beam(probe: &Probe, grid: &Grid, aperture_mm: f64, focus_mm: f64) -> Vec<Comp
     let parts: Vec<Complex64> = grid.modes.iter().map(|mode| part(mode).unwrap_or(Complex64::ZERO)).collect();
     let power: f64 = parts.iter().map(Complex64::norm_sqr).sum();
     parts.iter().map(|part| part / power.max(1e-30).sqrt()).collect()
-}
-
-/// Apodization at a fraction −½..=½ of the aperture.
-fn weight(_probe: &Probe, fraction: f64) -> f64 {
-    (-0.5 * (fraction / 0.3).powi(2)).exp()
 }

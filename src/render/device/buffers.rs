@@ -5,7 +5,7 @@ use super::gpu::{Gpu, UNIFORM};
 use super::shaders::PASSES;
 use crate::anatomy::Bvh;
 use crate::render::batch_plan::BatchPlan;
-use crate::render::constants::{BLOCK_QUADS, ENTRIES, LAYERS_MAX, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
+use crate::render::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
 use crate::render::params::Params;
 use crate::render::tables::Tables;
@@ -45,7 +45,6 @@ pub(crate) struct Buffers {
     pub(crate) params: wgpu::Buffer,
     rays: wgpu::Buffer,
     map_rays: wgpu::Buffer,
-    layers: wgpu::Buffer,
     tissues: wgpu::Buffer,
     lateral_kernels: wgpu::Buffer,
     pulse: wgpu::Buffer,
@@ -103,9 +102,8 @@ impl Buffers {
         };
         Ok(Self {
             params: uniform("params", PARAMS_STRIDE * u64::from(plan.batches), |b| &b.params)?,
-            rays: filled("rays", &tables.rays, |b| &b.rays)?,
+            rays: work("rays", 16 * (tables.rays.len() + tables.elevations.len()) as u64, |b| &b.rays)?,
             map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
-            layers: uniform("layers", 16 * u64::from(LAYERS_MAX), |b| &b.layers)?,
             tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
@@ -147,9 +145,8 @@ impl Buffers {
             whole.resize(buffer.size() as usize, 0);
             write(buffer, &whole);
         };
-        write(&self.rays, bytemuck::cast_slice(&tables.rays));
+        write(&self.rays, bytemuck::cast_slice(&[&tables.rays[..], &tables.elevations].concat()));
         write(&self.map_rays, bytemuck::cast_slice(&tables.map_rays));
-        padded(&self.layers, bytemuck::cast_slice(&tables.layers));
         padded(&self.tissues, bytemuck::cast_slice(&tables.tissues));
         write(&self.lateral_kernels, bytemuck::cast_slice(&tables.kernels.lateral));
         padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
@@ -182,7 +179,6 @@ impl Buffers {
                 (&scene.triangles, read),
                 (&scene.surface_tissue, read),
                 (&self.rays, read),
-                (&self.layers, uniform),
                 (&self.starts_inside, write),
                 (&self.overflows, write),
             ],
@@ -191,7 +187,6 @@ impl Buffers {
                 (&scene.triangles, read),
                 (&scene.surface_tissue, read),
                 (&self.rays, read),
-                (&self.layers, uniform),
                 (&self.starts_inside, read),
                 (&self.overflows, write),
                 (&self.tissues, uniform),
@@ -206,7 +201,6 @@ impl Buffers {
                 (&self.starts, read),
                 (&self.segments, read),
                 (&self.hints, read),
-                (&self.layers, uniform),
                 (&self.scatterer_gain, uniform),
                 (&self.baseband, write),
                 (&self.kept_powers, write),
@@ -218,7 +212,6 @@ impl Buffers {
                 (&self.segments, read),
                 (&self.echoes, read),
                 (&self.segment_counts, read),
-                (&self.layers, uniform),
                 (&self.aperture.shape, uniform),
                 (&self.aperture.line_gains, read),
                 (&self.baseband, write),
@@ -226,7 +219,6 @@ impl Buffers {
             "transmission" => vec![
                 (&self.starts, read),
                 (&self.segments, read),
-                (&self.layers, uniform),
                 (&self.aperture.shape, uniform),
                 (&self.aperture.cell_rays, read),
                 (&self.aperture.mask, write),

@@ -42,7 +42,7 @@ impl Bundle {
         }
     }
 
-    /// Follows `count` paths from `first` on into the first records. Returns the number of crossings and segments lost.
+    /// Follows `count` paths from `first` on into the first records. Returns the number of crossings lost.
     #[inline(always)]
     pub(super) fn follow(&mut self, scene: &Scene<'_>, first: usize, count: usize) -> u32 {
         let Self { records, states, packet, visits, covered, behind, place, batch, boundaries } = self;

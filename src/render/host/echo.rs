@@ -18,8 +18,6 @@ pub(super) struct Interfaces<'a> {
     pub(super) echoes: &'a [[f32; 2]],
     /// Segments of each path.
     pub(super) segment_counts: &'a [u32],
-    /// Weight of the paths of each elevational layer, third of four numbers.
-    pub(super) layers: &'a [[f32; 4]],
     /// Gain along the scanlines; without it, echoes have the loss of their paths.
     pub(super) visibility: Option<&'a Visibility<'a>>,
 }
@@ -49,8 +47,8 @@ pub(super) fn echo(
         let gain = interfaces.visibility.map(|visibility| visibility.line(line as u32));
         let mut guide_echoes: GuideEchoes = [Echo::default(); SEGMENTS as usize];
         let mut guides = None;
+        let weight = params.path_weight();
         for layer in 0..params.layer_count {
-            let weight = interfaces.layers[(params.layer_first + layer) as usize][2] / params.rays as f32;
             let first = (layer * params.scanlines + line as u32) * params.rays;
             for path in first..first + params.rays {
                 let reflected_mm = interfaces.add_path(params, constants, path as usize, gain, row);

@@ -16,8 +16,6 @@ const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scatterers<'a> {
     pub(super) constants: ImageConstants,
-    /// Offset, slope, weight and stretch of each elevational layer.
-    pub(super) layers: &'a [[f32; 4]],
     /// Gain of each block of samples.
     pub(super) gain: &'a [f32],
     /// Gain along the scanlines; without it, every path loses what it meets.
@@ -71,9 +69,8 @@ fn march_row_body(
         let first = (chunk * CHUNK * BLOCK) as u32;
         powers.begin(row.len());
         // The mean power of all rays sets their strength.
+        let weight = params.path_weight();
         for layer in 0..params.layer_count {
-            let of_layer = scatterers.layers.get(params.layer_first.wrapping_add(layer) as usize);
-            let weight = of_layer.map_or(0.0, |layer| layer[2]) / params.rays as f32;
             let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
             for ray in 0..params.rays {
                 let stretch = Stretch { first, blocks: row.len(), weight };

@@ -33,7 +33,8 @@ pub(super) struct Scene<'a> {
     /// Uniforms of the batch.
     pub(super) params: &'a Params,
     pub(super) rays: &'a [[f32; 4]],
-    pub(super) layers: &'a [[f32; 4]],
+    /// Elevational offset, slope and stretch of each path of a scanline [layers × rays].
+    pub(super) elevations: &'a [[f32; 4]],
     pub(super) tissues: &'a [PackedTissue],
     pub(super) effects: PathEffects,
     pub(super) constants: TraceConstants,
@@ -90,7 +91,7 @@ impl Place {
 }
 
 impl Scene<'_> {
-    /// Origin and direction of a path's first ray: the table's, moved to its elevational layer.
+    /// Origin and direction of a path's first ray: the table's, moved across the slice.
     fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
         let p = self.params;
         let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
@@ -125,11 +126,12 @@ impl Scene<'_> {
         // Guides come after the paths of all layers, along the axes, which follow the rays in their table.
         let guide = number >= p.layer_count as usize;
         let layer = p.layer_first as usize + number;
-        let [offset, slope, weight, stretch] = if guide { [0.0, 0.0, 0.0, 1.0] } else { self.layers[layer] };
+        let across = layer * p.rays as usize + line_ray % p.rays as usize;
+        let [offset, slope, stretch, _] = if guide { [0.0, 0.0, 1.0, 0.0] } else { self.elevations[across] };
         let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
         // A guide's echoes stand for those of diverted paths, in their place.
-        let in_phase = if guide { 1.0 } else { weight / p.rays as f32 };
+        let (in_phase, in_power) = if guide { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
         PathState {
             line_ray: line_ray as u32,
             layer: layer as u32,
@@ -138,7 +140,7 @@ impl Scene<'_> {
             origin,
             direction,
             in_phase,
-            in_power: in_phase.sqrt(),
+            in_power,
             open: true,
             ..PathState::default()
         }
@@ -181,7 +183,8 @@ impl Scene<'_> {
         if state.open { (self.params.depth_mm - state.range_mm) * self.path_per_range(state) } else { 0.0 }
     }
 
-    /// Writes the segment that begins here.
+    /// Writes the segment that begins here. The last record takes each further segment: what lies between counts as the
+    /// medium before.
     #[inline(always)]
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];
@@ -189,7 +192,7 @@ impl Scene<'_> {
         let fall = tissue.attenuation_np_mm * self.path_per_range(state);
         let from = state.origin - state.carried_mm - step * state.range_mm;
         let (passed_mm, flag) = if state.diverted { (0.0, DIVERTED) } else { (state.range_mm, 0) };
-        let count = record.count as usize;
+        let count = record.count.min(SEGMENTS - 1) as usize;
         record.starts[count] = state.range_mm;
         record.segments[count] = [
             from.x,
@@ -206,11 +209,7 @@ impl Scene<'_> {
             state.ln_passed + fall * passed_mm,
         ];
         record.echoes[count] = [state.echo, state.echo_range_mm];
-        record.count += 1;
-        if record.count == SEGMENTS {
-            state.lost += u32::from(state.open);
-            state.open = false;
-        }
+        record.count = count as u32 + 1;
     }
 
     /// The highest surface that the path is inside; 0 if none, since no surface is below the first.

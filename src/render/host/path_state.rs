@@ -38,6 +38,6 @@ pub(super) struct PathState {
     pub(super) open: bool,
     /// Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
     pub(super) carried_mm: Vec3,
-    /// Crossings and segments that found no room.
+    /// Crossings that found no room.
     pub(super) lost: u32,
 }

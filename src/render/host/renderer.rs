@@ -131,7 +131,7 @@ impl HostRenderer {
         unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);
     }
 
-    /// Runs the passes of the paths, batch by batch; returns the number of crossings and segments that found no room.
+    /// Runs the passes of the paths, batch by batch; returns the number of crossings that found no room.
     fn follow_paths(
         &mut self,
         inputs: FrameInputs<'_>,
@@ -165,8 +165,8 @@ impl HostRenderer {
             let visibility = tables.aperture.as_ref().map(|tables| Visibility { tables, lines: &b.line_gains });
             let visibility = visibility.as_ref();
             if effects.has(Effect::Scatterers) {
-                let (layers, gain) = (&tables.layers, &tables.kernels.scatterer_gain);
-                let scatterers = Scatterers { constants: self.image, layers, gain, visibility };
+                let gain = &tables.kernels.scatterer_gain;
+                let scatterers = Scatterers { constants: self.image, gain, visibility };
                 march(&params, paths, scatterers, &mut b.baseband, kept_powers);
                 laps.note("march");
             }
@@ -174,8 +174,8 @@ impl HostRenderer {
                 scattered.clone_from(&b.baseband);
             }
             if effects.has(Effect::InterfaceEchoes) {
-                let (echoes, segment_counts, layers) = (&b.echoes, &b.segment_counts, &tables.layers);
-                let interfaces = Interfaces { paths, echoes, segment_counts, layers, visibility };
+                let (echoes, segment_counts) = (&b.echoes, &b.segment_counts);
+                let interfaces = Interfaces { paths, echoes, segment_counts, visibility };
                 echo(&params, self.image, interfaces, &mut b.baseband);
                 laps.note("echo");
             }
@@ -183,7 +183,7 @@ impl HostRenderer {
         lost
     }
 
-    /// Traces the paths of a batch; returns the number of crossings and segments that found no room.
+    /// Traces the paths of a batch; returns the number of crossings that found no room.
     fn trace_batch(
         &mut self,
         FrameInputs { bvh, media, configuration }: FrameInputs<'_>,
@@ -197,7 +197,7 @@ impl HostRenderer {
             surface_words: &media.surface_words,
             params,
             rays: &tables.rays,
-            layers: &tables.layers,
+            elevations: &tables.elevations,
             tissues: &tables.tissues,
             effects: PathEffects::new(configuration.effects.effects(), media.moving),
             constants: self.trace,
@@ -215,7 +215,7 @@ impl HostRenderer {
         let (Some(tables), Some(work)) = (&configuration.tables.aperture, aperture) else { return };
         let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
         let into = Transmission { powers: &mut work.layer_powers, mask: &mut b.mask, row_np: &mut b.row_np };
-        transmission(params, tables, &configuration.tables.layers, paths, into);
+        transmission(params, tables, paths, into);
         laps.note("transmission");
         if params.layer_first + params.layer_count < params.layers {
             return;

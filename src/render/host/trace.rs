@@ -9,10 +9,10 @@ use super::path_outputs::PathOutputs;
 /// Paths per parallel task.
 const PATHS_A_TASK: usize = Bundle::PATHS;
 
-/// Function that follows paths from an index on into the outputs; returns the number of crossings and segments lost.
+/// Function that follows paths from an index on into the outputs; returns the number of crossings lost.
 pub(super) type Follow = fn(&Scene<'_>, usize, &mut PathOutputs<'_>) -> u32;
 
-/// Follows a range of paths, split over the cores in whole bundles; returns the number of crossings and segments that
+/// Follows a range of paths, split over the cores in whole bundles; returns the number of crossings that
 /// found no room.
 ///
 /// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones

@@ -28,13 +28,12 @@ pub(super) struct Transmission<'a> {
 pub(super) fn transmission(
     params: &Params,
     tables: &ApertureTables,
-    layers: &[[f32; 4]],
     paths: Paths<'_>,
     into: Transmission<'_>,
 ) {
     let Transmission { powers, mask, row_np } = into;
     let columns = powers.par_chunks_exact_mut(tables.planes).zip(&tables.cell_rays);
-    columns.for_each(|(column, rays)| add_column(params, tables, layers, paths, *rays, column));
+    columns.for_each(|(column, rays)| add_column(params, tables, paths, *rays, column));
     if params.layer_first + params.layer_count < params.layers {
         return;
     }
@@ -53,12 +52,11 @@ pub(super) fn transmission(
     });
 }
 
-/// Adds the weighted mean over a batch's layers of a cell's transmission to the fourth power, for each interval: powers
+/// Adds a batch's part of the mean over the layers of a cell's transmission to the fourth power, for each interval: powers
 /// of layers add, on both ways.
 fn add_column(
     params: &Params,
     tables: &ApertureTables,
-    layers: &[[f32; 4]],
     paths: Paths<'_>,
     [first, step, count]: [u32; 3],
     column: &mut [f32],
@@ -73,10 +71,9 @@ fn add_column(
             paths.losses(params, tables, layer, first + ray * step, &mut losses);
             add_transmissions(&losses, &mut sums);
         }
-        let weight = layers[(params.layer_first + layer) as usize][2];
         for (power, &sum) in column.iter_mut().zip(&sums) {
             let mean = sum / count as f32;
-            *power += weight * (mean * mean) * (mean * mean);
+            *power += (mean * mean) * (mean * mean) / params.layers as f32;
         }
     }
 }

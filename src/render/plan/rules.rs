@@ -6,7 +6,7 @@ use crate::acoustics::ASSUMED_SPEED_M_S;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::render::aperture::ApertureTables;
 use crate::render::constants::{REFLECTION_FOLLOWED, SEGMENTS};
-use crate::render::tables::layers;
+use crate::render::elevation::elevations;
 use crate::settings::RenderSettings;
 use crate::settings::{Choice, Effect, EffectSet};
 use crate::transducer::{Probe, Sector};
@@ -264,6 +264,13 @@ impl Rules<'_> {
                 Bound::none("smooth interfaces' echoes"),
             );
         }
+        let layers = self.settings.quality.layers;
+        if layers > 1 && self.settings.effects.of(Effect::Layers) != Choice::Off && !self.one_medium() {
+            return finding(
+                format!("{asked} asked for, to fill the slice of {layers} layers"),
+                Bound::none("blur across the slice"),
+            );
+        }
         // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up
         // to half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
@@ -283,7 +290,7 @@ impl Rules<'_> {
     fn aside_allowed_mm(&self) -> f64 {
         let image = &self.settings.image;
         let focus_mm = self.probe.focus_mm.min(self.probe.depth_mm);
-        let depths_mm = (0..=64).map(|i| self.probe.depth_mm * f64::from(i) / 64.0).chain([focus_mm]);
+        let depths_mm = (0..=8).map(|i| self.probe.depth_mm * f64::from(i) / 8.0).chain([focus_mm]);
         let narrowest_mm = depths_mm.map(|z| self.probe.lateral_sigma_mm(z)).fold(f64::INFINITY, f64::min);
         (0.5 * Sector::fit(self.probe, image.width, image.height).pixel_mm).max(ASIDE_OF_BEAM * narrowest_mm)
     }
@@ -305,8 +312,10 @@ impl Rules<'_> {
         }
         if self.one_medium() {
             // Oblique layers lose more on their longer paths.
-            let longer =
-                layers(self.probe, asked).iter().map(|&[.., stretch]| f64::from(stretch) - 1.0).fold(0.0, f64::max);
+            let longer = elevations(self.probe, self.settings.quality.rays, asked)
+                .iter()
+                .map(|&[.., stretch, _]| f64::from(stretch) - 1.0)
+                .fold(0.0, f64::max);
             let loss_db_mm = self.facts.media.iter().map(|m| self.loss_db_mm(m)).fold(0.0, f64::max);
             let db = longer * loss_db_mm * self.probe.depth_mm;
             if db == 0.0 {

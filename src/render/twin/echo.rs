@@ -20,7 +20,7 @@ pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut 
         }
         let reflection = path.segments.iter().find(|segment| segment.diverted);
         if let (Some(reflection), Some(_), 1..) = (reflection, gain, inputs.guides) {
-            let weight = inputs.layer_of(index).weight / inputs.rays_per_line as f64;
+            let weight = inputs.path_weight();
             let guide = &paths[inputs.guide_of(line)];
             let behind = (1..guide.segments.len()).filter(|&s| guide.segments[s].start_mm > reflection.start_mm);
             behind.for_each(|segment| add(inputs, guide, segment, gain, weight, line, baseband));

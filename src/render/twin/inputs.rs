@@ -18,16 +18,14 @@ pub struct Ray {
     pub direction: DVec3,
 }
 
-/// An elevational layer: a plane of straight rays.
+/// Place of a path across the slice: a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Layer {
+pub struct Elevation {
     /// Elevational offset at the face, mm.
     pub offset_mm: f64,
     /// Elevational offset per mm of ray.
     pub slope: f64,
-    /// Fraction of the beam's energy; the sum over all layers is 1.
-    pub weight: f64,
-    /// Length of its rays per mm of depth.
+    /// Length of the path per mm of depth.
     pub stretch: f64,
 }
 
@@ -130,7 +128,9 @@ pub struct Inputs {
     /// Axis of each scanline.
     pub axes: Vec<Ray>,
     /// Layers.
-    pub layers: Vec<Layer>,
+    pub layers: usize,
+    /// Place of each path of a scanline across the slice [layers × rays_per_line].
+    pub elevations: Vec<Elevation>,
     /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has
     /// only one path.
     pub guides: usize,
@@ -180,12 +180,7 @@ impl Inputs {
         let kernels = &tables.kernels;
         let mut line_rays = rays(&tables.rays);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
-        let layer = |l: &[f32; 4]| Layer {
-            offset_mm: l[0].into(),
-            slope: l[1].into(),
-            weight: l[2].into(),
-            stretch: l[3].into(),
-        };
+        let elevation = |e: &[f32; 4]| Elevation { offset_mm: e[0].into(), slope: e[1].into(), stretch: e[2].into() };
         let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
         let triangles = bvh.triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
             corner_mm: Vec3::from(t.corner).as_dvec3(),
@@ -224,7 +219,8 @@ impl Inputs {
             reach_mm: params.reach_mm.into(),
             rays: line_rays,
             axes,
-            layers: tables.layers.iter().map(layer).collect(),
+            layers: params.layers as usize,
+            elevations: tables.elevations.iter().map(elevation).collect(),
             guides: params.guides as usize,
             triangles: triangles.collect(),
             surface_tissue: surface_words.iter().map(|&w| (w & TISSUE_MASK) as usize).collect(),
@@ -248,7 +244,7 @@ impl Inputs {
 
     /// Number of paths of a frame that carry echoes: rays fastest, then scanlines, then layers.
     pub fn sounding(&self) -> usize {
-        self.rays.len() * self.layers.len()
+        self.rays.len() * self.layers
     }
 
     /// Index of the path of a scanline that places its scatterers: its guide, or its only path.
@@ -261,10 +257,16 @@ impl Inputs {
         self.sounding() + self.guides
     }
 
-    /// The layer of a path. A guide is in the image plane, with weight 0.
-    pub fn layer_of(&self, path: usize) -> Layer {
-        let image_plane = Layer { offset_mm: 0.0, slope: 0.0, weight: 0.0, stretch: 1.0 };
-        self.layers.get(path / self.rays.len()).copied().unwrap_or(image_plane)
+    /// Part of the beam's energy of each path that carries echoes.
+    pub fn path_weight(&self) -> f64 {
+        1.0 / (self.rays_per_line * self.layers) as f64
+    }
+
+    /// The place of a path across the slice. A guide is in the image plane.
+    pub fn elevation_of(&self, path: usize) -> Elevation {
+        let image_plane = Elevation { offset_mm: 0.0, slope: 0.0, stretch: 1.0 };
+        let across = path / self.rays.len() * self.rays_per_line + path % self.rays_per_line;
+        if path < self.sounding() { self.elevations[across] } else { image_plane }
     }
 
     /// Range of a sample, mm.
@@ -280,16 +282,16 @@ impl Inputs {
         }
     }
 
-    /// The first ray of a path in the scene: its scanline's, moved to its elevational layer; a guide's is the axis.
+    /// The first ray of a path in the scene: its scanline's, moved across the slice; a guide's is the axis.
     pub fn launch(&self, path: usize) -> Ray {
         let ray = match path.checked_sub(self.sounding()) {
             Some(line) => self.axes[line],
             None => self.rays[path % self.rays.len()],
         };
-        let layer = self.layer_of(path);
+        let elevation = self.elevation_of(path);
         self.in_scene(&Ray {
-            origin_mm: ray.origin_mm + DVec3::Y * layer.offset_mm,
-            direction: ray.direction + DVec3::Y * layer.slope,
+            origin_mm: ray.origin_mm + DVec3::Y * elevation.offset_mm,
+            direction: ray.direction + DVec3::Y * elevation.slope,
         })
     }
 }

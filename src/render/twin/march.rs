@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::inputs::{Inputs, Layer};
+use super::inputs::Inputs;
 use super::lattice;
 use super::trace::{Path, Segment, segment_at};
 use super::visibility::{Boundary, LineGain};
@@ -52,11 +52,11 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
         loss * power(segment) + gain.map_or(DVec3::ZERO, |gain| gain * power(place))
     };
     let rays = inputs.rays_per_line;
-    let of_layer = |(number, layer): (usize, &Layer)| {
-        let first = (number * inputs.scanlines + line) * rays;
-        (first..first + rays).map(power_of).sum::<DVec3>() * layer.weight / rays as f64
+    let of_layer = |layer: usize| {
+        let first = (layer * inputs.scanlines + line) * rays;
+        (first..first + rays).map(power_of).sum::<DVec3>()
     };
-    let power = inputs.layers.iter().enumerate().map(of_layer).sum::<DVec3>();
+    let power = (0..inputs.layers).map(of_layer).sum::<DVec3>() * inputs.path_weight();
     // Where media meet, their densities are averaged by power.
     let there = f64::from(presence >> 15) + 0.5 < power.z / (power.x + power.y).max(f64::MIN_POSITIVE);
     let [mean, deviation] = if there { [power.x.sqrt(), power.y.sqrt()] } else { [0.0; 2] };

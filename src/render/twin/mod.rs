@@ -32,7 +32,7 @@ pub use aperture::Aperture;
 pub use beams::beams;
 pub use detect::{Detected, detect};
 pub use echo::echo;
-pub use inputs::{Inputs, Layer, Medium, Ray, Triangle};
+pub use inputs::{Elevation, Inputs, Medium, Ray, Triangle};
 pub use lateral::lateral;
 pub use locate::locate;
 pub use march::march;

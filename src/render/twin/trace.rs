@@ -3,14 +3,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::inputs::{Inputs, Layer, Medium, Ray};
+use super::inputs::{Inputs, Medium, Ray};
 use super::surfaces::{Crossing, Membership, crossings, places};
 use super::{hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
 use crate::render::constants::{
-    APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, DIFFUSE, DIFFUSE_HALF_ROUGHNESS2,
-    FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED, SEGMENTS, SURFACE_SALT,
-    TOUCH_MM,
+    APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, CELLS_OF_A_BEAM, DIFFUSE,
+    DIFFUSE_HALF_ROUGHNESS2, FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED,
+    SEGMENTS, SURFACE_SALT, TOUCH_MM,
 };
 
 /// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
@@ -85,7 +85,8 @@ struct Tracer<'a> {
     inputs: &'a Inputs,
     line_ray: usize,
     layer: usize,
-    of_layer: Layer,
+    /// Length per mm of depth.
+    stretch: f64,
     /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
     guide: bool,
     inside: Membership,
@@ -117,7 +118,7 @@ impl<'a> Tracer<'a> {
             inputs,
             line_ray: path % inputs.rays.len(),
             layer: path / inputs.rays.len(),
-            of_layer: inputs.layer_of(path),
+            stretch: inputs.elevation_of(path).stretch,
             guide: path >= inputs.sounding(),
             inside,
             ray: inputs.launch(path),
@@ -139,8 +140,10 @@ impl<'a> Tracer<'a> {
         let (mut crossed, mut reflections) = (0, 0);
         let mut open = true;
         loop {
+            // The last record takes each further segment: what lies between counts as the medium before.
+            path.segments.truncate(SEGMENTS as usize - 1);
             path.segments.push(self.segment(&media[here], echo, echo_range_mm));
-            if !open || path.segments.len() == SEGMENTS as usize {
+            if !open {
                 return path;
             }
             let Some(meeting) = self.next_change(here, &mut crossed) else { return path };
@@ -214,7 +217,7 @@ impl<'a> Tracer<'a> {
     /// Length of path per mm of range. Ranges are depths: the lens delays its middle, so echoes of oblique layers come
     /// no later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
-        tissue.speed_ratio * self.of_layer.stretch
+        tissue.speed_ratio * self.stretch
     }
 
     /// The segment that begins here.
@@ -304,10 +307,11 @@ impl<'a> Tracer<'a> {
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
-        let of_path = self.of_layer.weight / self.inputs.rays_per_line as f64;
+        let of_path = self.inputs.path_weight();
         // A guide's echoes stand for those of diverted paths, in their place.
         let in_phase = if self.guide { 1.0 } else { of_path };
-        let weight = in_phase.sqrt() + (in_phase - in_phase.sqrt()) * boundary.coherence;
+        let in_power = (in_phase * (CELLS_OF_A_BEAM * in_phase).min(1.0)).sqrt();
+        let weight = in_power + (in_phase - in_power) * boundary.coherence;
         // The aperture's gain takes the place of the path's loss, in `echo`.
         let ln_arriving = if self.by_aperture() { 0.0 } else { self.ln_amplitude };
         let arriving = if ln_arriving > LN_SILENT { ln_arriving.exp() } else { 0.0 };

@@ -43,8 +43,7 @@ fn transmitted(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize
         };
         (0..count).map(passed).sum::<f64>() / count as f64
     };
-    let powers = inputs.layers.iter().enumerate().map(|(number, layer)| layer.weight * of_layer(number).powi(4));
-    powers.sum::<f64>().powf(0.25)
+    ((0..inputs.layers).map(|layer| of_layer(layer).powi(4)).sum::<f64>() / inputs.layers as f64).powf(0.25)
 }
 
 /// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the guide.

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::SceneInfo;
 use crate::settings::{
-    Assignment, Display, HotKey, LiveControl, QUALITY_POINTS, QualityPointKey, Setting, Slider, hot_keys, live_settings,
+    Assignment, Display, HotKey, Kind, LiveControl, QUALITY_POINTS, QualityPointKey, Setting, Slider, hot_keys,
+    live_settings,
 };
 use crate::sink::colour;
 
@@ -89,13 +90,27 @@ pub(super) struct SettingEntry {
     scale: f64,
     digits: usize,
     slider: Option<Slider>,
+    /// Words of the values 0, 1, …; empty for numbers.
+    words: &'static [&'static str],
 }
 
 impl SettingEntry {
     fn new(setting: &'static Setting) -> Option<Self> {
         let &LiveControl { label, caption, slider, unit, scale, digits, .. } = setting.control.as_ref()?;
+        let words = if let Kind::Word(words) = setting.kind { words } else { &[] };
         let (key, count, range) = (setting.key, setting.count(), [setting.min, setting.max]);
-        Some(Self { key, count, range, label, caption, unit: unit.unwrap_or(setting.unit), scale, digits, slider })
+        Some(Self {
+            key,
+            count,
+            range,
+            label,
+            caption,
+            unit: unit.unwrap_or(setting.unit),
+            scale,
+            digits,
+            slider,
+            words,
+        })
     }
 }
 
