@@ -11,6 +11,13 @@
 @group(0) @binding(6) var<storage, read_write> baseband: array<vec4<f32>>;
 // Power of the scatterers, kept between the dispatches of a frame: mean and deviation, scaled; two samples per vector.
 @group(0) @binding(7) var<storage, read_write> powers: array<vec4<f32>>;
+// Their power times the density, as a part of 1.
+@group(0) @binding(8) var<storage, read_write> dense_powers: array<vec2<f32>>;
+// 1/Y of the sheets of scatterers, one for each block.
+@group(0) @binding(9) var<uniform> sheet_reach: array<vec4<f32>, BLOCK_QUADS>;
+
+// Speckle that changes gradually across the slice.
+override ELEVATIONAL_SPECKLE: bool;
 
 // Samples per thread.
 const RUN: u32 = 8u;
@@ -46,34 +53,25 @@ fn seek(chosen: u32, sample: u32, range_mm: f32) {
     }
 }
 
-// The lattice cell of a sample on the current path.
-struct Met {
-    // The cell holds a scatterer in media whose density is above this.
-    presence: u32,
-    bits: u32,
-    turn: vec2<f32>,
-}
-
-fn meet(range_mm: f32) -> Met {
-    let here = s0.xyz + s1.xyz * range_mm;
-    let cell = lattice_cell(here);
-    let bits = lattice_hash(cell);
-    // The scatterer's own range sets the phase, whichever sample finds its cell.
-    let ahead_mm = dot(scatterer_position(cell, bits.y) - here, s1.xyz) / max(dot(s1.xyz, s1.xyz), 1.0e-12);
-    return Met(bits.x >> 15u, bits.z, phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm)));
-}
-
 // Mean and deviation of a scatterer's amplitude on the current path, scaled.
-fn strength(presence: u32, range_mm: f32) -> vec2<f32> {
+fn strength(range_mm: f32) -> vec2<f32> {
     let ln_amplitude = s0.w - s1.w * range_mm;
-    let there = presence < (bitcast<u32>(s2.z) & TAG_DENSITY) && ln_amplitude > LN_SPECKLE_SILENT;
+    let there = density() > 0.0 && ln_amplitude > LN_SPECKLE_SILENT;
     return select(vec2<f32>(0.0), s2.xy * exp(max(ln_amplitude, LN_SPECKLE_SILENT) + LN_SCALE), there);
 }
 
-fn echo(met: Met, strength: vec2<f32>) -> vec2<f32> {
-    let amplitude = vec2<f32>(strength.x, 0.0) + strength.y * scatterer_deviate(met.bits);
-    return vec2<f32>(
-        amplitude.x * met.turn.x - amplitude.y * met.turn.y, amplitude.x * met.turn.y + amplitude.y * met.turn.x);
+// Part of the cells that hold a scatterer, on the current path.
+fn density() -> f32 {
+    return f32(i32(bitcast<u32>(s2.z) & TAG_DENSITY)) * (1.0 / DENSITY_ONE);
+}
+
+// Echo of the scatterers at a range on the current path.
+fn echo_at(range_mm: f32, strength: Strength, per_reach_mm: f32) -> vec2<f32> {
+    let place = Place(s0.xyz + s1.xyz * range_mm, s1.xyz, range_mm);
+    if ELEVATIONAL_SPECKLE {
+        return sheets_echo(place, strength, per_reach_mm);
+    }
+    return lattice_echo(place, strength);
 }
 
 fn range_of(sample: u32) -> f32 {
@@ -87,49 +85,54 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if first >= params.row_samples {
         return;
     }
-    path = 0xffffffffu;
     let out = (line * params.row_samples + first) >> 1u;
     let begins = params.layer_first == 0u;
     let ends = params.layer_first + params.layer_count == params.layers;
 
-    // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
-    let guide = select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
-    var met: array<Met, RUN>;
-    for (var i = 0u; i < RUN; i++) {
-        // Two samples share a segment: that of the first.
-        let sample = first + (i & ~1u);
-        seek(guide, sample, range_of(sample));
-        met[i] = meet(range_of(first + i));
-    }
-    // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
+    // The mean power of all rays sets the scatterers' strength.
     path = 0xffffffffu;
     var power: array<vec4<f32>, RUN / 2u>;
+    var dense: array<vec2<f32>, RUN / 2u>;
     for (var layer = 0u; layer < params.layer_count; layer++) {
         let weight = layers[params.layer_first + layer].z / f32(params.rays);
         for (var ray = 0u; ray < params.rays; ray++) {
             for (var pair = 0u; pair < RUN / 2u; pair++) {
+                // Two samples share a segment: that of the first.
                 let sample = first + 2u * pair;
                 seek((layer * params.scanlines + line) * params.rays + ray, sample, range_of(sample));
-                let s = vec4<f32>(
-                    strength(met[2u * pair].presence, range_of(sample)),
-                    strength(met[2u * pair + 1u].presence, range_of(sample + 1u)));
-                power[pair] += weight * s * s;
+                let s = vec4<f32>(strength(range_of(sample)), strength(range_of(sample + 1u)));
+                let part = weight * s * s;
+                power[pair] += part;
+                dense[pair] += density() * (part.xz + part.yw);
             }
         }
     }
     let block = first >> BLOCK_SHIFT;
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
+    let reach = sheet_reach[block >> 2u][block & 3u];
+    // One guide places the scatterers of all paths of a scanline; a single path is its own guide. Samples restart here, so
+    // the current segment is reset.
+    let guide = select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
+    path = 0xffffffffu;
     for (var pair = 0u; pair < RUN / 2u; pair++) {
         var sum = power[pair];
+        var dense_sum = dense[pair];
         if !begins {
             sum += powers[out + pair];
+            dense_sum += dense_powers[out + pair];
         }
         var echoed = vec4<f32>(0.0);
         if ends {
             let s = gain * sqrt(sum);
-            echoed = vec4<f32>(echo(met[2u * pair], s.xy), echo(met[2u * pair + 1u], s.zw));
+            let part = DENSITY_ONE * dense_sum / max(sum.xz + sum.yw, vec2<f32>(LEAST_POWER));
+            let sample = first + 2u * pair;
+            seek(guide, sample, range_of(sample));
+            echoed = vec4<f32>(
+                echo_at(range_of(sample), Strength(s.x, s.y, part.x), reach),
+                echo_at(range_of(sample + 1u), Strength(s.z, s.w, part.y), reach));
         } else {
             powers[out + pair] = sum;
+            dense_powers[out + pair] = dense_sum;
         }
         // `baseband` already holds the echoes of earlier dispatches.
         baseband[out + pair] = echoed + select(baseband[out + pair], vec4<f32>(0.0), begins);

@@ -40,6 +40,16 @@ pub(crate) const BEYOND_MM: f64 = 3.0e38;
 
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
+/// Sheets of scatterers across the slice that reach a sample, at most.
+pub(crate) const SHEETS: u32 = 3;
+/// Families of sheets that reach a frame, at most.
+pub(crate) const SHEET_FAMILIES: u32 = 3;
+/// Factor of the family's number in the hash of a sheet.
+pub(crate) const FAMILY_SALT: u32 = 100_003;
+/// Packed density of 1: it is compared with 17 random bits.
+pub(crate) const DENSITY_ONE: f64 = 131_072.0;
+/// Least sum of scaled powers that is divided by.
+pub(crate) const LEAST_POWER: f64 = 1.5e-38;
 /// Offset of the lattice that spreads echoes, mm. Without it, planes at round coordinates would be on cell faces, and
 /// rounding would choose the cell.
 pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;

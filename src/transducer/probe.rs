@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::acoustics::{self, beam, pulse};
+use crate::acoustics::{self, beam, pulse, slide};
 use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
@@ -68,6 +68,15 @@ impl Probe {
     pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
         let (height, focus) = (self.elevational_height_mm, self.elevational_focus_mm);
         beam::elevational_width_mm(self.frequency_mhz, height, focus, depth_mm) / pulse::FWHM_PER_SIGMA
+    }
+
+    /// Lens across the slice.
+    pub fn elevational_lens(&self) -> slide::Lens {
+        slide::Lens {
+            frequency_mhz: self.frequency_mhz,
+            height_mm: self.elevational_height_mm,
+            focus_mm: self.elevational_focus_mm,
+        }
     }
 
     /// Turns of baseband phase per mm of depth: 2f/c₀. An echo at depth z carries e^(−i2π·turns·z).

@@ -56,7 +56,8 @@ impl DeviceConfiguration {
         ];
         let mut path_passes = vec![pass("locate", path_groups, &[])?, pass("trace", path_groups, &trace)?];
         if on.has(Effect::Scatterers) {
-            path_passes.push(pass("march", samples_by(8), &[])?);
+            let march = [("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)))];
+            path_passes.push(pass("march", samples_by(8), &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {
             path_passes.push(pass("echo", [params.scanlines.div_ceil(16), 1, 1], &[])?);

@@ -28,7 +28,7 @@ macro_rules! pass {
 pub(super) const PASSES: [(&str, &str); 9] = [
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
-    pass!("march", "tissue", "hash", "lattice", "phasor"),
+    pass!("march", "hash", "lattice", "phasor", "speckle"),
     pass!("echo", "phasor"),
     pass!("lateral"),
     pass!("detect"),
@@ -65,12 +65,12 @@ fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX LAYERS_MAX BLOCK_QUADS PULSE_QUADS
             CROSSINGS_AT_A_PLACE CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
-            TAG_DENSITY TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE;
+            TAG_DENSITY TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES;
         i32: PULSE_PAD SURFACE_SALT;
         f32: TOUCH_MM BEYOND_MM CELL_MM OFF_THE_GRID_MM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
-            CONTRAST_MIN_NP_MM;
+            CONTRAST_MIN_NP_MM DENSITY_ONE LEAST_POWER;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(

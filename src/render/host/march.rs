@@ -2,21 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::constants::{DEVIATE_SCALE, ImageConstants, LN_SCALE, LN_SPECKLE_SILENT, UNSCALED};
-use super::wide::{at_least, at_most, exp, floor, pcg3d, phasor, real, widened};
-use crate::render::constants::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY};
+use super::constants::{DENSITY_ONE, ImageConstants, LN_SCALE, LN_SPECKLE_SILENT, UNSCALED};
+use super::speckle::{BLOCK, Block, Lanes, PLACE, SEGMENT, Speckle, Strength};
+use super::wide::{at_least, at_most, exp, real, widened};
+use crate::render::constants::{HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY};
 use crate::render::params::Params;
 
-/// Samples per block, which share a gain.
-const BLOCK: usize = DEPTH_BLOCK as usize;
 /// Blocks per pass over the paths: their sums stay in the first-level cache.
 const CHUNK: usize = 32;
-/// One number per sample of a block.
-type Lanes = [f32; BLOCK];
-/// Numbers per segment.
-const SEGMENT: usize = 12;
-/// Indices of those that place its scatterers: origin and step.
-const PLACE: [usize; 6] = [0, 1, 2, 4, 5, 6];
 /// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
 /// Largest fall of ln power per block for which a block's powers are derived from those of the block before.
@@ -43,27 +36,41 @@ pub(crate) struct Scatterers<'a> {
     pub(crate) layers: &'a [[f32; 4]],
     /// Gain of each block of samples.
     pub(crate) gain: &'a [f32],
+    /// 1/Y of the sheets for each block of samples; empty for the lattice.
+    pub(crate) per_reach_mm: &'a [f32],
 }
 
-/// Fills `baseband`, complex [scanlines × row_samples]; the last batch adds to it. `powers`, of the same size, keeps
-/// the scatterers' power between the batches of a frame: of mean and deviation, scaled.
+/// Scatterers' power between the batches of a frame, scaled [scanlines × row_samples].
+#[derive(Debug)]
+pub(crate) struct Powers<'a> {
+    /// Of mean and deviation.
+    pub(crate) parts: &'a mut [[f32; 2]],
+    /// Both, times the density as a part of 1.
+    pub(crate) dense: &'a mut [f32],
+}
+
+/// Fills `baseband`, complex [scanlines × row_samples]; the last batch adds to it.
 pub(crate) fn march(
     params: &Params,
     paths: Paths<'_>,
     scatterers: Scatterers<'_>,
     baseband: &mut [[f32; 2]],
-    powers: &mut [[f32; 2]],
+    powers: Powers<'_>,
 ) {
     let samples = params.row_samples as usize;
-    let rows = baseband.par_chunks_exact_mut(samples).zip(powers.par_chunks_exact_mut(samples)).enumerate();
-    rows.for_each(|(line, (row, powers))| march_row(params, &paths, &scatterers, line as u32, row, powers));
+    let powers = powers.parts.par_chunks_exact_mut(samples).zip(powers.dense.par_chunks_exact_mut(samples));
+    let rows = baseband.par_chunks_exact_mut(samples).zip(powers).enumerate();
+    rows.for_each(|(line, (row, (parts, dense)))| {
+        let mut powers = Powers { parts, dense };
+        march_row(params, &paths, &scatterers, line as u32, row, &mut powers);
+    });
 }
 
 widened! {
     /// One scanline.
     fn march_row(
         params: &Params, paths: &Paths<'_>, scatterers: &Scatterers<'_>, line: u32, row: &mut [[f32; 2]],
-        powers: &mut [[f32; 2]],
+        powers: &mut Powers<'_>,
     ) = march_row_body
 }
 
@@ -74,53 +81,44 @@ fn march_row_body(
     scatterers: &Scatterers<'_>,
     line: u32,
     row: &mut [[f32; 2]],
-    powers: &mut [[f32; 2]],
+    powers: &mut Powers<'_>,
 ) {
     let begins = params.layer_first == 0;
     let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
     // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
     let sounding_paths = if params.guides == 0 { 0 } else { params.sounding_paths(params.layer_count) };
     let guide = sounding_paths.wrapping_add(line);
-    let mut cells: [Cells; CHUNK] = std::array::from_fn(|_| Cells::default());
-    let mut power = [[[0.0; BLOCK]; 2]; CHUNK];
-    let chunks =
-        row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK).zip(powers.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK));
-    for ((chunk, (row, powers)), gain) in chunks.enumerate().zip(scatterers.gain.chunks(CHUNK)) {
+    let speckle = Speckle::new(params, scatterers.constants);
+    let mut power = [[[0.0; BLOCK]; 3]; CHUNK];
+    let parts = powers.parts.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK);
+    let powers = parts.zip(powers.dense.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK));
+    let chunks = row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK).zip(powers);
+    for (chunk, (row, (parts, dense))) in chunks.enumerate() {
         let first = (chunk * CHUNK * BLOCK) as u32;
-        let block_at = |block: usize| first.wrapping_add((block * BLOCK) as u32);
-        for (block, cells) in cells.iter_mut().enumerate().take(row.len()) {
-            cells.find(params, scatterers.constants, &places(params, paths, guide, block_at(block)), block_at(block));
-        }
-        for (power, before) in power.iter_mut().zip(powers.iter()) {
-            for (i, before) in before.iter().enumerate() {
-                [power[0][i], power[1][i]] = if begins { [0.0; 2] } else { *before };
+        for ((power, parts), dense) in power.iter_mut().zip(parts.iter()).zip(dense.iter()) {
+            for i in 0..BLOCK {
+                let before = [parts[i][0], parts[i][1], dense[i]];
+                [power[0][i], power[1][i], power[2][i]] = if begins { [0.0; 3] } else { before };
             }
         }
-        // The mean power of all rays sets their strength.
+        // The mean power of all rays sets the scatterers' strength.
         for layer in 0..params.layer_count {
             let of_layer = scatterers.layers.get(params.layer_first.wrapping_add(layer) as usize);
             let weight = of_layer.map_or(0.0, |layer| layer[2]) / params.rays as f32;
             let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
             for ray in 0..params.rays {
-                let blocks = row.len();
-                accumulate_power(
-                    params,
-                    paths,
-                    path.wrapping_add(ray),
-                    weight,
-                    first,
-                    &cells[..blocks],
-                    &mut power[..blocks],
-                );
+                accumulate_power(params, paths, path.wrapping_add(ray), weight, first, &mut power[..row.len()]);
             }
         }
-        for (i, ((row, powers), &gain)) in row.iter_mut().zip(powers).zip(gain).enumerate() {
+        for (i, ((row, parts), dense)) in row.iter_mut().zip(parts).zip(dense).enumerate() {
             let mut sums = [[0.0; BLOCK]; 2];
             if ends {
-                cells[i].echo(UNSCALED * gain, &power[i].map(|lanes| lanes.map(f32::sqrt)), &mut sums);
+                let block = chunk * CHUNK + i;
+                echo(params, paths, guide, scatterers, &speckle, block, &power[i], &mut sums);
             } else {
-                for (j, powers) in powers.iter_mut().enumerate() {
-                    *powers = [power[i][0][j], power[i][1][j]];
+                for j in 0..BLOCK {
+                    parts[j] = [power[i][0][j], power[i][1][j]];
+                    dense[j] = power[i][2][j];
                 }
             }
             for (j, out) in row.iter_mut().enumerate() {
@@ -132,7 +130,35 @@ fn march_row_body(
     }
 }
 
-/// Adds a path's power, times `weight`, to the scatterers' mean and deviation in a run of blocks.
+/// Adds the echoes of a block's scatterers to `sums`, from the power that all paths send there.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "inputs of one block")]
+fn echo(
+    params: &Params,
+    paths: &Paths<'_>,
+    guide: u32,
+    scatterers: &Scatterers<'_>,
+    speckle: &Speckle,
+    block: usize,
+    power: &[Lanes; 3],
+    sums: &mut [Lanes; 2],
+) {
+    // Media without scatterers, shadows.
+    if power[2].iter().all(|&power| power == 0.0) {
+        return;
+    }
+    let of_block = |table: &[f32]| table.get(block).copied().unwrap_or(0.0);
+    let first = (block * BLOCK) as u32;
+    let block = Block {
+        ranges_mm: std::array::from_fn(|i| range_mm(params, first.wrapping_add(i as u32))),
+        per_reach_mm: of_block(scatterers.per_reach_mm),
+        strength: Strength::new(power, UNSCALED * of_block(scatterers.gain)),
+    };
+    speckle.echo(&block, |view| places(params, paths, guide, first, |segment| view.of(segment)), sums);
+}
+
+/// Adds a path's power, times `weight`, in a run of blocks: the scatterers' squared mean, their squared deviation, and both
+/// times their density.
 #[inline(always)]
 fn accumulate_power(
     params: &Params,
@@ -140,10 +166,9 @@ fn accumulate_power(
     path: u32,
     weight: f32,
     first: u32,
-    cells: &[Cells],
-    power: &mut [[Lanes; 2]],
+    power: &mut [[Lanes; 3]],
 ) {
-    let last = first.wrapping_add((cells.len() * BLOCK) as u32);
+    let last = first.wrapping_add((power.len() * BLOCK) as u32);
     let mut sample = first;
     while sample < last {
         let (end_mm, segment) = seek(params, paths, path, sample);
@@ -153,6 +178,7 @@ fn accumulate_power(
         // Skips media without scatterers, and inaudible segments.
         if density != 0 && level - fall * range_mm(params, sample) > LN_SPECKLE_SILENT {
             let parts = [weight * mean * mean, weight * deviation * deviation];
+            let dense = density as f32 * (1.0 / DENSITY_ONE) * (parts[0] + parts[1]);
             let begin = sample.wrapping_sub(first) as usize;
             let end = stop.wrapping_sub(first) as usize;
             let mut now = [0.0; BLOCK];
@@ -167,13 +193,13 @@ fn accumulate_power(
                     }
                 }
                 let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
-                let (Some(cells), Some([means, deviations])) = (cells.get(block), power.get_mut(block)) else { break };
+                let Some([means, deviations, denses]) = power.get_mut(block) else { break };
                 for i in 0..BLOCK {
                     let within = (i as i32 >= from) & ((i as i32) < to);
-                    let there = ((cells.presence[i] as i32) < density) & (now[i] > SILENT_POWER);
-                    let part = if within & there { now[i] } else { 0.0 };
+                    let part = if within & (now[i] > SILENT_POWER) { now[i] } else { 0.0 };
                     means[i] += parts[0] * part;
                     deviations[i] += parts[1] * part;
+                    denses[i] += dense * part;
                     now[i] *= on;
                 }
                 // Amplitude falls with depth, so the first sample bounds the block.
@@ -201,19 +227,25 @@ fn first_beyond(params: &Params, end_mm: f32, sample: u32, last: u32) -> u32 {
     stop
 }
 
-/// Origin and step of a path's segments at a block's samples. Two samples share a segment.
+/// What `of` makes of a path's segments at a block's samples. Two samples share a segment.
 #[inline(always)]
-fn places(params: &Params, paths: &Paths<'_>, path: u32, first: u32) -> [Lanes; PLACE.len()] {
+fn places(
+    params: &Params,
+    paths: &Paths<'_>,
+    path: u32,
+    first: u32,
+    of: impl Fn(&[f32; SEGMENT]) -> [f32; PLACE],
+) -> [Lanes; PLACE] {
     let (end_mm, segment) = seek(params, paths, path, first);
     if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
-        return PLACE.map(|at| [segment[at]; BLOCK]);
+        return of(segment).map(|place| [place; BLOCK]);
     }
-    let mut lanes = [[0.0; BLOCK]; PLACE.len()];
+    let mut lanes = [[0.0; BLOCK]; PLACE];
     for pair in 0..BLOCK / 2 {
         let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
-        for (lane, at) in lanes.iter_mut().zip(PLACE) {
-            lane[2 * pair] = segment[at];
-            lane[2 * pair + 1] = segment[at];
+        for (lane, place) in lanes.iter_mut().zip(of(segment)) {
+            lane[2 * pair] = place;
+            lane[2 * pair + 1] = place;
         }
     }
     lanes
@@ -239,65 +271,4 @@ fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32,
 #[inline(always)]
 fn range_mm(params: &Params, sample: u32) -> f32 {
     (real(sample) + 0.5) * params.sample_spacing_mm
-}
-
-/// Lattice cells of a path at a block's samples.
-#[derive(Debug, Default)]
-struct Cells {
-    /// The cell holds a scatterer in media whose density is above this.
-    presence: [u32; BLOCK],
-    deviate: [Lanes; 2],
-    turn: [Lanes; 2],
-}
-
-impl Cells {
-    /// Finds the cells from the origins and steps of segments.
-    #[inline(always)]
-    fn find(&mut self, params: &Params, constants: ImageConstants, places: &[Lanes; PLACE.len()], first: u32) {
-        let cell_mm = constants.cell_mm();
-        let [x0, y0, z0, dx, dy, dz] = places;
-        let per_mm = 1.0 / cell_mm;
-        for i in 0..BLOCK {
-            let range_mm = range_mm(params, first.wrapping_add(i as u32));
-            let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
-            let cell = here.map(|x| floor(x * per_mm));
-            let [presence, place, amplitude] = pcg3d(cell.map(|c| c as u32));
-            // Place of the scatterer in its cell: three times ten bits.
-            let offset = |shift: u32| (real(place >> shift & 1023) + 0.5) * (1.0 / 1024.0);
-            let ahead = [
-                (cell[0] as f32 + offset(0)) * cell_mm - here[0],
-                (cell[1] as f32 + offset(10)) * cell_mm - here[1],
-                (cell[2] as f32 + offset(20)) * cell_mm - here[2],
-            ];
-            // The scatterer's own range sets the phase, whichever sample finds its cell.
-            let along = ahead[0] * dx[i] + ahead[1] * dy[i] + ahead[2] * dz[i];
-            let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
-            let turn = phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm));
-            let deviate = deviate(amplitude);
-            self.presence[i] = presence >> 15;
-            for part in 0..2 {
-                self.turn[part][i] = turn[part];
-                self.deviate[part][i] = deviate[part];
-            }
-        }
-    }
-
-    /// Adds the echoes of the scatterers, with mean and deviation times `gain`, to `sums`.
-    #[inline(always)]
-    fn echo(&self, gain: f32, [mean, deviation]: &[Lanes; 2], sums: &mut [Lanes; 2]) {
-        let (turn, deviate) = (&self.turn, &self.deviate);
-        for i in 0..BLOCK {
-            let strength = [gain * (mean[i] + deviation[i] * deviate[0][i]), gain * (deviation[i] * deviate[1][i])];
-            sums[0][i] += strength[0] * turn[0][i] - strength[1] * turn[1][i];
-            sums[1][i] += strength[0] * turn[1][i] + strength[1] * turn[0][i];
-        }
-    }
-}
-
-/// A complex number of mean 0 and mean square 1: each part is a sum of four nibbles.
-#[inline(always)]
-fn deviate(bits: u32) -> [f32; 2] {
-    let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
-    let sums = [pairs.wrapping_add(pairs >> 8), (pairs >> 16).wrapping_add(pairs >> 24)];
-    sums.map(|sum| (real(sum & 255) - 30.0) * DEVIATE_SCALE)
 }

@@ -28,6 +28,7 @@ mod renderer;
 mod scan_convert;
 mod search;
 mod section;
+mod speckle;
 mod trace;
 mod traverse;
 mod tree;

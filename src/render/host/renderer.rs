@@ -11,7 +11,7 @@ use super::detect::detect;
 use super::echo::echo;
 use super::effects::PathEffects;
 use super::lateral::lateral;
-use super::march::{Paths, Scatterers, march};
+use super::march::{Paths, Powers, Scatterers, march};
 use super::path;
 use super::percentile::percentile;
 use super::scan_convert::{Image, Maps, scan_convert};
@@ -157,9 +157,11 @@ impl HostRenderer {
             if effects.has(Effect::Scatterers) {
                 let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
                 let (layers, gain) = (&tables.layers, &tables.kernels.scatterer_gain);
-                let scatterers = Scatterers { constants: self.image, layers, gain };
-                // `focused` keeps powers until `lateral` writes it.
-                march(&params, paths, scatterers, &mut b.baseband, &mut b.focused);
+                let per_reach_mm = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
+                let scatterers = Scatterers { constants: self.image, layers, gain, per_reach_mm };
+                // These keep powers until `lateral` and `detect` write them.
+                let powers = Powers { parts: &mut b.focused, dense: bytemuck::cast_slice_mut(&mut b.polar) };
+                march(&params, paths, scatterers, &mut b.baseband, powers);
                 laps.note("march");
             }
             if let Some(scattered) = &mut scattered {

@@ -50,6 +50,7 @@ impl Rules<'_> {
             Effect::Attenuation => self.attenuation(),
             Effect::FrequencyExponent => self.frequency_exponent(),
             Effect::Scatterers => self.scatterers(),
+            Effect::ElevationalSpeckle => self.elevational_speckle(),
             Effect::Motion => self.motion(),
             Effect::Maps => self.maps(),
         }

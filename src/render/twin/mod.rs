@@ -20,12 +20,13 @@ mod march;
 mod percentile;
 mod scan_convert;
 mod section;
+mod speckle;
 mod surfaces;
 mod trace;
 
 pub use detect::{Detected, detect};
 pub use echo::echo;
-pub use inputs::{Inputs, Layer, Medium, Ray, Triangle};
+pub use inputs::{Inputs, Layer, Medium, Ray, SheetFamily, Triangle};
 pub use lateral::lateral;
 pub use locate::locate;
 pub use march::march;
