@@ -1,7 +1,7 @@
 //! Echoes of the scatterers at a block of samples.
 
 use super::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
-use super::wide::{at_least, floor, pcg3d, phasor, real};
+use super::wide::{at_least, floor, floored, pcg3d, phasor, real};
 use crate::render::constants::{DEPTH_BLOCK, SHEET_FAMILIES, SHEETS};
 use crate::render::params::{Params, SheetFamily};
 
@@ -76,6 +76,17 @@ struct Family {
     pitch_mm: f32,
     share: f32,
     salt: u32,
+}
+
+/// Cells of one sheet at a block's samples.
+#[derive(Debug, Clone, Copy, Default)]
+struct Met {
+    weight: Lanes,
+    /// From the sample to the cell's corner, cells.
+    ahead: [Lanes; 2],
+    bits: [[u32; BLOCK]; 3],
+    /// Range of the scatterer, mm.
+    range_mm: Lanes,
 }
 
 /// A block of samples.
@@ -158,30 +169,54 @@ impl Speckle {
     }
 
     /// Adds the echoes where the samples' elevational lines meet the sheets of a family.
+    ///
+    /// Short loops, so that the processor works on several lanes at once.
     #[inline(always)]
     fn sheets(&self, family: &Family, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
         let [across0, across_step, first0, first_step, second0, second_step, first_mm, second_mm] = places;
-        let (mut echoes, mut squares) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
-        for slot in 0..SHEETS as i32 {
+        let mut at = [[0.0; BLOCK]; 3];
+        for i in 0..BLOCK {
+            let range_mm = block.ranges_mm[i];
+            at[0][i] = across0[i] + across_step[i] * range_mm;
+            at[1][i] = first0[i] + first_step[i] * range_mm;
+            at[2][i] = second0[i] + second_step[i] * range_mm;
+        }
+        let mut met = [Met::default(); SHEETS as usize];
+        for (slot, met) in (1u32..).zip(&mut met) {
             for i in 0..BLOCK {
-                let range_mm = block.ranges_mm[i];
-                let across = across0[i] + across_step[i] * range_mm;
-                let sheet = floor(across - self.to_a_side).wrapping_add(1 + slot);
-                let off = sheet as f32 - across;
+                let (below, number) = floored(at[0][i] - self.to_a_side);
+                let off = below + slot as i32 as f32 - at[0][i];
+                let cells = [at[1][i] + off * family.drift[0], at[2][i] + off * family.drift[1]];
+                let [first, second] = cells.map(floored);
+                let sheet = number.wrapping_add(slot).wrapping_add(family.salt);
+                let bits = pcg3d([first.1, second.1, sheet]);
                 // Distance along the elevational axis over Y.
                 let y = off * (family.pitch_mm * block.per_reach_mm);
                 let bell = at_least(1.0 - y * y, 0.0);
-                let weight = bell * bell;
-                let first = first0[i] + first_step[i] * range_mm + off * family.drift[0];
-                let second = second0[i] + second_step[i] * range_mm + off * family.drift[1];
-                let cell = [floor(first), floor(second)];
-                let bits = pcg3d([cell[0] as u32, cell[1] as u32, (sheet as u32).wrapping_add(family.salt)]);
-                let ahead = [cell[0] as f32 + offset(bits[1], 0) - first, cell[1] as f32 + offset(bits[1], 10) - second];
-                let ahead_mm = ahead[0] * first_mm[i] + ahead[1] * second_mm[i];
-                let echo = self.scatterer(bits, range_mm + ahead_mm, &block.strength, i);
-                echoes[0][i] += weight * echo[0];
-                echoes[1][i] += weight * echo[1];
-                squares[i] += weight * weight;
+                met.weight[i] = bell * bell;
+                met.ahead[0][i] = first.0 - cells[0];
+                met.ahead[1][i] = second.0 - cells[1];
+                met.bits[0][i] = bits[0];
+                met.bits[1][i] = bits[1];
+                met.bits[2][i] = bits[2];
+            }
+        }
+        for met in &mut met {
+            for i in 0..BLOCK {
+                let place = met.bits[1][i];
+                let along = [met.ahead[0][i] + offset(place, 0), met.ahead[1][i] + offset(place, 10)];
+                let ahead_mm = along[0] * first_mm[i] + along[1] * second_mm[i];
+                met.range_mm[i] = block.ranges_mm[i] + ahead_mm;
+            }
+        }
+        let (mut echoes, mut squares) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
+        for met in &met {
+            for i in 0..BLOCK {
+                let bits = [met.bits[0][i], met.bits[1][i], met.bits[2][i]];
+                let echo = self.scatterer(bits, met.range_mm[i], &block.strength, i);
+                echoes[0][i] += met.weight[i] * echo[0];
+                echoes[1][i] += met.weight[i] * echo[1];
+                squares[i] += met.weight[i] * met.weight[i];
             }
         }
         for i in 0..BLOCK {
@@ -199,9 +234,9 @@ impl Speckle {
         let [mean, deviation] = [strength.amplitude[0][i], strength.amplitude[1][i]];
         let deviate = deviate(amplitude);
         let part = [mean + deviation * deviate[0], deviation * deviate[1]];
-        let there = real(presence >> 15) < strength.density[i];
-        let echo = [part[0] * turn[0] - part[1] * turn[1], part[0] * turn[1] + part[1] * turn[0]];
-        echo.map(|part| if there { part } else { 0.0 })
+        let there = if real(presence >> 15) < strength.density[i] { 1.0 } else { 0.0 };
+        let part = [there * part[0], there * part[1]];
+        [part[0] * turn[0] - part[1] * turn[1], part[0] * turn[1] + part[1] * turn[0]]
     }
 }
 
@@ -215,8 +250,9 @@ fn offset(bits: u32, shift: u32) -> f32 {
 #[inline(always)]
 fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
-    let sums = [pairs.wrapping_add(pairs >> 8), (pairs >> 16).wrapping_add(pairs >> 24)];
-    sums.map(|sum| (real(sum & 255) - 30.0) * DEVIATE_SCALE)
+    // No sum of four reaches the next byte.
+    let sums = pairs.wrapping_add(pairs >> 8);
+    [sums, sums >> 16].map(|sum| (real(sum & 255) - 30.0) * DEVIATE_SCALE)
 }
 
 #[inline(always)]
