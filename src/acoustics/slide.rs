@@ -162,7 +162,10 @@ mod tests {
             let lens = Lens { frequency_mhz, height_mm: 12.0, focus_mm: 70.0 };
             let found = lens.slide_correlation(gaussian_weight, &[depth], &slides).remove(0);
             for ((slide, want), found) in slides.iter().zip(want).zip(found) {
-                assert!((found - want).abs() < 0.01, "{frequency_mhz} MHz, {depth} mm, {slide} mm: {found}, not {want}");
+                assert!(
+                    (found - want).abs() < 0.01,
+                    "{frequency_mhz} MHz, {depth} mm, {slide} mm: {found}, not {want}"
+                );
             }
         }
     }
@@ -173,7 +176,9 @@ mod tests {
             for height_mm in [0.5, 12.0, 100.0] {
                 for focus_mm in [1.0, 70.0, 1000.0] {
                     let lens = Lens { frequency_mhz, height_mm, focus_mm };
-                    for row in lens.slide_correlation(gaussian_weight, &[0.0, 30.0, 500.0], &[0.0, 0.3 * lens.scale_mm()]) {
+                    for row in
+                        lens.slide_correlation(gaussian_weight, &[0.0, 30.0, 500.0], &[0.0, 0.3 * lens.scale_mm()])
+                    {
                         assert!((row[0] - 1.0).abs() < 1e-9 && row[1].is_finite() && row[1] <= 1.0, "{lens:?} {row:?}");
                     }
                 }

@@ -135,7 +135,7 @@ fn tilts_and_turns_change_speckle_by_the_way_of_each_place() {
     let mut rig = rig(8.0, small(1, 1));
     let slices = slices();
     for (angle_deg, depth) in [(0.1, 1), (0.2, 1), (0.4, 1), (0.2, 2), (0.5, 0)] {
-        let about = |axis: DVec3| {
+        let mut about = |axis: DVec3| {
             let turn = DQuat::from_axis_angle(axis, f64::to_radians(angle_deg));
             let alike = slices.iter().map(|slice| {
                 let turned = Pose { orientation: slice.orientation * turn, ..*slice };
@@ -144,7 +144,8 @@ fn tilts_and_turns_change_speckle_by_the_way_of_each_place() {
             alike.collect::<Vec<_>>().iter().sum::<f64>() / slices.len() as f64
         };
         // About the lateral axis of the face every place at a depth moves alike.
-        let (found, theory) = (about(DVec3::X), truth(8.0, DEPTHS_MM[depth], DEPTHS_MM[depth] * angle_deg.to_radians()));
+        let (found, theory) =
+            (about(DVec3::X), truth(8.0, DEPTHS_MM[depth], DEPTHS_MM[depth] * angle_deg.to_radians()));
         println!("tilt by {angle_deg}° at {} mm: {found:.3}, theory {theory:.3}", DEPTHS_MM[depth]);
         assert!((found - theory).abs() < 0.05, "{found} {theory}");
     }

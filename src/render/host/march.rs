@@ -160,14 +160,7 @@ fn echo(
 /// Adds a path's power, times `weight`, in a run of blocks: the scatterers' squared mean, their squared deviation, and both
 /// times their density.
 #[inline(always)]
-fn accumulate_power(
-    params: &Params,
-    paths: &Paths<'_>,
-    path: u32,
-    weight: f32,
-    first: u32,
-    power: &mut [[Lanes; 3]],
-) {
+fn accumulate_power(params: &Params, paths: &Paths<'_>, path: u32, weight: f32, first: u32, power: &mut [[Lanes; 3]]) {
     let last = first.wrapping_add((power.len() * BLOCK) as u32);
     let mut sample = first;
     while sample < last {

@@ -159,7 +159,8 @@ impl Speckle {
             let cell = here.map(|x| floor(x * per_mm));
             let bits = pcg3d(cell.map(|c| c as u32));
             // Place of the scatterer in its cell: three times ten bits.
-            let ahead = |axis: usize| (cell[axis] as f32 + offset(bits[1], 10 * axis as u32)) * self.cell_mm - here[axis];
+            let ahead =
+                |axis: usize| (cell[axis] as f32 + offset(bits[1], 10 * axis as u32)) * self.cell_mm - here[axis];
             let along = ahead(0) * dx[i] + ahead(1) * dy[i] + ahead(2) * dz[i];
             let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
             let echo = self.scatterer(bits, range_mm + ahead_mm, &block.strength, i);

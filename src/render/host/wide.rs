@@ -47,12 +47,6 @@ pub(super) fn has_avx512() -> bool {
 /// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
 const TO_INTEGER: f32 = 12_582_912.0;
 
-/// The nearest integer, half to even, of a number below 2²² in magnitude.
-#[inline(always)]
-pub(super) fn round(x: f32) -> f32 {
-    (x + TO_INTEGER) - TO_INTEGER
-}
-
 /// The nearest integer, half to even, of a number in 0..2²², in the lowest 22 bits; higher bits are also set.
 #[inline(always)]
 pub(super) fn nearest_bits(x: f32) -> u32 {
@@ -149,7 +143,7 @@ pub(super) fn exp(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// e^(i2π·turns), to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
+/// e^(i2π·turns) for fewer than 2²¹ turns, to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
 #[inline(always)]
 #[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]
 pub(super) fn phasor(turns: f32) -> [f32; 2] {
@@ -198,7 +192,7 @@ mod tests {
     fn integers_are_those_of_the_standard_library() {
         for i in -400_000..400_000 {
             let x = i as f32 * 0.0371;
-            assert_eq!((floor(x), round(x)), (x.floor() as i32, x.round_ties_even()), "{x}");
+            assert_eq!(floor(x), x.floor() as i32, "{x}");
             let (number, bits) = floored(x);
             assert!(number == x.floor() || number + 1.0 == x, "{x}");
             assert_eq!(number, bits as i32 as f32);

@@ -41,8 +41,7 @@ fn sample_of(inputs: &Inputs, paths: &[Path], line: usize, sample: usize) -> DVe
     if power.x + power.y == 0.0 {
         return DVec2::ZERO;
     }
-    let strength =
-        Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
+    let strength = Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
     // The only path of a scanline is its own guide.
     let guide = segment_of(if inputs.guides == 0 { line } else { inputs.sounding() + line });
     let place = Place { here_mm: guide.scatterer_mm(range_mm), step: guide.step, range_mm };
