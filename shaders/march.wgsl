@@ -110,8 +110,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let block = first >> BLOCK_SHIFT;
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
     let reach = sheet_reach[block >> 2u][block & 3u];
-    // One guide places the scatterers of all paths of a scanline; a single path is its own guide. Samples restart here, so
-    // the current segment is reset.
+    // One guide places the scatterers of all paths of a scanline; a single path is its own guide. Samples restart here,
+    // so the current segment is reset.
     let guide = select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
     path = 0xffffffffu;
     for (var pair = 0u; pair < RUN / 2u; pair++) {

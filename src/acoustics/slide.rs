@@ -1,7 +1,7 @@
 //! Speckle after a slide of the probe across its slice, by diffraction of the elevational lens.
 //!
-//! The lens is a cylinder focused at one depth on both ways, so its two-way field across the slice is p = b², where b is
-//! its one-way field. Scatterers without correlation give lines whose complex correlation after a slide by d is
+//! The lens is a cylinder focused at one depth on both ways, so its two-way field across the slice is p = b², where b
+//! is its one-way field. Scatterers without correlation give lines whose complex correlation after a slide by d is
 //! ρ(d) = |∫p(y)·p*(y + d)dy| / ∫|p|²dy: the Fourier transform of the power spectrum of p.
 
 use std::f64::consts::{PI, TAU};
@@ -46,11 +46,11 @@ impl Lens {
         cone + 4.0 * depth_mm * wavelength_mm(self.frequency_mhz) / self.height_mm
     }
 
-    /// Correlation of speckle for each depth (outer) and slide (inner), mm. `weight` is the lens's apodization at a place
-    /// of -½..½ of its height.
+    /// Correlation of speckle for each depth (outer) and slide (inner), mm. `weight` is the lens's apodization at a
+    /// place of −½..½ of its height.
     ///
-    /// The field is a sum of plane waves. Beams too wide for [`WAVES_MAX`] of them are taken at a nearer depth: far from
-    /// the focus the correlation no longer depends on depth.
+    /// The field is a sum of plane waves, [`WAVES_MAX`] at most. Beams too wide for them are taken at a nearer depth:
+    /// far from the focus the correlation no longer depends on depth.
     pub fn slide_correlation(
         &self,
         weight: impl Fn(f64) -> f64,

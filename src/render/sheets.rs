@@ -1,9 +1,9 @@
 //! Sheets of scatterers, which make speckle change gradually across the slice.
 //!
-//! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with one scatterer per square cell
-//! of [`CELL_MM`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within ±Y, each
-//! weighted by (1 − (y/Y)²)² and divided by the root of the weights' squared sum. A slide along ŷ moves no such point on
-//! its sheet, it only changes the weights: their autocorrelation is that of the speckle. Y is fitted to theory.
+//! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with one scatterer per square
+//! cell of [`CELL_MM`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within
+//! ±Y, each weighted by (1 − (y/Y)²)² and divided by the root of the weights' squared sum. A slide along ŷ moves no such
+//! point on its sheet, it only changes the weights: their autocorrelation is that of the speckle. Y is fitted to theory.
 //!
 //! Six families lie on the axes of an icosahedron, so that one of them is within 37.4° of any slice. A frame takes the
 //! nearest; close to the border of two or three of them, it blends.

@@ -1,5 +1,5 @@
-//! Speckle across the slice: slides that hardly move, turns through a whole circle, slices along the sheets, lenses of any
-//! shape, and places far from the scene's centre.
+//! Speckle across the slice: slides that hardly move, turns through a whole circle, slices along the sheets, lenses of
+//! any shape, and places far from the scene's centre.
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::{Scene, analytic};

@@ -157,8 +157,8 @@ fn echo(
     speckle.echo(&block, |view| places(params, paths, guide, first, |segment| view.of(segment)), sums);
 }
 
-/// Adds a path's power, times `weight`, in a run of blocks: the scatterers' squared mean, their squared deviation, and both
-/// times their density.
+/// Adds a path's power, times `weight`, in a run of blocks: the scatterers' squared mean, their squared deviation, and
+/// both times their density.
 #[inline(always)]
 fn accumulate_power(params: &Params, paths: &Paths<'_>, path: u32, weight: f32, first: u32, power: &mut [[Lanes; 3]]) {
     let last = first.wrapping_add((power.len() * BLOCK) as u32);

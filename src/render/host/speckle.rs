@@ -84,6 +84,7 @@ struct Met {
     weight: Lanes,
     /// From the sample to the cell's corner, cells.
     ahead: [Lanes; 2],
+    /// Random words of the cell.
     bits: [[u32; BLOCK]; 3],
     /// Range of the scatterer, mm.
     range_mm: Lanes,
@@ -171,7 +172,7 @@ impl Speckle {
 
     /// Adds the echoes where the samples' elevational lines meet the sheets of a family.
     ///
-    /// Short loops, so that the processor works on several lanes at once.
+    /// Short loops: their iterations overlap in the processor, a loop of the whole look-up would wait for each.
     #[inline(always)]
     fn sheets(&self, family: &Family, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
         let [across0, across_step, first0, first_step, second0, second_step, first_mm, second_mm] = places;

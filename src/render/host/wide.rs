@@ -61,8 +61,8 @@ pub(super) fn floor(x: f32) -> i32 {
     nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
 }
 
-/// The greatest integer not above a number below 2²² in magnitude, as a number and in 32 bits. An integer may give the one
-/// below it.
+/// The greatest integer not above a number below 2²² in magnitude, as a number and in 32 bits. An integer may give the
+/// one below it.
 #[inline(always)]
 pub(super) fn floored(x: f32) -> (f32, u32) {
     let shifted = (x - 0.5) + TO_INTEGER;

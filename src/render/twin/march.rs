@@ -10,9 +10,10 @@ use crate::render::constants::LN_SPECKLE_SILENT;
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
-/// A sample takes the scatterers at its range on the scanline's guide, for all rays of the scanline: with scatterers per
-/// ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density of the media,
-/// weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers as with many.
+/// A sample takes the scatterers at its range on the scanline's guide, for all rays of the scanline: with scatterers
+/// per ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density of the
+/// media, weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers as with
+/// many.
 pub fn march(inputs: &Inputs, paths: &[Path]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
