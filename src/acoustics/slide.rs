@@ -49,7 +49,7 @@ impl Lens {
     /// Correlation of speckle for each depth (outer) and slide (inner), mm. `weight` is the lens's apodization at a
     /// place of −½..½ of its height.
     ///
-    /// The field is a sum of plane waves, [`WAVES_MAX`] at most. Beams too wide for them are taken at a nearer depth:
+    /// The field is a sum of at most 256 plane waves. Beams too wide for them are taken at a nearer depth:
     /// far from the focus the correlation no longer depends on depth.
     pub fn slide_correlation(
         &self,
