@@ -149,7 +149,8 @@ fn tilts_and_turns_change_speckle_by_the_way_of_each_place() {
         println!("tilt by {angle_deg}° at {} mm: {found:.3}, theory {theory:.3}", DEPTHS_MM[depth]);
         assert!((found - theory).abs() < 0.05, "{found} {theory}");
     }
-    for angle_deg in [0.5, 1.0, 2.0] {
+    // A turned elevational line meets the sheets up to 1 mm aside at other places of their cells, which theory lacks.
+    for (angle_deg, within) in [(0.5, 0.03), (1.0, 0.05), (2.0, 0.1)] {
         let turn = DQuat::from_rotation_z(f64::to_radians(angle_deg));
         let found = slices.iter().map(|slice| {
             let turned = Pose { orientation: slice.orientation * turn, ..*slice };
@@ -159,7 +160,7 @@ fn tilts_and_turns_change_speckle_by_the_way_of_each_place() {
         let ways = (0..128).map(|i| truth(8.0, 70.0, 0.3 * (f64::from(i) - 63.5).abs() * angle_deg.to_radians()));
         let theory = ways.sum::<f64>() / 128.0;
         println!("turn by {angle_deg}°: {found:.3}, theory {theory:.3}");
-        assert!((found - theory).abs() < 0.07, "{found} {theory}");
+        assert!((found - theory).abs() < within, "{found} {theory}");
     }
 }
 
