@@ -149,8 +149,12 @@ fn echo(
     }
     let of_block = |table: &[f32]| table.get(block).copied().unwrap_or(0.0);
     let first = (block * BLOCK) as u32;
+    let mut ranges_mm = [0.0; BLOCK];
+    for (i, range) in ranges_mm.iter_mut().enumerate() {
+        *range = range_mm(params, first.wrapping_add(i as u32));
+    }
     let block = Block {
-        ranges_mm: std::array::from_fn(|i| range_mm(params, first.wrapping_add(i as u32))),
+        ranges_mm,
         per_reach_mm: of_block(scatterers.per_reach_mm),
         strength: Strength::new(power, UNSCALED * of_block(scatterers.gain)),
     };
@@ -230,10 +234,13 @@ fn places(
     of: impl Fn(&[f32; SEGMENT]) -> [f32; PLACE],
 ) -> [Lanes; PLACE] {
     let (end_mm, segment) = seek(params, paths, path, first);
-    if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
-        return of(segment).map(|place| [place; BLOCK]);
-    }
     let mut lanes = [[0.0; BLOCK]; PLACE];
+    if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
+        for (lane, place) in lanes.iter_mut().zip(of(segment)) {
+            *lane = [place; BLOCK];
+        }
+        return lanes;
+    }
     for pair in 0..BLOCK / 2 {
         let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
         for (lane, place) in lanes.iter_mut().zip(of(segment)) {

@@ -27,11 +27,14 @@ impl Strength {
     /// The strength of scatterers with the given squared mean, squared deviation, and density times both, after `gain`.
     #[inline(always)]
     pub(super) fn new([mean2, deviation2, dense]: &[Lanes; 3], gain: f32) -> Self {
-        let mut density = [0.0; BLOCK];
+        let (mut amplitude, mut density) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
+        // Loops: `map` of an array is a call, compiled for any processor.
         for i in 0..BLOCK {
+            amplitude[0][i] = gain * mean2[i].sqrt();
+            amplitude[1][i] = gain * deviation2[i].sqrt();
             density[i] = DENSITY_ONE * dense[i] / at_least(mean2[i] + deviation2[i], LEAST_POWER);
         }
-        Self { amplitude: [mean2, deviation2].map(|lanes| lanes.map(|power| gain * power.sqrt())), density }
+        Self { amplitude, density }
     }
 }
 
