@@ -170,7 +170,7 @@ mod tests {
                 for (slide, rho) in slides.into_iter().zip(theory) {
                     let off = weights_correlation(slide * per_reach_mm) - rho;
                     println!("{frequency_mhz} MHz, {depth} mm, {slide} mm: {off:+.3}");
-                    assert!(off.abs() < 0.04, "{frequency_mhz} MHz, {depth} mm, {slide} mm: {off}");
+                    assert!(off.abs() < 0.045, "{frequency_mhz} MHz, {depth} mm, {slide} mm: {off}");
                 }
             }
         }
