@@ -13,9 +13,13 @@
 // Read if APERTURE.
 @group(0) @binding(7) var<uniform> aperture: Aperture;
 @group(0) @binding(8) var<storage, read> line_gains: array<vec4<f32>>;
+// 1/Y of the sheets of scatterers, one for each block.
+@group(0) @binding(9) var<uniform> sheet_reach: array<vec4<f32>, BLOCK_QUADS>;
 
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
+// Speckle that changes gradually across the slice.
+override ELEVATIONAL_SPECKLE: bool;
 
 // Samples per thread.
 const RUN: u32 = 8u;
@@ -51,28 +55,11 @@ fn seek(chosen: u32, sample: u32, range_mm: f32) {
     }
 }
 
-// The lattice cell of a sample on the current path.
-struct Met {
-    // The cell holds a scatterer in media whose density is above this.
-    presence: u32,
-    bits: u32,
-    turn: vec2<f32>,
-}
-
-fn meet(range_mm: f32) -> Met {
-    let here = s0.xyz + s1.xyz * range_mm;
-    let cell = lattice_cell(here);
-    let bits = lattice_hash(cell);
-    // The scatterer's own range sets the phase, whichever sample finds its cell.
-    let ahead_mm = dot(scatterer_position(cell, bits.y) - here, s1.xyz) / max(dot(s1.xyz, s1.xyz), 1.0e-12);
-    return Met(bits.x >> 15u, bits.z, phasor(-params.phase_turns_per_mm * (range_mm + ahead_mm)));
-}
-
-// Power of the current segment's scatterers: mean, deviation, and both times the density.
+// Power of the current segment's scatterers: mean, deviation, and both times the density as a part of 1.
 fn scatterer_power() -> vec3<f32> {
-    let density = bitcast<u32>(s2.z) & TAG_DENSITY;
+    let density = f32(i32(bitcast<u32>(s2.z) & TAG_DENSITY)) * (1.0 / DENSITY_ONE);
     let power = s2.xy * s2.xy;
-    return select(vec3<f32>(0.0), vec3<f32>(power, (power.x + power.y) * f32(i32(density))), density > 0u);
+    return select(vec3<f32>(0.0), vec3<f32>(power, (power.x + power.y) * density), density > 0.0);
 }
 
 // Power of an amplitude, scaled.
@@ -86,13 +73,16 @@ fn own_power(range_mm: f32) -> f32 {
     return select(0.0, scaled_power(ln_amplitude), ln_amplitude > LN_SPECKLE_SILENT);
 }
 
-fn echo(met: Met, power: vec3<f32>) -> vec2<f32> {
+// Echo of the scatterers of a power at a range on the current path.
+fn echo_at(range_mm: f32, power: vec3<f32>, gain: f32, per_reach_mm: f32) -> vec2<f32> {
+    let place = Place(s0.xyz + s1.xyz * range_mm, s1.xyz, range_mm);
     // Where media meet, their densities are averaged by power.
-    let density = power.z / max(power.x + power.y, MIN_POSITIVE);
-    let strength = select(vec2<f32>(0.0), sqrt(power.xy), f32(i32(met.presence)) + 0.5 < density);
-    let amplitude = vec2<f32>(strength.x, 0.0) + strength.y * scatterer_deviate(met.bits);
-    return vec2<f32>(
-        amplitude.x * met.turn.x - amplitude.y * met.turn.y, amplitude.x * met.turn.y + amplitude.y * met.turn.x);
+    let density = DENSITY_ONE * power.z / max(power.x + power.y, LEAST_POWER);
+    let strength = Strength(gain * sqrt(power.x), gain * sqrt(power.y), density);
+    if ELEVATIONAL_SPECKLE {
+        return sheets_echo(place, strength, per_reach_mm);
+    }
+    return lattice_echo(place, strength);
 }
 
 fn range_of(sample: u32) -> f32 {
@@ -113,19 +103,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
     let guide = guide_of(line);
-    var met: array<Met, RUN>;
     // Scaled power of the aperture's gain, and that of the guide's scatterers.
     var seen: array<f32, RUN>;
     var guided: array<vec3<f32>, RUN / 2u>;
-    for (var i = 0u; i < RUN; i++) {
+    for (var i = 0u; APERTURE && i < RUN; i++) {
         let range_mm = range_of(first + i);
         // Two samples share a segment: that of the first.
         seek(guide, first + (i & ~1u), range_of(first + (i & ~1u)));
-        met[i] = meet(range_mm);
-        if APERTURE {
-            guided[i >> 1u] = scatterer_power();
-            seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (s1.w * range_mm - s2.w)));
-        }
+        guided[i >> 1u] = scatterer_power();
+        seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (s1.w * range_mm - s2.w)));
     }
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
@@ -155,6 +141,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let block = first >> BLOCK_SHIFT;
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
+    let reach = sheet_reach[block >> 2u][block & 3u];
+    // Samples restart once more.
+    path = 0xffffffffu;
     for (var i = 0u; i < RUN; i += 2u) {
         var sums = array<vec3<f32>, 2>(power[i], power[i + 1u]);
         if !begins {
@@ -163,7 +152,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         var echoed = vec4<f32>(0.0);
         if ends {
-            echoed = gain * vec4<f32>(echo(met[i], sums[0]), echo(met[i + 1u], sums[1]));
+            let range_mm = range_of(first + i);
+            seek(guide, first + i, range_mm);
+            echoed = vec4<f32>(
+                echo_at(range_mm, sums[0], gain, reach), echo_at(range_of(first + i + 1u), sums[1], gain, reach));
         } else {
             powers[out + i] = vec4<f32>(sums[0], 0.0);
             powers[out + i + 1u] = vec4<f32>(sums[1], 0.0);

@@ -1,3 +1,18 @@
+// A family of sheets of scatterers: see src/render/sheets.rs.
+struct SheetFamily {
+    // Normal of the sheets; distance along the elevational axis per mm along the normal.
+    normal: vec4<f32>,
+    // Axes of the sheets' cells; way along each per mm along the normal, on an elevational line.
+    first: vec4<f32>,
+    second: vec4<f32>,
+    // Part of its amplitude in the sum.
+    share: f32,
+    // Added to the number of each sheet.
+    salt: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
 // Uniforms of every pass: `Params` of src/render/params.rs, field by field.
 struct Params {
     // Columns of scene_from_probe; w holds the translation's x, y, z relative to the tree's centre, mm.
@@ -39,6 +54,10 @@ struct Params {
     layers: u32,
     // Guide paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
     guides: u32,
+    // Number of `sheets`, and the distance between the sheets of one.
+    sheet_families: u32,
+    sheet_spacing_mm: f32,
+    sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,
 }

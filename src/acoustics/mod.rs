@@ -5,6 +5,7 @@ pub mod beam;
 pub mod decibel;
 pub mod interface;
 pub mod pulse;
+pub mod slide;
 
 /// Speed of sound that a scanner assumes when it turns time into depth, m/s.
 pub const ASSUMED_SPEED_M_S: f64 = 1540.0;

@@ -39,6 +39,16 @@ pub(crate) const BEYOND_MM: f64 = 3.0e38;
 
 /// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
+/// Sheets of scatterers across the slice that reach a sample, at most.
+pub(crate) const SHEETS: u32 = 3;
+/// Families of sheets that reach a frame, at most.
+pub(crate) const SHEET_FAMILIES: u32 = 3;
+/// Factor of the family's number in the hash of a sheet.
+pub(crate) const FAMILY_SALT: u32 = 100_003;
+/// Packed density of 1: it is compared with 17 random bits.
+pub(crate) const DENSITY_ONE: f64 = 131_072.0;
+/// Least sum of scaled powers that is divided by.
+pub(crate) const LEAST_POWER: f64 = 1.5e-38;
 /// Offset of the lattice that spreads echoes, mm. Without it, planes at round coordinates would be on cell faces, and
 /// rounding would choose the cell.
 pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;
@@ -91,8 +101,6 @@ pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
 pub(crate) const TRANSMISSION_MIN: f64 = 1.0e-20;
 /// Most cells along the face of the aperture's grid.
 pub(crate) const CELLS_MAX: u32 = 2048;
-/// Least normal number, as a divisor.
-pub(crate) const MIN_POSITIVE: f64 = 1.175494351e-38;
 /// Part of the sector's area that is brighter than the attenuation's percentile, and the steps of its bisection.
 pub(crate) const BRIGHTEST_PART: f64 = 0.02;
 pub(crate) const PERCENTILE_STEPS: u32 = 30;

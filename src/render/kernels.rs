@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PULSE_PAD};
 use super::lateral_beam::LateralBeam;
+use super::sheets::Sheets;
 use crate::settings::RenderSettings;
 use crate::transducer::Probe;
 
@@ -69,11 +70,14 @@ pub(crate) struct Kernels {
 
 impl Kernels {
     /// Kernels within the settings' caps. Only kernels cut by the limits of passes count as clipped: caps are intended.
-    pub(crate) fn new(probe: &Probe, settings: &RenderSettings) -> Self {
+    pub(crate) fn new(probe: &Probe, settings: &RenderSettings, sheets: Option<&Sheets>) -> Self {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
         let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max));
         let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
-        let axial_gain = axial_speckle_gain(&pulse, probe.sample_spacing_mm());
+        let axial_gain = match sheets {
+            Some(sheets) => axial_speckle_gain(&pulse, probe.sample_spacing_mm(), sheets.shared()),
+            None => axial_speckle_gain(&pulse, probe.sample_spacing_mm(), shared_cells),
+        };
         let width = 2 * lateral_half as usize + 1;
         let scatterer_gain = kernels
             .chunks_exact(width)
@@ -159,26 +163,9 @@ fn padded(pulse: &[f64]) -> Vec<f32> {
     zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
 }
 
-/// Power of unit scatterers after the pulse. Samples in one lattice cell have the same scatterer and add in amplitude.
-/// The chance that two points of a ray share a cell is averaged over all directions.
-fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
-    const STEPS: i32 = 24;
-    let shared = |distance: f64| {
-        let mut sum = 0.0;
-        for i in 0..STEPS {
-            for j in 0..STEPS {
-                // Directions spread evenly over one octant of the sphere.
-                let z = (f64::from(i) + 0.5) / f64::from(STEPS);
-                let angle = (f64::from(j) + 0.5) / f64::from(STEPS) * std::f64::consts::FRAC_PI_2;
-                let radius = (1.0 - z * z).sqrt();
-                sum += [radius * angle.cos(), radius * angle.sin(), z]
-                    .iter()
-                    .map(|n| (1.0 - distance * n / CELL_MM).max(0.0))
-                    .product::<f64>();
-            }
-        }
-        sum / f64::from(STEPS * STEPS)
-    };
+/// Power of unit scatterers after the pulse. Samples that share a scatterer add in amplitude; `shared` is the mean
+/// correlation of two points of a ray at a distance.
+fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64, shared: impl Fn(f64) -> f64) -> f64 {
     let chances: Vec<f64> = (0..pulse.len()).map(|lag| shared(lag as f64 * spacing_mm)).collect();
     let mut power = 0.0;
     for (i, a) in pulse.iter().enumerate() {
@@ -189,12 +176,31 @@ fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64) -> f64 {
     power
 }
 
+/// The chance that two points of a ray share a cell of the lattice, averaged over all directions.
+fn shared_cells(distance_mm: f64) -> f64 {
+    const STEPS: i32 = 24;
+    let mut sum = 0.0;
+    for i in 0..STEPS {
+        for j in 0..STEPS {
+            // Directions spread evenly over one octant of the sphere.
+            let z = (f64::from(i) + 0.5) / f64::from(STEPS);
+            let angle = (f64::from(j) + 0.5) / f64::from(STEPS) * std::f64::consts::FRAC_PI_2;
+            let radius = (1.0 - z * z).sqrt();
+            sum += [radius * angle.cos(), radius * angle.sin(), z]
+                .iter()
+                .map(|n| (1.0 - distance_mm * n / CELL_MM).max(0.0))
+                .product::<f64>();
+        }
+    }
+    sum / f64::from(STEPS * STEPS)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn new(probe: &Probe) -> Kernels {
-        Kernels::new(probe, &RenderSettings::default())
+        Kernels::new(probe, &RenderSettings::default(), None)
     }
 
     #[test]
@@ -235,7 +241,7 @@ mod tests {
         let whole = new(&probe);
         for taps in [3, 4, 5] {
             let capped = RenderSettings { beam_taps_max: taps, pulse_taps_max: taps, ..RenderSettings::default() };
-            let cut = Kernels::new(&probe, &capped);
+            let cut = Kernels::new(&probe, &capped, None);
             let half = (taps - 1) / 2;
             assert_eq!((cut.lateral_half, cut.axial_half), (half, half));
             assert_eq!(cut.clipped, []);

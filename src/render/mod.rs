@@ -22,6 +22,7 @@ mod params;
 pub mod plan;
 mod preset;
 mod renderer;
+mod sheets;
 mod snapshot;
 mod tables;
 pub mod twin;

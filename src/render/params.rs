@@ -3,7 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
-use super::constants::{CELLS_OF_A_BEAM, HINT_BLOCK, ROW_ALIGN};
+use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, ROW_ALIGN, SHEET_FAMILIES};
+use super::sheets::Family;
 use super::tables::Tables;
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
@@ -17,8 +18,43 @@ const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
 /// Vectors of four that hold the image settings.
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
-// WGSL aligns the vectors of `image` to 16 bytes.
+// WGSL aligns vectors to 16 bytes. A field before `sheets` needs others, or padding, to a multiple of that.
+const _: () = assert!(std::mem::offset_of!(Params, sheets) % 16 == 0);
 const _: () = assert!(std::mem::offset_of!(Params, image) % 16 == 0);
+
+/// A family of sheets of scatterers: `SheetFamily` of `shaders/shared/params.wgsl`.
+#[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(crate) struct SheetFamily {
+    /// Normal of the sheets; distance along the elevational axis per mm along the normal.
+    pub(crate) normal: [f32; 4],
+    /// Axes of the sheets' cells; way along each per mm along the normal, on an elevational line.
+    pub(crate) first: [f32; 4],
+    pub(crate) second: [f32; 4],
+    /// Part of its amplitude in the sum.
+    pub(crate) share: f32,
+    /// Added to the number of each sheet.
+    pub(crate) salt: u32,
+    pub(crate) padding: [u32; 2],
+}
+
+impl SheetFamily {
+    /// A family as a slice with an elevational axis sees it.
+    fn new(family: &Family, elevational: DVec3) -> Self {
+        let Family { number, axes, share } = *family;
+        let along = axes.x_axis.dot(elevational);
+        let vector = |v: DVec3, w: f64| v.as_vec3().extend(w as f32).to_array();
+        let in_sheet = |axis: DVec3| vector(axis, axis.dot(elevational) / along);
+        Self {
+            normal: vector(axes.x_axis, 1.0 / along.abs()),
+            first: in_sheet(axes.y_axis),
+            second: in_sheet(axes.z_axis),
+            share: share as f32,
+            salt: FAMILY_SALT * (number + 1),
+            padding: [0; 2],
+        }
+    }
+}
 
 /// Uniforms of one dispatch.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
@@ -53,8 +89,10 @@ pub(crate) struct Params {
     pub(crate) reflections_max: u32,
     pub(crate) layers: u32,
     pub(crate) guides: u32,
-    /// Zeros: `image` begins at a multiple of 16 bytes, as in WGSL. A new field replaces one of these words.
-    pub(crate) padding: [u32; 2],
+    /// Number of `sheets`, and the distance between the sheets of one, mm; 0 without speckle across the slice.
+    pub(crate) sheet_families: u32,
+    pub(crate) sheet_spacing_mm: f32,
+    pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
     pub(crate) tail: [u32; TAIL],
@@ -107,7 +145,9 @@ impl Params {
             reflections_max: settings.reflections_max,
             layers: settings.quality.layers,
             guides: if guided { probe.scanlines } else { 0 },
-            padding: [0; 2],
+            sheet_families: 0,
+            sheet_spacing_mm: tables.sheets.as_ref().map_or(0.0, |sheets| sheets.spacing_mm as f32),
+            sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
         }
@@ -160,6 +200,15 @@ impl Params {
         self.lateral = column(DVec3::X, origin.x);
         self.elevational = column(DVec3::Y, origin.y);
         self.axial = column(DVec3::Z, origin.z);
+        let mut families = 0;
+        if self.sheet_spacing_mm > 0.0 {
+            let elevational = pose.transform_vector(DVec3::Y);
+            for (slot, family) in self.sheets.iter_mut().zip(super::sheets::families(elevational)) {
+                *slot = SheetFamily::new(&family, elevational);
+                families += 1;
+            }
+        }
+        self.sheet_families = families;
         // Reaches from any point of the face back through the whole scene.
         let face = probe.half_extent().max(1.0) * probe.face_radius_mm().unwrap_or(1.0).max(1.0);
         self.reach_mm = (origin.length() + 2.0 * bvh.radius_mm + face + probe.elevational_height_mm) as f32;

@@ -6,9 +6,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::aperture::ApertureTables;
-use super::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
+use super::constants::{ACROSS_BITS, DENSITY_ONE, OUTSIDE, TILE_ROWS};
 use super::elevation::elevations;
 use super::kernels::Kernels;
+use super::sheets::Sheets;
 use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
@@ -21,8 +22,6 @@ const TILE_WORDS: u32 = 4;
 /// Least number of map steps over the depth, even with few pixels: at an oblique boundary, the error of Σμ is a
 /// fraction of the distance between map rays.
 const MAP_STEPS_MIN: f64 = 1000.0;
-/// Packed density of 1: the shaders compare it with 17 random bits.
-const DENSITY_ONE: f64 = 131072.0;
 
 /// `Tissue` of `shaders/shared/tissue.wgsl`.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
@@ -87,6 +86,8 @@ pub(crate) struct Tables {
     pub(crate) kernels: Kernels,
     /// Tables of the aperture; none if its effect is off.
     pub(crate) aperture: Option<ApertureTables>,
+    /// Sheets of scatterers; none without the effect.
+    pub(crate) sheets: Option<Sheets>,
     /// Packed place of each pixel [height × 4·row_words].
     pub(crate) pixels: Vec<u32>,
     /// Image indices of the words of four pixels that overlap the sector, tile by tile.
@@ -108,6 +109,7 @@ impl Tables {
         let row_words = settings.image.width.div_ceil(4);
         // Tile by tile: pixels near each other read the same part of the scanlines and of the maps.
         sector_words.sort_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
+        let sheets = effects.has(Effect::ElevationalSpeckle).then(|| Sheets::new(probe));
         Self {
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
@@ -116,8 +118,9 @@ impl Tables {
             map_step_mm,
             elevations: elevations(probe, settings.quality.rays, settings.quality.layers),
             tissues: tissues.iter().map(|t| PackedTissue::new(t, probe, effects)).collect(),
-            kernels: Kernels::new(probe, settings),
+            kernels: Kernels::new(probe, settings, sheets.as_ref()),
             aperture: if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None },
+            sheets,
             pixels,
             sector_words,
             mask: mask.into(),

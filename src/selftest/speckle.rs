@@ -8,7 +8,7 @@ use super::{Check, Family, Rig};
 use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::anatomy::Tissue;
-use crate::render::{Frame, RenderError};
+use crate::render::{Choice, Effect, Frame, RenderError};
 use crate::statistics::slope;
 use crate::transducer::Probe;
 
@@ -29,6 +29,10 @@ const LAGS_ACROSS_MM: (f64, f64) = (4.0, 25.0);
 const LINE_STEP: u32 = 4;
 /// Samples between lags: less than the pulse's length.
 const LAG_STEP: usize = 2;
+
+/// Slides across the slice, mm, and the depths at which their speckle is compared, mm.
+const SLIDES_MM: [f64; 3] = [0.1, 0.4, 1.0];
+const SLIDE_DEPTHS_MM: [f64; 2] = [55.0, 85.0];
 
 /// A lossless block and a lossy one.
 pub(super) struct Speckle {
@@ -124,6 +128,23 @@ impl Family for Speckle {
         // The phase is −turns·z: it increases as the tissue comes nearer.
         let moved_um = 1e3 * im.atan2(re) / (std::f64::consts::TAU * probe.phase_turns_per_mm());
 
+        // The lattice of single cells, which takes the place of sheets if the effect is off.
+        let mut lattice = settings;
+        lattice.effects = lattice.effects.with(Effect::ElevationalSpeckle, Choice::Off);
+        let single = rig.frame(&probe, &lattice, &at(self.plain.x, self.plain.y, 0.0))?.clone();
+
+        let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
+        let between = sample(SLIDE_DEPTHS_MM[0])..sample(SLIDE_DEPTHS_MM[1]);
+        let theory = probe.elevational_lens().slide_correlation(|part| probe.apodization.weight(part), &[70.0], &SLIDES_MM).concat();
+        let mut slid = Vec::new();
+        for (mm, rho) in SLIDES_MM.into_iter().zip(theory) {
+            let frame = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y + mm, 0.0))?;
+            let part = |frame, l| line(&probe, frame, l).get(between.clone()).unwrap_or_default();
+            let alike = correlation((8..probe.scanlines - 8).map(|l| (part(&first, l), part(frame, l))));
+            let name = format!("correlation after a slide of {mm} mm across the slice");
+            slid.push(Check::new("Speckle", name, "", rho, alike, 0.07));
+        }
+
         let lossy = rig.frame(&probe, &settings, &at(self.lossy.x, self.lossy.y, 0.0))?;
         let centre_cm = |band: usize| 0.1 * probe.depth_mm * (band as f64 + 0.5) / BANDS as f64;
         let points: Vec<_> = bands(&probe, lossy, BANDS)
@@ -132,7 +153,7 @@ impl Family for Speckle {
             .map(|(band, values)| (centre_cm(band), db_from_amplitude(mean_square(values.into_iter()).sqrt())))
             .collect();
         let want = -20.0 * attenuation_db_mm(ALPHA, 1.0, probe.frequency_mhz);
-        Ok(vec![
+        let mut checks = vec![
             Check::new("Attenuation", "of speckle, two-way slope", "dB/cm", want, slope(&points).0, 0.02 * want.abs()),
             Check::new("Speckle", "mean over deviation of the envelope", "", RAYLEIGH_SNR, snr, 0.05),
             Check::new("Speckle", "level", "dB", db_from_amplitude(DEVIATION), level, 0.5),
@@ -140,7 +161,11 @@ impl Family for Speckle {
             // lattice is exact integer arithmetic: devices differ only by rounding.
             Check::zero("Speckle", "likeness to itself 3 to 80 mm deeper", likeness_along(&probe, &first), 0.2),
             Check::zero("Speckle", "likeness to itself 4 to 25 mm beside", likeness_across(&probe, &first), 0.2),
+            Check::zero("Speckle", "the same deeper, of single cells", likeness_along(&probe, &single), 0.2),
+            Check::zero("Speckle", "the same beside, of single cells", likeness_across(&probe, &single), 0.2),
             Check::new("Speckle", "nearer by, from its phase", "µm", 1e3 * NEARER_MM, moved_um, 0.5),
-        ])
+        ];
+        checks.extend(slid);
+        Ok(checks)
     }
 }

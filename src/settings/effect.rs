@@ -50,6 +50,8 @@ effects! {
     Aperture = "aperture";
     /// Speckle.
     Scatterers = "scatterers";
+    /// Speckle that changes gradually as the probe slides across its slice.
+    ElevationalSpeckle = "elevational_speckle";
     /// Relative motion of parts, and drift of the whole scene.
     Motion = "motion";
     /// Segmentation and attenuation beside the image; auto: if a sink or a generator reads them.

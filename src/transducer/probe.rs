@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::acoustics::beam::{Beam, Reception};
-use crate::acoustics::{self, pulse};
+use crate::acoustics::{self, pulse, slide};
 use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
@@ -94,6 +94,15 @@ impl Probe {
     /// Sums over the lens: about 0.1 ms.
     pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
         self.elevational_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
+    }
+
+    /// Lens across the slice.
+    pub fn elevational_lens(&self) -> slide::Lens {
+        slide::Lens {
+            frequency_mhz: self.frequency_mhz,
+            height_mm: self.elevational_height_mm,
+            focus_mm: self.elevational_focus_mm,
+        }
     }
 
     /// Turns of baseband phase per mm of depth: 2f/c₀. An echo at depth z carries e^(−i2π·turns·z).

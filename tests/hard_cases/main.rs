@@ -18,5 +18,6 @@ mod poses;
 mod properties;
 mod scale;
 mod sizes;
+mod slices;
 mod surroundings;
 mod triangles;

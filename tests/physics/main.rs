@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 
 mod bench;
+mod elevation;
 mod in_place;
 mod interfaces;
 mod maps;

@@ -33,7 +33,7 @@ fn a_sound_device_passes() {
 /// Damage: its name, the pass, the source text and its replacement, and the group of checks that must fail.
 type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const DAMAGES: [Damage; 19] = [
+const DAMAGES: [Damage; 20] = [
     ("sign of the echoes' phase", "echo", "phasor(-params", "phasor(params", "Time of flight"),
     ("sign of the speckle's phase", "march", "phasor(-params", "phasor(params", "Speckle"),
     (
@@ -90,6 +90,7 @@ const DAMAGES: [Damage; 19] = [
         "let bits = lattice_hash(cell & vec3<i32>(63, -1, -1))",
         "Speckle",
     ),
+    ("sheets of scatterers of one weight", "march", "let weight = bell * bell;", "let weight = 1.0;", "Speckle"),
     ("no gain", "detect", "+ image_gain_db()", "", "Image"),
     ("no sliders", "detect", "+ vec4<f32>(slider_db", "+ 0.0 * vec4<f32>(slider_db", "Twin"),
     ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *", "Image"),

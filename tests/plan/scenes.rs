@@ -37,7 +37,7 @@ fn obstetric() -> Case {
 
 #[test]
 fn each_scene_calls_for_its_effects() {
-    let usual = ["scatterers", "maps"];
+    let usual = ["scatterers", "elevational_speckle", "maps"];
     let and = |more: &[&'static str]| tissues_and(&[&usual[..], more].concat());
     let table = [
         // Heartbeat and maternal breathing; low quality asks for one ray and one layer.
@@ -53,7 +53,7 @@ fn each_scene_calls_for_its_effects() {
         ("vessel_needle", and(&["rays", "layers", "frequency_exponent"])),
         ("gallbladder_stones", and(&["rays", "layers"])),
         // Liver alone: 1575 m/s displaces; no refraction, echoes or reflections; speckle differs across the slice.
-        ("speckle", vec!["speed_displacement", "layers", "attenuation", "scatterers", "maps"]),
+        ("speckle", vec!["speed_displacement", "layers", "attenuation", "scatterers", "elevational_speckle", "maps"]),
     ];
     for (name, expected) in &table {
         let case = if *name == "obstetric" { obstetric() } else { Case::station(name) };

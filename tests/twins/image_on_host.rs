@@ -67,8 +67,9 @@ fn at_another_value_of_each_image_setting_host_device_and_twin_agree() {
 #[test]
 fn a_damaged_pass_of_the_host_is_caught() {
     type Damage = fn(&mut ImageConstants);
-    let damages: [(&str, &str, Damage); 7] = [
+    let damages: [(&str, &str, Damage); 8] = [
         ("cells of another size", "march", |c| c.cell_mm = 0.151),
+        ("a sheet of scatterers too few", "march", |c| c.sheets_to_a_side = 0.5),
         ("an interface is left out", "echo", |c| c.first_interface = 2),
         ("the beam without its flanks", "lateral", |c| c.least_weight = 0.05),
         ("decibels of power as of amplitude", "detect", |c| c.db_a_doubling *= 2.0),

@@ -25,11 +25,12 @@ fn every_pass_is_its_twin() {
 }
 
 /// Effects that are switched off together.
-const WITHOUT: [&[Effect]; 4] = [
+const WITHOUT: [&[Effect]; 5] = [
     &[Effect::Refraction, Effect::Attenuation],
     &[Effect::InterfaceEchoes, Effect::SpeedDisplacement],
     &[Effect::Roughness, Effect::Thickness, Effect::FrequencyExponent, Effect::Scatterers],
     &[Effect::Reflections, Effect::Rays, Effect::Layers],
+    &[Effect::ElevationalSpeckle],
 ];
 
 #[test]
@@ -91,7 +92,7 @@ fn from_pose_to_image_the_twins_show_the_same() {
 type Damages = &'static [(&'static str, &'static str, &'static str, &'static str)];
 
 /// Passes are compared on the device's own inputs, so that one renderer can have a damage in each pass.
-const DAMAGES: [Damages; 3] = [
+const DAMAGES: [Damages; 4] = [
     &[
         (
             "surfaces are never left",
@@ -129,7 +130,7 @@ const DAMAGES: [Damages; 3] = [
         ("a spectrum in another order", "propagate", "reverseBits(k) >> shift", "k"),
         ("scatterers of all depths within the same reach", "beams", "reach_nodes[plane]", "reach_nodes[0]"),
         ("beams not interpolated", "visibility", "node - f32(low)", "0.0"),
-        ("phase of the sample, not of its scatterer", "march", "(range_mm + ahead_mm)", "(range_mm)"),
+        ("phase of the sample, not of its scatterer", "march", "(place.range_mm + ahead_mm)", "(place.range_mm)"),
         ("echoes a sample too deep", "echo", "u32(sample)]", "min(u32(sample) + 1u, params.samples - 1u)]"),
         ("weights not renormalised at the edges", "lateral", "1.0 / max(total, 1.0e-30)", "1.0"),
         (
@@ -157,6 +158,7 @@ const DAMAGES: [Damages; 3] = [
         ("depth beyond the runs forgotten", "percentile", "f32(params.map_rays)", "f32(params.scanlines)"),
         ("attenuation not normalised", "scan_convert", "percentile[0]", "0.0"),
     ],
+    &[("sheets of scatterers of other weights", "march", "let weight = bell * bell;", "let weight = bell;")],
 ];
 
 #[test]

@@ -10,8 +10,9 @@ use crate::render::error::BackendError;
 use crate::render::params::Params;
 use crate::render::tables::Tables;
 
-/// Stride of one batch's uniforms, bytes; no device needs a larger alignment.
-pub(crate) const PARAMS_STRIDE: u64 = 256;
+/// Stride of one batch's uniforms, bytes: a multiple of 256, the largest alignment of any device.
+pub(crate) const PARAMS_STRIDE: u64 = 512;
+const _: () = assert!(size_of::<Params>() <= PARAMS_STRIDE as usize);
 
 /// Buffers of the scene, which don't change with probe and settings.
 #[derive(Debug)]
@@ -49,6 +50,7 @@ pub(crate) struct Buffers {
     lateral_kernels: wgpu::Buffer,
     pulse: wgpu::Buffer,
     scatterer_gain: wgpu::Buffer,
+    sheet_reach: wgpu::Buffer,
     pixels: wgpu::Buffer,
     sector_words: wgpu::Buffer,
     pub(crate) starts_inside: wgpu::Buffer,
@@ -108,6 +110,7 @@ impl Buffers {
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
+            sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
             pixels: work("pixels", sector_pixels, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: work("start membership", paths * 32, |b| &b.starts_inside)?,
@@ -151,6 +154,8 @@ impl Buffers {
         write(&self.lateral_kernels, bytemuck::cast_slice(&tables.kernels.lateral));
         padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
         padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
+        let reach = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
+        padded(&self.sheet_reach, bytemuck::cast_slice(reach));
         write(&self.pixels, bytemuck::cast_slice(&sector_pixels));
         write(&self.sector_words, bytemuck::cast_slice(&tables.sector_words));
         self.aperture.fill(gpu, tables);
@@ -206,6 +211,7 @@ impl Buffers {
                 (&self.kept_powers, write),
                 (&self.aperture.shape, uniform),
                 (&self.aperture.line_gains, read),
+                (&self.sheet_reach, uniform),
             ],
             "echo" => vec![
                 (&self.starts, read),

@@ -71,7 +71,8 @@ impl DeviceConfiguration {
         };
         let mut returned = Vec::new();
         if on.has(Effect::Scatterers) {
-            returned.push(pass("march", samples_by(8), &aperture)?);
+            let march = [aperture[0], ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)))];
+            returned.push(pass("march", samples_by(8), &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {
             returned.push(pass("echo", lines, &aperture)?);

@@ -33,7 +33,7 @@ pub(super) const PASSES: [(&str, &str); 13] = [
     pass!("propagate", "aperture", "phasor"),
     pass!("beams", "aperture", "phasor"),
     pass!("visibility", "aperture", "loss"),
-    pass!("march", "tissue", "hash", "lattice", "phasor", "aperture", "loss", "line_gain"),
+    pass!("march", "hash", "lattice", "phasor", "speckle", "aperture", "loss", "line_gain"),
     pass!("echo", "phasor", "aperture", "loss", "line_gain"),
     pass!("lateral"),
     pass!("detect"),
@@ -70,12 +70,12 @@ fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX BLOCK_QUADS PULSE_QUADS
             CROSSINGS_AT_A_PLACE CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
-            TAG_DENSITY DIVERTED CELLS_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE;
+            TAG_DENSITY DIVERTED CELLS_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES;
         i32: PULSE_PAD SURFACE_SALT;
         f32: TOUCH_MM BEYOND_MM CELL_MM OFF_THE_GRID_MM CELLS_OF_A_BEAM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
-            CONTRAST_MIN_NP_MM TRACKED_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP TRANSMISSION_MIN MIN_POSITIVE;
+            CONTRAST_MIN_NP_MM TRACKED_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP TRANSMISSION_MIN DENSITY_ONE LEAST_POWER;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(

@@ -1,6 +1,6 @@
 //! The shared constants in single precision, and constants of the passes that a test may change.
 
-use crate::render::constants::{self as shared, BRIGHTEST_PART, CELL_MM, FIRST_TISSUE, ONE_WAY};
+use crate::render::constants::{self as shared, BRIGHTEST_PART, CELL_MM, FIRST_TISSUE, ONE_WAY, SHEETS};
 
 pub(super) const TOUCH_MM: f32 = shared::TOUCH_MM as f32;
 pub(super) const LN_GIVEN_UP: f32 = shared::LN_GIVEN_UP as f32;
@@ -9,6 +9,8 @@ pub(super) const LN_SPECKLE_SILENT: f32 = shared::LN_SPECKLE_SILENT as f32;
 pub(super) const LN_SCALE: f32 = shared::LN_SCALE as f32;
 pub(super) const UNSCALED: f32 = shared::UNSCALED as f32;
 pub(super) const DEVIATE_SCALE: f32 = shared::DEVIATE_SCALE as f32;
+pub(super) const DENSITY_ONE: f32 = shared::DENSITY_ONE as f32;
+pub(super) const LEAST_POWER: f32 = shared::LEAST_POWER as f32;
 pub(super) const BEYOND_MM: f32 = shared::BEYOND_MM as f32;
 pub(super) const DIFFUSE_HALF_ROUGHNESS2: f32 = shared::DIFFUSE_HALF_ROUGHNESS2 as f32;
 pub(super) const APERTURE_HALF_ANGLE: f32 = shared::APERTURE_HALF_ANGLE as f32;
@@ -79,6 +81,8 @@ changeable! {
     ImageConstants {
         /// `march`: side of a cell of the scatterer lattice, mm.
         cell_mm: f32 = CELL_MM as f32;
+        /// `march`: sheets of scatterers looked up to one side of a sample.
+        sheets_to_a_side: f32 = 0.5 * SHEETS as f32;
         /// `echo`: the first segment that begins at an interface.
         first_interface: usize = 1;
         /// `lateral`: least weight of the beam that counts; smaller ones are denormal.

@@ -34,6 +34,7 @@ mod renderer;
 mod scan_convert;
 mod search;
 mod section;
+mod speckle;
 mod trace;
 mod transmission;
 mod traverse;

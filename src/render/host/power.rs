@@ -1,6 +1,6 @@
 //! Power of the scatterers along the paths of a scanline.
 
-use super::constants::{LN_SCALE, LN_SPECKLE_SILENT};
+use super::constants::{DENSITY_ONE, LN_SCALE, LN_SPECKLE_SILENT};
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, SEGMENT, first_beyond, range_mm, seek};
 use super::transmission::diverted;
 use super::wide::{at_least, at_most, exp, real};
@@ -160,14 +160,15 @@ impl Powers {
     }
 }
 
-/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density. None without
+/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
+/// of 1. None without
 /// scatterers.
 #[inline(always)]
 fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
     let [mean, deviation, density] = [segment[8], segment[9], segment[10]];
     let density = density.to_bits() & TAG_DENSITY;
     let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
-    (density != 0).then_some([mean, deviation, (mean + deviation) * real(density)])
+    (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
 }
 
 /// Power of an amplitude, scaled.

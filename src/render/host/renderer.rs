@@ -166,7 +166,8 @@ impl HostRenderer {
             let visibility = visibility.as_ref();
             if effects.has(Effect::Scatterers) {
                 let gain = &tables.kernels.scatterer_gain;
-                let scatterers = Scatterers { constants: self.image, gain, visibility };
+                let per_reach_mm = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
+                let scatterers = Scatterers { constants: self.image, gain, per_reach_mm, visibility };
                 march(&params, paths, scatterers, &mut b.baseband, kept_powers);
                 laps.note("march");
             }

@@ -47,12 +47,6 @@ pub(super) fn has_avx512() -> bool {
 /// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
 const TO_INTEGER: f32 = 12_582_912.0;
 
-/// The nearest integer, half to even, of a number below 2²² in magnitude.
-#[inline(always)]
-pub(super) fn round(x: f32) -> f32 {
-    (x + TO_INTEGER) - TO_INTEGER
-}
-
 /// The nearest integer, half to even, of a number in 0..2²², in the lowest 22 bits; higher bits are also set.
 #[inline(always)]
 pub(super) fn nearest_bits(x: f32) -> u32 {
@@ -65,6 +59,14 @@ pub(super) fn floor(x: f32) -> i32 {
     let shifted = x + TO_INTEGER;
     let nearest = (shifted.to_bits() as i32).wrapping_sub(TO_INTEGER.to_bits() as i32);
     nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
+}
+
+/// The greatest integer not above a number below 2²² in magnitude, as a number and in 32 bits. An integer may give the
+/// one below it.
+#[inline(always)]
+pub(super) fn floored(x: f32) -> (f32, u32) {
+    let shifted = (x - 0.5) + TO_INTEGER;
+    (shifted - TO_INTEGER, shifted.to_bits().wrapping_sub(TO_INTEGER.to_bits()))
 }
 
 /// The greater of two numbers, in one instruction; NaN is not handled.
@@ -141,18 +143,18 @@ pub(super) fn exp(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// e^(i2π·turns), to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
+/// e^(i2π·turns) for fewer than 2²¹ turns, to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
 #[inline(always)]
 #[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]
 pub(super) fn phasor(turns: f32) -> [f32; 2] {
-    let within = turns - round(turns);
-    let halves = round(2.0 * within);
-    let r = within - 0.5 * halves;
+    let shifted = 2.0 * turns + TO_INTEGER;
+    let r = turns - 0.5 * (shifted - TO_INTEGER);
     let u = r * r;
     let c = 0.999_999_94 + u * (-19.739_172 + u * (64.934_59 + u * (-85.240_326 + u * 56.242_363)));
     let s = r * (6.283_185 + u * (-41.341_656 + u * (81.601_006 + u * (-76.549_78 + u * 39.536_697))));
-    let sign = 1.0 - 2.0 * halves.abs();
-    [c * sign, s * sign]
+    // An odd number of half turns changes the sign.
+    let sign = shifted.to_bits() << 31;
+    [f32::from_bits(c.to_bits() ^ sign), f32::from_bits(s.to_bits() ^ sign)]
 }
 
 const LOG2: [f32; 8] =
@@ -190,7 +192,10 @@ mod tests {
     fn integers_are_those_of_the_standard_library() {
         for i in -400_000..400_000 {
             let x = i as f32 * 0.0371;
-            assert_eq!((floor(x), round(x)), (x.floor() as i32, x.round_ties_even()), "{x}");
+            assert_eq!(floor(x), x.floor() as i32, "{x}");
+            let (number, bits) = floored(x);
+            assert!(number == x.floor() || number + 1.0 == x, "{x}");
+            assert_eq!(number, bits as i32 as f32);
         }
     }
 }

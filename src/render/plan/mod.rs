@@ -6,6 +6,7 @@ mod bound;
 mod facts;
 mod loss;
 mod rules;
+mod speckle;
 
 use std::fmt;
 

@@ -58,6 +58,7 @@ impl Rules<'_> {
             Effect::FrequencyExponent => self.frequency_exponent(),
             Effect::Aperture => self.aperture(),
             Effect::Scatterers => self.scatterers(),
+            Effect::ElevationalSpeckle => self.elevational_speckle(),
             Effect::Motion => self.motion(),
             Effect::Maps => self.maps(),
         }

@@ -1,6 +1,6 @@
 //! Inputs of a frame's passes: pose, probe, scene and settings as uploaded to the device, widened to f64.
 
-use glam::{DMat3, DVec3, Vec3, Vec4};
+use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 
 use super::aperture::Aperture;
 use crate::anatomy::Bvh;
@@ -90,6 +90,21 @@ pub struct Triangle {
     pub displacement_mm: DVec3,
 }
 
+/// A family of sheets of scatterers as a slice sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SheetFamily {
+    /// Normal of the sheets, and the two axes of their cells.
+    pub axes: [DVec3; 3],
+    /// Distance along the elevational axis per mm along the normal.
+    pub oblique: f64,
+    /// Way along the two axes per mm along the normal, on an elevational line.
+    pub drift: DVec2,
+    /// Part of its amplitude in the sum; the squares sum to 1.
+    pub share: f64,
+    /// Added to the number of each sheet.
+    pub salt: u32,
+}
+
 /// Everything that the passes of one frame read.
 ///
 /// Scene coordinates are relative to the tree's centre, mm.
@@ -144,6 +159,12 @@ pub struct Inputs {
     pub media: Vec<Medium>,
     /// Index of the tissue outside of all surfaces.
     pub background: usize,
+    /// Families of sheets that hold the scatterers; none: the lattice's cells hold them.
+    pub sheets: Vec<SheetFamily>,
+    /// Distance between the sheets of a family, mm.
+    pub sheet_spacing_mm: f64,
+    /// 1/Y for each block of `depth_block` samples: sheets within ±Y count, 1/mm.
+    pub sheets_per_reach_mm: Vec<f64>,
     /// Gain of the scatterers of each block of `depth_block` samples: their speckle has the power of one scatterer.
     pub scatterer_gain: Vec<f64>,
     /// Lateral beam of each block of `depth_block` samples, from −half to +half scanlines.
@@ -191,6 +212,13 @@ impl Inputs {
             index: t.triangle,
             displacement_mm: vector(displacement),
         });
+        let family = |f: &crate::render::params::SheetFamily| SheetFamily {
+            axes: [f.normal, f.first, f.second].map(vector),
+            oblique: f.normal[3].into(),
+            drift: DVec2::new(f.first[3].into(), f.second[3].into()),
+            share: f.share.into(),
+            salt: f.salt,
+        };
         let stride = 4 * params.row_words as usize;
         let place = |&word: &u32| {
             let [across, depth] = unpack_place(word)?;
@@ -227,6 +255,9 @@ impl Inputs {
             surface_moves: surface_words.iter().map(|&w| w & MOVES != 0).collect(),
             media: tables.tissues.iter().map(Medium::from).collect(),
             background: params.background as usize,
+            sheets: params.sheets[..params.sheet_families as usize].iter().map(family).collect(),
+            sheet_spacing_mm: params.sheet_spacing_mm.into(),
+            sheets_per_reach_mm: tables.sheets.as_ref().map_or_else(Vec::new, |sheets| wide(&sheets.per_reach_mm)),
             scatterer_gain: wide(&kernels.scatterer_gain),
             lateral_kernels: kernels.lateral.chunks_exact(2 * kernels.lateral_half as usize + 1).map(wide).collect(),
             depth_block: DEPTH_BLOCK as usize,

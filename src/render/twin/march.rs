@@ -4,16 +4,17 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::inputs::Inputs;
-use super::lattice;
+use super::speckle::{self, Place, Strength};
 use super::trace::{Path, Segment, segment_at};
 use super::visibility::{Boundary, LineGain};
 use crate::render::constants::LN_SPECKLE_SILENT;
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
-/// A sample takes the scatterer of the lattice cell at its range on the scanline's guide, for all rays of the scanline:
-/// with a scatterer per ray, speckle would not converge. The mean power of all rays sets the scatterer's strength.
-/// Fully developed speckle has the same statistics with one sheet of scatterers as with many.
+/// A sample takes the scatterers at its range on the scanline's guide, for all rays of the scanline: with scatterers
+/// per ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density of the
+/// media, weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers as with
+/// many.
 ///
 /// With the aperture, its gain replaces the loss of paths that have not reflected, and the guide stands for those that
 /// have.
@@ -34,12 +35,9 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
     let range_mm = inputs.range_mm(sample);
     // Two samples share a segment: that of the first.
     let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
-    let place = segment_of(inputs.guide_of(line));
-    let here = place.scatterer_mm(range_mm);
-    let cell = lattice::cell(here);
-    let [presence, offset, amplitude] = lattice::hash(cell);
+    let guide = segment_of(inputs.guide_of(line));
     let gain = inputs.aperture.as_ref().map(|aperture| {
-        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * place.ln_passed(range_mm));
+        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * guide.ln_passed(range_mm));
         (2.0 * ln_amplitude.max(LN_SPECKLE_SILENT)).exp()
     });
     let power_of = |path: usize| {
@@ -49,7 +47,7 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
         }
         let ln_amplitude = segment.ln_amplitude(range_mm);
         let loss = if ln_amplitude > LN_SPECKLE_SILENT { (2.0 * ln_amplitude).exp() } else { 0.0 };
-        loss * power(segment) + gain.map_or(DVec3::ZERO, |gain| gain * power(place))
+        loss * power(segment) + gain.map_or(DVec3::ZERO, |gain| gain * power(guide))
     };
     let rays = inputs.rays_per_line;
     let of_layer = |layer: usize| {
@@ -57,19 +55,16 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
         (first..first + rays).map(power_of).sum::<DVec3>()
     };
     let power = (0..inputs.layers).map(of_layer).sum::<DVec3>() * inputs.path_weight();
-    // Where media meet, their densities are averaged by power.
-    let there = f64::from(presence >> 15) + 0.5 < power.z / (power.x + power.y).max(f64::MIN_POSITIVE);
-    let [mean, deviation] = if there { [power.x.sqrt(), power.y.sqrt()] } else { [0.0; 2] };
-    let strength = DVec2::new(mean, 0.0) + deviation * lattice::scatterer_deviate(amplitude);
-    // The scatterer's own range sets the phase, whichever sample finds its cell.
-    let ahead_mm = (lattice::scatterer_mm(cell, offset) - here).dot(place.step) / place.step.length_squared();
-    // `rotate` is the complex product.
-    inputs.scatterer_gain[sample / inputs.depth_block] * strength.rotate(inputs.carrier(range_mm + ahead_mm))
-}
-
-impl Inputs {
-    /// Baseband phase of an echo at `range_mm`: e^(−i2k₀z) for 2k₀ = 2π·2f/c₀.
-    pub fn carrier(&self, range_mm: f64) -> DVec2 {
-        DVec2::from_angle(-std::f64::consts::TAU * (self.phase_turns_per_mm * range_mm).fract())
+    if power.x + power.y == 0.0 {
+        return DVec2::ZERO;
     }
+    let strength = Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
+    let place = Place { here_mm: guide.scatterer_mm(range_mm), step: guide.step, range_mm };
+    let block = sample / inputs.depth_block;
+    let echo = if inputs.sheets.is_empty() {
+        speckle::of_lattice(inputs, place, strength)
+    } else {
+        speckle::of_sheets(inputs, place, strength, inputs.sheets_per_reach_mm[block])
+    };
+    inputs.scatterer_gain[block] * echo
 }

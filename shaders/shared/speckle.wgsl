@@ -1,0 +1,77 @@
+// Echo of the scatterers at a sample.
+
+// What the paths see of a sample's scatterers.
+struct Strength {
+    // Mean and deviation of a scatterer's amplitude.
+    mean: f32,
+    deviation: f32,
+    // Part of the cells that hold one, in 1/131072.
+    density: f32,
+}
+
+// A sample's place on its guide.
+struct Place {
+    // Scene frame, relative to the tree's centre, mm.
+    here: vec3<f32>,
+    // Way per mm of range.
+    step: vec3<f32>,
+    range_mm: f32,
+}
+
+// Echo of the scatterer with the random words `bits`, `ahead_mm` of range beyond its sample.
+fn scatterer_echo(bits: vec3<u32>, ahead_mm: f32, place: Place, strength: Strength) -> vec2<f32> {
+    // The scatterer's own range sets the phase, whichever sample finds its cell.
+    let turn = phasor(-params.phase_turns_per_mm * (place.range_mm + ahead_mm));
+    let amplitude = vec2<f32>(strength.mean, 0.0) + strength.deviation * scatterer_deviate(bits.z);
+    let echo = vec2<f32>(
+        amplitude.x * turn.x - amplitude.y * turn.y, amplitude.x * turn.y + amplitude.y * turn.x);
+    return select(vec2<f32>(0.0), echo, f32(i32(bits.x >> 15u)) < strength.density);
+}
+
+// Echo of the one scatterer of the sample's lattice cell.
+fn lattice_echo(place: Place, strength: Strength) -> vec2<f32> {
+    let cell = lattice_cell(place.here);
+    let bits = lattice_hash(cell);
+    let ahead = scatterer_position(cell, bits.y) - place.here;
+    let ahead_mm = dot(ahead, place.step) / max(dot(place.step, place.step), 1.0e-12);
+    return scatterer_echo(bits, ahead_mm, place, strength);
+}
+
+// Random words of a cell of a sheet: presence, place and amplitude of its scatterer.
+fn sheet_hash(cell: vec3<i32>) -> vec3<u32> {
+    return pcg3d(bitcast<vec3<u32>>(cell));
+}
+
+// Echo of the scatterers where the sample's elevational line meets sheets: see src/render/sheets.rs.
+fn sheets_echo(place: Place, strength: Strength, per_reach_mm: f32) -> vec2<f32> {
+    let per_cell = 1.0 / CELL_MM;
+    let steps = 1.0 / max(dot(place.step, place.step), 1.0e-12);
+    var sum = vec2<f32>(0.0);
+    for (var k = 0u; k < params.sheet_families; k++) {
+        let family = params.sheets[k];
+        let across = dot(family.normal.xyz, place.here) / params.sheet_spacing_mm;
+        let in_sheet = vec2<f32>(dot(family.first.xyz, place.here), dot(family.second.xyz, place.here)) * per_cell;
+        // Cells along the elevational line per sheet, and mm of range per cell.
+        let drift = vec2<f32>(family.first.w, family.second.w) * (params.sheet_spacing_mm * per_cell);
+        let rate = vec2<f32>(dot(family.first.xyz, place.step), dot(family.second.xyz, place.step)) * (steps * CELL_MM);
+        let lowest = i32(floor(across - 0.5 * f32(SHEETS))) + 1;
+        var echo = vec2<f32>(0.0);
+        var squares = 0.0;
+        for (var i = 0; i < i32(SHEETS); i++) {
+            let sheet = lowest + i;
+            let off = f32(sheet) - across;
+            let y = off * (params.sheet_spacing_mm * family.normal.w) * per_reach_mm;
+            let bell = max(1.0 - y * y, 0.0);
+            let weight = bell * bell;
+            let met = in_sheet + off * drift;
+            let cell = vec2<i32>(floor(met));
+            let bits = sheet_hash(vec3<i32>(cell, sheet + i32(family.salt)));
+            let offset = vec2<f32>(vec2<i32>(vec2<u32>(bits.y, bits.y >> 10u) & vec2<u32>(1023u))) + 0.5;
+            let ahead_mm = dot(vec2<f32>(cell) + offset * (1.0 / 1024.0) - met, rate);
+            echo += weight * scatterer_echo(bits, ahead_mm, place, strength);
+            squares += weight * weight;
+        }
+        sum += family.share / sqrt(max(squares, 1.0e-12)) * echo;
+    }
+    return sum;
+}
