@@ -10,6 +10,7 @@ import numpy as np
 import elevation
 import point_spread
 import shadow
+import shadow_convex
 
 BEHIND = (5, 10, 20, 40, 60)
 
@@ -72,7 +73,24 @@ def write_point_spread():
             print(f"{frequency} MHz, focus {focus} mm, {apodization}", file=sys.stderr)
 
 
-WRITERS = {"shadow": write_shadows, "elevation": write_elevation, "point_spread": write_point_spread}
+def write_convex():
+    print("# Speckle power behind an opaque strip along an arc, curved array, by tests/truth/shadow_convex.py (make_sums.py convex).")
+    print("# Widths and offsets are arc lengths at the strip's depth. Half width 30: half-plane from offset - 30.")
+    print("radius_mm,depth_mm,half_width_mm,offset_mm,frequency_mhz,aperture_mm,focus_mm,behind_mm,level_db")
+    strips = [(half_width, 0) for half_width in (1.5, 2.5, 4)] + [(30, edge + 30) for edge in (-1.5, 0, 1.5)]
+    for radius in (40, 60):
+        for frequency, focus in ((3.5, 70), (5, 60), (5, 90), (8, 70)):
+            for depth in (40, 60):
+                groups = [shadow_convex.levels_db(b, depth, strips, frequency, 20, focus, radius) for b in BEHIND]
+                for number, (half_width, offset) in enumerate(strips):
+                    for behind, levels in zip(BEHIND, groups):
+                        case = (radius, depth, half_width, offset, frequency, 20, focus, behind)
+                        print(",".join(f"{v:g}" for v in case) + f",{levels[number]:.2f}", flush=True)
+                print(f"radius {radius}, {frequency} MHz, focus {focus}, depth {depth}", file=sys.stderr)
+
+
+WRITERS = {"shadow": write_shadows, "elevation": write_elevation, "point_spread": write_point_spread,
+           "convex": write_convex}
 
 
 def main():
