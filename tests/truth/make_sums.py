@@ -64,12 +64,14 @@ def write_elevation():
 
 def write_point_spread():
     print("# -6 dB two-way lateral width of a point, by tests/truth/point_spread.py (make_sums.py point_spread).")
-    print("apodization,frequency_mhz,aperture_mm,focus_mm,depth_mm,width_mm")
+    print("# width_mm: band leaning to high frequencies, as in shadow.py. flat_width_mm: echo Gaussian about the nominal frequency.")
+    print("# single_width_mm: nominal frequency alone.")
+    print("apodization,frequency_mhz,aperture_mm,focus_mm,depth_mm,width_mm,flat_width_mm,single_width_mm")
     for frequency, focus in ((3.5, 70), (5, 40), (5, 70), (5, 100), (8, 70)):
         for apodization in point_spread.APODIZATIONS:
             for depth in range(20, 150, 10):
-                width = point_spread.width(depth, frequency, 20, focus, apodization)
-                print(f"{apodization},{frequency:g},20,{focus},{depth},{width:.4f}", flush=True)
+                widths = [point_spread.width(depth, frequency, 20, focus, apodization, band=band) for band in point_spread.BANDS]
+                print(f"{apodization},{frequency:g},20,{focus},{depth}" + "".join(f",{w:.4f}" for w in widths), flush=True)
             print(f"{frequency} MHz, focus {focus} mm, {apodization}", file=sys.stderr)
 
 
