@@ -64,19 +64,21 @@ def write_elevation():
 
 def write_point_spread():
     print("# -6 dB two-way lateral width of a point, by tests/truth/point_spread.py (make_sums.py point_spread).")
-    print("# width_mm: band leaning to high frequencies, as in shadow.py. flat_width_mm: echo Gaussian about the nominal frequency.")
+    print("# width_mm: band leaning to high frequencies, as in shadow.py.")
+    print("# flat_width_mm: echo Gaussian about the nominal frequency.")
     print("# single_width_mm: nominal frequency alone.")
     print("apodization,frequency_mhz,aperture_mm,focus_mm,depth_mm,width_mm,flat_width_mm,single_width_mm")
     for frequency, focus in ((3.5, 70), (5, 40), (5, 70), (5, 100), (8, 70)):
         for apodization in point_spread.APODIZATIONS:
             for depth in range(20, 150, 10):
-                widths = [point_spread.width(depth, frequency, 20, focus, apodization, band=band) for band in point_spread.BANDS]
+                case = (depth, frequency, 20, focus, apodization)
+                widths = [point_spread.width(*case, band=band) for band in point_spread.BANDS]
                 print(f"{apodization},{frequency:g},20,{focus},{depth}" + "".join(f",{w:.4f}" for w in widths), flush=True)
             print(f"{frequency} MHz, focus {focus} mm, {apodization}", file=sys.stderr)
 
 
 def write_convex():
-    print("# Speckle power behind an opaque strip along an arc, curved array, by tests/truth/shadow_convex.py (make_sums.py convex).")
+    print("# Speckle power behind an opaque strip, curved array, by tests/truth/shadow_convex.py (make_sums.py convex).")
     print("# Widths and offsets are arc lengths at the strip's depth. Half width 30: half-plane from offset - 30.")
     print("radius_mm,depth_mm,half_width_mm,offset_mm,frequency_mhz,aperture_mm,focus_mm,behind_mm,level_db")
     strips = [(half_width, 0) for half_width in (1.5, 2.5, 4)] + [(30, edge + 30) for edge in (-1.5, 0, 1.5)]
