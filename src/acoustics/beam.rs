@@ -216,7 +216,7 @@ mod tests {
         for row in rows.skip(1) {
             let (name, numbers) = row.split_once(',').unwrap();
             let numbers: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
-            let &[frequency_mhz, aperture_mm, focus_mm, depth, want] = &numbers[..] else { panic!("{row}") };
+            let &[frequency_mhz, aperture_mm, focus_mm, depth, want, ..] = &numbers[..] else { panic!("{row}") };
             let beam = lateral(Apodization::named(name).unwrap(), focus_mm);
             let got = Beam { frequency_mhz, aperture_mm, ..beam }.width_mm(depth);
             assert!((got / want - 1.0).abs() < 0.01, "{row}: {got}");

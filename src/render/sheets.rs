@@ -162,7 +162,8 @@ mod tests {
             let sheets = Sheets::new(&probe);
             let slides = [0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5];
             let depths = [30.0, 70.0, 120.0];
-            let theory = probe.elevational_lens().slide_correlation(|part| probe.apodization.weight(part), &depths, &slides);
+            let theory =
+                probe.elevational_lens().slide_correlation(|part| probe.apodization.weight(part), &depths, &slides);
             for (depth, theory) in depths.into_iter().zip(theory) {
                 let block = (depth / probe.depth_mm * sheets.per_reach_mm.len() as f64) as usize;
                 let per_reach_mm = f64::from(sheets.per_reach_mm[block]);

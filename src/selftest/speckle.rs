@@ -135,7 +135,10 @@ impl Family for Speckle {
 
         let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
         let between = sample(SLIDE_DEPTHS_MM[0])..sample(SLIDE_DEPTHS_MM[1]);
-        let theory = probe.elevational_lens().slide_correlation(|part| probe.apodization.weight(part), &[70.0], &SLIDES_MM).concat();
+        let theory = probe
+            .elevational_lens()
+            .slide_correlation(|part| probe.apodization.weight(part), &[70.0], &SLIDES_MM)
+            .concat();
         let mut slid = Vec::new();
         for (mm, rho) in SLIDES_MM.into_iter().zip(theory) {
             let frame = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y + mm, 0.0))?;

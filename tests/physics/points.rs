@@ -64,7 +64,7 @@ fn reference() -> Vec<(Probe, f64, f64)> {
     let row = |line: &str| {
         let (name, numbers) = line.split_once(',').unwrap();
         let numbers: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
-        let &[frequency_mhz, aperture_mm, focus_mm, depth_mm, width_mm] = &numbers[..] else { panic!("{line}") };
+        let &[frequency_mhz, aperture_mm, focus_mm, depth_mm, width_mm, ..] = &numbers[..] else { panic!("{line}") };
         let apodization = Apodization::named(name).unwrap();
         (Probe { apodization, frequency_mhz, aperture_mm, focus_mm, ..Probe::default() }, depth_mm, width_mm)
     };

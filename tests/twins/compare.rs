@@ -9,8 +9,19 @@ use insonify::render::Snapshot;
 use insonify::render::twin::{self, Path, Segment};
 
 pub(crate) const PASSES: [&str; 13] = [
-    "locate", "trace", "transmission", "propagate", "beams", "visibility", "march", "echo", "lateral", "detect", "section",
-    "percentile", "scan_convert",
+    "locate",
+    "trace",
+    "transmission",
+    "propagate",
+    "beams",
+    "visibility",
+    "march",
+    "echo",
+    "lateral",
+    "detect",
+    "section",
+    "percentile",
+    "scan_convert",
 ];
 
 /// One rounding of f32, relative.
@@ -194,7 +205,9 @@ fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
     let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
     let twin = twin::propagate(aperture, &s.transmission.mask);
     let mut tally = Tally::new("propagate", "fields", 0.0);
-    for (row, (device, twin)) in s.fields.chunks_exact(aperture.cells).zip(twin.chunks_exact(aperture.cells)).enumerate() {
+    for (row, (device, twin)) in
+        s.fields.chunks_exact(aperture.cells).zip(twin.chunks_exact(aperture.cells)).enumerate()
+    {
         let (slot, plane) = (row / aperture.planes, row % aperture.planes);
         if plane >= s.first_plane && slot < aperture.mode_count[plane] {
             for node in 0..aperture.nodes(plane) {

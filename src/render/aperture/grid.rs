@@ -197,7 +197,8 @@ impl Grid {
     pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<[u32; 3]> {
         let all = probe.scanlines * rays_per_line;
         let per_cell = self.cell_mm / self.width_mm * f64::from(all);
-        let ray_of = |cell: f64| ((cell - 0.5 * self.cells as f64) * self.cell_mm / self.width_mm + 0.5) * f64::from(all);
+        let ray_of =
+            |cell: f64| ((cell - 0.5 * self.cells as f64) * self.cell_mm / self.width_mm + 0.5) * f64::from(all);
         let last = f64::from(all - 1);
         let of_cell = |cell: usize| {
             let (from, to) = (ray_of(cell as f64 - 0.5), ray_of(cell as f64 + 0.5));

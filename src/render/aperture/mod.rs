@@ -148,7 +148,8 @@ mod tests {
 
     #[test]
     fn every_cell_has_rays_and_every_ray_of_the_array_has_a_cell() {
-        for (probe, rays) in [(Probe::default(), 1), (Probe::default(), 32), (Probe { scanlines: 40, ..linear(40.0) }, 1)]
+        for (probe, rays) in
+            [(Probe::default(), 1), (Probe::default(), 32), (Probe { scanlines: 40, ..linear(40.0) }, 1)]
         {
             let tables = ApertureTables::new(&probe, Quality { rays, layers: 1, seed: 0 }).unwrap();
             let all = probe.scanlines * rays;

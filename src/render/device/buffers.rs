@@ -126,7 +126,9 @@ impl Buffers {
             polar: work("polar image", samples * 4, |b| &b.polar)?,
             lines: work("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
             aperture: ApertureBuffers::new(gpu, tables, params, previous.map(|b| &b.aperture))?,
-            kept_powers: work("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| &b.kept_powers)?,
+            kept_powers: work("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
+                &b.kept_powers
+            })?,
             entries: work("section", u64::from(params.map_rays) * u64::from(ENTRIES) * 16, |b| &b.entries)?,
             entry_counts: work("section counts", u64::from(params.map_rays) * 4, |b| &b.entry_counts)?,
             percentile: work("percentile", 16, |b| &b.percentile)?,

@@ -50,7 +50,8 @@ fn sum_plane_body(
     for first_node in (0..nodes).step_by(LANES) {
         sent.fill(Wide::ZERO);
         heard.fill(Wide::ZERO);
-        for (slot, ((mode, &transmit), &receive)) in tables.modes.iter().zip(&tables.transmit).zip(receive).enumerate() {
+        for (slot, ((mode, &transmit), &receive)) in tables.modes.iter().zip(&tables.transmit).zip(receive).enumerate()
+        {
             let Some(mode) = mode else { continue };
             let at = (slot * tables.planes + plane) * 2 * cells + first_node;
             let (Some(re), Some(im)) = (lanes_at(fields, at), lanes_at(fields, at + cells)) else { continue };

@@ -210,8 +210,14 @@ mod tests {
 
     #[test]
     fn every_instruction_set_gives_the_same_departures() {
-        let on =
-            PathEffects { moving: true, refraction: true, interface_echoes: true, roughness: true, reflections: true, aperture: false };
+        let on = PathEffects {
+            moving: true,
+            refraction: true,
+            interface_echoes: true,
+            roughness: true,
+            reflections: true,
+            aperture: false,
+        };
         let rules = Rules { effects: on, constants: TraceConstants::default(), seed: 5, aperture_mm: 20.0 };
         let (mut batch, mut plain) = (InterfaceBatch::new(), InterfaceBatch::new());
         let (mut reflected, mut bent) = (0, 0);

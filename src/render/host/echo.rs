@@ -35,12 +35,7 @@ struct Echo {
 type GuideEchoes = [Echo; SEGMENTS as usize];
 
 /// Adds echoes to `baseband`, complex [scanlines × row_samples].
-pub(super) fn echo(
-    params: &Params,
-    constants: ImageConstants,
-    interfaces: Interfaces<'_>,
-    baseband: &mut [[f32; 2]],
-) {
+pub(super) fn echo(params: &Params, constants: ImageConstants, interfaces: Interfaces<'_>, baseband: &mut [[f32; 2]]) {
     let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
     rows.for_each(|(line, row)| {
         let row = &mut row[..params.samples as usize];
@@ -116,7 +111,13 @@ impl Interfaces<'_> {
     }
 
     /// Fills in the echoes of a guide; returns their number.
-    fn guide_echoes(&self, params: &Params, guide: usize, gain: Option<LineGain<'_>>, echoes: &mut GuideEchoes) -> usize {
+    fn guide_echoes(
+        &self,
+        params: &Params,
+        guide: usize,
+        gain: Option<LineGain<'_>>,
+        echoes: &mut GuideEchoes,
+    ) -> usize {
         let mut count = 0;
         for segment in 1..self.segment_counts[guide] as usize {
             if let Some(echo) = self.echo_at(params, guide, segment, gain) {

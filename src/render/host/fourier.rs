@@ -170,7 +170,8 @@ mod tests {
     use super::*;
 
     fn data(length: usize) -> Vec<Wide> {
-        let number = |n: usize, lane: usize, part: usize| (((n * 37 + lane * 101 + part * 53) % 97) as f32) / 48.0 - 1.0;
+        let number =
+            |n: usize, lane: usize, part: usize| (((n * 37 + lane * 101 + part * 53) % 97) as f32) / 48.0 - 1.0;
         let wide = |n| Wide {
             re: std::array::from_fn(|lane| number(n, lane, 0)),
             im: std::array::from_fn(|lane| number(n, lane, 1)),

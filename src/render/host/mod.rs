@@ -4,8 +4,8 @@
 //! Rays go through the scene in packets, their boxes eight at a time. Multiplications and additions are not fused, so
 //! that frames don't depend on the processor's instructions, nor on the number of threads.
 
-mod buffers;
 mod beams;
+mod buffers;
 mod bundle;
 mod constants;
 mod depart;

@@ -52,7 +52,14 @@ impl Powers {
 
     /// Adds a path. Beyond its first reflection it has its own loss, and the guide stands for what it missed.
     #[inline(always)]
-    pub(super) fn add(&mut self, params: &Params, paths: &Paths<'_>, [path, guide]: [u32; 2], stretch: Stretch, aperture: bool) {
+    pub(super) fn add(
+        &mut self,
+        params: &Params,
+        paths: &Paths<'_>,
+        [path, guide]: [u32; 2],
+        stretch: Stretch,
+        aperture: bool,
+    ) {
         let Stretch { first, blocks, .. } = stretch;
         let last = first.wrapping_add((blocks * BLOCK) as u32);
         let mut sample = first;

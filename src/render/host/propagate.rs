@@ -51,7 +51,9 @@ pub(super) fn propagate(
     if first >= tables.planes {
         return;
     }
-    let groups = fields.par_chunks_exact_mut(LANES * tables.planes * 2 * tables.cells).zip(work.par_chunks_exact_mut(tables.cells));
+    let groups = fields
+        .par_chunks_exact_mut(LANES * tables.planes * 2 * tables.cells)
+        .zip(work.par_chunks_exact_mut(tables.cells));
     groups.enumerate().for_each(|(group, (fields, work))| {
         propagate_group(tables, propagation, group, first, mask, work, fields);
     });

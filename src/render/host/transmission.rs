@@ -25,12 +25,7 @@ pub(super) struct Transmission<'a> {
 }
 
 /// Adds the paths of a batch; the last batch makes the mask.
-pub(super) fn transmission(
-    params: &Params,
-    tables: &ApertureTables,
-    paths: Paths<'_>,
-    into: Transmission<'_>,
-) {
+pub(super) fn transmission(params: &Params, tables: &ApertureTables, paths: Paths<'_>, into: Transmission<'_>) {
     let Transmission { powers, mask, row_np } = into;
     let columns = powers.par_chunks_exact_mut(tables.planes).zip(&tables.cell_rays);
     columns.for_each(|(column, rays)| add_column(params, tables, paths, *rays, column));

@@ -20,7 +20,8 @@ pub struct Transmission {
 pub fn transmission(inputs: &Inputs, aperture: &Aperture, paths: &[Path]) -> Transmission {
     let row = |plane: usize| -> (Vec<f64>, f64) {
         let ends_mm = [plane, plane + 1].map(|boundary| boundary as f64 * aperture.plane_mm);
-        let cells: Vec<f64> = (0..aperture.cells).map(|cell| transmitted(inputs, aperture, paths, cell, ends_mm)).collect();
+        let cells: Vec<f64> =
+            (0..aperture.cells).map(|cell| transmitted(inputs, aperture, paths, cell, ends_mm)).collect();
         let greatest = cells.iter().copied().fold(TRANSMISSION_MIN, f64::max);
         (cells.iter().map(|value| value / greatest).collect(), -greatest.ln())
     };
