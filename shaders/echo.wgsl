@@ -38,12 +38,18 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     let begins_np = loss_at_interval(path, arrived, index);
     if index > 0u {
         let last = interval_at(line, index - 1u);
-        let lag = (f32(index) - interval.start) / lags(last.own_np);
-        let own_np = begins_np - loss_at_interval(path, arrived, index - 1u) - last.row_np;
-        interval.start = f32(index) - lags(own_np) * clamp(lag, 0.0, 1.0);
+        let lag = (f32(index) - interval.start) / lags(own_np(last));
+        let path_np = begins_np - loss_at_interval(path, arrived, index - 1u) - last.row_np;
+        interval.start = f32(index) - lags(path_np) * clamp(lag, 0.0, 1.0);
     }
-    let loss_np = loss_on(path, arrived, range_mm) - begins_np + interval.begins_np;
-    return gain_within(line, interval, range_mm / aperture.plane_mm - f32(index), loss_np);
+    let part = range_mm / aperture.plane_mm - f32(index);
+    let rise_np = loss_on(path, arrived, range_mm) - begins_np;
+    let lost = lost_part(interval, part, rise_np + interval.begins_np);
+    // The plane of the interval is before what the path has not crossed.
+    let path_np = max(rise_np - interval.row_np * lost, 0.0);
+    let furthest = max(f32(index) + path_np / (path_np + TRACKED_NP), interval.start);
+    let place = min(place_within(interval, part, lost), furthest);
+    return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
 // Adds the echo at the start of a segment, times `weight`.

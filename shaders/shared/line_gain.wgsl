@@ -5,10 +5,10 @@ struct Interval {
     // Places among the planes at its ends.
     start: f32,
     end: f32,
-    // Loss at its start, loss of its row, and the scanline's own loss in it; one-way nepers.
+    // Loss at its start, loss in it, and the part of that which its row shares; one-way nepers.
     begins_np: f32,
+    total_np: f32,
     row_np: f32,
-    own_np: f32,
     // Loss that all scanlines share, at its start.
     shared_np: f32,
 }
@@ -17,8 +17,24 @@ fn interval_at(line: u32, index: u32) -> Interval {
     let row = line * (aperture.planes + 1u) + index;
     let a = line_gains[row];
     let b = line_gains[row + 1u];
-    let row_np = b.w - a.w;
-    return Interval(a.x, b.x, a.y, row_np, max(b.y - a.y - row_np, 0.0), a.w);
+    return Interval(a.x, b.x, a.y, b.y - a.y, b.w - a.w, a.w);
+}
+
+// The scanline's loss in an interval beyond its row's, one-way nepers.
+fn own_np(interval: Interval) -> f32 {
+    return max(interval.total_np - interval.row_np, 0.0);
+}
+
+// Part of an interval's loss that has been lost where `loss_np` is lost at a part of its depth.
+fn lost_part(interval: Interval, part: f32, loss_np: f32) -> f32 {
+    return clamp((loss_np - interval.begins_np + EVEN_NP * part) / (max(interval.total_np, 0.0) + EVEN_NP), 0.0, 1.0);
+}
+
+// Place among the planes at a part of an interval's depth and of its loss.
+fn place_within(interval: Interval, part: f32, lost: f32) -> f32 {
+    let own = own_np(interval);
+    let done = (own * lost + SPREAD_NP * part) / (own + SPREAD_NP);
+    return interval.start + done * (interval.end - interval.start);
 }
 
 // Index of the interval that holds a range.
@@ -34,16 +50,11 @@ fn gain_at(line: u32, place: f32) -> f32 {
     return mix(line_gains[row].z, line_gains[row + 1u].z, at - f32(low));
 }
 
-// ln of the amplitude, two-way, where `loss_np` is lost at a part of an interval.
-fn gain_within(line: u32, interval: Interval, part: f32, loss_np: f32) -> f32 {
-    let lost_np = loss_np - interval.begins_np - interval.row_np * part + SPREAD_NP * part;
-    let done = clamp(lost_np / (interval.own_np + SPREAD_NP), 0.0, 1.0);
-    let place = interval.start + done * (interval.end - interval.start);
-    return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * part);
-}
-
 // ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
 fn scatterer_gain_at(line: u32, range_mm: f32, loss_np: f32) -> f32 {
     let index = interval_index(range_mm);
-    return gain_within(line, interval_at(line, index), range_mm / aperture.plane_mm - f32(index), loss_np);
+    let interval = interval_at(line, index);
+    let part = range_mm / aperture.plane_mm - f32(index);
+    let lost = lost_part(interval, part, loss_np);
+    return gain_at(line, place_within(interval, part, lost)) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }

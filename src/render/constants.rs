@@ -93,6 +93,8 @@ pub(crate) const ONE_WAY: f64 = 0.5;
 pub(crate) const TRACKED_NP: f64 = 0.3;
 /// Loss that counts as evenly spread over each interval, nepers: scanlines without loss advance with depth.
 pub(crate) const SPREAD_NP: f64 = 0.1;
+/// Loss by which an interval without loss is lost evenly over its depth, nepers.
+pub(crate) const EVEN_NP: f64 = 1.0e-4;
 /// Least power of a beam behind obstacles, over its power without them: −120 dB.
 pub(crate) const VISIBLE_MIN: f64 = 1.0e-12;
 /// Most gain by diffraction at an edge, nepers of amplitude.

@@ -19,6 +19,7 @@ pub(super) const APERTURE_HALF_ANGLE_MAX: f32 = shared::APERTURE_HALF_ANGLE_MAX 
 pub(super) const FACET_COS_MIN: f32 = shared::FACET_COS_MIN as f32;
 pub(super) const TRANSMISSION_MIN: f32 = shared::TRANSMISSION_MIN as f32;
 pub(super) const TRACKED_NP: f32 = shared::TRACKED_NP as f32;
+pub(super) const EVEN_NP: f32 = shared::EVEN_NP as f32;
 pub(super) const SPREAD_NP: f32 = shared::SPREAD_NP as f32;
 pub(super) const VISIBLE_MIN: f32 = shared::VISIBLE_MIN as f32;
 pub(super) const VISIBLE_MAX_NP: f32 = shared::VISIBLE_MAX_NP as f32;

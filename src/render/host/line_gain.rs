@@ -1,6 +1,6 @@
 //! The aperture's gain at samples and interfaces of a scanline, from the outputs of `visibility`.
 
-use super::constants::{SPREAD_NP, TRACKED_NP};
+use super::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
 use super::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use super::transmission::loss_np;
 use super::visibility::Boundary;
@@ -62,20 +62,33 @@ pub(super) struct LineGain<'a> {
 struct Interval {
     /// Places among the planes at its ends.
     places: [f32; 2],
-    /// Loss at its start, loss of its row, and the scanline's own loss in it; one-way nepers.
+    /// Loss at its start, loss in it, and the part of that which its row shares; one-way nepers.
     begins_np: f32,
+    total_np: f32,
     row_np: f32,
-    own_np: f32,
     /// Loss that all scanlines share, at its start.
     shared_np: f32,
 }
 
 impl Interval {
-    /// Place among the planes where `loss_np` is lost at a part of the interval.
+    /// The scanline's loss in it beyond its row's, one-way nepers.
     #[inline(always)]
-    fn place(&self, part: f32, loss_np: f32) -> f32 {
-        let lost_np = loss_np - self.begins_np - self.row_np * part + SPREAD_NP * part;
-        let done = at_most(at_least(lost_np / (self.own_np + SPREAD_NP), 0.0), 1.0);
+    fn own_np(&self) -> f32 {
+        at_least(self.total_np - self.row_np, 0.0)
+    }
+
+    /// Part of its loss that has been lost where `loss_np` is lost at a part of its depth.
+    #[inline(always)]
+    fn lost(&self, part: f32, loss_np: f32) -> f32 {
+        let lost_np = loss_np - self.begins_np + EVEN_NP * part;
+        at_most(at_least(lost_np / (at_least(self.total_np, 0.0) + EVEN_NP), 0.0), 1.0)
+    }
+
+    /// Place among the planes at a part of its depth and of its loss.
+    #[inline(always)]
+    fn place(&self, part: f32, lost: f32) -> f32 {
+        let own_np = self.own_np();
+        let done = (own_np * lost + SPREAD_NP * part) / (own_np + SPREAD_NP);
         self.places[0] + done * (self.places[1] - self.places[0])
     }
 }
@@ -85,9 +98,8 @@ impl LineGain<'_> {
     fn interval(&self, interval: usize) -> Interval {
         let ([start, begins_np, _, shared_np], [end, ends_np, _, shared_end_np]) =
             (self.row[interval], self.row[interval + 1]);
-        let row_np = shared_end_np - shared_np;
-        let own_np = at_least(ends_np - begins_np - row_np, 0.0);
-        Interval { places: [start, end], begins_np, row_np, own_np, shared_np }
+        let (total_np, row_np) = (ends_np - begins_np, shared_end_np - shared_np);
+        Interval { places: [start, end], begins_np, total_np, row_np, shared_np }
     }
 
     /// Index of the interval that holds a range, and the part of it before the range.
@@ -103,7 +115,8 @@ impl LineGain<'_> {
     fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
         let (index, part) = self.index(range_mm);
         let interval = self.interval(index);
-        self.gain(interval.place(part, loss_np)) - 2.0 * (interval.shared_np + interval.row_np * part)
+        let lost = interval.lost(part, loss_np);
+        self.gain(interval.place(part, lost)) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
     /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.
@@ -122,8 +135,9 @@ impl LineGain<'_> {
         for i in 0..BLOCK {
             let range_mm = range_mm(params, first.wrapping_add(i as u32));
             let part = range_mm * per_mm - real(index as u32);
-            places[i] = interval.place(part, 0.5 * (falls[i] * range_mm - passed[i])) + 1.0;
-            loudness[i] = -2.0 * (interval.shared_np + interval.row_np * part);
+            let lost = interval.lost(part, 0.5 * (falls[i] * range_mm - passed[i]));
+            places[i] = interval.place(part, lost) + 1.0;
+            loudness[i] = -2.0 * (interval.shared_np + interval.row_np * lost);
         }
         // Places of one interval lie within three planes.
         let low = floor(at_least(interval.places[0] + 1.0, 0.0)) as usize;
@@ -163,11 +177,16 @@ impl LineGain<'_> {
             // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
             let last = self.interval(before);
             let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
-            let lag = (index as f32 - interval.places[0]) / lags(last.own_np);
+            let lag = (index as f32 - interval.places[0]) / lags(last.own_np());
             let own_np = begins_np - loss_of(before) - last.row_np;
             interval.places[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
         }
-        let loss_np = loss_np(&segments[arrived], range_mm) - begins_np + interval.begins_np;
-        self.gain(interval.place(part, loss_np)) - 2.0 * (interval.shared_np + interval.row_np * part)
+        let rise_np = loss_np(&segments[arrived], range_mm) - begins_np;
+        let lost = interval.lost(part, rise_np + interval.begins_np);
+        // The plane of the interval is before what the path has not crossed.
+        let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
+        let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.places[0]);
+        let place = at_most(interval.place(part, lost), furthest);
+        self.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 }

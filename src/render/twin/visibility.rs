@@ -4,7 +4,7 @@ use super::aperture::Aperture;
 use super::inputs::Inputs;
 use super::trace::{Path, segment_at};
 use super::transmission::passed_np;
-use crate::render::constants::{SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN};
+use crate::render::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN};
 
 /// Numbers of a scanline at a boundary of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +100,8 @@ impl<'a> LineGain<'a> {
     /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
     pub(super) fn at(&self, range_mm: f64, loss_np: f64) -> f64 {
         let interval = self.interval(range_mm);
-        self.within(interval, range_mm, loss_np, self.row[interval].place)
+        let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
+        self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
     }
 
     fn interval(&self, range_mm: f64) -> usize {
@@ -114,14 +115,28 @@ impl<'a> LineGain<'a> {
         (row_np, (b.loss_np - a.loss_np - row_np).max(0.0))
     }
 
-    /// The gain in an interval, from the place `start` among the planes on.
-    fn within(&self, interval: usize, range_mm: f64, loss_np: f64, start: f64) -> f64 {
-        let (row_np, own_np) = self.losses(interval);
-        let part = range_mm / self.aperture.plane_mm - interval as f64;
-        let lost_np = loss_np - self.row[interval].loss_np - row_np * part + SPREAD_NP * part;
-        let done = (lost_np / (own_np + SPREAD_NP)).clamp(0.0, 1.0);
-        let place = start + done * (self.row[interval + 1].place - start);
-        self.gain(place) - 2.0 * (self.row[interval].shared_np + row_np * part)
+    /// Part of an interval's depth before a range.
+    fn part(&self, interval: usize, range_mm: f64) -> f64 {
+        range_mm / self.aperture.plane_mm - interval as f64
+    }
+
+    /// Part of an interval's loss that has been lost at a range, where `rise_np` is lost since its start.
+    fn lost(&self, interval: usize, range_mm: f64, rise_np: f64) -> f64 {
+        let total_np = self.row[interval + 1].loss_np - self.row[interval].loss_np;
+        let lost_np = rise_np + EVEN_NP * self.part(interval, range_mm);
+        (lost_np / (total_np.max(0.0) + EVEN_NP)).clamp(0.0, 1.0)
+    }
+
+    /// Place among the planes at a range and a part of the interval's loss, from the place `start` on.
+    fn place(&self, interval: usize, range_mm: f64, lost: f64, start: f64) -> f64 {
+        let (_, own_np) = self.losses(interval);
+        let done = (own_np * lost + SPREAD_NP * self.part(interval, range_mm)) / (own_np + SPREAD_NP);
+        start + done * (self.row[interval + 1].place - start)
+    }
+
+    /// Loss that all scanlines share, two-way nepers, at a part of an interval's loss.
+    fn shared(&self, interval: usize, lost: f64) -> f64 {
+        2.0 * (self.row[interval].shared_np + self.losses(interval).0 * lost)
     }
 
     /// Gain at a place among the planes, −1 being the face.
@@ -148,7 +163,11 @@ impl<'a> LineGain<'a> {
             let rise_np = begins_np - loss_np(before as f64 * self.aperture.plane_mm) - row_np;
             start = interval as f64 - lags(rise_np) * lag.clamp(0.0, 1.0);
         }
-        let lost_np = -0.5 * path.segments[arrived].ln_passed(range_mm) - begins_np + self.row[interval].loss_np;
-        self.within(interval, range_mm, lost_np, start)
+        let rise_np = -0.5 * path.segments[arrived].ln_passed(range_mm) - begins_np;
+        let lost = self.lost(interval, range_mm, rise_np);
+        // The plane of the interval is before what the path has not crossed.
+        let own_np = (rise_np - self.losses(interval).0 * lost).max(0.0);
+        let furthest = (interval as f64 + own_np / (own_np + TRACKED_NP)).max(start);
+        self.gain(self.place(interval, range_mm, lost, start).min(furthest)) - self.shared(interval, lost)
     }
 }
