@@ -86,7 +86,7 @@ mod tests {
                 for depth in (0..=80).map(|i| 20.0 + 1.5 * f64::from(i)) {
                     let (got, want) = (2.0 * table.at(depth).half_width_mm(), probe.lateral_beam().width_mm(depth));
                     assert!((got / want - 1.0).abs() < 0.06, "{probe:?} at {depth} mm: {got}, not {want}");
-                    assert!((table.at(depth).amplitude(0.5 * want) - 0.5).abs() < 0.03);
+                    assert!((table.at(depth).amplitude(0.5 * want) - 0.5).abs() < 0.05);
                 }
             }
         }

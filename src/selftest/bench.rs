@@ -4,7 +4,7 @@ use glam::{DQuat, DVec2, DVec3, Vec3};
 
 use crate::anatomy::{Mesh, Scene, Surface, Tissue, TissueError, TissueTable, analytic};
 use crate::pose::Pose;
-use crate::render::{ImageSettings, RenderSettings};
+use crate::render::{Choice, Effect, ImageSettings, RenderSettings};
 use crate::transducer::{Probe, ProbeKind};
 
 /// Distance between neighbouring specimens, mm.
@@ -84,9 +84,10 @@ pub fn linear(scanlines: u32, spacing_mm: f64, samples: u32, depth_mm: f64) -> P
     Probe { kind, scanlines, samples, depth_mm, ..Probe::default() }
 }
 
-/// Settings that keep the lines, with a small image.
+/// Settings that keep the lines, with a small image. Formulas are of single paths, so the aperture is left out.
 pub fn small(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = RenderSettings { lines: true, ..RenderSettings::default() };
+    settings.effects = settings.effects.with(Effect::Aperture, Choice::Off);
     settings.image = ImageSettings { width: 96, height: 64, ..ImageSettings::default() };
     (settings.quality.rays, settings.quality.layers) = (rays, layers);
     settings

@@ -46,8 +46,8 @@ const DAMAGES: [Damage; 20] = [
     (
         "one-way decay of echoes",
         "trace",
-        "exp(max(ln_amplitude, LN_SILENT))",
-        "exp(max(0.5 * ln_amplitude, LN_SILENT))",
+        "exp(max(ln_arriving, LN_SILENT))",
+        "exp(max(0.5 * ln_arriving, LN_SILENT))",
         "Attenuation",
     ),
     (

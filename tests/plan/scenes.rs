@@ -37,7 +37,7 @@ fn obstetric() -> Case {
 
 #[test]
 fn each_scene_calls_for_its_effects() {
-    let usual = ["scatterers", "elevational_speckle", "maps"];
+    let usual = ["aperture", "scatterers", "elevational_speckle", "maps"];
     let and = |more: &[&'static str]| tissues_and(&[&usual[..], more].concat());
     let table = [
         // Heartbeat and maternal breathing; low quality asks for one ray and one layer.
@@ -46,7 +46,8 @@ fn each_scene_calls_for_its_effects() {
         ("speckle_block", and(&["frequency_exponent"])),
         ("sphere", and(&["frequency_exponent"])),
         // Here and below, attenuation is proportional to the frequency.
-        ("bone_plate", and(&[])),
+        // A phased array has no aperture.
+        ("bone_plate", tissues_and(&usual[1..])),
         // Nylon wires: 2600 m/s among 1540.
         ("qa_phantom", and(&["rays"])),
         ("lung_air", and(&["rays"])),

@@ -165,8 +165,8 @@ mod tests {
         let nodes = tables.nodes_at(10);
         let row = &tables.unobstructed[10 * tables.cells..][..nodes];
         let middle = row[nodes / 2];
-        for node in nodes / 2 - 8..nodes / 2 + 8 {
-            assert!((row[node] / middle - 1.0).abs() < 0.01, "{} of {middle}", row[node]);
+        for power in &row[nodes / 2 - 8..nodes / 2 + 8] {
+            assert!((power / middle - 1.0).abs() < 0.01, "{power} of {middle}");
         }
     }
 }

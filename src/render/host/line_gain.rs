@@ -38,7 +38,7 @@ impl<'a> Visibility<'a> {
                 (falls[i], passed[i]) = (segment[7], segment[11]);
             }
         }
-        if self.tables.plane_samples as usize % BLOCK == 0 {
+        if (self.tables.plane_samples as usize).is_multiple_of(BLOCK) {
             let interval = (first / self.tables.plane_samples) as usize;
             gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed], loudness);
         } else {

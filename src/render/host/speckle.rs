@@ -172,6 +172,7 @@ impl Speckle {
     ///
     /// Short loops: their iterations overlap in the processor, a loop of the whole look-up would wait for each.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
     fn sheets(&self, family: &Family, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
         let [across0, across_step, first0, first_step, second0, second_step, first_mm, second_mm] = places;
         let mut at = [[0.0; BLOCK]; 3];

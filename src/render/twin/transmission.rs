@@ -12,7 +12,7 @@ use crate::render::constants::TRANSMISSION_MIN;
 pub struct Transmission {
     /// Transmission of a cell over the greatest of its row [planes × cells].
     pub mask: Vec<f64>,
-    /// Loss of that greatest one, one-way nepers [planes].
+    /// Loss of that greatest one, one-way nepers `[planes]`.
     pub row_np: Vec<f64>,
 }
 
