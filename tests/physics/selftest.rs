@@ -105,7 +105,7 @@ const DAMAGES: [Damage; 20] = [
         "a buffer that keeps the last frame",
         "march",
         "vec4<f32>(0.0), begins)",
-        "0.5 * baseband[out + pair], begins)",
+        "0.5 * baseband[at], begins)",
         "Determinism",
     ),
 ];

@@ -75,7 +75,7 @@ fn an_attenuating_tissue_only_in_the_near_field() {
     let lossy = Tissue { attenuation_db_cm_mhz: 30.0, ..speckled(1540.0, 1.6, 0.01) };
     let tissues = [("lossy", lossy), ("all", speckled(1540.0, 1.6, 0.01))];
     let case = Case::of(vec![part("film", "lossy", slab(0.52, 1.02))], &tissues, "all");
-    assert_eq!(case.on(), ["attenuation", "scatterers", "elevational_speckle", "maps"]);
+    assert_eq!(case.on(), ["attenuation", "aperture", "scatterers", "elevational_speckle", "maps"]);
     let (planned, without) = case.planned_and_without(Effect::Attenuation);
     let off = difference(&planned, &without);
     // 2 · 30 dB/cm/MHz · 5 MHz · 0.05 cm = 15 dB darker behind it: 64 grey levels.

@@ -193,7 +193,8 @@ fn one_speed() -> (Vec<Part>, [(&'static str, Tissue); 3]) {
 fn equal_speed_and_weak_interfaces_need_neither_refraction_nor_reflections() {
     let (parts, tissues) = one_speed();
     let case = Case::of(parts, &tissues, "a");
-    assert_eq!(case.on(), ["interface_echoes", "scatterers", "elevational_speckle", "maps"], "{}", case.plan());
+    let on = ["interface_echoes", "aperture", "scatterers", "elevational_speckle", "maps"];
+    assert_eq!(case.on(), on, "{}", case.plan());
     assert_exact("one speed", &case);
 }
 
@@ -203,7 +204,7 @@ fn an_anechoic_scene_has_no_march_pass() {
     let still = tissues.map(|(name, t)| (name, Tissue { scatterer_density: 0.0, ..t }));
     let mut case = Case::of(parts, &still, "a");
     case.settings.image.gain_db = 40.0;
-    assert_eq!(case.on(), ["interface_echoes", "maps"]);
+    assert_eq!(case.on(), ["interface_echoes", "aperture", "maps"]);
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
     assert!(off.mean > 2.0 && off.most <= 1, "{off:?}");
