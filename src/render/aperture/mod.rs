@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn every_cell_has_rays_and_every_ray_of_the_array_has_a_cell() {
+    fn every_cell_has_rays_of_the_array() {
         for (probe, rays) in
             [(Probe::default(), 1), (Probe::default(), 32), (Probe { scanlines: 40, ..linear(40.0) }, 1)]
         {
