@@ -12,10 +12,6 @@
 @group(0) @binding(6) var<storage, read> fields: array<f32>;
 @group(0) @binding(7) var<storage, read_write> powers: array<f32>;
 
-fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
-    return vec2<f32>(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
-}
-
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let plane = id.y;

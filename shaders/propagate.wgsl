@@ -16,10 +16,6 @@ const THREADS: u32 = 64u;
 
 var<workgroup> field: array<vec2<f32>, CELLS_MAX>;
 
-fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
-    return vec2<f32>(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
-}
-
 // Spectrum of the field, in bit-reversed order.
 fn forward(thread: u32) {
     for (var half = aperture.cells / 2u; half > 0u; half /= 2u) {

@@ -96,7 +96,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let guide = is_guide(path);
     let line_ray = path % line_rays;
-    let layer = params.layer_first + path / line_rays;
+    // Guides are the same in all batches.
+    let layer = select(params.layer_first + path / line_rays, 0u, guide);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
     // A guide's echoes stand for those of diverted paths, in their place.
     let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, guide);
@@ -214,7 +215,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // Half of the roughness tilts the facet, half widens the lobe about it.
         let variance = 0.5 * roughness * roughness;
         var facet = normal;
-        if ROUGHNESS && variance > 0.0 && !guide {
+        if ROUGHNESS && variance > 0.0 {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
             if dot(facet, direction) > -FACET_COS_MIN {
                 facet = normal;

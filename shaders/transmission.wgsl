@@ -6,7 +6,8 @@
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> aperture: Aperture;
-// Rays of each cell: the first, the distance to the next, their number.
+// Rays of each cell: the first, the distance to the next, their number, and the parts of the first and of the last ray
+// within the cell.
 @group(0) @binding(4) var<storage, read> cell_rays: array<vec4<u32>>;
 // Between batches: mean over the layers of the fourth power of the transmission.
 @group(0) @binding(5) var<storage, read_write> transmissions: array<f32>;
@@ -42,18 +43,22 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
     var best = TRANSMISSION_MIN;
     for (var cell = local.x; cell < aperture.cells; cell += THREADS) {
         let rays = cell_rays[cell];
+        let parts = unpack2x16unorm(rays.w);
         var power = 0.0;
         for (var layer = 0u; layer < params.layer_count; layer++) {
             var sum = 0.0;
+            var total = 0.0;
             for (var ray = 0u; ray < rays.z; ray++) {
                 let line_ray = rays.x + ray * rays.y;
                 let path = layer * params.scanlines * params.rays + line_ray;
                 let guide = guide_of(line_ray / params.rays);
                 let lost = path_loss(path, guide, to_mm) - path_loss(path, guide, from_mm);
-                sum += exp(-clamp(lost, 0.0, 80.0));
+                let weight = select(1.0, parts.x, ray == 0u) * select(1.0, parts.y, ray + 1u == rays.z);
+                sum += weight * exp(-clamp(lost, 0.0, 80.0));
+                total += weight;
             }
             // Powers of layers add, on both ways.
-            let mean = sum / f32(rays.z);
+            let mean = sum / total;
             power += (mean * mean) * (mean * mean) / f32(params.layers);
         }
         let at = plane * aperture.cells + cell;

@@ -14,17 +14,21 @@
 @group(0) @binding(5) var<storage, read> powers: array<f32>;
 @group(0) @binding(6) var<storage, read> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read_write> line_gains: array<vec4<f32>>;
+// Gain of each block of samples as amplitude, and its reciprocal [scanlines × blocks].
+@group(0) @binding(8) var<storage, read_write> block_gains: array<vec2<f32>>;
 
-fn node_gain(plane: u32, node: u32) -> f32 {
-    return min(0.5 * log(max(powers[plane * aperture.cells + node], VISIBLE_MIN)), VISIBLE_MAX_NP);
+fn node_root(plane: u32, node: u32) -> f32 {
+    return sqrt(sqrt(max(powers[plane * aperture.cells + node], VISIBLE_MIN)));
 }
 
-// Gain of a scanline at a plane, interpolated between the beams.
+// Gain of a scanline at a plane, interpolated between the beams. In between, the fourth root follows the edge of a shadow
+// better than the power or its logarithm.
 fn plane_gain(line: u32, plane: u32) -> f32 {
     let node_cells = node_cells_at(plane);
     let node = clamp(line_cells[line] / f32(node_cells), 0.0, f32(aperture.cells / node_cells) - 1.001);
     let low = u32(node);
-    return mix(node_gain(plane, low), node_gain(plane, low + 1u), node - f32(low));
+    let between = mix(node_root(plane, low), node_root(plane, low + 1u), node - f32(low));
+    return min(2.0 * log(between), VISIBLE_MAX_NP);
 }
 
 @compute @workgroup_size(16)
@@ -64,5 +68,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         begins_np = ends_np;
         let place = f32(interval + 1u) - (1.0 - followed) * last;
         line_gains[row + interval + 1u] = vec4<f32>(place, ends_np, plane_gain(line, interval), shared_np);
+    }
+    let blocks = params.row_samples >> BLOCK_SHIFT;
+    for (var block = 0u; block < blocks; block++) {
+        let middle_mm = (f32(block) + 0.5) * params.sample_spacing_mm * f32(1u << BLOCK_SHIFT);
+        let gain_np = gain_by_depth(line, middle_mm);
+        block_gains[line * blocks + block] = vec2<f32>(exp(gain_np), exp(-gain_np));
     }
 }

@@ -668,6 +668,11 @@ fn a_tradeoff_is_measured_and_can_be_resumed() {
     assert_eq!(read("tradeoff.csv").lines().count(), points.len() + 1);
     assert!(read("tradeoff.md").contains("1x1 (LQ)") && read("tradeoff.svg").starts_with("<svg"));
     assert_eq!(image::open(out.join("tradeoff.png")).unwrap().width(), 1200);
+    for effect in report["effects"].as_array().unwrap() {
+        let [with, without] = ["with", "without"].map(|key| effect[key].as_f64().unwrap());
+        assert!(with < 0.5 * without && with < effect["tolerance"].as_f64().unwrap(), "{effect}");
+    }
+    assert_eq!(read("effects.csv").lines().count(), 5);
 
     // Existing points are not measured again and give the same figures; a missing one is measured.
     let mut kept = std::fs::read_dir(out.join("points")).unwrap().map(|entry| entry.unwrap().path());

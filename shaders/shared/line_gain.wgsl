@@ -50,6 +50,14 @@ fn gain_at(line: u32, place: f32) -> f32 {
     return mix(line_gains[row].z, line_gains[row + 1u].z, at - f32(low));
 }
 
+// Gain at a range, nepers of amplitude, two-way: where losses lie within an interval does not count.
+fn gain_by_depth(line: u32, range_mm: f32) -> f32 {
+    let index = interval_index(range_mm);
+    let row = line * (aperture.planes + 1u) + index;
+    let part = clamp(range_mm / aperture.plane_mm - f32(index), 0.0, 1.0);
+    return mix(gain_at(line, line_gains[row].x), gain_at(line, line_gains[row + 1u].x), part);
+}
+
 // ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
 fn scatterer_gain_at(line: u32, range_mm: f32, loss_np: f32) -> f32 {
     let index = interval_index(range_mm);

@@ -9,3 +9,8 @@ fn phasor(turns: f32) -> vec2<f32> {
     let s = r * (6.283185 + u * (-41.341656 + u * (81.601006 + u * (-76.54978 + u * 39.536697))));
     return vec2<f32>(c, s) * (1.0 - 2.0 * abs(halves));
 }
+
+// Product of two complex numbers.
+fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
+}

@@ -23,9 +23,7 @@ fn scatterer_echo(bits: vec3<u32>, ahead_mm: f32, place: Place, strength: Streng
     // The scatterer's own range sets the phase, whichever sample finds its cell.
     let turn = phasor(-params.phase_turns_per_mm * (place.range_mm + ahead_mm));
     let amplitude = vec2<f32>(strength.mean, 0.0) + strength.deviation * scatterer_deviate(bits.z);
-    let echo = vec2<f32>(
-        amplitude.x * turn.x - amplitude.y * turn.y, amplitude.x * turn.y + amplitude.y * turn.x);
-    return select(vec2<f32>(0.0), echo, f32(i32(bits.x >> 15u)) < strength.density);
+    return select(vec2<f32>(0.0), times(amplitude, turn), f32(i32(bits.x >> 15u)) < strength.density);
 }
 
 // Echo of the one scatterer of the sample's lattice cell.

@@ -99,6 +99,9 @@ pub(crate) const EVEN_NP: f64 = 1.0e-4;
 pub(crate) const VISIBLE_MIN: f64 = 1.0e-12;
 /// Most gain by diffraction at an edge, nepers of amplitude.
 pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
+/// Most by which a scanline whose aperture sees more than its neighbour's lifts that neighbour's echoes. Scatterers call
+/// for any factor, but echoes of reflected paths are not in the aperture's shadow.
+pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
 /// Least transmission of a row of cells, which the row's common loss is taken from.
 pub(crate) const TRANSMISSION_MIN: f64 = 1.0e-20;
 /// Most cells along the face of the aperture's grid.

@@ -26,6 +26,8 @@ pub(super) struct PassBuffers {
     pub(super) beam_powers: Vec<f32>,
     /// `visibility` [scanlines × (planes + 1)].
     pub(super) line_gains: Vec<[f32; 4]>,
+    /// `visibility` [scanlines × blocks].
+    pub(super) block_gains: Vec<[f32; 2]>,
     /// Baseband before the interfaces echo.
     pub(super) scattered: Vec<[f32; 2]>,
     pub(super) baseband: Vec<[f32; 2]>,
@@ -66,6 +68,8 @@ pub struct Snapshot {
     pub beam_powers: Vec<f64>,
     /// `visibility` [scanlines × (planes + 1)].
     pub line_gains: Vec<Boundary>,
+    /// `visibility`: gain of each block and its reciprocal [scanlines × blocks].
+    pub block_gains: Vec<[f64; 2]>,
     /// `march`: baseband of the scatterers [scanlines × samples].
     pub scattered: Vec<DVec2>,
     /// `echo`: the same with the interfaces' echoes.
@@ -120,6 +124,7 @@ impl Snapshot {
             first_plane: buffers.first_plane as usize,
             beam_powers: wide(&buffers.beam_powers, of_aperture(&inputs, |a| a.planes * a.cells)),
             line_gains: line_gains_from(&buffers, &inputs),
+            block_gains: block_gains_from(&buffers, &inputs),
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
@@ -172,6 +177,11 @@ fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
     };
     let count = of_aperture(inputs, |a| inputs.scanlines * (a.planes + 1));
     buffers.line_gains.iter().take(count).map(boundary).collect()
+}
+
+fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<[f64; 2]> {
+    let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
+    buffers.block_gains.iter().take(count).map(|gain| gain.map(f64::from)).collect()
 }
 
 fn path_from(buffers: &PassBuffers, path: usize) -> Path {

@@ -14,7 +14,11 @@ mod image;
 mod interfaces;
 mod refraction;
 mod rig;
+mod shadow;
+mod slide;
 mod speckle;
+mod tilted_face;
+mod truth;
 
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -28,6 +32,7 @@ use crate::render::{Backend, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 use bench::{Bench, silent};
 use rig::{NewRenderer, Rig};
+pub use truth::{TruthError, truth_errors};
 
 /// Errors of the self-test.
 #[derive(Debug, Error)]
@@ -144,11 +149,14 @@ pub fn run_with_hooks(
 fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
     let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
     let mut bench = Bench::new(silent(1540.0, 1.5));
-    let families: [Box<dyn Family>; 6] = [
+    let families: [Box<dyn Family>; 9] = [
         Box::new(interfaces::Interfaces::new(&mut bench)),
         Box::new(refraction::Refraction::new(&mut bench)),
+        Box::new(tilted_face::TiltedFace::new(&mut bench, tilted_face::Way::Lateral)),
         Box::new(beam::Beam::new(&mut bench)),
+        Box::new(shadow::Shadow::new(&mut bench)),
         Box::new(speckle::Speckle::new(&mut bench)),
+        Box::new(slide::Slide::new(&mut bench)),
         Box::new(image::Image::new(&mut bench)),
         Box::new(device::Device::new(&mut bench)),
     ];

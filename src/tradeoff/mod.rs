@@ -1,14 +1,17 @@
-//! Trade-off between accuracy and time: measured points, their data, the Pareto front, the noise threshold and the
-//! output files. Rendering and measuring are done by `insonify tradeoff`.
+//! Trade-off between accuracy and time: measured points, their data, the Pareto front, the noise threshold, the errors of
+//! effects against theory, and the output files. Rendering and measuring are done by `insonify tradeoff`.
 
+mod effect_truth;
 mod front;
 mod knobs;
 mod labels;
+mod panel;
 mod plan;
 pub mod plot;
 mod point;
 mod table;
 
+pub use effect_truth::{EffectTruth, effects_csv, effects_markdown};
 pub use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
 pub use plan::{Planned, plan};

@@ -14,23 +14,49 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 
 use super::table::shown;
-use super::{Point, labels};
+use super::{EffectTruth, Point, labels, panel};
 
-/// Size of the figure, pixels.
+/// Size of the figure without the panel of effects, pixels.
 const SIZE: (u32, u32) = (1200, 800);
 /// Height of the text, pixels.
-const TEXT: u32 = 16;
+pub(super) const TEXT: u32 = 16;
 /// Times of LQ and HQ in Zhang et al. 2020 on a 2080 Ti, ms.
 const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "paper, 2080 Ti: HQ 75 ms")];
 
-/// Figure as SVG; its axis label marks a reference that is not converged.
+/// Data of a figure.
+#[derive(Debug, Clone, Copy)]
+pub struct Figure<'a> {
+    /// Measured points.
+    pub points: &'a [Point],
+    /// Errors of effects, in a panel of their own.
+    pub effects: &'a [EffectTruth],
+    /// Text above.
+    pub title: &'a str,
+    /// False marks the axis: the reference is not converged.
+    pub converged: bool,
+}
+
+impl Figure<'_> {
+    /// Width and height, pixels.
+    fn size(&self) -> (u32, u32) {
+        (SIZE.0, SIZE.1 + panel::height(self.effects))
+    }
+
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let (upper, lower) = area.split_vertically(SIZE.1);
+        draw(&upper, self.points, self.title, self.converged)?;
+        if self.effects.is_empty() { Ok(()) } else { panel::draw(&lower, self.effects) }
+    }
+}
+
+/// Figure as SVG.
 ///
 /// # Errors
 /// Message of the drawing library.
-pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, String> {
+pub fn svg(figure: &Figure<'_>) -> Result<String, String> {
     let mut text = String::new();
-    let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-    draw(&area, points, title, converged).map_err(|e| e.to_string())?;
+    let area = SVGBackend::with_string(&mut text, figure.size()).into_drawing_area();
+    figure.draw(&area).map_err(|e| e.to_string())?;
     area.present().map_err(|e| e.to_string())?;
     drop(area);
     Ok(text)
@@ -40,12 +66,13 @@ pub fn svg(points: &[Point], title: &str, converged: bool) -> Result<String, Str
 ///
 /// # Errors
 /// Message of the drawing library.
-pub fn rgb(points: &[Point], title: &str, converged: bool) -> Result<(u32, u32, Vec<u8>), String> {
-    let mut raster = Raster { image: RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3])) };
+pub fn rgb(figure: &Figure<'_>) -> Result<(u32, u32, Vec<u8>), String> {
+    let (width, height) = figure.size();
+    let mut raster = Raster { image: RgbImage::from_pixel(width, height, Rgb([255; 3])) };
     let area = (&mut raster).into_drawing_area();
-    draw(&area, points, title, converged).map_err(|e| e.to_string())?;
+    figure.draw(&area).map_err(|e| e.to_string())?;
     drop(area);
-    Ok((SIZE.0, SIZE.1, raster.image.into_raw()))
+    Ok((width, height, raster.image.into_raw()))
 }
 
 fn draw<B: DrawingBackend>(
@@ -82,7 +109,7 @@ fn draw<B: DrawingBackend>(
         .disable_x_mesh()
         .x_labels(0)
         .x_label_formatter(&|_| String::new())
-        .y_label_formatter(&|levels| format!("{levels:.0}"))
+        .y_label_formatter(&|levels| if worst < 8.0 { format!("{levels:.1}") } else { format!("{levels:.0}") })
         .label_style(text(Pos::new(HPos::Center, VPos::Center), &BLACK))
         .draw()?;
     for ms in ticks(from_ms, to_ms) {
@@ -186,7 +213,7 @@ fn square((x, y): (i32, i32), style: ShapeStyle) -> Rectangle<(i32, i32)> {
 }
 
 /// Colours distinguishable by the colour-blind (Okabe and Ito 2008).
-fn colour(index: usize) -> RGBColor {
+pub(super) fn colour(index: usize) -> RGBColor {
     const COLOURS: [RGBColor; 8] = [
         RGBColor(0, 114, 178),
         RGBColor(213, 94, 0),
@@ -280,6 +307,7 @@ fn text_size(text: &str) -> (u32, u32) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::effect_truth::tests::effects;
     use super::super::front::tests::point;
     use super::super::mark_front;
     use super::*;
@@ -299,11 +327,15 @@ mod tests {
         points
     }
 
+    fn figure<'a>(points: &'a [Point], effects: &'a [EffectTruth], converged: bool) -> Figure<'a> {
+        Figure { points, effects, title: "A scene", converged }
+    }
+
     #[test]
     fn ticks_are_ones_twos_and_fives() {
         assert_eq!(ticks(15.0, 120.0).collect::<Vec<_>>(), [20.0, 50.0, 100.0]);
         assert_eq!(ticks(0.3, 10.0).collect::<Vec<_>>(), [0.5, 1.0, 2.0, 5.0]);
-        let text = svg(&points(), "", true).unwrap();
+        let text = svg(&figure(&points(), &[], true)).unwrap();
         assert!(!text.contains("100.0"), "an axis of two kinds of labels: {text}");
         for ms in ["50", "100", "200", "500", "1000", "2000"] {
             assert!(text.contains(&format!(">\n{ms}\n<")), "{ms} ms has no tick: {text}");
@@ -312,9 +344,10 @@ mod tests {
 
     #[test]
     fn both_figures_name_what_they_show() {
-        let text = svg(&points(), "A scene", true).unwrap();
+        let (points, effects) = (points(), effects());
+        let text = svg(&figure(&points, &effects, true)).unwrap();
         assert!(text.contains("<polygon") && text.contains("the converged reference"), "{text}");
-        assert!(svg(&points(), "", false).unwrap().contains("NOT converged"));
+        assert!(svg(&figure(&points, &[], false)).unwrap().contains("NOT converged"));
         for word in [
             "A scene",
             "1x1 (LQ)",
@@ -326,6 +359,9 @@ mod tests {
             "1x1 (LQ), all effects",
             "1x1 + msa",
             "maps + fast",
+            "speed_displacement",
+            "18.2 dB",
+            "no time",
         ] {
             assert!(text.contains(word), "`{word}` is missing");
         }
@@ -333,7 +369,8 @@ mod tests {
         let squares = text.matches(r#"width="12" height="12""#).count();
         assert_eq!(squares, 3, "{text}");
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
-        let (width, height, pixels) = rgb(&points(), "A scene", true).unwrap();
+        let (width, height, pixels) = rgb(&figure(&points, &effects, true)).unwrap();
+        assert_eq!((width, height), (1200, 800 + panel::height(&effects)));
         assert_eq!(pixels.len(), (3 * width * height) as usize);
         let ink = pixels.chunks_exact(3).filter(|p| p.iter().all(|&v| v < 128)).count();
         assert!(ink > 3000, "{ink}");
@@ -343,7 +380,10 @@ mod tests {
 
     #[test]
     fn no_points_and_broken_points_are_drawn_without_a_word() {
-        assert!(svg(&[], "", true).is_ok() && rgb(&[], "", false).is_ok());
-        assert!(rgb(&[point("x", f64::NAN, f64::NAN, None), point("y", 0.0, 1.0, None)], "", true).is_ok());
+        assert!(svg(&figure(&[], &[], true)).is_ok() && rgb(&figure(&[], &[], false)).is_ok());
+        let broken = [point("x", f64::NAN, f64::NAN, None), point("y", 0.0, 1.0, None)];
+        let mut effects = effects();
+        (effects[0].error.with, effects[0].error.without) = (f64::NAN, 0.0);
+        assert!(rgb(&figure(&broken, &effects, true)).is_ok());
     }
 }

@@ -7,6 +7,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 
+mod aperture;
 mod common;
 mod edges;
 mod far;

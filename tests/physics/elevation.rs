@@ -2,26 +2,33 @@
 //!
 //! `tests/truth/elevation.csv` holds correlations of a program that is not ours.
 
+use std::sync::LazyLock;
+
 use glam::{DQuat, DVec2, DVec3};
 use insonify::pose::Pose;
 use insonify::render::{Choice, Effect, RenderSettings};
 use insonify::transducer::Probe;
 
 use super::bench::{Rig, grainy, linear, mean_square, small};
+use super::fixtures::{Row, rows};
 use super::speckle::block;
 
 /// Depths of the measured patches, and half their height, mm.
 const DEPTHS_MM: [f64; 3] = [30.0, 70.0, 120.0];
 const HALF_MM: f64 = 9.0;
 
+/// Correlations by a program that is not ours.
+static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| rows("elevation.csv"));
+
 /// ρ of a frequency and depth at a slide, linear between the tabled slides.
 fn truth(frequency_mhz: f64, depth_mm: f64, slide_mm: f64) -> f64 {
-    let rows = include_str!("../truth/elevation.csv").lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
-    let rows = rows.map(|line| line.split(',').map(|v| v.parse::<f64>().unwrap()).collect::<Vec<_>>());
-    let of_depth: Vec<_> = rows.filter(|row| row[..4] == [frequency_mhz, 12.0, 70.0, depth_mm]).collect();
-    let after = of_depth.iter().position(|row| row[4] >= slide_mm).unwrap().max(1);
-    let (a, b) = (&of_depth[after - 1], &of_depth[after]);
-    a[5] + (b[5] - a[5]) * (slide_mm - a[4]) / (b[4] - a[4])
+    let lens = [("frequency_mhz", frequency_mhz), ("height_mm", 12.0), ("focus_mm", 70.0), ("depth_mm", depth_mm)];
+    let of_lens = |row: &&Row| lens.iter().all(|&(column, value)| row.number(column) == value);
+    let points: Vec<_> =
+        ROWS.iter().filter(of_lens).map(|row| (row.number("slide_mm"), row.number("correlation"))).collect();
+    let after = points.iter().position(|point| point.0 >= slide_mm).unwrap().max(1);
+    let (a, b) = (points[after - 1], points[after]);
+    a.1 + (b.1 - a.1) * (slide_mm - a.0) / (b.0 - a.0)
 }
 
 /// Slices in general position.

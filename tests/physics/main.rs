@@ -6,6 +6,8 @@
 
 mod bench;
 mod elevation;
+#[path = "../truth/fixtures.rs"]
+mod fixtures;
 mod in_place;
 mod interfaces;
 mod maps;

@@ -6,6 +6,7 @@ use insonify::settings::Apodization;
 use insonify::transducer::{Probe, ProbeKind};
 
 use super::bench::{Bench, Rig, assert_part, at, half_width, linear, magnitude, post, silent, small};
+use super::fixtures::{Row, rows};
 
 #[test]
 fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
@@ -60,15 +61,15 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
 
 /// −6 dB widths of the reference: probe, depth and width, mm.
 fn reference() -> Vec<(Probe, f64, f64)> {
-    let rows = include_str!("../truth/point_spread.csv").lines().filter(|line| !line.starts_with('#')).skip(1);
-    let row = |line: &str| {
-        let (name, numbers) = line.split_once(',').unwrap();
-        let numbers: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
-        let &[frequency_mhz, aperture_mm, focus_mm, depth_mm, width_mm, ..] = &numbers[..] else { panic!("{line}") };
-        let apodization = Apodization::named(name).unwrap();
-        (Probe { apodization, frequency_mhz, aperture_mm, focus_mm, ..Probe::default() }, depth_mm, width_mm)
+    let probe = |row: &Row| Probe {
+        apodization: Apodization::named(row.text("apodization")).unwrap(),
+        frequency_mhz: row.number("frequency_mhz"),
+        aperture_mm: row.number("aperture_mm"),
+        focus_mm: row.number("focus_mm"),
+        ..Probe::default()
     };
-    rows.map(row).collect()
+    let rows = rows("point_spread.csv");
+    rows.iter().map(|row| (probe(row), row.number("depth_mm"), row.number("width_mm"))).collect()
 }
 
 /// Widths of point images at `depths` on evenly spread scanlines of one frame, mm.

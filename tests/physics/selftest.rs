@@ -33,7 +33,7 @@ fn a_sound_device_passes() {
 /// Damage: its name, the pass, the source text and its replacement, and the group of checks that must fail.
 type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const DAMAGES: [Damage; 20] = [
+const DAMAGES: [Damage; 22] = [
     ("sign of the echoes' phase", "echo", "phasor(-params", "phasor(params", "Time of flight"),
     ("sign of the speckle's phase", "march", "phasor(-params", "phasor(params", "Speckle"),
     (
@@ -91,6 +91,8 @@ const DAMAGES: [Damage; 20] = [
         "Speckle",
     ),
     ("sheets of scatterers of one weight", "march", "let weight = bell * bell;", "let weight = 1.0;", "Speckle"),
+    ("beams that only send", "beams", "dot(sent, sent) * dot(heard, heard)", "dot(sent, sent)", "Shadow"),
+    ("paths that don't bend", "trace", "direction = normalize(bent)", "direction = normalize(direction)", "Full wave"),
     ("no gain", "detect", "+ image_gain_db()", "", "Image"),
     ("no sliders", "detect", "+ vec4<f32>(slider_db", "+ 0.0 * vec4<f32>(slider_db", "Twin"),
     ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *", "Image"),

@@ -39,22 +39,18 @@ struct Case {
 fn cases(file: &str) -> Vec<Case> {
     let mut cases: BTreeMap<String, Case> = BTreeMap::new();
     for row in rows(file) {
-        let key: Vec<String> = row
-            .iter()
-            .filter(|(name, _)| !["behind_mm", "level_db"].contains(&name.as_str()))
-            .map(|(_, v)| v.to_string())
-            .collect();
-        let case = cases.entry(key.join(" ")).or_insert_with(|| Case {
-            radius_mm: row.get("radius_mm").copied(),
-            depth_mm: row["depth_mm"],
-            half_width_mm: row["half_width_mm"],
-            offset_mm: row["offset_mm"],
-            frequency_mhz: row["frequency_mhz"],
-            aperture_mm: row["aperture_mm"],
-            focus_mm: row["focus_mm"],
+        let key = row.without(&["behind_mm", "level_db"]).join(" ");
+        let case = cases.entry(key).or_insert_with(|| Case {
+            radius_mm: row.optional("radius_mm"),
+            depth_mm: row.number("depth_mm"),
+            half_width_mm: row.number("half_width_mm"),
+            offset_mm: row.number("offset_mm"),
+            frequency_mhz: row.number("frequency_mhz"),
+            aperture_mm: row.number("aperture_mm"),
+            focus_mm: row.number("focus_mm"),
             levels: Vec::new(),
         });
-        case.levels.push((row["behind_mm"], row["level_db"]));
+        case.levels.push((row.number("behind_mm"), row.number("level_db")));
     }
     cases.into_values().collect()
 }
@@ -186,9 +182,9 @@ fn compare_with(cases: &[Case], rays: u32, layers: u32, aperture: Choice) -> f64
     fraction
 }
 
-/// Levels within bounds, as measured: the beam's width across scanlines still fills narrow shadows from their sides.
-const LINEAR_GOOD: f64 = 0.88;
-const CONVEX_GOOD: f64 = 0.93;
+/// Levels within bounds, as measured. The others are on steep edges, whose place single rays show to half a scanline.
+const LINEAR_GOOD: f64 = 0.96;
+const CONVEX_GOOD: f64 = 0.95;
 
 #[test]
 fn shadows_of_a_linear_array_are_those_of_diffraction() {
@@ -204,9 +200,9 @@ fn shadows_of_a_convex_array_are_those_of_diffraction() {
 
 #[test]
 fn shadows_with_many_rays_are_the_same() {
-    let rod = |case: &Case| case.half_width_mm == 1.5 && case.offset_mm == 0.0 && case.focus_mm >= 90.0;
+    let rod = |case: &Case| case.half_width_mm == 1.5 && case.offset_mm == 0.0;
     let named: Vec<Case> = cases("shadow.csv").into_iter().filter(rod).collect();
-    assert_eq!(named.len(), 2);
+    assert_eq!(named.len(), 3);
     assert_eq!(compare(&named, 32, 3), 1.0);
 }
 

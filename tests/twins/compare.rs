@@ -216,8 +216,11 @@ fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
             }
         }
     }
-    // Nothing differs where nothing is in the way.
-    if s.first_plane == aperture.planes { Ok(()) } else { tally.finish() }
+    // A renderer may begin at the first obstacle, not behind it.
+    let shaded = |row: &[f64]| row.iter().any(|&passes| passes < 1.0 - 1.0e-4);
+    let obstacle = s.transmission.mask.chunks_exact(aperture.cells).position(shaded).unwrap_or(aperture.planes);
+    tally.add(if s.first_plane <= obstacle { 0.0 } else { f64::NAN });
+    tally.finish()
 }
 
 fn beams(s: &Snapshot) -> Result<(), Mismatch> {
@@ -248,6 +251,13 @@ fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
         ];
         tally.add(errors.into_iter().fold(0.0, |worst, e| if e <= worst { worst } else { e }));
     }
+    tally.finish()?;
+    let mut tally = Tally::new("visibility", "blocks", 0.002);
+    for (device, twin) in s.block_gains.iter().zip(&twin::block_gains(&s.inputs, aperture, &s.line_gains)) {
+        let [gain, reciprocal] = device;
+        tally.add((gain / twin - 1.0).abs() / 1.0e-3);
+        tally.add((reciprocal * twin - 1.0).abs() / 1.0e-3);
+    }
     tally.finish()
 }
 
@@ -274,7 +284,8 @@ fn echo(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("lateral", "focused baseband", 0.0);
-    add_rows(&mut tally, s, &s.focused, &twin::lateral(&s.inputs, &s.baseband), 1.0e-5);
+    let gains: Vec<f64> = s.block_gains.iter().map(|gain| gain[0]).collect();
+    add_rows(&mut tally, s, &s.focused, &twin::lateral(&s.inputs, &gains, &s.baseband), 1.0e-5);
     tally.finish()
 }
 

@@ -67,9 +67,13 @@ fn at_another_value_of_each_image_setting_host_device_and_twin_agree() {
 #[test]
 fn a_damaged_pass_of_the_host_is_caught() {
     type Damage = fn(&mut ImageConstants);
-    let damages: [(&str, &str, Damage); 8] = [
+    let damages: [(&str, &str, Damage); 12] = [
         ("cells of another size", "march", |c| c.cell_mm = 0.151),
         ("a sheet of scatterers too few", "march", |c| c.sheets_to_a_side = 0.5),
+        ("obstacles hardly lose anything", "transmission", |c| c.loss_max_np = 0.1),
+        ("the first obstacles hide nothing", "propagate", |c| c.contrast_min = 0.5),
+        ("beams over a power of 1", "beams", |c| c.unobstructed_min = 1.0),
+        ("beams are never brighter than half", "visibility", |c| c.visible_max_np = -0.7),
         ("an interface is left out", "echo", |c| c.first_interface = 2),
         ("the beam without its flanks", "lateral", |c| c.least_weight = 0.05),
         ("decibels of power as of amplitude", "detect", |c| c.db_a_doubling *= 2.0),

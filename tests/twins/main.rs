@@ -168,7 +168,16 @@ const DAMAGES: [Damages; 4] = [
         ("depth beyond the runs forgotten", "percentile", "f32(params.map_rays)", "f32(params.scanlines)"),
         ("attenuation not normalised", "scan_convert", "percentile[0]", "0.0"),
     ],
-    &[("sheets of scatterers of other weights", "march", "let weight = bell * bell;", "let weight = bell;")],
+    &[
+        ("sheets of scatterers of other weights", "march", "let weight = bell * bell;", "let weight = bell;"),
+        (
+            "neighbours of a scanline in the shadow as loud",
+            "lateral",
+            "min(own * reciprocal, vec4<f32>(NEIGHBOUR_GAIN_MAX))",
+            "vec4<f32>(1.0)",
+        ),
+        ("gains of blocks a block late", "visibility", "(f32(block) + 0.5)", "(f32(block) + 1.5)"),
+    ],
 ];
 
 #[test]

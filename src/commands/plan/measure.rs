@@ -34,6 +34,13 @@ pub(crate) struct Cost {
     spread_ms: f64,
 }
 
+impl Cost {
+    /// Cost and its spread, ms.
+    pub(crate) fn ms(&self) -> [f64; 2] {
+        [self.cost_ms, self.spread_ms]
+    }
+}
+
 impl fmt::Display for Cost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let noise = if self.cost_ms.abs() <= self.spread_ms { " noise" } else { "" };

@@ -1,6 +1,6 @@
 //! `insonify plan`: effects that a scene needs, and their costs.
 
-mod measure;
+pub(super) mod measure;
 
 use std::path::PathBuf;
 

@@ -1,5 +1,6 @@
 //! `insonify tradeoff`: frame time against image error.
 
+mod effects;
 mod eta;
 mod identity;
 mod measure;
@@ -15,7 +16,8 @@ use clap::Parser;
 use insonify::render::{Renderer, processor_name};
 use insonify::sink::{create_dir, png, write_json, write_text};
 use insonify::station::Station;
-use insonify::tradeoff::{self, Knobs, Point};
+use insonify::tradeoff::plot::Figure;
+use insonify::tradeoff::{self, EffectTruth, Knobs, Point};
 use serde::Serialize;
 
 use self::eta::{Estimate, Eta};
@@ -33,6 +35,9 @@ use super::{Classify, Failure, output, session};
 /// every other knob alone about 8 x 3; a station's generators run on top of LQ. The reference has all effects.
 /// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector. The front
 /// goes by the error of mean levels (32 x 32 pixels): other samples, scanlines and kernels are other speckle.
+///
+/// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
+/// without each effect that theory speaks of, and says what the effect costs in the station's scene at 1 x 1.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -68,7 +73,8 @@ Files:
   tradeoff.csv    a line a point: knobs, times, errors, passes
   tradeoff.json   all of it, with tissues and the reference
   tradeoff.svg    the figure, and as tradeoff.png
-  tradeoff.md     a table
+  tradeoff.md     tables
+  effects.csv     a line an effect: errors against wave theory with and without it, cost
   points/         points as they were done, for --resume
 
 A difference is called noise where repeats of one point differ as much: in time by the distance of the quartiles, in
@@ -93,6 +99,7 @@ struct Report<'a> {
     poses: usize,
     reference: &'a reference::Check,
     points: &'a [Point],
+    effects: &'a [EffectTruth],
 }
 
 /// Runs the command.
@@ -158,6 +165,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     tradeoff::mark_front(&mut points);
     tradeoff::mark_noise(&mut points);
+    let effects = effects::measure(&backend, &station, &scene, &store, &poses)?;
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         station: &args.station,
@@ -167,6 +175,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         poses: poses.len(),
         reference: &reference.check,
         points: &points,
+        effects: &effects,
     };
     write(&args.out, &report)
 }
@@ -183,25 +192,28 @@ fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usiz
 }
 
 fn write(out: &Path, report: &Report) -> Result<(), Failure> {
-    let Report { station, device, processor, threads, poses, points, reference, .. } = report;
+    let Report { station, device, processor, threads, poses, points, effects, reference, .. } = report;
     let converged = reference.converged;
     let not = if converged { "" } else { " (reference not converged)" };
     let title =
         format!("{}{not}, {}, on {device}, {threads} threads", station.display(), output::counted(*poses, "pose"));
     write_text(&out.join("tradeoff.csv"), &tradeoff::csv(points))?;
-    let table = tradeoff::markdown(points);
+    write_text(&out.join("effects.csv"), &tradeoff::effects_csv(effects))?;
+    let table = format!("{}\n{}", tradeoff::markdown(points), tradeoff::effects_markdown(effects));
     write_text(&out.join("tradeoff.md"), &format!("{title} of {processor}. {reference}\n\n{table}"))?;
     write_json(&out.join("tradeoff.json"), report)?;
-    let figure = |e: String| anyhow!("the figure can't be drawn: {e}");
-    let svg = tradeoff::plot::svg(points, &title, converged).map_err(figure).other()?;
+    let failed = |e: String| anyhow!("the figure can't be drawn: {e}");
+    let figure = Figure { points, effects, title: &title, converged };
+    let svg = tradeoff::plot::svg(&figure).map_err(failed).other()?;
     write_text(&out.join("tradeoff.svg"), &svg)?;
-    let (width, height, rgb) = tradeoff::plot::rgb(points, &title, converged).map_err(figure).other()?;
+    let (width, height, rgb) = tradeoff::plot::rgb(&figure).map_err(failed).other()?;
     png::write_rgb(&out.join("tradeoff.png"), width, height, &rgb)?;
     output::line(table)?;
     output::line(reference)?;
     for name in ["csv", "json", "svg", "png", "md"] {
         output::line(out.join(format!("tradeoff.{name}")).display())?;
     }
+    output::line(out.join("effects.csv").display())?;
     Ok(())
 }
 

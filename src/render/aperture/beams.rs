@@ -2,13 +2,11 @@
 
 use rustfft::num_complex::Complex64;
 
-use super::grid::{Grid, receive_mm};
+use super::grid::{Grid, SLOPE_MARGIN, receive_mm};
 use crate::transducer::Probe;
 
 /// Elements per wavelength.
 const ELEMENTS_PER_WAVELENGTH: f64 = 6.0;
-/// Sines beyond the aperture's steepest ray that belong to its beam.
-const SLOPE_MARGIN: f64 = 0.06;
 
 /// Parts of the modes in the beams whose axis is x = 0.
 pub(super) struct Beams {

@@ -1,8 +1,10 @@
 //! Sizes of the grid: cells along the face, planes in depth, modes.
 
+use super::sampling::CellRays;
 use rustfft::num_complex::Complex64;
 
 use super::geometry::Face;
+use super::sampling::Sampling;
 use crate::acoustics::beam::RECEIVE_F_NUMBER_MIN;
 use crate::acoustics::wavelength_mm;
 use crate::render::constants::CELLS_MAX;
@@ -26,13 +28,15 @@ const MARGIN_MM: f64 = 3.0;
 /// Width over which the array's sensitivity falls at its ends, mm: a hard end would scatter the copies of beams.
 const FACE_EDGE_MM: f64 = 2.0;
 /// Sines beyond the aperture's steepest ray that belong to its beams.
-const SLOPE_MARGIN: f64 = 0.06;
+pub(super) const SLOPE_MARGIN: f64 = 0.06;
 /// Distance from a scanline within which scatterers are summed, mm at the scatterers.
 const REACH_MM: f64 = 7.0;
 /// Spread from which every second mode does.
 const HALVING_SPREAD: f64 = 2.0;
 /// Most rays of a layer that are taken for one cell.
 const CELL_RAYS_MAX: u32 = 4;
+/// Least part of a ray's share of the face within a cell that counts.
+const CELL_PART_MIN: f64 = 1.0e-3;
 
 /// Sizes, in the terms of [`ApertureTables`](super::ApertureTables).
 #[derive(Debug, Clone)]
@@ -44,16 +48,12 @@ pub(super) struct Grid {
     pub(super) width_mm: f64,
     /// Period of the modes along the face.
     pub(super) period_mm: f64,
-    pub(super) cells: usize,
+    pub(super) sampling: Sampling,
     pub(super) cell_mm: f64,
-    pub(super) beams: usize,
-    pub(super) node_cells: usize,
     pub(super) planes: usize,
     pub(super) plane_samples: u32,
     pub(super) plane_mm: f64,
-    pub(super) halves_at: usize,
     pub(super) modes: Vec<Option<i32>>,
-    pub(super) lasting_modes: usize,
 }
 
 impl Grid {
@@ -98,16 +98,12 @@ impl Grid {
             wave_number,
             width_mm,
             period_mm,
-            cells,
+            sampling: Sampling { cells, beams, node_cells, halves_at, modes: modes.len(), lasting_modes },
             cell_mm: period_mm / (beams * node_cells) as f64,
-            beams,
-            node_cells,
             planes,
             plane_samples,
             plane_mm,
-            halves_at,
             modes,
-            lasting_modes,
         })
     }
 
@@ -121,32 +117,26 @@ impl Grid {
         std::f64::consts::TAU * f64::from(mode) / self.period_mm
     }
 
-    /// Whether a plane has all modes.
-    pub(super) fn whole(&self, plane: usize) -> bool {
-        plane < self.halves_at
-    }
-
-    /// Cells per node at a plane.
-    pub(super) fn node_cells_at(&self, plane: usize) -> usize {
-        if self.whole(plane) { self.node_cells } else { 1 }
-    }
-
     /// Distance in nodes within which a beam's scatterers are summed: at most half a period.
     pub(super) fn reach_nodes(&self, plane: usize) -> f64 {
-        let node_mm = self.cell_mm * self.node_cells_at(plane) as f64;
-        let half_period = 0.5 * self.beams as f64 - 1.0;
+        let node_mm = self.cell_mm * self.sampling.node_cells_at(plane) as f64;
+        let half_period = 0.5 * self.sampling.beams as f64 - 1.0;
         (REACH_MM / self.shape.spread(self.depth_mm(plane)) / node_mm).min(half_period)
     }
 
     /// Propagation of each spatial frequency from the plane before to each plane [planes × cells]; evanescent waves end.
     pub(super) fn steps(&self) -> Vec<Complex64> {
-        let mut steps = Vec::with_capacity(self.planes * self.cells);
+        let mut steps = Vec::with_capacity(self.planes * self.sampling.cells);
         for plane in 0..self.planes {
             let to = self.depth_mm(plane);
             let from = if plane == 0 { 0.0 } else { self.depth_mm(plane - 1) };
-            for cell in 0..self.cells {
-                let cycles = if cell <= self.cells / 2 { cell as f64 } else { cell as f64 - self.cells as f64 };
-                let q = std::f64::consts::TAU * cycles / (self.cells as f64 * self.cell_mm);
+            for cell in 0..self.sampling.cells {
+                let cycles = if cell <= self.sampling.cells / 2 {
+                    cell as f64
+                } else {
+                    cell as f64 - self.sampling.cells as f64
+                };
+                let q = std::f64::consts::TAU * cycles / (self.sampling.cells as f64 * self.cell_mm);
                 steps.push(self.phase(q, from, to).map_or(Complex64::ZERO, |phase| Complex64::from_polar(1.0, phase)));
             }
         }
@@ -176,11 +166,11 @@ impl Grid {
     /// Sensitivity of the face at each cell: 1 within the array, 0 beyond it, smooth at its ends.
     pub(super) fn face(&self) -> Vec<f64> {
         let at = |cell: usize| {
-            let across = (cell as f64 - 0.5 * self.cells as f64) * self.cell_mm;
+            let across = (cell as f64 - 0.5 * self.sampling.cells as f64) * self.cell_mm;
             let inside = (0.5 * self.width_mm - across.abs()) / FACE_EDGE_MM + 0.5;
             (std::f64::consts::FRAC_PI_2 * inside.clamp(0.0, 1.0)).sin().powi(2)
         };
-        (0..self.cells).map(at).collect()
+        (0..self.sampling.cells).map(at).collect()
     }
 
     /// Place of a scanline, in cells.
@@ -190,30 +180,47 @@ impl Grid {
 
     /// Place of a fraction of the sector's width, in cells.
     fn cell_of(&self, fraction: f64) -> f64 {
-        (fraction - 0.5) * self.width_mm / self.cell_mm + 0.5 * self.cells as f64
+        (fraction - 0.5) * self.width_mm / self.cell_mm + 0.5 * self.sampling.cells as f64
     }
 
-    /// Rays of a layer that cross each cell; the nearest one if none does. At most [`CELL_RAYS_MAX`], spread evenly.
-    pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<[u32; 3]> {
-        let all = probe.scanlines * rays_per_line;
-        let per_cell = self.cell_mm / self.width_mm * f64::from(all);
-        let ray_of =
-            |cell: f64| ((cell - 0.5 * self.cells as f64) * self.cell_mm / self.width_mm + 0.5) * f64::from(all);
-        let last = f64::from(all - 1);
+    /// Rays of a layer that cross each cell. At most [`CELL_RAYS_MAX`], spread evenly.
+    pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<CellRays> {
+        let all = f64::from(probe.scanlines * rays_per_line);
+        // Ray i stands for the face from i to i + 1.
+        let ray_of = |cell: f64| ((cell - 0.5 * self.sampling.cells as f64) * self.cell_mm / self.width_mm + 0.5) * all;
         let of_cell = |cell: usize| {
-            let (from, to) = (ray_of(cell as f64 - 0.5), ray_of(cell as f64 + 0.5));
-            // Ray i is at i + ½.
-            let (first, end) = ((from - 0.5).ceil().clamp(0.0, last), (to - 0.5).ceil().clamp(0.0, last + 1.0));
-            if per_cell < 1.0 || end <= first {
-                return [(0.5 * (from + to) - 0.5).round().clamp(0.0, last) as u32, 1, 1];
+            let (from, to) = (ray_of(cell as f64 - 0.5).max(0.0), ray_of(cell as f64 + 0.5).min(all));
+            if to - from < CELL_PART_MIN {
+                return CellRays::single((0.5 * (from + to)).floor().clamp(0.0, all - 1.0) as u32);
             }
-            let crossing = (end - first) as u32;
+            // A ray of which the cell has next to nothing is left out.
+            let (first, end) = ((from + CELL_PART_MIN).floor(), (to - CELL_PART_MIN).ceil());
+            let crossing = (end - first).max(1.0) as u32;
+            if crossing == 1 {
+                return CellRays::single(first as u32);
+            }
+            if crossing <= CELL_RAYS_MAX {
+                let parts = [(first + 1.0 - from).min(1.0), (to - (end - 1.0)).min(1.0)];
+                return CellRays { first: first as u32, step: 1, count: crossing, parts: parts.map(CellRays::packed) };
+            }
             let step = crossing.div_ceil(CELL_RAYS_MAX);
             let count = crossing.div_ceil(step);
             // Centred: what the steps leave over goes to both ends.
-            [first as u32 + (crossing - 1 - (count - 1) * step) / 2, step, count]
+            let first = first as u32 + (crossing - 1 - (count - 1) * step) / 2;
+            CellRays { first, step, count, ..CellRays::single(0) }
         };
-        (0..self.cells).map(of_cell).collect()
+        (0..self.sampling.cells).map(of_cell).collect()
+    }
+}
+
+impl CellRays {
+    /// One ray for a whole cell.
+    fn single(first: u32) -> Self {
+        Self { first, step: 1, count: 1, parts: [Self::packed(1.0); 2] }
+    }
+
+    fn packed(part: f64) -> u16 {
+        (part * f64::from(u16::MAX)).round() as u16
     }
 }
 

@@ -10,11 +10,13 @@
 mod beams;
 mod geometry;
 mod grid;
+mod sampling;
 mod shape;
 mod unobstructed;
 
 use grid::Grid;
 pub(crate) use grid::{BEAMS_MAX, MODE_LANES, PLANES_MAX};
+pub(crate) use sampling::{CellRays, Sampling};
 pub(crate) use shape::{ApertureShape, MODE_NONE};
 
 use crate::settings::Quality;
@@ -26,21 +28,13 @@ pub(crate) type Complex = [f32; 2];
 /// Tables for one probe and one quality.
 #[derive(Debug, Clone)]
 pub(crate) struct ApertureTables {
-    /// Cells along the face, a power of two; the last one is next to the first.
-    pub(crate) cells: usize,
+    pub(crate) sampling: Sampling,
     /// Depth planes, one in the middle of each interval of `plane_samples` samples.
     pub(crate) planes: usize,
     pub(crate) plane_samples: u32,
     pub(crate) plane_mm: f32,
-    /// Beams per period of the modes, a power of two.
-    pub(crate) beams: usize,
-    /// Cells per node at the first planes: 1 or 2. From plane `halves_at` on it is 1, and odd modes are left out.
-    pub(crate) node_cells: usize,
-    pub(crate) halves_at: usize,
     /// Number of each mode, even ones first; `None` pads to whole groups of [`MODE_LANES`].
     pub(crate) modes: Vec<Option<i32>>,
-    /// Modes, padding included, that go on after `halves_at`.
-    pub(crate) lasting_modes: usize,
     /// Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
     pub(crate) steps: Vec<Complex>,
     /// Part of each mode in the transmit beam at x = 0 [modes].
@@ -53,8 +47,8 @@ pub(crate) struct ApertureTables {
     pub(crate) reach_nodes: Vec<f32>,
     /// Echo power of each beam without obstacles [planes × cells], the first nodes of each row.
     pub(crate) unobstructed: Vec<f32>,
-    /// Rays that cross each cell: the first, the distance to the next, their number [cells].
-    pub(crate) cell_rays: Vec<[u32; 3]>,
+    /// Rays that cross each cell [cells].
+    pub(crate) cell_rays: Vec<CellRays>,
     /// Place of each scanline, in cells [scanlines].
     pub(crate) line_cells: Vec<f32>,
 }
@@ -75,16 +69,12 @@ impl ApertureTables {
         let single = |values: &[rustfft::num_complex::Complex64]| -> Vec<Complex> {
             values.iter().map(|v| [v.re as f32, v.im as f32]).collect()
         };
-        let scale = 1.0 / grid.cells as f64;
+        let scale = 1.0 / grid.sampling.cells as f64;
         Some(Self {
-            cells: grid.cells,
+            sampling: grid.sampling,
             planes: grid.planes,
             plane_samples: grid.plane_samples,
             plane_mm: grid.plane_mm as f32,
-            beams: grid.beams,
-            node_cells: grid.node_cells,
-            halves_at: grid.halves_at,
-            lasting_modes: grid.lasting_modes,
             steps: steps.iter().map(|h| [(h.re * scale) as f32, (h.im * scale) as f32]).collect(),
             transmit: single(&beams.transmit),
             receive: single(&beams.receive),
@@ -95,27 +85,6 @@ impl ApertureTables {
             line_cells: (0..probe.scanlines).map(|line| grid.line_cell(probe, line) as f32).collect(),
             modes: grid.modes,
         })
-    }
-
-    /// Cells per node at a plane.
-    pub(crate) fn node_cells_at(&self, plane: usize) -> usize {
-        if plane < self.halves_at { self.node_cells } else { 1 }
-    }
-
-    /// Nodes at a plane: places along the face with a beam each.
-    pub(crate) fn nodes_at(&self, plane: usize) -> usize {
-        self.cells / self.node_cells_at(plane)
-    }
-
-    /// Modes, padding included, that take part at a plane.
-    pub(crate) fn modes_at(&self, plane: usize) -> usize {
-        if plane < self.halves_at { self.modes.len() } else { self.lasting_modes }
-    }
-
-    /// Index of a mode within one period at a plane: modulo the number of beams.
-    pub(crate) fn bin(&self, plane: usize, mode: i32) -> usize {
-        let stride = if plane < self.halves_at || self.node_cells == 1 { 1 } else { 2 };
-        (mode / stride).rem_euclid(self.beams as i32) as usize
     }
 }
 
@@ -136,8 +105,8 @@ mod tests {
     fn grids_hold_the_face_and_are_fine_enough() {
         for probe in [Probe::default(), linear(40.0), linear(80.0), linear(12.0)] {
             let grid = Grid::new(&probe).unwrap();
-            assert!(grid.cells.is_power_of_two() && grid.beams.is_power_of_two(), "{probe:?}");
-            assert!(grid.cells as f64 * grid.cell_mm >= grid.width_mm + 6.0 - 1e-9, "{probe:?}");
+            assert!(grid.sampling.cells.is_power_of_two() && grid.sampling.beams.is_power_of_two(), "{probe:?}");
+            assert!(grid.sampling.cells as f64 * grid.cell_mm >= grid.width_mm + 6.0 - 1e-9, "{probe:?}");
             let finest = if probe.face_radius_mm().is_some() { 0.2201 } else { 0.5626 };
             assert!(grid.cell_mm <= finest, "{} mm", grid.cell_mm);
             assert!(grid.plane_mm <= 3.34 && grid.planes <= PLANES_MAX, "{} mm", grid.plane_mm);
@@ -153,17 +122,27 @@ mod tests {
         {
             let tables = ApertureTables::new(&probe, Quality { rays, layers: 1, seed: 0 }).unwrap();
             let all = probe.scanlines * rays;
-            for &[first, step, count] in &tables.cell_rays {
+            let mut parts = vec![0.0; all as usize];
+            for rays in &tables.cell_rays {
+                let &CellRays { first, step, count, .. } = rays;
                 assert!(count >= 1 && step >= 1 && first + (count - 1) * step < all);
+                let [of_first, of_last] = rays.weights();
+                assert!(of_first > 0.0 && of_first <= 1.0 && of_last > 0.0 && of_last <= 1.0);
+                if count > 1 {
+                    parts[first as usize] += of_first;
+                    parts[(first + (count - 1) * step) as usize] += of_last;
+                }
             }
+            // Cells share the rays on their borders.
+            assert!(rays > 1 || parts.iter().all(|part| *part < 1.01), "{parts:?}");
         }
     }
 
     #[test]
     fn beams_of_a_linear_array_are_alike_in_its_middle() {
         let tables = tables(&linear(60.0));
-        let nodes = tables.nodes_at(10);
-        let row = &tables.unobstructed[10 * tables.cells..][..nodes];
+        let nodes = tables.sampling.nodes_at(10);
+        let row = &tables.unobstructed[10 * tables.sampling.cells..][..nodes];
         let middle = row[nodes / 2];
         for power in &row[nodes / 2 - 8..nodes / 2 + 8] {
             assert!((power / middle - 1.0).abs() < 0.01, "{power} of {middle}");

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::ApertureTables;
+use super::{ApertureTables, Sampling};
 
 /// Number of a mode that pads a group.
 pub(crate) const MODE_NONE: i32 = 0x7fff;
@@ -23,14 +23,15 @@ pub(crate) struct ApertureShape {
 
 impl ApertureShape {
     pub(crate) fn new(tables: &ApertureTables) -> Self {
+        let Sampling { cells, beams, node_cells, halves_at, modes, lasting_modes } = tables.sampling;
         Self {
-            cells: tables.cells as u32,
+            cells: cells as u32,
             planes: tables.planes as u32,
-            beams: tables.beams as u32,
-            node_cells: tables.node_cells as u32,
-            halves_at: tables.halves_at as u32,
-            modes: tables.modes.len() as u32,
-            lasting_modes: tables.lasting_modes as u32,
+            beams: beams as u32,
+            node_cells: node_cells as u32,
+            halves_at: halves_at as u32,
+            modes: modes as u32,
+            lasting_modes: lasting_modes as u32,
             plane_mm: tables.plane_mm,
         }
     }

@@ -6,19 +6,21 @@ use rustfft::{FftDirection, FftPlanner};
 
 use super::beams::Beams;
 use super::grid::Grid;
+use super::sampling::Sampling;
 
 /// Echo power [planes × cells]; a row's first nodes are filled. `steps` and `face` are the grid's.
 pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: &[f64]) -> Vec<f64> {
+    let sampling = grid.sampling;
     let mut planner = FftPlanner::new();
-    let forward = planner.plan_fft(grid.cells, FftDirection::Forward);
-    let inverse = planner.plan_fft(grid.cells, FftDirection::Inverse);
-    let of_beams = planner.plan_fft(grid.beams, FftDirection::Forward);
+    let forward = planner.plan_fft(sampling.cells, FftDirection::Forward);
+    let inverse = planner.plan_fft(sampling.cells, FftDirection::Inverse);
+    let of_beams = planner.plan_fft(sampling.beams, FftDirection::Forward);
 
     let start = |mode: &Option<i32>| {
         let q = mode.map(|mode| grid.mode_wave_number(mode));
-        let mut field: Vec<Complex64> = (0..grid.cells)
+        let mut field: Vec<Complex64> = (0..sampling.cells)
             .map(|cell| {
-                let across = (cell as f64 - 0.5 * grid.cells as f64) * grid.cell_mm;
+                let across = (cell as f64 - 0.5 * sampling.cells as f64) * grid.cell_mm;
                 q.map_or(Complex64::ZERO, |q| Complex64::from_polar(face[cell], q * across))
             })
             .collect();
@@ -27,10 +29,10 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
     };
     let mut spectra: Vec<Vec<Complex64>> = grid.modes.par_iter().map(start).collect();
 
-    let mut powers = Vec::with_capacity(grid.planes * grid.cells);
+    let mut powers = Vec::with_capacity(grid.planes * sampling.cells);
     for plane in 0..grid.planes {
-        let steps = &steps[plane * grid.cells..][..grid.cells];
-        let scale = 1.0 / grid.cells as f64;
+        let steps = &steps[plane * sampling.cells..][..sampling.cells];
+        let scale = 1.0 / sampling.cells as f64;
         let fields: Vec<Vec<Complex64>> = spectra
             .par_iter_mut()
             .map(|spectrum| {
@@ -42,23 +44,20 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
             })
             .collect();
 
-        let node_cells = grid.node_cells_at(plane);
-        let nodes = grid.cells / node_cells;
-        let stride = if grid.whole(plane) || grid.node_cells == 1 { 1 } else { 2 };
-        let lasting = if grid.whole(plane) { grid.modes.len() } else { grid.lasting_modes };
+        let (node_cells, nodes) = (sampling.node_cells_at(plane), sampling.nodes_at(plane));
         let receive = &beams.receive[plane * grid.modes.len()..][..grid.modes.len()];
         let sum = |parts: &[Complex64], cell: usize| {
-            let mut bins = vec![Complex64::ZERO; grid.beams];
-            for (slot, mode) in grid.modes.iter().enumerate().take(lasting) {
+            let mut bins = vec![Complex64::ZERO; sampling.beams];
+            for (slot, mode) in grid.modes.iter().enumerate().take(sampling.modes_at(plane)) {
                 let Some(mode) = mode else { continue };
-                bins[(mode / stride).rem_euclid(grid.beams as i32) as usize] += parts[slot] * fields[slot][cell];
+                bins[sampling.bin(plane, *mode)] += parts[slot] * fields[slot][cell];
             }
             of_beams.process(&mut bins);
             bins
         };
         let reach = grid.reach_nodes(plane);
         let furthest = (reach + 0.5) as isize;
-        let mut row = vec![0.0; grid.cells];
+        let mut row = vec![0.0; sampling.cells];
         let products: Vec<Vec<f64>> = (0..nodes)
             .into_par_iter()
             .map(|node| {
@@ -70,7 +69,7 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
             for away in -furthest..=furthest {
                 let Some(axis) = node.checked_add_signed(away).filter(|&axis| axis < nodes) else { continue };
                 let inside = (reach + 0.5 - away.unsigned_abs() as f64).clamp(0.0, 1.0);
-                row[axis] += inside * products[beam_of(grid, nodes, axis)];
+                row[axis] += inside * products[beam_of(sampling, nodes, axis)];
             }
         }
         powers.extend(row);
@@ -79,6 +78,6 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
 }
 
 /// The beam, within a period, whose axis is at a node: x = 0 is in the middle of the nodes.
-fn beam_of(grid: &Grid, nodes: usize, axis: usize) -> usize {
-    (axis + nodes / 2) % grid.beams
+fn beam_of(sampling: Sampling, nodes: usize, axis: usize) -> usize {
+    (axis + nodes / 2) % sampling.beams
 }

@@ -1,7 +1,8 @@
 //! Buffers of the aperture's passes; a few bytes each if the effect is off.
 
 use super::gpu::{Gpu, UNIFORM};
-use crate::render::aperture::{ApertureShape, MODE_NONE};
+use crate::render::aperture::{ApertureShape, CellRays, MODE_NONE};
+use crate::render::constants::DEPTH_BLOCK;
 use crate::render::error::BackendError;
 use crate::render::params::Params;
 use crate::render::tables::Tables;
@@ -23,6 +24,7 @@ pub(crate) struct ApertureBuffers {
     pub(crate) fields: wgpu::Buffer,
     pub(crate) beam_powers: wgpu::Buffer,
     pub(crate) line_gains: wgpu::Buffer,
+    pub(crate) block_gains: wgpu::Buffer,
 }
 
 impl ApertureBuffers {
@@ -37,8 +39,9 @@ impl ApertureBuffers {
         let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();
         let aperture = tables.aperture.as_ref();
         let (cells, planes, modes) =
-            aperture.map_or((0, 0, 0), |a| (a.cells as u64, a.planes as u64, a.modes.len() as u64));
+            aperture.map_or((0, 0, 0), |a| (a.sampling.cells as u64, a.planes as u64, a.modes.len() as u64));
         let lines = u64::from(params.scanlines);
+        let blocks = lines * u64::from(params.row_samples / DEPTH_BLOCK);
         let work = |label: &'static str, size: u64, of: Of| match taken(of, size.max(16)) {
             Some(buffer) => Ok(buffer),
             None => gpu.storage(label, size),
@@ -64,6 +67,7 @@ impl ApertureBuffers {
             line_gains: work("line gains", if aperture.is_some() { 16 * lines * (planes + 1) } else { 0 }, |b| {
                 &b.line_gains
             })?,
+            block_gains: work("block gains", if aperture.is_some() { 8 * blocks } else { 0 }, |b| &b.block_gains)?,
         })
     }
 
@@ -72,7 +76,11 @@ impl ApertureBuffers {
         let Some(tables) = &tables.aperture else { return };
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
         write(&self.shape, bytemuck::bytes_of(&ApertureShape::new(tables)));
-        let cell_rays: Vec<[u32; 4]> = tables.cell_rays.iter().map(|&[a, b, c]| [a, b, c, 0]).collect();
+        let packed = |rays: &CellRays| {
+            let [first, last] = rays.parts.map(u32::from);
+            [rays.first, rays.step, rays.count, first | last << 16]
+        };
+        let cell_rays: Vec<[u32; 4]> = tables.cell_rays.iter().map(packed).collect();
         write(&self.cell_rays, bytemuck::cast_slice(&cell_rays));
         write(&self.line_cells, bytemuck::cast_slice(&tables.line_cells));
         let modes: Vec<i32> = tables.modes.iter().map(|mode| mode.unwrap_or(MODE_NONE)).collect();

@@ -257,8 +257,14 @@ impl Buffers {
                 (&self.aperture.beam_powers, read),
                 (&self.aperture.row_np, read),
                 (&self.aperture.line_gains, write),
+                (&self.aperture.block_gains, write),
             ],
-            "lateral" => vec![(&self.lateral_kernels, read), (&self.baseband, read), (&self.focused, write)],
+            "lateral" => vec![
+                (&self.lateral_kernels, read),
+                (&self.baseband, read),
+                (&self.focused, write),
+                (&self.aperture.block_gains, read),
+            ],
             "detect" => {
                 vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]
             }

@@ -64,7 +64,7 @@ impl DeviceConfiguration {
             Some(tables) => vec![
                 pass("transmission", [tables.planes as u32, 1, 1], &[])?,
                 pass("propagate", [tables.modes.len() as u32, 1, 1], &[])?,
-                pass("beams", [(tables.cells as u32).div_ceil(64), tables.planes as u32, 1], &[])?,
+                pass("beams", [(tables.sampling.cells as u32).div_ceil(64), tables.planes as u32, 1], &[])?,
                 pass("visibility", lines, &[])?,
             ],
             None => Vec::new(),
@@ -80,7 +80,7 @@ impl DeviceConfiguration {
         let path_order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let path_passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
         let image_passes = vec![
-            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &[])?,
+            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &aperture)?,
             pass("detect", samples_by(8), &keep)?,
             pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
             pass("percentile", [1, 1, 1], &[])?,

@@ -32,7 +32,7 @@ pub(super) const PASSES: [(&str, &str); 13] = [
     pass!("transmission", "aperture", "loss"),
     pass!("propagate", "aperture", "phasor"),
     pass!("beams", "aperture", "phasor"),
-    pass!("visibility", "aperture", "loss"),
+    pass!("visibility", "aperture", "loss", "line_gain"),
     pass!("march", "hash", "lattice", "phasor", "speckle", "aperture", "loss", "line_gain"),
     pass!("echo", "phasor", "aperture", "loss", "line_gain"),
     pass!("lateral"),
@@ -75,7 +75,8 @@ fn preamble() -> String {
         f32: TOUCH_MM BEYOND_MM CELL_MM OFF_THE_GRID_MM CELLS_OF_A_BEAM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
-            CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP TRANSMISSION_MIN DENSITY_ONE LEAST_POWER;
+            CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP NEIGHBOUR_GAIN_MAX
+            TRANSMISSION_MIN DENSITY_ONE LEAST_POWER;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(

@@ -87,5 +87,6 @@ pub(super) fn pass_buffers(
         first_plane: 0,
         beam_powers: read(gpu, &buffers.aperture.beam_powers)?,
         line_gains: read(gpu, &buffers.aperture.line_gains)?,
+        block_gains: read(gpu, &buffers.aperture.block_gains)?,
     })
 }

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::constants::ImageConstants;
 use super::fourier::{LANES, Roots, Row, Wide, reversed};
 use super::wide::widened;
 use crate::render::aperture::{ApertureTables, BEAMS_MAX};
@@ -9,6 +10,7 @@ use crate::render::aperture::{ApertureTables, BEAMS_MAX};
 /// Fills `powers`, echo power of the beam at each node over that without obstacles [planes × cells], the first nodes of
 /// each row. Planes before `first` have none. `work` holds a period of beams, twice, for each plane.
 pub(super) fn beams(
+    constants: ImageConstants,
     tables: &ApertureTables,
     roots: &Roots,
     first: usize,
@@ -16,12 +18,15 @@ pub(super) fn beams(
     work: &mut [Wide],
     powers: &mut [f32],
 ) {
-    let rows = powers.par_chunks_exact_mut(tables.cells).zip(work.par_chunks_exact_mut(2 * tables.beams)).enumerate();
+    let rows = powers
+        .par_chunks_exact_mut(tables.sampling.cells)
+        .zip(work.par_chunks_exact_mut(2 * tables.sampling.beams))
+        .enumerate();
     rows.for_each(|(plane, (row, work))| {
         if plane < first {
             row.fill(1.0);
         } else {
-            sum_plane(tables, roots, plane, fields, work, row);
+            sum_plane(constants, tables, roots, plane, fields, work, row);
         }
     });
 }
@@ -29,12 +34,14 @@ pub(super) fn beams(
 widened! {
     /// One plane.
     fn sum_plane(
-        tables: &ApertureTables, roots: &Roots, plane: usize, fields: &[f32], work: &mut [Wide], row: &mut [f32],
+        constants: ImageConstants, tables: &ApertureTables, roots: &Roots, plane: usize, fields: &[f32],
+        work: &mut [Wide], row: &mut [f32],
     ) = sum_plane_body
 }
 
 #[inline(always)]
 fn sum_plane_body(
+    constants: ImageConstants,
     tables: &ApertureTables,
     roots: &Roots,
     plane: usize,
@@ -42,8 +49,8 @@ fn sum_plane_body(
     work: &mut [Wide],
     row: &mut [f32],
 ) {
-    let (cells, nodes, beams) = (tables.cells, tables.nodes_at(plane), tables.beams);
-    let receive = &tables.receive[plane * tables.modes.len()..][..tables.modes_at(plane)];
+    let (cells, nodes, beams) = (tables.sampling.cells, tables.sampling.nodes_at(plane), tables.sampling.beams);
+    let receive = &tables.receive[plane * tables.modes.len()..][..tables.sampling.modes_at(plane)];
     let (sent, heard) = work.split_at_mut(beams);
     let mut products: [[f32; BEAMS_MAX]; LANES] = [[0.0; BEAMS_MAX]; LANES];
     row.fill(0.0);
@@ -55,7 +62,7 @@ fn sum_plane_body(
             let Some(mode) = mode else { continue };
             let at = (slot * tables.planes + plane) * 2 * cells + first_node;
             let (Some(re), Some(im)) = (lanes_at(fields, at), lanes_at(fields, at + cells)) else { continue };
-            let (field, bin) = (Wide { re: *re, im: *im }, tables.bin(plane, *mode));
+            let (field, bin) = (Wide { re: *re, im: *im }, tables.sampling.bin(plane, *mode));
             sent[bin] = sent[bin].plus(&field.times(transmit));
             heard[bin] = heard[bin].plus(&field.times(receive));
         }
@@ -74,7 +81,7 @@ fn sum_plane_body(
     }
     let unobstructed = &tables.unobstructed[plane * cells..][..nodes];
     for (power, &whole) in row.iter_mut().zip(unobstructed) {
-        *power /= whole.max(1.0e-30);
+        *power /= whole.max(constants.unobstructed_min());
     }
 }
 
@@ -87,7 +94,7 @@ fn add_node(tables: &ApertureTables, plane: usize, node: usize, products: &[f32;
     let first = node.saturating_sub(furthest);
     for (axis, sum) in row.iter_mut().enumerate().take(node + furthest + 1).skip(first) {
         let inside = (reach + 0.5 - axis.abs_diff(node) as f32).clamp(0.0, 1.0);
-        *sum += inside * products[((axis + nodes / 2) & (tables.beams - 1)) & (BEAMS_MAX - 1)];
+        *sum += inside * products[((axis + nodes / 2) & (tables.sampling.beams - 1)) & (BEAMS_MAX - 1)];
     }
 }
 

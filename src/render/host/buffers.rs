@@ -7,7 +7,7 @@ use super::propagate::Propagation;
 use super::scan_convert::Layout;
 use crate::render::aperture::{ApertureTables, MODE_LANES};
 use crate::render::configuration::Configuration;
-use crate::render::constants::{ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
+use crate::render::constants::{DEPTH_BLOCK, ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
 use crate::render::snapshot::PassBuffers;
 
@@ -42,10 +42,10 @@ impl ApertureBuffers {
     fn new(tables: &ApertureTables) -> Self {
         Self {
             propagation: Propagation::new(tables),
-            beam_roots: Roots::new(tables.beams),
-            layer_powers: vec![0.0; tables.cells * tables.planes],
-            mode_work: vec![Wide::ZERO; tables.modes.len() / MODE_LANES * tables.cells],
-            beam_work: vec![Wide::ZERO; tables.planes * 2 * tables.beams],
+            beam_roots: Roots::new(tables.sampling.beams),
+            layer_powers: vec![0.0; tables.sampling.cells * tables.planes],
+            mode_work: vec![Wide::ZERO; tables.modes.len() / MODE_LANES * tables.sampling.cells],
+            beam_work: vec![Wide::ZERO; tables.planes * 2 * tables.sampling.beams],
         }
     }
 }
@@ -89,11 +89,15 @@ impl Buffers {
         };
         let passes = match &tables.aperture {
             Some(aperture) => PassBuffers {
-                mask: zeros("transmission", (aperture.planes * aperture.cells) as u64)?,
+                mask: zeros("transmission", (aperture.planes * aperture.sampling.cells) as u64)?,
                 row_np: zeros("row losses", aperture.planes as u64)?,
-                fields: zeros("mode fields", (aperture.modes.len() * aperture.planes * 2 * aperture.cells) as u64)?,
-                beam_powers: zeros("beam powers", (aperture.planes * aperture.cells) as u64)?,
+                fields: zeros(
+                    "mode fields",
+                    (aperture.modes.len() * aperture.planes * 2 * aperture.sampling.cells) as u64,
+                )?,
+                beam_powers: zeros("beam powers", (aperture.planes * aperture.sampling.cells) as u64)?,
                 line_gains: zeros("line gains", u64::from(params.scanlines) * (aperture.planes as u64 + 1))?,
+                block_gains: zeros("block gains", samples / u64::from(DEPTH_BLOCK))?,
                 ..passes
             },
             None => passes,

@@ -4,7 +4,7 @@ use super::depart::depart;
 use super::interface_batch::InterfaceBatch;
 use super::lanes::RAYS;
 use super::packet::{Packet, Visits};
-use super::path::{Boundary, CROSSINGS_BEHIND, PathRecord, Place, Scene};
+use super::path::{Boundary, CROSSINGS_BEHIND, LastSegment, PathRecord, Place, Scene};
 use super::path_state::PathState;
 use super::search::{Covered, collect, nearest};
 use super::traverse::{Crossing, Ray};
@@ -22,6 +22,17 @@ pub(super) struct Bundle {
     batch: InterfaceBatch,
     /// Path and boundary of each arrival.
     boundaries: [(usize, Boundary); RAYS],
+    /// First reflection of each path.
+    forks: [Option<Fork>; RAYS],
+}
+
+/// First reflection of a path, which its guide passes.
+#[derive(Debug, Clone, Copy)]
+struct Fork {
+    /// State on arrival.
+    state: PathState,
+    boundary: Boundary,
+    last: LastSegment,
 }
 
 impl Bundle {
@@ -39,24 +50,50 @@ impl Bundle {
             place: Place::new(),
             batch: InterfaceBatch::new(),
             boundaries: [(0, Boundary::default()); RAYS],
+            forks: [None; RAYS],
         }
     }
 
-    /// Follows `count` paths from `first` on into the first records. Returns the number of crossings lost.
+    /// Follows up to [`Bundle::PATHS`] paths into the first records. Returns the number of crossings lost.
     #[inline(always)]
-    pub(super) fn follow(&mut self, scene: &Scene<'_>, first: usize, count: usize) -> u32 {
-        let Self { records, states, packet, visits, covered, behind, place, batch, boundaries } = self;
-        let count = count.min(RAYS);
+    pub(super) fn follow(&mut self, scene: &Scene<'_>, paths: impl ExactSizeIterator<Item = usize>) -> u32 {
+        let Self { records, states, packet, visits, behind, forks, .. } = self;
+        let count = paths.len().min(RAYS);
         packet.clear();
-        for (lane, state) in states[..count].iter_mut().enumerate() {
-            *state = scene.begin(first + lane);
+        for (lane, (state, path)) in states[..count].iter_mut().zip(paths).enumerate() {
+            *state = scene.begin(path);
             packet.set(lane, Ray::new(state.origin, state.direction), -scene.back_mm(), 0.0);
         }
-        let (found, mut lost) = collect(&scene.tree, packet, visits, behind.each_mut().map(|lane| &mut lane[..]));
+        let (found, lost) = collect(&scene.tree, packet, visits, behind.each_mut().map(|lane| &mut lane[..]));
         for (lane, (state, record)) in states[..count].iter_mut().zip(records.iter_mut()).enumerate() {
             scene.locate(state, &mut behind[lane][..found[lane]], record);
         }
+        forks.fill(None);
+        lost + self.go_on(scene, count)
+    }
+
+    /// Follows guides from where the paths of the last [`Bundle::follow`] reflected; their records replace those of the
+    /// paths. Returns the number of crossings lost.
+    #[inline(always)]
+    pub(super) fn follow_guides(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
+        self.batch.clear();
+        for (lane, fork) in self.forks.iter().enumerate() {
+            let Some(fork) = fork else { continue };
+            let (state, record) = (&mut self.states[lane], &mut self.records[lane]);
+            *state = PathState { guide: true, lost: 0, ..fork.state };
+            record.reopen(&fork.last);
+            self.boundaries[self.batch.len()] = (lane, fork.boundary);
+            self.batch.push(&scene.arrival(state, &fork.boundary));
+        }
+        self.depart(scene);
+        self.go_on(scene, count)
+    }
+
+    /// Follows open paths to their ends.
+    #[inline(always)]
+    fn go_on(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
         loop {
+            let Self { states, packet, visits, covered, place, batch, boundaries, .. } = self;
             packet.clear();
             let mut highest = [0; RAYS];
             for (lane, state) in states[..count].iter().enumerate() {
@@ -82,17 +119,31 @@ impl Bundle {
                     batch.push(&scene.arrival(state, &boundary));
                 }
             }
-            if batch.len() > 0 {
-                depart(&batch.arrivals, &mut batch.departures, scene.rules());
-            }
-            for (i, (lane, boundary)) in boundaries[..batch.len()].iter().enumerate() {
-                scene.depart(&mut states[*lane], boundary, &batch.departure(i), &mut records[*lane]);
-            }
+            self.depart(scene);
         }
-        for (state, record) in states[..count].iter().zip(records.iter_mut()) {
-            scene.end(record);
-            lost += state.lost;
+        let ended = self.states[..count].iter_mut().zip(self.records.iter_mut());
+        ended
+            .map(|(state, record)| {
+                scene.end(record);
+                std::mem::take(&mut state.lost)
+            })
+            .sum()
+    }
+
+    /// Continues the paths of the batch beyond their interfaces.
+    #[inline(always)]
+    fn depart(&mut self, scene: &Scene<'_>) {
+        let Self { records, states, batch, boundaries, forks, .. } = self;
+        if batch.len() == 0 {
+            return;
         }
-        lost
+        depart(&batch.arrivals, &mut batch.departures, scene.rules());
+        for (i, &(lane, boundary)) in boundaries[..batch.len()].iter().enumerate() {
+            let (state, record, departure) = (&mut states[lane], &mut records[lane], batch.departure(i));
+            if departure.reflected && !state.diverted {
+                forks[lane] = Some(Fork { state: *state, boundary, last: record.last() });
+            }
+            scene.depart(state, &boundary, &departure, record);
+        }
     }
 }

@@ -22,7 +22,7 @@ pub(super) const TRACKED_NP: f32 = shared::TRACKED_NP as f32;
 pub(super) const EVEN_NP: f32 = shared::EVEN_NP as f32;
 pub(super) const SPREAD_NP: f32 = shared::SPREAD_NP as f32;
 pub(super) const VISIBLE_MIN: f32 = shared::VISIBLE_MIN as f32;
-pub(super) const VISIBLE_MAX_NP: f32 = shared::VISIBLE_MAX_NP as f32;
+pub(super) const NEIGHBOUR_GAIN_MAX: f32 = shared::NEIGHBOUR_GAIN_MAX as f32;
 pub(super) const CONTRAST_MIN_NP_MM: f32 = shared::CONTRAST_MIN_NP_MM as f32;
 
 /// Defines a set of constants: fields that a test may change with the feature `test-hooks`, compile-time constants
@@ -86,6 +86,14 @@ changeable! {
         sheets_to_a_side: f32 = 0.5 * SHEETS as f32;
         /// `echo`: the first segment that begins at an interface.
         first_interface: usize = 1;
+        /// `transmission`: greatest loss of an interval, nepers.
+        loss_max_np: f32 = 80.0;
+        /// `propagate`: rows of cells whose transmissions differ by less hide nothing.
+        contrast_min: f32 = 1.0e-5;
+        /// `beams`: least power of a beam without obstacles.
+        unobstructed_min: f32 = 1.0e-30;
+        /// `visibility`: most gain by diffraction at an edge, nepers of amplitude.
+        visible_max_np: f32 = shared::VISIBLE_MAX_NP as f32;
         /// `lateral`: least weight of the beam that counts; smaller ones are denormal.
         least_weight: f32 = f32::MIN_POSITIVE;
         /// `detect`: decibels of a doubling of power.

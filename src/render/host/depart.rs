@@ -19,8 +19,8 @@ pub(super) struct Rules {
     pub(super) aperture_mm: f32,
 }
 
-/// Random numbers of a guide: it takes the likelier way at an untilted facet, so chance doesn't move scatterers.
-const OF_GUIDE: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
+/// Random number of a guide's reflections: it takes the likelier way, so chance doesn't move scatterers.
+const OF_GUIDE: f32 = 0.5;
 
 widened! {
     /// Fills `departures` for the paths of `arrivals`.
@@ -51,7 +51,8 @@ fn draw(arrivals: &Arrivals, random: &mut [Lanes; DIMENSIONS], seed: u32) {
             let low = line_ray.wrapping_mul(generators[i]).wrapping_add(rotation[0]);
             let plain = pcg3d([line_ray, rotation[0], rotation[1]])[0];
             let random_unit = unit(if generators[i] == 0 { plain } else { low });
-            random[i] = if arrivals.guide[i] == 0 { random_unit } else { OF_GUIDE[dim] };
+            let likelier = dim == 0 && arrivals.guide[i] != 0;
+            random[i] = if likelier { OF_GUIDE } else { random_unit };
         }
     }
 }

@@ -20,12 +20,12 @@ impl<'a> Visibility<'a> {
     /// Gain along a scanline.
     pub(super) fn line(&self, line: u32) -> LineGain<'a> {
         let boundaries = self.tables.planes + 1;
-        LineGain { row: &self.lines[line as usize * boundaries..][..boundaries], plane_mm: self.tables.plane_mm }
+        LineGain::new(self.tables, &self.lines[line as usize * boundaries..][..boundaries])
     }
 
     /// ln of the amplitude, two-way, at the samples of a block.
     #[inline(always)]
-    pub(super) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32, loudness: &mut Lanes) {
+    pub(super) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32) -> Lanes {
         let (gain, guide) = (self.line(line), params.guide_of(line));
         let (mut falls, mut passed) = ([0.0; BLOCK], [0.0; BLOCK]);
         let (end_mm, segment) = seek(params, paths, guide, first);
@@ -40,13 +40,14 @@ impl<'a> Visibility<'a> {
         }
         if (self.tables.plane_samples as usize).is_multiple_of(BLOCK) {
             let interval = (first / self.tables.plane_samples) as usize;
-            gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed], loudness);
-        } else {
-            for i in 0..BLOCK {
-                let range_mm = range_mm(params, first.wrapping_add(i as u32));
-                loudness[i] = gain.at(range_mm, 0.5 * (falls[i] * range_mm - passed[i]));
-            }
+            return gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed]);
         }
+        let mut loudness = [0.0; BLOCK];
+        for (i, loudness) in loudness.iter_mut().enumerate() {
+            let range_mm = range_mm(params, first.wrapping_add(i as u32));
+            *loudness = gain.at(range_mm, 0.5 * (falls[i] * range_mm - passed[i]));
+        }
+        loudness
     }
 }
 
@@ -93,7 +94,12 @@ impl Interval {
     }
 }
 
-impl LineGain<'_> {
+impl<'a> LineGain<'a> {
+    /// Gain along a scanline, from its boundaries.
+    pub(super) fn new(tables: &ApertureTables, row: &'a [Boundary]) -> Self {
+        Self { row, plane_mm: tables.plane_mm }
+    }
+
     #[inline(always)]
     fn interval(&self, interval: usize) -> Interval {
         let ([start, begins_np, _, shared_np], [end, ends_np, _, shared_end_np]) =
@@ -104,7 +110,7 @@ impl LineGain<'_> {
 
     /// Index of the interval that holds a range, and the part of it before the range.
     #[inline(always)]
-    fn index(&self, range_mm: f32) -> (usize, f32) {
+    pub(super) fn index(&self, range_mm: f32) -> (usize, f32) {
         let place = range_mm / self.plane_mm;
         let interval = floor(place).clamp(0, self.row.len() as i32 - 2) as usize;
         (interval, place - interval as f32)
@@ -121,17 +127,10 @@ impl LineGain<'_> {
 
     /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.
     #[inline(always)]
-    fn whole_block(
-        &self,
-        params: &Params,
-        first: u32,
-        index: usize,
-        [falls, passed]: [&Lanes; 2],
-        loudness: &mut Lanes,
-    ) {
+    fn whole_block(&self, params: &Params, first: u32, index: usize, [falls, passed]: [&Lanes; 2]) -> Lanes {
         let interval = self.interval(index);
         let per_mm = 1.0 / self.plane_mm;
-        let mut places = [0.0; BLOCK];
+        let (mut loudness, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
         for i in 0..BLOCK {
             let range_mm = range_mm(params, first.wrapping_add(i as u32));
             let part = range_mm * per_mm - real(index as u32);
@@ -148,11 +147,12 @@ impl LineGain<'_> {
             let within = |k: f32| at_most(at_least(beyond - k, 0.0), 1.0);
             loudness[i] += start + steps[0] * within(0.0) + steps[1] * within(1.0) + steps[2] * within(2.0);
         }
+        loudness
     }
 
     /// Gain at a place among the planes, −1 being the face.
     #[inline(always)]
-    fn gain(&self, place: f32) -> f32 {
+    pub(super) fn gain(&self, place: f32) -> f32 {
         let at = at_most(at_least(place + 1.0, 0.0), (self.row.len() - 1) as f32);
         let low = (at as usize).min(self.row.len() - 2);
         let part = at - low as f32;

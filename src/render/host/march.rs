@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::constants::{ImageConstants, UNSCALED};
 use super::line_gain::Visibility;
-use super::paths::{BLOCK, CHUNK, Lanes, Paths, SEGMENT, range_mm, seek};
+use super::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm};
 use super::power::{Power, Powers, Stretch};
-use super::speckle::{Block, PLACE, Speckle, Strength};
+use super::speckle::{Block, BlockOfPath, Speckle, Strength};
 use super::wide::widened;
 use crate::render::params::Params;
 
@@ -79,11 +79,12 @@ fn march_row_body(
         }
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);
-            let mut loudness = [0.0; BLOCK];
+            // No closure: it may be compiled for any processor.
+            let mut loudness = None;
             if let Some(visibility) = scatterers.visibility {
-                visibility.block(params, paths, line, block, &mut loudness);
+                loudness = Some(visibility.block(params, paths, line, block));
             }
-            let mut total = powers.total(i, &loudness);
+            let mut total = powers.total(i, loudness.as_ref());
             if let Some(kept) = kept.get_mut(block as usize..).and_then(|rest| rest.first_chunk_mut::<BLOCK>()) {
                 add_kept(&mut total, kept, begins);
             }
@@ -138,32 +139,5 @@ fn echo(
         per_reach_mm: of_block(scatterers.per_reach_mm),
         strength: Strength::new(power, UNSCALED * of_block(scatterers.gain)),
     };
-    speckle.echo(&block, |view| places(params, paths, guide, first, |segment| view.of(segment)), sums);
-}
-
-/// What `of` makes of a path's segments at a block's samples. Two samples share a segment.
-#[inline(always)]
-fn places(
-    params: &Params,
-    paths: &Paths<'_>,
-    path: u32,
-    first: u32,
-    of: impl Fn(&[f32; SEGMENT]) -> [f32; PLACE],
-) -> [Lanes; PLACE] {
-    let (end_mm, segment) = seek(params, paths, path, first);
-    let mut lanes = [[0.0; BLOCK]; PLACE];
-    if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
-        for (lane, place) in lanes.iter_mut().zip(of(segment)) {
-            *lane = [place; BLOCK];
-        }
-        return lanes;
-    }
-    for pair in 0..BLOCK / 2 {
-        let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
-        for (lane, place) in lanes.iter_mut().zip(of(segment)) {
-            lane[2 * pair] = place;
-            lane[2 * pair + 1] = place;
-        }
-    }
-    lanes
+    speckle.echo(&block, &BlockOfPath { params, paths, path: guide, first }, sums);
 }

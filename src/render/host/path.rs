@@ -64,6 +64,15 @@ pub(super) struct PathRecord {
     pub(super) hints: [u32; HINT_WORDS],
 }
 
+/// A path's last segment at some time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LastSegment {
+    count: u32,
+    segment: [f32; 12],
+    start: f32,
+    echo: [f32; 2],
+}
+
 impl PathRecord {
     pub(super) fn new() -> Self {
         Self {
@@ -74,6 +83,20 @@ impl PathRecord {
             count: 0,
             hints: [0; HINT_WORDS],
         }
+    }
+
+    /// The last segment so far.
+    pub(super) fn last(&self) -> LastSegment {
+        let at = self.count.saturating_sub(1) as usize;
+        LastSegment { count: self.count, segment: self.segments[at], start: self.starts[at], echo: self.echoes[at] }
+    }
+
+    /// Takes back all segments after `last`.
+    pub(super) fn reopen(&mut self, last: &LastSegment) {
+        let at = last.count.saturating_sub(1) as usize;
+        self.count = last.count;
+        // Further segments may have replaced it in a full record.
+        (self.segments[at], self.starts[at], self.echoes[at]) = (last.segment, last.start, last.echo);
     }
 }
 
@@ -134,7 +157,8 @@ impl Scene<'_> {
         let (in_phase, in_power) = if guide { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
         PathState {
             line_ray: line_ray as u32,
-            layer: layer as u32,
+            // Guides are the same in all batches.
+            layer: if guide { 0 } else { layer as u32 },
             guide,
             stretch,
             origin,

@@ -146,9 +146,11 @@ impl Powers {
         }
     }
 
-    /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude.
+    /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude. Without it all
+    /// paths have their own loss.
     #[inline(always)]
-    pub(super) fn total(&self, block: usize, loudness: &Lanes) -> Power {
+    pub(super) fn total(&self, block: usize, loudness: Option<&Lanes>) -> Power {
+        let Some(loudness) = loudness else { return self.traced[block] };
         let mut total = self.seen[block];
         for i in 0..BLOCK {
             let gain = scaled_power(loudness[i]);

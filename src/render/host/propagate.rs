@@ -1,15 +1,14 @@
 //! Propagation of the modes from plane to plane through the transmission of the scan plane.
 
+use rayon::iter::once;
 use rayon::prelude::*;
 
+use super::constants::ImageConstants;
 use super::fourier::{LANES, Roots, Wide, reversed};
 use super::wide::{phasor, widened};
 use crate::render::aperture::{ApertureTables, MODE_LANES};
 
 const _: () = assert!(LANES == MODE_LANES);
-
-/// Rows of a plane whose transmissions differ by less than this hide nothing.
-const CONTRAST_MIN: f32 = 1.0e-5;
 
 /// Orders of a spectrum, made once for a configuration.
 #[derive(Debug, Clone)]
@@ -22,40 +21,49 @@ pub(super) struct Propagation {
 impl Propagation {
     pub(super) fn new(tables: &ApertureTables) -> Self {
         let mut steps = vec![[0.0; 2]; tables.steps.len()];
-        for (row, steps) in tables.steps.chunks_exact(tables.cells).zip(steps.chunks_exact_mut(tables.cells)) {
+        for (row, steps) in
+            tables.steps.chunks_exact(tables.sampling.cells).zip(steps.chunks_exact_mut(tables.sampling.cells))
+        {
             for (k, &step) in row.iter().enumerate() {
-                steps[reversed(k, tables.cells)] = step;
+                steps[reversed(k, tables.sampling.cells)] = step;
             }
         }
-        Self { roots: Roots::new(tables.cells), steps }
+        Self { roots: Roots::new(tables.sampling.cells), steps }
     }
 }
 
 /// The first plane with an obstacle in its interval; `planes` if there is none. Beams up to it are unobstructed.
-pub(super) fn first_plane(tables: &ApertureTables, mask: &[f32]) -> usize {
-    let differs = |row: &[f32]| row.iter().any(|&value| value < 1.0 - CONTRAST_MIN);
-    mask.chunks_exact(tables.cells).position(differs).unwrap_or(tables.planes)
+pub(super) fn first_plane(constants: ImageConstants, tables: &ApertureTables, mask: &[f32]) -> usize {
+    let differs = |row: &[f32]| row.iter().any(|&value| value < 1.0 - constants.contrast_min());
+    mask.chunks_exact(tables.sampling.cells).position(differs).unwrap_or(tables.planes)
 }
 
-/// Fills `fields` from plane `first` on: the field of each mode at each node, before the interval of the plane
+/// Fills `fields` from plane `first_plane` on: the field of each mode at each node, before the interval of the plane
 /// [modes × planes × (real parts, imaginary parts) × cells], the first nodes of each row. `work` holds as many numbers as
 /// the groups of modes have cells.
 pub(super) fn propagate(
     tables: &ApertureTables,
     propagation: &Propagation,
-    first: usize,
+    first_plane: usize,
     mask: &[f32],
     work: &mut [Wide],
     fields: &mut [f32],
 ) {
-    if first >= tables.planes {
+    if first_plane >= tables.planes {
         return;
     }
-    let groups = fields
-        .par_chunks_exact_mut(LANES * tables.planes * 2 * tables.cells)
-        .zip(work.par_chunks_exact_mut(tables.cells));
-    groups.enumerate().for_each(|(group, (fields, work))| {
-        propagate_group(tables, propagation, group, first, mask, work, fields);
+    let (cells, of_group) = (tables.sampling.cells, LANES * tables.planes * 2 * tables.sampling.cells);
+    let groups = tables.modes.len() / LANES;
+    // The first groups go on to the last plane, others may not: a task has one of each.
+    let (fields, last_fields) = fields.split_at_mut(groups.div_ceil(2) * of_group);
+    let (work, last_work) = work.split_at_mut(groups.div_ceil(2) * cells);
+    let first = fields.par_chunks_exact_mut(of_group).zip(work.par_chunks_exact_mut(cells)).enumerate();
+    let last = last_fields.par_chunks_exact_mut(of_group).zip(last_work.par_chunks_exact_mut(cells));
+    let go = |group: usize, (fields, work): (&mut [f32], &mut [Wide])| {
+        propagate_group(tables, propagation, group, first_plane, mask, work, fields);
+    };
+    first.zip(last.rev().map(Some).chain(once(None))).for_each(|((group, of_first), of_last)| {
+        rayon::join(|| go(group, of_first), || of_last.map(|of_last| go(groups - 1 - group, of_last)));
     });
 }
 
@@ -77,11 +85,11 @@ fn propagate_group_body(
     work: &mut [Wide],
     fields: &mut [f32],
 ) {
-    let (cells, planes) = (tables.cells, tables.planes);
+    let (cells, planes) = (tables.sampling.cells, tables.planes);
     begin(tables, group, work);
     propagation.roots.forward(work);
     for plane in 0..planes {
-        if LANES * group >= tables.modes_at(plane) {
+        if LANES * group >= tables.sampling.modes_at(plane) {
             return;
         }
         let steps = &propagation.steps[plane * cells..][..cells];
@@ -107,9 +115,9 @@ fn propagate_group_body(
 #[inline(always)]
 fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
     let modes = &tables.modes[group * LANES..][..LANES];
-    let period = (tables.beams * tables.node_cells) as i32;
+    let period = (tables.sampling.beams * tables.sampling.node_cells) as i32;
     for (cell, (value, &face)) in work.iter_mut().zip(&tables.face).enumerate() {
-        let across = cell as i32 - (tables.cells / 2) as i32;
+        let across = cell as i32 - (tables.sampling.cells / 2) as i32;
         for (lane, mode) in modes.iter().enumerate() {
             // Whole turns are taken off as integers.
             let turns = mode.map_or(0, |mode| (mode * across).rem_euclid(period)) as f32 / period as f32;
@@ -123,12 +131,22 @@ fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
 /// Writes the fields at the nodes of a plane, a row a mode.
 #[inline(always)]
 fn store(tables: &ApertureTables, plane: usize, work: &[Wide], fields: &mut [f32]) {
-    let (cells, node_cells, nodes) = (tables.cells, tables.node_cells_at(plane), tables.nodes_at(plane));
-    for (lane, rows) in fields.chunks_exact_mut(tables.planes * 2 * cells).enumerate() {
-        let (re, im) = rows[plane * 2 * cells..][..2 * cells].split_at_mut(cells);
-        let values = work.iter().step_by(node_cells);
-        for ((value, re), im) in values.zip(&mut re[..nodes]).zip(&mut im[..nodes]) {
-            (*re, *im) = (value.re[lane], value.im[lane]);
+    let (cells, node_cells, nodes) =
+        (tables.sampling.cells, tables.sampling.node_cells_at(plane), tables.sampling.nodes_at(plane));
+    let rows = tables.planes * 2 * cells;
+    // In tiles: a row at a time would read every number from another cache line.
+    for first in (0..nodes).step_by(LANES) {
+        let (mut re, mut im) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);
+        for (node, value) in work.iter().step_by(node_cells).skip(first).take(LANES).enumerate() {
+            for lane in 0..LANES {
+                re[lane][node] = value.re[lane];
+                im[lane][node] = value.im[lane];
+            }
+        }
+        for (lane, row) in fields.chunks_exact_mut(rows).enumerate() {
+            let at = plane * 2 * cells + first;
+            row[at..at + LANES].copy_from_slice(&re[lane]);
+            row[at + cells..at + cells + LANES].copy_from_slice(&im[lane]);
         }
     }
 }

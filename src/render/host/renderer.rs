@@ -11,7 +11,7 @@ use super::constants::{ImageConstants, TraceConstants};
 use super::detect::detect;
 use super::echo::{Interfaces, echo};
 use super::effects::PathEffects;
-use super::lateral::lateral;
+use super::lateral::{LateralBeam, lateral};
 use super::line_gain::Visibility;
 use super::march::{Scatterers, march};
 use super::path;
@@ -24,7 +24,7 @@ use super::trace::{Follow, fastest, trace};
 use super::transmission::{Transmission, transmission};
 use super::traverse::Tree;
 use super::tree::WideNode;
-use super::visibility::visibility;
+use super::visibility::{Gains, Seen, visibility};
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
 use crate::render::configuration::{Configuration, FrameInputs};
@@ -96,7 +96,8 @@ impl HostRenderer {
             frame.overflows = self.follow_paths(inputs, &mut laps, scattered);
             let (kernels, constants) = (&tables.kernels, self.image);
             let Buffers { passes: b, gain, .. } = &mut self.buffers;
-            lateral(params, constants, &kernels.lateral, &b.baseband, &mut b.focused);
+            let beam = LateralBeam { constants, kernels: &kernels.lateral, gains: &b.block_gains };
+            lateral(params, beam, &b.baseband, &mut b.focused);
             laps.note("lateral");
             detect(params, constants, &kernels.pulse, gain, &b.focused, &mut b.polar, &mut b.lines);
             laps.note("detect");
@@ -205,7 +206,7 @@ impl HostRenderer {
         };
         // The last batch may have fewer layers.
         let paths = params.paths(params.layer_count) as usize;
-        let lost = trace(&scene, self.follow, 0..paths, path_outputs(&mut self.buffers.passes, paths));
+        let lost = trace(&scene, self.follow, path_outputs(&mut self.buffers.passes, paths));
         laps.note("trace");
         lost
     }
@@ -216,18 +217,20 @@ impl HostRenderer {
         let (Some(tables), Some(work)) = (&configuration.tables.aperture, aperture) else { return };
         let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
         let into = Transmission { powers: &mut work.layer_powers, mask: &mut b.mask, row_np: &mut b.row_np };
-        transmission(params, tables, paths, into);
+        transmission(params, self.image, tables, paths, into);
         laps.note("transmission");
         if params.layer_first + params.layer_count < params.layers {
             return;
         }
-        let first = first_plane(tables, &b.mask);
+        let first = first_plane(self.image, tables, &b.mask);
         b.first_plane = first as u32;
         propagate(tables, &work.propagation, first, &b.mask, &mut work.mode_work, &mut b.fields);
         laps.note("propagate");
-        beams(tables, &work.beam_roots, first, &b.fields, &mut work.beam_work, &mut b.beam_powers);
+        beams(self.image, tables, &work.beam_roots, first, &b.fields, &mut work.beam_work, &mut b.beam_powers);
         laps.note("beams");
-        visibility(params, tables, paths, &b.beam_powers, &b.row_np, &mut b.line_gains);
+        let into = Gains { lines: &mut b.line_gains, blocks: &mut b.block_gains };
+        let (constants, powers, row_np) = (self.image, &b.beam_powers, &b.row_np);
+        visibility(params, Seen { constants, tables, paths, powers, row_np }, into);
         laps.note("visibility");
     }
 

@@ -1,13 +1,13 @@
 //! Echoes of the scatterers at a block of samples.
 
 use super::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
-use super::paths::{BLOCK, Lanes, SEGMENT};
+use super::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
 use super::wide::{at_least, floor, floored, pcg3d, phasor, real};
 use crate::render::constants::{SHEET_FAMILIES, SHEETS};
 use crate::render::params::{Params, SheetFamily};
 
 /// Numbers that place a sample's scatterers.
-pub(super) const PLACE: usize = 8;
+const PLACE: usize = 8;
 
 /// What the paths see of a block's scatterers.
 #[derive(Debug, Clone, Copy)]
@@ -35,7 +35,7 @@ impl Strength {
 
 /// Axes of the scatterers' cells, for segments of the guide.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct View {
+struct View {
     axes: [[f32; 3]; 3],
     /// Factor of the range per cell along the last two axes.
     range: f32,
@@ -44,7 +44,7 @@ pub(super) struct View {
 impl View {
     /// Origin and step of a segment along each axis, then the range per cell along the last two.
     #[inline(always)]
-    pub(super) fn of(&self, segment: &[f32; SEGMENT]) -> [f32; PLACE] {
+    fn of(&self, segment: &[f32; SEGMENT]) -> [f32; PLACE] {
         let &[x, y, z, _, dx, dy, dz, ..] = segment;
         let along = |axis: &[f32; 3], [x, y, z]: [f32; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
         let per_step = self.range / at_least(dx * dx + dy * dy + dz * dz, 1.0e-12);
@@ -61,6 +61,40 @@ impl View {
             first * per_step,
             second * per_step,
         ]
+    }
+}
+
+/// The samples of a block on a path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BlockOfPath<'a> {
+    pub(super) params: &'a Params,
+    pub(super) paths: &'a Paths<'a>,
+    pub(super) path: u32,
+    /// First sample.
+    pub(super) first: u32,
+}
+
+impl BlockOfPath<'_> {
+    /// [`View::of`] of each sample's segment. Two samples share a segment.
+    #[inline(always)]
+    fn seen(&self, view: &View) -> [Lanes; PLACE] {
+        let Self { params, paths, path, first } = *self;
+        let (end_mm, segment) = seek(params, paths, path, first);
+        let mut lanes = [[0.0; BLOCK]; PLACE];
+        if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
+            for (lane, place) in lanes.iter_mut().zip(view.of(segment)) {
+                *lane = [place; BLOCK];
+            }
+            return lanes;
+        }
+        for pair in 0..BLOCK / 2 {
+            let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
+            for (lane, place) in lanes.iter_mut().zip(view.of(segment)) {
+                lane[2 * pair] = place;
+                lane[2 * pair + 1] = place;
+            }
+        }
+        lanes
     }
 }
 
@@ -135,15 +169,15 @@ impl Speckle {
         }
     }
 
-    /// Adds the echoes of a block to `sums`. `places` shows it the guide's segment of each sample.
+    /// Adds the echoes of a block to `sums`. `guide` places its samples.
     #[inline(always)]
-    pub(super) fn echo(&self, block: &Block, places: impl Fn(&View) -> [Lanes; PLACE], sums: &mut [Lanes; 2]) {
+    pub(super) fn echo(&self, block: &Block, guide: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
         if self.count == 0 {
             const MM: View = View { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], range: 1.0 };
-            self.lattice(block, &places(&MM), sums);
+            self.lattice(block, &guide.seen(&MM), sums);
         }
         for family in self.families.iter().take(self.count) {
-            self.sheets(family, block, &places(&family.view), sums);
+            self.sheets(family, block, &guide.seen(&family.view), sums);
         }
     }
 

@@ -5,19 +5,48 @@ use std::ops::Range;
 use super::bundle::Bundle;
 use super::path::Scene;
 use super::path_outputs::PathOutputs;
+use crate::render::params::Params;
 
 /// Paths per parallel task.
 const PATHS_A_TASK: usize = Bundle::PATHS;
 
 /// Function that follows paths from an index on into the outputs; returns the number of crossings lost.
-pub(super) type Follow = fn(&Scene<'_>, usize, &mut PathOutputs<'_>) -> u32;
+pub(super) type Follow = fn(&Scene<'_>, usize, &mut Outputs<'_>) -> u32;
 
-/// Follows a range of paths, split over the cores in whole bundles; returns the number of crossings that
-/// found no room.
+/// Outputs of a run of paths.
+#[derive(Debug)]
+pub(super) struct Outputs<'a> {
+    paths: PathOutputs<'a>,
+    /// Outputs of their guides, if each path is the only one of its scanline.
+    guides: Option<PathOutputs<'a>>,
+}
+
+impl Outputs<'_> {
+    /// The first `paths` paths, and the rest.
+    fn split_at(self, paths: usize) -> (Self, Self) {
+        let (low, high) = self.paths.split_at(paths);
+        let (guides_low, guides_high) = self.guides.map(|guides| guides.split_at(paths)).unzip();
+        (Self { paths: low, guides: guides_low }, Self { paths: high, guides: guides_high })
+    }
+}
+
+/// Follows the paths of a batch and its guides, split over the cores in whole bundles; returns the number of crossings
+/// that found no room.
 ///
 /// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
 /// are lost depends on its neighbours.
-pub(super) fn trace(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: PathOutputs<'_>) -> u32 {
+pub(super) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
+    let Params { guides, rays, layers, scanlines, .. } = *scene.params;
+    // The only path of a scanline is its own guide up to its first reflection.
+    if guides > 0 && rays * layers == 1 {
+        let (paths, guides) = out.split_at(scanlines as usize);
+        over_cores(scene, follow, 0..paths.paths(), Outputs { paths, guides: Some(guides) })
+    } else {
+        over_cores(scene, follow, 0..out.paths(), Outputs { paths: out, guides: None })
+    }
+}
+
+fn over_cores(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Outputs<'_>) -> u32 {
     if paths.len() <= PATHS_A_TASK {
         return follow(scene, paths.start, &mut out);
     }
@@ -25,22 +54,28 @@ pub(super) fn trace(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut 
     let middle = paths.start + half;
     let (low, high) = out.split_at(half);
     let (a, b) = rayon::join(
-        || trace(scene, follow, paths.start..middle, low),
-        || trace(scene, follow, middle..paths.end, high),
+        || over_cores(scene, follow, paths.start..middle, low),
+        || over_cores(scene, follow, middle..paths.end, high),
     );
     a + b
 }
 
 /// Follows a run of paths, with the instruction set of the function that it is inlined into.
 #[inline(always)]
-fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
+fn follow_run(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
     let mut bundle = Bundle::new();
     let mut lost = 0;
-    for i in (0..out.paths()).step_by(Bundle::PATHS) {
-        let count = Bundle::PATHS.min(out.paths() - i);
-        lost += bundle.follow(scene, first + i, count);
+    for i in (0..out.paths.paths()).step_by(Bundle::PATHS) {
+        let count = Bundle::PATHS.min(out.paths.paths() - i);
+        lost += bundle.follow(scene, first + i..first + i + count);
         for (path, record) in bundle.records[..count].iter().enumerate() {
-            out.write(i + path, record);
+            out.paths.write(i + path, record);
+        }
+        if let Some(guides) = &mut out.guides {
+            lost += bundle.follow_guides(scene, count);
+            for (path, record) in bundle.records[..count].iter().enumerate() {
+                guides.write(i + path, record);
+            }
         }
     }
     lost
@@ -49,7 +84,7 @@ fn follow_run(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32
 /// [`follow_run`] with AVX2, bit-identical. AVX-512 is slower here; only interfaces use it.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut PathOutputs<'_>) -> u32 {
+fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
     follow_run(scene, first, out)
 }
 

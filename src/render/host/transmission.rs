@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::constants::TRANSMISSION_MIN;
+use super::constants::{ImageConstants, TRANSMISSION_MIN};
 use super::interface::ln;
 use super::paths::Paths;
 use super::wide::{at_least, at_most, exp, widened};
-use crate::render::aperture::{ApertureTables, PLANES_MAX};
+use crate::render::aperture::{ApertureTables, CellRays, PLANES_MAX};
 use crate::render::constants::DIVERTED;
 use crate::render::params::Params;
 
@@ -25,14 +25,20 @@ pub(super) struct Transmission<'a> {
 }
 
 /// Adds the paths of a batch; the last batch makes the mask.
-pub(super) fn transmission(params: &Params, tables: &ApertureTables, paths: Paths<'_>, into: Transmission<'_>) {
+pub(super) fn transmission(
+    params: &Params,
+    constants: ImageConstants,
+    tables: &ApertureTables,
+    paths: Paths<'_>,
+    into: Transmission<'_>,
+) {
     let Transmission { powers, mask, row_np } = into;
     let columns = powers.par_chunks_exact_mut(tables.planes).zip(&tables.cell_rays);
-    columns.for_each(|(column, rays)| add_column(params, tables, paths, *rays, column));
+    columns.for_each(|(column, rays)| add_column(params, constants, tables, paths, *rays, column));
     if params.layer_first + params.layer_count < params.layers {
         return;
     }
-    let rows = mask.par_chunks_exact_mut(tables.cells).zip(row_np).enumerate();
+    let rows = mask.par_chunks_exact_mut(tables.sampling.cells).zip(row_np).enumerate();
     rows.for_each(|(plane, (row, row_np))| {
         let mut greatest = TRANSMISSION_MIN;
         for (value, column) in row.iter_mut().zip(powers.chunks_exact(tables.planes)) {
@@ -51,23 +57,29 @@ pub(super) fn transmission(params: &Params, tables: &ApertureTables, paths: Path
 /// of layers add, on both ways.
 fn add_column(
     params: &Params,
+    constants: ImageConstants,
     tables: &ApertureTables,
     paths: Paths<'_>,
-    [first, step, count]: [u32; 3],
+    rays: CellRays,
     column: &mut [f32],
 ) {
     if params.layer_first == 0 {
         column.fill(0.0);
     }
+    let (CellRays { first, step, count, .. }, parts) = (rays, rays.weights());
     let mut losses = [0.0; PLANES_MAX + 1];
     for layer in 0..params.layer_count {
         let mut sums = [0.0; PLANES_MAX + 1];
+        let mut total = 0.0;
         for ray in 0..count {
+            let of_first = if ray == 0 { parts[0] } else { 1.0 };
+            let weight = of_first * if ray + 1 == count { parts[1] } else { 1.0 };
             paths.losses(params, tables, layer, first + ray * step, &mut losses);
-            add_transmissions(&losses, &mut sums);
+            add_transmissions(constants, weight, &losses, &mut sums);
+            total += weight;
         }
         for (power, &sum) in column.iter_mut().zip(&sums) {
-            let mean = sum / count as f32;
+            let mean = sum / total;
             *power += (mean * mean) * (mean * mean) / params.layers as f32;
         }
     }
@@ -120,12 +132,14 @@ pub(super) fn loss_np(segment: &[f32; 12], range_mm: f32) -> f32 {
 
 widened! {
     /// Adds the transmission of each interval of a path.
-    fn add_transmissions(losses: &Boundaries, sums: &mut Boundaries) = add_transmissions_body
+    fn add_transmissions(
+        constants: ImageConstants, weight: f32, losses: &Boundaries, sums: &mut Boundaries,
+    ) = add_transmissions_body
 }
 
 #[inline(always)]
-fn add_transmissions_body(losses: &Boundaries, sums: &mut Boundaries) {
+fn add_transmissions_body(constants: ImageConstants, weight: f32, losses: &Boundaries, sums: &mut Boundaries) {
     for i in 0..PLANES_MAX {
-        sums[i] += exp(-at_most(at_least(losses[i + 1] - losses[i], 0.0), 80.0));
+        sums[i] += weight * exp(-at_most(at_least(losses[i + 1] - losses[i], 0.0), constants.loss_max_np()));
     }
 }

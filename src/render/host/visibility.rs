@@ -5,35 +5,82 @@
 
 use rayon::prelude::*;
 
-use super::constants::{TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN};
+use super::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN};
 use super::interface::ln;
+use super::line_gain::LineGain;
 use super::paths::Paths;
 use super::transmission::loss_np;
-use super::wide::{at_least, at_most};
-use crate::render::aperture::ApertureTables;
+use super::wide::{at_least, at_most, exp, real, widened};
+use crate::render::aperture::{ApertureTables, PLANES_MAX};
+use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
 
 /// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
 /// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
 pub(super) type Boundary = [f32; 4];
 
-/// Fills `lines`, the numbers of each scanline at each boundary [scanlines × (planes + 1)], from the power of the beams.
-pub(super) fn visibility(
-    params: &Params,
-    tables: &ApertureTables,
-    paths: Paths<'_>,
-    powers: &[f32],
-    row_np: &[f32],
-    lines: &mut [Boundary],
-) {
-    lines.par_chunks_exact_mut(tables.planes + 1).enumerate().for_each(|(line, row)| {
-        let guide = paths.of(params.guide_of(line as u32) as usize);
-        place(tables, guide, row_np, row);
-        gains(tables, line, powers, row);
-    });
+/// Gain of a block of samples as amplitude, and its reciprocal.
+pub(super) type BlockGain = [f32; 2];
+
+/// Outputs.
+#[derive(Debug)]
+pub(super) struct Gains<'a> {
+    /// [scanlines × (planes + 1)]
+    pub(super) lines: &'a mut [Boundary],
+    /// [scanlines × blocks]
+    pub(super) blocks: &'a mut [BlockGain],
+}
+
+/// Inputs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen<'a> {
+    pub(super) constants: ImageConstants,
+    pub(super) tables: &'a ApertureTables,
+    pub(super) paths: Paths<'a>,
+    /// Power of the beams [planes × cells].
+    pub(super) powers: &'a [f32],
+    /// Loss that the scanlines share in each interval, one-way nepers.
+    pub(super) row_np: &'a [f32],
+}
+
+/// Fills in the gains along each scanline.
+pub(super) fn visibility(params: &Params, seen: Seen<'_>, into: Gains<'_>) {
+    let boundaries = into.lines.par_chunks_exact_mut(seen.tables.planes + 1);
+    let blocks = into.blocks.par_chunks_exact_mut((params.row_samples / DEPTH_BLOCK) as usize);
+    boundaries.zip(blocks).enumerate().for_each(|(line, (row, blocks))| see_line(params, seen, line, row, blocks));
+}
+
+widened! {
+    /// One scanline.
+    fn see_line(
+        params: &Params, seen: Seen<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain],
+    ) = see_line_body
+}
+
+#[inline(always)]
+fn see_line_body(params: &Params, seen: Seen<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain]) {
+    let Seen { constants, tables, paths, powers, row_np } = seen;
+    place(tables, paths.of(params.guide_of(line as u32) as usize), row_np, row);
+    gains(constants, tables, line, powers, row);
+    // Gain at each boundary: where losses lie within an interval does not count.
+    let along = LineGain::new(tables, row);
+    let mut ends = [0.0; PLANES_MAX + 1];
+    for (end, boundary) in ends.iter_mut().zip(&*row) {
+        *end = along.gain(boundary[0]);
+    }
+    for (block, gain) in (0_u32..).zip(&mut *blocks) {
+        let (interval, part) = along.index((real(block) + 0.5) * params.sample_spacing_mm * DEPTH_BLOCK as f32);
+        let (start, end) = (ends[interval], ends[interval + 1]);
+        let gain_np = start + (end - start) * at_most(part, 1.0);
+        *gain = [gain_np, -gain_np];
+    }
+    for value in blocks.as_flattened_mut() {
+        *value = exp(*value);
+    }
 }
 
 /// Fills in everything but the gains.
+#[inline(always)]
 fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), row_np: &[f32], row: &mut [Boundary]) {
     let plane_mm = tables.plane_mm;
     // Place within the interval of the last loss, 0..=1.
@@ -72,15 +119,18 @@ fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), ro
 }
 
 /// Fills in the gains, interpolated between the beams.
-fn gains(tables: &ApertureTables, line: usize, powers: &[f32], row: &mut [Boundary]) {
+#[inline(always)]
+fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers: &[f32], row: &mut [Boundary]) {
     for (plane, boundary) in row[1..].iter_mut().enumerate() {
-        let nodes = tables.nodes_at(plane);
-        let at = tables.line_cells[line] / tables.node_cells_at(plane) as f32;
+        let nodes = tables.sampling.nodes_at(plane);
+        let at = tables.line_cells[line] / tables.sampling.node_cells_at(plane) as f32;
         let node = at_most(at_least(at, 0.0), nodes as f32 - 1.001);
         let low = node as usize;
-        let powers = &powers[plane * tables.cells..][..nodes];
-        let gain = |node: usize| at_most(0.5 * ln(at_least(powers[node], VISIBLE_MIN)), VISIBLE_MAX_NP);
+        let powers = &powers[plane * tables.sampling.cells..][..nodes];
+        // In between, the fourth root follows the edge of a shadow better than the power or its logarithm.
+        let root = |node: usize| at_least(powers[node], VISIBLE_MIN).sqrt().sqrt();
         let part = node - low as f32;
-        boundary[2] = gain(low) * (1.0 - part) + gain(low + 1) * part;
+        let between = root(low) * (1.0 - part) + root(low + 1) * part;
+        boundary[2] = at_most(2.0 * ln(between), constants.visible_max_np());
     }
 }

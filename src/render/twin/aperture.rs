@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::render::aperture::ApertureTables;
+use crate::render::aperture::{self, ApertureTables};
 
 /// Tables of the aperture as uploaded to the device.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,10 +35,30 @@ pub struct Aperture {
     pub reach_nodes: Vec<f64>,
     /// Echo power of each beam without obstacles [planes × cells].
     pub unobstructed: Vec<f64>,
-    /// Rays of each cell: the first, the distance to the next, their number.
-    pub cell_rays: Vec<[usize; 3]>,
+    /// Rays of each cell.
+    pub cell_rays: Vec<CellRays>,
     /// Place of each scanline, in cells.
     pub line_cells: Vec<f64>,
+}
+
+/// Rays of a layer that cross a cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CellRays {
+    /// The first ray.
+    pub first: usize,
+    /// Distance to the next.
+    pub step: usize,
+    /// Number of rays.
+    pub count: usize,
+    /// Weights of the first ray and of the last; those between them count 1.
+    pub weights: [f64; 2],
+}
+
+impl From<&aperture::CellRays> for CellRays {
+    fn from(rays: &aperture::CellRays) -> Self {
+        let [first, step, count] = [rays.first, rays.step, rays.count].map(|v| v as usize);
+        Self { first, step, count, weights: rays.parts.map(|part| f64::from(part) / 65535.0) }
+    }
 }
 
 impl From<&ApertureTables> for Aperture {
@@ -48,15 +68,15 @@ impl From<&ApertureTables> for Aperture {
         };
         let wide = |values: &[f32]| -> Vec<f64> { values.iter().map(|&v| v.into()).collect() };
         let planes = 0..tables.planes;
-        let stride = |plane: usize| if plane < tables.halves_at || tables.node_cells == 1 { 1 } else { 2 };
+        let sampling = tables.sampling;
         Self {
-            cells: tables.cells,
+            cells: sampling.cells,
             planes: tables.planes,
             plane_mm: tables.plane_mm.into(),
-            beams: tables.beams,
-            node_cells: planes.clone().map(|plane| tables.node_cells_at(plane)).collect(),
-            mode_stride: planes.clone().map(stride).collect(),
-            mode_count: planes.map(|plane| tables.modes_at(plane)).collect(),
+            beams: sampling.beams,
+            node_cells: planes.clone().map(|plane| sampling.node_cells_at(plane)).collect(),
+            mode_stride: planes.clone().map(|plane| sampling.mode_stride(plane)).collect(),
+            mode_count: planes.map(|plane| sampling.modes_at(plane)).collect(),
             modes: tables.modes.clone(),
             steps: complex(&tables.steps),
             transmit: complex(&tables.transmit),
@@ -64,7 +84,7 @@ impl From<&ApertureTables> for Aperture {
             face: wide(&tables.face),
             reach_nodes: wide(&tables.reach_nodes),
             unobstructed: wide(&tables.unobstructed),
-            cell_rays: tables.cell_rays.iter().map(|rays| rays.map(|v| v as usize)).collect(),
+            cell_rays: tables.cell_rays.iter().map(CellRays::from).collect(),
             line_cells: wide(&tables.line_cells),
         }
     }

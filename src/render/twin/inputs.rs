@@ -278,6 +278,11 @@ impl Inputs {
         self.rays.len() * self.layers
     }
 
+    /// Blocks of samples that share a lateral beam and a gain.
+    pub fn blocks(&self) -> usize {
+        self.samples.div_ceil(self.depth_block)
+    }
+
     /// Index of the path of a scanline that places its scatterers: its guide, or its only path.
     pub fn guide_of(&self, line: usize) -> usize {
         if self.guides == 0 { line } else { self.sounding() + line }

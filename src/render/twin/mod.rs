@@ -44,7 +44,7 @@ pub use section::{RasterPoint, Run, Sections, section};
 pub use surfaces::Membership;
 pub use trace::{Path, Segment, segment_at, trace};
 pub use transmission::{Transmission, transmission};
-pub use visibility::{Boundary, visibility};
+pub use visibility::{Boundary, block_gains, visibility};
 
 /// All passes, from a pose to the maps of a frame.
 pub fn frame(inputs: &Inputs) -> Maps {
@@ -57,7 +57,8 @@ pub fn frame(inputs: &Inputs) -> Maps {
     let gains = gains.unwrap_or_default();
     let mut baseband = march(inputs, &paths, &gains);
     echo(inputs, &paths, &gains, &mut baseband);
-    let detected = detect(inputs, &lateral(inputs, &baseband));
+    let of_blocks = inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &gains)).unwrap_or_default();
+    let detected = detect(inputs, &lateral(inputs, &of_blocks, &baseband));
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);
     scan_convert(inputs, &detected.grey, &sections.raster, percentile_np)

@@ -117,7 +117,7 @@ impl<'a> Tracer<'a> {
         Self {
             inputs,
             line_ray: path % inputs.rays.len(),
-            layer: path / inputs.rays.len(),
+            layer: if path >= inputs.sounding() { 0 } else { path / inputs.rays.len() },
             stretch: inputs.elevation_of(path).stretch,
             guide: path >= inputs.sounding(),
             inside,
@@ -277,7 +277,7 @@ impl<'a> Tracer<'a> {
     /// facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
-        if variance <= 0.0 || self.guide {
+        if variance <= 0.0 {
             return n;
         }
         let slope = (-variance * (1.0 - self.random(1)).max(1.0e-7).ln()).max(0.0).sqrt();

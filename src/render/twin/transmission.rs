@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::aperture::Aperture;
+use super::aperture::{Aperture, CellRays};
 use super::inputs::Inputs;
 use super::trace::{Path, segment_at};
 use crate::render::constants::TRANSMISSION_MIN;
@@ -34,15 +34,20 @@ pub fn transmission(inputs: &Inputs, aperture: &Aperture, paths: &[Path]) -> Tra
 
 /// Transmission of a cell between two depths: mean amplitude over the rays, mean power of both ways over the layers.
 fn transmitted(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize, [from, to]: [f64; 2]) -> f64 {
-    let [first, step, count] = aperture.cell_rays[cell];
+    let CellRays { first, step, count, weights } = aperture.cell_rays[cell];
+    let weight_of = |ray: usize| {
+        let of_first = if ray == 0 { weights[0] } else { 1.0 };
+        of_first * if ray + 1 == count { weights[1] } else { 1.0 }
+    };
+    let total: f64 = (0..count).map(weight_of).sum();
     let of_layer = |layer: usize| -> f64 {
         let passed = |ray: usize| {
             let line_ray = first + ray * step;
             let path = &paths[layer * inputs.rays.len() + line_ray];
             let guide = &paths[inputs.guide_of(line_ray / inputs.rays_per_line)];
-            (-(loss_np(path, guide, to) - loss_np(path, guide, from)).max(0.0)).exp()
+            weight_of(ray) * (-(loss_np(path, guide, to) - loss_np(path, guide, from)).max(0.0)).exp()
         };
-        (0..count).map(passed).sum::<f64>() / count as f64
+        (0..count).map(passed).sum::<f64>() / total
     };
     ((0..inputs.layers).map(|layer| of_layer(layer).powi(4)).sum::<f64>() / inputs.layers as f64).powf(0.25)
 }

@@ -19,6 +19,18 @@ pub struct Boundary {
     pub shared_np: f64,
 }
 
+/// The gain of every block as amplitude [scanlines × blocks], from the gain along the scanlines.
+pub fn block_gains(inputs: &Inputs, aperture: &Aperture, boundaries: &[Boundary]) -> Vec<f64> {
+    let of = |line: usize| {
+        let along = LineGain::new(aperture, boundaries, line);
+        (0..inputs.blocks()).map(move |block| {
+            let middle_mm = (block as f64 + 0.5) * inputs.sample_spacing_mm * inputs.depth_block as f64;
+            along.by_depth(middle_mm).exp()
+        })
+    };
+    (0..inputs.scanlines).flat_map(of).collect()
+}
+
 /// The gain along every scanline [scanlines × (planes + 1)], from the power of the beams and the losses of the rows.
 pub fn visibility(
     inputs: &Inputs,
@@ -78,9 +90,9 @@ fn mean_loss_np(guide: &Path, from: f64, to: f64) -> f64 {
 fn gain(aperture: &Aperture, line: usize, plane: usize, powers: &[f64]) -> f64 {
     let nodes = aperture.nodes(plane);
     let node = (aperture.line_cells[line] / aperture.node_cells[plane] as f64).clamp(0.0, nodes as f64 - 1.001);
-    let of = |node: usize| (0.5 * powers[plane * aperture.cells + node].max(VISIBLE_MIN).ln()).min(VISIBLE_MAX_NP);
+    let root = |node: usize| powers[plane * aperture.cells + node].max(VISIBLE_MIN).powf(0.25);
     let part = node - node.floor();
-    of(node as usize) * (1.0 - part) + of(node as usize + 1) * part
+    (2.0 * (root(node as usize) * (1.0 - part) + root(node as usize + 1) * part).ln()).min(VISIBLE_MAX_NP)
 }
 
 /// The gain along one scanline.
@@ -102,6 +114,13 @@ impl<'a> LineGain<'a> {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
         self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
+    }
+
+    /// Gain at a range, nepers of amplitude, two-way: where losses lie within an interval does not count.
+    fn by_depth(&self, range_mm: f64) -> f64 {
+        let interval = self.interval(range_mm);
+        let [start, end] = [interval, interval + 1].map(|boundary| self.gain(self.row[boundary].place));
+        start + (end - start) * self.part(interval, range_mm).min(1.0)
     }
 
     fn interval(&self, range_mm: f64) -> usize {

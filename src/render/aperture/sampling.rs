@@ -1,0 +1,64 @@
+//! Sampling of the scan plane: cells, nodes and modes at each depth plane.
+
+/// Sizes that grid and tables share. The first planes have all modes; on a curved face, whose cells widen with depth, every
+/// second one is left out from plane `halves_at` on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sampling {
+    /// Cells along the face, a power of two; the last one is next to the first.
+    pub(crate) cells: usize,
+    /// Beams per period of the modes, a power of two.
+    pub(crate) beams: usize,
+    /// Cells per node at the first planes: 1 or 2. From plane `halves_at` on it is 1.
+    pub(crate) node_cells: usize,
+    /// First plane without the odd modes; the number of planes if all have them.
+    pub(crate) halves_at: usize,
+    /// Modes, padding included.
+    pub(crate) modes: usize,
+    /// Modes, padding included, that go on after `halves_at`: the even ones.
+    pub(crate) lasting_modes: usize,
+}
+
+impl Sampling {
+    /// Cells per node at a plane.
+    pub(crate) fn node_cells_at(&self, plane: usize) -> usize {
+        if plane < self.halves_at { self.node_cells } else { 1 }
+    }
+
+    /// Nodes at a plane: places along the face with a beam each.
+    pub(crate) fn nodes_at(&self, plane: usize) -> usize {
+        self.cells / self.node_cells_at(plane)
+    }
+
+    /// Modes, padding included, that take part at a plane.
+    pub(crate) fn modes_at(&self, plane: usize) -> usize {
+        if plane < self.halves_at { self.modes } else { self.lasting_modes }
+    }
+
+    /// Distance of neighbouring modes at a plane, in their numbers.
+    pub(crate) fn mode_stride(&self, plane: usize) -> i32 {
+        if plane < self.halves_at || self.node_cells == 1 { 1 } else { 2 }
+    }
+
+    /// Index of a mode within one period at a plane: modulo the number of beams.
+    pub(crate) fn bin(&self, plane: usize, mode: i32) -> usize {
+        (mode / self.mode_stride(plane)).rem_euclid(self.beams as i32) as usize
+    }
+}
+
+/// Rays of a layer that cross a cell. Each stands for the part of the face next to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct CellRays {
+    pub(crate) first: u32,
+    /// Distance to the next.
+    pub(crate) step: u32,
+    pub(crate) count: u32,
+    /// Parts of the first and of the last ray that lie within the cell, in 1/65535.
+    pub(crate) parts: [u16; 2],
+}
+
+impl CellRays {
+    /// Weights of the first ray and of the last. Those between them count 1.
+    pub(crate) fn weights(&self) -> [f32; 2] {
+        self.parts.map(|part| f32::from(part) * (1.0 / 65535.0))
+    }
+}

@@ -1,0 +1,133 @@
+//! Speckle behind an opaque rod, compared with diffraction sums.
+
+use glam::{DVec2, Vec3};
+
+use super::bench::{Bench, at, grainy, linear, slab, small};
+use super::measure::line;
+use super::truth::Truth;
+use super::{Check, Family, Rig};
+use crate::anatomy::{Tissue, analytic};
+use crate::render::{Choice, Effect, RenderError};
+use crate::transducer::Probe;
+
+/// Depth and width of the rod, mm.
+const ROD_MM: [f64; 2] = [60.0, 3.0];
+/// Distances behind the rod, mm.
+const BEHIND_MM: [f64; 4] = [10.0, 20.0, 40.0, 60.0];
+/// Transmit focus (mm), and level of the speckle over that without the rod, dB, at [`BEHIND_MM`], by
+/// `tests/truth/shadow.csv`.
+const CASES: [(f64, [f64; BEHIND_MM.len()]); 3] = [
+    (60.0, [-44.85, -35.98, -31.55, -32.81]),
+    (90.0, [-24.27, -18.48, -13.83, -12.14]),
+    (120.0, [-21.25, -14.76, -10.88, -9.73]),
+];
+/// Slides across the slice over which power is averaged, mm.
+const SLIDES_MM: [f64; 7] = [-15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0];
+/// Half of the range over which power is averaged, mm.
+const HALF_MM: f64 = 2.0;
+/// Distance of the scanlines beside the shadow from its middle, mm.
+const BESIDE_MM: [f64; 2] = [15.0, 24.0];
+const LINES: u32 = 255;
+const SPACING_MM: f64 = 0.24;
+
+/// A rod in a block of speckle.
+pub(super) struct Shadow {
+    place: DVec2,
+}
+
+impl Shadow {
+    pub(super) fn new(bench: &mut Bench) -> Self {
+        let place = bench.place();
+        let speckle = bench.tissue(grainy(0.0, 0.01));
+        let opaque = bench.tissue(Tissue { attenuation_db_cm_mhz: 100.0, ..grainy(0.0, 0.01) });
+        bench.add(speckle, 1, slab(place, 40.0, -1.0, 130.0));
+        let [depth_mm, width_mm] = ROD_MM;
+        let size = Vec3::new(width_mm as f32, 60.0, 1.0);
+        bench.add(opaque, 2, analytic::plate(place.extend(depth_mm).as_vec3(), size, glam::Quat::IDENTITY));
+        Self { place }
+    }
+
+    /// Levels behind the rod, dB.
+    fn levels_db(&self, rig: &mut Rig, focus_mm: f64, choice: Choice) -> Result<Vec<f64>, RenderError> {
+        let probe = Probe { frequency_mhz: 5.0, aperture_mm: 20.0, focus_mm, ..linear(LINES, SPACING_MM, 1536, 125.0) };
+        let mut settings = small(1, 1);
+        settings.effects = settings.effects.with(Effect::Aperture, choice);
+        let (mut behind, mut beside) = ([0.0; BEHIND_MM.len()], [0.0; BEHIND_MM.len()]);
+        for slide in SLIDES_MM {
+            let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y + slide, 0.0))?;
+            let power = |number: u32, range_mm: f64| {
+                let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
+                let samples = line(&probe, frame, number).get(sample(range_mm - HALF_MM)..sample(range_mm + HALF_MM));
+                samples.unwrap_or_default().iter().map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
+            };
+            let aside = |number: &u32| {
+                let mm = (f64::from(*number) - f64::from(LINES / 2)).abs() * SPACING_MM;
+                (BESIDE_MM[0]..BESIDE_MM[1]).contains(&mm)
+            };
+            let lines: Vec<u32> = (0..LINES).filter(aside).collect();
+            for (i, mm) in BEHIND_MM.iter().enumerate() {
+                let range_mm = ROD_MM[0] + mm;
+                behind[i] += power(LINES / 2, range_mm);
+                beside[i] += lines.iter().map(|&number| power(number, range_mm)).sum::<f64>() / lines.len() as f64;
+            }
+        }
+        Ok(behind.iter().zip(beside).map(|(behind, beside)| 10.0 * (behind / beside).max(1e-12).log10()).collect())
+    }
+}
+
+impl Truth for Shadow {
+    fn effect(&self) -> Effect {
+        Effect::Aperture
+    }
+
+    fn quantity(&self) -> &'static str {
+        "speckle behind a rod"
+    }
+
+    fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
+        let mut checks = Vec::new();
+        for (focus_mm, levels_db) in CASES {
+            let measured = self.levels_db(rig, focus_mm, choice)?;
+            for ((behind_mm, expected), measured) in BEHIND_MM.iter().zip(levels_db).zip(measured) {
+                // The wider bound is for levels near the limit of a display's range; no deeper one is compared.
+                let tolerance = match expected {
+                    -25.0.. => 4.0,
+                    -35.0.. => 7.0,
+                    _ => continue,
+                };
+                let name = format!("{behind_mm:.0} mm behind a rod of {:.0} mm, focus {focus_mm:.0} mm", ROD_MM[1]);
+                checks.push(Check::new("Shadow", name, "dB", expected, measured, tolerance));
+            }
+        }
+        Ok(checks)
+    }
+}
+
+impl Family for Shadow {
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        self.compare(rig, Choice::On)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::truth::tests::fixture;
+    use super::*;
+
+    #[test]
+    fn levels_are_those_of_the_sums() {
+        for (focus_mm, levels_db) in CASES {
+            for (behind_mm, level_db) in BEHIND_MM.into_iter().zip(levels_db) {
+                let rod = [("depth_mm", ROD_MM[0]), ("half_width_mm", 0.5 * ROD_MM[1]), ("offset_mm", 0.0)];
+                let beam =
+                    [("frequency_mhz", 5.0), ("aperture_mm", 20.0), ("focus_mm", focus_mm), ("behind_mm", behind_mm)];
+                let row = [&rod[..], &beam].concat();
+                assert_eq!(
+                    fixture(include_str!("../../tests/truth/shadow.csv"), &row, "level_db"),
+                    level_db,
+                    "{row:?}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! A point behind a tilted boundary of two speeds: where frames show it, and where a full-wave simulation does.
+
+use glam::{DQuat, DVec2, DVec3};
+
+use super::bench::{Bench, at, facing, linear, silent, slab, small};
+use super::measure::{line, magnitude};
+use super::truth::Truth;
+use super::{Check, Family, Rig};
+use crate::anatomy::Tissue;
+use crate::render::{Choice, Effect, RenderError};
+use crate::transducer::Probe;
+
+/// A boundary, a point behind it, and where a scanner shows the point.
+struct Case {
+    /// Speeds before the boundary and behind it, m/s.
+    speeds_m_s: [f64; 2],
+    /// Depth of the boundary on the axis (mm), and its tilt: it is deeper towards positive lateral places.
+    depth_mm: f64,
+    tilt_deg: f64,
+    /// Lateral place and depth of the point, and where it is shown, mm.
+    point_mm: [f64; 2],
+    shown_mm: [f64; 2],
+}
+
+/// By k-Wave, `tests/truth/full_wave_refraction.csv`.
+const CASES: [Case; 4] = [
+    case([1450.0, 1580.0], 25.0, 20.0, [0.0, 60.0], [-1.18, 60.64]),
+    case([1450.0, 1580.0], 25.0, 30.0, [0.0, 49.92], [-1.4, 50.8]),
+    case([1600.0, 1450.0], 25.0, 20.0, [0.0, 60.0], [1.18, 61.22]),
+    case([1450.0, 1600.0], 15.0, 20.0, [3.04, 69.92], [0.94, 68.86]),
+];
+/// Largest accepted error of a place, mm. The simulation's grid has cells of 0.16 mm.
+const TOLERANCE_MM: f64 = 0.1;
+/// Side of the body that stands for the point, mm.
+const POINT_MM: f64 = 0.4;
+const LINES: u32 = 129;
+const SPACING_MM: f64 = 0.1;
+
+const fn case(speeds_m_s: [f64; 2], depth_mm: f64, tilt_deg: f64, point_mm: [f64; 2], shown_mm: [f64; 2]) -> Case {
+    Case { speeds_m_s, depth_mm, tilt_deg, point_mm, shown_mm }
+}
+
+/// Direction of a displacement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Way {
+    /// Across the scanlines, by bent paths.
+    Lateral,
+    /// Along them, by the time of flight.
+    Depth,
+}
+
+/// Points behind tilted boundaries.
+pub(super) struct TiltedFace {
+    places: [DVec2; CASES.len()],
+    way: Way,
+}
+
+impl TiltedFace {
+    pub(super) fn new(bench: &mut Bench, way: Way) -> Self {
+        let places = CASES.each_ref().map(|case| {
+            let place = bench.place();
+            let [near, far] = case.speeds_m_s.map(|speed| bench.tissue(silent(speed, 1.5)));
+            // Rough, to be visible at any angle.
+            let point = bench.tissue(Tissue { roughness: 0.5, ..silent(case.speeds_m_s[1], 3.0) });
+            bench.add(near, 0, slab(place, 40.0, -1.0, 50.0));
+            let turn = DQuat::from_rotation_y(-case.tilt_deg.to_radians());
+            bench.add(far, 1, facing(place.extend(case.depth_mm), 70.0, turn));
+            let [across_mm, depth_mm] = case.point_mm;
+            let target = place.extend(depth_mm) + DVec3::new(across_mm, 0.0, 0.0);
+            bench.add(point, 2, facing(target, POINT_MM, DQuat::IDENTITY));
+            place
+        });
+        Self { places, way }
+    }
+
+    /// Where the point is shown: the middle of its echo across the scanlines, and the range of its front there, mm.
+    fn shown_mm(&self, rig: &mut Rig, case: &Case, place: DVec2, choice: Choice) -> Result<[f64; 2], RenderError> {
+        let probe = Probe { frequency_mhz: 2.5, aperture_mm: 20.0, ..linear(LINES, SPACING_MM, 4096, 85.0) };
+        let mut settings = small(1, 1);
+        settings.effects = settings.effects.with(self.effect(), choice);
+        // The middle scanline passes through the place where the simulation shows the point.
+        let frame = rig.frame(&probe, &settings, &at(place.x + case.shown_mm[0], place.y, 0.0))?;
+        let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
+        let from = sample(case.point_mm[1] - 4.0);
+        let (mut peaks, mut weights, mut ranges) = (0.0, 0.0, 0.0);
+        for number in 0..LINES {
+            let echo = line(&probe, frame, number).get(from..sample(case.point_mm[1] + 4.0)).unwrap_or_default();
+            let peak = echo.iter().map(|&s| magnitude(s)).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((at, height)) = peak else { continue };
+            let weight = height * height;
+            weights += weight;
+            peaks += weight * (f64::from(number) - f64::from(LINES / 2)) * SPACING_MM;
+            ranges += weight * ((from + at) as f64 + 0.5) * probe.sample_spacing_mm();
+        }
+        Ok([case.shown_mm[0] + peaks / weights, ranges / weights])
+    }
+
+    fn both_ways(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
+        let mut checks = Vec::new();
+        for (case, &place) in CASES.iter().zip(&self.places) {
+            let shown = self.shown_mm(rig, case, place, choice)?;
+            let [near, far] = case.speeds_m_s;
+            for ((way, expected), measured) in [Way::Lateral, Way::Depth].into_iter().zip(case.shown_mm).zip(shown) {
+                let name = format!("{near:.0} to {far:.0} m/s under {:.0}°, {} of a point", case.tilt_deg, way.name());
+                checks.push(Check::new("Full wave", name, "mm", expected, measured, TOLERANCE_MM));
+            }
+        }
+        Ok(checks)
+    }
+}
+
+impl Way {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Lateral => "lateral place",
+            Self::Depth => "depth",
+        }
+    }
+}
+
+impl Truth for TiltedFace {
+    fn effect(&self) -> Effect {
+        match self.way {
+            Way::Lateral => Effect::Refraction,
+            Way::Depth => Effect::SpeedDisplacement,
+        }
+    }
+
+    fn quantity(&self) -> &'static str {
+        match self.way {
+            Way::Lateral => "lateral place of a point behind a tilted face",
+            Way::Depth => "depth of a point behind a tilted face",
+        }
+    }
+
+    fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
+        let both = self.both_ways(rig, choice)?;
+        let name = self.way.name();
+        Ok(both.into_iter().filter(|check| check.name.contains(name)).collect())
+    }
+}
+
+impl Family for TiltedFace {
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        self.both_ways(rig, Choice::On)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::truth::tests::fixture;
+    use super::*;
+
+    #[test]
+    fn places_are_those_of_the_simulation() {
+        let text = include_str!("../../tests/truth/full_wave_refraction.csv");
+        for case in &CASES {
+            let [near, far] = case.speeds_m_s;
+            let [across, depth] = case.point_mm;
+            let media = [("speed_near_m_s", near), ("speed_far_m_s", far), ("boundary_depth_mm", case.depth_mm)];
+            let point = [("tilt_deg", case.tilt_deg), ("target_lateral_mm", across), ("target_depth_mm", depth)];
+            let row = [media, point].concat();
+            let shown = ["shown_lateral_mm", "shown_depth_mm"].map(|column| fixture(text, &row, column));
+            assert_eq!(shown, case.shown_mm, "{row:?}");
+        }
+    }
+}
