@@ -112,6 +112,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var origin = ray.origin;
     var direction = ray.direction;
     var range_mm = 0.0;
+    // Range by which the path lies before what is seen past the fast bodies that it is in.
+    var behind_mm = 0.0;
     var ln_amplitude = 0.0;
     // Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     var ln_scatter = 0.0;
@@ -136,9 +138,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         count = min(count, SEGMENTS - 1u);
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
-        let path_per_range = tissue.speed_ratio * stretch;
+        // Whether the aperture's gain replaces the path's loss.
+        let by_aperture = APERTURE && !is_diverted;
+        // Slow hard media delay nothing that is seen behind them.
+        let speed_ratio_here = select(tissue.speed_ratio, max(tissue.speed_ratio, tissue.seen_speed_ratio), by_aperture);
+        let path_per_range = speed_ratio_here * stretch;
+        let seen_path_per_range = select(path_per_range, tissue.seen_speed_ratio * stretch, by_aperture);
         let step = direction * path_per_range;
-        let fall = tissue.attenuation_np_mm * path_per_range;
+        // The loss of a fast body is spread up to where what is seen past it begins.
+        let fall = tissue.attenuation_np_mm * seen_path_per_range;
         starts[path * STARTS + count] = range_mm;
         segments[3u * at] = vec4<f32>(origin - carried_mm - step * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
         segments[3u * at + 1u] = vec4<f32>(step, fall);
@@ -188,7 +196,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             there = word & TISSUE_MASK;
             moves = (word & MOVES) != 0u;
             origin += direction * t;
-            range_mm += t / path_per_range;
+            let passed_mm = t / path_per_range;
+            range_mm += passed_mm;
+            behind_mm += t / seen_path_per_range - passed_mm;
             ln_amplitude -= tissue.attenuation_np_mm * t;
             ln_passed -= tissue.attenuation_np_mm * t;
             t_min = TOUCH_MM;
@@ -215,7 +225,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // Half of the roughness tilts the facet, half widens the lobe about it.
         let variance = 0.5 * roughness * roughness;
         var facet = normal;
-        if ROUGHNESS && variance > 0.0 {
+        if ROUGHNESS && variance > 0.0 && (!guide || params.rays * params.layers == 1u) {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
             if dot(facet, direction) > -FACET_COS_MIN {
                 facet = normal;
@@ -275,12 +285,23 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 ln_amplitude += ln_through;
             }
             here = there;
+            if by_aperture && beyond.speed_ratio <= beyond.seen_speed_ratio {
+                // Behind a fast body, what is seen past it comes later.
+                range_mm += behind_mm;
+                behind_mm = 0.0;
+            }
             if MOVING {
                 carried_mm = select(vec3<f32>(0.0), displacements[chosen].xyz, moves);
             }
             if REFRACTION {
-                let bent = speed_ratio * direction + (speed_ratio * cos_incident - split.cos_transmitted) * normal;
-                if split.cos_transmitted > 0.0 && dot(bent, normal) < 0.0 {
+                var ratio = speed_ratio;
+                var cos_beyond = split.cos_transmitted;
+                if by_aperture {
+                    ratio = select(beyond.seen_bending / tissue.seen_bending, 1.0, beyond.seen_bending == tissue.seen_bending);
+                    cos_beyond = interface_between(1.0, 1.0, ratio, cos_incident).cos_transmitted;
+                }
+                let bent = ratio * direction + (ratio * cos_incident - cos_beyond) * normal;
+                if cos_beyond > 0.0 && dot(bent, normal) < 0.0 {
                     direction = normalize(bent);
                 }
             }

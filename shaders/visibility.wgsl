@@ -69,10 +69,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let place = f32(interval + 1u) - (1.0 - followed) * last;
         line_gains[row + interval + 1u] = vec4<f32>(place, ends_np, plane_gain(line, interval), shared_np);
     }
+    at = 0u;
     let blocks = params.row_samples >> BLOCK_SHIFT;
     for (var block = 0u; block < blocks; block++) {
-        let middle_mm = (f32(block) + 0.5) * params.sample_spacing_mm * f32(1u << BLOCK_SHIFT);
-        let gain_np = gain_by_depth(line, middle_mm);
+        // At the first sample: a face within the block counts as not yet crossed.
+        let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
+        at = segment_from(guide, at, range_mm);
+        let gain_np = gain_without_shared(line, range_mm, loss_on(guide, at, range_mm));
         block_gains[line * blocks + block] = vec2<f32>(exp(gain_np), exp(-gain_np));
     }
 }

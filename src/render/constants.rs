@@ -2,7 +2,7 @@
 
 use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
 
-/// Samples that share one lateral kernel and one scatterer gain.
+/// Samples that share one lateral kernel, one scatterer gain and one gain of the aperture.
 pub(crate) const DEPTH_BLOCK: u32 = 16;
 /// Straight segments of a path, at most.
 pub(crate) const SEGMENTS: u32 = 40;
@@ -19,6 +19,7 @@ pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
 pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);
 /// Rows of samples are padded to a multiple of this.
 pub(crate) const ROW_ALIGN: u32 = 16;
+const _: () = assert!(ROW_ALIGN == DEPTH_BLOCK, "rows are whole blocks");
 /// Zeros before and after the pulse, so that eight outputs share one loop.
 pub(crate) const PULSE_PAD: u32 = 8;
 /// Half width of the widest lateral kernel, scanlines.
@@ -99,8 +100,11 @@ pub(crate) const EVEN_NP: f64 = 1.0e-4;
 pub(crate) const VISIBLE_MIN: f64 = 1.0e-12;
 /// Most gain by diffraction at an edge, nepers of amplitude.
 pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
-/// Most by which a scanline whose aperture sees more than its neighbour's lifts that neighbour's echoes. Scatterers call
-/// for any factor, but echoes of reflected paths are not in the aperture's shadow.
+/// Difference of c/c₀ from 1 beyond which a medium is hard: bone, gas, stone, metal. Sound that shows tissue behind a hard
+/// body has passed beside it, so the body neither bends nor delays it.
+pub(crate) const HARD_SPEED: f64 = 0.15;
+/// Greatest ratio of a scanline's own gain to its neighbour's in `lateral`. Scatterers need no limit; echoes of reflected
+/// paths don't carry the gain and must not be amplified.
 pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
 /// Least transmission of a row of cells, which the row's common loss is taken from.
 pub(crate) const TRANSMISSION_MIN: f64 = 1.0e-20;

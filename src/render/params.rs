@@ -169,6 +169,11 @@ impl Params {
         self.scanlines * self.rays * layers
     }
 
+    /// Whether each scanline has one path, besides a guide.
+    pub(crate) fn single(&self) -> bool {
+        self.rays * self.layers == 1
+    }
+
     /// Index of the guide of a scanline in this batch: its only path if there are no guides.
     pub(crate) fn guide_of(&self, line: u32) -> u32 {
         if self.guides == 0 { line } else { self.sounding_paths(self.layer_count) + line }

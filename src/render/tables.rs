@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::aperture::ApertureTables;
-use super::constants::{ACROSS_BITS, DENSITY_ONE, OUTSIDE, TILE_ROWS};
+use super::constants::{ACROSS_BITS, DENSITY_ONE, HARD_SPEED, OUTSIDE, TILE_ROWS};
 use super::elevation::elevations;
 use super::kernels::Kernels;
 use super::sheets::Sheets;
@@ -37,7 +37,8 @@ pub(crate) struct PackedTissue {
     pub(crate) thickness_mm: f32,
     pub(crate) coherence: f32,
     pub(crate) bending: f32,
-    pub(crate) padding: [f32; 2],
+    pub(crate) seen_speed_ratio: f32,
+    pub(crate) seen_bending: f32,
 }
 
 impl PackedTissue {
@@ -49,6 +50,7 @@ impl PackedTissue {
         let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
         let loss_np_mm = 2.0 * attenuation_np_mm(loss_db_cm_mhz, exponent, probe.frequency_mhz);
         let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
+        let seen_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
         // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
         let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
         Self {
@@ -62,7 +64,8 @@ impl PackedTissue {
             thickness_mm: thickness_mm as f32,
             coherence: (-phase * phase / 6.0).exp() as f32,
             bending: of(Effect::Refraction, speed_ratio, 1.0) as f32,
-            padding: [0.0; 2],
+            seen_speed_ratio: of(Effect::SpeedDisplacement, seen_ratio, 1.0) as f32,
+            seen_bending: of(Effect::Refraction, seen_ratio, 1.0) as f32,
         }
     }
 }

@@ -10,6 +10,8 @@ pub mod measure;
 mod beam;
 mod date;
 mod device;
+#[cfg(test)]
+mod fixture;
 mod image;
 mod interfaces;
 mod refraction;
@@ -28,7 +30,7 @@ use thiserror::Error;
 use crate::anatomy::{Bvh, Scene, TissueError};
 #[cfg(feature = "test-hooks")]
 use crate::render::TestHooks;
-use crate::render::{Backend, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, Choice, Effect, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 use bench::{Bench, silent};
 use rig::{NewRenderer, Rig};
@@ -118,6 +120,18 @@ trait Family {
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError>;
 }
 
+/// Specimens whose frames one effect brings near theory.
+trait Truth {
+    /// The effect.
+    fn effect(&self) -> Effect;
+
+    /// Measured quantity.
+    fn quantity(&self) -> &'static str;
+
+    /// Measures frames with the effect as chosen, and compares them with theory.
+    fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError>;
+}
+
 /// Runs every check on `backend`. `progress` gets the number of finished families of checks, and the total.
 ///
 /// # Errors
@@ -152,7 +166,7 @@ fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, us
     let families: [Box<dyn Family>; 9] = [
         Box::new(interfaces::Interfaces::new(&mut bench)),
         Box::new(refraction::Refraction::new(&mut bench)),
-        Box::new(tilted_face::TiltedFace::new(&mut bench, tilted_face::Way::Lateral)),
+        Box::new(tilted_face::TiltedFace::new(&mut bench, tilted_face::Axis::Lateral)),
         Box::new(beam::Beam::new(&mut bench)),
         Box::new(shadow::Shadow::new(&mut bench)),
         Box::new(speckle::Speckle::new(&mut bench)),

@@ -4,8 +4,7 @@ use glam::{DVec2, Vec3};
 
 use super::bench::{Bench, at, grainy, linear, slab, small};
 use super::measure::line;
-use super::truth::Truth;
-use super::{Check, Family, Rig};
+use super::{Check, Family, Rig, Truth};
 use crate::anatomy::{Tissue, analytic};
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
@@ -111,7 +110,7 @@ impl Family for Shadow {
 
 #[cfg(test)]
 mod tests {
-    use super::super::truth::tests::fixture;
+    use super::super::fixture::fixture;
     use super::*;
 
     #[test]

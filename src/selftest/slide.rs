@@ -4,8 +4,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::bench::{Bench, at, grainy, linear, slab, small};
 use super::measure::line;
-use super::truth::Truth;
-use super::{Check, Family, Rig};
+use super::{Check, Family, Rig, Truth};
 use crate::pose::Pose;
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
@@ -107,7 +106,7 @@ impl Family for Slide {
 
 #[cfg(test)]
 mod tests {
-    use super::super::truth::tests::fixture;
+    use super::super::fixture::fixture;
     use super::*;
 
     #[test]

@@ -4,8 +4,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::bench::{Bench, at, facing, linear, silent, slab, small};
 use super::measure::{line, magnitude};
-use super::truth::Truth;
-use super::{Check, Family, Rig};
+use super::{Check, Family, Rig, Truth};
 use crate::anatomy::Tissue;
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
@@ -40,9 +39,9 @@ const fn case(speeds_m_s: [f64; 2], depth_mm: f64, tilt_deg: f64, point_mm: [f64
     Case { speeds_m_s, depth_mm, tilt_deg, point_mm, shown_mm }
 }
 
-/// Direction of a displacement.
+/// Axis of a displacement.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Way {
+pub(super) enum Axis {
     /// Across the scanlines, by bent paths.
     Lateral,
     /// Along them, by the time of flight.
@@ -52,11 +51,11 @@ pub(super) enum Way {
 /// Points behind tilted boundaries.
 pub(super) struct TiltedFace {
     places: [DVec2; CASES.len()],
-    way: Way,
+    axis: Axis,
 }
 
 impl TiltedFace {
-    pub(super) fn new(bench: &mut Bench, way: Way) -> Self {
+    pub(super) fn new(bench: &mut Bench, axis: Axis) -> Self {
         let places = CASES.each_ref().map(|case| {
             let place = bench.place();
             let [near, far] = case.speeds_m_s.map(|speed| bench.tissue(silent(speed, 1.5)));
@@ -70,7 +69,7 @@ impl TiltedFace {
             bench.add(point, 2, facing(target, POINT_MM, DQuat::IDENTITY));
             place
         });
-        Self { places, way }
+        Self { places, axis }
     }
 
     /// Where the point is shown: the middle of its echo across the scanlines, and the range of its front there, mm.
@@ -95,21 +94,21 @@ impl TiltedFace {
         Ok([case.shown_mm[0] + peaks / weights, ranges / weights])
     }
 
-    fn both_ways(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
+    fn both_axes(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<(Axis, Check)>, RenderError> {
         let mut checks = Vec::new();
         for (case, &place) in CASES.iter().zip(&self.places) {
             let shown = self.shown_mm(rig, case, place, choice)?;
             let [near, far] = case.speeds_m_s;
-            for ((way, expected), measured) in [Way::Lateral, Way::Depth].into_iter().zip(case.shown_mm).zip(shown) {
-                let name = format!("{near:.0} to {far:.0} m/s under {:.0}°, {} of a point", case.tilt_deg, way.name());
-                checks.push(Check::new("Full wave", name, "mm", expected, measured, TOLERANCE_MM));
+            for ((axis, expected), measured) in [Axis::Lateral, Axis::Depth].into_iter().zip(case.shown_mm).zip(shown) {
+                let name = format!("{near:.0} to {far:.0} m/s under {:.0}°, {} of a point", case.tilt_deg, axis.name());
+                checks.push((axis, Check::new("Full wave", name, "mm", expected, measured, TOLERANCE_MM)));
             }
         }
         Ok(checks)
     }
 }
 
-impl Way {
+impl Axis {
     fn name(self) -> &'static str {
         match self {
             Self::Lateral => "lateral place",
@@ -120,35 +119,34 @@ impl Way {
 
 impl Truth for TiltedFace {
     fn effect(&self) -> Effect {
-        match self.way {
-            Way::Lateral => Effect::Refraction,
-            Way::Depth => Effect::SpeedDisplacement,
+        match self.axis {
+            Axis::Lateral => Effect::Refraction,
+            Axis::Depth => Effect::SpeedDisplacement,
         }
     }
 
     fn quantity(&self) -> &'static str {
-        match self.way {
-            Way::Lateral => "lateral place of a point behind a tilted face",
-            Way::Depth => "depth of a point behind a tilted face",
+        match self.axis {
+            Axis::Lateral => "lateral place of a point behind a tilted face",
+            Axis::Depth => "depth of a point behind a tilted face",
         }
     }
 
     fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
-        let both = self.both_ways(rig, choice)?;
-        let name = self.way.name();
-        Ok(both.into_iter().filter(|check| check.name.contains(name)).collect())
+        let both = self.both_axes(rig, choice)?;
+        Ok(both.into_iter().filter(|(axis, _)| *axis == self.axis).map(|(_, check)| check).collect())
     }
 }
 
 impl Family for TiltedFace {
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
-        self.both_ways(rig, Choice::On)
+        Ok(self.both_axes(rig, Choice::On)?.into_iter().map(|(_, check)| check).collect())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::truth::tests::fixture;
+    use super::super::fixture::fixture;
     use super::*;
 
     #[test]

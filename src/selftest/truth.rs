@@ -6,23 +6,11 @@ use super::bench::{Bench, silent};
 use super::rig::Rig;
 use super::shadow::Shadow;
 use super::slide::Slide;
-use super::tilted_face::{TiltedFace, Way};
-use super::{Check, SelfTestError};
+use super::tilted_face::{Axis, TiltedFace};
+use super::{Check, SelfTestError, Truth};
 use crate::anatomy::{Bvh, Scene};
-use crate::render::{Backend, Choice, Effect, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, Choice, RenderSettings, Renderer};
 use crate::transducer::Probe;
-
-/// Specimens whose frames one effect brings near theory.
-pub(super) trait Truth {
-    /// The effect.
-    fn effect(&self) -> Effect;
-
-    /// Measured quantity.
-    fn quantity(&self) -> &'static str;
-
-    /// Measures frames with the effect as chosen, and compares them with theory.
-    fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError>;
-}
 
 /// Root mean square errors against wave theory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,9 +21,9 @@ pub struct TruthError {
     pub quantity: String,
     /// Unit of the errors; empty for ratios.
     pub unit: String,
-    /// Number of compared values.
+    /// Number of values in the errors: those with the smallest tolerance.
     pub values: usize,
-    /// Accepted error of a single value.
+    /// That tolerance, of a single value, in `unit`.
     pub tolerance: f64,
     /// Error without the effect.
     pub without: f64,
@@ -43,7 +31,7 @@ pub struct TruthError {
     pub with: f64,
 }
 
-/// Measures what each effect that wave theory speaks of does to the error of frames, at one ray and one layer.
+/// Measures the RMS error against wave theory with and without each effect that theory covers, at one ray and one layer.
 /// `progress` gets the number of finished comparisons, and the total.
 ///
 /// # Errors
@@ -53,8 +41,8 @@ pub fn truth_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Resul
     let families: [Box<dyn Truth>; 4] = [
         Box::new(Shadow::new(&mut bench)),
         Box::new(Slide::new(&mut bench)),
-        Box::new(TiltedFace::new(&mut bench, Way::Lateral)),
-        Box::new(TiltedFace::new(&mut bench, Way::Depth)),
+        Box::new(TiltedFace::new(&mut bench, Axis::Lateral)),
+        Box::new(TiltedFace::new(&mut bench, Axis::Depth)),
     ];
     let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {
         Renderer::with_bvh(backend, scene, bvh, probe, settings)
@@ -67,7 +55,7 @@ pub fn truth_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Resul
         let without = family.compare(&mut rig, Choice::Off)?;
         progress(2 * done + 1, total);
         let with = family.compare(&mut rig, Choice::On)?;
-        // Levels that theory leaves more room for are not of the mean.
+        // Only values with the smallest tolerance enter the mean; deep levels have a wider one.
         let tolerance = with.iter().map(|check| check.tolerance).fold(f64::INFINITY, f64::min);
         let counted: Vec<bool> = with.iter().map(|check| check.tolerance == tolerance).collect();
         errors.push(TruthError {
@@ -93,18 +81,4 @@ fn rms(checks: &[Check], counted: &[bool]) -> f64 {
         .map(|(check, _)| (check.measured - check.expected).powi(2))
         .collect();
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-}
-
-#[cfg(test)]
-pub(super) mod tests {
-    /// Value in column `wanted` of the row of a fixture whose columns hold the given numbers.
-    pub(in crate::selftest) fn fixture(text: &str, row: &[(&str, f64)], wanted: &str) -> f64 {
-        let mut lines =
-            text.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(',').collect::<Vec<_>>());
-        let head = lines.next().unwrap();
-        let column = |name: &str| head.iter().position(|column| *column == name).unwrap();
-        let number = |line: &[&str], name: &str| line[column(name)].parse::<f64>().unwrap();
-        let found = lines.find(|line| row.iter().all(|&(name, value)| number(line, name) == value)).unwrap();
-        number(&found, wanted)
-    }
 }

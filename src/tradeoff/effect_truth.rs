@@ -13,6 +13,8 @@ pub struct EffectTruth {
     /// Errors with and without the effect.
     #[serde(flatten)]
     pub error: TruthError,
+    /// False if the effect can't be simulated with the station's probe.
+    pub possible: bool,
     /// Time that the effect adds to a frame, and the spread of its measurement, ms; `None` if it only changes tables.
     pub cost_ms: Option<[f64; 2]>,
 }
@@ -21,6 +23,7 @@ impl EffectTruth {
     /// The cost as text.
     pub fn cost(&self) -> String {
         match self.cost_ms {
+            _ if !self.possible => "not simulated".to_owned(),
             None => "no time".to_owned(),
             Some([cost, spread]) if cost <= spread => format!("< {:.1} ms", spread.max(0.1)),
             Some([cost, _]) => format!("{cost:.1} ms"),
@@ -28,7 +31,7 @@ impl EffectTruth {
     }
 
     /// An error with its unit. Small errors get more digits.
-    pub fn figure(&self, error: f64) -> String {
+    pub fn with_unit(&self, error: f64) -> String {
         let digits = if self.error.tolerance < 1.0 { 3 } else { 1 };
         let unit = if self.error.unit.is_empty() { String::new() } else { format!(" {}", self.error.unit) };
         format!("{error:.digits$}{unit}")
@@ -64,7 +67,7 @@ pub fn effects_markdown(effects: &[EffectTruth]) -> String {
         .to_owned();
     for row in effects {
         let e = &row.error;
-        let [without, with, tolerance] = [e.without, e.with, e.tolerance].map(|error| row.figure(error));
+        let [without, with, tolerance] = [e.without, e.with, e.tolerance].map(|error| row.with_unit(error));
         let _ = writeln!(
             text,
             "| {} | {} | {} | {} | {without} | {with} | {tolerance} |",
@@ -92,9 +95,13 @@ pub(super) mod tests {
             with,
         };
         vec![
-            EffectTruth { error: error("aperture", "dB", 4.0, 18.25, 1.5), cost_ms: Some([6.5, 0.5]) },
-            EffectTruth { error: error("refraction", "mm", 0.1, 1.25, 0.0375), cost_ms: Some([0.25, 0.5]) },
-            EffectTruth { error: error("speed_displacement", "mm", 0.1, 0.75, 0.0125), cost_ms: None },
+            EffectTruth { error: error("aperture", "dB", 4.0, 18.25, 1.5), possible: true, cost_ms: Some([6.5, 0.5]) },
+            EffectTruth {
+                error: error("refraction", "mm", 0.1, 1.25, 0.0375),
+                possible: true,
+                cost_ms: Some([0.25, 0.5]),
+            },
+            EffectTruth { error: error("speed_displacement", "mm", 0.1, 0.75, 0.0125), possible: true, cost_ms: None },
         ]
     }
 

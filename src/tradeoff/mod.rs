@@ -9,6 +9,7 @@ mod panel;
 mod plan;
 pub mod plot;
 mod point;
+mod style;
 mod table;
 
 pub use effect_truth::{EffectTruth, effects_csv, effects_markdown};

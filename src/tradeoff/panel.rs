@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::effect_truth::EffectTruth;
-use super::plot::{TEXT, colour};
+use super::style::{TEXT, colour};
 
 /// Heights of the title, of a row and of the axis, pixels.
 const TITLE: i32 = 56;
@@ -62,8 +62,8 @@ pub(super) fn draw<B: DrawingBackend>(
         area.draw(&Circle::new((with, y), 6, colour.filled()))?;
         let (left, right) = (with.min(without) - 12, with.max(without) + 12);
         let ends = if with < without { [error.with, error.without] } else { [error.without, error.with] };
-        area.draw(&Text::new(effect.figure(ends[0]), (left, y), text(HPos::Right, &BLACK)))?;
-        area.draw(&Text::new(effect.figure(ends[1]), (right, y), text(HPos::Left, &BLACK)))?;
+        area.draw(&Text::new(effect.with_unit(ends[0]), (left, y), text(HPos::Right, &BLACK)))?;
+        area.draw(&Text::new(effect.with_unit(ends[1]), (right, y), text(HPos::Left, &BLACK)))?;
     }
     Ok(())
 }

@@ -13,13 +13,12 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 
+use super::style::{TEXT, colour};
 use super::table::shown;
 use super::{EffectTruth, Point, labels, panel};
 
 /// Size of the figure without the panel of effects, pixels.
 const SIZE: (u32, u32) = (1200, 800);
-/// Height of the text, pixels.
-pub(super) const TEXT: u32 = 16;
 /// Times of LQ and HQ in Zhang et al. 2020 on a 2080 Ti, ms.
 const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "paper, 2080 Ti: HQ 75 ms")];
 
@@ -210,21 +209,6 @@ fn ticks(from: f64, to: f64) -> impl Iterator<Item = f64> {
 /// Marker of a generator.
 fn square((x, y): (i32, i32), style: ShapeStyle) -> Rectangle<(i32, i32)> {
     Rectangle::new([(x - 6, y - 6), (x + 6, y + 6)], style)
-}
-
-/// Colours distinguishable by the colour-blind (Okabe and Ito 2008).
-pub(super) fn colour(index: usize) -> RGBColor {
-    const COLOURS: [RGBColor; 8] = [
-        RGBColor(0, 114, 178),
-        RGBColor(213, 94, 0),
-        RGBColor(0, 158, 115),
-        RGBColor(204, 121, 167),
-        RGBColor(230, 159, 0),
-        RGBColor(86, 180, 233),
-        RGBColor(150, 140, 30),
-        RGBColor(90, 90, 90),
-    ];
-    COLOURS[index % COLOURS.len()]
 }
 
 /// Image as a drawing target of `plotters`.

@@ -5,12 +5,16 @@ use insonify::acoustics::ASSUMED_SPEED_M_S;
 use insonify::acoustics::interface::refracted;
 use insonify::anatomy::{Tissue, analytic};
 use insonify::pose::Pose;
+use insonify::render::{Choice, Effect};
+use insonify::transducer::Probe;
 
-use super::bench::{Bench, Rig, at, facing, linear, silent, small};
+use super::bench::{Bench, Rig, at, facing, linear, silent, slab, small};
 
 /// Specimens are on a grid, so that none is far from the scene's centre.
 const PITCH: f64 = 90.0;
 const ROW: usize = 6;
+/// Depth of the plate behind a bone, mm.
+const PLATE_MM: f64 = 60.0;
 /// Depth at which a ray enters the second medium, mm.
 const ENTRY_MM: f64 = 20.0;
 
@@ -91,4 +95,36 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
         assert!(off <= 0.05, "{c1} → {c2} m/s at {incidence}°: {off}° off");
     }
     println!("largest departure from Snell: {worst:.5}°");
+}
+
+/// Ranges of the plate's echo on the scanlines behind a tilted bone of 3 mm, mm.
+fn ranges_behind_a_bone(aperture: Choice) -> Vec<f64> {
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    let bone = bench.tissue(Tissue { attenuation_db_cm_mhz: 4.0, ..silent(2800.0, 4.2) });
+    let plate = bench.tissue(Tissue { roughness: 0.5, ..silent(1540.0, 1.7) });
+    let tilt = glam::Quat::from_rotation_y(0.3);
+    bench.add(bone, 1, analytic::plate(Vec3::new(0.0, 0.0, 40.0), Vec3::new(3.0, 60.0, 3.0), tilt));
+    bench.add(plate, 1, slab(0.0, 40.0, PLATE_MM, 80.0));
+    let mut settings = small(1, 1);
+    settings.effects = settings.effects.with(Effect::Aperture, aperture);
+    // A narrow beam: echoes beside the bone stay out.
+    let probe = Probe { aperture_mm: 20.0, focus_mm: 60.0, ..linear(129, 0.3, 4096, 80.0) };
+    let mut rig = Rig::new(&bench.scene().unwrap(), &probe, &settings);
+    let frame = rig.frame(&at(0.05, 0.0, 0.0));
+    let strongest = |line: u32| {
+        let echoes = rig.echoes(&frame, line, 1e-12);
+        let behind = echoes.into_iter().filter(|e| e.peak_mm > 50.0);
+        behind.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)).map_or(f64::NAN, |e| e.peak_mm)
+    };
+    // Within 1 mm of the bone's middle.
+    (61..=67).map(strongest).collect()
+}
+
+#[test]
+fn what_is_seen_past_a_small_bone_lies_in_its_place() {
+    let (seen, straight) = (ranges_behind_a_bone(Choice::On), ranges_behind_a_bone(Choice::Off));
+    println!("{seen:.2?}\n{straight:.2?}");
+    assert!(seen.iter().all(|range| (range - PLATE_MM).abs() < 0.1), "{seen:?}");
+    // Through the bone, the plate comes 1.3 mm too early.
+    assert!(straight.iter().any(|range| PLATE_MM - range > 1.0), "{straight:?}");
 }

@@ -33,7 +33,7 @@ fn a_sound_device_passes() {
 /// Damage: its name, the pass, the source text and its replacement, and the group of checks that must fail.
 type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const DAMAGES: [Damage; 22] = [
+const DAMAGES: [Damage; 24] = [
     ("sign of the echoes' phase", "echo", "phasor(-params", "phasor(params", "Time of flight"),
     ("sign of the speckle's phase", "march", "phasor(-params", "phasor(params", "Speckle"),
     (
@@ -66,7 +66,7 @@ const DAMAGES: [Damage; 22] = [
         "let sin2_transmitted = sin2_incident / (speed_ratio * speed_ratio);",
         "Snell",
     ),
-    ("sound speed ignored", "trace", "range_mm += t / path_per_range", "range_mm += t", "Time of flight"),
+    ("sound speed ignored", "trace", "let passed_mm = t / path_per_range", "let passed_mm = t", "Time of flight"),
     (
         "pulse of half the step",
         "detect",
@@ -93,6 +93,8 @@ const DAMAGES: [Damage; 22] = [
     ("sheets of scatterers of one weight", "march", "let weight = bell * bell;", "let weight = 1.0;", "Speckle"),
     ("beams that only send", "beams", "dot(sent, sent) * dot(heard, heard)", "dot(sent, sent)", "Shadow"),
     ("paths that don't bend", "trace", "direction = normalize(bent)", "direction = normalize(direction)", "Full wave"),
+    ("delays ignored behind a face", "trace", "let passed_mm = t / path_per_range", "let passed_mm = t", "Full wave"),
+    ("sheets of one weight after a slide", "march", "let weight = bell * bell;", "let weight = 1.0;", "Slide"),
     ("no gain", "detect", "+ image_gain_db()", "", "Image"),
     ("no sliders", "detect", "+ vec4<f32>(slider_db", "+ 0.0 * vec4<f32>(slider_db", "Twin"),
     ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *", "Image"),

@@ -253,7 +253,7 @@ fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
     }
     tally.finish()?;
     let mut tally = Tally::new("visibility", "blocks", 0.002);
-    for (device, twin) in s.block_gains.iter().zip(&twin::block_gains(&s.inputs, aperture, &s.line_gains)) {
+    for (device, twin) in s.block_gains.iter().zip(&twin::block_gains(&s.inputs, aperture, &s.paths, &s.line_gains)) {
         let [gain, reciprocal] = device;
         tally.add((gain / twin - 1.0).abs() / 1.0e-3);
         tally.add((reciprocal * twin - 1.0).abs() / 1.0e-3);

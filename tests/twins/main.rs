@@ -150,7 +150,7 @@ const DAMAGES: [Damages; 4] = [
     ],
     &[
         ("crossings beyond the face count", "locate", "-params.reach_mm, 0.0", "-params.reach_mm, params.depth_mm"),
-        ("sound speed ignored in travel time", "trace", "range_mm += t / path_per_range", "range_mm += t"),
+        ("sound speed ignored in travel time", "trace", "let passed_mm = t / path_per_range", "let passed_mm = t"),
         ("reflected paths pass", "transmission", "return reflected_np +", "return 0.0 * reflected_np +"),
         ("no end of the array", "propagate", "face[cell] * wave", "wave"),
         ("the receive beam of the face", "beams", "(plane + 1u) * aperture.modes", "aperture.modes"),
@@ -176,7 +176,13 @@ const DAMAGES: [Damages; 4] = [
             "min(own * reciprocal, vec4<f32>(NEIGHBOUR_GAIN_MAX))",
             "vec4<f32>(1.0)",
         ),
-        ("gains of blocks a block late", "visibility", "(f32(block) + 0.5)", "(f32(block) + 1.5)"),
+        ("bones delay what is seen past them", "trace", "range_mm += behind_mm;", "range_mm += 0.0 * behind_mm;"),
+        (
+            "gains of blocks a block late",
+            "visibility",
+            "(f32(block << BLOCK_SHIFT) + 0.5)",
+            "(f32((block + 1u) << BLOCK_SHIFT) + 0.5)",
+        ),
     ],
 ];
 

@@ -110,13 +110,14 @@ fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> Re
     other
 }
 
-/// Measures frames as planned, with all effects, and with each effect inverted.
+/// Measures frames as planned, with all effects, and with each of `effects` inverted.
 pub(crate) fn measure(
     backend: &Backend,
     scene: &Scene,
     probe: &Probe,
     settings: &RenderSettings,
     plan: &EffectPlan,
+    effects: &[Effect],
     pose: &Pose,
 ) -> Result<Costs, Failure> {
     let asked = |effect| match effect {
@@ -128,7 +129,7 @@ pub(crate) fn measure(
     let other_way = |effect| Way::new(other_way(settings, plan, effect), Some(effect));
     let every = RenderSettings { effects: EffectChoices::ALL_ON, maps: true, ..*settings };
     let mut ways = vec![Way::new(*settings, None), Way::new(every, None)];
-    ways.extend(Effect::ALL.into_iter().filter(|&effect| takes_time(effect) && asked(effect)).map(other_way));
+    ways.extend(effects.iter().copied().filter(|&effect| takes_time(effect) && asked(effect)).map(other_way));
 
     let bvh = Bvh::build(scene).map_err(RenderError::from)?;
     let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use insonify::pose::Pose;
-use insonify::render::{Choice, Decision, EffectPlan, RenderSettings};
+use insonify::render::{Choice, Decision, Effect, EffectPlan, RenderSettings};
 use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::Station;
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => None,
         Some(pose) => {
             let backend = args.backend.open(station.backend)?;
-            let costs = measure(&backend, &scene, &station.probe, &settings, &plan, &pose)?;
+            let costs = measure(&backend, &scene, &station.probe, &settings, &plan, &Effect::ALL, &pose)?;
             Some(Measured { adapter: session::adapter(&backend), costs })
         }
     };

@@ -2,17 +2,17 @@
 
 use insonify::anatomy::Scene;
 use insonify::pose::Pose;
-use insonify::render::{Backend, Effect, EffectPlan, Quality, RenderSettings};
-use insonify::selftest::truth_errors;
+use insonify::render::{Backend, Choice, Effect, EffectPlan, Quality, RenderSettings};
+use insonify::selftest::{TruthError, truth_errors};
 use insonify::station::Station;
 use insonify::tradeoff::EffectTruth;
 
-use super::super::plan::measure;
+use super::super::plan::measure::{Cost, measure as costs_of};
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
 use super::store::Store;
 
-/// Measures what the store does not hold.
+/// Errors and costs at one ray and one layer. What the store holds is not measured again.
 pub(super) fn measure(
     backend: &Backend,
     station: &Station,
@@ -20,21 +20,33 @@ pub(super) fn measure(
     store: &Store,
     poses: &[Pose],
 ) -> Result<Vec<EffectTruth>, Failure> {
+    let Some(pose) = poses.first() else { return Ok(Vec::new()) };
     if let Some(effects) = store.read("effects")? {
         return Ok(effects);
     }
     let progress = Progress::new("wave theory", 0);
     let errors = truth_errors(backend, &|done, of| progress.set(done, of)).other()?;
     drop(progress);
-    let settings = RenderSettings { quality: Quality { seed: 0, ..Quality::LQ }, maps: true, ..station.settings };
+    let compared: Vec<Effect> =
+        Effect::ALL.into_iter().filter(|effect| errors.iter().any(|error| error.effect == effect.name())).collect();
+    let mut settings = RenderSettings { quality: Quality { seed: 0, ..Quality::LQ }, maps: true, ..station.settings };
+    for &effect in &compared {
+        settings.effects = settings.effects.with(effect, Choice::On);
+    }
     let plan = EffectPlan::new(scene, &station.probe, &settings);
-    let Some(pose) = poses.first() else { return Ok(Vec::new()) };
-    let costs = measure::measure(backend, scene, &station.probe, &settings, &plan, pose)?;
-    let of = |error: insonify::selftest::TruthError| {
-        let effect = Effect::ALL.into_iter().find(|effect| effect.name() == error.effect);
-        EffectTruth { cost_ms: effect.and_then(|effect| costs.of(effect)).map(measure::Cost::ms), error }
+    let costs = costs_of(backend, scene, &station.probe, &settings, &plan, &compared, pose)?;
+    let of = |error: TruthError| {
+        let effect = compared.iter().copied().find(|effect| effect.name() == error.effect);
+        EffectTruth {
+            possible: effect.is_some_and(|effect| plan.has(effect)),
+            cost_ms: effect.and_then(|effect| costs.of(effect)).map(Cost::ms),
+            error,
+        }
     };
     let effects: Vec<EffectTruth> = errors.into_iter().map(of).collect();
-    store.write("effects", &effects)?;
+    // JSON has no word for a number that is none.
+    if effects.iter().all(|row| row.error.without.is_finite() && row.error.with.is_finite()) {
+        store.write("effects", &effects)?;
+    }
     Ok(effects)
 }

@@ -1,10 +1,9 @@
 //! Sizes of the grid: cells along the face, planes in depth, modes.
 
-use super::sampling::CellRays;
 use rustfft::num_complex::Complex64;
 
 use super::geometry::Face;
-use super::sampling::Sampling;
+use super::sampling::{CellRays, Sampling};
 use crate::acoustics::beam::RECEIVE_F_NUMBER_MIN;
 use crate::acoustics::wavelength_mm;
 use crate::render::constants::CELLS_MAX;
@@ -194,7 +193,7 @@ impl Grid {
                 return CellRays::single((0.5 * (from + to)).floor().clamp(0.0, all - 1.0) as u32);
             }
             // A ray of which the cell has next to nothing is left out.
-            let (first, end) = ((from + CELL_PART_MIN).floor(), (to - CELL_PART_MIN).ceil());
+            let (first, end) = ((from + CELL_PART_MIN).floor().min(all - 1.0), (to - CELL_PART_MIN).ceil());
             let crossing = (end - first).max(1.0) as u32;
             if crossing == 1 {
                 return CellRays::single(first as u32);
@@ -210,17 +209,6 @@ impl Grid {
             CellRays { first, step, count, ..CellRays::single(0) }
         };
         (0..self.sampling.cells).map(of_cell).collect()
-    }
-}
-
-impl CellRays {
-    /// One ray for a whole cell.
-    fn single(first: u32) -> Self {
-        Self { first, step: 1, count: 1, parts: [Self::packed(1.0); 2] }
-    }
-
-    fn packed(part: f64) -> u16 {
-        (part * f64::from(u16::MAX)).round() as u16
     }
 }
 

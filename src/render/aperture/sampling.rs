@@ -45,7 +45,7 @@ impl Sampling {
     }
 }
 
-/// Rays of a layer that cross a cell. Each stands for the part of the face next to it.
+/// Rays of a layer that cross a cell. Ray i stands for the face from i to i + 1, in shares of a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CellRays {
     pub(crate) first: u32,
@@ -57,6 +57,15 @@ pub(crate) struct CellRays {
 }
 
 impl CellRays {
+    /// One ray for a whole cell.
+    pub(super) fn single(first: u32) -> Self {
+        Self { first, step: 1, count: 1, parts: [Self::packed(1.0); 2] }
+    }
+
+    pub(super) fn packed(part: f64) -> u16 {
+        (part * f64::from(u16::MAX)).round() as u16
+    }
+
     /// Weights of the first ray and of the last. Those between them count 1.
     pub(crate) fn weights(&self) -> [f32; 2] {
         self.parts.map(|part| f32::from(part) * (1.0 / 65535.0))

@@ -140,7 +140,7 @@ impl Bundle {
         depart(&batch.arrivals, &mut batch.departures, scene.rules());
         for (i, &(lane, boundary)) in boundaries[..batch.len()].iter().enumerate() {
             let (state, record, departure) = (&mut states[lane], &mut records[lane], batch.departure(i));
-            if departure.reflected && !state.diverted {
+            if departure.reflected && !state.diverted && scene.params.single() {
                 forks[lane] = Some(Fork { state: *state, boundary, last: record.last() });
             }
             scene.depart(state, &boundary, &departure, record);

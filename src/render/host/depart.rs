@@ -16,11 +16,14 @@ pub(super) struct Rules {
     pub(super) effects: PathEffects,
     pub(super) constants: TraceConstants,
     pub(super) seed: u32,
+    /// Whether each scanline has one path besides its guide.
+    pub(super) single: bool,
     pub(super) aperture_mm: f32,
 }
 
-/// Random number of a guide's reflections: it takes the likelier way, so chance doesn't move scatterers.
-const OF_GUIDE: f32 = 0.5;
+/// Random numbers of a guide: it takes the likelier way at an untilted facet, so chance doesn't move scatterers. A
+/// scanline's only path shares its facets with its guide.
+const OF_GUIDE: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
 
 widened! {
     /// Fills `departures` for the paths of `arrivals`.
@@ -31,7 +34,7 @@ widened! {
 fn depart_body(arrivals: &Arrivals, departures: &mut Departures, rules: Rules) {
     let (mut normals, mut facets) = ([[0.0; RAYS]; 3], [[0.0; RAYS]; 3]);
     let mut random = [[0.0; RAYS]; DIMENSIONS];
-    draw(arrivals, &mut random, rules.seed);
+    draw(arrivals, &mut random, rules);
     tilt(arrivals, &random, &mut normals, &mut facets, rules.effects.roughness);
     transmit_or_reflect(arrivals, &random[0], &normals, &facets, departures, rules);
     if rules.effects.interface_echoes {
@@ -41,18 +44,18 @@ fn depart_body(arrivals: &Arrivals, departures: &mut Departures, rules: Rules) {
 
 /// Draws the random numbers: `twin::hash::sample_unit`.
 #[inline(always)]
-fn draw(arrivals: &Arrivals, random: &mut [Lanes; DIMENSIONS], seed: u32) {
+fn draw(arrivals: &Arrivals, random: &mut [Lanes; DIMENSIONS], rules: Rules) {
     for (dim, random) in random.iter_mut().enumerate() {
         let generators = &arrivals.generators[dim];
         for i in 0..RAYS {
             let line_ray = arrivals.line_ray[i];
             let rotation =
-                pcg3d([seed, arrivals.layer[i], arrivals.bounce[i].wrapping_mul(4).wrapping_add(dim as u32)]);
+                pcg3d([rules.seed, arrivals.layer[i], arrivals.bounce[i].wrapping_mul(4).wrapping_add(dim as u32)]);
             let low = line_ray.wrapping_mul(generators[i]).wrapping_add(rotation[0]);
             let plain = pcg3d([line_ray, rotation[0], rotation[1]])[0];
             let random_unit = unit(if generators[i] == 0 { plain } else { low });
-            let likelier = dim == 0 && arrivals.guide[i] != 0;
-            random[i] = if likelier { OF_GUIDE } else { random_unit };
+            let of_guide = (arrivals.guide[i] != 0) & ((dim == 0) | !rules.single);
+            random[i] = if of_guide { OF_GUIDE[dim] } else { random_unit };
         }
     }
 }
@@ -82,15 +85,15 @@ fn tilt(
 
 /// Ratio of the speeds beyond and before the interface. Exactly 1 for equal ones, as x/x may be rounded.
 #[inline(always)]
-fn speed_ratio(arrivals: &Arrivals, i: usize) -> f32 {
-    let (here, beyond) = (arrivals.bending[0][i], arrivals.bending[1][i]);
+fn speed_ratio(bending: &[Lanes; 2], i: usize) -> f32 {
+    let (here, beyond) = (bending[0][i], bending[1][i]);
     if beyond == here { 1.0 } else { beyond / here }
 }
 
 #[inline(always)]
 fn between(arrivals: &Arrivals, i: usize, cos_incident: f32) -> Interface {
     let [z1, z2] = &arrivals.impedances_mrayl;
-    interface_between(z1[i], z2[i], speed_ratio(arrivals, i), cos_incident)
+    interface_between(z1[i], z2[i], speed_ratio(&arrivals.bending, i), cos_incident)
 }
 
 /// Cosine of a path's angle with a normal against it.
@@ -137,9 +140,10 @@ fn transmit_or_reflect(
         let turned = plus(direction, facet, 2.0 * cos(facet, direction));
         let mirrored = plus(direction, normal, -2.0 * dot(direction, normal));
         let turned = pick(dot(turned, normal) <= 0.0, mirrored, turned);
-        let ratio = speed_ratio(arrivals, i);
-        let bent = plus(scaled(direction, ratio), normal, ratio * cos_incident - split.cos_transmitted);
-        let bends = effects.refraction & (split.cos_transmitted > 0.0) & (dot(bent, normal) < 0.0);
+        let ratio = speed_ratio(&arrivals.seen_bending, i);
+        let cos_beyond = interface_between(1.0, 1.0, ratio, cos_incident).cos_transmitted;
+        let bent = plus(scaled(direction, ratio), normal, ratio * cos_incident - cos_beyond);
+        let bends = effects.refraction & (cos_beyond > 0.0) & (dot(bent, normal) < 0.0);
         let departs = normalised(pick(reflected, turned, bent));
         set(&mut departures.direction, i, pick(reflected | bends, departs, direction));
     }
@@ -201,6 +205,7 @@ mod tests {
             coherence: number(17),
             impedances_mrayl: [0.1 + 2.0 * number(18), 0.1 + 6.0 * number(19)],
             bending: [1.0, speed],
+            seen_bending: [1.0, speed],
             surface: (100.0 * number(23)) as u32,
             line_ray: (8000.0 * number(24)) as u32,
             layer: (3.0 * number(25)) as u32,
@@ -219,7 +224,8 @@ mod tests {
             reflections: true,
             aperture: false,
         };
-        let rules = Rules { effects: on, constants: TraceConstants::default(), seed: 5, aperture_mm: 20.0 };
+        let rules =
+            Rules { effects: on, constants: TraceConstants::default(), seed: 5, single: false, aperture_mm: 20.0 };
         let (mut batch, mut plain) = (InterfaceBatch::new(), InterfaceBatch::new());
         let (mut reflected, mut bent) = (0, 0);
         for trial in 0..500 {

@@ -3,10 +3,13 @@
 use super::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
 use super::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use super::transmission::loss_np;
-use super::visibility::Boundary;
 use super::wide::{at_least, at_most, floor, real};
 use crate::render::aperture::ApertureTables;
 use crate::render::params::Params;
+
+/// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
+/// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
+pub(super) type Boundary = [f32; 4];
 
 /// Gain along all scanlines.
 #[derive(Debug, Clone, Copy)]
@@ -110,7 +113,7 @@ impl<'a> LineGain<'a> {
 
     /// Index of the interval that holds a range, and the part of it before the range.
     #[inline(always)]
-    pub(super) fn index(&self, range_mm: f32) -> (usize, f32) {
+    fn index(&self, range_mm: f32) -> (usize, f32) {
         let place = range_mm / self.plane_mm;
         let interval = floor(place).clamp(0, self.row.len() as i32 - 2) as usize;
         (interval, place - interval as f32)
@@ -119,10 +122,23 @@ impl<'a> LineGain<'a> {
     /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
     #[inline(always)]
     fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
+        let (interval, lost, gain_np) = self.tracked(range_mm, loss_np);
+        gain_np - 2.0 * (interval.shared_np + interval.row_np * lost)
+    }
+
+    /// [`LineGain::at`] without the loss that all scanlines share.
+    #[inline(always)]
+    pub(super) fn without_shared(&self, range_mm: f32, loss_np: f32) -> f32 {
+        self.tracked(range_mm, loss_np).2
+    }
+
+    /// The interval of a range, the part of its loss before the range, and the gain there.
+    #[inline(always)]
+    fn tracked(&self, range_mm: f32, loss_np: f32) -> (Interval, f32, f32) {
         let (index, part) = self.index(range_mm);
         let interval = self.interval(index);
         let lost = interval.lost(part, loss_np);
-        self.gain(interval.place(part, lost)) - 2.0 * (interval.shared_np + interval.row_np * lost)
+        (interval, lost, self.gain(interval.place(part, lost)))
     }
 
     /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.
@@ -152,7 +168,7 @@ impl<'a> LineGain<'a> {
 
     /// Gain at a place among the planes, −1 being the face.
     #[inline(always)]
-    pub(super) fn gain(&self, place: f32) -> f32 {
+    fn gain(&self, place: f32) -> f32 {
         let at = at_most(at_least(place + 1.0, 0.0), (self.row.len() - 1) as f32);
         let low = (at as usize).min(self.row.len() - 2);
         let part = at - low as f32;

@@ -79,7 +79,7 @@ fn march_row_body(
         }
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);
-            // No closure: it may be compiled for any processor.
+            // No closure: if not inlined, it is compiled without the vector instructions.
             let mut loudness = None;
             if let Some(visibility) = scatterers.visibility {
                 loudness = Some(visibility.block(params, paths, line, block));

@@ -129,7 +129,7 @@ impl Scene<'_> {
     /// Parameters of departures.
     pub(super) fn rules(&self) -> Rules {
         let Self { effects, constants, params, .. } = *self;
-        Rules { effects, constants, seed: params.seed, aperture_mm: params.aperture_mm }
+        Rules { effects, constants, seed: params.seed, single: params.single(), aperture_mm: params.aperture_mm }
     }
 
     /// The triangle that is the interface at a place: the first in the scene of those of the highest surface.
@@ -198,7 +198,17 @@ impl Scene<'_> {
     /// of oblique layers come no later.
     #[inline(always)]
     fn path_per_range(&self, state: &PathState) -> f32 {
-        self.tissues[state.here as usize].speed_ratio * state.stretch
+        let tissue = &self.tissues[state.here as usize];
+        // Slow hard media delay nothing that is seen behind them.
+        let seen = self.by_aperture(state) && tissue.seen_speed_ratio > tissue.speed_ratio;
+        state.stretch * if seen { tissue.seen_speed_ratio } else { tissue.speed_ratio }
+    }
+
+    /// [`Self::path_per_range`] of what the aperture sees past hard bodies.
+    #[inline(always)]
+    fn seen_path_per_range(&self, state: &PathState) -> f32 {
+        let seen_speed_ratio = self.tissues[state.here as usize].seen_speed_ratio;
+        if self.by_aperture(state) { state.stretch * seen_speed_ratio } else { self.path_per_range(state) }
     }
 
     /// Longest remaining path in its medium, mm; zero or less if the path has ended.
@@ -213,7 +223,8 @@ impl Scene<'_> {
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];
         let step = state.direction * self.path_per_range(state);
-        let fall = tissue.attenuation_np_mm * self.path_per_range(state);
+        // The loss of a fast body is spread up to where what is seen past it begins.
+        let fall = tissue.attenuation_np_mm * self.seen_path_per_range(state);
         let from = state.origin - state.carried_mm - step * state.range_mm;
         let (passed_mm, flag) = if state.diverted { (0.0, DIVERTED) } else { (state.range_mm, 0) };
         let count = record.count.min(SEGMENTS - 1) as usize;
@@ -280,7 +291,9 @@ impl Scene<'_> {
         cross(self.tree.triangles, here, &mut state.inside);
         let there = self.medium_word(&state.inside);
         state.origin += state.direction * t;
-        state.range_mm += t / self.path_per_range(state);
+        let passed_mm = t / self.path_per_range(state);
+        state.range_mm += passed_mm;
+        state.behind_mm += t / self.seen_path_per_range(state) - passed_mm;
         state.ln_amplitude -= tissue.attenuation_np_mm * t;
         state.ln_passed -= tissue.attenuation_np_mm * t;
         state.t_min = TOUCH_MM;
@@ -315,6 +328,11 @@ impl Scene<'_> {
             coherence: tissue.coherence.min(beyond.coherence),
             impedances_mrayl: [tissue.impedance_mrayl, beyond.impedance_mrayl],
             bending: [tissue.bending, beyond.bending],
+            seen_bending: if self.by_aperture(state) {
+                [tissue.seen_bending, beyond.seen_bending]
+            } else {
+                [tissue.bending, beyond.bending]
+            },
             surface: triangle.surface,
             line_ray: state.line_ray,
             layer: state.layer,
@@ -344,6 +362,12 @@ impl Scene<'_> {
             state.open = state.reflections <= self.params.reflections_max;
         } else {
             state.here = at.there;
+            let beyond = &self.tissues[at.there as usize];
+            if self.by_aperture(state) && beyond.speed_ratio <= beyond.seen_speed_ratio {
+                // Behind a fast body, what is seen past it comes later.
+                state.range_mm += state.behind_mm;
+                state.behind_mm = 0.0;
+            }
             if self.effects.moving {
                 let displaced = || Vec4::from(self.displacements[at.triangle as usize]).xyz();
                 state.carried_mm = if at.moves { displaced() } else { Vec3::ZERO };

@@ -21,6 +21,8 @@ pub(super) struct PathState {
     pub(super) in_power: f32,
     pub(super) here: u32,
     pub(super) range_mm: f32,
+    /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
+    pub(super) behind_mm: f32,
     pub(super) ln_amplitude: f32,
     /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     pub(super) ln_scatter: f32,

@@ -24,7 +24,7 @@ use super::trace::{Follow, fastest, trace};
 use super::transmission::{Transmission, transmission};
 use super::traverse::Tree;
 use super::tree::WideNode;
-use super::visibility::{Gains, Seen, visibility};
+use super::visibility::{self, Gains, visibility};
 use crate::anatomy::Bvh;
 use crate::anatomy::bvh::Changed;
 use crate::render::configuration::{Configuration, FrameInputs};
@@ -230,7 +230,7 @@ impl HostRenderer {
         laps.note("beams");
         let into = Gains { lines: &mut b.line_gains, blocks: &mut b.block_gains };
         let (constants, powers, row_np) = (self.image, &b.beam_powers, &b.row_np);
-        visibility(params, Seen { constants, tables, paths, powers, row_np }, into);
+        visibility(params, visibility::Inputs { constants, tables, paths, powers, row_np }, into);
         laps.note("visibility");
     }
 

@@ -36,9 +36,9 @@ impl Outputs<'_> {
 /// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
 /// are lost depends on its neighbours.
 pub(super) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
-    let Params { guides, rays, layers, scanlines, .. } = *scene.params;
-    // The only path of a scanline is its own guide up to its first reflection.
-    if guides > 0 && rays * layers == 1 {
+    let Params { guides, scanlines, .. } = *scene.params;
+    // With the aperture a guide passes every interface: it is the scanline's only path up to that path's reflection.
+    if guides > 0 && scene.effects.aperture && scene.params.single() {
         let (paths, guides) = out.split_at(scanlines as usize);
         over_cores(scene, follow, 0..paths.paths(), Outputs { paths, guides: Some(guides) })
     } else {

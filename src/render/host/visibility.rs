@@ -7,22 +7,18 @@ use rayon::prelude::*;
 
 use super::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN};
 use super::interface::ln;
-use super::line_gain::LineGain;
-use super::paths::Paths;
+use super::line_gain::{Boundary, LineGain};
+use super::paths::{Paths, range_mm};
 use super::transmission::loss_np;
-use super::wide::{at_least, at_most, exp, real, widened};
-use crate::render::aperture::{ApertureTables, PLANES_MAX};
+use super::wide::{at_least, at_most, exp, widened};
+use crate::render::aperture::ApertureTables;
 use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
-
-/// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
-/// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
-pub(super) type Boundary = [f32; 4];
 
 /// Gain of a block of samples as amplitude, and its reciprocal.
 pub(super) type BlockGain = [f32; 2];
 
-/// Outputs.
+/// Gains along the scanlines, by boundary and by block.
 #[derive(Debug)]
 pub(super) struct Gains<'a> {
     /// [scanlines × (planes + 1)]
@@ -31,9 +27,9 @@ pub(super) struct Gains<'a> {
     pub(super) blocks: &'a mut [BlockGain],
 }
 
-/// Inputs.
+/// Inputs of the pass.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<'a> {
+pub(super) struct Inputs<'a> {
     pub(super) constants: ImageConstants,
     pub(super) tables: &'a ApertureTables,
     pub(super) paths: Paths<'a>,
@@ -44,34 +40,35 @@ pub(super) struct Seen<'a> {
 }
 
 /// Fills in the gains along each scanline.
-pub(super) fn visibility(params: &Params, seen: Seen<'_>, into: Gains<'_>) {
-    let boundaries = into.lines.par_chunks_exact_mut(seen.tables.planes + 1);
+pub(super) fn visibility(params: &Params, inputs: Inputs<'_>, into: Gains<'_>) {
+    let boundaries = into.lines.par_chunks_exact_mut(inputs.tables.planes + 1);
     let blocks = into.blocks.par_chunks_exact_mut((params.row_samples / DEPTH_BLOCK) as usize);
-    boundaries.zip(blocks).enumerate().for_each(|(line, (row, blocks))| see_line(params, seen, line, row, blocks));
+    boundaries.zip(blocks).enumerate().for_each(|(line, (row, blocks))| see_line(params, inputs, line, row, blocks));
 }
 
 widened! {
     /// One scanline.
     fn see_line(
-        params: &Params, seen: Seen<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain],
+        params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain],
     ) = see_line_body
 }
 
 #[inline(always)]
-fn see_line_body(params: &Params, seen: Seen<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain]) {
-    let Seen { constants, tables, paths, powers, row_np } = seen;
-    place(tables, paths.of(params.guide_of(line as u32) as usize), row_np, row);
+fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain]) {
+    let Inputs { constants, tables, paths, powers, row_np } = inputs;
+    let guide = paths.of(params.guide_of(line as u32) as usize);
+    place(tables, guide, row_np, row);
     gains(constants, tables, line, powers, row);
-    // Gain at each boundary: where losses lie within an interval does not count.
+    // At the first sample of each block: a face within it counts as not yet crossed.
     let along = LineGain::new(tables, row);
-    let mut ends = [0.0; PLANES_MAX + 1];
-    for (end, boundary) in ends.iter_mut().zip(&*row) {
-        *end = along.gain(boundary[0]);
-    }
+    let (starts, segments) = guide;
+    let mut at = 0;
     for (block, gain) in (0_u32..).zip(&mut *blocks) {
-        let (interval, part) = along.index((real(block) + 0.5) * params.sample_spacing_mm * DEPTH_BLOCK as f32);
-        let (start, end) = (ends[interval], ends[interval + 1]);
-        let gain_np = start + (end - start) * at_most(part, 1.0);
+        let range_mm = range_mm(params, block.wrapping_mul(DEPTH_BLOCK));
+        while starts[at + 1] <= range_mm {
+            at += 1;
+        }
+        let gain_np = along.without_shared(range_mm, loss_np(&segments[at], range_mm));
         *gain = [gain_np, -gain_np];
     }
     for value in blocks.as_flattened_mut() {

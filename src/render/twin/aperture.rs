@@ -17,7 +17,7 @@ pub struct Aperture {
     pub beams: usize,
     /// Cells per node at each plane.
     pub node_cells: Vec<usize>,
-    /// Modes per bin of a period at each plane: 2 where odd ones are left out.
+    /// Distance of neighbouring modes at each plane, in their numbers: 2 without the odd ones.
     pub mode_stride: Vec<i32>,
     /// Modes, padding included, that take part at each plane.
     pub mode_count: Vec<usize>,

@@ -38,6 +38,10 @@ pub struct Medium {
     pub speed_ratio: f64,
     /// c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     pub bending: f64,
+    /// `speed_ratio` of what the aperture sees past hard media: 1 in those.
+    pub seen_speed_ratio: f64,
+    /// `bending` of the same.
+    pub seen_bending: f64,
     /// Two-way attenuation of the amplitude, nepers per mm of path.
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
@@ -60,6 +64,8 @@ impl From<&PackedTissue> for Medium {
             impedance_mrayl: tissue.impedance_mrayl.into(),
             speed_ratio: tissue.speed_ratio.into(),
             bending: tissue.bending.into(),
+            seen_speed_ratio: tissue.seen_speed_ratio.into(),
+            seen_bending: tissue.seen_bending.into(),
             attenuation_np_mm: tissue.attenuation_np_mm.into(),
             roughness: tissue.roughness.into(),
             scatterer_density: tissue.scatterer_density,

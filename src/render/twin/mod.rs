@@ -57,7 +57,8 @@ pub fn frame(inputs: &Inputs) -> Maps {
     let gains = gains.unwrap_or_default();
     let mut baseband = march(inputs, &paths, &gains);
     echo(inputs, &paths, &gains, &mut baseband);
-    let of_blocks = inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &gains)).unwrap_or_default();
+    let of_blocks =
+        inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &paths, &gains)).unwrap_or_default();
     let detected = detect(inputs, &lateral(inputs, &of_blocks, &baseband));
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);

@@ -92,6 +92,8 @@ struct Tracer<'a> {
     inside: Membership,
     ray: Ray,
     range_mm: f64,
+    /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
+    behind_mm: f64,
     ln_amplitude: f64,
     /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     ln_scatter: f64,
@@ -123,6 +125,7 @@ impl<'a> Tracer<'a> {
             inside,
             ray: inputs.launch(path),
             range_mm: 0.0,
+            behind_mm: 0.0,
             ln_amplitude: 0.0,
             ln_scatter: 0.0,
             ln_passed: 0.0,
@@ -191,9 +194,25 @@ impl<'a> Tracer<'a> {
                     self.ln_amplitude += ln_passed;
                 }
                 here = meeting.there;
+                if self.by_aperture() && beyond.speed_ratio <= beyond.seen_speed_ratio {
+                    // Behind a fast body, what is seen past it comes later.
+                    self.range_mm += self.behind_mm;
+                    self.behind_mm = 0.0;
+                }
                 let moves = self.inside.highest().is_some_and(|s| self.inputs.surface_moves[s as usize]);
                 self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
-                self.refract(normal, cos_incident, split.cos_transmitted, beyond.bending / tissue.bending);
+                if self.by_aperture() {
+                    // Sound that shows what lies behind a hard body has passed beside it.
+                    let bends = interface(1.0, 1.0, tissue.seen_bending, beyond.seen_bending, cos_incident);
+                    self.refract(
+                        normal,
+                        cos_incident,
+                        bends.cos_transmitted,
+                        beyond.seen_bending / tissue.seen_bending,
+                    );
+                } else {
+                    self.refract(normal, cos_incident, split.cos_transmitted, beyond.bending / tissue.bending);
+                }
             }
             let given_up = self.ln_amplitude <= LN_GIVEN_UP && !self.by_aperture();
             if reflections > self.inputs.reflections_max || given_up {
@@ -217,13 +236,21 @@ impl<'a> Tracer<'a> {
     /// Length of path per mm of range. Ranges are depths: the lens delays its middle, so echoes of oblique layers come
     /// no later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
-        tissue.speed_ratio * self.stretch
+        // Slow hard media delay nothing that is seen behind them.
+        let seen = self.by_aperture() && tissue.seen_speed_ratio > tissue.speed_ratio;
+        self.stretch * if seen { tissue.seen_speed_ratio } else { tissue.speed_ratio }
+    }
+
+    /// [`Self::path_per_range`] of what the aperture sees past hard bodies.
+    fn seen_path_per_range(&self, tissue: &Medium) -> f64 {
+        if self.by_aperture() { self.stretch * tissue.seen_speed_ratio } else { self.path_per_range(tissue) }
     }
 
     /// The segment that begins here.
     fn segment(&self, tissue: &Medium, echo: f64, echo_range_mm: f64) -> Segment {
         let step = self.ray.direction * self.path_per_range(tissue);
-        let fall_np_mm = tissue.attenuation_np_mm * self.path_per_range(tissue);
+        // The loss of a fast body is spread up to where what is seen past it begins.
+        let fall_np_mm = tissue.attenuation_np_mm * self.seen_path_per_range(tissue);
         Segment {
             start_mm: self.range_mm,
             origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm,
@@ -267,7 +294,9 @@ impl<'a> Tracer<'a> {
             }
         }
         self.ray.origin_mm += self.ray.direction * gone_mm;
-        self.range_mm += gone_mm / self.path_per_range(&tissue);
+        let passed_mm = gone_mm / self.path_per_range(&tissue);
+        self.range_mm += passed_mm;
+        self.behind_mm += gone_mm / self.seen_path_per_range(&tissue) - passed_mm;
         self.ln_amplitude -= tissue.attenuation_np_mm * gone_mm;
         self.ln_passed -= tissue.attenuation_np_mm * gone_mm;
         met
@@ -277,7 +306,9 @@ impl<'a> Tracer<'a> {
     /// facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
-        if variance <= 0.0 {
+        // A guide has a facet of its own only beside a single path.
+        let mean = self.guide && self.inputs.rays_per_line * self.inputs.layers > 1;
+        if variance <= 0.0 || mean {
             return n;
         }
         let slope = (-variance * (1.0 - self.random(1)).max(1.0e-7).ln()).max(0.0).sqrt();

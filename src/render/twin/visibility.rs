@@ -19,13 +19,14 @@ pub struct Boundary {
     pub shared_np: f64,
 }
 
-/// The gain of every block as amplitude [scanlines × blocks], from the gain along the scanlines.
-pub fn block_gains(inputs: &Inputs, aperture: &Aperture, boundaries: &[Boundary]) -> Vec<f64> {
+/// The gain of every block's first sample as amplitude [scanlines × blocks], without the loss that all scanlines share.
+pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundaries: &[Boundary]) -> Vec<f64> {
     let of = |line: usize| {
         let along = LineGain::new(aperture, boundaries, line);
+        let guide = &paths[inputs.guide_of(line)];
         (0..inputs.blocks()).map(move |block| {
-            let middle_mm = (block as f64 + 0.5) * inputs.sample_spacing_mm * inputs.depth_block as f64;
-            along.by_depth(middle_mm).exp()
+            let range_mm = inputs.range_mm(block * inputs.depth_block);
+            along.without_shared(range_mm, passed_np(guide, range_mm)).exp()
         })
     };
     (0..inputs.scanlines).flat_map(of).collect()
@@ -116,11 +117,11 @@ impl<'a> LineGain<'a> {
         self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
     }
 
-    /// Gain at a range, nepers of amplitude, two-way: where losses lie within an interval does not count.
-    fn by_depth(&self, range_mm: f64) -> f64 {
+    /// [`LineGain::at`] without the loss that all scanlines share.
+    fn without_shared(&self, range_mm: f64, loss_np: f64) -> f64 {
         let interval = self.interval(range_mm);
-        let [start, end] = [interval, interval + 1].map(|boundary| self.gain(self.row[boundary].place));
-        start + (end - start) * self.part(interval, range_mm).min(1.0)
+        let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
+        self.gain(self.place(interval, range_mm, lost, self.row[interval].place))
     }
 
     fn interval(&self, range_mm: f64) -> usize {
