@@ -185,8 +185,6 @@ fn compare_with(cases: &[Case], rays: u32, layers: u32, aperture: Choice) -> f64
 /// Levels within bounds, as measured. The others are on steep edges, whose place single rays show to half a scanline.
 const LINEAR_GOOD: f64 = 0.96;
 const CONVEX_GOOD: f64 = 0.95;
-/// The same of the named cases with many rays.
-const MANY_RAYS_GOOD: f64 = 0.98;
 
 #[test]
 fn shadows_of_a_linear_array_are_those_of_diffraction() {
@@ -206,10 +204,7 @@ fn shadows_with_many_rays_are_those_of_diffraction() {
     let named = |case: &Case| case.frequency_mhz == 5.0 && case.aperture_mm == 20.0 && case.depth_mm % 20.0 == 0.0;
     let named: Vec<Case> = cases("shadow.csv").into_iter().filter(named).collect();
     assert!(named.len() > 12, "{}", named.len());
-    assert!(compare(&named, 32, 3) >= MANY_RAYS_GOOD);
-    let rods: Vec<Case> = named.into_iter().filter(|case| case.half_width_mm == 1.5 && case.offset_mm == 0.0).collect();
-    assert_eq!(rods.len(), 3);
-    assert_eq!(compare(&rods, 32, 3), 1.0);
+    assert_eq!(compare(&named, 32, 3), 1.0);
 }
 
 #[test]
