@@ -33,7 +33,7 @@ const REACH_MM: f64 = 7.0;
 /// Spread from which every second mode does.
 const HALVING_SPREAD: f64 = 2.0;
 /// Most rays of a layer that are taken for one cell.
-const CELL_RAYS_MAX: u32 = 4;
+const CELL_RAYS_MAX: u32 = 32;
 /// Least part of a ray's share of the face within a cell that counts.
 const CELL_PART_MIN: f64 = 1.0e-3;
 
