@@ -30,7 +30,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     while i < crossing_count && crossing_t[i] <= 0.0 {
         i = cross_place(i);
     }
-    var here = medium();
+    // A ray whose part of the face is not coupled is all air.
+    let down = dot(direction, params.axial.xyz);
+    let ahead_mm = crossing_t[min(i, CROSSINGS - 1u)];
+    let coupled = coupling_of(map_rays[2u * ray].z, down, ahead_mm, i >= crossing_count) >= COUPLED_MIN;
+    crossing_count = select(0u, crossing_count, coupled);
+    entered = is_inside();
+    var here = select(params.beyond, medium(), coupled);
     var start = 0.0;
     var sum_np = 0.0;
     var rate = ONE_WAY * tissues[here].attenuation_np_mm;
@@ -41,6 +47,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     while i < crossing_count {
         let t = crossing_t[i];
         i = cross_place(i);
+        entered = entered || is_inside();
         let there = medium();
         if there != here {
             sum_np += rate * (t - start);

@@ -24,6 +24,8 @@
 @group(0) @binding(12) var<storage, read_write> hints: array<u32>;
 // Displacement of each triangle from its rest position, mm; only read if MOVING.
 @group(0) @binding(13) var<storage, read> displacements: array<vec4<f32>>;
+// Amplitude, one way, that the face passes into the body.
+@group(0) @binding(14) var<storage, read> couplings: array<f32>;
 
 // Whether anything in the scene moves.
 override MOVING: bool = false;
@@ -114,12 +116,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var range_mm = 0.0;
     // Range by which the path lies before what is seen past the fast bodies that it is in.
     var behind_mm = 0.0;
-    var ln_amplitude = 0.0;
+    let coupling = couplings[path];
+    let ln_coupling = select(2.0 * max(log(max(coupling, 1.0e-37)), LN_UNCOUPLED), 0.0, coupling == 1.0);
+    var ln_amplitude = ln_coupling;
     // Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
     var ln_scatter = 0.0;
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
-    var ln_passed = 0.0;
+    var ln_passed = ln_coupling;
     var is_diverted = false;
+    entered = is_inside();
     var here = medium();
     var bounce = 0u;
     var reflections = 0u;
@@ -127,7 +132,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var echo_range_mm = 0.0;
     var count = 0u;
     var t_min = 0.0;
-    var open = true;
+    // Where nothing is coupled the path ends in the film: its scanline shows nothing of the body.
+    var open = coupling > 0.0;
     var lost = 0u;
     var crossed = 0u;
     // Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
@@ -192,6 +198,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             before = inside;
             cross_place(0u);
             chosen = place_interface();
+            entered = entered || is_inside();
             let word = medium_word();
             there = word & TISSUE_MASK;
             moves = (word & MOVES) != 0u;

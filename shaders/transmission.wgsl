@@ -17,8 +17,12 @@ const THREADS: u32 = 64u;
 
 var<workgroup> greatest: array<f32, THREADS>;
 
-// Loss of a path at a range; from its first reflection on, it rises as that of its scanline's guide.
+// Loss of a path at a range; from its first reflection on, it rises as that of its scanline's guide. What the face does
+// not couple is lost in the first interval.
 fn path_loss(path: u32, guide: u32, range_mm: f32) -> f32 {
+    if range_mm == 0.0 {
+        return 0.0;
+    }
     var at = 0u;
     while starts[path * STARTS + at + 1u] <= range_mm && !diverted(path, at) {
         at++;

@@ -58,6 +58,7 @@ export class Status {
     const kinds = ["", "good", "warn"];
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
+    contact(frame.contact);
     byId("tier").textContent = frame.tier;
     byId("frame_number").textContent = `frame ${frame.number}`;
     pose(frame.pose);
@@ -121,6 +122,16 @@ export class Status {
     byId("dropped").textContent = String(dropped);
     byId("dropped").parentElement.title = `Frames that this page was too slow for; pages watching: ${clients}`;
   }
+}
+
+/** The part of the face in contact; hidden in scenes where everything is coupled. */
+function contact(contact) {
+  const element = byId("contact");
+  element.hidden = !contact;
+  if (!contact) return;
+  const percent = Math.round(100 * contact.part);
+  if (percent === 0) badge(element, "NO CONTACT", "warn strong");
+  else badge(element, `CONTACT ${percent} %`, percent < 90 ? "warn" : "good");
 }
 
 /** Position, and the orientation as turns about x, then y, then z of the scene. */

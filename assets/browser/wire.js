@@ -1,7 +1,7 @@
 // Binary messages of the station; src/sink/browser/wire.rs has the table of their layout.
 
-const FIXED_BYTES = 160;
-const VERSION = 2;
+const FIXED_BYTES = 176;
+const VERSION = 3;
 
 export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
 export const SOURCES = ["LOW QUALITY", "ENHANCED", "HELD"];
@@ -37,6 +37,7 @@ export function decode(buffer, settings) {
     pose: flags & 1 ? numbers(48, 7) : null,
     latencyMs: presented - (flags & 2 ? firstByte : sampled),
     times: { firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented },
+    contact: flags & 8 ? { part: f64(160), pressMm: f64(168) } : null,
     settings: settingsOf(settings, numbers(FIXED_BYTES, values)),
     tier: text(end, tierBytes),
     notice: text(end + tierBytes, noticeBytes),

@@ -3,6 +3,8 @@
 struct Launch {
     origin: vec3<f32>,
     direction: vec3<f32>,
+    // Depth of the origin below the apex of the face, mm; negative on a convex face.
+    face_depth_mm: f32,
 }
 
 // Offset, slope and stretch of a path across the slice; a guide is in the image plane. After rays and axes, their table
@@ -25,5 +27,5 @@ fn launch(path: u32) -> Launch {
     let elevation = elevation_of(path);
     let origin = rays[ray].xyz + vec3<f32>(0.0, elevation.x, 0.0);
     let direction = rays[ray + 1u].xyz + vec3<f32>(0.0, elevation.y, 0.0);
-    return Launch(scene_from_probe_point(origin), normalize(scene_from_probe_vector(direction)));
+    return Launch(scene_from_probe_point(origin), normalize(scene_from_probe_vector(direction)), origin.z);
 }

@@ -57,6 +57,19 @@ struct Params {
     // Number of `sheets`, and the distance between the sheets of one.
     sheet_families: u32,
     sheet_spacing_mm: f32,
+    // Tissue outside all surfaces for paths that have left the body.
+    beyond: u32,
+    // Thickness of the film of gel, mm; negative if everything is coupled.
+    film_mm: f32,
+    // Amplitudes of white noise, clutter and reverberation; 0 if they are off.
+    noise: f32,
+    clutter: f32,
+    reverberation: f32,
+    // Samples of a scanline in the table of clutter and reverberation.
+    near_samples: u32,
+    // Seed of the noise of this frame.
+    noise_seed: u32,
+    pad: u32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,

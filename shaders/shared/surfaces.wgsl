@@ -2,21 +2,40 @@
 
 var<private> inside: array<u32, 8>;
 
+// Whether the ray has been inside a surface: beyond the body lies air.
+var<private> entered: bool;
+
+fn is_inside() -> bool {
+    var any = 0u;
+    for (var word = 0; word < 8; word++) {
+        any |= inside[word];
+    }
+    return any != 0u;
+}
+
+// Coupling of a ray that leaves the face at `face_depth_mm` below the face's apex and goes `down` mm deeper per mm: its
+// amplitude, one way. Inside a surface it is 1; else the first crossing ahead decides, which `none` lacks.
+fn coupling_of(face_depth_mm: f32, down: f32, ahead_mm: f32, none: bool) -> f32 {
+    let gap_mm = clamp(face_depth_mm + down * ahead_mm - params.film_mm, 0.0, GAP_MAX_MM);
+    let film = select(exp(-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm)), 0.0, none || gap_mm >= GAP_MAX_MM);
+    return select(film, 1.0, params.film_mm < 0.0 || is_inside());
+}
+
 fn set_inside(surface: u32, value: bool) {
     let word = surface >> 5u;
     let bit = 1u << (surface & 31u);
     inside[word] = select(inside[word] & ~bit, inside[word] | bit, value);
 }
 
-// Tissue of the medium, with MOVES if its surface moves: that of the highest surface the point is inside, else the
-// background.
+// Tissue of the medium, with MOVES if its surface moves: that of the highest surface the point is inside; else the
+// background, or air if the ray has been in the body.
 fn medium_word() -> u32 {
     for (var word = 7; word >= 0; word--) {
         if inside[word] != 0u {
             return surface_tissue[u32(word) * 32u + firstLeadingBit(inside[word])];
         }
     }
-    return params.background;
+    return select(params.background, params.beyond, entered);
 }
 
 fn medium() -> u32 {

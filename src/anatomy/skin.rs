@@ -27,6 +27,16 @@ const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 /// Outer surface of a scene.
 pub struct Skin(Outside);
 
+impl std::fmt::Debug for Skin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let triangles = match &self.0 {
+            Outside::Solid(_) => None,
+            Outside::Mesh { triangles, .. } => Some(triangles.len()),
+        };
+        f.debug_struct("Skin").field("triangles", &triangles).finish()
+    }
+}
+
 enum Outside {
     Solid(Solid),
     Mesh { tree: CwBvh, triangles: Vec<Triangle> },
@@ -43,9 +53,16 @@ impl Skin {
     /// # Errors
     /// A scene without triangles.
     pub fn of_scene(scene: &Scene) -> Result<Self, BvhError> {
-        let corners = scene.surfaces.iter().flat_map(|surface| surface.mesh.corners_mm());
-        let triangles: Vec<Triangle> =
-            corners.map(|[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
+        Self::of_triangles(scene.surfaces.iter().flat_map(|surface| surface.mesh.corners_mm()))
+    }
+
+    /// Outermost of the triangles with these corners, mm.
+    ///
+    /// # Errors
+    /// No triangle.
+    pub fn of_triangles(corners: impl IntoIterator<Item = [Vec3; 3]>) -> Result<Self, BvhError> {
+        let triangle = |[a, b, c]: [Vec3; 3]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() };
+        let triangles: Vec<Triangle> = corners.into_iter().map(triangle).collect();
         if triangles.is_empty() {
             return Err(BvhError::Empty);
         }

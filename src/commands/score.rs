@@ -94,6 +94,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         planes: planes.chosen(&args.planes)?,
         skin: Some(&skin),
         surfaces: &surfaces,
+        contact: &station.settings.contact,
         probe: &station.probe,
         depths_mm: &depths_mm,
     };
@@ -129,14 +130,15 @@ fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
 
 fn print(score: &Score) -> Result<(), Failure> {
     output::line(format!(
-        "{} of {} planes found, {:.0} of 100 points; {:.1} s, {:.0} mm of way at {:.0} mm/s, {:.0} % of the time on the skin",
+        "{} of {} planes found, {:.0} of 100 points; {:.1} s, {:.0} mm of way at {:.0} mm/s, {:.0} % of the time on the skin, with {:.0} % of the face",
         score.found,
         score.planes.len(),
         score.points,
         score.duration_s,
         score.path_mm,
         score.mean_speed_mm_s,
-        100.0 * score.contact
+        100.0 * score.contact,
+        100.0 * score.face_contact
     ))?;
     output::line("")?;
     output::line(format!(

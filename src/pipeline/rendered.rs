@@ -34,4 +34,5 @@ pub(super) fn blacken(frame: &mut Frame, shape: ImageShape) {
     frame.attenuation.resize(pixels, 0.0);
     frame.lines.clear();
     frame.overflows = 0;
+    frame.contact = None;
 }

@@ -4,8 +4,8 @@ use super::batch_plan::BatchPlan;
 use super::constants::MOVES;
 use super::error::RenderError;
 use super::kernels::ClippedKernel;
-use super::params::Params;
-use super::plan::{EffectPlan, SceneFacts};
+use super::params::{Outside, Params};
+use super::plan::{AIR, EffectPlan, SKIN, SceneFacts};
 use super::tables::Tables;
 use crate::anatomy::{Bvh, Scene, Tissue};
 use crate::settings::Effect;
@@ -17,9 +17,11 @@ use crate::transducer::Probe;
 #[derive(Debug)]
 pub(super) struct Media {
     tissues: Vec<Tissue>,
-    background: u32,
+    outside: Outside,
     /// Tissue of each surface, with [`MOVES`] if it moves.
     pub(super) surface_words: Vec<u32>,
+    /// Surfaces that a probe touches: the skin, else all.
+    pub(super) touched: Vec<bool>,
     /// Whether any triangle moves.
     pub(super) moving: bool,
     /// Facts that decide the effect plan.
@@ -28,11 +30,17 @@ pub(super) struct Media {
 
 impl Media {
     pub(super) fn new(scene: &Scene, bvh: &Bvh) -> Self {
+        let skin = scene.tissues.index_of(SKIN);
+        let has_skin = scene.surfaces.iter().any(|s| Some(s.tissue) == skin && !s.mesh.triangles.is_empty());
         let moves = |name: &str| if scene.motion.moves(name) { MOVES } else { 0 };
         Self {
             tissues: scene.tissues.tissues().to_vec(),
-            background: scene.background as u32,
+            outside: Outside {
+                background: scene.background as u32,
+                air: scene.tissues.index_of(AIR).unwrap_or(scene.background) as u32,
+            },
             surface_words: scene.surfaces.iter().map(|s| s.tissue as u32 | moves(&s.name)).collect(),
+            touched: scene.surfaces.iter().map(|s| !has_skin || Some(s.tissue) == skin).collect(),
             moving: !bvh.displacements().is_empty(),
             facts: SceneFacts::new(scene),
         }
@@ -76,7 +84,7 @@ impl Configuration {
         let effects = media.plan(probe, settings);
         let planned = effects.settings(settings);
         let tables = Tables::new(&media.tissues, probe, &planned, effects.effects());
-        let params = Params::new(media.background, probe, &planned, &tables, effects.effects());
+        let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
         let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
         Ok(Self { probe: *probe, settings: *settings, effects, params, tables, batches })
     }
@@ -109,6 +117,6 @@ impl Configuration {
         self.settings = *settings;
         self.effects = media.plan(&self.probe, settings);
         let planned = self.effects.settings(settings);
-        self.params = Params::new(media.background, &self.probe, &planned, &self.tables, self.effects.effects());
+        self.params = Params::new(media.outside, &self.probe, &planned, &self.tables, self.effects.effects());
     }
 }

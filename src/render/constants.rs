@@ -98,6 +98,8 @@ pub(crate) const SPREAD_NP: f64 = 0.1;
 pub(crate) const EVEN_NP: f64 = 1.0e-4;
 /// Least power of a beam behind obstacles, over its power without them: −120 dB.
 pub(crate) const VISIBLE_MIN: f64 = 1.0e-12;
+/// The same in nepers of amplitude: ½ ln 10⁻¹².
+pub(crate) const VISIBLE_MIN_NP: f64 = -13.815510558;
 /// Most gain by diffraction at an edge, nepers of amplitude.
 pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
 /// Difference of c/c₀ from 1 beyond which a medium is hard: bone, gas, stone, metal. Sound that shows tissue behind a hard
@@ -117,6 +119,14 @@ pub(crate) const PERCENTILE_STEPS: u32 = 30;
 pub(crate) const CONTRAST_MIN_NP_MM: f64 = 1.0e-3;
 /// Number of the first tissue in the segmentation; 0 is outside the sector.
 pub(crate) const FIRST_TISSUE: u32 = 1;
+
+pub(crate) use crate::transducer::contact::{GAP_MAX_MM, GAP_NP_MM};
+/// ln of the least coupling that is computed.
+pub(crate) const LN_UNCOUPLED: f64 = -80.0;
+/// Part of the own loss in its gap that a scanline has even where its neighbours' elements see the body below.
+pub(crate) const GAP_PART: f64 = 0.125;
+/// Coupling below which the maps show air.
+pub(crate) const COUPLED_MIN: f64 = 0.5;
 
 /// Bit beside a small integer that travels as a float: some devices flush denormals.
 pub(crate) const TAG: u32 = 0x4000_0000;

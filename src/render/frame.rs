@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::transducer::Contact;
+
 /// Greatest number of frames in flight.
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
@@ -65,6 +67,8 @@ pub struct Frame {
     /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
     /// empty unless the settings ask for it.
     pub lines: Vec<[f32; 2]>,
+    /// Contact of the face with the skin; none if everything is coupled, without the effect `contact`.
+    pub contact: Option<Contact>,
     /// Crossings of map rays or interactions of paths beyond the capacity of buffers; 0 in a sound frame.
     pub overflows: u32,
     /// Times.

@@ -21,6 +21,7 @@ mod maker;
 mod params;
 pub mod plan;
 mod preset;
+mod receiver;
 mod renderer;
 mod sheets;
 mod snapshot;

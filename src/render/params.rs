@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
 use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, ROW_ALIGN, SHEET_FAMILIES};
+use super::receiver::white_amplitude;
 use super::sheets::Family;
 use super::tables::Tables;
 use crate::anatomy::Bvh;
@@ -56,6 +57,15 @@ impl SheetFamily {
     }
 }
 
+/// Tissues outside all surfaces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Outside {
+    /// Between the face and the body; everywhere outside if all is coupled.
+    pub(crate) background: u32,
+    /// Around the body.
+    pub(crate) air: u32,
+}
+
 /// Uniforms of one dispatch.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
 #[repr(C)]
@@ -92,6 +102,19 @@ pub(crate) struct Params {
     /// Number of `sheets`, and the distance between the sheets of one, mm; 0 without speckle across the slice.
     pub(crate) sheet_families: u32,
     pub(crate) sheet_spacing_mm: f32,
+    /// Tissue outside all surfaces for paths that have left the body.
+    pub(crate) beyond: u32,
+    /// Thickness of the film of gel, mm; negative if everything is coupled.
+    pub(crate) film_mm: f32,
+    /// Amplitudes of white noise, clutter and reverberation; 0 if they are off.
+    pub(crate) noise: f32,
+    pub(crate) clutter: f32,
+    pub(crate) reverberation: f32,
+    /// Samples of a scanline in the table of clutter and reverberation.
+    pub(crate) near_samples: u32,
+    /// Seed of the noise of this frame.
+    pub(crate) noise_seed: u32,
+    pub(crate) padding: u32,
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
@@ -101,13 +124,16 @@ pub(crate) struct Params {
 impl Params {
     /// Uniforms of a frame with the effects `on`, without its pose and its batch of layers.
     pub(crate) fn new(
-        background: u32,
+        outside: Outside,
         probe: &Probe,
         settings: &RenderSettings,
         tables: &Tables,
         on: EffectSet,
     ) -> Self {
-        let image = &settings.image;
+        let (image, receiver) = (&settings.image, &settings.receiver);
+        let amplitude = |effect: Effect, value: f64| if on.has(effect) { value as f32 } else { 0.0 };
+        let level = |effect: Effect, db: f64| amplitude(effect, 10f64.powf(db / 20.0));
+        let contact = on.has(Effect::Contact);
         let several = settings.quality.rays * settings.quality.layers > 1;
         // With the aperture, a path that reflects needs another that passes.
         let guided = if on.has(Effect::Aperture) {
@@ -136,7 +162,7 @@ impl Params {
             reach_mm: 0.0,
             tgc_db_per_mm: (image.tgc_db_per_cm / 10.0) as f32,
             face_radius_mm: probe.face_radius_mm().map_or(-1.0, |r| r as f32),
-            background,
+            background: outside.background,
             row_samples: probe.samples.div_ceil(ROW_ALIGN) * ROW_ALIGN,
             hint_words: probe.samples.div_ceil(4 * HINT_BLOCK) + 1,
             map_depths: tables.map_depths,
@@ -147,10 +173,23 @@ impl Params {
             guides: if guided { probe.scanlines } else { 0 },
             sheet_families: 0,
             sheet_spacing_mm: tables.sheets.as_ref().map_or(0.0, |sheets| sheets.spacing_mm as f32),
+            beyond: if contact { outside.air } else { outside.background },
+            film_mm: if contact { settings.contact.gel_mm as f32 } else { -1.0 },
+            noise: amplitude(Effect::Noise, white_amplitude(receiver.noise_db, &tables.kernels.pulse)),
+            clutter: level(Effect::Clutter, receiver.clutter_db),
+            reverberation: level(Effect::Contact, receiver.reverberation_db),
+            near_samples: tables.near_field.as_ref().map_or(0, |near| near.samples),
+            noise_seed: 0,
+            padding: 0,
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
         }
+    }
+
+    /// Whether the receiver adds anything to the lines.
+    pub(crate) fn receives(&self) -> bool {
+        self.near_samples > 0 || self.noise > 0.0
     }
 
     /// Part of the beam's energy of each path that carries echoes.

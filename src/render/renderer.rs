@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::backend::Backend;
 use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
@@ -12,20 +14,22 @@ use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
+use super::receiver::noise_seed;
 use super::snapshot::Snapshot;
 use crate::anatomy::scene::SURFACES_MAX;
-use crate::anatomy::{Bvh, Scene};
+use crate::anatomy::{Bvh, Scene, Skin};
 use crate::pose::Pose;
 use crate::settings::RenderSettings;
 use crate::settings::SettingsGroup as _;
 use crate::settings::{Choice, Effect};
-use crate::transducer::{Probe, Sector};
+use crate::transducer::{Contact, Probe, Sector, touch};
 
 /// A frame that was submitted and not received.
 #[derive(Debug)]
 struct InFlight {
     /// Mask of the settings that it was submitted with.
     mask: Arc<[u8]>,
+    contact: Option<Contact>,
     started: Instant,
 }
 
@@ -35,10 +39,14 @@ pub struct Renderer {
     bvh: Arc<Bvh>,
     media: Media,
     active: Configuration,
+    /// Skin that the face touches, at rest; none before the effect `contact` is first simulated.
+    skin: Option<Skin>,
     maker: Box<dyn FrameMaker>,
     on_host: bool,
     /// Whether the next frames carry their image.
     image: bool,
+    /// Time of the scene, s.
+    time_s: f64,
     in_flight: VecDeque<InFlight>,
 }
 
@@ -105,7 +113,8 @@ impl Renderer {
         active.warn(None);
         maker.take_cold();
         let in_flight = VecDeque::with_capacity(FRAMES_IN_FLIGHT);
-        let mut renderer = Self { bvh, media, active, maker, on_host: backend.on_host(), image: true, in_flight };
+        let mut renderer = Self { bvh, media, active, skin: None, maker, on_host: backend.on_host(), image: true, time_s: 0.0, in_flight };
+        renderer.prepare_skin()?;
         renderer.warm_up(&[true, false])?;
         Ok(renderer)
     }
@@ -135,6 +144,7 @@ impl Renderer {
         next.warn(Some(&self.active));
         let rests = self.active.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);
         self.active = next;
+        self.prepare_skin()?;
         if rests && self.bvh.moves() {
             self.move_to(0.0);
         }
@@ -142,12 +152,23 @@ impl Renderer {
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
     }
 
+    /// Makes the skin that the face touches, if its effect is simulated for the first time.
+    fn prepare_skin(&mut self) -> Result<(), RenderError> {
+        if self.skin.is_some() || !self.active.effects.has(Effect::Contact) {
+            return Ok(());
+        }
+        let touched = |surface: u32| self.media.touched.get(surface as usize).copied().unwrap_or(false);
+        let triangles = self.bvh.triangles.iter().filter(|triangle| touched(triangle.surface));
+        self.skin = Some(Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?);
+        Ok(())
+    }
+
     /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at
     /// the first write; neither may delay a user's first frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
         let (maps, image) = (self.active.settings.maps, std::mem::replace(&mut self.image, true));
         // Looks away from the scene, as that takes the least time.
-        let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * glam::DVec3::Z;
+        let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * DVec3::Z;
         let away = Pose { position_mm: beside_mm, orientation: glam::DQuat::IDENTITY };
         let mut rendered = Ok(());
         for &with in with_maps {
@@ -178,7 +199,10 @@ impl Renderer {
     ///
     /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. A new renderer shows
     /// time 0, with everything at rest.
+    ///
+    /// Each time has its own noise of the receiver.
     pub fn set_time_s(&mut self, time_s: f64) {
+        self.time_s = time_s;
         if self.bvh.moves() && self.active.effects.has(Effect::Motion) {
             self.move_to(time_s);
         }
@@ -236,10 +260,19 @@ impl Renderer {
         self.receive(frame)
     }
 
-    /// Places the probe.
-    fn place(&mut self, pose: &Pose) {
+    /// Places the probe: on the skin, if it is within the tolerance. Returns its contact, if that is simulated.
+    fn place(&mut self, pose: &Pose) -> Option<Contact> {
         let active = &mut self.active;
-        active.params.set_pose(pose, &self.bvh, &active.probe);
+        let skin = self.skin.as_ref().filter(|_| active.effects.has(Effect::Contact));
+        // The whole scene drifts, its skin included.
+        let drift_mm = self.bvh.drift_mm();
+        let at_rest = Pose { position_mm: pose.position_mm - drift_mm, ..*pose };
+        let contact = skin.map(|skin| touch(skin, &active.probe, &at_rest, &active.settings.contact).1);
+        let shift_mm = contact.map_or(0.0, |contact| contact.shift_mm);
+        let placed = Pose { position_mm: pose.position_mm + shift_mm * pose.transform_vector(DVec3::Z), ..*pose };
+        active.params.set_pose(&placed, &self.bvh, &active.probe);
+        active.params.noise_seed = noise_seed(active.params.seed, self.time_s);
+        contact
     }
 
     /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received. The host makes it within this call.
@@ -251,13 +284,13 @@ impl Renderer {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();
-        self.place(pose);
+        let contact = self.place(pose);
         let settings = &self.active.settings;
         let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
         let contents = Contents { image: self.image || !maps || settings.lines, maps };
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active };
         self.maker.submit(inputs, contents)?;
-        self.in_flight.push_back(InFlight { mask: self.active.tables.mask.clone(), started });
+        self.in_flight.push_back(InFlight { mask: self.active.tables.mask.clone(), contact, started });
         Ok(())
     }
 
@@ -266,10 +299,11 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let InFlight { mask, contact, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);
+        frame.contact = contact;
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }

@@ -5,12 +5,13 @@ use glam::{DVec2, Vec3};
 use super::configuration::FrameInputs;
 use super::constants::{DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TISSUE_MASK};
 use super::frame::unpad;
-use super::twin::{Aperture, Boundary, Inputs, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission};
+use super::twin::{Aperture, Boundary, Inputs, Launched, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission};
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PassBuffers {
     pub(super) starts_inside: Vec<[u32; 8]>,
+    pub(super) couplings: Vec<f32>,
     pub(super) starts: Vec<f32>,
     pub(super) segments: Vec<[f32; 12]>,
     pub(super) echoes: Vec<[f32; 2]>,
@@ -31,7 +32,9 @@ pub(super) struct PassBuffers {
     /// Baseband before the interfaces echo.
     pub(super) scattered: Vec<[f32; 2]>,
     pub(super) baseband: Vec<[f32; 2]>,
+    /// Focused baseband before `receive` adds to it.
     pub(super) focused: Vec<[f32; 2]>,
+    pub(super) received: Vec<[f32; 2]>,
     pub(super) lines: Vec<[f32; 2]>,
     pub(super) polar: Vec<u32>,
     pub(super) entries: Vec<[f32; 4]>,
@@ -49,8 +52,8 @@ pub(super) struct PassBuffers {
 pub struct Snapshot {
     /// Inputs of the passes, except outputs of other passes.
     pub inputs: Inputs,
-    /// `locate`: surfaces that each path starts inside `[paths]`.
-    pub starts_inside: Vec<Membership>,
+    /// `locate`: surfaces that each path starts inside, and its coupling `[paths]`.
+    pub launches: Vec<Launched>,
     /// `trace`: paths `[paths]`.
     pub paths: Vec<Path>,
     /// `trace`: segment that holds the first sample of each block of `hint_block` [paths × blocks].
@@ -76,6 +79,8 @@ pub struct Snapshot {
     pub baseband: Vec<DVec2>,
     /// `lateral`: baseband after the beam.
     pub focused: Vec<DVec2>,
+    /// `receive`: the same with noise, clutter and reverberation.
+    pub received: Vec<DVec2>,
     /// `detect`: baseband after the pulse; empty unless the settings ask for lines.
     pub lines: Vec<DVec2>,
     /// `detect`: grey levels [scanlines × samples].
@@ -115,7 +120,7 @@ impl Snapshot {
         let raster = buffers.raster[..inputs.map_rays.len() * inputs.map_depths].iter().map(point);
         let sections = Sections { runs: runs.take(inputs.map_rays.len()).collect(), raster: raster.collect() };
         Self {
-            starts_inside: buffers.starts_inside.iter().copied().map(Membership).collect(),
+            launches: launches_from(&buffers),
             paths: (0..inputs.paths()).map(|path| path_from(&buffers, path)).collect(),
             hints: buffers.hints.iter().flat_map(|word| word.to_le_bytes()).collect(),
             hint_block: HINT_BLOCK as usize,
@@ -128,6 +133,7 @@ impl Snapshot {
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
+            received: complex(&buffers.received),
             // A device's buffer of lines is shorter if they are not wanted.
             lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },
             grey: polar.into_iter().map(|word| f64::from(word & 0xffff) / 257.0).collect(),
@@ -182,6 +188,11 @@ fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
 fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<[f64; 2]> {
     let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
     buffers.block_gains.iter().take(count).map(|gain| gain.map(f64::from)).collect()
+}
+
+fn launches_from(buffers: &PassBuffers) -> Vec<Launched> {
+    let starts = buffers.starts_inside.iter().zip(&buffers.couplings);
+    starts.map(|(&inside, &coupling)| Launched { inside: Membership(inside), coupling: coupling.into() }).collect()
 }
 
 fn path_from(buffers: &PassBuffers, path: usize) -> Path {

@@ -9,6 +9,7 @@ use super::aperture::ApertureTables;
 use super::constants::{ACROSS_BITS, DENSITY_ONE, HARD_SPEED, OUTSIDE, TILE_ROWS};
 use super::elevation::elevations;
 use super::kernels::Kernels;
+use super::receiver::NearField;
 use super::sheets::Sheets;
 use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
@@ -91,6 +92,8 @@ pub(crate) struct Tables {
     pub(crate) aperture: Option<ApertureTables>,
     /// Sheets of scatterers; none without the effect.
     pub(crate) sheets: Option<Sheets>,
+    /// Clutter and reverberation; none without either effect.
+    pub(crate) near_field: Option<NearField>,
     /// Packed place of each pixel [height × 4·row_words].
     pub(crate) pixels: Vec<u32>,
     /// Image indices of the words of four pixels that overlap the sector, tile by tile.
@@ -113,7 +116,10 @@ impl Tables {
         // Tile by tile: pixels near each other read the same part of the scanlines and of the maps.
         sector_words.sort_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
         let sheets = effects.has(Effect::ElevationalSpeckle).then(|| Sheets::new(probe));
+        let kernels = Kernels::new(probe, settings, sheets.as_ref());
+        let near = effects.has(Effect::Contact) || effects.has(Effect::Clutter);
         Self {
+            near_field: near.then(|| NearField::new(probe, &kernels.pulse)),
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
             map_ray_count,
@@ -121,7 +127,7 @@ impl Tables {
             map_step_mm,
             elevations: elevations(probe, settings.quality.rays, settings.quality.layers),
             tissues: tissues.iter().map(|t| PackedTissue::new(t, probe, effects)).collect(),
-            kernels: Kernels::new(probe, settings, sheets.as_ref()),
+            kernels,
             aperture: if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None },
             sheets,
             pixels,

@@ -42,6 +42,8 @@ effects! {
     Rays = "rays";
     /// Several elevational layers across the thickness of the slice; off: one.
     Layers = "layers";
+    /// A film of gel on the skin, and air beyond it: parts of the face without contact show the probe's reverberation.
+    Contact = "contact";
     /// Loss along the path, in the image and in its map.
     Attenuation = "attenuation";
     /// Attenuation proportional to a power of the frequency other than 1.
@@ -52,6 +54,10 @@ effects! {
     Scatterers = "scatterers";
     /// Speckle that changes gradually as the probe slides across its slice.
     ElevationalSpeckle = "elevational_speckle";
+    /// Clutter near the face.
+    Clutter = "clutter";
+    /// Noise of the receiver.
+    Noise = "noise";
     /// Relative motion of parts, and drift of the whole scene.
     Motion = "motion";
     /// Segmentation and attenuation beside the image; auto: if a sink or a generator reads them.
@@ -158,24 +164,24 @@ impl EffectChoices {
 
 /// A set of effects.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct EffectSet(u16);
+pub struct EffectSet(u32);
 
 impl EffectSet {
     /// Whether `effect` is in it.
     pub const fn has(self, effect: Effect) -> bool {
-        self.0 >> effect as u16 & 1 == 1
+        self.0 >> effect as u32 & 1 == 1
     }
 
     /// This set and `effect`.
     #[must_use]
     pub const fn and(self, effect: Effect) -> Self {
-        Self(self.0 | 1 << effect as u16)
+        Self(self.0 | 1 << effect as u32)
     }
 
     /// This set without `effect`.
     #[must_use]
     pub const fn without(self, effect: Effect) -> Self {
-        Self(self.0 & !(1 << effect as u16))
+        Self(self.0 & !(1 << effect as u32))
     }
 
     /// The effects in it, in their order.

@@ -6,6 +6,7 @@
 //! recorded settings and their replay, and the parts that a renderer rebuilds.
 
 mod apodization;
+mod contact;
 mod control;
 mod effect;
 mod group;
@@ -21,6 +22,7 @@ mod setting;
 mod uniform;
 
 pub use apodization::Apodization;
+pub use contact::{ContactSettings, ReceiverSettings};
 pub use control::{Assignment, Control};
 pub use effect::{Choice, Effect, EffectChoices, EffectSet};
 pub use group::SettingsGroup;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live_control::hidden;
-use super::{EffectChoices, ImageSettings, settings};
+use super::{ContactSettings, EffectChoices, ImageSettings, ReceiverSettings, settings};
 
 /// Greatest value of `quality.reflections_max`.
 pub const REFLECTIONS_MAX: u32 = 6;
@@ -54,6 +54,12 @@ settings! {
         /// Paths.
         #[serde(flatten)]
         quality: Quality,
+        /// Contact with the skin.
+        #[serde(skip)]
+        contact: ContactSettings,
+        /// What the receiver adds.
+        #[serde(skip)]
+        receiver: ReceiverSettings,
     }
     plain {
         /// Whether frames carry the complex baseband lines.

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::live::PresentedFrame;
+use crate::transducer::Contact;
 
 /// Fields of a frame's line. Times are ms since the session began.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -20,6 +21,8 @@ pub struct FrameLine<'a> {
     pub tracking: &'static str,
     /// `scene_from_probe` [x, y, z (mm), qw, qx, qy, qz]; none without a picture.
     pub pose: Option<[f64; 7]>,
+    /// Contact of the face with the skin; none if everything is coupled.
+    pub contact: Option<Contact>,
     /// First byte of the record that the pose comes from.
     pub first_byte_ms: Option<f64>,
     /// Pose sampled.
@@ -51,6 +54,7 @@ impl<'a> FrameLine<'a> {
             source: frame.source.name(),
             tracking: frame.info.estimate.state.name(),
             pose: frame.info.pose().map(|pose| pose.components()),
+            contact: frame.info.contact,
             first_byte_ms: times.first_byte.map(ms),
             sampled_ms: ms(times.sampled),
             submitted_ms: ms(times.submitted),

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::pose::Pose;
 use crate::render::{Effect, EffectPlan, Frame, FrameTimes};
 use crate::settings::{ImageSettings, Probe, Quality, RenderSettings};
-use crate::transducer::Sector;
+use crate::transducer::{Contact, Sector};
 
 /// Inputs of a frame: pose, quality, image, probe, device. The station file holds scene and tissues.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -22,6 +22,8 @@ pub struct FrameRecord {
     pub image: ImageRecord,
     /// Probe.
     pub probe: Probe,
+    /// Contact of the face with the skin; none if everything is coupled.
+    pub contact: Option<Contact>,
     /// The 98th percentile that the attenuation map was divided by.
     pub attenuation_p98: f32,
     /// Crossings and interactions that did not fit the buffers; 0 in a sound frame.
@@ -95,6 +97,7 @@ impl FrameRecord {
                 settings: settings.image,
             },
             probe: *probe,
+            contact: frame.contact,
             attenuation_p98: frame.attenuation_p98,
             overflows: frame.overflows,
             times: frame.times.clone(),

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use crate::pose::{Estimate, Pose};
 use crate::settings::LiveSettings;
+use crate::transducer::Contact;
 
 use super::SinkError;
 
@@ -57,6 +58,8 @@ pub struct FrameInfo {
     pub timeline: FrameTimeline,
     /// Settings that it is rendered with.
     pub settings: LiveSettings,
+    /// Contact of the face with the skin; none if everything is coupled, and without a picture.
+    pub contact: Option<Contact>,
 }
 
 impl FrameInfo {

@@ -16,8 +16,8 @@ use crate::generator::{self, Provider};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
 use crate::settings::{
-    ChoiceSettings, Effect, ImageSettings, PipelineSettings, Probe, ProbeKind, Quality, RenderSettings, Setting,
-    SettingsGroup as _,
+    ChoiceSettings, ContactSettings, Effect, ImageSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings,
+    RenderSettings, Setting, SettingsGroup as _,
 };
 use crate::sink::{LiveSinkKind, browser, openigtlink};
 use crate::tracker::{BAUD_RANGE, mock};
@@ -171,7 +171,9 @@ pub fn keys() -> &'static [KeyDoc] {
         };
         add(SCENE, &[]);
         add(PROBE, &[ProbeKind::settings(), Probe::settings()]);
+        add(&[], &[ContactSettings::settings()]);
         add(&[], &[ImageSettings::settings()]);
+        add(&[], &[ReceiverSettings::settings()]);
         add(QUALITY, &[Quality::settings(), RenderSettings::settings()]);
         add(RENDER, &[]);
         add(&Effect::ALL.map(KeyDoc::from), &[]);

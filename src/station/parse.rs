@@ -32,6 +32,8 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let probe = probe(&section(&mut root, "probe")?)?;
     let quality_values = section(&mut root, "quality")?;
     let mut settings = super::quality::settings(&section(&mut root, "image")?, &quality_values)?;
+    settings.contact = group(&mut root, "contact")?;
+    settings.receiver = group(&mut root, "receiver")?;
     let quality_budget_ms = quality_values.number("budget_ms");
     let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);

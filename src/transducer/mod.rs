@@ -1,9 +1,11 @@
 //! Probe geometry, scanlines, beam and pulse. The probe's settings are in [`settings`](crate::settings).
 
+pub(crate) mod contact;
 mod housing;
 mod probe;
 mod sector;
 
+pub use contact::{Contact, touch};
 pub use housing::housing;
 pub use sector::Sector;
 

@@ -8,7 +8,7 @@ use glam::DVec2;
 use insonify::render::Snapshot;
 use insonify::render::twin::{self, Path, Segment};
 
-pub(crate) const PASSES: [&str; 13] = [
+pub(crate) const PASSES: [&str; 14] = [
     "locate",
     "trace",
     "transmission",
@@ -18,6 +18,7 @@ pub(crate) const PASSES: [&str; 13] = [
     "march",
     "echo",
     "lateral",
+    "receive",
     "detect",
     "section",
     "percentile",
@@ -91,6 +92,7 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
         "march" => march(s),
         "echo" => echo(s),
         "lateral" => lateral(s),
+        "receive" => receive(s),
         "detect" => detect(s),
         "section" => section(s),
         "percentile" => percentile(s),
@@ -101,14 +103,15 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
 
 fn locate(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("locate", "surfaces", 0.005);
-    for (device, twin) in s.starts_inside.iter().zip(twin::locate(&s.inputs)) {
-        tally.add(if *device == twin { 0.0 } else { f64::NAN });
+    for (device, twin) in s.launches.iter().zip(twin::locate(&s.inputs)) {
+        let coupling = (device.coupling - twin.coupling).abs() / 1.0e-3;
+        tally.add(if device.inside == twin.inside { coupling } else { f64::NAN });
     }
     tally.finish()
 }
 
 fn trace(s: &Snapshot) -> Result<(), Mismatch> {
-    let twins = twin::trace(&s.inputs, &s.starts_inside);
+    let twins = twin::trace(&s.inputs, &s.launches);
     // A different decision at an edge, a facet or a roulette gives a different path from there on.
     let mut tally = Tally::new("trace", "paths", 0.01);
     for (device, twin) in s.paths.iter().zip(&twins) {
@@ -289,8 +292,14 @@ fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
     tally.finish()
 }
 
+fn receive(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut tally = Tally::new("receive", "received baseband", 0.0);
+    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.focused), 1.0e-5);
+    tally.finish()
+}
+
 fn detect(s: &Snapshot) -> Result<(), Mismatch> {
-    let twin = twin::detect(&s.inputs, &s.focused);
+    let twin = twin::detect(&s.inputs, &s.received);
     let mut tally = Tally::new("detect", "lines", 0.0);
     add_rows(&mut tally, s, &s.lines, &twin.lines, 1.0e-5);
     tally.finish()?;

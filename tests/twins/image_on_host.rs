@@ -67,7 +67,7 @@ fn at_another_value_of_each_image_setting_host_device_and_twin_agree() {
 #[test]
 fn a_damaged_pass_of_the_host_is_caught() {
     type Damage = fn(&mut ImageConstants);
-    let damages: [(&str, &str, Damage); 12] = [
+    let damages: [(&str, &str, Damage); 13] = [
         ("cells of another size", "march", |c| c.cell_mm = 0.151),
         ("a sheet of scatterers too few", "march", |c| c.sheets_to_a_side = 0.5),
         ("obstacles hardly lose anything", "transmission", |c| c.loss_max_np = 0.1),
@@ -76,6 +76,7 @@ fn a_damaged_pass_of_the_host_is_caught() {
         ("beams are never brighter than half", "visibility", |c| c.visible_max_np = -0.7),
         ("an interface is left out", "echo", |c| c.first_interface = 2),
         ("the beam without its flanks", "lateral", |c| c.least_weight = 0.05),
+        ("the receiver adds too little", "receive", |c| c.added = 0.9),
         ("decibels of power as of amplitude", "detect", |c| c.db_a_doubling *= 2.0),
         ("two-way attenuation in the map", "section", |c| c.one_way = 1.0),
         ("another percentile", "percentile", |c| c.brightest_part = 0.05),

@@ -118,6 +118,7 @@ const DAMAGES: [Damages; 4] = [
             "kernels[kernel + min(tap, half)]",
             "kernels[kernel + min(tap + 1, half)]",
         ),
+        ("all of the face shows its reverberation", "receive", "(1.0 - exp(0.5 * ln_passed))", "1.0"),
         ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *"),
         ("priority ignored", "section", "firstLeadingBit(inside[word])", "firstTrailingBit(inside[word])"),
         ("another percentile", "percentile", "BRIGHTEST_PART: f32 = 0.02", "BRIGHTEST_PART: f32 = 0.05"),
@@ -149,7 +150,7 @@ const DAMAGES: [Damages; 4] = [
         ("nearest sample", "scan_convert", "fract(sample)", "0.0"),
     ],
     &[
-        ("crossings beyond the face count", "locate", "-params.reach_mm, 0.0", "-params.reach_mm, params.depth_mm"),
+        ("crossings beyond the face count", "locate", "crossing_count = behind;", "crossing_count = found;"),
         ("sound speed ignored in travel time", "trace", "let passed_mm = t / path_per_range", "let passed_mm = t"),
         ("reflected paths pass", "transmission", "return reflected_np +", "return 0.0 * reflected_np +"),
         ("no end of the array", "propagate", "face[cell] * wave", "wave"),

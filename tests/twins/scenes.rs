@@ -12,6 +12,7 @@ use insonify::pose::Pose;
 use insonify::render::{
     Backend, BackendChoice, Frame, ImageSettings, Quality, RenderSettings, Renderer, ShaderSet, Snapshot, TestHooks,
 };
+use insonify::settings::ReceiverSettings;
 use insonify::transducer::{Probe, ProbeKind};
 
 /// A device, software included.
@@ -144,7 +145,27 @@ pub(crate) fn cases() -> Vec<Case> {
             pose: pose([0.2, 0.1, 0.3], [-9.0, 4.0, 50.0]),
         },
         nested(),
+        lifted(),
     ]
+}
+
+/// A face on skin, tilted so that one end is in air, with noise and clutter; paths leave the body beside and below.
+pub(crate) fn lifted() -> Case {
+    let body = vec![
+        part("skin", "skin", 1, cuboid(at(-14.03, -20.1, 0.04), at(40.1, 20.1, 60.0))),
+        part("fat", "fat", 2, cuboid(at(-13.0, -19.0, 2.03), at(39.0, 19.0, 40.06))),
+        part("liver", "liver", 3, sphere(at(4.0, 1.0, 25.0), 10.0, 3)),
+    ];
+    let base = settings((2, 2), 200);
+    let image = ImageSettings { gain_db: 40.0, ..base.image };
+    let receiver = ReceiverSettings { noise_db: -110.0, clutter_db: -50.0, reverberation_db: -40.0 };
+    Case {
+        name: "lifted, convex, 2 × 2",
+        scene: scene(body, "gel"),
+        probe: probe(ProbeKind::Convex { radius_mm: 30.0, fov_deg: 60.0 }, 80.0, 33, 512),
+        settings: RenderSettings { image, receiver, ..base },
+        pose: pose([0.3, 0.7, -1.1], [5.0, 2.0, 24.0]),
+    }
 }
 
 /// A case as the device rendered it.

@@ -158,6 +158,13 @@ impl Bvh {
         Ok(bvh)
     }
 
+    /// Corners of a triangle in the scene, mm.
+    pub(crate) fn corners_mm(&self, triangle: &PackedTriangle) -> [Vec3; 3] {
+        let centre_mm = self.centre_mm.as_vec3();
+        let corner = Vec3::from(triangle.corner) + centre_mm;
+        [corner, corner + Vec3::from(triangle.edge1), corner + Vec3::from(triangle.edge2)]
+    }
+
     /// Displacement of each triangle from its rest position `[x, y, z, 0]`, mm, in leaf order; empty for static scenes.
     pub fn displacements(&self) -> &[[f32; 4]] {
         self.moving.as_ref().map_or(&[], |moving| moving.displacements.as_slice())

@@ -27,6 +27,7 @@ use crate::acoustics::pulse::FWHM_PER_SIGMA;
 use crate::anatomy::planes::{Caliper, CaliperKind, StandardPlane, View};
 use crate::anatomy::{Mesh, Skin};
 use crate::pose::{Pose, TimedPose, angle_between};
+use crate::settings::ContactSettings;
 use crate::tracker::recording::{CaliperEvent, Event};
 use crate::transducer::{Probe, Sector};
 
@@ -41,6 +42,8 @@ pub struct Reference<'a> {
     pub skin: Option<&'a Skin>,
     /// Surfaces named by the calipers; calipers of missing surfaces are not measured.
     pub surfaces: &'a BTreeMap<String, Mesh>,
+    /// Gel and tolerance of the station.
+    pub contact: &'a ContactSettings,
     /// Probe.
     pub probe: &'a Probe,
     /// Image depth at each pose, mm; the probe's own for poses beyond the list.
@@ -70,6 +73,8 @@ pub struct Score {
     pub mean_speed_mm_s: f64,
     /// Share of poses with the probe on the skin, 0..=1.
     pub contact: f64,
+    /// Mean part of the face in contact while the probe is on the skin, 0..=1.
+    pub face_contact: f64,
     /// Scores of the planes.
     pub planes: Vec<PlaneScore>,
     /// Calipers placed in the session itself.
@@ -172,13 +177,16 @@ pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -
     let duration_s = track.time_s.last().copied().unwrap_or(0.0);
     let path_mm = path.last().copied().unwrap_or(0.0);
     let mean = |sum: f64, count: usize| if count > 0 { sum / count as f64 } else { 0.0 };
+    let touching: Vec<f64> =
+        track.face.iter().zip(&track.contact).filter(|(_, contact)| **contact).map(|(part, _)| *part).collect();
     let score = Score {
         points: mean(planes.iter().map(|p| p.points).sum(), planes.len()),
         found: planes.iter().filter(|p| p.found).count(),
         duration_s,
         path_mm,
         mean_speed_mm_s: if duration_s > 0.0 { path_mm / duration_s } else { 0.0 },
-        contact: mean(track.contact.iter().filter(|c| **c).count() as f64, track.contact.len()),
+        contact: mean(touching.len() as f64, track.contact.len()),
+        face_contact: mean(touching.iter().sum(), touching.len()),
         planes,
         calipers,
         calipers_refused,

@@ -7,15 +7,16 @@ use super::{HOLD_S, Reference};
 use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::pose::TimedPose;
+use crate::transducer::touch;
 
 /// Longest time between two poses of one hold, s; a longer one is a gap.
 const GAP_S: f64 = 0.25;
 
-/// Largest gap between face and skin that gel fills, mm (assumed).
-const GEL_MM: f64 = 1.0;
-
 /// Largest depth of the face below the skin, mm (assumed); a deeper face counts as without contact.
 const PRESS_MOST_MM: f64 = 25.0;
+
+/// Part of the face above which the probe counts as on the skin (assumed).
+const CONTACT_MIN: f64 = 0.1;
 
 /// Bin of the means between which paths are measured, s; it suppresses tremor.
 const PATH_STEP_S: f64 = 0.1;
@@ -29,6 +30,8 @@ pub struct Track {
     pub position_mm: Vec<[f64; 3]>,
     /// True while the probe is on the skin.
     pub contact: Vec<bool>,
+    /// Part of the face in contact, 0..=1.
+    pub face: Vec<f64>,
     /// Deviation of each plane's nearest view, in the order of the reference.
     pub offsets: Vec<Vec<Offset>>,
 }
@@ -37,10 +40,13 @@ impl Track {
     /// Positions, contact and offsets at each pose.
     pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
         let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
-        let on_skin = |p: &TimedPose| match reference.skin {
-            Some(skin) => skin.press_mm(&p.pose).is_some_and(|mm| (-GEL_MM..=PRESS_MOST_MM).contains(&mm)),
-            None => true,
+        let part = |(index, p): (usize, &TimedPose)| {
+            let Some(skin) = reference.skin else { return 1.0 };
+            let (_, contact) = touch(skin, &reference.probe_at(index), &p.pose, reference.contact);
+            let too_deep = contact.press_mm.is_some_and(|mm| mm > PRESS_MOST_MM);
+            if too_deep { 0.0 } else { contact.part }
         };
+        let face: Vec<f64> = poses.iter().enumerate().map(part).collect();
         // A plane without a view has no deviation; loading rejects such planes.
         let offsets = |plane: &&StandardPlane| {
             let nearest = |(index, p): (usize, &TimedPose)| {
@@ -51,7 +57,8 @@ impl Track {
         Self {
             time_s: poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect(),
             position_mm: poses.iter().map(|p| p.pose.position_mm.to_array()).collect(),
-            contact: poses.iter().map(on_skin).collect(),
+            contact: face.iter().map(|&part| part > CONTACT_MIN).collect(),
+            face,
             offsets: reference.planes.iter().map(offsets).collect(),
         }
     }
@@ -140,7 +147,7 @@ mod tests {
         // 20 mm/s along x, with a transverse tremor of 10 Hz and 0.5 mm.
         let position_mm =
             time_s.iter().map(|t| [20.0 * t, 0.5 * (std::f64::consts::TAU * 10.0 * t).sin(), 0.0]).collect();
-        let track = Track { contact: vec![true; 600], offsets: Vec::new(), time_s, position_mm };
+        let track = Track { contact: vec![true; 600], face: vec![1.0; 600], offsets: Vec::new(), time_s, position_mm };
         let way = *path_mm(&track).last().unwrap();
         assert!((way - 198.0).abs() < 2.0, "{way}");
     }

@@ -28,6 +28,7 @@ use crate::render::{FRAMES_IN_FLIGHT, Frame, QualityPoint};
 use crate::settings::LiveSettings;
 use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted};
 use crate::sink::pool::Pool;
+use crate::transducer::Contact;
 
 /// Buffers for rendered frames: in the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
@@ -90,6 +91,8 @@ pub(super) struct RenderStage {
     poses: PoseSampler,
     /// Number of the next frame.
     number: u64,
+    /// Whether the face was coupled in the last frame that knew it.
+    coupled: Option<bool>,
 }
 
 impl RenderStage {
@@ -106,6 +109,7 @@ impl RenderStage {
             scratch: Frame::default(),
             poses: PoseSampler::new(poses, parts.events.clone()),
             number: 0,
+            coupled: None,
             parts,
         }
     }
@@ -203,7 +207,7 @@ impl RenderStage {
         span.record("sampled_ms", ms(now));
         first_byte.map(|time| span.record("first_byte_ms", ms(time)));
         let timeline = FrameTimeline { first_byte, sampled: now, submitted: now, ..FrameTimeline::default() };
-        FrameInfo { number, estimate, timeline, settings }
+        FrameInfo { number, estimate, timeline, settings, contact: None }
     }
 
     /// Waits for the oldest frame in flight and hands it to the next stages.
@@ -243,9 +247,24 @@ impl RenderStage {
             quality.frame(now.as_secs_f64(), point, 1e3 * took.as_secs_f64());
         }
         match rendered {
-            Some(rendered) => self.hand_on(rendered),
+            Some(rendered) => {
+                self.report_contact(rendered.info.contact);
+                self.hand_on(rendered);
+            }
             None => count(&self.parts.metrics.frames_held),
         }
+    }
+
+    /// Reports that the probe has left the skin, or touches it.
+    fn report_contact(&mut self, contact: Option<Contact>) {
+        let Some(contact) = contact else { return };
+        if self.coupled.replace(contact.coupled()) == Some(contact.coupled()) {
+            return;
+        }
+        self.parts.events.info(&match contact.coupled() {
+            true => format!("contact: {:.0} % of the face", 100.0 * contact.part),
+            false => "contact: none".to_owned(),
+        });
     }
 
     /// Hands on a black frame without a pose.
@@ -290,7 +309,8 @@ impl RenderStage {
 
 fn describe(rendered: &mut Rendered, info: FrameInfo, maps: bool, parts: &RenderParts, shape: ImageShape) {
     let timeline = FrameTimeline { rendered: parts.clock.now(), ..info.timeline };
-    rendered.info = FrameInfo { timeline, ..info };
+    let contact = rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner).contact;
+    rendered.info = FrameInfo { timeline, contact, ..info };
     rendered.deadline = timeline.sampled.saturating_add(parts.budget);
     (rendered.shape, rendered.maps) = (shape, maps);
 }

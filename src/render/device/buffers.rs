@@ -54,6 +54,8 @@ pub(crate) struct Buffers {
     pixels: wgpu::Buffer,
     sector_words: wgpu::Buffer,
     pub(crate) starts_inside: wgpu::Buffer,
+    pub(crate) couplings: wgpu::Buffer,
+    near_field: wgpu::Buffer,
     pub(crate) overflows: wgpu::Buffer,
     pub(crate) starts: wgpu::Buffer,
     pub(crate) segments: wgpu::Buffer,
@@ -90,6 +92,7 @@ impl Buffers {
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let pixels = u64::from(params.row_words * 4) * u64::from(params.image.height);
         let sector_pixels = tables.sector_words.len() as u64 * 16;
+        let near_field = tables.near_field.as_ref().map_or(&[][..], |near| &near.values);
         type Of = fn(&Buffers) -> &wgpu::Buffer;
         let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();
         let work = |label: &'static str, size: u64, of: Of| match taken(of, size.max(16)) {
@@ -114,6 +117,8 @@ impl Buffers {
             pixels: work("pixels", sector_pixels, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: work("start membership", paths * 32, |b| &b.starts_inside)?,
+            couplings: work("couplings", paths * 4, |b| &b.couplings)?,
+            near_field: filled("near field", near_field, |b| &b.near_field)?,
             overflows: work("overflows", 16, |b| &b.overflows)?,
             starts: work("segment starts", paths * u64::from(STARTS) * 4, |b| &b.starts)?,
             segments: work("segments", paths * u64::from(SEGMENTS) * 48, |b| &b.segments)?,
@@ -158,6 +163,7 @@ impl Buffers {
         padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
         let reach = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
         padded(&self.sheet_reach, bytemuck::cast_slice(reach));
+        write(&self.near_field, bytemuck::cast_slice(tables.near_field.as_ref().map_or(&[][..], |near| &near.values)));
         write(&self.pixels, bytemuck::cast_slice(&sector_pixels));
         write(&self.sector_words, bytemuck::cast_slice(&tables.sector_words));
         self.aperture.fill(gpu, tables);
@@ -188,6 +194,7 @@ impl Buffers {
                 (&self.rays, read),
                 (&self.starts_inside, write),
                 (&self.overflows, write),
+                (&self.couplings, write),
             ],
             "trace" => vec![
                 (&scene.nodes, read),
@@ -203,6 +210,7 @@ impl Buffers {
                 (&self.segment_counts, write),
                 (&self.hints, write),
                 (&scene.displacements, read),
+                (&self.couplings, read),
             ],
             "march" => vec![
                 (&self.starts, read),
@@ -264,6 +272,12 @@ impl Buffers {
                 (&self.baseband, read),
                 (&self.focused, write),
                 (&self.aperture.block_gains, read),
+            ],
+            "receive" => vec![
+                (&self.starts, read),
+                (&self.segments, read),
+                (&self.near_field, read),
+                (&self.focused, write),
             ],
             "detect" => {
                 vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]

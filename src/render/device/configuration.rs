@@ -19,6 +19,8 @@ pub(super) struct DeviceConfiguration {
     /// Index in `path_passes`, and batch, of each dispatch before `image_passes`.
     path_order: Vec<(usize, u32)>,
     pub(super) image_passes: Vec<Pass>,
+    /// Batch of `image_passes`: the last, whose paths are in memory.
+    pub(super) last_batch: u32,
     /// Last of `image_passes` for frames without maps.
     scan_convert_image: Pass,
     pub(super) slots: [Arc<Slot>; FRAMES_IN_FLIGHT],
@@ -79,13 +81,17 @@ impl DeviceConfiguration {
         }
         let path_order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let path_passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
-        let image_passes = vec![
-            pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &aperture)?,
+        let mut image_passes =
+            vec![pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &aperture)?];
+        if params.receives() {
+            image_passes.push(pass("receive", samples_by(2), &[])?);
+        }
+        image_passes.extend([
             pass("detect", samples_by(8), &keep)?,
             pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
             pass("percentile", [1, 1, 1], &[])?,
             pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
-        ];
+        ]);
         let scan_convert_image = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
 
         let of_paths = path_order.iter().map(|&(pass, _)| &path_passes[pass]);
@@ -102,7 +108,8 @@ impl DeviceConfiguration {
             Some(previous) if *previous.slots[0].shape() == shape => previous.slots.clone(),
             _ => [Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)],
         };
-        Ok(Self { buffers, path_passes, path_order, image_passes, scan_convert_image, slots })
+        let last_batch = batches.batches - 1;
+        Ok(Self { buffers, path_passes, path_order, image_passes, last_batch, scan_convert_image, slots })
     }
 
     /// Passes of the paths and their batches, in order.

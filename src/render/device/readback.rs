@@ -37,8 +37,19 @@ pub(crate) struct Shape {
 /// Passes that a frame without maps leaves out.
 const MAP_PASSES: [&str; 2] = ["section", "percentile"];
 /// Passes that a frame without its image leaves out.
-const IMAGE_PASSES: [&str; 10] =
-    ["locate", "trace", "transmission", "propagate", "beams", "visibility", "march", "echo", "lateral", "detect"];
+const IMAGE_PASSES: [&str; 11] = [
+    "locate",
+    "trace",
+    "transmission",
+    "propagate",
+    "beams",
+    "visibility",
+    "march",
+    "echo",
+    "lateral",
+    "receive",
+    "detect",
+];
 
 /// Whether a frame of these contents needs the pass of that name.
 pub(super) fn takes(contents: Contents, pass: &str) -> bool {

@@ -159,7 +159,7 @@ impl FrameMaker for DeviceRenderer {
         if contents.image {
             self.active.path_passes().for_each(|(pass, batch)| record(pass, batch));
         }
-        self.active.image_passes(contents).for_each(|pass| record(pass, 0));
+        self.active.image_passes(contents).for_each(|pass| record(pass, self.active.last_batch));
         slot.record(&mut encoder, &self.active.buffers, contents);
         let submission = self.gpu.queue.submit([encoder.finish()]);
         slot.map(&self.map_done);

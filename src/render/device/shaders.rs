@@ -26,7 +26,7 @@ macro_rules! pass {
 }
 
 /// Name and source of each pass.
-pub(super) const PASSES: [(&str, &str); 13] = [
+pub(super) const PASSES: [(&str, &str); 14] = [
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
     pass!("transmission", "aperture", "loss"),
@@ -36,6 +36,7 @@ pub(super) const PASSES: [(&str, &str); 13] = [
     pass!("march", "hash", "lattice", "phasor", "speckle", "aperture", "loss", "line_gain"),
     pass!("echo", "phasor", "aperture", "loss", "line_gain"),
     pass!("lateral"),
+    pass!("receive", "hash", "lattice", "loss"),
     pass!("detect"),
     pass!("section", "tissue", "bvh", "surfaces", "collect"),
     pass!("percentile"),
@@ -76,7 +77,7 @@ fn preamble() -> String {
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
             CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP NEIGHBOUR_GAIN_MAX
-            TRANSMISSION_MIN DENSITY_ONE LEAST_POWER;
+            TRANSMISSION_MIN DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM GAP_PART LN_UNCOUPLED COUPLED_MIN VISIBLE_MIN_NP;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(

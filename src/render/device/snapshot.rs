@@ -47,7 +47,7 @@ pub(super) fn pass_buffers(
     params: &Params,
 ) -> Result<PassBuffers, BackendError> {
     let buffers = &active.buffers;
-    let passes = || active.path_passes().chain(active.image_passes.iter().map(|pass| (pass, 0)));
+    let passes = || active.path_passes().chain(active.image_passes.iter().map(|pass| (pass, active.last_batch)));
     // Echoes are added in place, so the scatterers' baseband is read before `echo`.
     let scatters = passes().take_while(|(pass, _)| !["echo", "lateral"].contains(&pass.name)).count();
     let record = |encoder: &mut wgpu::CommandEncoder, (pass, batch): (&Pass, u32)| {
@@ -59,7 +59,13 @@ pub(super) fn pass_buffers(
     gpu.queue.submit([encoder.finish()]);
     let scattered = read(gpu, &buffers.baseband)?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    passes().skip(scatters).for_each(|pass| record(&mut encoder, pass));
+    // The receiver adds in place, too.
+    let focuses = passes().take_while(|(pass, _)| !["receive", "detect"].contains(&pass.name)).count();
+    passes().take(focuses).skip(scatters).for_each(|pass| record(&mut encoder, pass));
+    gpu.queue.submit([encoder.finish()]);
+    let focused = read(gpu, &buffers.focused)?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    passes().skip(focuses).for_each(|pass| record(&mut encoder, pass));
     gpu.queue.submit([encoder.finish()]);
     Ok(PassBuffers {
         scattered,
@@ -70,7 +76,9 @@ pub(super) fn pass_buffers(
         segment_counts: read(gpu, &buffers.segment_counts)?,
         hints: read(gpu, &buffers.hints)?,
         baseband: read(gpu, &buffers.baseband)?,
-        focused: read(gpu, &buffers.focused)?,
+        focused,
+        received: read(gpu, &buffers.focused)?,
+        couplings: read(gpu, &buffers.couplings)?,
         lines: read(gpu, &buffers.lines)?,
         polar: read(gpu, &buffers.polar)?,
         entries: read(gpu, &buffers.entries)?,

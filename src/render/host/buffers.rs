@@ -74,6 +74,7 @@ impl Buffers {
         let passes = PassBuffers {
             segments: zeros("segments", paths * u64::from(SEGMENTS))?,
             starts_inside: zeros("start membership", paths)?,
+            couplings: zeros("couplings", paths)?,
             starts: zeros("segment starts", paths * u64::from(STARTS))?,
             echoes: zeros("interface echoes", paths * u64::from(SEGMENTS))?,
             hints: zeros("segment hints", paths * u64::from(params.hint_words))?,
@@ -120,6 +121,7 @@ pub(super) fn path_outputs(passes: &mut PassBuffers, paths: usize) -> PathOutput
         starts: &mut passes.starts,
         echoes: &mut passes.echoes,
         starts_inside: &mut passes.starts_inside,
+        couplings: &mut passes.couplings,
         hints: &mut passes.hints,
         segment_counts: &mut passes.segment_counts,
     };

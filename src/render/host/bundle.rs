@@ -17,7 +17,8 @@ pub(super) struct Bundle {
     packet: Packet,
     visits: Visits,
     covered: [Covered; RAYS],
-    behind: [[Crossing; CROSSINGS_BEHIND]; RAYS],
+    /// Crossings behind the face, and just before it.
+    near: [[Crossing; CROSSINGS_BEHIND]; RAYS],
     place: Place,
     batch: InterfaceBatch,
     /// Path and boundary of each arrival.
@@ -46,7 +47,7 @@ impl Bundle {
             packet: Packet::new(),
             visits: Visits::new(),
             covered: [Covered::new(); RAYS],
-            behind: [[Crossing::default(); CROSSINGS_BEHIND]; RAYS],
+            near: [[Crossing::default(); CROSSINGS_BEHIND]; RAYS],
             place: Place::new(),
             batch: InterfaceBatch::new(),
             boundaries: [(0, Boundary::default()); RAYS],
@@ -57,16 +58,16 @@ impl Bundle {
     /// Follows up to [`Bundle::PATHS`] paths into the first records. Returns the number of crossings lost.
     #[inline(always)]
     pub(super) fn follow(&mut self, scene: &Scene<'_>, paths: impl ExactSizeIterator<Item = usize>) -> u32 {
-        let Self { records, states, packet, visits, behind, forks, .. } = self;
+        let Self { records, states, packet, visits, near, forks, .. } = self;
         let count = paths.len().min(RAYS);
         packet.clear();
         for (lane, (state, path)) in states[..count].iter_mut().zip(paths).enumerate() {
             *state = scene.begin(path);
-            packet.set(lane, Ray::new(state.origin, state.direction), -scene.back_mm(), 0.0);
+            packet.set(lane, Ray::new(state.origin, state.direction), -scene.back_mm(), scene.film_reach_mm(state));
         }
-        let (found, lost) = collect(&scene.tree, packet, visits, behind.each_mut().map(|lane| &mut lane[..]));
+        let (found, lost) = collect(&scene.tree, packet, visits, near.each_mut().map(|lane| &mut lane[..]));
         for (lane, (state, record)) in states[..count].iter_mut().zip(records.iter_mut()).enumerate() {
-            scene.locate(state, &mut behind[lane][..found[lane]], record);
+            scene.locate(state, &mut near[lane][..found[lane]], record);
         }
         forks.fill(None);
         lost + self.go_on(scene, count)

@@ -22,7 +22,13 @@ pub(super) const TRACKED_NP: f32 = shared::TRACKED_NP as f32;
 pub(super) const EVEN_NP: f32 = shared::EVEN_NP as f32;
 pub(super) const SPREAD_NP: f32 = shared::SPREAD_NP as f32;
 pub(super) const VISIBLE_MIN: f32 = shared::VISIBLE_MIN as f32;
+pub(super) const VISIBLE_MIN_NP: f32 = shared::VISIBLE_MIN_NP as f32;
 pub(super) const NEIGHBOUR_GAIN_MAX: f32 = shared::NEIGHBOUR_GAIN_MAX as f32;
+pub(super) const GAP_NP_MM: f32 = shared::GAP_NP_MM as f32;
+pub(super) const GAP_MAX_MM: f32 = shared::GAP_MAX_MM as f32;
+pub(super) const GAP_PART: f32 = shared::GAP_PART as f32;
+pub(super) const LN_UNCOUPLED: f32 = shared::LN_UNCOUPLED as f32;
+pub(super) const COUPLED_MIN: f32 = shared::COUPLED_MIN as f32;
 pub(super) const CONTRAST_MIN_NP_MM: f32 = shared::CONTRAST_MIN_NP_MM as f32;
 
 /// Defines a set of constants: fields that a test may change with the feature `test-hooks`, compile-time constants
@@ -96,6 +102,8 @@ changeable! {
         visible_max_np: f32 = shared::VISIBLE_MAX_NP as f32;
         /// `lateral`: least weight of the beam that counts; smaller ones are denormal.
         least_weight: f32 = f32::MIN_POSITIVE;
+        /// `receive`: factor of what is added.
+        added: f32 = 1.0;
         /// `detect`: decibels of a doubling of power.
         db_a_doubling: f32 = shared::DB_A_DOUBLING as f32;
         /// `section`: one-way part of the two-way attenuation.

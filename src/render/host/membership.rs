@@ -1,6 +1,7 @@
 //! Surfaces that a point is inside, as in `shaders/shared/surfaces.wgsl`.
 
-use super::constants::TOUCH_MM;
+use super::constants::{GAP_MAX_MM, GAP_NP_MM, TOUCH_MM};
+use super::wide::exp;
 use super::traverse::Crossing;
 use crate::anatomy::bvh::PackedTriangle;
 
@@ -12,6 +13,26 @@ pub(super) type Inside = [u32; 8];
 pub(super) fn highest(inside: &Inside) -> Option<u32> {
     let word = (0..8).rev().find(|&word| inside[word] != 0)?;
     Some(32 * word as u32 + inside[word].ilog2())
+}
+
+/// Coupling of a ray that leaves the face at `face_depth_mm` below the face's apex and goes `down` mm deeper per mm: its
+/// amplitude, one way, 0..=1. Inside a surface it is 1; else the `ahead` crossings decide, nearest first.
+#[inline(always)]
+pub(super) fn coupling(film_mm: f32, face_depth_mm: f32, down: f32, inside: &Inside, ahead: &[Crossing]) -> f32 {
+    if film_mm < 0.0 || highest(inside).is_some() {
+        return 1.0;
+    }
+    let gap_mm = ahead.first().map_or(f32::MAX, |first| (face_depth_mm + down * first.t - film_mm).max(0.0));
+    if gap_mm >= GAP_MAX_MM {
+        return 0.0;
+    }
+    exp(-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm))
+}
+
+/// Farthest crossing ahead that may couple such a ray, mm.
+#[inline(always)]
+pub(super) fn film_reach_mm(film_mm: f32, face_depth_mm: f32, down: f32) -> f32 {
+    if film_mm < 0.0 { 0.0 } else { ((film_mm + GAP_MAX_MM - face_depth_mm) / down.max(0.1)).max(0.0) }
 }
 
 /// Tissue of the medium, with [`MOVES`](crate::render::constants::MOVES) if its surface moves.

@@ -30,6 +30,7 @@ mod percentile;
 mod power;
 mod processor;
 mod propagate;
+mod receive;
 mod renderer;
 mod scan_convert;
 mod search;

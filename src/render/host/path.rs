@@ -2,11 +2,12 @@
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
-use super::constants::{BEYOND_MM, LN_GIVEN_UP, LN_SILENT, TOUCH_MM, TraceConstants};
+use super::constants::{BEYOND_MM, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, TOUCH_MM, TraceConstants};
 use super::depart::Rules;
 use super::effects::PathEffects;
+use super::interface::ln;
 use super::interface_batch::{Arrival, Departure};
-use super::membership::{Inside, cross, cross_until, highest, medium_word};
+use super::membership::{Inside, coupling, cross, cross_until, film_reach_mm, highest, medium_word};
 use super::path_state::PathState;
 use super::search::Covered;
 use super::traverse::{Crossing, Nearest, Ray, Stack, Tree, by_distance, collect};
@@ -57,6 +58,8 @@ pub(super) struct Boundary {
 pub(super) struct PathRecord {
     /// Surfaces that it starts inside.
     pub(super) starts_inside: [u32; 8],
+    /// Amplitude, one way, that the face passes into the body, 0..=1.
+    pub(super) coupling: f32,
     pub(super) starts: [f32; STARTS as usize],
     pub(super) segments: [[f32; 12]; SEGMENTS as usize],
     pub(super) echoes: [[f32; 2]; SEGMENTS as usize],
@@ -77,6 +80,7 @@ impl PathRecord {
     pub(super) fn new() -> Self {
         Self {
             starts_inside: [0; 8],
+            coupling: 1.0,
             starts: [0.0; STARTS as usize],
             segments: [[0.0; 12]; SEGMENTS as usize],
             echoes: [[0.0; 2]; SEGMENTS as usize],
@@ -122,8 +126,10 @@ impl Scene<'_> {
         (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
-    fn medium_word(&self, inside: &Inside) -> u32 {
-        medium_word(self.surface_words, self.params.background, inside)
+    /// Tissue of the medium; outside all surfaces the background, or air if the path has been in the body.
+    fn medium_word(&self, entered: bool, inside: &Inside) -> u32 {
+        let outside = if entered { self.params.beyond } else { self.params.background };
+        medium_word(self.surface_words, outside, inside)
     }
 
     /// Parameters of departures.
@@ -161,6 +167,7 @@ impl Scene<'_> {
             layer: if guide { 0 } else { layer as u32 },
             guide,
             stretch,
+            face_depth_mm: self.rays[2 * ray][2],
             origin,
             direction,
             in_phase,
@@ -176,15 +183,37 @@ impl Scene<'_> {
         self.params.reach_mm * self.constants.reach()
     }
 
-    /// Finds the surfaces that the path starts inside, from the crossings `behind` its first ray. Writes its first
-    /// segment.
+    /// Distance ahead of a path's start that is searched for skin, mm.
     #[inline(always)]
-    pub(super) fn locate(&self, state: &mut PathState, behind: &mut [Crossing], record: &mut PathRecord) {
-        behind.sort_unstable_by(by_distance);
+    pub(super) fn film_reach_mm(&self, state: &PathState) -> f32 {
+        film_reach_mm(self.params.film_mm, state.face_depth_mm, self.down(state))
+    }
+
+    /// Depth below the face that a path gains per mm.
+    #[inline(always)]
+    fn down(&self, state: &PathState) -> f32 {
+        state.direction.dot(self.params.scene_vector(Vec3::Z))
+    }
+
+    /// Finds the surfaces that the path starts inside, and its coupling, from the crossings `near` its start. Writes its
+    /// first segment.
+    #[inline(always)]
+    pub(super) fn locate(&self, state: &mut PathState, near: &mut [Crossing], record: &mut PathRecord) {
+        near.sort_unstable_by(by_distance);
+        let (behind, ahead) = near.split_at(near.partition_point(|crossing| crossing.t <= 0.0));
         cross_until(self.tree.triangles, behind, f32::INFINITY, &mut state.inside);
         record.starts_inside = state.inside;
+        record.coupling =
+            coupling(self.params.film_mm, state.face_depth_mm, self.down(state), &state.inside, ahead);
         record.count = 0;
-        state.here = self.medium_word(&state.inside) & TISSUE_MASK;
+        state.entered = highest(&state.inside).is_some();
+        state.here = self.medium_word(state.entered, &state.inside) & TISSUE_MASK;
+        if record.coupling < 1.0 {
+            // Where nothing is coupled the path ends in the film: its scanline shows nothing of the body.
+            state.open = record.coupling > 0.0;
+            state.ln_amplitude = 2.0 * if state.open { ln(record.coupling).max(LN_UNCOUPLED) } else { LN_UNCOUPLED };
+            state.ln_passed = state.ln_amplitude;
+        }
         self.segment(state, record);
     }
 
@@ -289,7 +318,8 @@ impl Scene<'_> {
         let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
         let before = state.inside;
         cross(self.tree.triangles, here, &mut state.inside);
-        let there = self.medium_word(&state.inside);
+        state.entered = state.entered || highest(&state.inside).is_some();
+        let there = self.medium_word(state.entered, &state.inside);
         state.origin += state.direction * t;
         let passed_mm = t / self.path_per_range(state);
         state.range_mm += passed_mm;

@@ -14,6 +14,8 @@ pub(super) struct PathOutputs<'a> {
     pub(super) echoes: &'a mut [[f32; 2]],
     /// [paths]
     pub(super) starts_inside: &'a mut [[u32; 8]],
+    /// [paths]
+    pub(super) couplings: &'a mut [f32],
     /// [paths × hint words]
     pub(super) hints: &'a mut [u32],
     /// [paths]
@@ -37,6 +39,7 @@ impl PathOutputs<'_> {
         let (starts, starts_rest) = self.starts.split_at_mut(paths * STARTS as usize);
         let (echoes, echoes_rest) = self.echoes.split_at_mut(paths * SEGMENTS as usize);
         let (starts_inside, starts_inside_rest) = self.starts_inside.split_at_mut(paths);
+        let (couplings, couplings_rest) = self.couplings.split_at_mut(paths);
         let (hints, hints_rest) = self.hints.split_at_mut(paths * hint_words);
         let (segment_counts, segment_counts_rest) = self.segment_counts.split_at_mut(paths);
         let rest = Self {
@@ -44,10 +47,11 @@ impl PathOutputs<'_> {
             starts: starts_rest,
             echoes: echoes_rest,
             starts_inside: starts_inside_rest,
+            couplings: couplings_rest,
             hints: hints_rest,
             segment_counts: segment_counts_rest,
         };
-        (Self { segments, starts, echoes, starts_inside, hints, segment_counts }, rest)
+        (Self { segments, starts, echoes, starts_inside, couplings, hints, segment_counts }, rest)
     }
 
     /// Writes the `i`-th path.
@@ -58,6 +62,7 @@ impl PathOutputs<'_> {
         self.starts[i * STARTS as usize..][..=count].copy_from_slice(&record.starts[..=count]);
         self.echoes[i * SEGMENTS as usize..][..count].copy_from_slice(&record.echoes[..count]);
         self.starts_inside[i] = record.starts_inside;
+        self.couplings[i] = record.coupling;
         self.hints[i * hint_words..][..hint_words].copy_from_slice(&record.hints[..hint_words]);
         self.segment_counts[i] = record.count;
     }

@@ -13,9 +13,13 @@ pub(super) struct PathState {
     pub(super) guide: bool,
     /// Length per mm of depth in its layer.
     pub(super) stretch: f32,
+    /// Depth of its start below the apex of the face, mm; negative on a convex face.
+    pub(super) face_depth_mm: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) inside: Inside,
+    /// Whether it has been inside a surface.
+    pub(super) entered: bool,
     // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
     pub(super) in_phase: f32,
     pub(super) in_power: f32,

@@ -18,6 +18,7 @@ use super::path;
 use super::paths::Paths;
 use super::percentile::percentile;
 use super::propagate::{first_plane, propagate};
+use super::receive::receive;
 use super::scan_convert::{Image, Maps, scan_convert};
 use super::section::{self, Section, section};
 use super::trace::{Follow, fastest, trace};
@@ -47,6 +48,15 @@ pub(in crate::render) struct HostRenderer {
     made: VecDeque<Frame>,
     /// Memory of received frames.
     spare: Vec<Frame>,
+}
+
+/// Outputs of passes that later ones overwrite.
+#[derive(Debug, Default)]
+struct Intermediate {
+    /// Baseband before the interfaces' echoes are added.
+    scattered: Vec<[f32; 2]>,
+    /// Focused baseband before the receiver adds to it.
+    focused: Vec<[f32; 2]>,
 }
 
 /// Stopwatch for consecutive passes.
@@ -79,13 +89,13 @@ impl HostRenderer {
         Ok(Self { nodes, trace, image, follow: fastest(), buffers, made, spare })
     }
 
-    /// Makes a frame that holds `contents`. `scattered` takes the baseband before the interfaces' echoes are added.
+    /// Makes a frame that holds `contents`; `kept` takes what later passes overwrite.
     fn render(
         &mut self,
         inputs: FrameInputs<'_>,
         contents: Contents,
         frame: &mut Frame,
-        scattered: Option<&mut Vec<[f32; 2]>>,
+        mut kept: Option<&mut Intermediate>,
     ) {
         frame.times.passes.clear();
         let mut laps = Laps { last: Instant::now(), times: &mut frame.times };
@@ -93,12 +103,23 @@ impl HostRenderer {
         let (params, tables) = (&inputs.configuration.params, &inputs.configuration.tables);
         frame.overflows = 0;
         if image {
-            frame.overflows = self.follow_paths(inputs, &mut laps, scattered);
+            frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut().map(|kept| &mut kept.scattered));
             let (kernels, constants) = (&tables.kernels, self.image);
             let Buffers { passes: b, gain, .. } = &mut self.buffers;
             let beam = LateralBeam { constants, kernels: &kernels.lateral, gains: &b.block_gains };
             lateral(params, beam, &b.baseband, &mut b.focused);
             laps.note("lateral");
+            if let Some(kept) = kept {
+                kept.focused.clone_from(&b.focused);
+            }
+            if params.receives() {
+                let batches = inputs.configuration.batches;
+                let last = batches.params(batches.batches - 1, params);
+                let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
+                let near = tables.near_field.as_ref().map_or(&[][..], |near| &near.values);
+                receive(&last, constants, paths, near, &mut b.focused);
+                laps.note("receive");
+            }
             detect(params, constants, &kernels.pulse, gain, &b.focused, &mut b.polar, &mut b.lines);
             laps.note("detect");
         }
@@ -292,10 +313,14 @@ impl FrameMaker for HostRenderer {
     }
 
     fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
-        let (mut frame, mut scattered) = (Frame::default(), Vec::new());
-        self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut scattered));
+        let (mut frame, mut kept) = (Frame::default(), Intermediate::default());
+        self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut kept));
+        let Intermediate { scattered, focused } = kept;
+        let received = self.buffers.passes.focused.clone();
         Ok(PassBuffers {
             scattered,
+            focused,
+            received,
             bmode: frame.bmode,
             segmentation: frame.segmentation,
             attenuation: frame.attenuation,

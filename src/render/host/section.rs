@@ -3,9 +3,9 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::constants::TOUCH_MM;
+use super::constants::{COUPLED_MIN, TOUCH_MM};
 use super::lanes::RAYS;
-use super::membership::{Inside, cross, medium_word};
+use super::membership::{Inside, coupling, cross, highest, medium_word};
 use super::packet::{Packet, Visits};
 use super::search::collect;
 use super::traverse::{Crossing, Ray, Tree, by_distance};
@@ -26,6 +26,15 @@ pub(crate) struct Scene<'a> {
     pub(crate) map_rays: &'a [[f32; 4]],
     /// One-way attenuation of each tissue, nepers/mm.
     pub(crate) rates_np_mm: &'a [f32; 256],
+}
+
+impl Scene<'_> {
+    /// Depth of a ray's start below the apex of the face (mm), and the depth that it gains per mm.
+    fn start_of(&self, ray: usize) -> [f32; 2] {
+        let [_, _, depth_mm, _] = self.map_rays[2 * ray];
+        let [x, y, z, _] = self.map_rays[2 * ray + 1];
+        [depth_mm, z / Vec3::new(x, y, z).length()]
+    }
 }
 
 /// Media along the map rays.
@@ -54,7 +63,8 @@ pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -
         let parts = entries.chunks_exact_mut(ENTRIES as usize).zip(counts).zip(raster.chunks_exact_mut(depths));
         for (lane, ((entries, count), raster)) in parts.take(follower.rays).enumerate() {
             let mut runs = Runs { entries, count: 0, lost: 0 };
-            divide(params, &scene, &mut follower.found[lane][..follower.counts[lane]], &mut runs);
+            let start = scene.start_of(first + lane);
+            divide(params, &scene, start, &mut follower.found[lane][..follower.counts[lane]], &mut runs);
             *count = runs.count as u32;
             lost += runs.lost;
             rasterise(params, &runs.entries[..runs.count], raster);
@@ -103,24 +113,30 @@ fn follow_body(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut 
     (follower.counts, follower.lost) = collect(&scene.tree, &packet, &mut Visits::new(), into);
 }
 
-/// Divides a ray into runs at its crossings.
-fn divide(params: &Params, scene: &Scene<'_>, found: &mut [Crossing], runs: &mut Runs<'_>) {
+/// Divides a ray into runs at its crossings; one that is not coupled is all air.
+fn divide(params: &Params, scene: &Scene<'_>, [depth_mm, down]: [f32; 2], found: &mut [Crossing], runs: &mut Runs<'_>) {
     found.sort_unstable_by(by_distance);
     let mut ahead = found;
     let mut inside = [0u32; 8];
-    let mut begun = false;
+    let (mut begun, mut entered) = (false, false);
     loop {
         let t = ahead.first().map(|crossing| crossing.t);
         // The first run begins at the face.
         if !begun && t.is_none_or(|t| t > 0.0) {
             begun = true;
-            runs.begin(scene, 0.0, medium(params, scene, &inside));
+            entered = highest(&inside).is_some();
+            if coupling(params.film_mm, depth_mm, down, &inside, ahead) < COUPLED_MIN {
+                runs.begin(scene, 0.0, params.beyond);
+                return;
+            }
+            runs.begin(scene, 0.0, medium(params, scene, entered, &inside));
         }
         let Some(t) = t else { break };
         let (place, rest) = ahead.split_at_mut(ahead.partition_point(|crossing| crossing.t <= t + TOUCH_MM));
         cross(scene.tree.triangles, place, &mut inside);
         if begun {
-            runs.begin(scene, t, medium(params, scene, &inside));
+            entered = entered || highest(&inside).is_some();
+            runs.begin(scene, t, medium(params, scene, entered, &inside));
         }
         ahead = rest;
     }
@@ -147,9 +163,10 @@ impl Runs<'_> {
     }
 }
 
-/// Tissue of the highest surface the point is inside, else the background.
-fn medium(params: &Params, scene: &Scene<'_>, inside: &Inside) -> u32 {
-    medium_word(scene.surface_words, params.background, inside) & TISSUE_MASK
+/// Tissue of the highest surface the point is inside; else the background, or air if the ray has been in the body.
+fn medium(params: &Params, scene: &Scene<'_>, entered: bool, inside: &Inside) -> u32 {
+    let outside = if entered { params.beyond } else { params.background };
+    medium_word(scene.surface_words, outside, inside) & TISSUE_MASK
 }
 
 widened! {

@@ -283,7 +283,7 @@ fn offset(bits: u32, shift: u32) -> f32 {
 
 /// A complex number of mean 0 and mean square 1: each part is a sum of four nibbles.
 #[inline(always)]
-fn deviate(bits: u32) -> [f32; 2] {
+pub(super) fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
     // No sum of four reaches the next byte.
     let sums = pairs.wrapping_add(pairs >> 8);

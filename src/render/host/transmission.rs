@@ -87,7 +87,7 @@ fn add_column(
 
 impl Paths<'_> {
     /// Losses of a path at the boundaries of the intervals, one-way nepers; from its first reflection on, they rise as
-    /// those of its scanline's guide.
+    /// those of its scanline's guide. What the face does not couple is lost in the first interval.
     fn losses(&self, params: &Params, tables: &ApertureTables, layer: u32, line_ray: u32, losses: &mut Boundaries) {
         let (starts, segments) = self.of((layer * params.scanlines * params.rays + line_ray) as usize);
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
@@ -97,7 +97,7 @@ impl Paths<'_> {
                 at += 1;
             }
             if !diverted(&segments[at]) {
-                losses[boundary] = loss_np(&segments[at], range_of(boundary));
+                losses[boundary] = if boundary == 0 { 0.0 } else { loss_np(&segments[at], range_of(boundary)) };
                 continue;
             }
             let (reflected_mm, reflected_np) = (starts[at], -0.5 * segments[at][11]);

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN};
+use super::constants::{GAP_PART, ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 use super::interface::ln;
 use super::line_gain::{Boundary, LineGain};
 use super::paths::{Paths, range_mm};
@@ -83,7 +83,8 @@ fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), ro
     // Place within the interval of the last loss, 0..=1.
     let mut last = 0.5;
     let (mut at, mut shared_np) = (0, 0.0);
-    row[0] = [-0.5, loss_np(&segments[0], 0.0), 0.0, 0.0];
+    let uncoupled_np = loss_np(&segments[0], 0.0);
+    row[0] = [-0.5, uncoupled_np, at_least(-2.0 * uncoupled_np, VISIBLE_MIN_NP), 0.0];
     for (interval, &row_np) in row_np.iter().enumerate() {
         let (from, to) = (interval as f32 * plane_mm, (interval + 1) as f32 * plane_mm);
         let begins_np = row[interval][1];
@@ -118,6 +119,7 @@ fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), ro
 /// Fills in the gains, interpolated between the beams.
 #[inline(always)]
 fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers: &[f32], row: &mut [Boundary]) {
+    let gap_np = 2.0 * GAP_PART * row[0][1];
     for (plane, boundary) in row[1..].iter_mut().enumerate() {
         let nodes = tables.sampling.nodes_at(plane);
         let at = tables.line_cells[line] / tables.sampling.node_cells_at(plane) as f32;
@@ -128,6 +130,6 @@ fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers
         let root = |node: usize| at_least(powers[node], VISIBLE_MIN).sqrt().sqrt();
         let part = node - low as f32;
         let between = root(low) * (1.0 - part) + root(low + 1) * part;
-        boundary[2] = at_most(2.0 * ln(between), constants.visible_max_np());
+        boundary[2] = at_most(2.0 * ln(between), constants.visible_max_np()) - gap_np;
     }
 }

@@ -31,12 +31,24 @@ pub(crate) struct SceneFacts {
     pub(super) moving: Vec<String>,
     /// Whether the whole scene drifts.
     pub(super) drifts: bool,
+    /// Whether a surface is skin, so that the scene is a body in air.
+    pub(super) skin: bool,
+    /// The air around a body.
+    air: Option<Medium>,
 }
+
+/// Name of the tissue around a body.
+pub(crate) const AIR: &str = "air";
+/// Name of the tissue that makes a scene a body.
+pub(crate) const SKIN: &str = "skin";
 
 impl SceneFacts {
     pub(crate) fn new(scene: &Scene) -> Self {
         let there = || scene.surfaces.iter().filter(|s| !s.mesh.triangles.is_empty());
         let mut indices: Vec<usize> = there().map(|s| s.tissue).chain([scene.background]).collect();
+        let skin = there().any(|s| scene.tissues.index_of(SKIN) == Some(s.tissue));
+        let air = scene.tissues.index_of(AIR);
+        indices.extend(air.filter(|_| skin));
         indices.sort_unstable();
         indices.dedup();
         let (names, tissues) = (scene.tissues.names(), scene.tissues.tissues());
@@ -45,7 +57,16 @@ impl SceneFacts {
             media: indices.into_iter().filter_map(medium).collect(),
             moving: there().map(|s| &s.name).filter(|name| scene.motion.moves(name)).cloned().collect(),
             drifts: scene.motion.drift.is_some(),
+            skin,
+            air: air.and_then(medium),
         }
+    }
+
+    /// The same scene in air.
+    pub(super) fn in_air(&self) -> Self {
+        let mut facts = self.clone();
+        facts.media.extend(self.air.clone().filter(|air| !self.media.contains(air)));
+        facts
     }
 
     /// Every two media.

@@ -3,6 +3,7 @@
 //! An effect is left out only if the change of a frame has a small bound in every pose of the probe: see [`Bound`].
 
 mod bound;
+mod contact;
 mod facts;
 mod loss;
 mod rules;
@@ -13,7 +14,7 @@ use std::fmt;
 use serde::Serialize;
 
 pub use bound::{Bound, GREY_ALLOWED};
-pub(crate) use facts::SceneFacts;
+pub(crate) use facts::{AIR, SKIN, SceneFacts};
 
 use crate::anatomy::Scene;
 use crate::settings::RenderSettings;
@@ -60,6 +61,9 @@ impl EffectPlan {
     }
 
     pub(crate) fn of(facts: &SceneFacts, probe: &Probe, settings: &RenderSettings) -> Self {
+        // Air is a medium that paths may meet wherever contact is simulated.
+        let in_air = (settings.effects.of(Effect::Contact) == Choice::On && !facts.skin).then(|| facts.in_air());
+        let facts = in_air.as_ref().unwrap_or(facts);
         let mut rules = Rules { facts, probe, settings, on: EffectSet::default() };
         let decide = |effect| {
             let found = rules.of(effect);

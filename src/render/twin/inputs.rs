@@ -165,6 +165,22 @@ pub struct Inputs {
     pub media: Vec<Medium>,
     /// Index of the tissue outside of all surfaces.
     pub background: usize,
+    /// The same for rays that have been in the body.
+    pub beyond: usize,
+    /// Thickness of the film of gel, mm; none if everything is coupled.
+    pub film_mm: Option<f64>,
+    /// Samples of a scanline in `near_field`.
+    pub near_samples: usize,
+    /// Reverberation and clutter of each sample near the face [scanlines × near_samples].
+    pub near_field: Vec<[DVec2; 2]>,
+    /// Amplitude of the white noise.
+    pub noise: f64,
+    /// Amplitude of the clutter.
+    pub clutter: f64,
+    /// Amplitude of the reverberation.
+    pub reverberation: f64,
+    /// Seed of the noise.
+    pub noise_seed: u32,
     /// Families of sheets that hold the scatterers; none: the lattice's cells hold them.
     pub sheets: Vec<SheetFamily>,
     /// Distance between the sheets of a family, mm.
@@ -225,6 +241,9 @@ impl Inputs {
             share: f.share.into(),
             salt: f.salt,
         };
+        let pair = |[a, b, c, d]: &[f32; 4]| {
+            [DVec2::new((*a).into(), (*b).into()), DVec2::new((*c).into(), (*d).into())]
+        };
         let stride = 4 * params.row_words as usize;
         let place = |&word: &u32| {
             let [across, depth] = unpack_place(word)?;
@@ -261,6 +280,14 @@ impl Inputs {
             surface_moves: surface_words.iter().map(|&w| w & MOVES != 0).collect(),
             media: tables.tissues.iter().map(Medium::from).collect(),
             background: params.background as usize,
+            beyond: params.beyond as usize,
+            film_mm: (params.film_mm >= 0.0).then_some(params.film_mm.into()),
+            near_samples: params.near_samples as usize,
+            near_field: tables.near_field.as_ref().map_or_else(Vec::new, |near| near.values.iter().map(pair).collect()),
+            noise: params.noise.into(),
+            clutter: params.clutter.into(),
+            reverberation: params.reverberation.into(),
+            noise_seed: params.noise_seed,
             sheets: params.sheets[..params.sheet_families as usize].iter().map(family).collect(),
             sheet_spacing_mm: params.sheet_spacing_mm.into(),
             sheets_per_reach_mm: tables.sheets.as_ref().map_or_else(Vec::new, |sheets| wide(&sheets.per_reach_mm)),

@@ -5,8 +5,8 @@
 //! then the guides. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
-//! locate → trace → transmission → propagate → beams → visibility → march → echo → lateral → detect ┐
-//!                                                                             section → percentile ┴→ scan_convert
+//! locate → trace → transmission → propagate → beams → visibility → march → echo → lateral → receive → detect ┐
+//!                                                                                       section → percentile ┴→ scan_convert
 //! ```
 
 mod aperture;
@@ -21,6 +21,7 @@ mod locate;
 mod march;
 mod percentile;
 mod propagate;
+mod receive;
 mod scan_convert;
 mod section;
 mod speckle;
@@ -35,10 +36,11 @@ pub use detect::{Detected, detect};
 pub use echo::echo;
 pub use inputs::{Elevation, Inputs, Medium, Ray, SheetFamily, Triangle};
 pub use lateral::lateral;
-pub use locate::locate;
+pub use locate::{Launched, locate};
 pub use march::march;
 pub use percentile::percentile;
 pub use propagate::propagate;
+pub use receive::receive;
 pub use scan_convert::{Maps, scan_convert};
 pub use section::{RasterPoint, Run, Sections, section};
 pub use surfaces::Membership;
@@ -59,7 +61,8 @@ pub fn frame(inputs: &Inputs) -> Maps {
     echo(inputs, &paths, &gains, &mut baseband);
     let of_blocks =
         inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &paths, &gains)).unwrap_or_default();
-    let detected = detect(inputs, &lateral(inputs, &of_blocks, &baseband));
+    let received = receive(inputs, &paths, &lateral(inputs, &of_blocks, &baseband));
+    let detected = detect(inputs, &received);
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);
     scan_convert(inputs, &detected.grey, &sections.raster, percentile_np)

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::inputs::Inputs;
+use super::locate::coupling;
 use super::surfaces::{Membership, crossings, places};
-use crate::render::constants::ONE_WAY;
+use crate::render::constants::{COUPLED_MIN, ONE_WAY};
 
 /// A stretch of one medium on a map ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,7 +38,8 @@ pub struct Sections {
     pub raster: Vec<RasterPoint>,
 }
 
-/// The media along every map ray. Rays are straight: maps show the anatomy in the image plane, without refraction.
+/// The media along every map ray. Rays are straight: maps show the anatomy in the image plane, without refraction. A ray
+/// whose part of the face is not coupled is all air.
 pub fn section(inputs: &Inputs) -> Sections {
     let runs: Vec<Vec<Run>> = (0..inputs.map_rays.len()).into_par_iter().map(|ray| runs_of(inputs, ray)).collect();
     let depths = || (0..inputs.map_depths).map(|i| i as f64 * inputs.map_step_mm);
@@ -56,18 +58,20 @@ fn runs_of(inputs: &Inputs, ray: usize) -> Vec<Run> {
             runs.push(Run { start_mm, sum_np, rate_np_mm: ONE_WAY * inputs.media[tissue].attenuation_np_mm, tissue });
         }
     };
-    for place in places(&crossings(inputs, &ray, -inputs.reach_mm, inputs.depth_mm)) {
-        let t_mm = place[0].t_mm;
-        if t_mm > 0.0 && runs.is_empty() {
-            begin(&mut runs, 0.0, inside.medium(inputs));
-        }
-        inside.cross(place);
-        if t_mm > 0.0 {
-            begin(&mut runs, t_mm, inside.medium(inputs));
-        }
+    let found = crossings(inputs, &ray, -inputs.reach_mm, inputs.depth_mm);
+    let all: Vec<_> = places(&found).collect();
+    let (behind, ahead) = all.split_at(all.partition_point(|place| place[0].t_mm <= 0.0));
+    behind.iter().for_each(|place| inside.cross(place));
+    if coupling(inputs, &ray, &inside, ahead.first().map(|place| &place[0])) < COUPLED_MIN {
+        begin(&mut runs, 0.0, inputs.beyond);
+        return runs;
     }
-    if runs.is_empty() {
-        begin(&mut runs, 0.0, inside.medium(inputs));
+    let mut entered = inside.highest().is_some();
+    begin(&mut runs, 0.0, inside.medium(inputs, entered));
+    for place in ahead {
+        inside.cross(place);
+        entered |= inside.highest().is_some();
+        begin(&mut runs, place[0].t_mm, inside.medium(inputs, entered));
     }
     runs
 }

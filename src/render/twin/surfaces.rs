@@ -25,9 +25,11 @@ impl Membership {
         (0..256).rev().find(|s| self.0[(s >> 5) as usize] >> (s & 31) & 1 == 1)
     }
 
-    /// Index of the tissue at the point: the highest surface's, else the background.
-    pub fn medium(&self, inputs: &Inputs) -> usize {
-        self.highest().map_or(inputs.background, |s| inputs.surface_tissue[s as usize])
+    /// Index of the tissue at the point: the highest surface's; else the background, or air for a ray that has
+    /// `entered` the body.
+    pub fn medium(&self, inputs: &Inputs, entered: bool) -> usize {
+        let outside = if entered { inputs.beyond } else { inputs.background };
+        self.highest().map_or(outside, |s| inputs.surface_tissue[s as usize])
     }
 
     /// Applies all crossings of `place`. A surface that is entered and left there is a crease or a silhouette: its

@@ -4,12 +4,13 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::inputs::{Inputs, Medium, Ray};
+use super::locate::Launched;
 use super::surfaces::{Crossing, Membership, crossings, places};
 use super::{hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
 use crate::render::constants::{
     APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, CELLS_OF_A_BEAM, DIFFUSE,
-    DIFFUSE_HALF_ROUGHNESS2, FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED,
+    DIFFUSE_HALF_ROUGHNESS2, FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED,
     SEGMENTS, SURFACE_SALT, TOUCH_MM,
 };
 
@@ -72,12 +73,12 @@ pub fn segment_at(path: &Path, range_mm: f64) -> usize {
     path.segments.partition_point(|segment| segment.start_mm <= range_mm).saturating_sub(1)
 }
 
-/// Follows every path through the scene, from the surfaces it starts inside `[paths]`.
+/// Follows every path through the scene, from its start `[paths]`.
 ///
 /// At a change of medium, the interface returns an echo. The path then reflects with probability R, else it is
 /// refracted (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
-pub fn trace(inputs: &Inputs, starts_inside: &[Membership]) -> Vec<Path> {
-    (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, starts_inside[path]).run()).collect()
+pub fn trace(inputs: &Inputs, launches: &[Launched]) -> Vec<Path> {
+    (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, launches[path]).run()).collect()
 }
 
 /// State of a path while it is traced.
@@ -90,6 +91,10 @@ struct Tracer<'a> {
     /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
     guide: bool,
     inside: Membership,
+    /// Whether anything of the face is coupled; if not, the path ends in the film.
+    coupled: bool,
+    /// Whether it has been inside a surface.
+    entered: bool,
     ray: Ray,
     range_mm: f64,
     /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
@@ -115,7 +120,8 @@ struct Meeting<'a> {
 }
 
 impl<'a> Tracer<'a> {
-    fn new(inputs: &'a Inputs, path: usize, inside: Membership) -> Self {
+    fn new(inputs: &'a Inputs, path: usize, Launched { inside, coupling }: Launched) -> Self {
+        let ln_coupling = 2.0 * coupling.ln().max(LN_UNCOUPLED);
         Self {
             inputs,
             line_ray: path % inputs.rays.len(),
@@ -123,12 +129,14 @@ impl<'a> Tracer<'a> {
             stretch: inputs.elevation_of(path).stretch,
             guide: path >= inputs.sounding(),
             inside,
+            coupled: coupling > 0.0,
+            entered: inside.highest().is_some(),
             ray: inputs.launch(path),
             range_mm: 0.0,
             behind_mm: 0.0,
-            ln_amplitude: 0.0,
+            ln_amplitude: ln_coupling,
             ln_scatter: 0.0,
-            ln_passed: 0.0,
+            ln_passed: ln_coupling,
             diverted: false,
             bounce: 0,
             carried_mm: DVec3::ZERO,
@@ -138,10 +146,10 @@ impl<'a> Tracer<'a> {
     fn run(mut self) -> Path {
         let media = &self.inputs.media;
         let mut path = Path::default();
-        let mut here = self.inside.medium(self.inputs);
+        let mut here = self.inside.medium(self.inputs, self.entered);
         let (mut echo, mut echo_range_mm) = (0.0, 0.0);
         let (mut crossed, mut reflections) = (0, 0);
-        let mut open = true;
+        let mut open = self.coupled;
         loop {
             // The last record takes each further segment: what lies between counts as the medium before.
             path.segments.truncate(SEGMENTS as usize - 1);
@@ -285,7 +293,8 @@ impl<'a> Tracer<'a> {
             let before = self.inside;
             self.inside.cross(place);
             gone_mm = t_mm;
-            let there = self.inside.medium(self.inputs);
+            self.entered = self.entered || self.inside.highest().is_some();
+            let there = self.inside.medium(self.inputs, self.entered);
             if there != here {
                 // The interface is the first in the scene of the highest surface's triangles.
                 let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));

@@ -53,7 +53,11 @@ fn transmitted(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize
 }
 
 /// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the guide.
+/// What the face does not couple is lost in the first interval.
 fn loss_np(path: &Path, guide: &Path, range_mm: f64) -> f64 {
+    if range_mm == 0.0 {
+        return 0.0;
+    }
     let reflection = path.segments.iter().find(|segment| segment.diverted);
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
         None => passed_np(path, range_mm),

@@ -4,7 +4,7 @@ use super::aperture::Aperture;
 use super::inputs::Inputs;
 use super::trace::{Path, segment_at};
 use super::transmission::passed_np;
-use crate::render::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN};
+use crate::render::constants::{EVEN_NP, GAP_PART, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 
 /// Numbers of a scanline at a boundary of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,7 +44,10 @@ pub fn visibility(
         let guide = &paths[inputs.guide_of(line)];
         let boundaries = places(aperture, guide, row_np);
         let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
-            Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
+            Some(plane) => {
+                let gap_np = 2.0 * GAP_PART * passed_np(guide, 0.0);
+                Boundary { gain_np: gain(aperture, line, plane, powers) - gap_np, ..boundary }
+            }
             None => boundary,
         };
         boundaries.into_iter().enumerate().map(gained).collect::<Vec<_>>()
@@ -54,7 +57,9 @@ pub fn visibility(
 
 /// Places and losses of a scanline.
 fn places(aperture: &Aperture, guide: &Path, row_np: &[f64]) -> Vec<Boundary> {
-    let start = Boundary { place: -0.5, loss_np: passed_np(guide, 0.0), gain_np: 0.0, shared_np: 0.0 };
+    let uncoupled_np = passed_np(guide, 0.0);
+    let gain_np = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
+    let start = Boundary { place: -0.5, loss_np: uncoupled_np, gain_np, shared_np: 0.0 };
     let mut boundaries = vec![start];
     let mut last = 0.5;
     for (interval, &row_np) in row_np.iter().enumerate() {

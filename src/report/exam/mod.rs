@@ -33,14 +33,15 @@ fn page(title: &str, score: &Score, track: &Track, reference: &Reference<'_>) ->
     let _ = writeln!(
         out,
         "<p class=\"lead\"><b>{:.0}</b> of 100 points · <b>{} of {}</b> planes found · {:.1} s · {:.0} mm of way at {:.0} \
-         mm/s · {:.0} % of the time on the skin</p>",
+         mm/s · {:.0} % of the time on the skin, with {:.0} % of the face</p>",
         score.points,
         score.found,
         score.planes.len(),
         score.duration_s,
         score.path_mm,
         score.mean_speed_mm_s,
-        100.0 * score.contact
+        100.0 * score.contact,
+        100.0 * score.face_contact
     );
     let planes = || score.planes.iter().zip(&reference.planes).zip(&track.offsets);
     out.push_str(&table(score));

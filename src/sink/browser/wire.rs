@@ -5,7 +5,7 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | u8 × 4 | `INSF` |
-//! | 4 | u16 | version of this layout, 2 |
+//! | 4 | u16 | version of this layout, 3 |
 //! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
 //! | 7 | u8 | source: 0 low quality, 1 enhanced, 2 held enhanced |
 //! | 8 | u64 | frame number |
@@ -13,13 +13,14 @@
 //! | 24 | f64 | side of a pixel, mm |
 //! | 32 | f64 | row of the middle of the probe's face, pixels |
 //! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
-//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran |
+//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 contact known |
 //! | 42 | u16 × 2 | bytes of the tier's name and of the notice |
 //! | 46 | u16 | number n of values of live settings |
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
 //! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
-//! | 160 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
-//! | 160 + 8n | u8 × width × height | the map, row-major |
+//! | 160 | f64 × 2 | part of the face in contact, 0..=1; its depth below the skin, mm (NaN: unknown) |
+//! | 176 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
+//! | 176 + 8n | u8 × width × height | the map, row-major |
 //! | | UTF-8 | name of the tier, then the notice |
 //!
 //! The maps 2 and 3 of a frame precede its grey levels, and are sent only to pages that request them.
@@ -33,8 +34,8 @@ use super::super::live::{FrameSource, PresentedFrame};
 use crate::settings::{Setting, live_settings};
 
 /// Bytes before the values of live settings.
-const FIXED_BYTES: usize = 160;
-const VERSION: u16 = 2;
+const FIXED_BYTES: usize = 176;
+const VERSION: u16 = 3;
 /// Most bytes of a tier name or notice; longer ones are cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
@@ -88,7 +89,8 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
         FrameSource::HeldEnhanced => 2,
     };
     let tracking = frame.info.estimate.state as u8;
-    let flags = [frame.info.pose().is_some(), times.first_byte.is_some(), times.inference.is_some()];
+    let flags = [frame.info.pose().is_some(), times.first_byte.is_some(), times.inference.is_some(), frame.info.contact.is_some()];
+    let contact = frame.info.contact.map_or([0.0, f64::NAN], |c| [c.part, c.press_mm.unwrap_or(f64::NAN)]);
     let flags = flags.iter().enumerate().fold(0, |byte, (bit, &set)| byte | u8::from(set) << bit);
     let pose = frame.info.pose().map_or([0.0; 7], |pose| pose.components());
     let ms = |time: Duration| time.as_secs_f64() * 1e3;
@@ -109,7 +111,7 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
     for length in texts.into_iter().chain([values as u16]) {
         out.extend_from_slice(&length.to_le_bytes());
     }
-    for value in pose.into_iter().chain(times).chain(frame.info.settings.values()) {
+    for value in pose.into_iter().chain(times).chain(contact).chain(frame.info.settings.values()) {
         out.extend_from_slice(&value.to_le_bytes());
     }
 }
@@ -126,6 +128,7 @@ mod tests {
     use crate::pose::{Estimate, Pose, TrackingState};
     use crate::settings::LiveSettings;
     use crate::sink::live::{FrameInfo, FrameTimeline};
+    use crate::transducer::Contact;
 
     fn frame() -> PresentedFrame {
         let seconds = Duration::from_secs_f64;
@@ -144,6 +147,7 @@ mod tests {
                     ..FrameTimeline::default()
                 },
                 settings: LiveSettings { frozen: true, ..LiveSettings::default() },
+                contact: Some(Contact { part: 0.75, press_mm: Some(1.5), shift_mm: 0.0 }),
                 ..FrameInfo::default()
             },
             source: FrameSource::HeldEnhanced,
@@ -167,15 +171,16 @@ mod tests {
     fn every_field_lies_where_the_table_says() {
         let mut out = Vec::new();
         encode(&frame(), Map::Image, &mut out);
-        assert_eq!(&out[..8], b"INSF\x02\x00\x01\x02");
+        assert_eq!(&out[..8], b"INSF\x03\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
         let values: Vec<f64> = frame().info.settings.values().collect();
-        assert_eq!(out[40..48], [2, 0b011, 3, 0, 15, 0, values.len() as u8, 0]);
+        assert_eq!(out[40..48], [2, 0b1011, 3, 0, 15, 0, values.len() as u8, 0]);
         assert_eq!((f64_at(&out, 48), f64_at(&out, 80)), (1.0, 1.0));
         assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
         let header = header_bytes();
-        assert_eq!((0..values.len()).map(|i| f64_at(&out, 160 + 8 * i)).collect::<Vec<_>>(), values);
+        assert_eq!((f64_at(&out, 160), f64_at(&out, 168)), (0.75, 1.5));
+        assert_eq!((0..values.len()).map(|i| f64_at(&out, 176 + 8 * i)).collect::<Vec<_>>(), values);
         assert_eq!(&out[header..header + 12], &frame().image[..]);
         assert_eq!(&out[header + 12..], "MSAno generator µ".as_bytes());
     }
