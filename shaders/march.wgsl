@@ -16,10 +16,15 @@
 // 1/Y of the sheets of scatterers, one for each block.
 @group(0) @binding(9) var<uniform> sheet_reach: array<vec4<f32>, BLOCK_QUADS>;
 
+// Texture of each tissue, by number − 1.
+@group(0) @binding(10) var<storage, read> textures: array<Texture>;
+
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
 // Speckle that changes gradually across the slice.
 override ELEVATIONAL_SPECKLE: bool;
+// Scattering that varies within a tissue.
+override TEXTURE: bool;
 
 // Samples per thread.
 const RUN: u32 = 8u;
@@ -141,6 +146,20 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let block = first >> BLOCK_SHIFT;
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
+    var textured: array<f32, RUN / TEXTURE_SAMPLES>;
+    path = 0xffffffffu;
+    for (var i = 0u; ends && i < RUN / TEXTURE_SAMPLES; i++) {
+        textured[i] = 1.0;
+        let sample = first + i * TEXTURE_SAMPLES;
+        if TEXTURE {
+            seek(guide, sample, range_of(sample));
+            let number = (bitcast<u32>(s2.z) >> TEXTURE_SHIFT) & TEXTURE_MASK;
+            if number > 0u {
+                let at_mm = range_of(sample) + 0.5 * f32(TEXTURE_SAMPLES - 1u) * params.sample_spacing_mm;
+                textured[i] = texture_gain(textures[number - 1u], s0.xyz + s1.xyz * at_mm);
+            }
+        }
+    }
     let reach = sheet_reach[block >> 2u][block & 3u];
     // Samples restart once more.
     path = 0xffffffffu;
@@ -154,8 +173,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if ends {
             let range_mm = range_of(first + i);
             seek(guide, first + i, range_mm);
+            let here = gain * textured[i / TEXTURE_SAMPLES];
             echoed = vec4<f32>(
-                echo_at(range_mm, sums[0], gain, reach), echo_at(range_of(first + i + 1u), sums[1], gain, reach));
+                echo_at(range_mm, sums[0], here, reach), echo_at(range_of(first + i + 1u), sums[1], here, reach));
         } else {
             powers[out + i] = vec4<f32>(sums[0], 0.0);
             powers[out + i + 1u] = vec4<f32>(sums[1], 0.0);

@@ -72,9 +72,16 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     return Section(sum, tissue);
 }
 
-fn convert(place: u32, percentile_np: f32) -> Pixel {
-    let across = f32(i32(place & ((1u << ACROSS_BITS) - 1u))) * ACROSS_SCALE;
-    let depth = f32(i32(place >> ACROSS_BITS)) * DEPTH_SCALE;
+// Fractions of the sector's width and depth of a packed place.
+fn unpacked(place: u32) -> vec2<f32> {
+    return vec2<f32>(f32(i32(place & ((1u << ACROSS_BITS) - 1u))) * ACROSS_SCALE, f32(i32(place >> ACROSS_BITS)) * DEPTH_SCALE);
+}
+
+// The pixel at a place on the scanlines, which may be steered, and at its place in the maps, which are not.
+fn convert(place: u32, map_place: u32, percentile_np: f32) -> Pixel {
+    let at = unpacked(place);
+    let across = at.x;
+    let depth = at.y;
     let line = clamp(across * f32(params.scanlines) - 0.5, 0.0, f32(params.scanlines - 1u));
     let sample = clamp(depth * f32(params.samples) - 0.5, 0.0, f32(params.samples - 1u));
     let sample0 = u32(i32(sample));
@@ -90,9 +97,11 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
         return Pixel(select(0u, grey, inside), 0u, 0.0);
     }
 
-    let depth_mm = depth * params.depth_mm;
+    let map_at = unpacked(map_place);
+    let mapped = map_place != OUTSIDE;
+    let depth_mm = map_at.y * params.depth_mm;
     // Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the tissue is the nearer ray's.
-    let ray = across * f32(params.map_rays) - 0.5;
+    let ray = map_at.x * f32(params.map_rays) - 0.5;
     let first = min(u32(i32(max(ray, 0.0))), max(params.map_rays, 2u) - 2u);
     let part = clamp(ray - f32(i32(first)), -0.5, 1.5);
     let one = section_at(first, depth_mm);
@@ -101,7 +110,7 @@ fn convert(place: u32, percentile_np: f32) -> Pixel {
     let tissue = select(one.tissue, next.tissue, part >= 0.5);
     let ln_level = percentile_np - sum;
     let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
-    return Pixel(select(0u, grey, inside), select(0u, tissue + FIRST_TISSUE, inside), select(0.0, level, inside));
+    return Pixel(select(0u, grey, inside), select(0u, tissue + FIRST_TISSUE, mapped), select(0.0, level, mapped));
 }
 
 @compute @workgroup_size(128)
@@ -109,13 +118,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= params.sector_words {
         return;
     }
-    let places = pixels[id.x];
+    // The straight places come first, then those of the looks.
+    let places = pixels[params.look_words + id.x];
+    let straight = pixels[id.x];
     let word = words[id.x];
     let p = percentile[0];
-    let p0 = convert(places.x, p);
-    let p1 = convert(places.y, p);
-    let p2 = convert(places.z, p);
-    let p3 = convert(places.w, p);
+    let p0 = convert(places.x, straight.x, p);
+    let p1 = convert(places.y, straight.y, p);
+    let p2 = convert(places.z, straight.z, p);
+    let p3 = convert(places.w, straight.w, p);
     bmode[word] = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
     if MAPS {
         attenuation[word] = vec4<f32>(p0.level, p1.level, p2.level, p3.level);

@@ -35,7 +35,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let ahead_mm = crossing_t[min(i, CROSSINGS - 1u)];
     let coupled = coupling_of(map_rays[2u * ray].z, down, ahead_mm, i >= crossing_count) >= COUPLED_MIN;
     crossing_count = select(0u, crossing_count, coupled);
-    entered = is_inside();
+    place_depth_mm = map_rays[2u * ray].z;
     var here = select(params.beyond, medium(), coupled);
     var start = 0.0;
     var sum_np = 0.0;
@@ -47,7 +47,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     while i < crossing_count {
         let t = crossing_t[i];
         i = cross_place(i);
-        entered = entered || is_inside();
+        place_depth_mm = map_rays[2u * ray].z + down * t;
         let there = medium();
         if there != here {
             sum_np += rate * (t - start);

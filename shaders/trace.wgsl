@@ -113,6 +113,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = launch(path);
     var origin = ray.origin;
     var direction = ray.direction;
+    let face_depth_mm = dot(vec3<f32>(params.lateral.w, params.elevational.w, params.axial.w), params.axial.xyz);
     var range_mm = 0.0;
     // Range by which the path lies before what is seen past the fast bodies that it is in.
     var behind_mm = 0.0;
@@ -124,7 +125,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;
     var is_diverted = false;
-    entered = is_inside();
+    place_depth_mm = ray.face_depth_mm;
     var here = medium();
     var bounce = 0u;
     var reflections = 0u;
@@ -159,7 +160,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         segments[3u * at + 2u] = vec4<f32>(
             tissue.scatterer_mean,
             tissue.scatterer_deviation,
-            bitcast<f32>(TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterer_density),
+            bitcast<f32>(TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterers),
             ln_passed + fall * select(range_mm, 0.0, is_diverted));
         echoes[at] = vec2<f32>(echo, echo_range_mm);
         count++;
@@ -198,11 +199,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             before = inside;
             cross_place(0u);
             chosen = place_interface();
-            entered = entered || is_inside();
+            origin += direction * t;
+            place_depth_mm = dot(origin, params.axial.xyz) - face_depth_mm;
             let word = medium_word();
             there = word & TISSUE_MASK;
             moves = (word & MOVES) != 0u;
-            origin += direction * t;
             let passed_mm = t / path_per_range;
             range_mm += passed_mm;
             behind_mm += t / seen_path_per_range - passed_mm;

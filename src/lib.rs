@@ -38,6 +38,8 @@ pub mod pose;
 
 pub mod acoustics;
 
+pub mod look;
+
 mod names;
 
 pub mod random;

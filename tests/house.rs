@@ -27,7 +27,7 @@ const ORDER: [&[&str]; 16] = [
     &["anatomy"],
     &["tracker"],
     &["pose"],
-    &["acoustics"],
+    &["acoustics", "look"],
     &["settings"],
     &["statistics", "random", "suggest", "names"],
 ];

@@ -26,6 +26,11 @@ fn launch(path: u32) -> Launch {
     let ray = 2u * select(path % line_rays, path - line_rays * params.layer_count + line_rays, is_guide(path));
     let elevation = elevation_of(path);
     let origin = rays[ray].xyz + vec3<f32>(0.0, elevation.x, 0.0);
-    let direction = rays[ray + 1u].xyz + vec3<f32>(0.0, elevation.y, 0.0);
+    let straight = rays[ray + 1u].xyz;
+    let steered = vec3<f32>(
+        straight.x * params.steer_cos + straight.z * params.steer_sin,
+        straight.y,
+        straight.z * params.steer_cos - straight.x * params.steer_sin);
+    let direction = steered + vec3<f32>(0.0, elevation.y, 0.0);
     return Launch(scene_from_probe_point(origin), normalize(scene_from_probe_vector(direction)), origin.z);
 }

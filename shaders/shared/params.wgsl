@@ -57,7 +57,7 @@ struct Params {
     // Number of `sheets`, and the distance between the sheets of one.
     sheet_families: u32,
     sheet_spacing_mm: f32,
-    // Tissue outside all surfaces for paths that have left the body.
+    // Tissue outside all surfaces beyond the film of gel.
     beyond: u32,
     // Thickness of the film of gel, mm; negative if everything is coupled.
     film_mm: f32,
@@ -69,7 +69,13 @@ struct Params {
     near_samples: u32,
     // Seed of the noise of this frame.
     noise_seed: u32,
-    pad: u32,
+    // Cosine and sine of the steering angle.
+    steer_cos: f32,
+    steer_sin: f32,
+    // First word of the places of this look's pixels.
+    look_words: u32,
+    pad0: u32,
+    pad1: u32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,

@@ -2,8 +2,8 @@
 
 var<private> inside: array<u32, 8>;
 
-// Whether the ray has been inside a surface: beyond the body lies air.
-var<private> entered: bool;
+// Depth of the place below the apex of the face, mm: beyond the film of gel lies air.
+var<private> place_depth_mm: f32;
 
 fn is_inside() -> bool {
     var any = 0u;
@@ -28,14 +28,14 @@ fn set_inside(surface: u32, value: bool) {
 }
 
 // Tissue of the medium, with MOVES if its surface moves: that of the highest surface the point is inside; else the
-// background, or air if the ray has been in the body.
+// background, or air beyond the film of gel.
 fn medium_word() -> u32 {
     for (var word = 7; word >= 0; word--) {
         if inside[word] != 0u {
             return surface_tissue[u32(word) * 32u + firstLeadingBit(inside[word])];
         }
     }
-    return select(params.background, params.beyond, entered);
+    return select(params.background, params.beyond, place_depth_mm > params.film_mm);
 }
 
 fn medium() -> u32 {

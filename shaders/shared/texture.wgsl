@@ -26,8 +26,7 @@ fn texture_gain(texture: Texture, here_mm: vec3<f32>) -> f32 {
     for (var field = 0u; field < 3u; field++) {
         let amount = texture.amounts[field];
         if amount != 0.0 {
-            let at_mm = select(stretched_mm, here_mm, field == 2u);
-            let value = gaussian_field(at_mm * texture.fields[field].w + texture.fields[field].xyz);
+            let value = gaussian_field(stretched_mm * texture.fields[field].w + texture.fields[field].xyz);
             let septum = exp(-min(value * value / (SEPTUM_WIDTH * SEPTUM_WIDTH), 80.0));
             level += amount * select(value, septum, field == 2u);
         }

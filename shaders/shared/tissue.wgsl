@@ -6,8 +6,8 @@ struct Tissue {
     // Two-way attenuation of the amplitude, nepers per mm of path.
     attenuation_np_mm: f32,
     roughness: f32,
-    // Part of the lattice cells that hold a scatterer, in 1/131072.
-    scatterer_density: u32,
+    // Part of the lattice cells that hold a scatterer, in 1/131072, with the number of the texture above.
+    scatterers: u32,
     scatterer_mean: f32,
     scatterer_deviation: f32,
     thickness_mm: f32,

@@ -44,6 +44,8 @@ pub struct Beam {
     pub focus_mm: f64,
     /// Focus of reception.
     pub reception: Reception,
+    /// Whether reception is at twice the frequency, from the square of the transmitted field: tissue harmonics.
+    pub harmonic: bool,
 }
 
 /// Two-way amplitude of the beam at one depth, against the offset from its axis.
@@ -85,9 +87,12 @@ impl Beam {
             let weight = rise * (-0.5 * (aside * FWHM_PER_SIGMA / self.fractional_bandwidth).powi(2)).exp();
             let wave_number = std::f64::consts::TAU * (1.0 + aside) / wavelength;
             let out = intensity(&transmit, wave_number, step_mm);
-            let back = receive.as_ref().map(|receive| intensity(receive, wave_number, step_mm));
-            for (power, (out, back)) in power.iter_mut().zip(out.iter().zip(back.as_ref().unwrap_or(&out))) {
-                *power += weight * out * back;
+            let received = if self.harmonic { 2.0 * wave_number } else { wave_number };
+            let back = intensity(receive.as_ref().unwrap_or(&transmit), received, step_mm);
+            for (power, (out, back)) in power.iter_mut().zip(out.iter().zip(&back)) {
+                // A harmonic rises with the square of the transmitted pressure.
+                let sent = if self.harmonic { out * out } else { *out };
+                *power += weight * sent * back;
             }
         }
         let most = power.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
@@ -207,6 +212,7 @@ mod tests {
             aperture_mm: 20.0,
             focus_mm,
             reception: Reception::Dynamic,
+            harmonic: false,
         }
     }
 
@@ -229,6 +235,19 @@ mod tests {
         let beam = Beam { fractional_bandwidth: 0.05, ..lateral(Apodization::Rectangular, 70.0) };
         let want = 0.886 * wavelength_mm(8.0) * 3.5;
         assert!((beam.width_mm(70.0) / want - 1.0).abs() < 0.01, "{}", beam.width_mm(70.0));
+    }
+
+    #[test]
+    fn harmonics_narrow_the_beam_at_its_focus() {
+        // sinc²(x) of transmission, squared, times sinc(2x) of reception, falls to a half at ±0.280 λ·F#.
+        let beam = Beam { fractional_bandwidth: 0.05, harmonic: true, ..lateral(Apodization::Rectangular, 70.0) };
+        let amplitude = |x: f64| {
+            let sinc = |x: f64| if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) };
+            sinc(x).powi(2) * sinc(2.0 * x).abs()
+        };
+        let half = (0..10_000).map(|i| f64::from(i) * 1e-4).find(|&x| amplitude(x) < 0.5).unwrap();
+        let want = 2.0 * half * wavelength_mm(8.0) * 3.5;
+        assert!((beam.width_mm(70.0) / want - 1.0).abs() < 0.02, "{} {want}", beam.width_mm(70.0));
     }
 
     #[test]

@@ -26,6 +26,29 @@ pub struct Property {
     pub assumed: bool,
 }
 
+/// Texture of a tissue with its source; keys as in [`Tissue`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourcedTexture {
+    /// Contrast (dB) and scale (mm) of the coarse texture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloud: Option<[f64; 2]>,
+    /// Contrast (dB) and scale (mm) of the fine texture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grain: Option<[f64; 2]>,
+    /// Level (dB) and mean distance (mm) of the septa.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub septa: Option<[f64; 2]>,
+    /// Direction of the fibres in the scene, and length over width along them; below 1 for layers across it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fibres: Option<[f64; 4]>,
+    /// Publication of the texture; for an assumed one, its basis.
+    pub source: String,
+    /// True for an assumed texture.
+    #[serde(default)]
+    pub assumed: bool,
+}
+
 /// A tissue with the sources of its values; keys as in [`Tissue`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -50,12 +73,32 @@ pub struct SourcedTissue {
     pub roughness: Property,
     /// Thickness of the transition at its surfaces, mm.
     pub thickness_mm: Property,
+    /// Texture; none if it is uniform.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<SourcedTexture>,
+}
+
+impl SourcedTexture {
+    fn set(&self, tissue: &mut Tissue) {
+        if let Some([db, mm]) = self.cloud {
+            (tissue.cloud_db, tissue.cloud_mm) = (db, mm);
+        }
+        if let Some([db, mm]) = self.grain {
+            (tissue.grain_db, tissue.grain_mm) = (db, mm);
+        }
+        if let Some([db, mm]) = self.septa {
+            (tissue.septa_db, tissue.septa_mm) = (db, mm);
+        }
+        if let Some([x, y, z, ratio]) = self.fibres {
+            (tissue.fibre, tissue.fibre_ratio) = ([x, y, z], ratio);
+        }
+    }
 }
 
 impl SourcedTissue {
     /// The tissue without sources.
     pub fn tissue(&self) -> Tissue {
-        Tissue {
+        let mut tissue = Tissue {
             speed_m_s: self.speed_m_s.value,
             density_kg_m3: self.density_kg_m3.value,
             attenuation_db_cm_mhz: self.attenuation_db_cm_mhz.value,
@@ -65,7 +108,12 @@ impl SourcedTissue {
             scatterer_deviation: self.scatterer_deviation.value,
             roughness: self.roughness.value,
             thickness_mm: self.thickness_mm.value,
+            ..Tissue::default()
+        };
+        if let Some(texture) = &self.texture {
+            texture.set(&mut tissue);
         }
+        tissue
     }
 
     /// All properties by key, physical ones first.

@@ -35,6 +35,30 @@ settings! {
 
         /// Thickness of the transition at its surfaces.
         thickness_mm: f64 = 0.0, "mm", 0.0..=10.0, Everything;
+
+        /// Standard deviation of the level of its coarse texture.
+        cloud_db: f64 = 0.0, "dB", 0.0..=12.0, Everything;
+
+        /// Scale of that texture: two places so far apart correlate by e^-0.5.
+        cloud_mm: f64 = 8.0, "mm", 0.2..=200.0, Everything;
+
+        /// Standard deviation of the level of its fine texture.
+        grain_db: f64 = 0.0, "dB", 0.0..=12.0, Everything;
+
+        /// Scale of that texture: two places so far apart correlate by e^-0.5.
+        grain_mm: f64 = 1.5, "mm", 0.2..=200.0, Everything;
+
+        /// Level of the septa in it, relative to the tissue between them; negative if they are dark.
+        septa_db: f64 = 0.0, "dB", -20.0..=20.0, Everything;
+
+        /// Mean distance of the septa along a line.
+        septa_mm: f64 = 10.0, "mm", 0.5..=200.0, Everything;
+
+        /// Length over width of its texture along `fibre`: above 1 for fibres, below 1 for layers across it.
+        fibre_ratio: f64 = 1.0, "", 0.02..=50.0, Everything;
+
+        /// Direction of the fibres in the scene, of any length.
+        fibre: [f64; 3] = [0.0, 1.0, 0.0], "", -1.0..=1.0, Everything;
     }
 }
 

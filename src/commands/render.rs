@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::look::{Look, Shape};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Quality, Renderer};
 use insonify::sink::{FrameFiles, FrameRecord};
@@ -107,6 +108,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if frame.overflows > 0 {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
     }
+    let shape = Shape {
+        width: frame.width as usize,
+        pixel_mm: renderer.sector().pixel_mm,
+        mask: &frame.mask,
+        dynamic_range_db: settings.image.dynamic_range_db,
+    };
+    Look::default().apply(&settings.look, shape, &mut frame.bmode);
     let adapter = session::adapter(&backend);
     let (plan, sector) = (renderer.plan(), renderer.sector());
     let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);

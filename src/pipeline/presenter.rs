@@ -13,6 +13,7 @@ use super::metrics::{Metrics, count};
 use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
+use crate::look::{Look, Shape};
 use crate::render::Frame;
 use crate::settings::ChoiceSettings;
 use crate::sink::FrameLog;
@@ -46,7 +47,8 @@ pub(super) struct Presenter {
 impl Presenter {
     /// Presents rendered frames until the slot is closed. Returns the log, to be completed.
     pub(super) fn run(mut self) -> Option<FrameLog> {
-        let mut state = State { chooser: Chooser::new(self.choice), held: None, pool: Pool::new(FRAMES) };
+        let mut state =
+            State { chooser: Chooser::new(self.choice), held: None, look: Look::default(), pool: Pool::new(FRAMES) };
         while let Some(rendered) = self.next(&mut state) {
             if self.frames_max.is_some_and(|max| self.metrics.shown(|s| s.presented) >= max) {
                 count(&self.metrics.ended);
@@ -150,6 +152,14 @@ impl Presenter {
                 frame.image.clear();
                 frame.image.extend_from_slice(&held.image);
             }
+            let settings = &rendered.info.settings.render;
+            let shape = Shape {
+                width: frame.width as usize,
+                pixel_mm: frame.pixel_mm,
+                mask: &frame.mask,
+                dynamic_range_db: settings.image.dynamic_range_db,
+            };
+            state.look.apply(&settings.look, shape, &mut frame.image);
             match (held, &mut frame.tier) {
                 (Some(held), Some(tier)) => tier.clone_from(&held.tier),
                 (held, tier) => *tier = held.map(|held| held.tier.clone()),
@@ -188,6 +198,7 @@ struct State {
     chooser: Chooser,
     /// The last generated picture.
     held: Option<Arc<Generated>>,
+    look: Look,
     pool: Pool<PresentedFrame>,
 }
 

@@ -58,6 +58,8 @@ pub(super) struct FrameInputs<'a> {
     pub(super) bvh: &'a Bvh,
     pub(super) media: &'a Media,
     pub(super) configuration: &'a Configuration,
+    /// Index of the look.
+    pub(super) look: usize,
 }
 
 /// Tables and uniforms of one probe and one set of settings.

@@ -132,6 +132,12 @@ pub(crate) const COUPLED_MIN: f64 = 0.5;
 pub(crate) const TAG: u32 = 0x4000_0000;
 /// Bits of a scatterer density.
 pub(crate) const TAG_DENSITY: u32 = 0x3_ffff;
+/// First bit of the number of a texture beside a scatterer density: index of its tissue + 1, 0 if it is uniform.
+pub(crate) const TEXTURE_SHIFT: u32 = 21;
+/// Bits of the number of a texture.
+pub(crate) const TEXTURE_MASK: u32 = 0xff;
+/// Samples that share a texture's level.
+pub(crate) const TEXTURE_SAMPLES: u32 = 4;
 /// Bit beside the scatterer density of a segment that a path reached by a reflection.
 pub(crate) const DIVERTED: u32 = 1 << 20;
 /// Bits of a tissue in a word that may carry [`MOVES`] or [`TAG`].

@@ -6,6 +6,7 @@
 mod aperture;
 mod backend;
 mod batch_plan;
+mod compounding;
 mod configuration;
 mod constants;
 mod device;
@@ -26,6 +27,7 @@ mod renderer;
 mod sheets;
 mod snapshot;
 mod tables;
+mod texture;
 pub mod twin;
 
 pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
 use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, ROW_ALIGN, SHEET_FAMILIES};
-use super::receiver::white_amplitude;
+use super::receiver::{HARMONIC_CLUTTER_DB, white_amplitude};
 use super::sheets::Family;
 use super::tables::Tables;
 use crate::anatomy::Bvh;
@@ -102,7 +102,7 @@ pub(crate) struct Params {
     /// Number of `sheets`, and the distance between the sheets of one, mm; 0 without speckle across the slice.
     pub(crate) sheet_families: u32,
     pub(crate) sheet_spacing_mm: f32,
-    /// Tissue outside all surfaces for paths that have left the body.
+    /// Tissue outside all surfaces beyond the film of gel.
     pub(crate) beyond: u32,
     /// Thickness of the film of gel, mm; negative if everything is coupled.
     pub(crate) film_mm: f32,
@@ -114,7 +114,11 @@ pub(crate) struct Params {
     pub(crate) near_samples: u32,
     /// Seed of the noise of this frame.
     pub(crate) noise_seed: u32,
-    pub(crate) padding: u32,
+    /// Cosine and sine of the steering angle.
+    pub(crate) steer: [f32; 2],
+    /// First word of the places of this look's pixels.
+    pub(crate) look_words: u32,
+    pub(crate) padding: [u32; 2],
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
@@ -132,7 +136,8 @@ impl Params {
     ) -> Self {
         let (image, receiver) = (&settings.image, &settings.receiver);
         let amplitude = |effect: Effect, value: f64| if on.has(effect) { value as f32 } else { 0.0 };
-        let level = |effect: Effect, db: f64| amplitude(effect, 10f64.powf(db / 20.0));
+        let cleaner_db = if probe.harmonics { HARMONIC_CLUTTER_DB } else { 0.0 };
+        let level = |effect: Effect, db: f64| amplitude(effect, 10f64.powf((db - cleaner_db) / 20.0));
         let contact = on.has(Effect::Contact);
         let several = settings.quality.rays * settings.quality.layers > 1;
         // With the aperture, a path that reflects needs another that passes.
@@ -180,11 +185,35 @@ impl Params {
             reverberation: level(Effect::Contact, receiver.reverberation_db),
             near_samples: tables.near_field.as_ref().map_or(0, |near| near.samples),
             noise_seed: 0,
-            padding: 0,
+            steer: [1.0, 0.0],
+            look_words: 0,
+            padding: [0; 2],
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
         }
+    }
+
+    /// Steers the scanlines as one of the looks.
+    pub(crate) fn set_look(&mut self, tables: &Tables, look: usize) {
+        let steer_rad = tables.looks.get(look).map_or(0.0, |look| look.steer_rad);
+        self.steer = [steer_rad.cos() as f32, steer_rad.sin() as f32];
+        // The straight look's places come first.
+        let steered = tables.looks.get(look).is_some_and(|look| !look.pixels.is_empty());
+        self.look_words = if steered { (look as u32 + 1) * self.sector_words } else { 0 };
+    }
+
+    /// A direction in the probe frame, steered.
+    #[inline(always)]
+    pub(crate) fn steered(&self, v: Vec3) -> Vec3 {
+        let [cos, sin] = self.steer;
+        Vec3::new(v.x * cos + v.z * sin, v.y, v.z * cos - v.x * sin)
+    }
+
+    /// Tissue outside all surfaces at a depth below the apex of the face: within the film of gel it conducts.
+    #[inline(always)]
+    pub(crate) fn outside(&self, depth_mm: f32) -> u32 {
+        if depth_mm > self.film_mm { self.beyond } else { self.background }
     }
 
     /// Whether the receiver adds anything to the lines.

@@ -13,6 +13,8 @@ use crate::transducer::Probe;
 pub(crate) const CLUTTER_DB_CM: f64 = 20.0;
 /// Fall of the reverberation with depth, dB per cm.
 pub(crate) const REVERBERATION_DB_CM: f64 = 35.0;
+/// Level by which clutter and reverberation are lower in tissue harmonics, dB: they have not travelled far (assumed).
+pub(crate) const HARMONIC_CLUTTER_DB: f64 = 15.0;
 /// Depth to which both are added: clutter has fallen by 80 dB there.
 const NEAR_MM: f64 = 40.0;
 /// Spacing of the arcs, mm: lens and matching layers, there and back.

@@ -7,6 +7,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::backend::Backend;
+use super::compounding::Compounding;
 use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
 use super::error::RenderError;
@@ -30,6 +31,9 @@ struct InFlight {
     /// Mask of the settings that it was submitted with.
     mask: Arc<[u8]>,
     contact: Option<Contact>,
+    look: usize,
+    /// [`Renderer::generation`] at its submission.
+    generation: u64,
     started: Instant,
 }
 
@@ -47,6 +51,12 @@ pub struct Renderer {
     image: bool,
     /// Time of the scene, s.
     time_s: f64,
+    /// Pictures of all looks; none without compounding.
+    compounding: Option<Compounding>,
+    /// Look of the next frame.
+    look: usize,
+    /// Changes of settings so far: pictures before and after are not averaged.
+    generation: u64,
     in_flight: VecDeque<InFlight>,
 }
 
@@ -108,12 +118,26 @@ impl Renderer {
         check_scene(scene, &bvh)?;
         let media = Media::new(scene, &bvh);
         let active = Configuration::new(&media, probe, settings)?;
-        let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active };
+        let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, look: 0 };
         let mut maker = backend.maker(inputs, hooks)?;
         active.warn(None);
         maker.take_cold();
         let in_flight = VecDeque::with_capacity(FRAMES_IN_FLIGHT);
-        let mut renderer = Self { bvh, media, active, skin: None, maker, on_host: backend.on_host(), image: true, time_s: 0.0, in_flight };
+        let mut renderer = Self {
+            bvh,
+            media,
+            active,
+            skin: None,
+            maker,
+            on_host: backend.on_host(),
+            image: true,
+            time_s: 0.0,
+            compounding: None,
+            look: 0,
+            generation: 0,
+            in_flight,
+        };
+        renderer.prepare_looks();
         renderer.prepare_skin()?;
         renderer.warm_up(&[true, false])?;
         Ok(renderer)
@@ -136,15 +160,20 @@ impl Renderer {
         probe.validate()?;
         settings.validate()?;
         if self.active.has_tables_of(&self.media, probe, settings) {
+            let (before, after) = (self.active.settings, *settings);
             self.active.set_uniforms(&self.media, settings);
+            if (before.image, before.quality.seed) != (after.image, after.quality.seed) {
+                self.restart_looks();
+            }
             return Ok(());
         }
         let next = Configuration::new(&self.media, probe, settings)?;
-        self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next })?;
+        self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, look: 0 })?;
         next.warn(Some(&self.active));
         let rests = self.active.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);
         self.active = next;
         self.prepare_skin()?;
+        self.prepare_looks();
         if rests && self.bvh.moves() {
             self.move_to(0.0);
         }
@@ -163,6 +192,24 @@ impl Renderer {
         Ok(())
     }
 
+    /// Makes the memory of the looks of a compounded picture.
+    fn prepare_looks(&mut self) {
+        let tables = &self.active.tables;
+        let range_db = self.active.settings.image.dynamic_range_db;
+        let several = tables.looks.len() > 1;
+        self.compounding = several.then(|| Compounding::new(tables.covered(), tables.looks.len(), range_db));
+        self.restart_looks();
+    }
+
+    /// Begins a compounded picture anew.
+    fn restart_looks(&mut self) {
+        self.generation += 1;
+        self.look = 0;
+        if let Some(compounding) = &mut self.compounding {
+            compounding.set_range(self.active.settings.image.dynamic_range_db);
+        }
+    }
+
     /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at
     /// the first write; neither may delay a user's first frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
@@ -173,9 +220,14 @@ impl Renderer {
         let mut rendered = Ok(());
         for &with in with_maps {
             self.active.settings.maps = with;
-            rendered = rendered.and_then(|()| self.render(&away, &mut Frame::default()));
+            let mut warmed = || {
+                self.submit(&away)?;
+                self.receive(&mut Frame::default())
+            };
+            rendered = rendered.and_then(|()| warmed());
         }
         (self.active.settings.maps, self.image) = (maps, image);
+        self.restart_looks();
         rendered
     }
 
@@ -248,7 +300,7 @@ impl Renderer {
         &self.active.tables.sector
     }
 
-    /// Renders one frame and waits for it.
+    /// Renders one frame and waits for it. A compounded one takes all angles.
     ///
     /// # Errors
     /// A device that fails, or frames that are still in flight.
@@ -256,8 +308,20 @@ impl Renderer {
         if !self.in_flight.is_empty() {
             return Err(RenderError::RingFull);
         }
-        self.submit(pose)?;
-        self.receive(frame)
+        self.restart_looks();
+        let looks = self.active.tables.looks.len();
+        let maps = self.active.settings.maps;
+        let mut total_ms = 0.0;
+        for look in 1..=looks {
+            // The last look is straight: its maps and lines are the frame's.
+            self.active.settings.maps = maps && look == looks;
+            let rendered = self.submit(pose).and_then(|()| self.receive(frame));
+            self.active.settings.maps = maps;
+            rendered?;
+            total_ms += frame.times.total_ms;
+        }
+        frame.times.total_ms = total_ms;
+        Ok(())
     }
 
     /// Places the probe: on the skin, if it is within the tolerance. Returns its contact, if that is simulated.
@@ -275,7 +339,8 @@ impl Renderer {
         contact
     }
 
-    /// Starts a frame; at most [`FRAMES_IN_FLIGHT`] may wait to be received. The host makes it within this call.
+    /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles.
+    /// At most [`FRAMES_IN_FLIGHT`] may wait to be received. The host makes it within this call.
     ///
     /// # Errors
     /// A full ring, or a device that fails.
@@ -285,12 +350,16 @@ impl Renderer {
         }
         let started = Instant::now();
         let contact = self.place(pose);
+        let (look, generation) = (self.look, self.generation);
+        self.look = (look + 1) % self.active.tables.looks.len().max(1);
+        let active = &mut self.active;
+        active.params.set_look(&active.tables, look);
         let settings = &self.active.settings;
         let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
         let contents = Contents { image: self.image || !maps || settings.lines, maps };
-        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active };
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
         self.maker.submit(inputs, contents)?;
-        self.in_flight.push_back(InFlight { mask: self.active.tables.mask.clone(), contact, started });
+        self.in_flight.push_back(InFlight { mask: self.active.tables.mask.clone(), contact, look, generation, started });
         Ok(())
     }
 
@@ -299,8 +368,11 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, contact, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let InFlight { mask, contact, look, generation, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
+        if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
+            compounding.add(look, &mut frame.bmode);
+        }
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);
         frame.contact = contact;
@@ -314,6 +386,14 @@ impl Renderer {
     /// # Errors
     /// Frames in flight, settings whose layers don't fit in one batch, or a device that fails.
     pub fn snapshot(&mut self, pose: &Pose) -> Result<Snapshot, RenderError> {
+        self.snapshot_of_look(pose, self.active.tables.looks.len().saturating_sub(1))
+    }
+
+    /// [`Renderer::snapshot`] of one look of a compounded picture; the last one is not steered.
+    ///
+    /// # Errors
+    /// As [`Renderer::snapshot`].
+    pub fn snapshot_of_look(&mut self, pose: &Pose, look: usize) -> Result<Snapshot, RenderError> {
         if self.frames_in_flight() > 0 {
             return Err(RenderError::RingFull);
         }
@@ -322,7 +402,9 @@ impl Renderer {
             return Err(RenderError::Batches { batches });
         }
         self.place(pose);
-        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active };
+        let active = &mut self.active;
+        active.params.set_look(&active.tables, look);
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
         Ok(Snapshot::new(self.maker.pass_buffers(inputs)?, inputs))
     }
 }

@@ -3,7 +3,9 @@
 use glam::{DVec2, Vec3};
 
 use super::configuration::FrameInputs;
-use super::constants::{DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TISSUE_MASK};
+use super::constants::{
+    DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
+};
 use super::frame::unpad;
 use super::twin::{Aperture, Boundary, Inputs, Launched, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission};
 
@@ -101,9 +103,9 @@ pub struct Snapshot {
 
 impl Snapshot {
     /// The outputs of a frame as values.
-    pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration }: FrameInputs<'_>) -> Self {
+    pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration, look }: FrameInputs<'_>) -> Self {
         let (params, tables) = (&configuration.params, &configuration.tables);
-        let inputs = Inputs::new(params, tables, &media.surface_words, bvh, configuration.effects.effects());
+        let inputs = Inputs::new(params, tables, &media.surface_words, bvh, configuration.effects.effects(), look);
         let complex = |padded: &[[f32; 2]]| {
             let mut rows = Vec::new();
             unpad(&mut rows, padded, params.samples as usize, params.row_samples as usize);
@@ -209,6 +211,7 @@ fn path_from(buffers: &PassBuffers, path: usize) -> Path {
             scatterer_mean: mean.into(),
             scatterer_deviation: deviation.into(),
             scatterer_density: density.to_bits() & TAG_DENSITY,
+            texture: (density.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize,
             diverted: density.to_bits() & DIVERTED != 0,
             ln_passed_at_zero: passed.into(),
             echo,

@@ -4,18 +4,20 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::aperture::ApertureTables;
-use super::constants::{ACROSS_BITS, DENSITY_ONE, HARD_SPEED, OUTSIDE, TILE_ROWS};
+use super::compounding::steering;
+use super::constants::{ACROSS_BITS, DENSITY_ONE, HARD_SPEED, OUTSIDE, TEXTURE_SHIFT, TILE_ROWS};
 use super::elevation::elevations;
 use super::kernels::Kernels;
 use super::receiver::NearField;
 use super::sheets::Sheets;
+use super::texture::PackedTexture;
 use crate::acoustics::attenuation::attenuation_np_mm;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
-use crate::settings::RenderSettings;
-use crate::settings::{Effect, EffectSet};
+use crate::settings::{Effect, EffectSet, LookSettings, RenderSettings};
 use crate::transducer::{Probe, Sector};
 
 /// Words of four pixels across a tile of the image.
@@ -32,7 +34,8 @@ pub(crate) struct PackedTissue {
     pub(crate) speed_ratio: f32,
     pub(crate) attenuation_np_mm: f32,
     pub(crate) roughness: f32,
-    pub(crate) scatterer_density: u32,
+    /// Density in 1/131072, with the number of the texture from bit [`TEXTURE_SHIFT`] on.
+    pub(crate) scatterers: u32,
     pub(crate) scatterer_mean: f32,
     pub(crate) scatterer_deviation: f32,
     pub(crate) thickness_mm: f32,
@@ -44,22 +47,26 @@ pub(crate) struct PackedTissue {
 
 impl PackedTissue {
     /// A tissue with the simulated effects; an effect that is off has the value that makes it do nothing.
-    fn new(tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
+    fn new(number: usize, tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
         let of = |effect: Effect, value: f64, without: f64| if effects.has(effect) { value } else { without };
         let thickness_mm = of(Effect::Thickness, tissue.thickness_mm, 0.0);
         let exponent = of(Effect::FrequencyExponent, tissue.attenuation_exponent, 1.0);
         let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
-        let loss_np_mm = 2.0 * attenuation_np_mm(loss_db_cm_mhz, exponent, probe.frequency_mhz);
+        let one_way_np_mm = |frequency_mhz| attenuation_np_mm(loss_db_cm_mhz, exponent, frequency_mhz);
+        let loss_np_mm = one_way_np_mm(probe.frequency_mhz) + one_way_np_mm(probe.returning_mhz());
         let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
         let seen_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
         // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
         let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
+        let textured = effects.has(Effect::Texture) && PackedTexture::new(number, tissue).is_some();
+        let texture = if textured { (number as u32 + 1) << TEXTURE_SHIFT } else { 0 };
+        let density = (of(Effect::Scatterers, tissue.scatterer_density, 0.0) * DENSITY_ONE) as u32;
         Self {
             impedance_mrayl: tissue.impedance_mrayl() as f32,
             speed_ratio: of(Effect::SpeedDisplacement, speed_ratio, 1.0) as f32,
             attenuation_np_mm: loss_np_mm as f32,
             roughness: of(Effect::Roughness, tissue.roughness, 0.0) as f32,
-            scatterer_density: (of(Effect::Scatterers, tissue.scatterer_density, 0.0) * DENSITY_ONE) as u32,
+            scatterers: density | texture,
             scatterer_mean: tissue.scatterer_mean as f32,
             scatterer_deviation: tissue.scatterer_deviation as f32,
             thickness_mm: thickness_mm as f32,
@@ -69,6 +76,15 @@ impl PackedTissue {
             seen_bending: of(Effect::Refraction, seen_ratio, 1.0) as f32,
         }
     }
+}
+
+/// A look of a compounded picture.
+#[derive(Debug, Clone)]
+pub(crate) struct SteeredLook {
+    /// Steering angle, radians.
+    pub(crate) steer_rad: f64,
+    /// Packed place of each pixel on its steered scanlines [height × 4·row_words]; empty without steering.
+    pub(crate) pixels: Vec<u32>,
 }
 
 /// Everything that doesn't change with the pose.
@@ -86,6 +102,8 @@ pub(crate) struct Tables {
     /// Of each path of a scanline [layers × rays]: elevational offset at the face (mm), slope, length per mm of depth, 0.
     pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
+    /// Texture of each tissue; empty without the effect.
+    pub(crate) textures: Vec<PackedTexture>,
     /// The point-spread function.
     pub(crate) kernels: Kernels,
     /// Tables of the aperture; none if its effect is off.
@@ -98,17 +116,30 @@ pub(crate) struct Tables {
     pub(crate) pixels: Vec<u32>,
     /// Image indices of the words of four pixels that overlap the sector, tile by tile.
     pub(crate) sector_words: Vec<u32>,
+    /// Looks of a compounded picture in their order; one without steering, with no places of its own, if there is none.
+    pub(crate) looks: Vec<SteeredLook>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Arc<[u8]>,
     pub(crate) sector: Sector,
 }
 
 impl Tables {
+    /// Looks that show each pixel, one bit each [height × width].
+    pub(crate) fn covered(&self) -> Vec<u16> {
+        let (width, stride) = (self.sector.width as usize, self.sector.width.div_ceil(4) as usize * 4);
+        let place = |look: &SteeredLook, i: usize| *look.pixels.get(i).unwrap_or(&self.pixels[i]);
+        let bit = |(k, look): (usize, &SteeredLook), i: usize| u16::from(place(look, i) != OUTSIDE) << k;
+        let at = |i: usize| i / width * stride + i % width;
+        let bits = |i: usize| self.looks.iter().enumerate().map(|look| bit(look, at(i))).sum();
+        (0..self.mask.len()).into_par_iter().map(bits).collect()
+    }
+
     pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
         let sector = Sector::fit(probe, settings.image.width, settings.image.height);
         let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
         let map_ray_count = map_ray_count(probe, map_step_mm);
         let (pixels, mask) = pixels(probe, &sector);
+        let looks = looks(probe, &sector, &settings.look, &pixels);
         let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
         let mut sector_words: Vec<u32> =
             (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
@@ -126,16 +157,24 @@ impl Tables {
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
             elevations: elevations(probe, settings.quality.rays, settings.quality.layers),
-            tissues: tissues.iter().map(|t| PackedTissue::new(t, probe, effects)).collect(),
+            tissues: tissues.iter().enumerate().map(|(i, t)| PackedTissue::new(i, t, probe, effects)).collect(),
+            textures: if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() },
             kernels,
             aperture: if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None },
             sheets,
             pixels,
             sector_words,
+            looks,
             mask: mask.into(),
             sector,
         }
     }
+}
+
+/// Texture of each tissue; zeros for uniform ones.
+fn textures(tissues: &[Tissue]) -> Vec<PackedTexture> {
+    let texture = |(i, tissue)| PackedTexture::new(i, tissue).unwrap_or(bytemuck::Zeroable::zeroed());
+    tissues.iter().enumerate().map(texture).collect()
 }
 
 fn push_ray(into: &mut Vec<[f32; 4]>, (origin, direction): (DVec3, DVec3)) {
@@ -169,19 +208,37 @@ fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
 /// Place of every pixel, rows padded to whole words, and the mask.
 fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     let stride = sector.width.div_ceil(4) * 4;
-    let mut places = Vec::with_capacity((stride * sector.height) as usize);
-    let mut mask = Vec::with_capacity((sector.width * sector.height) as usize);
-    for row in 0..sector.height {
-        for column in 0..stride {
-            let polar =
-                if column < sector.width { Sector::polar(probe, sector.pixel_centre_mm(column, row)) } else { None };
-            places.push(polar.map_or(OUTSIDE, |(across, depth_mm)| pack_place(across, depth_mm / probe.depth_mm)));
-            if column < sector.width {
-                mask.push(if polar.is_some() { 255 } else { 0 });
-            }
-        }
-    }
+    let place = |(column, row)| {
+        let inside = (column < sector.width).then(|| Sector::polar(probe, sector.pixel_centre_mm(column, row)));
+        packed(probe, inside.flatten())
+    };
+    let row = |row: u32| (0..stride).map(move |column| place((column, row)));
+    let places: Vec<u32> = (0..sector.height).into_par_iter().flat_map_iter(row).collect();
+    let rows = places.chunks_exact(stride as usize);
+    let inside = |&place: &u32| if place == OUTSIDE { 0 } else { 255 };
+    let mask = rows.flat_map(|row| row[..sector.width as usize].iter().map(inside)).collect();
     (places, mask)
+}
+
+/// Looks of a compounded picture. The steered ones show the sector as far as their scanlines lead.
+fn looks(probe: &Probe, sector: &Sector, look: &LookSettings, pixels: &[u32]) -> Vec<SteeredLook> {
+    let angles = if probe.face_radius_mm() == Some(0.0) { 1 } else { look.odd_angles() };
+    let stride = (sector.width.div_ceil(4) * 4) as usize;
+    let of_angle = |steer_rad: f64| {
+        let place = |(i, &straight): (usize, &u32)| {
+            let (column, row) = ((i % stride) as u32, (i / stride) as u32);
+            let point_mm = (straight != OUTSIDE).then(|| sector.pixel_centre_mm(column, row));
+            packed(probe, point_mm.and_then(|point_mm| Sector::polar_steered(probe, point_mm, steer_rad)))
+        };
+        let steered = if steer_rad == 0.0 { Vec::new() } else { pixels.par_iter().enumerate().map(place).collect() };
+        SteeredLook { steer_rad, pixels: steered }
+    };
+    steering(angles, look.span_deg).into_iter().map(of_angle).collect()
+}
+
+/// A place as a word; all ones outside the sector.
+fn packed(probe: &Probe, polar: Option<(f64, f64)>) -> u32 {
+    polar.map_or(OUTSIDE, |(across, depth_mm)| pack_place(across, depth_mm / probe.depth_mm))
 }
 
 /// Fractions of the sector's width and depth in one word, rounded to within 1/65,532 and 1/262,140.

@@ -52,6 +52,8 @@ effects! {
     Aperture = "aperture";
     /// Speckle.
     Scatterers = "scatterers";
+    /// Scattering that varies within a tissue: clouds, grain, septa.
+    Texture = "texture";
     /// Speckle that changes gradually as the probe slides across its slice.
     ElevationalSpeckle = "elevational_speckle";
     /// Clutter near the face.
@@ -65,6 +67,9 @@ effects! {
 }
 
 impl Effect {
+    /// Effects of a body in air and of a scanner's receiver; specimens have them only on request.
+    pub const OF_BODIES: [Self; 4] = [Self::Contact, Self::Texture, Self::Clutter, Self::Noise];
+
     /// Documentation: one sentence.
     pub const fn doc(self) -> &'static str {
         Self::DOCS[self as usize].trim_ascii()
@@ -130,8 +135,17 @@ impl FromStr for Choice {
 pub struct EffectChoices([Choice; Effect::COUNT]);
 
 impl EffectChoices {
-    /// Every effect simulated, whether the scene calls for it or not.
-    pub const ALL_ON: Self = Self([Choice::On; Effect::COUNT]);
+    /// Every effect simulated, whether the scene calls for it or not. What the scene and the receiver are stays with the
+    /// plan: contact, texture, clutter, noise.
+    pub const ALL_ON: Self = {
+        let mut choices = [Choice::On; Effect::COUNT];
+        let mut i = 0;
+        while i < Effect::OF_BODIES.len() {
+            choices[Effect::OF_BODIES[i] as usize] = Choice::Auto;
+            i += 1;
+        }
+        Self(choices)
+    };
 
     /// Choice for `effect`.
     pub const fn of(&self, effect: Effect) -> Choice {

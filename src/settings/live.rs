@@ -1,7 +1,7 @@
 //! Settings of a running session, and the list of those that can be changed.
 
 use super::live_control::toggle;
-use super::{ImageSettings, Probe, Quality, RenderSettings, Setting, SettingsGroup, settings};
+use super::{ImageSettings, LookSettings, Probe, Quality, RenderSettings, Setting, SettingsGroup, settings};
 
 settings! {
     /// Settings of a running session. Only those with a [`LiveControl`](super::LiveControl) can be changed.
@@ -44,6 +44,7 @@ impl LiveSettings {
 pub fn live_settings() -> impl Iterator<Item = &'static Setting> {
     let groups = [
         ImageSettings::settings(),
+        LookSettings::settings(),
         Probe::settings(),
         Quality::settings(),
         RenderSettings::settings(),

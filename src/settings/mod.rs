@@ -14,6 +14,7 @@ mod hot_keys;
 mod image;
 mod live;
 mod live_control;
+mod look;
 mod pipeline;
 mod probe;
 mod quality;
@@ -31,6 +32,7 @@ pub use hot_keys::{Action, Display, HotKey, QUALITY_POINTS, QualityPointKey, hot
 pub use image::{ImageSettings, ImageUniforms, TGC_SLIDERS};
 pub use live::{LiveSettings, live_settings};
 pub use live_control::{LiveControl, Slider, StepKey};
+pub use look::{ANGLES_MAX, GreyMap, LookPreset, LookSettings};
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use probe::{Face, Probe, ProbeKind};
 pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings};

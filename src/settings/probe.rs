@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::live_control::{choice, slider};
+use super::live_control::{choice, slider, toggle};
 use super::{Apodization, Change, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
 
 /// Shape of a transducer's face.
@@ -119,6 +119,9 @@ settings! {
         /// Weights across the aperture and across the elevational lens, on both ways.
         apodization: Apodization = Apodization::Gaussian, "", 0.0..=2.0, Tables,
             choice("Apodization", "image", Apodization::NAMES).caption("");
+
+        /// Tissue harmonics: returns at twice the frequency.
+        harmonics: bool = false, "", 0.0..=1.0, Tables, toggle("Harmonics").key("h", "H", "harmonics on, off", 1.0);
 
         /// Height of the elevational lens.
         elevational_height_mm: f64 = 12.0, "mm", 0.5..=100.0, Tables;

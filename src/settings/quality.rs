@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live_control::hidden;
-use super::{ContactSettings, EffectChoices, ImageSettings, ReceiverSettings, settings};
+use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, ReceiverSettings, settings};
 
 /// Greatest value of `quality.reflections_max`.
 pub const REFLECTIONS_MAX: u32 = 6;
@@ -60,6 +60,9 @@ settings! {
         /// What the receiver adds.
         #[serde(skip)]
         receiver: ReceiverSettings,
+        /// From lines to the display.
+        #[serde(skip)]
+        look: LookSettings,
     }
     plain {
         /// Whether frames carry the complex baseband lines.

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::pose::Pose;
 use crate::render::{Effect, EffectPlan, Frame, FrameTimes};
-use crate::settings::{ImageSettings, Probe, Quality, RenderSettings};
+use crate::settings::{ImageSettings, LookSettings, Probe, Quality, RenderSettings};
 use crate::transducer::{Contact, Sector};
 
 /// Inputs of a frame: pose, quality, image, probe, device. The station file holds scene and tissues.
@@ -20,6 +20,8 @@ pub struct FrameRecord {
     pub simulated: SimulatedRecord,
     /// Image.
     pub image: ImageRecord,
+    /// From lines to the display.
+    pub look: LookSettings,
     /// Probe.
     pub probe: Probe,
     /// Contact of the face with the skin; none if everything is coupled.
@@ -96,6 +98,7 @@ impl FrameRecord {
                 corner_mm: sector.corner_mm.to_array(),
                 settings: settings.image,
             },
+            look: settings.look,
             probe: *probe,
             contact: frame.contact,
             attenuation_p98: frame.attenuation_p98,

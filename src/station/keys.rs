@@ -16,7 +16,7 @@ use crate::generator::{self, Provider};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
 use crate::settings::{
-    ChoiceSettings, ContactSettings, Effect, ImageSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings,
+    ChoiceSettings, ContactSettings, Effect, ImageSettings, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings,
     RenderSettings, Setting, SettingsGroup as _,
 };
 use crate::sink::{LiveSinkKind, browser, openigtlink};
@@ -90,6 +90,11 @@ const PROBE: &[KeyDoc] = &[
 const QUALITY: &[KeyDoc] = &[
     doc("quality", "preset", "", "none", Accepts::OneOf(Preset::NAMES), "rays and layers by name: 1x1, 2x3, 32x3, 128x3"),
     doc("quality", "budget_ms", "ms", "none", number(1.0, 10_000.0), "time to render a frame: the best rays and layers that keep it on this machine are measured at the start, and changed while a live session runs"),
+];
+
+#[rustfmt::skip]
+const LOOK: &[KeyDoc] = &[
+    doc("look", "preset", "", "\"raw\"", Accepts::OneOf(LookPreset::NAMES), "look by name; other keys of the table change it"),
 ];
 
 #[rustfmt::skip]
@@ -174,6 +179,7 @@ pub fn keys() -> &'static [KeyDoc] {
         add(&[], &[ContactSettings::settings()]);
         add(&[], &[ImageSettings::settings()]);
         add(&[], &[ReceiverSettings::settings()]);
+        add(LOOK, &[LookSettings::settings()]);
         add(QUALITY, &[Quality::settings(), RenderSettings::settings()]);
         add(RENDER, &[]);
         add(&Effect::ALL.map(KeyDoc::from), &[]);

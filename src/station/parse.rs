@@ -11,7 +11,7 @@ use super::values::{Values, optional, section, take, wrong_type};
 use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::pose::Pose;
-use crate::settings::{Face, Probe, ProbeKind, SettingsGroup};
+use crate::settings::{Face, LookPreset, LookSettings, Probe, ProbeKind, SettingsGroup};
 use crate::sink::window as window_sink;
 use crate::suggest::did_you_mean;
 
@@ -34,6 +34,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut settings = super::quality::settings(&section(&mut root, "image")?, &quality_values)?;
     settings.contact = group(&mut root, "contact")?;
     settings.receiver = group(&mut root, "receiver")?;
+    settings.look = look(&section(&mut root, "look")?);
     let quality_budget_ms = quality_values.number("budget_ms");
     let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
@@ -85,6 +86,14 @@ fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, 
     let mut group = G::default();
     section(root, name)?.set_group(&mut group);
     Ok(group)
+}
+
+/// A look by name, with the changes of the table's other keys.
+fn look(values: &Values) -> LookSettings {
+    let preset = values.text("preset").and_then(LookPreset::named).unwrap_or(LookPreset::Raw);
+    let mut look = preset.settings();
+    values.set_group(&mut look);
+    look
 }
 
 fn probe(values: &Values) -> Result<Probe, StationError> {

@@ -57,7 +57,9 @@ impl Probe {
 
     /// Standard deviation of the axial pulse-echo envelope, mm.
     pub fn axial_sigma_mm(&self) -> f64 {
-        pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth)
+        let fundamental_mm = pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth);
+        // The square of a Gaussian pulse is shorter by √2; half of the variance is that of reception.
+        if self.harmonics { 0.75_f64.sqrt() * fundamental_mm } else { fundamental_mm }
     }
 
     /// The beam across scanlines: a fixed transmit focus and a dynamic receive focus.
@@ -69,6 +71,7 @@ impl Probe {
             aperture_mm: self.aperture_mm,
             focus_mm: self.focus_mm,
             reception: Reception::Dynamic,
+            harmonic: self.harmonics,
         }
     }
 
@@ -105,8 +108,20 @@ impl Probe {
         }
     }
 
-    /// Turns of baseband phase per mm of depth: 2f/c₀. An echo at depth z carries e^(−i2π·turns·z).
+    /// Frequency of reception, MHz.
+    pub fn returning_mhz(&self) -> f64 {
+        if self.harmonics { 2.0 * self.frequency_mhz } else { self.frequency_mhz }
+    }
+
+    /// Loss out and back of a tissue that loses `db_cm_mhz` at 1 MHz, rising with a power of the frequency; dB per mm.
+    pub fn two_way_loss_db_mm(&self, db_cm_mhz: f64, exponent: f64) -> f64 {
+        let at = |frequency_mhz| acoustics::attenuation::attenuation_db_mm(db_cm_mhz, exponent, frequency_mhz);
+        at(self.frequency_mhz) + at(self.returning_mhz())
+    }
+
+    /// Turns of baseband phase per mm of depth: 2f/c₀ of the frequency of reception. An echo at depth z carries
+    /// e^(−i2π·turns·z).
     pub fn phase_turns_per_mm(&self) -> f64 {
-        2.0 / acoustics::wavelength_mm(self.frequency_mhz)
+        2.0 / acoustics::wavelength_mm(self.returning_mhz())
     }
 }

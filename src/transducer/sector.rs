@@ -38,6 +38,25 @@ impl Sector {
         (point_mm - self.corner_mm) / self.pixel_mm
     }
 
+    /// [`Sector::polar`] of a probe whose scanlines are steered by an angle, radians, positive towards +x. Not for phased
+    /// arrays. `None` where no steered scanline leads.
+    pub fn polar_steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> Option<(f64, f64)> {
+        let (sin, cos) = steer_rad.sin_cos();
+        let (lateral, depth) = match probe.face_radius_mm() {
+            Some(radius) => {
+                // The triangle of the apex, the place on the face and the point.
+                let from_apex = point_mm + DVec2::new(0.0, radius);
+                let distance = from_apex.length();
+                let at_point = (radius * sin / distance).clamp(-1.0, 1.0).asin();
+                (from_apex.x.atan2(from_apex.y) - steer_rad + at_point, distance * at_point.cos() - radius * cos)
+            }
+            None => (point_mm.x - point_mm.y * sin / cos, point_mm.y / cos),
+        };
+        let fraction = 0.5 * (lateral / probe.half_extent() + 1.0);
+        let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth);
+        inside.then_some((fraction, depth))
+    }
+
     /// Sector coordinates of a probe-frame point (x, z): fraction 0..1 of `probe`'s lateral extent, and depth from the
     /// face, mm. `None` outside the sector.
     pub fn polar(probe: &Probe, point_mm: DVec2) -> Option<(f64, f64)> {
@@ -79,6 +98,21 @@ mod tests {
         let polar = |c, r| Sector::polar(&Probe::default(), sector.pixel_centre_mm(c, r));
         assert!(polar(693, 999).is_some() && polar(693, 46).is_some());
         assert!(polar(0, 0).is_none() && polar(1385, 999).is_none());
+    }
+
+    #[test]
+    fn steered_scanlines_lead_to_their_points() {
+        for kind in [ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 }, ProbeKind::Linear { width_mm: 40.0 }] {
+            let probe = Probe { kind, ..Probe::default() };
+            for (fraction, depth_mm, steer_deg) in [(0.3, 20.0, 12.0), (0.5, 120.0, -15.0), (0.7, 1.0, 7.0), (0.2, 60.0, 0.0)] {
+                let steer = f64::to_radians(steer_deg);
+                let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));
+                let turned = glam::DQuat::from_rotation_y(steer) * direction;
+                let point = origin + depth_mm * turned;
+                let found = Sector::polar_steered(&probe, DVec2::new(point.x, point.z), steer).unwrap();
+                assert!((found.0 - fraction).abs() < 1e-9 && (found.1 - depth_mm).abs() < 1e-9, "{kind:?}: {found:?}");
+            }
+        }
     }
 
     #[test]

@@ -41,7 +41,7 @@ fn each_scene_calls_for_its_effects() {
     let and = |more: &[&'static str]| tissues_and(&[&usual[..], more].concat());
     let table = [
         // Heartbeat and maternal breathing; low quality asks for one ray and one layer.
-        ("obstetric", and(&["frequency_exponent", "motion"])),
+        ("obstetric", and(&["contact", "frequency_exponent", "texture", "clutter", "noise", "motion"])),
         ("slabs", and(&["frequency_exponent"])),
         ("speckle_block", and(&["frequency_exponent"])),
         ("sphere", and(&["frequency_exponent"])),
@@ -78,7 +78,7 @@ fn every_decision_has_a_reason_and_a_bound() {
             match &decision.bound {
                 Bound::Level { grey, .. } => assert_eq!(decision.on, *grey > GREY_ALLOWED, "{decision:?}"),
                 Bound::Displacement { .. } | Bound::None { .. } => assert!(decision.on, "{decision:?}"),
-                Bound::Exact | Bound::Aside { .. } => {
+                Bound::Exact | Bound::OnRequest | Bound::Aside { .. } => {
                     assert!(!decision.on, "{decision:?}")
                 }
             }

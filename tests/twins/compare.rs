@@ -137,6 +137,7 @@ fn segment_error(s: &Snapshot, device: &Segment, twin: &Segment) -> f64 {
         ends.map(|r| (device.ln_passed(r) - twin.ln_passed(r)).abs()).into_iter().fold(0.0, f64::max)
     };
     let same = device.scatterer_density == twin.scatterer_density
+        && device.texture == twin.texture
         && device.diverted == twin.diverted
         && device.scatterer_mean == twin.scatterer_mean
         && device.scatterer_deviation == twin.scatterer_deviation;

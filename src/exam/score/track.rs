@@ -15,8 +15,8 @@ const GAP_S: f64 = 0.25;
 /// Largest depth of the face below the skin, mm (assumed); a deeper face counts as without contact.
 const PRESS_MOST_MM: f64 = 25.0;
 
-/// Part of the face above which the probe counts as on the skin (assumed).
-const CONTACT_MIN: f64 = 0.1;
+/// Part of the face from which on the probe counts as on the skin (assumed).
+const CONTACT_MIN: f64 = 0.5;
 
 /// Bin of the means between which paths are measured, s; it suppresses tremor.
 const PATH_STEP_S: f64 = 0.1;
@@ -57,7 +57,7 @@ impl Track {
         Self {
             time_s: poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect(),
             position_mm: poses.iter().map(|p| p.pose.position_mm.to_array()).collect(),
-            contact: face.iter().map(|&part| part > CONTACT_MIN).collect(),
+            contact: face.iter().map(|&part| part >= CONTACT_MIN).collect(),
             face,
             offsets: reference.planes.iter().map(offsets).collect(),
         }

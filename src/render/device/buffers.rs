@@ -47,6 +47,7 @@ pub(crate) struct Buffers {
     rays: wgpu::Buffer,
     map_rays: wgpu::Buffer,
     tissues: wgpu::Buffer,
+    textures: wgpu::Buffer,
     lateral_kernels: wgpu::Buffer,
     pulse: wgpu::Buffer,
     scatterer_gain: wgpu::Buffer,
@@ -110,11 +111,12 @@ impl Buffers {
             rays: work("rays", 16 * (tables.rays.len() + tables.elevations.len()) as u64, |b| &b.rays)?,
             map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
             tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
+            textures: work("textures", size_of_val(&tables.textures[..]) as u64, |b| &b.textures)?,
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
             sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
-            pixels: work("pixels", sector_pixels, |b| &b.pixels)?,
+            pixels: work("pixels", sector_pixels * (1 + tables.looks.len() as u64), |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: work("start membership", paths * 32, |b| &b.starts_inside)?,
             couplings: work("couplings", paths * 4, |b| &b.couplings)?,
@@ -146,8 +148,12 @@ impl Buffers {
     /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and
     /// none may read data of another configuration.
     pub(crate) fn fill(&self, gpu: &Gpu, scene: &SceneBuffers, tables: &Tables, previous: Option<&Self>) {
-        let word_pixels = |&word: &u32| tables.pixels[4 * word as usize..][..4].iter().copied();
-        let sector_pixels: Vec<u32> = tables.sector_words.iter().flat_map(word_pixels).collect();
+        let places = |pixels: &[u32]| -> Vec<u32> {
+            tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
+        };
+        let looks = tables.looks.iter().map(|look| if look.pixels.is_empty() { &tables.pixels } else { &look.pixels });
+        let sector_pixels: Vec<u32> =
+            std::iter::once(&tables.pixels).chain(looks).flat_map(|pixels| places(pixels)).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
         // Pads a table that is shorter than its uniform with zeros.
         let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {
@@ -158,6 +164,7 @@ impl Buffers {
         write(&self.rays, bytemuck::cast_slice(&[&tables.rays[..], &tables.elevations].concat()));
         write(&self.map_rays, bytemuck::cast_slice(&tables.map_rays));
         padded(&self.tissues, bytemuck::cast_slice(&tables.tissues));
+        write(&self.textures, bytemuck::cast_slice(&tables.textures));
         write(&self.lateral_kernels, bytemuck::cast_slice(&tables.kernels.lateral));
         padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
         padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
@@ -222,6 +229,7 @@ impl Buffers {
                 (&self.aperture.shape, uniform),
                 (&self.aperture.line_gains, read),
                 (&self.sheet_reach, uniform),
+                (&self.textures, read),
             ],
             "echo" => vec![
                 (&self.starts, read),

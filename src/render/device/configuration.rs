@@ -73,7 +73,11 @@ impl DeviceConfiguration {
         };
         let mut returned = Vec::new();
         if on.has(Effect::Scatterers) {
-            let march = [aperture[0], ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)))];
+            let march = [
+                aperture[0],
+                ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle))),
+                ("TEXTURE", flag(on.has(Effect::Texture))),
+            ];
             returned.push(pass("march", samples_by(8), &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {

@@ -5,6 +5,7 @@ use crate::anatomy::bvh::STACK_DEPTH_MAX;
 use crate::render::aperture::MODE_NONE;
 use crate::render::constants as shared;
 use crate::render::params::IMAGE_QUADS;
+use crate::render::texture::{SEPTUM_WIDTH, WAVE_VARIANCE, WAVES, waves};
 use crate::settings::{ImageSettings, SettingsGroup, wgsl_readers};
 
 /// Sources of every pass. Tests change one to make the comparison with its twin fail.
@@ -33,7 +34,7 @@ pub(super) const PASSES: [(&str, &str); 14] = [
     pass!("propagate", "aperture", "phasor"),
     pass!("beams", "aperture", "phasor"),
     pass!("visibility", "aperture", "loss", "line_gain"),
-    pass!("march", "hash", "lattice", "phasor", "speckle", "aperture", "loss", "line_gain"),
+    pass!("march", "hash", "lattice", "phasor", "speckle", "texture", "aperture", "loss", "line_gain"),
     pass!("echo", "phasor", "aperture", "loss", "line_gain"),
     pass!("lateral"),
     pass!("receive", "hash", "lattice", "loss"),
@@ -71,7 +72,8 @@ fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX BLOCK_QUADS PULSE_QUADS
             CROSSINGS_AT_A_PLACE CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
-            TAG_DENSITY DIVERTED CELLS_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES;
+            TAG_DENSITY DIVERTED CELLS_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES
+            TEXTURE_SHIFT TEXTURE_MASK TEXTURE_SAMPLES;
         i32: PULSE_PAD SURFACE_SALT;
         f32: TOUCH_MM BEYOND_MM CELL_MM OFF_THE_GRID_MM CELLS_OF_A_BEAM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
@@ -81,10 +83,11 @@ fn preamble() -> String {
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(
-        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst MODE_NONE: i32 = {MODE_NONE};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\n{readers}",
+        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst MODE_NONE: i32 = {MODE_NONE};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\nconst WAVES: u32 = {WAVES}u;\nconst WAVE_VARIANCE: f32 = {WAVE_VARIANCE:?};\nconst SEPTUM_WIDTH: f32 = {SEPTUM_WIDTH:?};\nconst TEXTURE_WAVES = array<vec4<f32>, WAVES>({});\n{readers}",
         shared::HINT_BLOCK.trailing_zeros(),
         shared::DEPTH_BLOCK.trailing_zeros(),
         shared::KRONECKER.map(literal::u32).join(", "),
+        waves().map(|[x, y, z, w]| format!("vec4<f32>({x:?}, {y:?}, {z:?}, {w:?})")).join(", "),
     )
 }
 

@@ -21,6 +21,8 @@ pub(super) struct Buffers {
     pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
     pub(super) layout: Layout,
+    /// Layouts of the looks; none of a look without steering.
+    pub(super) steered: Vec<Option<Layout>>,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
 }
@@ -103,12 +105,15 @@ impl Buffers {
             },
             None => passes,
         };
+        let (width, height) = (params.image.width, params.image.height);
+        let layout = |pixels: &[u32]| Layout::new(width, height, pixels, &tables.sector_words);
         Ok(Self {
             passes,
             aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
-            layout: Layout::new(params.image.width, params.image.height, &tables.pixels, &tables.sector_words),
+            layout: layout(&tables.pixels),
+            steered: tables.looks.iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
         })
     }

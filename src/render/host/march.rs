@@ -4,11 +4,14 @@ use rayon::prelude::*;
 
 use super::constants::{ImageConstants, UNSCALED};
 use super::line_gain::Visibility;
-use super::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm};
+use super::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
 use super::power::{Power, Powers, Stretch};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
+use super::texture::Waves;
 use super::wide::widened;
+use crate::render::constants::{TEXTURE_MASK, TEXTURE_SAMPLES, TEXTURE_SHIFT};
 use crate::render::params::Params;
+use crate::render::texture::PackedTexture;
 
 /// Inputs of the samples besides the paths.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +21,10 @@ pub(super) struct Scatterers<'a> {
     pub(super) gain: &'a [f32],
     /// 1/Y of the sheets for each block of samples; empty for the lattice.
     pub(super) per_reach_mm: &'a [f32],
+    /// Textures by number − 1; empty without the effect.
+    pub(super) textures: &'a [PackedTexture],
+    /// Fields of the textures.
+    pub(super) waves: &'a Waves,
     /// Gain along the scanlines; without it, every path loses what it meets.
     pub(super) visibility: Option<&'a Visibility<'a>>,
 }
@@ -134,10 +141,39 @@ fn echo(
     for (i, range) in ranges_mm.iter_mut().enumerate() {
         *range = range_mm(params, first.wrapping_add(i as u32));
     }
+    let mut gains = [UNSCALED * of_block(scatterers.gain); BLOCK];
+    if !scatterers.textures.is_empty() {
+        texture(params, paths, guide, scatterers, first, &mut gains);
+    }
     let block = Block {
         ranges_mm,
         per_reach_mm: of_block(scatterers.per_reach_mm),
-        strength: Strength::new(power, UNSCALED * of_block(scatterers.gain)),
+        strength: Strength::new(power, &gains),
     };
     speckle.echo(&block, &BlockOfPath { params, paths, path: guide, first }, sums);
+}
+
+/// Multiplies the gains of a block's samples by the texture of the guide's tissues.
+#[inline(always)]
+fn texture(
+    params: &Params,
+    paths: &Paths<'_>,
+    guide: u32,
+    scatterers: &Scatterers<'_>,
+    first: u32,
+    gains: &mut Lanes,
+) {
+    const MIDDLE: f32 = 0.5 * (TEXTURE_SAMPLES - 1) as f32;
+    for (i, gains) in (0_u32..).zip(gains.chunks_exact_mut(TEXTURE_SAMPLES as usize)) {
+        let sample = first.wrapping_add(i.wrapping_mul(TEXTURE_SAMPLES));
+        let &[x, y, z, _, dx, dy, dz, _, _, _, tag, _] = seek(params, paths, guide, sample).1;
+        let number = (tag.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize;
+        let Some(texture) = scatterers.textures.get(number.wrapping_sub(1)) else { continue };
+        let at_mm = range_mm(params, sample) + MIDDLE * params.sample_spacing_mm;
+        let here_mm = [x + dx * at_mm, y + dy * at_mm, z + dz * at_mm];
+        let gain = scatterers.waves.gain(texture, here_mm);
+        for sample in gains {
+            *sample *= gain;
+        }
+    }
 }

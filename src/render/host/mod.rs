@@ -36,6 +36,7 @@ mod scan_convert;
 mod search;
 mod section;
 mod speckle;
+mod texture;
 mod trace;
 mod transmission;
 mod traverse;

@@ -122,14 +122,15 @@ impl Scene<'_> {
     fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
         let p = self.params;
         let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
-        let direction = Vec4::from(self.rays[2 * ray + 1]).xyz() + Vec3::new(0.0, slope, 0.0);
+        let direction = p.steered(Vec4::from(self.rays[2 * ray + 1]).xyz()) + Vec3::new(0.0, slope, 0.0);
         (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
-    /// Tissue of the medium; outside all surfaces the background, or air if the path has been in the body.
-    fn medium_word(&self, entered: bool, inside: &Inside) -> u32 {
-        let outside = if entered { self.params.beyond } else { self.params.background };
-        medium_word(self.surface_words, outside, inside)
+    /// Tissue of the medium at the state's place; outside all surfaces the background, or air beyond the film of gel.
+    #[inline(always)]
+    fn medium_word(&self, state: &PathState) -> u32 {
+        let depth_mm = (state.origin - self.params.face_mm()).dot(self.params.scene_vector(Vec3::Z));
+        medium_word(self.surface_words, self.params.outside(depth_mm), &state.inside)
     }
 
     /// Parameters of departures.
@@ -206,8 +207,7 @@ impl Scene<'_> {
         record.coupling =
             coupling(self.params.film_mm, state.face_depth_mm, self.down(state), &state.inside, ahead);
         record.count = 0;
-        state.entered = highest(&state.inside).is_some();
-        state.here = self.medium_word(state.entered, &state.inside) & TISSUE_MASK;
+        state.here = self.medium_word(state) & TISSUE_MASK;
         if record.coupling < 1.0 {
             // Where nothing is coupled the path ends in the film: its scanline shows nothing of the body.
             state.open = record.coupling > 0.0;
@@ -269,7 +269,7 @@ impl Scene<'_> {
             fall,
             tissue.scatterer_mean,
             tissue.scatterer_deviation,
-            f32::from_bits(TAG | flag | tissue.scatterer_density),
+            f32::from_bits(TAG | flag | tissue.scatterers),
             state.ln_passed + fall * passed_mm,
         ];
         record.echoes[count] = [state.echo, state.echo_range_mm];
@@ -318,9 +318,8 @@ impl Scene<'_> {
         let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
         let before = state.inside;
         cross(self.tree.triangles, here, &mut state.inside);
-        state.entered = state.entered || highest(&state.inside).is_some();
-        let there = self.medium_word(state.entered, &state.inside);
         state.origin += state.direction * t;
+        let there = self.medium_word(state);
         let passed_mm = t / self.path_per_range(state);
         state.range_mm += passed_mm;
         state.behind_mm += t / self.seen_path_per_range(state) - passed_mm;

@@ -18,8 +18,6 @@ pub(super) struct PathState {
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) inside: Inside,
-    /// Whether it has been inside a surface.
-    pub(super) entered: bool,
     // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
     pub(super) in_phase: f32,
     pub(super) in_power: f32,

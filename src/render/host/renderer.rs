@@ -21,6 +21,7 @@ use super::propagate::{first_plane, propagate};
 use super::receive::receive;
 use super::scan_convert::{Image, Maps, scan_convert};
 use super::section::{self, Section, section};
+use super::texture::Waves;
 use super::trace::{Follow, fastest, trace};
 use super::transmission::{Transmission, transmission};
 use super::traverse::Tree;
@@ -34,6 +35,7 @@ use crate::render::frame::{Contents, Frame, FrameTimes, unpad};
 use crate::render::maker::FrameMaker;
 use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
+use crate::render::texture::waves;
 use crate::settings::Effect;
 
 /// Makes frames by the host's processors, each within `submit`.
@@ -43,6 +45,7 @@ pub(in crate::render) struct HostRenderer {
     trace: TraceConstants,
     image: ImageConstants,
     follow: Follow,
+    waves: Waves,
     buffers: Buffers,
     /// Frames that were made and not received.
     made: VecDeque<Frame>,
@@ -86,7 +89,8 @@ impl HostRenderer {
         let nodes = bvh.nodes.par_iter().map(WideNode::decode).collect();
         let buffers = Buffers::new(configuration)?;
         let (made, spare) = (VecDeque::new(), Vec::new());
-        Ok(Self { nodes, trace, image, follow: fastest(), buffers, made, spare })
+        let waves = Waves::new(&waves());
+        Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, made, spare })
     }
 
     /// Makes a frame that holds `contents`; `kept` takes what later passes overwrite.
@@ -127,7 +131,7 @@ impl HostRenderer {
             frame.overflows += self.cut_section(inputs, &mut laps);
         }
 
-        let Buffers { passes: b, layout, rates_np_mm, .. } = &self.buffers;
+        let Buffers { passes: b, layout, steered, rates_np_mm, .. } = &self.buffers;
         let pixels = params.image.width as usize * params.image.height as usize;
         (frame.width, frame.height) = (params.image.width, params.image.height);
         frame.bmode.resize(pixels, 0);
@@ -145,7 +149,18 @@ impl HostRenderer {
             rates_np_mm,
             constants: self.image,
         });
-        scan_convert(params, layout, &b.polar, maps, into);
+        let steered = steered.get(inputs.look).and_then(Option::as_ref);
+        if let (Some(steered), None) = (steered, maps) {
+            scan_convert(params, steered, &b.polar, None, into);
+        } else {
+            // Maps are straight, whatever the look.
+            scan_convert(params, layout, &b.polar, maps, into);
+            if let Some(steered) = steered {
+                let image =
+                    Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };
+                scan_convert(params, steered, &b.polar, None, image);
+            }
+        }
         if !image {
             frame.bmode.clear();
         }
@@ -189,7 +204,9 @@ impl HostRenderer {
             if effects.has(Effect::Scatterers) {
                 let gain = &tables.kernels.scatterer_gain;
                 let per_reach_mm = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
-                let scatterers = Scatterers { constants: self.image, gain, per_reach_mm, visibility };
+                let (textures, waves) = (&tables.textures[..], &self.waves);
+                let scatterers =
+                    Scatterers { constants: self.image, gain, per_reach_mm, textures, waves, visibility };
                 march(&params, paths, scatterers, &mut b.baseband, kept_powers);
                 laps.note("march");
             }
@@ -209,7 +226,7 @@ impl HostRenderer {
     /// Traces the paths of a batch; returns the number of crossings that found no room.
     fn trace_batch(
         &mut self,
-        FrameInputs { bvh, media, configuration }: FrameInputs<'_>,
+        FrameInputs { bvh, media, configuration, .. }: FrameInputs<'_>,
         params: &Params,
         laps: &mut Laps<'_>,
     ) -> u32 {
@@ -257,7 +274,7 @@ impl HostRenderer {
 
     /// Runs the passes of the maps up to scan conversion; returns the number of crossings and runs that found no room.
     fn cut_section(&mut self, inputs: FrameInputs<'_>, laps: &mut Laps<'_>) -> u32 {
-        let FrameInputs { bvh, media, configuration } = inputs;
+        let FrameInputs { bvh, media, configuration, .. } = inputs;
         let (params, tables) = (&configuration.params, &configuration.tables);
         let Buffers { passes: b, rates_np_mm, .. } = &mut self.buffers;
         for (rate, tissue) in rates_np_mm.iter_mut().zip(&tables.tissues) {

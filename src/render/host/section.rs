@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::constants::{COUPLED_MIN, TOUCH_MM};
 use super::lanes::RAYS;
-use super::membership::{Inside, coupling, cross, highest, medium_word};
+use super::membership::{Inside, coupling, cross, medium_word};
 use super::packet::{Packet, Visits};
 use super::search::collect;
 use super::traverse::{Crossing, Ray, Tree, by_distance};
@@ -118,25 +118,23 @@ fn divide(params: &Params, scene: &Scene<'_>, [depth_mm, down]: [f32; 2], found:
     found.sort_unstable_by(by_distance);
     let mut ahead = found;
     let mut inside = [0u32; 8];
-    let (mut begun, mut entered) = (false, false);
+    let mut begun = false;
     loop {
         let t = ahead.first().map(|crossing| crossing.t);
         // The first run begins at the face.
         if !begun && t.is_none_or(|t| t > 0.0) {
             begun = true;
-            entered = highest(&inside).is_some();
             if coupling(params.film_mm, depth_mm, down, &inside, ahead) < COUPLED_MIN {
                 runs.begin(scene, 0.0, params.beyond);
                 return;
             }
-            runs.begin(scene, 0.0, medium(params, scene, entered, &inside));
+            runs.begin(scene, 0.0, medium(params, scene, depth_mm, &inside));
         }
         let Some(t) = t else { break };
         let (place, rest) = ahead.split_at_mut(ahead.partition_point(|crossing| crossing.t <= t + TOUCH_MM));
         cross(scene.tree.triangles, place, &mut inside);
         if begun {
-            entered = entered || highest(&inside).is_some();
-            runs.begin(scene, t, medium(params, scene, entered, &inside));
+            runs.begin(scene, t, medium(params, scene, depth_mm + down * t, &inside));
         }
         ahead = rest;
     }
@@ -163,10 +161,9 @@ impl Runs<'_> {
     }
 }
 
-/// Tissue of the highest surface the point is inside; else the background, or air if the ray has been in the body.
-fn medium(params: &Params, scene: &Scene<'_>, entered: bool, inside: &Inside) -> u32 {
-    let outside = if entered { params.beyond } else { params.background };
-    medium_word(scene.surface_words, outside, inside) & TISSUE_MASK
+/// Tissue of the highest surface the point is inside; else the background, or air beyond the film of gel.
+fn medium(params: &Params, scene: &Scene<'_>, depth_mm: f32, inside: &Inside) -> u32 {
+    medium_word(scene.surface_words, params.outside(depth_mm), inside) & TISSUE_MASK
 }
 
 widened! {

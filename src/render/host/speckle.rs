@@ -19,14 +19,14 @@ pub(super) struct Strength {
 }
 
 impl Strength {
-    /// The strength of scatterers with the given squared mean, squared deviation, and density times both, after `gain`.
+    /// The strength of scatterers with the given squared mean, squared deviation, and density times both, after `gains`.
     #[inline(always)]
-    pub(super) fn new([mean2, deviation2, dense]: &[Lanes; 3], gain: f32) -> Self {
+    pub(super) fn new([mean2, deviation2, dense]: &[Lanes; 3], gains: &Lanes) -> Self {
         let (mut amplitude, mut density) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
         // Loops: `map` of an array is a call, compiled for any processor.
         for i in 0..BLOCK {
-            amplitude[0][i] = gain * mean2[i].sqrt();
-            amplitude[1][i] = gain * deviation2[i].sqrt();
+            amplitude[0][i] = gains[i] * mean2[i].sqrt();
+            amplitude[1][i] = gains[i] * deviation2[i].sqrt();
             density[i] = DENSITY_ONE * dense[i] / at_least(mean2[i] + deviation2[i], LEAST_POWER);
         }
         Self { amplitude, density }

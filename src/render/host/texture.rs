@@ -1,7 +1,8 @@
 //! Texture of tissues: level of their scattering at a place.
+#![allow(clippy::needless_range_loop, reason = "several arrays go together")]
 
 use super::wide::{TO_INTEGER, exp};
-use crate::render::texture::{PackedTexture, SEPTUM_WIDTH, WAVE_VARIANCE, WAVES};
+use crate::render::texture::{PackedTexture, SEPTUM_WIDTH, WAVES};
 
 /// Wave vectors and phases of a field, by coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -28,11 +29,14 @@ impl Waves {
             let u = 2.0 * (turns - whole).abs();
             heights[i] = 1.0 - 2.0 * u * u * (3.0 - 2.0 * u);
         }
-        let mut sum = 0.0;
-        for height in heights {
-            sum += height;
+        let mut half = WAVES / 2;
+        while half > 0 {
+            for i in 0..half {
+                heights[i] += heights[i + half];
+            }
+            half /= 2;
         }
-        sum * FIELD_SCALE
+        heights[0] * FIELD_SCALE
     }
 
     /// Factor of the scattering of a tissue at a place of the scene at rest.
@@ -50,7 +54,7 @@ impl Waves {
             }
         }
         if septa != 0.0 {
-            let field = self.field(placed(&texture.fields[2], here_mm)) * (1.0 / SEPTUM_WIDTH as f32);
+            let field = self.field(placed(&texture.fields[2], stretched_mm)) * (1.0 / SEPTUM_WIDTH as f32);
             level += septa * exp(-(field * field).min(80.0));
         }
         exp(level)
@@ -58,7 +62,7 @@ impl Waves {
 }
 
 /// 1/√(waves · variance of a wave).
-const FIELD_SCALE: f32 = 0.358_726_12;
+const FIELD_SCALE: f32 = 0.358_715_03;
 
 /// A place in the units of a field.
 #[inline(always)]
@@ -69,6 +73,7 @@ fn placed([x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: [f32; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::texture::WAVE_VARIANCE;
 
     #[test]
     fn the_scale_is_that_of_the_waves() {

@@ -45,7 +45,7 @@ pub(super) fn has_avx512() -> bool {
 }
 
 /// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
-const TO_INTEGER: f32 = 12_582_912.0;
+pub(super) const TO_INTEGER: f32 = 12_582_912.0;
 
 /// The nearest integer, half to even, of a number in 0..2²², in the lowest 22 bits; higher bits are also set.
 #[inline(always)]

@@ -13,6 +13,8 @@ pub const GREY_ALLOWED: f64 = 0.5;
 pub enum Bound {
     /// Rounding of f32 only. It may choose another cell if a scanline runs in a face of the scatterer lattice.
     Exact,
+    /// The scene lacks what the effect is of: only a station that asks for it shows it.
+    OnRequest,
     /// Level of any pixel. If media of different loss meet, speckle nulls 26 dB below the mean are excepted.
     Level {
         /// Largest change of a level, dB.
@@ -54,7 +56,7 @@ impl Bound {
     /// Whether an effect of this bound may be left out.
     pub(super) fn negligible(&self) -> bool {
         match self {
-            Self::Exact => true,
+            Self::Exact | Self::OnRequest => true,
             Self::Aside { mm, allowed_mm } => mm <= allowed_mm,
             Self::Level { grey, .. } => *grey <= GREY_ALLOWED,
             Self::Displacement { .. } | Self::None { .. } => false,
@@ -66,6 +68,7 @@ impl fmt::Display for Bound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exact => f.write_str("exact"),
+            Self::OnRequest => f.write_str("only on request"),
             Self::Level { db, grey } if *grey >= 255.0 => write!(f, "{db:.0} dB, all grey levels"),
             Self::Level { db, grey } => write!(f, "{db:.3} dB, {grey:.2} grey levels"),
             Self::Aside { mm, allowed_mm } => {

@@ -9,7 +9,7 @@ impl Rules<'_> {
     /// A body lies in air. In a scene without skin the background conducts: a water bath, a phantom.
     pub(super) fn contact(&self) -> Finding {
         if !self.facts.skin {
-            return finding("no surface is skin: what lies outside conducts", Bound::Exact);
+            return finding("no surface is skin: what lies outside conducts", Bound::OnRequest);
         }
         let gel_mm = self.settings.contact.gel_mm;
         let reason = format!("the scene has skin: beyond {gel_mm} mm of gel lies air");
@@ -27,7 +27,7 @@ impl Rules<'_> {
     /// What the receiver adds to the lines of a body is left out if no display shows it.
     fn added(&self, what: &str, level_db: f64, fall_db_cm: f64) -> Finding {
         if !self.facts.skin {
-            return finding(format!("no surface is skin: a specimen is shown without {what}"), Bound::Exact);
+            return finding(format!("no surface is skin: a specimen is shown without {what}"), Bound::OnRequest);
         }
         let shown_db = self.loudest_db(level_db, fall_db_cm);
         let range_db = self.settings.image.dynamic_range_db;

@@ -3,7 +3,6 @@
 use super::bound::{Bound, GREY_ALLOWED};
 use super::facts::Medium;
 use super::rules::{Finding, Rules, decided, finding, most};
-use crate::acoustics::attenuation::attenuation_db_mm;
 use crate::acoustics::decibel::db_from_amplitude;
 use crate::settings::{Choice, Effect};
 
@@ -33,7 +32,7 @@ impl Rules<'_> {
 
     fn loss_by_exponent_db_mm(&self, medium: &Medium, exponent: f64) -> f64 {
         let loss_db_cm_mhz = medium.tissue.attenuation_db_cm_mhz;
-        2.0 * attenuation_db_mm(loss_db_cm_mhz, exponent, self.probe.frequency_mhz) * self.speed_ratio(medium)
+        self.probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * self.speed_ratio(medium)
     }
 
     /// Largest loss over the depth (dB), its medium, and the bound of that loss; None if no medium has any. `of` is a

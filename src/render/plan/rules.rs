@@ -59,6 +59,7 @@ impl Rules<'_> {
             Effect::FrequencyExponent => self.frequency_exponent(),
             Effect::Aperture => self.aperture(),
             Effect::Scatterers => self.scatterers(),
+            Effect::Texture => self.texture(),
             Effect::ElevationalSpeckle => self.elevational_speckle(),
             Effect::Clutter => self.clutter(),
             Effect::Noise => self.noise(),

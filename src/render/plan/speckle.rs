@@ -1,11 +1,29 @@
 //! Rule for speckle across the slice.
 
 use super::bound::Bound;
-use super::rules::{Finding, Rules, finding};
+use super::facts::Medium;
+use super::rules::{Finding, Rules, finding, most};
 use crate::render::constants::CELL_MM;
 use crate::settings::Effect;
 
 impl Rules<'_> {
+    /// Bodies have textures; specimens and phantoms of one tissue are uniform.
+    pub(super) fn texture(&self) -> Finding {
+        if !self.on.has(Effect::Scatterers) {
+            return finding("nothing scatters", Bound::Exact);
+        }
+        let contrast_db = |m: &Medium| m.tissue.cloud_db.hypot(m.tissue.grain_db).max(m.tissue.septa_db.abs());
+        let textured = self.facts.media.iter().filter(|m| m.scatters() && contrast_db(m) > 0.0);
+        match (most(textured.clone(), |m| contrast_db(m)), self.facts.skin) {
+            (None, _) => finding("every medium is uniform", Bound::Exact),
+            (Some(_), false) => finding("no surface is skin: a specimen is shown uniform", Bound::OnRequest),
+            (Some((db, medium)), true) => {
+                let reason = format!("{} media have a texture, {} of {db:.1} dB", textured.count(), medium.name);
+                finding(reason, Bound::none("the grain of tissues"))
+            }
+        }
+    }
+
     /// Called for wherever speckle exists: a frame of a pose is the same frame in a session, a still and a data set.
     pub(super) fn elevational_speckle(&self) -> Finding {
         if !self.on.has(Effect::Scatterers) {

@@ -4,9 +4,12 @@ use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 
 use super::aperture::Aperture;
 use crate::anatomy::Bvh;
-use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TISSUE_MASK};
+use crate::render::constants::{
+    DEPTH_BLOCK, MOVES, PULSE_PAD, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
+};
 use crate::render::params::Params;
 use crate::render::tables::{PackedTissue, Tables, unpack_place};
+use crate::render::texture::PackedTexture;
 use crate::settings::{Effect, EffectSet, ImageUniforms};
 
 /// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
@@ -48,6 +51,8 @@ pub struct Medium {
     pub roughness: f64,
     /// Part of the lattice's cells that hold a scatterer, in 1/131072.
     pub scatterer_density: u32,
+    /// Number of its texture: index in the list of textures + 1; 0 if it is uniform.
+    pub texture: usize,
     /// Mean amplitude of a scatterer.
     pub scatterer_mean: f64,
     /// Standard deviation of that amplitude.
@@ -68,7 +73,8 @@ impl From<&PackedTissue> for Medium {
             seen_bending: tissue.seen_bending.into(),
             attenuation_np_mm: tissue.attenuation_np_mm.into(),
             roughness: tissue.roughness.into(),
-            scatterer_density: tissue.scatterer_density,
+            scatterer_density: tissue.scatterers & TAG_DENSITY,
+            texture: (tissue.scatterers >> TEXTURE_SHIFT & TEXTURE_MASK) as usize,
             scatterer_mean: tissue.scatterer_mean.into(),
             scatterer_deviation: tissue.scatterer_deviation.into(),
             thickness_mm: tissue.thickness_mm.into(),
@@ -165,7 +171,7 @@ pub struct Inputs {
     pub media: Vec<Medium>,
     /// Index of the tissue outside of all surfaces.
     pub background: usize,
-    /// The same for rays that have been in the body.
+    /// The same beyond the film of gel.
     pub beyond: usize,
     /// Thickness of the film of gel, mm; none if everything is coupled.
     pub film_mm: Option<f64>,
@@ -187,6 +193,8 @@ pub struct Inputs {
     pub sheet_spacing_mm: f64,
     /// 1/Y for each block of `depth_block` samples: sheets within ±Y count, 1/mm.
     pub sheets_per_reach_mm: Vec<f64>,
+    /// Textures by number − 1.
+    pub(crate) textures: Vec<PackedTexture>,
     /// Gain of the scatterers of each block of `depth_block` samples: their speckle has the power of one scatterer.
     pub scatterer_gain: Vec<f64>,
     /// Lateral beam of each block of `depth_block` samples, from −half to +half scanlines.
@@ -211,17 +219,28 @@ pub struct Inputs {
     pub map_step_mm: f64,
     /// Scanline and sample of each pixel's centre, counted from the first ones' centres [height × width]; None outside.
     pub pixels: Vec<Option<[f64; 2]>>,
+    /// The same in the maps, whose rays are not steered.
+    pub map_pixels: Vec<Option<[f64; 2]>>,
 }
 
 impl Inputs {
-    pub(crate) fn new(params: &Params, tables: &Tables, surface_words: &[u32], bvh: &Bvh, effects: EffectSet) -> Self {
+    pub(crate) fn new(
+        params: &Params,
+        tables: &Tables,
+        surface_words: &[u32],
+        bvh: &Bvh,
+        effects: EffectSet,
+        look: usize,
+    ) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
             table.chunks_exact(2).map(|r| Ray { origin_mm: vector(r[0]), direction: vector(r[1]) }).collect::<Vec<_>>()
         };
         let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
         let kernels = &tables.kernels;
+        let steer = DMat3::from_rotation_y(f64::from(params.steer[1]).atan2(params.steer[0].into()));
         let mut line_rays = rays(&tables.rays);
+        line_rays.iter_mut().for_each(|ray: &mut Ray| ray.direction = steer * ray.direction);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
         let elevation = |e: &[f32; 4]| Elevation { offset_mm: e[0].into(), slope: e[1].into(), stretch: e[2].into() };
         let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
@@ -249,8 +268,10 @@ impl Inputs {
             let [across, depth] = unpack_place(word)?;
             Some([across * f64::from(params.scanlines) - 0.5, depth * f64::from(params.samples) - 0.5])
         };
-        let pixels =
-            tables.pixels.chunks_exact(stride).flat_map(|row| row[..params.image.width as usize].iter().map(place));
+        let places = |pixels: &[u32]| -> Vec<Option<[f64; 2]>> {
+            pixels.chunks_exact(stride).flat_map(|row| row[..params.image.width as usize].iter().map(place)).collect()
+        };
+        let steered = tables.looks.get(look).map(|look| &look.pixels).filter(|pixels| !pixels.is_empty());
         Self {
             scene_from_probe: DMat3::from_cols(
                 vector(params.lateral),
@@ -291,6 +312,7 @@ impl Inputs {
             sheets: params.sheets[..params.sheet_families as usize].iter().map(family).collect(),
             sheet_spacing_mm: params.sheet_spacing_mm.into(),
             sheets_per_reach_mm: tables.sheets.as_ref().map_or_else(Vec::new, |sheets| wide(&sheets.per_reach_mm)),
+            textures: tables.textures.clone(),
             scatterer_gain: wide(&kernels.scatterer_gain),
             lateral_kernels: kernels.lateral.chunks_exact(2 * kernels.lateral_half as usize + 1).map(wide).collect(),
             depth_block: DEPTH_BLOCK as usize,
@@ -302,7 +324,8 @@ impl Inputs {
             map_rays: rays(&tables.map_rays),
             map_depths: params.map_depths as usize,
             map_step_mm: params.map_step_mm.into(),
-            pixels: pixels.collect(),
+            pixels: places(steered.unwrap_or(&tables.pixels)),
+            map_pixels: places(&tables.pixels),
         }
     }
 
@@ -341,6 +364,11 @@ impl Inputs {
     /// Range of a sample, mm.
     pub fn range_mm(&self, sample: usize) -> f64 {
         (sample as f64 + 0.5) * self.sample_spacing_mm
+    }
+
+    /// Depth of a place of the scene below the apex of the face, mm.
+    pub fn below_face_mm(&self, here_mm: DVec3) -> f64 {
+        (here_mm - self.probe_mm).dot(self.scene_from_probe * DVec3::Z)
     }
 
     /// Scene ray of a probe-frame ray; its direction has length 1.

@@ -1,6 +1,5 @@
 //! Surfaces that each path starts inside, and the coupling of its part of the face.
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::inputs::{Inputs, Ray};
@@ -41,10 +40,7 @@ pub(super) fn coupling(inputs: &Inputs, ray: &Ray, inside: &Membership, ahead: O
         return 1.0;
     }
     // Depth of the skin below the apex of the face.
-    let skin_mm = ahead.map(|crossing| {
-        let at_mm = ray.origin_mm + ray.direction * crossing.t_mm;
-        (at_mm - inputs.probe_mm).dot(inputs.scene_from_probe * DVec3::Z)
-    });
+    let skin_mm = ahead.map(|crossing| inputs.below_face_mm(ray.origin_mm + ray.direction * crossing.t_mm));
     let gap_mm = skin_mm.map_or(f64::INFINITY, |skin_mm| (skin_mm - film_mm).max(0.0));
     if gap_mm >= GAP_MAX_MM { 0.0 } else { (-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm)).exp() }
 }

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 
 use super::inputs::Inputs;
 use super::speckle::{self, Place, Strength};
+use super::texture::texture_level_np;
 use super::trace::{Path, Segment, segment_at};
 use super::visibility::{Boundary, LineGain};
-use crate::render::constants::LN_SPECKLE_SILENT;
+use crate::render::constants::{LN_SPECKLE_SILENT, TEXTURE_SAMPLES};
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
@@ -21,6 +22,16 @@ use crate::render::constants::LN_SPECKLE_SILENT;
 pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, gains, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
+}
+
+/// Factor of the texture at a sample of a guide. Four samples share it: that between the second and the third.
+fn texture_gain(inputs: &Inputs, guide: &Path, sample: usize) -> f64 {
+    let samples = TEXTURE_SAMPLES as usize;
+    let first = sample / samples * samples;
+    let segment = &guide.segments[segment_at(guide, inputs.range_mm(first))];
+    let Some(texture) = segment.texture.checked_sub(1).map(|number| &inputs.textures[number]) else { return 1.0 };
+    let middle_mm = inputs.range_mm(first) + 0.5 * (samples - 1) as f64 * inputs.sample_spacing_mm;
+    texture_level_np(texture, segment.scatterer_mm(middle_mm)).exp()
 }
 
 /// Power of a segment's scatterers: of their mean, of their deviation, and of both times the density.
@@ -61,10 +72,11 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
     let strength = Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
     let place = Place { here_mm: guide.scatterer_mm(range_mm), step: guide.step, range_mm };
     let block = sample / inputs.depth_block;
+    let texture = texture_gain(inputs, &paths[inputs.guide_of(line)], sample);
     let echo = if inputs.sheets.is_empty() {
         speckle::of_lattice(inputs, place, strength)
     } else {
         speckle::of_sheets(inputs, place, strength, inputs.sheets_per_reach_mm[block])
     };
-    inputs.scatterer_gain[block] * echo
+    inputs.scatterer_gain[block] * texture * echo
 }

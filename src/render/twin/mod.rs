@@ -26,6 +26,7 @@ mod scan_convert;
 mod section;
 mod speckle;
 mod surfaces;
+mod texture;
 mod trace;
 mod transmission;
 mod visibility;
@@ -44,6 +45,8 @@ pub use receive::receive;
 pub use scan_convert::{Maps, scan_convert};
 pub use section::{RasterPoint, Run, Sections, section};
 pub use surfaces::Membership;
+#[cfg(test)]
+pub(crate) use texture::texture_level_np;
 pub use trace::{Path, Segment, segment_at, trace};
 pub use transmission::{Transmission, transmission};
 pub use visibility::{Boundary, block_gains, visibility};

@@ -20,10 +20,13 @@ pub struct Maps {
 pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], percentile_np: f64) -> Maps {
     let count = inputs.pixels.len();
     let mut maps = Maps { grey: vec![0.0; count], segmentation: vec![0; count], attenuation: vec![0.0; count] };
-    for (pixel, place) in inputs.pixels.iter().enumerate() {
-        if let Some([line, sample]) = *place {
-            let point = across(inputs, raster, line, (sample + 0.5) * inputs.sample_spacing_mm);
+    for (pixel, places) in inputs.pixels.iter().zip(&inputs.map_pixels).enumerate() {
+        if let Some([line, sample]) = *places.0 {
             maps.grey[pixel] = bilinear(inputs, grey, line, sample);
+        }
+        // Maps are straight, whatever the scanlines.
+        if let Some([line, sample]) = *places.1 {
+            let point = across(inputs, raster, line, (sample + 0.5) * inputs.sample_spacing_mm);
             maps.segmentation[pixel] = (point.tissue as u32 + FIRST_TISSUE) as u8;
             maps.attenuation[pixel] = (percentile_np - point.sum_np).min(0.0).exp();
         }

@@ -66,12 +66,10 @@ fn runs_of(inputs: &Inputs, ray: usize) -> Vec<Run> {
         begin(&mut runs, 0.0, inputs.beyond);
         return runs;
     }
-    let mut entered = inside.highest().is_some();
-    begin(&mut runs, 0.0, inside.medium(inputs, entered));
+    begin(&mut runs, 0.0, inside.medium(inputs, ray.origin_mm));
     for place in ahead {
         inside.cross(place);
-        entered |= inside.highest().is_some();
-        begin(&mut runs, place[0].t_mm, inside.medium(inputs, entered));
+        begin(&mut runs, place[0].t_mm, inside.medium(inputs, ray.origin_mm + ray.direction * place[0].t_mm));
     }
     runs
 }

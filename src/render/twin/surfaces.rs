@@ -25,10 +25,11 @@ impl Membership {
         (0..256).rev().find(|s| self.0[(s >> 5) as usize] >> (s & 31) & 1 == 1)
     }
 
-    /// Index of the tissue at the point: the highest surface's; else the background, or air for a ray that has
-    /// `entered` the body.
-    pub fn medium(&self, inputs: &Inputs, entered: bool) -> usize {
-        let outside = if entered { inputs.beyond } else { inputs.background };
+    /// Index of the tissue at the point `here_mm`: the highest surface's; else the background, or air beyond the film of
+    /// gel.
+    pub fn medium(&self, inputs: &Inputs, here_mm: DVec3) -> usize {
+        let depth_mm = inputs.below_face_mm(here_mm);
+        let outside = if inputs.film_mm.is_some_and(|film| depth_mm > film) { inputs.beyond } else { inputs.background };
         self.highest().map_or(outside, |s| inputs.surface_tissue[s as usize])
     }
 

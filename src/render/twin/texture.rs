@@ -14,7 +14,7 @@ pub(crate) fn texture_level_np(texture: &PackedTexture, here_mm: DVec3) -> f64 {
         let [x, y, z, per_mm] = texture.fields[number].map(f64::from);
         gaussian_field(at_mm * per_mm + DVec3::new(x, y, z))
     };
-    let septum = (-(field(2, here_mm) / SEPTUM_WIDTH).powi(2)).exp();
+    let septum = (-(field(2, stretched_mm) / SEPTUM_WIDTH).powi(2)).exp();
     level + cloud * field(0, stretched_mm) + grain * field(1, stretched_mm) + septa * septum
 }
 

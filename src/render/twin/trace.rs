@@ -33,6 +33,8 @@ pub struct Segment {
     pub scatterer_deviation: f64,
     /// Part of the lattice's cells that hold one, in 1/131072.
     pub scatterer_density: u32,
+    /// Number of the medium's texture; 0 if it is uniform.
+    pub texture: usize,
     /// Whether the path has reflected before it.
     pub diverted: bool,
     /// ln of the amplitude at ρ = 0, two-way, of a wave that passes every interface; behind a reflection, that just behind
@@ -93,8 +95,6 @@ struct Tracer<'a> {
     inside: Membership,
     /// Whether anything of the face is coupled; if not, the path ends in the film.
     coupled: bool,
-    /// Whether it has been inside a surface.
-    entered: bool,
     ray: Ray,
     range_mm: f64,
     /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
@@ -130,7 +130,6 @@ impl<'a> Tracer<'a> {
             guide: path >= inputs.sounding(),
             inside,
             coupled: coupling > 0.0,
-            entered: inside.highest().is_some(),
             ray: inputs.launch(path),
             range_mm: 0.0,
             behind_mm: 0.0,
@@ -146,7 +145,7 @@ impl<'a> Tracer<'a> {
     fn run(mut self) -> Path {
         let media = &self.inputs.media;
         let mut path = Path::default();
-        let mut here = self.inside.medium(self.inputs, self.entered);
+        let mut here = self.inside.medium(self.inputs, self.ray.origin_mm);
         let (mut echo, mut echo_range_mm) = (0.0, 0.0);
         let (mut crossed, mut reflections) = (0, 0);
         let mut open = self.coupled;
@@ -268,6 +267,7 @@ impl<'a> Tracer<'a> {
             scatterer_mean: tissue.scatterer_mean,
             scatterer_deviation: tissue.scatterer_deviation,
             scatterer_density: tissue.scatterer_density,
+            texture: tissue.texture,
             diverted: self.diverted,
             ln_passed_at_zero: self.ln_passed + if self.diverted { 0.0 } else { fall_np_mm * self.range_mm },
             echo,
@@ -293,8 +293,7 @@ impl<'a> Tracer<'a> {
             let before = self.inside;
             self.inside.cross(place);
             gone_mm = t_mm;
-            self.entered = self.entered || self.inside.highest().is_some();
-            let there = self.inside.medium(self.inputs, self.entered);
+            let there = self.inside.medium(self.inputs, self.ray.origin_mm + self.ray.direction * t_mm);
             if there != here {
                 // The interface is the first in the scene of the highest surface's triangles.
                 let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));

@@ -1,0 +1,129 @@
+//! Look: what a scanner does to the picture.
+
+use serde::Serialize;
+
+use super::live_control::{choice, hidden, slider};
+use super::{Kind, Stored, settings};
+
+/// Mapping from the picture's grey levels to the display's.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GreyMap {
+    /// Levels as they are.
+    #[default]
+    Linear,
+    /// Dark tissue a little brighter.
+    Soft,
+    /// Dark tissue much brighter.
+    Bright,
+    /// Dark tissue darker.
+    Dark,
+    /// Darks darker and brights brighter.
+    Contrast,
+    /// The same, twice as much.
+    Sharp,
+}
+
+crate::names::named!(GreyMap {
+    Linear = "linear",
+    Soft = "soft",
+    Bright = "bright",
+    Dark = "dark",
+    Contrast = "contrast",
+    Sharp = "sharp",
+});
+
+impl Stored for GreyMap {
+    fn kind(&self) -> Kind {
+        Kind::Word(Self::NAMES)
+    }
+
+    fn get(&self, _: usize) -> f64 {
+        f64::from(*self as u8)
+    }
+
+    fn set(&mut self, _: usize, value: f64) {
+        if let Some(&map) = Self::ALL.get(value as usize) {
+            *self = map;
+        }
+    }
+}
+
+/// Most angles of a compounded picture.
+pub const ANGLES_MAX: u32 = 15;
+
+settings! {
+    /// The `[look]` of a station: from lines to the display.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct LookSettings in "look" {
+        /// Steering angles of spatial compounding, rounded down to an odd number; 1: none. Not for phased arrays.
+        angles: u32 = 1, "", 1.0..=f64::from(ANGLES_MAX), Tables,
+            slider("Compounding", "look", 1.0..=9.0, 2.0);
+
+        /// Angle between the outermost directions of compounding.
+        span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
+
+        /// Part of the pictures so far in each picture; 0: none.
+        persistence: f64 = 0.0, "", 0.0..=0.95, Nothing,
+            slider("Persistence", "look", 0.0..=0.9, 0.1).shown("", 1.0, 1);
+
+        /// Strength of the speckle filter (Lee 1980); 0: none.
+        speckle_reduction: f64 = 0.0, "", 0.0..=1.0, Nothing,
+            slider("Smoothing", "look", 0.0..=1.0, 0.1).shown("", 1.0, 1);
+
+        /// Strength of the edge enhancement; 0: none.
+        edge_enhancement: f64 = 0.0, "", 0.0..=2.0, Nothing,
+            slider("Edges", "look", 0.0..=2.0, 0.1).shown("", 1.0, 1);
+
+        /// Mapping from the picture's grey levels to the display's.
+        grey_map: GreyMap = GreyMap::Linear, "", 0.0..=5.0, Nothing,
+            choice("Grey map", "look", GreyMap::NAMES).caption("Map");
+    }
+}
+
+impl LookSettings {
+    /// Number of steering angles: odd.
+    pub fn odd_angles(&self) -> u32 {
+        (self.angles - 1) / 2 * 2 + 1
+    }
+}
+
+/// Looks by name: values of several settings at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LookPreset {
+    /// What the lines hold: one angle, no filter, a linear map.
+    Raw,
+    /// Calm pictures for finding one's way: three angles, some persistence and smoothing.
+    Survey,
+    /// Fine structures at rest: seven angles, edges enhanced.
+    Detail,
+}
+
+crate::names::named!(LookPreset { Raw = "raw", Survey = "survey", Detail = "detail" });
+
+impl LookPreset {
+    /// Its settings.
+    pub fn settings(self) -> LookSettings {
+        let raw = LookSettings::default();
+        match self {
+            Self::Raw => raw,
+            Self::Survey => LookSettings {
+                angles: 3,
+                span_deg: 20.0,
+                persistence: 0.3,
+                speckle_reduction: 0.4,
+                grey_map: GreyMap::Contrast,
+                ..raw
+            },
+            Self::Detail => LookSettings {
+                angles: 7,
+                persistence: 0.2,
+                speckle_reduction: 0.2,
+                edge_enhancement: 0.5,
+                grey_map: GreyMap::Contrast,
+                ..raw
+            },
+        }
+    }
+}
