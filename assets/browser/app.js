@@ -1,9 +1,10 @@
 // The page of a live station: frames in, controls out.
 
 import { Connection } from "./connection.js";
+import { download } from "./clip.js";
+import { Console } from "./console.js";
 import { Controls, show } from "./controls.js";
 import { fillHelp, listen } from "./keys.js";
-import { drawMarks, fit, lengthMm } from "./marks.js";
 import { Picture } from "./picture.js";
 import { Scene3d } from "./scene.js";
 import { legend, Status } from "./status.js";
@@ -12,7 +13,6 @@ import { MAP } from "./wire.js";
 const byId = (id) => document.getElementById(id);
 /** Without a new frame for so long a picture that is not frozen is no longer live. */
 const SILENCE_MS = 2000;
-const CALIPERS_MAX = 4;
 const OVERLAYS = ["segmentation", "attenuation"];
 
 const stage = byId("stage");
@@ -24,10 +24,11 @@ let tissues = [];
 let shortcuts = [];
 let shown = null;
 let next = null;
+/** The station's newest frame; `shown` may be one of the cine loop. */
+let newest = null;
 let shownAt = 0;
 let closedReason = "";
-let calipers = [];
-let pending = null;
+let greyMaps = [];
 
 const connection = new Connection({
   open() {
@@ -45,6 +46,7 @@ const connection = new Connection({
     if (message.type === "hello") {
       tissues = message.tissues;
       scene.forget();
+      greyMaps = message.grey_maps;
       picture.setColours(tissues, message.attenuation_colours);
       controls.build(message);
       shortcuts = message.keys;
@@ -71,24 +73,52 @@ const controls = new Controls((message) => {
   else status.notice("not connected: the station did not hear that", true);
 });
 
+const tools = new Console({
+  picture,
+  shown: () => shown,
+  captions: (settings) => controls.captions(settings),
+  greys: (settings) => greyMaps[settings.grey_map] ?? null,
+  say: (text, bad) => status.notice(text, bad),
+  redraw: layOut,
+  showKept,
+});
+
 function present() {
   const frame = next;
   next = null;
   if (!frame) return;
-  if (shown && (frame.pixelMm !== shown.pixelMm || frame.width !== shown.width)) clearCalipers();
-  const resized = !shown || frame.width !== shown.width || frame.height !== shown.height;
-  shown = frame;
+  newest = frame;
   shownAt = performance.now();
   controls.follow(frame.settings);
   status.frame(frame, shownAt);
   status.notice(frame.notice);
-  if (resized) layOut();
-  redraw();
-  scene.show(frame);
-  watch();
   connection.send({ type: "drawn", number: frame.number });
+  tools.follow(frame.settings.frozen);
   document.body.dataset.frame = String(frame.number);
+  // While the cine loop is gone through, the station's frozen picture stays behind it.
+  if (!tools.cine.isShown) {
+    take(frame);
+    redraw();
+    tools.keep(frame);
+    scene.show(frame);
+  }
+  watch();
+}
+
+/** Makes a frame the one that is shown. */
+function take(frame) {
+  if (shown && (frame.pixelMm !== shown.pixelMm || frame.width !== shown.width)) tools.calipers.clear();
+  const resized = !shown || frame.width !== shown.width || frame.height !== shown.height;
+  shown = frame;
   stage.dataset.pixelMm = String(frame.pixelMm);
+  if (resized) layOut();
+}
+
+/** Shows a picture of the cine loop. */
+function showKept(frame, bitmap) {
+  take(frame);
+  picture.show(bitmap);
+  redrawMarks();
 }
 
 function redraw() {
@@ -114,15 +144,15 @@ function redrawMarks() {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
   if (!shown) return;
-  const rect = fit(shown.width, shown.height, width, height);
-  drawMarks(context, shown, rect, controls.captions(shown.settings), calipers, pending);
+  tools.drawOver(context, tools.rect(width, height), shown);
 }
 
 function layOut() {
   if (!shown) return;
-  const rect = fit(shown.width, shown.height, stage.clientWidth, stage.clientHeight);
+  const rect = tools.rect();
   Object.assign(picture.canvas.style, {
     left: `${rect.x}px`, top: `${rect.y}px`, width: `${rect.width}px`, height: `${rect.height}px`,
+    transform: tools.view.transform,
   });
   redrawMarks();
 }
@@ -134,9 +164,9 @@ function watch() {
     status.banner("disconnected", closedReason);
     return;
   }
-  const frozen = shown?.settings.frozen ?? false;
+  const frozen = newest?.settings.frozen ?? false;
   const silent = performance.now() - shownAt > SILENCE_MS;
-  status.run(!shown ? "WAITING" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
+  status.run(!shown ? "WAITING" : tools.cine.isShown ? "CINE" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
   if (!frozen && silent) status.banner("silent");
   else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking);
   else status.banner(null);
@@ -153,68 +183,37 @@ function toggleOverlay(name) {
   redraw();
 }
 
-function clearCalipers() {
-  calipers = [];
-  pending = null;
-}
-
-function measuring(on) {
-  byId("caliper").setAttribute("aria-pressed", String(on));
-  stage.classList.toggle("measuring", on);
-  if (!on) pending = null;
-  redrawMarks();
-}
-
-function pointAt(event) {
-  const rect = fit(shown.width, shown.height, stage.clientWidth, stage.clientHeight);
-  const box = stage.getBoundingClientRect();
-  const x = (event.clientX - box.left - rect.x) / rect.scale;
-  const y = (event.clientY - box.top - rect.y) / rect.scale;
-  return { x: Math.min(Math.max(x, 0), shown.width), y: Math.min(Math.max(y, 0), shown.height) };
-}
-
-stage.addEventListener("click", (event) => {
-  if (!shown || !stage.classList.contains("measuring")) return;
-  if (!pending) {
-    pending = { points: [pointAt(event), pointAt(event)] };
-  } else {
-    pending.points[1] = pointAt(event);
-    calipers = [...calipers, pending].slice(-CALIPERS_MAX);
-    stage.dataset.lengthMm = lengthMm(shown, pending).toFixed(2);
-    pending = null;
-  }
-  redrawMarks();
-});
-
-stage.addEventListener("pointermove", (event) => {
-  if (!pending) return;
-  pending.points[1] = pointAt(event);
-  redrawMarks();
-});
-
-/** The picture with its marks at its own size, as a file. */
+/** The picture with its marks at its own size, and what was measured on it, as files. */
 function save() {
   if (!shown) return;
   const canvas = document.createElement("canvas");
-  const size = { width: shown.width + 108, height: shown.height + 74 };
-  Object.assign(canvas, size);
+  Object.assign(canvas, { width: shown.width + 108, height: shown.height + 74 });
   const context = canvas.getContext("2d");
   context.fillStyle = "#000";
   context.fillRect(0, 0, canvas.width, canvas.height);
-  const rect = fit(shown.width, shown.height, canvas.width, canvas.height);
-  context.drawImage(picture.canvas, rect.x, rect.y, rect.width, rect.height);
-  drawMarks(context, shown, rect, controls.captions(shown.settings), calipers, null);
-  const state = document.body.dataset.state;
+  const rect = tools.compose(context, canvas, true);
+  const state = tools.cine.isShown ? "cine" : document.body.dataset.state;
   context.fillStyle = state === "live" ? "#7d8893" : "#ff6b5e";
   context.font = "13px sans-serif";
+  context.textAlign = "left";
   context.fillText(`${new Date().toISOString()}   frame ${shown.number}   ${state}`, rect.x, 18);
-  canvas.toBlob((blob) => {
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(blob);
-    link.download = `insonify_${String(shown.number).padStart(6, "0")}.png`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  }, "image/png");
+  const name = `insonify_${String(shown.number).padStart(6, "0")}`;
+  canvas.toBlob((blob) => download(blob, `${name}.png`), "image/png");
+  const { number, pixelMm, pose, tracking, contact, settings } = shown;
+  const record = {
+    version: byId("version").textContent,
+    time: new Date().toISOString(),
+    state,
+    frame: number,
+    pixel_mm: pixelMm,
+    pose,
+    tracking,
+    contact,
+    inverted: { left_right: tools.view.flipX, up_down: tools.view.flipY },
+    ...tools.values(shown),
+    settings,
+  };
+  download(new Blob([JSON.stringify(record, null, 2)], { type: "application/json" }), `${name}.json`);
 }
 
 function fullScreen() {
@@ -223,18 +222,22 @@ function fullScreen() {
 }
 
 const toggleHelp = () => (byId("shortcuts").open ? byId("shortcuts").close() : byId("shortcuts").showModal());
-const toggleMeasuring = () => measuring(!stage.classList.contains("measuring"));
 const click = (id) => () => byId(id).click();
 
 /** What the page does by itself, by the names of the station's keys. */
 const pageActions = {
   segmentation: click("segmentation"),
   attenuation: click("attenuation"),
-  caliper: toggleMeasuring,
-  caliper_clear: () => {
-    clearCalipers();
-    redrawMarks();
-  },
+  caliper: () => tools.nextTool(),
+  caliper_clear: () => tools.clear(),
+  put_away: () => tools.putAway(),
+  annotate: () => tools.annotate(),
+  body_mark: () => tools.nextBodyMark(),
+  body_mark_turn: () => tools.turnBodyMark(15),
+  invert_x: () => tools.invert("flipX"),
+  invert_y: () => tools.invert("flipY"),
+  record: () => tools.record(),
+  save_loop: () => tools.saveLoop(),
   scene: () => scene.toggle(),
   save,
 };
@@ -247,8 +250,35 @@ listen(
     else if (action === "help") toggleHelp();
     else if (action.step) controls.step(action.step.setting, action.step.by);
     else if (action.quality) controls.quality(action.quality.rays, action.quality.layers);
+    else if (action.preset) controls.preset(action.preset);
     else if (action.page) pageActions[action.page]();
   },
+  // Arrows go through the cine loop while the picture is frozen.
+  (key) => {
+    if (!newest?.settings.frozen) return false;
+    if (tools.cine.kept.length < 2) return false;
+    const steps = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -10, ArrowUp: 10 };
+    if (key === "Home") tools.goTo(0);
+    else if (key === "End") tools.goTo(Infinity);
+    else if (steps[key]) tools.step(steps[key]);
+    else return false;
+    return true;
+  },
+);
+
+/** A wheel over the picture: depth, with Shift gain, with Alt the focus; the cine loop while it is frozen. */
+stage.addEventListener(
+  "wheel",
+  (event) => {
+    event.preventDefault();
+    const by = Math.sign(event.deltaY || event.deltaX);
+    if (!by || !shown) return;
+    if (newest.settings.frozen && tools.cine.kept.length > 1) tools.step(by);
+    else if (event.shiftKey) controls.step("gain_db", -by);
+    else if (event.altKey) controls.step("focus_mm", 5 * by);
+    else controls.step("depth_mm", 10 * by);
+  },
+  { passive: false },
 );
 
 for (const name of OVERLAYS) {
@@ -264,7 +294,6 @@ const unfocused = (action) => (event) => {
   event.currentTarget.blur();
   action();
 };
-byId("caliper").addEventListener("click", unfocused(toggleMeasuring));
 byId("scene_toggle").addEventListener("click", unfocused(() => scene.toggle()));
 byId("save").addEventListener("click", unfocused(save));
 byId("help").addEventListener("click", unfocused(toggleHelp));

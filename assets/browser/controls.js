@@ -19,11 +19,12 @@ export class Controls {
     byId("tgc_reset").addEventListener("click", () => this.resetTgc());
     byId("freeze").addEventListener("click", (e) => this.fromButton(e, () => this.toggle("frozen")));
     byId("enhance").addEventListener("change", () => this.toggle("enhance"));
+    byId("harmonics").addEventListener("change", () => this.toggle("harmonics"));
   }
 
   /** Builds sliders and buttons by the station's first message. */
-  build({ settings, qualities }) {
-    Object.assign(this, { settings, qualities, values: null });
+  build({ settings, qualities, looks, exams, keys }) {
+    Object.assign(this, { settings, qualities, presets: [...looks, ...exams], keys, values: null });
     this.heldUntil.clear();
     const withSlider = settings.filter(({ slider }) => slider);
     for (const { slider } of withSlider) byId(slider.section).replaceChildren();
@@ -31,6 +32,43 @@ export class Controls {
       for (let index = 0; index < setting.count; index++) byId(setting.slider.section).append(this.row(setting, index));
     }
     byId("quality").replaceChildren(...qualities.map((point) => this.qualityButton(point)));
+    byId("looks").replaceChildren(...looks.map((preset) => this.presetButton(preset)));
+    byId("exams").replaceChildren(...exams.map((preset) => this.presetButton(preset)));
+  }
+
+  /** Names of the keys that step a setting. */
+  hint(key) {
+    return this.keys.filter(({ action }) => action.step?.setting === key).map(({ shown }) => shown).join(" ");
+  }
+
+  presetButton({ name, label, key }) {
+    const button = document.createElement("button");
+    button.append(label);
+    if (key) {
+      const hint = document.createElement("kbd");
+      hint.textContent = key.toUpperCase();
+      button.append(" ", hint);
+    }
+    button.dataset.preset = name;
+    button.addEventListener("click", (e) => this.fromButton(e, () => this.preset(name)));
+    return button;
+  }
+
+  /** Sets everything that a preset says, at once. */
+  preset(name) {
+    const preset = this.presets.find((preset) => preset.name === name);
+    if (!preset) return;
+    for (const { key, index, value } of preset.values) {
+      const setting = this.setting(key);
+      const id = idOf(setting, index ?? 0);
+      this.hold(setting.slider ? id : key);
+      if (setting.slider) {
+        byId(id).value = value;
+        show(byId(id), value);
+      } else if (this.values) this.values[key] = value;
+    }
+    this.assign(preset.values);
+    if (this.values) this.showButtons();
   }
 
   /** A slider with its name and value. Each of several settings is named by its depth. */
@@ -49,9 +87,23 @@ export class Controls {
       row.append(document.createElement("span"), input, document.createElement("output"));
     } else {
       row.className = "slider";
-      row.append(`${label} `, document.createElement("output"), input);
+      const name = document.createElement("span");
+      name.append(`${label} `);
+      const hint = this.hint(key);
+      if (hint) name.append(Object.assign(document.createElement("kbd"), { textContent: hint }));
+      row.append(name, document.createElement("output"), this.stepButton(setting, -1), input, this.stepButton(setting, 1));
     }
     return row;
+  }
+
+  /** A button that steps a slider, for fingers. */
+  stepButton(setting, sign) {
+    const button = document.createElement("button");
+    Object.assign(button, { className: "step", type: "button", textContent: sign < 0 ? "−" : "+" });
+    button.setAttribute("aria-label", `${setting.label} ${sign < 0 ? "less" : "more"}`);
+    const by = Math.abs(this.keys.find(({ action }) => action.step?.setting === setting.key)?.action.step.by ?? setting.slider.step);
+    button.addEventListener("click", (e) => this.fromButton(e, () => this.step(setting.key, sign * by)));
+    return button;
   }
 
   qualityButton({ label, key, rays, layers }) {
@@ -189,6 +241,12 @@ export class Controls {
     byId("freeze").setAttribute("aria-pressed", String(Boolean(frozen)));
     byId("freeze").firstChild.textContent = frozen ? "Unfreeze " : "Freeze ";
     byId("enhance").checked = Boolean(enhance);
+    byId("harmonics").checked = Boolean(this.values.harmonics);
+    const as = ({ key, index, value }) => Math.abs([this.values[key]].flat()[index ?? 0] - value) < 1e-6;
+    for (const { name, values } of this.presets) {
+      const button = document.querySelector(`[data-preset="${name}"]`);
+      button?.setAttribute("aria-pressed", String(values.every(as)));
+    }
     for (const button of byId("quality").children) {
       const chosen = Number(button.dataset.rays) === rays && Number(button.dataset.layers) === layers;
       button.setAttribute("aria-pressed", String(chosen));

@@ -1,10 +1,18 @@
 // Keyboard shortcuts, as the station's first message names them.
 
-/** Calls `run(action)` for a key of `shortcuts()`, unless it belongs to what has the focus. */
-export function listen(shortcuts, run) {
+/**
+ * Calls `run(action)` for a key of `shortcuts()`, unless it belongs to what has the focus. `first(key)` may take a key
+ * before.
+ */
+export function listen(shortcuts, run, first) {
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const dialogOpen = document.querySelector("dialog[open]") !== null;
+    if (document.activeElement?.matches("input[type=text]")) return;
+    if (!dialogOpen && !document.activeElement?.matches("input[type=range]") && first(event.key)) {
+      event.preventDefault();
+      return;
+    }
     const shortcut = shortcuts().find(({ keys }) => keys.some((key) => key.toLowerCase() === event.key.toLowerCase()));
     if (!shortcut || (dialogOpen && shortcut.action !== "help")) return;
     const focused = document.activeElement;

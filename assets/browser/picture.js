@@ -36,6 +36,15 @@ export class Picture {
     this.context.putImageData(this.image, 0, 0);
   }
 
+  /** Shows a picture that was kept. */
+  show(bitmap) {
+    if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
+      Object.assign(this.canvas, { width: bitmap.width, height: bitmap.height });
+      this.image = null;
+    }
+    this.context.drawImage(bitmap, 0, 0);
+  }
+
   mix({ data, opacity }, colours, seen) {
     const pixels = this.image.data;
     const above = Math.round(256 * opacity);

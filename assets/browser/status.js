@@ -65,7 +65,7 @@ export class Status {
   }
 
   run(state) {
-    const kinds = { LIVE: "good", FROZEN: "frozen", WAITING: "warn", STALLED: "bad strong", OFFLINE: "bad strong" };
+    const kinds = { LIVE: "good", FROZEN: "frozen", CINE: "frozen", WAITING: "warn", STALLED: "bad strong", OFFLINE: "bad strong" };
     badge(byId("run"), state, kinds[state]);
   }
 

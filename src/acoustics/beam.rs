@@ -242,7 +242,8 @@ mod tests {
         // sinc²(x) of transmission, squared, times sinc(2x) of reception, falls to a half at ±0.280 λ·F#.
         let beam = Beam { fractional_bandwidth: 0.05, harmonic: true, ..lateral(Apodization::Rectangular, 70.0) };
         let amplitude = |x: f64| {
-            let sinc = |x: f64| if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) };
+            let sinc =
+                |x: f64| if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) };
             sinc(x).powi(2) * sinc(2.0 * x).abs()
         };
         let half = (0..10_000).map(|i| f64::from(i) * 1e-4).find(|&x| amplitude(x) < 0.5).unwrap();

@@ -75,9 +75,8 @@ impl Compounding {
 
     /// Sets the dynamic range of the pictures from now on, dB; those so far are forgotten.
     pub(super) fn set_range(&mut self, dynamic_range_db: f64) {
-        self.amplitudes = std::array::from_fn(|level| {
-            10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0) as f32
-        });
+        self.amplitudes =
+            std::array::from_fn(|level| 10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0) as f32);
         self.levels = Levels::new(dynamic_range_db);
         self.made = 0;
     }
@@ -113,7 +112,8 @@ impl Compounding {
 pub(crate) fn compounded(looks: &[(Vec<bool>, Vec<u8>)], dynamic_range_db: f64) -> Vec<f64> {
     let amplitude = |level: u8| 10f64.powf((f64::from(level) / 255.0 - 1.0) * dynamic_range_db / 20.0);
     let pixel = |i: usize| {
-        let shown: Vec<f64> = looks.iter().filter(|(covers, _)| covers[i]).map(|(_, look)| amplitude(look[i])).collect();
+        let shown: Vec<f64> =
+            looks.iter().filter(|(covers, _)| covers[i]).map(|(_, look)| amplitude(look[i])).collect();
         if shown.is_empty() {
             return 0.0;
         }
@@ -130,7 +130,8 @@ mod tests {
 
     #[test]
     fn angles_are_even_and_end_with_none() {
-        let degrees = |angles, span| steering(angles, span).iter().map(|a| a.to_degrees().round() as i32).collect::<Vec<_>>();
+        let degrees =
+            |angles, span| steering(angles, span).iter().map(|a| a.to_degrees().round() as i32).collect::<Vec<_>>();
         assert_eq!(degrees(1, 30.0), [0]);
         assert_eq!(degrees(3, 30.0), [-15, 15, 0]);
         assert_eq!(degrees(5, 20.0), [-10, 10, -5, 5, 0]);

@@ -47,7 +47,8 @@ impl NearField {
         let haze_mm = HAZE_DEPTH_MM.max(4.0 * probe.axial_sigma_mm());
         // All of it changes over more than a pulse, which therefore adds it in phase.
         let scale = 1.0 / pulse.iter().map(|&w| f64::from(w)).sum::<f64>();
-        let depths: Vec<Depth> = (0..samples).map(|sample| Depth::new((f64::from(sample) + 0.5) * spacing_mm)).collect();
+        let depths: Vec<Depth> =
+            (0..samples).map(|sample| Depth::new((f64::from(sample) + 0.5) * spacing_mm)).collect();
         let of_line = |line: u32| {
             let across = (f64::from(line) + 0.5) / f64::from(probe.scanlines);
             let middle = 1.0 - (2.0 * across - 1.0).powi(2);

@@ -359,7 +359,13 @@ impl Renderer {
         let contents = Contents { image: self.image || !maps || settings.lines, maps };
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
         self.maker.submit(inputs, contents)?;
-        self.in_flight.push_back(InFlight { mask: self.active.tables.mask.clone(), contact, look, generation, started });
+        self.in_flight.push_back(InFlight {
+            mask: self.active.tables.mask.clone(),
+            contact,
+            look,
+            generation,
+            started,
+        });
         Ok(())
     }
 
@@ -368,7 +374,8 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, contact, look, generation, started } = self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
+        let InFlight { mask, contact, look, generation, started } =
+            self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
         if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
             compounding.add(look, &mut frame.bmode);

@@ -7,7 +7,9 @@ use super::constants::{
     DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
 };
 use super::frame::unpad;
-use super::twin::{Aperture, Boundary, Inputs, Launched, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission};
+use super::twin::{
+    Aperture, Boundary, Inputs, Launched, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission,
+};
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
 #[derive(Debug, Clone, Default)]

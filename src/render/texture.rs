@@ -5,6 +5,8 @@
 //! spectrum: random Fourier features (Rahimi and Recht, NIPS 2007). It has no lattice, and it does not repeat, since no
 //! two wave vectors are multiples of each other.
 
+use std::sync::LazyLock;
+
 use bytemuck::{Pod, Zeroable};
 
 use crate::anatomy::Tissue;
@@ -74,7 +76,12 @@ fn septa_mean_power(amount: f64) -> f64 {
 
 /// Wave vectors of a field of scale 1, turns per unit, and phases in turns. Their directions spread evenly over a
 /// hemisphere, their lengths over the radii of a Gaussian in three dimensions.
-pub(crate) fn waves() -> [[f32; 4]; WAVES] {
+pub(crate) fn waves() -> &'static [[f32; 4]; WAVES] {
+    static WAVE_VECTORS: LazyLock<[[f32; 4]; WAVES]> = LazyLock::new(wave_vectors);
+    &WAVE_VECTORS
+}
+
+fn wave_vectors() -> [[f32; 4]; WAVES] {
     let golden = 0.5 * (5f64.sqrt() - 1.0);
     std::array::from_fn(|i| {
         let part = (i as f64 + 0.5) / WAVES as f64;
@@ -106,7 +113,15 @@ mod tests {
     use glam::DVec3;
 
     fn tissue(cloud_db: f64, septa_db: f64, fibre_ratio: f64) -> Tissue {
-        Tissue { cloud_db, cloud_mm: 4.0, septa_db, septa_mm: 12.0, fibre_ratio, fibre: [0.0, 2.0, 0.0], ..Tissue::default() }
+        Tissue {
+            cloud_db,
+            cloud_mm: 4.0,
+            septa_db,
+            septa_mm: 12.0,
+            fibre_ratio,
+            fibre: [0.0, 2.0, 0.0],
+            ..Tissue::default()
+        }
     }
 
     /// Levels (np) at random places and at the same places moved by `by_mm`.

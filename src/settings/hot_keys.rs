@@ -4,7 +4,9 @@ use std::sync::LazyLock;
 
 use serde::Serialize;
 
-use super::{Assignment, Kind, LiveSettings, Quality, Setting, SettingsGroup as _, StepKey, live_settings};
+use super::{
+    Assignment, Kind, LiveSettings, Quality, Setting, SettingsGroup as _, StepKey, live_settings, looks, preset,
+};
 
 /// Action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -28,6 +30,8 @@ pub enum Action {
         /// Elevational layers.
         layers: u32,
     },
+    /// Sets what a preset says, by its name.
+    Preset(&'static str),
     /// Full screen or not.
     FullScreen,
     /// Shows the list of keys.
@@ -120,15 +124,27 @@ pub fn hot_keys() -> &'static [HotKey] {
             key(&["t"], "T", "TGC sliders to 0", Action::TgcReset),
             key(&["s"], "S", "tissues", Action::Page("segmentation")),
             key(&["a"], "A", "attenuation", Action::Page("attenuation")),
-            key(&["c"], "C", "measure between two clicks", Action::Page("caliper")),
-            key(&["delete", "backspace"], "Del", "remove measurements", Action::Page("caliper_clear")),
+            key(&["c"], "C", "measure: distance, ellipse, angle", Action::Page("caliper")),
+            key(&["delete", "backspace"], "Del", "remove measurements and texts", Action::Page("caliper_clear")),
+            key(&["escape"], "Esc", "put the tool away", Action::Page("put_away")),
+            key(&["x"], "X", "write a text on the picture", Action::Page("annotate")),
+            key(&["b"], "B", "next body mark", Action::Page("body_mark")),
+            key(&["g"], "G", "turn the probe on the body mark", Action::Page("body_mark_turn")),
+            key(&["i"], "I", "invert left and right", Action::Page("invert_x")),
+            key(&["u"], "U", "invert up and down", Action::Page("invert_y")),
+            key(&["r"], "R", "record a clip, end it", Action::Page("record")),
+            key(&["l"], "L", "save the cine loop as a clip", Action::Page("save_loop")),
             key(&["v"], "V", "3-D view of the scene", Action::Page("scene")),
-            key(&["p"], "P", "save as PNG", Action::Page("save")),
+            key(&["p"], "P", "save picture and measurements", Action::Page("save")),
             key(&["f"], "F", "full screen", Action::FullScreen),
             key(&["?", "h"], "?", "this list", Action::Help),
             key(&["q"], "Q", "end the session", Action::Quit),
         ];
-        steps.chain(points).chain(others).collect()
+        let presets = looks().iter().filter_map(|preset| {
+            let name = preset.key.as_ref()?;
+            Some(key(&[name], name, preset.meaning, Action::Preset(preset.name)))
+        });
+        steps.chain(points).chain(presets).chain(others).collect()
     });
     &HOT_KEYS
 }
@@ -162,6 +178,7 @@ impl Action {
             Self::Quality { rays, layers } => {
                 vec![Assignment::new("rays", rays.into()), Assignment::new("layers", layers.into())]
             }
+            Self::Preset(name) => preset(name).map(|preset| preset.values.clone()).unwrap_or_default(),
             Self::FullScreen | Self::Help | Self::Quit | Self::Page(_) => Vec::new(),
         }
     }

@@ -1,7 +1,7 @@
 //! Settings of a running session, and the list of those that can be changed.
 
 use super::live_control::toggle;
-use super::{ImageSettings, LookSettings, Probe, Quality, RenderSettings, Setting, SettingsGroup, settings};
+use super::{ImageSettings, Kind, LookSettings, Probe, Quality, RenderSettings, Setting, SettingsGroup, settings};
 
 settings! {
     /// Settings of a running session. Only those with a [`LiveControl`](super::LiveControl) can be changed.
@@ -31,7 +31,11 @@ impl LiveSettings {
     pub fn captions(&self) -> Vec<String> {
         let of_settings = live_settings().filter_map(|setting| {
             let control = setting.control.as_ref().filter(|control| !control.caption.is_empty())?;
-            let value = control.scale * self.stored(setting.key)?.get(0);
+            let value = self.stored(setting.key)?.get(0);
+            if let Kind::Word(words) = setting.kind {
+                return Some(format!("{} {}", control.caption, words.get(value as usize)?));
+            }
+            let value = control.scale * value;
             let unit = control.unit.unwrap_or(setting.unit);
             Some(format!("{} {value:.*} {unit}", control.caption, control.digits))
         });
@@ -60,7 +64,16 @@ mod tests {
     #[test]
     fn captions_show_the_values_as_the_controls_do() {
         let captions = LiveSettings::default().captions();
-        let expected = ["Gain 0 dB", "DR 60 dB", "TGC 8.0 dB/cm", "Depth 15.0 cm", "Focus 7.0 cm", "1x1"];
+        let expected = [
+            "Gain 0 dB",
+            "DR 60 dB",
+            "TGC 8.0 dB/cm",
+            "Compound 1 angles",
+            "Map linear",
+            "Depth 15.0 cm",
+            "Focus 7.0 cm",
+            "1x1",
+        ];
         assert_eq!(captions, expected);
     }
 

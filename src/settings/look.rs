@@ -58,22 +58,22 @@ settings! {
     pub struct LookSettings in "look" {
         /// Steering angles of spatial compounding, rounded down to an odd number; 1: none. Not for phased arrays.
         angles: u32 = 1, "", 1.0..=f64::from(ANGLES_MAX), Tables,
-            slider("Compounding", "look", 1.0..=9.0, 2.0);
+            slider("Compounding", "look", 1.0..=9.0, 2.0).caption("Compound").shown("angles", 1.0, 0);
 
         /// Angle between the outermost directions of compounding.
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
         /// Part of the pictures so far in each picture; 0: none.
         persistence: f64 = 0.0, "", 0.0..=0.95, Nothing,
-            slider("Persistence", "look", 0.0..=0.9, 0.1).shown("", 1.0, 1);
+            slider("Persistence", "look", 0.0..=0.9, 0.1).caption("").shown("%", 100.0, 0);
 
         /// Strength of the speckle filter (Lee 1980); 0: none.
         speckle_reduction: f64 = 0.0, "", 0.0..=1.0, Nothing,
-            slider("Smoothing", "look", 0.0..=1.0, 0.1).shown("", 1.0, 1);
+            slider("Smoothing", "look", 0.0..=1.0, 0.1).caption("").shown("%", 100.0, 0);
 
         /// Strength of the edge enhancement; 0: none.
         edge_enhancement: f64 = 0.0, "", 0.0..=2.0, Nothing,
-            slider("Edges", "look", 0.0..=2.0, 0.1).shown("", 1.0, 1);
+            slider("Edges", "look", 0.0..=2.0, 0.1).caption("").shown("%", 100.0, 0);
 
         /// Mapping from the picture's grey levels to the display's.
         grey_map: GreyMap = GreyMap::Linear, "", 0.0..=5.0, Nothing,

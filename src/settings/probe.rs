@@ -121,7 +121,7 @@ settings! {
             choice("Apodization", "image", Apodization::NAMES).caption("");
 
         /// Tissue harmonics: returns at twice the frequency.
-        harmonics: bool = false, "", 0.0..=1.0, Tables, toggle("Harmonics").key("h", "H", "harmonics on, off", 1.0);
+        harmonics: bool = false, "", 0.0..=1.0, Tables, toggle("Harmonics").key("n", "N", "harmonics on, off", 1.0);
 
         /// Height of the elevational lens.
         elevational_height_mm: f64 = 12.0, "mm", 0.5..=100.0, Tables;

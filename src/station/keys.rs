@@ -16,8 +16,8 @@ use crate::generator::{self, Provider};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
 use crate::settings::{
-    ChoiceSettings, ContactSettings, Effect, ImageSettings, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings,
-    RenderSettings, Setting, SettingsGroup as _,
+    ChoiceSettings, ContactSettings, Effect, ImageSettings, LookPreset, LookSettings, PipelineSettings, Probe,
+    ProbeKind, Quality, ReceiverSettings, RenderSettings, Setting, SettingsGroup as _,
 };
 use crate::sink::{LiveSinkKind, browser, openigtlink};
 use crate::tracker::{BAUD_RANGE, mock};

@@ -104,7 +104,9 @@ mod tests {
     fn steered_scanlines_lead_to_their_points() {
         for kind in [ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 }, ProbeKind::Linear { width_mm: 40.0 }] {
             let probe = Probe { kind, ..Probe::default() };
-            for (fraction, depth_mm, steer_deg) in [(0.3, 20.0, 12.0), (0.5, 120.0, -15.0), (0.7, 1.0, 7.0), (0.2, 60.0, 0.0)] {
+            for (fraction, depth_mm, steer_deg) in
+                [(0.3, 20.0, 12.0), (0.5, 120.0, -15.0), (0.7, 1.0, 7.0), (0.2, 60.0, 0.0)]
+            {
                 let steer = f64::to_radians(steer_deg);
                 let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));
                 let turned = glam::DQuat::from_rotation_y(steer) * direction;

@@ -7,6 +7,7 @@ Exit code 77: no chromium or chromedriver was found, nothing was tested.
 """
 
 import argparse
+import json
 import pathlib
 import struct
 import subprocess
@@ -139,6 +140,60 @@ def measure(page):
     assert abs(found - expected) < 2, f"{found} mm, expected about {expected:.1f} mm"
     page.press("\ue017")  # Delete
     page.press("c")
+    for place in [(0.3, 0.5), (0.6, 0.5), (0.45, 0.7)]:
+        page.click_at("#picture", int(place[0] * box[0]), int(place[1] * box[1]))
+    found = page.wait("an ellipse", lambda: page.script("return JSON.parse(stage.dataset.measured ?? '{}').axes_mm"))
+    width_mm = 0.3 * page.script("return picture.width") * pixel_mm
+    assert abs(found[0] - width_mm) < 2, (found, width_mm)
+    page.press("c")
+    for place in [(0.3, 0.3), (0.3, 0.6), (0.6, 0.6)]:
+        page.click_at("#picture", int(place[0] * box[0]), int(place[1] * box[1]))
+    found = page.wait("an angle", lambda: page.script("return JSON.parse(stage.dataset.measured ?? '{}').angle_deg"))
+    assert abs(found - 90) < 2, found
+    page.press("\ue00c")  # Escape
+    assert page.script("return caliper.getAttribute('aria-pressed')") == "false"
+
+
+def the_cine_loop_is_gone_through(page):
+    page.wait("kept pictures", lambda: page.script("return document.body.dataset.frame") and page.script(LOOK)["frame"] > 20, 30)
+    page.press(" ")
+    page.wait("the loop's bar", lambda: visible(page, "#cine"))
+    kept = int(page.wait("its length", lambda: page.script("return stage.dataset.kept")))
+    assert kept > 5, kept
+    page.press("\ue012")  # left
+    page.press("\ue012")
+    page.wait("an earlier picture", lambda: page.script("return Number(stage.dataset.cine)") == kept - 3)
+    assert text(page, "#run") == "CINE"
+    before = page.script(LOOK)["hash"]
+    page.press("\ue011")  # Home
+    page.wait("the first one", lambda: page.script("return Number(stage.dataset.cine)") == 0)
+    page.wait("another picture", lambda: page.script(LOOK)["hash"] != before)
+    page.press("l")
+    clip = page.wait("the clip", lambda: page.script("return stage.dataset.clip"), 60).split()
+    assert clip[0].endswith((".webm", ".mp4")) and int(clip[1]) == kept and int(clip[2]) > 1000, clip
+    page.press(" ")
+    page.wait("frames again", lambda: text(page, "#run") == "LIVE" and not visible(page, "#cine"))
+
+
+def the_picture_is_inverted(page):
+    transform = "return getComputedStyle(picture).transform"
+    page.press("i")
+    page.wait("left and right", lambda: page.script(transform).startswith("matrix(-1, 0, 0, 1"))
+    page.press("u")
+    page.wait("up and down", lambda: page.script(transform).startswith("matrix(-1, 0, 0, -1"))
+    page.press("i")
+    page.press("u")
+    page.wait("as before", lambda: page.script(transform) in ("none", "matrix(1, 0, 0, 1, 0, 0)"))
+
+
+def looks_are_chosen(page):
+    before = page.script(LOOK)["hash"]
+    page.press("9")
+    pressed = "return document.querySelector('[data-preset=detail]').getAttribute('aria-pressed')"
+    page.wait("the look", lambda: page.script(pressed) == "true")
+    page.wait("another picture", lambda: page.script(LOOK)["hash"] != before)
+    page.press("7")
+    page.wait("the lines as they are", lambda: text(page, "label:has(#grey_map) output") == "linear")
 
 
 def overlays_show_tissues(page):
@@ -218,6 +273,8 @@ def states_are_unmistakable(page, station):
 
 def pages_are_saved(page, downloads):
     page.press("p")
+    record = page.wait("the measurements", lambda: next(downloads.glob("insonify_*.json"), None))
+    assert json.loads(page.wait("their text", record.read_text))["pixel_mm"] > 0
     file = page.wait("the file", lambda: next(downloads.glob("insonify_*.png"), None))
     content = page.wait("its bytes", lambda: file.read_bytes())
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
@@ -257,6 +314,9 @@ def main():
             ("frames arrive and change", lambda: frames_arrive_and_change(page)),
             ("sliders change the picture", lambda: sliders_change_the_picture(page)),
             ("freeze freezes", lambda: freeze_freezes(page)),
+            ("the cine loop is gone through", lambda: the_cine_loop_is_gone_through(page)),
+            ("the picture is inverted", lambda: the_picture_is_inverted(page)),
+            ("looks are chosen", lambda: looks_are_chosen(page)),
             ("overlays show tissues", lambda: overlays_show_tissues(page)),
             ("the scene is shown beside the picture", lambda: the_scene_is_shown_beside_the_picture(page)),
             ("states are unmistakable", lambda: states_are_unmistakable(page, station)),

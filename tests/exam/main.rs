@@ -55,7 +55,14 @@ fn scored(poses: &[TimedPose], events: &[Event], names: &[&str]) -> Score {
     score(
         poses,
         events,
-        &Reference { planes: planes(names), skin: Some(skin), surfaces, contact: &ContactSettings::default(), probe: &probe, depths_mm: &[] },
+        &Reference {
+            planes: planes(names),
+            skin: Some(skin),
+            surfaces,
+            contact: &ContactSettings::default(),
+            probe: &probe,
+            depths_mm: &[],
+        },
     )
     .0
 }
@@ -106,7 +113,14 @@ fn an_image_too_shallow_for_a_plane_does_not_show_it() {
     let Place { skin, surfaces, .. } = place();
     let (probe, poses) = (Probe::default(), still(perfect("head"), 4.0));
     let found = |depths_mm: &[f64]| {
-        let reference = Reference { planes: planes(&["head"]), skin: Some(skin), surfaces, contact: &ContactSettings::default(), probe: &probe, depths_mm };
+        let reference = Reference {
+            planes: planes(&["head"]),
+            skin: Some(skin),
+            surfaces,
+            contact: &ContactSettings::default(),
+            probe: &probe,
+            depths_mm,
+        };
         score(&poses, &[], &reference).0.planes[0].clone()
     };
     let depths: Vec<f64> = (0..poses.len()).map(|i| if i < 120 { 30.0 } else { probe.depth_mm }).collect();

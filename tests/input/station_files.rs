@@ -7,7 +7,8 @@ use insonify::anatomy::phantom::PhantomOptions;
 use insonify::pose::FilterSettings;
 use insonify::pose::Pose;
 use insonify::settings::{
-    ChoiceSettings, ImageSettings, Kind, PipelineSettings, Probe, ProbeKind, Quality, RenderSettings, SettingsGroup,
+    ChoiceSettings, ContactSettings, ImageSettings, Kind, LookSettings, PipelineSettings, Probe, ProbeKind, Quality,
+    ReceiverSettings, RenderSettings, SettingsGroup,
 };
 use insonify::station::{Accepts, KeyDoc, SceneSource, Station, keys, print_keys};
 use proptest::prelude::*;
@@ -277,6 +278,9 @@ fn documented_keys_are_those_of_the_settings() {
         ImageSettings::settings(),
         Quality::settings(),
         RenderSettings::settings(),
+        ContactSettings::settings(),
+        ReceiverSettings::settings(),
+        LookSettings::settings(),
         FilterSettings::settings(),
         PipelineSettings::settings(),
         ChoiceSettings::settings(),
@@ -291,6 +295,7 @@ fn documented_keys_are_those_of_the_settings() {
         if setting.count() == 1 {
             let text = match setting.kind {
                 Kind::Word(words) => format!("{:?}", words[0]),
+                Kind::Switch => "false".to_owned(),
                 _ => format!("{:?}", setting.min),
             };
             let whole = setting.kind == Kind::Whole;

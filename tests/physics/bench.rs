@@ -53,6 +53,28 @@ impl Rig {
         frame
     }
 
+    /// One look of a compounded picture, without maps.
+    pub(crate) fn look(&mut self, pose: &Pose, look: usize) -> Frame {
+        let snapshot = self.renderer.snapshot_of_look(pose, look).unwrap();
+        let (width, height) = (self.settings.image.width, self.settings.image.height);
+        Frame { width, height, bmode: snapshot.bmode, ..Frame::default() }
+    }
+
+    /// The last of `frames` frames of one pose, as a live session renders them.
+    pub(crate) fn rolling(&mut self, pose: &Pose, frames: u32) -> Frame {
+        let mut frame = Frame::default();
+        for _ in 0..frames {
+            self.renderer.submit(pose).unwrap();
+            self.renderer.receive(&mut frame).unwrap();
+        }
+        frame
+    }
+
+    /// Moves the scene to a time.
+    pub(crate) fn set_time_s(&mut self, time_s: f64) {
+        self.renderer.set_time_s(time_s);
+    }
+
     /// Sector of the image.
     pub(crate) fn sector(&self) -> insonify::transducer::Sector {
         *self.renderer.sector()

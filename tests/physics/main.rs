@@ -5,11 +5,13 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 
 mod bench;
+mod contact;
 mod elevation;
 #[path = "../truth/fixtures.rs"]
 mod fixtures;
 mod in_place;
 mod interfaces;
+mod look;
 mod maps;
 mod mistakes;
 mod points;

@@ -25,6 +25,7 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
         ("slow", slow),
         ("short", short),
         ("phased", phased),
+        ("harmonic", Probe { harmonics: true, ..slow }),
     ] {
         // Posts so far apart that their beams don't meet.
         let depths = [20.0, 45.0, 70.0, 100.0, 135.0];

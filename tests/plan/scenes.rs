@@ -50,9 +50,10 @@ fn each_scene_calls_for_its_effects() {
         ("bone_plate", tissues_and(&usual[1..])),
         // Nylon wires: 2600 m/s among 1540.
         ("qa_phantom", and(&["rays"])),
-        ("lung_air", and(&["rays"])),
-        ("vessel_needle", and(&["rays", "layers", "frequency_exponent"])),
-        ("gallbladder_stones", and(&["rays", "layers"])),
+        // Here and below, the scene has skin.
+        ("lung_air", and(&["rays", "contact", "texture", "clutter", "noise"])),
+        ("vessel_needle", and(&["rays", "layers", "contact", "frequency_exponent", "texture", "clutter"])),
+        ("gallbladder_stones", and(&["rays", "layers", "contact", "texture", "clutter"])),
         // Liver alone: 1575 m/s displaces; no refraction, echoes or reflections; speckle differs across the slice.
         ("speckle", vec!["speed_displacement", "layers", "attenuation", "scatterers", "elevational_speckle", "maps"]),
     ];

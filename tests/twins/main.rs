@@ -11,7 +11,7 @@ mod scenes;
 
 use compare::{PASSES, compare};
 use insonify::render::{Choice, Effect, Frame, ShaderSet, twin};
-use scenes::{RENDERED, cases, nested};
+use scenes::{RENDERED, cases, lifted, nested};
 
 #[test]
 fn every_pass_is_its_twin() {
@@ -47,6 +47,26 @@ fn without_some_effects_every_pass_is_its_twin() {
         let compared = |pass: &&&str| **pass != "echo" || !group.contains(&Effect::InterfaceEchoes);
         let wrong_here = PASSES.iter().filter(compared).filter_map(|pass| compare(pass, &snapshot).err());
         wrong.extend(wrong_here.map(|e| (group, e)));
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn every_look_of_a_compounded_frame_is_its_twin() {
+    let mut wrong = Vec::new();
+    for mut case in [lifted(), cases().swap_remove(1)] {
+        case.settings.look.angles = 3;
+        for mut renderer in [case.renderer(&ShaderSet::default()), case.host_renderer()] {
+            let straight = renderer.snapshot(&case.pose).unwrap();
+            for look in 0..3 {
+                let snapshot = renderer.snapshot_of_look(&case.pose, look).unwrap();
+                assert_eq!(snapshot.bmode == straight.bmode, look == 2, "{}: look {look}", case.name);
+                assert_eq!(snapshot.segmentation, straight.segmentation, "maps are straight");
+                wrong.extend(
+                    PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (case.name, look, e)),
+                );
+            }
+        }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

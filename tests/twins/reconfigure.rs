@@ -104,6 +104,7 @@ pub(crate) fn changed(setting: &Setting) -> Case {
         Kind::Whole if value + 2.0 <= setting.max => value + 2.0,
         Kind::Whole => value - 2.0,
         Kind::Word(_) => setting.min,
+        Kind::Switch => 1.0 - value,
         _ if value == 0.0 => 5.0,
         _ => 0.8 * value,
     };

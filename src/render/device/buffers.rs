@@ -9,6 +9,7 @@ use crate::render::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STAR
 use crate::render::error::BackendError;
 use crate::render::params::Params;
 use crate::render::tables::Tables;
+use crate::render::texture::PackedTexture;
 
 /// Stride of one batch's uniforms, bytes: a multiple of 256, the largest alignment of any device.
 pub(crate) const PARAMS_STRIDE: u64 = 512;
@@ -111,7 +112,12 @@ impl Buffers {
             rays: work("rays", 16 * (tables.rays.len() + tables.elevations.len()) as u64, |b| &b.rays)?,
             map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
             tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
-            textures: work("textures", size_of_val(&tables.textures[..]) as u64, |b| &b.textures)?,
+            // The shader's array has one texture at least.
+            textures: work(
+                "textures",
+                size_of_val(&tables.textures[..]).max(size_of::<PackedTexture>()) as u64,
+                |b| &b.textures,
+            )?,
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
@@ -281,12 +287,9 @@ impl Buffers {
                 (&self.focused, write),
                 (&self.aperture.block_gains, read),
             ],
-            "receive" => vec![
-                (&self.starts, read),
-                (&self.segments, read),
-                (&self.near_field, read),
-                (&self.focused, write),
-            ],
+            "receive" => {
+                vec![(&self.starts, read), (&self.segments, read), (&self.near_field, read), (&self.focused, write)]
+            }
             "detect" => {
                 vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]
             }

@@ -145,24 +145,14 @@ fn echo(
     if !scatterers.textures.is_empty() {
         texture(params, paths, guide, scatterers, first, &mut gains);
     }
-    let block = Block {
-        ranges_mm,
-        per_reach_mm: of_block(scatterers.per_reach_mm),
-        strength: Strength::new(power, &gains),
-    };
+    let block =
+        Block { ranges_mm, per_reach_mm: of_block(scatterers.per_reach_mm), strength: Strength::new(power, &gains) };
     speckle.echo(&block, &BlockOfPath { params, paths, path: guide, first }, sums);
 }
 
 /// Multiplies the gains of a block's samples by the texture of the guide's tissues.
 #[inline(always)]
-fn texture(
-    params: &Params,
-    paths: &Paths<'_>,
-    guide: u32,
-    scatterers: &Scatterers<'_>,
-    first: u32,
-    gains: &mut Lanes,
-) {
+fn texture(params: &Params, paths: &Paths<'_>, guide: u32, scatterers: &Scatterers<'_>, first: u32, gains: &mut Lanes) {
     const MIDDLE: f32 = 0.5 * (TEXTURE_SAMPLES - 1) as f32;
     for (i, gains) in (0_u32..).zip(gains.chunks_exact_mut(TEXTURE_SAMPLES as usize)) {
         let sample = first.wrapping_add(i.wrapping_mul(TEXTURE_SAMPLES));

@@ -1,8 +1,8 @@
 //! Surfaces that a point is inside, as in `shaders/shared/surfaces.wgsl`.
 
 use super::constants::{GAP_MAX_MM, GAP_NP_MM, TOUCH_MM};
-use super::wide::exp;
 use super::traverse::Crossing;
+use super::wide::exp;
 use crate::anatomy::bvh::PackedTriangle;
 
 /// The surfaces that a point is inside, one bit each; the highest one is the medium.

@@ -204,8 +204,7 @@ impl Scene<'_> {
         let (behind, ahead) = near.split_at(near.partition_point(|crossing| crossing.t <= 0.0));
         cross_until(self.tree.triangles, behind, f32::INFINITY, &mut state.inside);
         record.starts_inside = state.inside;
-        record.coupling =
-            coupling(self.params.film_mm, state.face_depth_mm, self.down(state), &state.inside, ahead);
+        record.coupling = coupling(self.params.film_mm, state.face_depth_mm, self.down(state), &state.inside, ahead);
         record.count = 0;
         state.here = self.medium_word(state) & TISSUE_MASK;
         if record.coupling < 1.0 {

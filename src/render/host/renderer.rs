@@ -89,7 +89,7 @@ impl HostRenderer {
         let nodes = bvh.nodes.par_iter().map(WideNode::decode).collect();
         let buffers = Buffers::new(configuration)?;
         let (made, spare) = (VecDeque::new(), Vec::new());
-        let waves = Waves::new(&waves());
+        let waves = Waves::new(waves());
         Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, made, spare })
     }
 
@@ -156,8 +156,7 @@ impl HostRenderer {
             // Maps are straight, whatever the look.
             scan_convert(params, layout, &b.polar, maps, into);
             if let Some(steered) = steered {
-                let image =
-                    Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };
+                let image = Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };
                 scan_convert(params, steered, &b.polar, None, image);
             }
         }
@@ -205,8 +204,7 @@ impl HostRenderer {
                 let gain = &tables.kernels.scatterer_gain;
                 let per_reach_mm = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
                 let (textures, waves) = (&tables.textures[..], &self.waves);
-                let scatterers =
-                    Scatterers { constants: self.image, gain, per_reach_mm, textures, waves, visibility };
+                let scatterers = Scatterers { constants: self.image, gain, per_reach_mm, textures, waves, visibility };
                 march(&params, paths, scatterers, &mut b.baseband, kept_powers);
                 laps.note("march");
             }

@@ -34,7 +34,8 @@ impl Rules<'_> {
         // Peaks of Rayleigh statistics: one sample in 22,000 is 10 dB above the mean square.
         let peak_db = shown_db + 10.0;
         if peak_db <= -range_db {
-            let reason = format!("{what} of {level_db} dB stays {:.0} dB below black with all gain", -range_db - shown_db);
+            let reason =
+                format!("{what} of {level_db} dB stays {:.0} dB below black with all gain", -range_db - shown_db);
             return finding(reason, Bound::Exact);
         }
         let reason = format!("{what} of {level_db} dB reaches {shown_db:.0} dB on the display");

@@ -4,9 +4,7 @@ use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 
 use super::aperture::Aperture;
 use crate::anatomy::Bvh;
-use crate::render::constants::{
-    DEPTH_BLOCK, MOVES, PULSE_PAD, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
-};
+use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK};
 use crate::render::params::Params;
 use crate::render::tables::{PackedTissue, Tables, unpack_place};
 use crate::render::texture::PackedTexture;
@@ -260,9 +258,8 @@ impl Inputs {
             share: f.share.into(),
             salt: f.salt,
         };
-        let pair = |[a, b, c, d]: &[f32; 4]| {
-            [DVec2::new((*a).into(), (*b).into()), DVec2::new((*c).into(), (*d).into())]
-        };
+        let pair =
+            |[a, b, c, d]: &[f32; 4]| [DVec2::new((*a).into(), (*b).into()), DVec2::new((*c).into(), (*d).into())];
         let stride = 4 * params.row_words as usize;
         let place = |&word: &u32| {
             let [across, depth] = unpack_place(word)?;

@@ -29,7 +29,8 @@ impl Membership {
     /// gel.
     pub fn medium(&self, inputs: &Inputs, here_mm: DVec3) -> usize {
         let depth_mm = inputs.below_face_mm(here_mm);
-        let outside = if inputs.film_mm.is_some_and(|film| depth_mm > film) { inputs.beyond } else { inputs.background };
+        let outside =
+            if inputs.film_mm.is_some_and(|film| depth_mm > film) { inputs.beyond } else { inputs.background };
         self.highest().map_or(outside, |s| inputs.surface_tissue[s as usize])
     }
 

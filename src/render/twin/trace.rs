@@ -10,8 +10,8 @@ use super::{hash, lattice};
 use crate::acoustics::interface::{Interface, interface};
 use crate::render::constants::{
     APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, CELLS_OF_A_BEAM, DIFFUSE,
-    DIFFUSE_HALF_ROUGHNESS2, FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, OFF_THE_GRID_MM, PLACES_MAX, REFLECTION_FOLLOWED,
-    SEGMENTS, SURFACE_SALT, TOUCH_MM,
+    DIFFUSE_HALF_ROUGHNESS2, FACET_COS_MIN, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, OFF_THE_GRID_MM, PLACES_MAX,
+    REFLECTION_FOLLOWED, SEGMENTS, SURFACE_SALT, TOUCH_MM,
 };
 
 /// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::SceneInfo;
+use crate::look::grey_table;
 use crate::settings::{
-    Assignment, Display, HotKey, Kind, LiveControl, QUALITY_POINTS, QualityPointKey, Setting, Slider, hot_keys,
-    live_settings,
+    Assignment, Display, GreyMap, HotKey, Kind, LiveControl, Preset, QUALITY_POINTS, QualityPointKey, Setting, Slider,
+    exams, hot_keys, live_settings, looks,
 };
 use crate::sink::colour;
 
@@ -57,6 +58,11 @@ pub(super) enum ToPage<'a> {
         attenuation_colours: Vec<colour::Rgb>,
         /// Live settings, in the order of their values in frames.
         settings: Vec<SettingEntry>,
+        /// Display levels of the levels 0..=255, for each grey map.
+        grey_maps: Vec<Vec<u8>>,
+        /// Looks and exams with a button.
+        looks: &'static [Preset],
+        exams: &'static [Preset],
         /// Qualities with a button.
         qualities: &'static [QualityPointKey],
         /// Keys of the page.
@@ -124,6 +130,9 @@ pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
             .collect(),
         attenuation_colours: (0..=255_u8).map(|a| colour::viridis(f32::from(a) / 255.0)).collect(),
         settings: live_settings().filter_map(SettingEntry::new).collect(),
+        grey_maps: GreyMap::ALL.into_iter().map(|map| grey_table(map).to_vec()).collect(),
+        looks: looks(),
+        exams: exams(),
         qualities: &QUALITY_POINTS,
         keys: hot_keys().iter().filter(|hot| hot.works_on(Display::Page)).collect(),
     }
@@ -190,7 +199,7 @@ mod tests {
         let app = include_str!("../../../assets/browser/app.js");
         let keys = hello["keys"].as_array().unwrap();
         let of_page: Vec<_> = keys.iter().filter_map(|key| key["action"]["page"].as_str()).collect();
-        assert_eq!(of_page.len(), 6);
+        assert_eq!(of_page.len(), 14);
         assert!(of_page.iter().all(|name| app.contains(&format!("{name}:")) || app.contains(&format!("  {name},"))));
     }
 

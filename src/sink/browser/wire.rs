@@ -89,7 +89,12 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
         FrameSource::HeldEnhanced => 2,
     };
     let tracking = frame.info.estimate.state as u8;
-    let flags = [frame.info.pose().is_some(), times.first_byte.is_some(), times.inference.is_some(), frame.info.contact.is_some()];
+    let flags = [
+        frame.info.pose().is_some(),
+        times.first_byte.is_some(),
+        times.inference.is_some(),
+        frame.info.contact.is_some(),
+    ];
     let contact = frame.info.contact.map_or([0.0, f64::NAN], |c| [c.part, c.press_mm.unwrap_or(f64::NAN)]);
     let flags = flags.iter().enumerate().fold(0, |byte, (bit, &set)| byte | u8::from(set) << bit);
     let pose = frame.info.pose().map_or([0.0; 7], |pose| pose.components());

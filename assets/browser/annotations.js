@@ -1,0 +1,104 @@
+// Texts on the picture, and the body mark that says where the probe lies.
+
+import { label } from "./calipers.js";
+import { toStage } from "./view.js";
+
+const INK = "#f1f5f8";
+/** Body marks by name; each draws an outline into a square of side 2 about the origin. */
+const BODY_MARKS = {
+  none: null,
+  abdomen: (context) => {
+    context.moveTo(-0.75, -1);
+    context.bezierCurveTo(-0.5, -0.4, -1.05, 0.2, -0.75, 1);
+    context.moveTo(0.75, -1);
+    context.bezierCurveTo(0.5, -0.4, 1.05, 0.2, 0.75, 1);
+    context.moveTo(0.06, 0.2);
+    context.arc(0, 0.2, 0.06, 0, 2 * Math.PI);
+  },
+  pregnant: (context) => {
+    context.moveTo(-0.7, -1);
+    context.bezierCurveTo(-0.6, -0.6, -1.1, 0, -0.7, 1);
+    context.moveTo(0.7, -1);
+    context.bezierCurveTo(0.6, -0.6, 1.1, 0, 0.7, 1);
+    context.moveTo(0.55, 0.15);
+    context.ellipse(0, 0.15, 0.55, 0.62, 0, 0, 2 * Math.PI);
+  },
+  chest: (context) => {
+    context.moveTo(-0.35, -1);
+    context.quadraticCurveTo(-1, -0.9, -0.95, -0.3);
+    context.lineTo(-0.7, 1);
+    context.moveTo(0.35, -1);
+    context.quadraticCurveTo(1, -0.9, 0.95, -0.3);
+    context.lineTo(0.7, 1);
+    context.moveTo(0, -0.6);
+    context.lineTo(0, 0.3);
+  },
+};
+
+export class Annotations {
+  constructor() {
+    /** Texts at pixels of the picture. */
+    this.texts = [];
+    this.mark = "none";
+    /** Turn of the probe on the body mark, degrees. */
+    this.turn = 0;
+  }
+
+  add(at, text) {
+    if (text.trim()) this.texts.push({ at, text: text.trim().slice(0, 60) });
+  }
+
+  clear() {
+    this.texts = [];
+  }
+
+  /** The next body mark. */
+  nextMark() {
+    const names = Object.keys(BODY_MARKS);
+    this.mark = names[(names.indexOf(this.mark) + 1) % names.length];
+  }
+
+  turnMark(degrees) {
+    this.turn = (this.turn + degrees + 360) % 360;
+  }
+
+  draw(context, rect, font) {
+    context.fillStyle = INK;
+    for (const { at, text } of this.texts) {
+      const place = toStage(rect, at);
+      context.fillStyle = INK;
+      label(context, text, place.x, place.y, rect.marks, font);
+    }
+    const outline = BODY_MARKS[this.mark];
+    if (!outline) return;
+    const side = 34 * rect.marks;
+    context.save();
+    context.translate(rect.x + side * 1.2, rect.y + rect.height - side * 1.4);
+    context.scale(side, side);
+    context.strokeStyle = INK;
+    context.lineWidth = 0.045;
+    context.beginPath();
+    outline(context);
+    context.stroke();
+    // The probe: a bar with a dot on the side of the marker.
+    context.rotate((this.turn * Math.PI) / 180);
+    context.strokeStyle = context.fillStyle = "#4fd1c5";
+    context.lineWidth = 0.14;
+    context.beginPath();
+    context.moveTo(-0.3, 0.15);
+    context.lineTo(0.3, 0.15);
+    context.stroke();
+    context.beginPath();
+    context.arc(-0.42, 0.15, 0.09, 0, 2 * Math.PI);
+    context.fill();
+    context.restore();
+  }
+
+  /** What is written beside a saved picture. */
+  values() {
+    return {
+      texts: this.texts.map(({ at, text }) => ({ x: at.x, y: at.y, text })),
+      body_mark: this.mark === "none" ? null : { name: this.mark, turn_deg: this.turn },
+    };
+  }
+}

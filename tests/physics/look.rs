@@ -1,0 +1,239 @@
+//! What scanners do to the signal: compounding, harmonics, noise and texture, against statistics, diffraction and loss.
+
+use insonify::anatomy::Tissue;
+use insonify::render::{Choice, Effect, Frame, RenderSettings};
+use insonify::settings::{LookSettings, ReceiverSettings};
+use insonify::transducer::Probe;
+
+use super::bench::{Bench, Rig, assert_part, at, grainy, linear, magnitude, mean_square, post, silent, small};
+use super::speckle::block;
+
+const RANGE_DB: f64 = 60.0;
+
+fn settings(look: LookSettings) -> RenderSettings {
+    let base = small(1, 1);
+    let mut image = base.image;
+    (image.width, image.height, image.gain_db, image.tgc_db_per_cm) = (400, 500, 30.0, 0.0);
+    image.dynamic_range_db = RANGE_DB;
+    RenderSettings { image, look, ..base }
+}
+
+fn compounded(angles: u32) -> LookSettings {
+    LookSettings { angles, span_deg: 30.0, ..LookSettings::default() }
+}
+
+/// Amplitudes of a picture within a box of pixels, as fractions of its width and height.
+fn amplitudes(frame: &Frame, [left, right]: [f64; 2], [top, bottom]: [f64; 2]) -> Vec<f64> {
+    let (w, h) = (frame.width as usize, frame.height as usize);
+    let of = |part: f64, whole: usize| (part * whole as f64) as usize;
+    let rows = of(top, h)..of(bottom, h);
+    rows.flat_map(|y| &frame.bmode[y * w + of(left, w)..y * w + of(right, w)])
+        .map(|&level| 10f64.powf((f64::from(level) / 255.0 - 1.0) * RANGE_DB / 20.0))
+        .collect()
+}
+
+fn snr(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    mean / (mean_square(values.iter().copied()) - mean * mean).sqrt()
+}
+
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let (ma, mb) = (mean(a), mean(b));
+    let shared = |f: &dyn Fn(usize) -> f64| (0..a.len()).map(f).sum::<f64>();
+    let both = shared(&|i| (a[i] - ma) * (b[i] - mb));
+    both / (shared(&|i| (a[i] - ma).powi(2)) * shared(&|i| (b[i] - mb).powi(2))).sqrt()
+}
+
+fn probe() -> Probe {
+    linear(256, 0.3, 1536, 80.0)
+}
+
+#[test]
+fn compounding_raises_the_snr_as_its_looks_correlate() {
+    let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
+    let boxes = ([0.42, 0.58], [0.3, 0.8]);
+    // Looks one by one: a span so narrow that three angles are one, moved by its probe's own steering.
+    let looks: Vec<Vec<f64>> = (0..9)
+        .map(|look| {
+            let mut rig = Rig::new(&scene, &probe(), &settings(compounded(9)));
+            amplitudes(&rig.look(&at(0.0, 0.0, 0.0), look), boxes.0, boxes.1)
+        })
+        .collect();
+    let shared: f64 = looks.iter().flat_map(|a| looks.iter().map(move |b| correlation(a, b))).sum();
+    let single = snr(&looks[8]);
+    let mut rig = Rig::new(&scene, &probe(), &settings(compounded(9)));
+    let frame = rig.frame(&at(0.0, 0.0, 0.0));
+    let found = snr(&amplitudes(&frame, boxes.0, boxes.1));
+    // The variance of a mean of n equal variables is the mean of their n² covariances.
+    let expected = single * (81.0 / shared).sqrt();
+    println!("SNR {single:.2} → {found:.2}, expected {expected:.2}; mean correlation {:.3}", (shared - 9.0) / 72.0);
+    assert_part(found, expected, 0.1, "SNR of nine angles");
+    assert!(found > 1.8 * single, "{found} of {single}");
+}
+
+#[test]
+fn a_rolling_compound_at_rest_is_the_stills() {
+    let scene = block(grainy(0.0, 0.01));
+    let mut rig = Rig::new(&scene, &probe(), &settings(compounded(5)));
+    let still = rig.frame(&at(0.0, 0.0, 0.0));
+    let rolling = rig.rolling(&at(0.0, 0.0, 0.0), 12);
+    assert!(rolling.bmode == still.bmode);
+    let mut plain = Rig::new(&scene, &probe(), &settings(compounded(1)));
+    let plain = plain.frame(&at(0.0, 0.0, 0.0));
+    assert!(plain.bmode != still.bmode);
+    assert!(plain.segmentation == still.segmentation && plain.attenuation == still.attenuation, "maps are straight");
+    assert!(plain.lines == still.lines, "lines are those of the straight look");
+}
+
+#[test]
+fn compounding_keeps_the_width_of_a_point_and_makes_shadows_cones() {
+    let probe = probe();
+    let mut bench = Bench::new(silent(1540.0, 1.5));
+    // Rough, so that all looks see it.
+    let target = bench.tissue(Tissue { roughness: 1.0, ..silent(1540.0, 1.7) });
+    bench.add(target, 1, post(glam::DVec3::ZERO, &probe, 128, 40.0, 0.4));
+    let scene = bench.scene().unwrap();
+    let width = |angles: u32| {
+        let mut rig = Rig::new(&scene, &probe, &settings(compounded(angles)));
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        let (w, h) = (frame.width as usize, frame.height as usize);
+        let brightest = (0..w * h).max_by_key(|&i| frame.bmode[i]).unwrap();
+        let row = &frame.bmode[brightest / w * w..][..w];
+        let half = f64::from(row[brightest % w]) - 6.0206 * 255.0 / RANGE_DB;
+        // Width of the row above half of the amplitude, between pixels.
+        let above = |range: &mut dyn Iterator<Item = usize>| {
+            let mut last = brightest % w;
+            for i in range {
+                if f64::from(row[i]) < half {
+                    let (inner, outer) = (f64::from(row[last]), f64::from(row[i]));
+                    return last.abs_diff(brightest % w) as f64 + (inner - half) / (inner - outer);
+                }
+                last = i;
+            }
+            f64::NAN
+        };
+        above(&mut (brightest % w + 1..w)) + above(&mut (0..brightest % w).rev())
+    };
+    assert_part(width(9), width(1), 0.15, "width of a point");
+
+    // Behind a plate, the shadow of nine angles ends in a cone: its core is shallower than the straight shadow's.
+    let mut bench = Bench::new(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
+    let opaque = bench.tissue(Tissue { attenuation_db_cm_mhz: 60.0, ..grainy(0.0, 0.0) });
+    bench.add(opaque, 1, super::bench::slab(0.0, 4.0, 15.0, 17.0));
+    let scene = bench.scene().unwrap();
+    let level = |angles: u32, depth: [f64; 2]| {
+        let mut look = settings(compounded(angles));
+        look.effects = look.effects.with(Effect::Aperture, Choice::Off);
+        let mut rig = Rig::new(&scene, &probe, &look);
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        10.0 * mean_square(amplitudes(&frame, [0.49, 0.51], depth).into_iter()).log10()
+    };
+    let (near, far) = ([0.26, 0.3], [0.8, 0.9]);
+    assert!(level(1, near) < -45.0 && level(1, far) < -45.0, "one angle: {} {}", level(1, near), level(1, far));
+    assert!(level(9, near) < -40.0 && level(9, far) > -25.0, "nine: {} {}", level(9, near), level(9, far));
+}
+
+#[test]
+fn noise_is_rayleigh_and_rises_as_the_gain_says() {
+    let scene = block(silent(1540.0, 1.5));
+    let probe = probe();
+    let noise_db = -70.0;
+    let mut look = settings(LookSettings::default());
+    look.receiver = ReceiverSettings { noise_db, ..ReceiverSettings::default() };
+    look.effects = look.effects.with(Effect::Noise, Choice::On);
+    (look.image.gain_db, look.image.tgc_db_per_cm) = (20.0, 4.0);
+    let mut rig = Rig::new(&scene, &probe, &look);
+    let frame = rig.frame(&at(0.0, 0.0, 0.0));
+    let samples = probe.samples as usize;
+    let envelope: Vec<f64> = (0..probe.scanlines)
+        .flat_map(|l| rig.line(&frame, l)[40..samples - 40].iter().map(|&s| magnitude(s)))
+        .collect();
+    assert!((snr(&envelope) - 1.913).abs() < 0.05, "{}", snr(&envelope));
+    let level_db = 10.0 * mean_square(envelope.iter().copied()).log10();
+    assert!((level_db - noise_db).abs() < 0.2, "{level_db}");
+    // On the display, by depth: mean level of Rayleigh noise in dB is 2.51 dB below its power.
+    for part in [0.15, 0.4, 0.65, 0.9] {
+        let (w, h) = (frame.width as usize, frame.height as usize);
+        let row = (part * h as f64) as usize;
+        let inside: Vec<f64> = (row..row + 12)
+            .flat_map(|y| (0..w).map(move |x| y * w + x))
+            .filter(|&i| frame.mask[i] == 255)
+            .map(|i| (f64::from(frame.bmode[i]) / 255.0 - 1.0) * RANGE_DB)
+            .collect();
+        let mean_db = inside.iter().sum::<f64>() / inside.len() as f64;
+        let depth_cm = (f64::from(row as u32) + 6.0) * rig.sector().pixel_mm / 10.0;
+        let expected_db = noise_db + 20.0 + 4.0 * depth_cm - 2.51;
+        assert!((mean_db - expected_db).abs() < 0.5, "{depth_cm:.1} cm: {mean_db:.2} dB, expected {expected_db:.2}");
+    }
+    // Another time, other noise; the same time, the same.
+    let again = rig.frame(&at(0.0, 0.0, 0.0));
+    assert!(again.lines == frame.lines);
+    rig.set_time_s(0.04);
+    assert!(rig.frame(&at(0.0, 0.0, 0.0)).lines != frame.lines);
+}
+
+#[test]
+fn harmonics_go_out_at_f_and_come_back_at_2f() {
+    let alpha = 0.7;
+    let scene = block(Tissue { attenuation_db_cm_mhz: alpha, attenuation_exponent: 1.1, ..grainy(0.0, 0.01) });
+    let slope_db_cm = |harmonics: bool| {
+        let probe = Probe { harmonics, frequency_mhz: 3.0, ..probe() };
+        let mut rig = Rig::new(&scene, &probe, &settings(LookSettings::default()));
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        let level = |from: usize| {
+            let band = (8..248).flat_map(|l| rig.line(&frame, l)[from..from + 200].iter().map(|&s| magnitude(s)));
+            10.0 * mean_square(band).log10()
+        };
+        let apart_cm = 1000.0 * probe.sample_spacing_mm() / 10.0;
+        (level(200) - level(1200)) / apart_cm
+    };
+    let at_mhz = |f: f64| alpha * f.powf(1.1);
+    assert_part(slope_db_cm(false), 2.0 * at_mhz(3.0), 0.05, "fundamental");
+    assert_part(slope_db_cm(true), at_mhz(3.0) + at_mhz(6.0), 0.05, "harmonic");
+}
+
+#[test]
+fn texture_leaves_speckle_rayleigh_and_varies_at_its_scale() {
+    let tissue = Tissue { attenuation_db_cm_mhz: 0.0, cloud_db: 3.0, cloud_mm: 8.0, ..grainy(0.0, 0.01) };
+    let scene = block(tissue);
+    let mut look = settings(LookSettings::default());
+    look.effects = look.effects.with(Effect::Texture, Choice::On);
+    let mut means = Vec::new();
+    let mut snrs = Vec::new();
+    // Several places of the texture; windows of 2 mm, a quarter of its scale.
+    for place in 0..12 {
+        let mut rig = Rig::new(&scene, &probe(), &look);
+        let frame = rig.frame(&at(17.0 * f64::from(place), 9.0 * f64::from(place), -60.0 + 11.0 * f64::from(place)));
+        for line in (16..240).step_by(14) {
+            for from in (100..1400).step_by(120) {
+                let window: Vec<f64> = (line..line + 7)
+                    .flat_map(|l| rig.line(&frame, l)[from..from + 40].iter().map(|&s| magnitude(s)))
+                    .collect();
+                means.push(10.0 * mean_square(window.iter().copied()).log10());
+                let norm = mean_square(window.iter().copied()).sqrt();
+                snrs.extend(window.iter().map(|v| v / norm));
+            }
+        }
+    }
+    // Windows hold few speckles, so that their own power varies, too: that of a uniform block is taken off.
+    let uniform = {
+        let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
+        let mut rig = Rig::new(&scene, &probe(), &settings(LookSettings::default()));
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        let windows = (16..240).step_by(14).flat_map(|line| (100..1400).step_by(120).map(move |from| (line, from)));
+        let level = |(line, from): (u32, usize)| {
+            let window =
+                (line..line + 7).flat_map(|l| rig.line(&frame, l)[from..from + 40].iter().map(|&s| magnitude(s)));
+            10.0 * mean_square(window).log10()
+        };
+        windows.map(level).collect::<Vec<_>>()
+    };
+    let variance = |v: &[f64]| {
+        let mean = v.iter().sum::<f64>() / v.len() as f64;
+        v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / v.len() as f64
+    };
+    let contrast_db = (variance(&means) - variance(&uniform)).sqrt();
+    println!("contrast {contrast_db:.2} dB of 3, SNR within windows {:.3}", snr(&snrs));
+    assert!((contrast_db - 3.0).abs() < 0.6, "{contrast_db}");
+}
