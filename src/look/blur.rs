@@ -62,11 +62,11 @@ fn along_row(half: usize, mask: &[u8], levels: &[u8], sums: &mut [[u32; 3]]) {
     for i in 0..half.min(width) {
         add_one(&mut sum, value(i));
     }
-    for i in 0..width {
+    for (i, out) in sums.iter_mut().enumerate() {
         if i + half < width {
             add_one(&mut sum, value(i + half));
         }
-        sums[i] = sum;
+        *out = sum;
         if let Some(behind) = i.checked_sub(half) {
             let value = value(behind);
             (0..3).for_each(|part| sum[part] -= value[part]);

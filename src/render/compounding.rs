@@ -108,8 +108,8 @@ impl Compounding {
 }
 
 /// The mean of the looks' pictures in f64: levels 0..=255 of the pixels that each look shows.
-#[cfg(any(test, feature = "test-hooks"))]
-pub(crate) fn compounded(looks: &[(Vec<bool>, Vec<u8>)], dynamic_range_db: f64) -> Vec<f64> {
+#[cfg(test)]
+fn compounded(looks: &[(Vec<bool>, Vec<u8>)], dynamic_range_db: f64) -> Vec<f64> {
     let amplitude = |level: u8| 10f64.powf((f64::from(level) / 255.0 - 1.0) * dynamic_range_db / 20.0);
     let pixel = |i: usize| {
         let shown: Vec<f64> =

@@ -7,11 +7,11 @@ use crate::anatomy::Skin;
 use crate::pose::Pose;
 use crate::settings::ContactSettings;
 
-/// Loss of an amplitude, one way, in a gap of e mm beyond the film of gel: e²/(1 + e) times this, nepers. The first 0.3 mm
-/// are the meniscus.
-pub(crate) const GAP_NP_MM: f64 = 8.0;
-/// Gap beyond the film from which nothing is coupled, mm: 41 nepers.
-pub(crate) const GAP_MAX_MM: f64 = 6.0;
+/// Loss of an amplitude, one way, in a gap of e mm beyond the film of gel: e²/(1 + e) times this, nepers. The first half
+/// millimetre is the meniscus.
+pub(crate) const GAP_NP_MM: f64 = 4.0;
+/// Gap beyond the film from which nothing is coupled, mm: 28 nepers.
+pub(crate) const GAP_MAX_MM: f64 = 8.0;
 
 /// Places on the face where contact is measured.
 const PLACES: u32 = 33;
@@ -95,7 +95,7 @@ mod tests {
         for height_mm in [-10.0, 0.0, 2.0] {
             assert!((part(height_mm) - 1.0).abs() < 1e-6, "{height_mm} mm: {}", part(height_mm));
         }
-        assert!(part(5.0) < 1e-3 && part(40.0) == 0.0);
+        assert!(part(5.0) < 0.01 && part(40.0) == 0.0);
         let (pose, contact) = touch(&skin, &probe, &at(5.0, 0.0), &settings);
         assert_eq!(pose, at(5.0, 0.0));
         assert!((contact.press_mm.unwrap() + 5.0).abs() < 1e-2 && contact.shift_mm == 0.0);

@@ -62,15 +62,18 @@ fn a_lifted_probe_loses_the_body() {
     let mut rig = Rig::new(&scene, &Probe::default(), &settings());
     let coupled = mean(&rig.frame(&above(0.0, 0.0)), DEEP, ALL);
     assert!(coupled > 80.0, "{coupled}");
+    let bath = RenderSettings { effects: settings().effects.with(Effect::Contact, Choice::Off), ..settings() };
+    let mut in_bath = Rig::new(&scene, &Probe::default(), &bath);
     let lifted = |rig: &mut Rig, height_mm: f64| {
         let frame = rig.frame(&above(height_mm, 0.0));
         (mean(&frame, DEEP, ALL), mean(&frame, [0.05, 0.12], ALL), frame.contact.unwrap())
     };
     let (body, _, contact) = lifted(&mut rig, 2.0);
-    assert!((body - coupled).abs() < 3.0 && contact.part > 0.99, "2 mm: {body}, {contact:?}");
+    let through_gel = mean(&in_bath.frame(&above(2.0, 0.0)), DEEP, ALL);
+    assert!((body - through_gel).abs() < 0.5 && contact.part > 0.99, "2 mm: {body}, {through_gel}, {contact:?}");
     for height_mm in [5.0, 40.0] {
         let (body, near, contact) = lifted(&mut rig, height_mm);
-        assert!(body < 1.0 && contact.part < 0.01, "{height_mm} mm: {body}, {contact:?}");
+        assert!(body < 1.0 && contact.part < 0.02, "{height_mm} mm: {body}, {contact:?}");
         assert!(near > 90.0, "the probe's own reverberation: {near}");
     }
     let frame = rig.frame(&above(40.0, 0.0));
@@ -103,7 +106,7 @@ fn lifting_and_landing_have_no_flash_and_no_jump() {
     let whole = levels[0];
     for (i, pair) in levels.windows(2).enumerate() {
         assert!(pair[1] < pair[0] + 0.04 * whole, "a flash after step {i}: {pair:?}");
-        assert!(pair[0] - pair[1] < 0.4 * whole, "a jump after step {i}: {pair:?}");
+        assert!(pair[0] - pair[1] < 0.5 * whole, "a jump after step {i}: {pair:?}");
     }
     assert!(levels[48] < 1.0);
 }
