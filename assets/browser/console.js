@@ -166,6 +166,7 @@ export class Console {
   /** Keeps a live picture that was just drawn, with the tissues or attenuation that are mixed in. */
   keep(frame) {
     if (!frame.settings.frozen) this.cine.keep(this.page.picture.canvas, frame, performance.now());
+    this.stage.dataset.kept = String(this.cine.kept.length);
     if (this.clip) this.recordFrame();
   }
 

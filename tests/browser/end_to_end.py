@@ -155,7 +155,7 @@ def measure(page):
 
 
 def the_cine_loop_is_gone_through(page):
-    page.wait("kept pictures", lambda: page.script("return document.body.dataset.frame") and page.script(LOOK)["frame"] > 20, 30)
+    page.wait("kept pictures", lambda: page.script("return Number(stage.dataset.kept)") > 8, 30)
     page.press(" ")
     page.wait("the loop's bar", lambda: visible(page, "#cine"))
     page.wait("its length", lambda: page.script("return Number(stage.dataset.kept)") > 5)
@@ -163,7 +163,7 @@ def the_cine_loop_is_gone_through(page):
     page.press("\ue012")
     page.wait("an earlier picture", lambda: page.script("return stage.dataset.kept - stage.dataset.cine") == 3)
     kept = page.script("return Number(stage.dataset.kept)")
-    assert text(page, "#run") == "CINE"
+    page.wait("the badge", lambda: text(page, "#run") == "CINE")
     before = page.script(LOOK)["hash"]
     page.press("\ue011")  # Home
     page.wait("the first one", lambda: page.script("return Number(stage.dataset.cine)") == 0)
