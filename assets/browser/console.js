@@ -177,7 +177,7 @@ export class Console {
       this.cine.live();
       this.cine.clear();
     }
-    const available = frozen && this.cine.kept.length > 1;
+    const available = Boolean(frozen) && this.cine.kept.length > 1;
     if (bar.hidden === available) {
       bar.hidden = !available;
       this.view.foot = available ? bar.offsetHeight : 0;
