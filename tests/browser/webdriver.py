@@ -45,7 +45,9 @@ class Browser:
             "--disable-background-networking", "--disable-component-update", "--disable-sync",
             "--hide-scrollbars", f"--user-data-dir={self.profile.name}/profile", f"--window-size={width},{height}",
         ]
-        preferences = {"download.default_directory": str(downloads)} if downloads else {}
+        # A picture and its measurements are two files.
+        allowed = {"profile.default_content_setting_values.automatic_downloads": 1}
+        preferences = {"download.default_directory": str(downloads), **allowed} if downloads else {}
         options = {"binary": browser, "args": arguments, "prefs": preferences}
         capabilities = {"alwaysMatch": {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}}
         answer = self.call("POST", "/session", {"capabilities": capabilities})
