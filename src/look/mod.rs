@@ -1,7 +1,7 @@
 //! What a scanner does to the picture after its lines: speckle reduction, edge enhancement, persistence, grey maps.
 //!
 //! Pictures are grey levels [height × width], 0 outside the sector. A [`Look`] holds the memory of one stream of
-//! pictures. Each step has an f64 twin in [`twin`].
+//! pictures. Each step has an f64 twin in `twin.rs`.
 
 mod blur;
 mod edges;
