@@ -87,8 +87,11 @@ impl Beam {
             let weight = rise * (-0.5 * (aside * FWHM_PER_SIGMA / self.fractional_bandwidth).powi(2)).exp();
             let wave_number = std::f64::consts::TAU * (1.0 + aside) / wavelength;
             let out = intensity(&transmit, wave_number, step_mm);
-            let received = if self.harmonic { 2.0 * wave_number } else { wave_number };
-            let back = intensity(receive.as_ref().unwrap_or(&transmit), received, step_mm);
+            let returning = if self.harmonic { 2.0 * wave_number } else { wave_number };
+            let back = match &receive {
+                None if !self.harmonic => out,
+                receive => intensity(receive.as_ref().unwrap_or(&transmit), returning, step_mm),
+            };
             for (power, (out, back)) in power.iter_mut().zip(out.iter().zip(&back)) {
                 // A harmonic rises with the square of the transmitted pressure.
                 let sent = if self.harmonic { out * out } else { *out };

@@ -26,7 +26,7 @@ pub struct Property {
     pub assumed: bool,
 }
 
-/// Texture of a tissue with its source; keys as in [`Tissue`].
+/// Texture of a tissue with its source. Each key holds the two to four values of [`Tissue`] that belong together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcedTexture {

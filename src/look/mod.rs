@@ -51,11 +51,6 @@ impl Look {
             && settings.grey_map == GreyMap::Linear
     }
 
-    /// Forgets the pictures so far: persistence begins anew.
-    pub fn reset(&mut self) {
-        self.persistence.reset();
-    }
-
     /// Processes the next picture in place.
     pub fn apply(&mut self, settings: &LookSettings, shape: Shape<'_>, picture: &mut [u8]) {
         if Self::is_plain(settings) || shape.width == 0 || shape.mask.len() != picture.len() {

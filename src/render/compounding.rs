@@ -27,6 +27,7 @@ pub(super) struct Compounding {
     looks: Vec<Vec<u8>>,
     /// Looks that have been made, one bit each.
     made: u16,
+    dynamic_range_db: f64,
     amplitudes: [f32; 256],
     levels: Levels,
 }
@@ -62,23 +63,19 @@ impl Compounding {
     /// Pictures whose pixels the looks of `covered` show.
     pub(super) fn new(covered: Vec<u16>, looks: usize, dynamic_range_db: f64) -> Self {
         let pixels = covered.len();
-        let mut compounding = Self {
-            covered,
-            looks: vec![vec![0; pixels]; looks],
-            made: 0,
-            amplitudes: [0.0; 256],
-            levels: Levels::new(dynamic_range_db),
-        };
-        compounding.set_range(dynamic_range_db);
-        compounding
+        let amplitudes = amplitudes(dynamic_range_db);
+        let levels = Levels::new(dynamic_range_db);
+        Self { covered, looks: vec![vec![0; pixels]; looks], made: 0, dynamic_range_db, amplitudes, levels }
     }
 
-    /// Sets the dynamic range of the pictures from now on, dB; those so far are forgotten.
-    pub(super) fn set_range(&mut self, dynamic_range_db: f64) {
-        self.amplitudes =
-            std::array::from_fn(|level| 10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0) as f32);
-        self.levels = Levels::new(dynamic_range_db);
+    /// Forgets the pictures so far; those from now on have this dynamic range, dB.
+    pub(super) fn restart(&mut self, dynamic_range_db: f64) {
         self.made = 0;
+        if self.dynamic_range_db != dynamic_range_db {
+            self.dynamic_range_db = dynamic_range_db;
+            self.amplitudes = amplitudes(dynamic_range_db);
+            self.levels = Levels::new(dynamic_range_db);
+        }
     }
 
     /// Takes the picture of a look, and replaces it by the mean of the last pictures of all looks.
@@ -86,7 +83,7 @@ impl Compounding {
         let Some(kept) = self.looks.get_mut(look).filter(|kept| kept.len() == picture.len()) else { return };
         kept.copy_from_slice(picture);
         self.made |= 1 << look;
-        let Self { covered, looks, made, amplitudes, levels } = self;
+        let Self { covered, looks, made, amplitudes, levels, .. } = self;
         let chunks = picture.par_chunks_mut(CHUNK).zip(covered.par_chunks(CHUNK)).enumerate();
         chunks.for_each(|(chunk, (picture, covered))| {
             let from = chunk * CHUNK;
@@ -105,6 +102,11 @@ impl Compounding {
             }
         });
     }
+}
+
+/// Amplitudes of the grey levels; 1 is white.
+fn amplitudes(dynamic_range_db: f64) -> [f32; 256] {
+    std::array::from_fn(|level| 10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0) as f32)
 }
 
 /// The mean of the looks' pictures in f64: levels 0..=255 of the pixels that each look shows.

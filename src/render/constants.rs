@@ -123,7 +123,7 @@ pub(crate) const FIRST_TISSUE: u32 = 1;
 pub(crate) use crate::transducer::contact::{GAP_MAX_MM, GAP_NP_MM};
 /// ln of the least coupling that is computed.
 pub(crate) const LN_UNCOUPLED: f64 = -80.0;
-/// Part of the own loss in its gap that a scanline has even where its neighbours' elements see the body below.
+/// Fraction of the loss in its gap that a scanline keeps where neighbouring elements reach the body below it.
 pub(crate) const GAP_PART: f64 = 0.25;
 /// Coupling below which the maps show air.
 pub(crate) const COUPLED_MIN: f64 = 0.5;

@@ -206,7 +206,7 @@ impl Renderer {
         self.generation += 1;
         self.look = 0;
         if let Some(compounding) = &mut self.compounding {
-            compounding.set_range(self.active.settings.image.dynamic_range_db);
+            compounding.restart(self.active.settings.image.dynamic_range_db);
         }
     }
 

@@ -236,4 +236,5 @@ fn texture_leaves_speckle_rayleigh_and_varies_at_its_scale() {
     let contrast_db = (variance(&means) - variance(&uniform)).sqrt();
     println!("contrast {contrast_db:.2} dB of 3, SNR within windows {:.3}", snr(&snrs));
     assert!((contrast_db - 3.0).abs() < 0.6, "{contrast_db}");
+    assert!((snr(&snrs) - 1.913).abs() <= 0.05, "SNR {}", snr(&snrs));
 }

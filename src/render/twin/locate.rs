@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::inputs::{Inputs, Ray};
 use super::surfaces::{Crossing, Membership, crossings, places};
-use crate::render::constants::{GAP_MAX_MM, GAP_NP_MM};
+use crate::transducer::contact;
 
 /// Start of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +41,5 @@ pub(super) fn coupling(inputs: &Inputs, ray: &Ray, inside: &Membership, ahead: O
     }
     // Depth of the skin below the apex of the face.
     let skin_mm = ahead.map(|crossing| inputs.below_face_mm(ray.origin_mm + ray.direction * crossing.t_mm));
-    let gap_mm = skin_mm.map_or(f64::INFINITY, |skin_mm| (skin_mm - film_mm).max(0.0));
-    if gap_mm >= GAP_MAX_MM { 0.0 } else { (-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm)).exp() }
+    skin_mm.map_or(0.0, |skin_mm| contact::coupling(skin_mm - film_mm))
 }
