@@ -108,12 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if frame.overflows > 0 {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
     }
-    let shape = Shape {
-        width: frame.width as usize,
-        pixel_mm: renderer.sector().pixel_mm,
-        mask: &frame.mask,
-        dynamic_range_db: settings.image.dynamic_range_db,
-    };
+    let shape = Shape::new(frame.width, renderer.sector().pixel_mm, &frame.mask, &settings.image);
     Look::default().apply(&settings.look, shape, &mut frame.bmode);
     let adapter = session::adapter(&backend);
     let (plan, sector) = (renderer.plan(), renderer.sector());

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use anyhow::anyhow;
 use clap::Args;
 use insonify::anatomy::Scene;
+use insonify::look::{Look, Shape};
 use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses};
 use insonify::pose::{Estimator, Pose};
 use insonify::render::{Backend, Frame, Quality, RenderSettings, Renderer};
@@ -241,7 +242,7 @@ impl Replay {
     }
 
     /// Renders all frames in order, two in flight. `before` runs before each submission and may wait. `each` receives
-    /// every frame with its index among the requested frames.
+    /// every frame, with the look of its settings, and its index among the requested frames.
     pub(crate) fn render(
         &self,
         backend: &Backend,
@@ -252,6 +253,7 @@ impl Replay {
         let Part { probe, settings, .. } = self.first()?;
         session::warn_of_effects(scene, probe, settings);
         let mut renderer = Renderer::new(backend, scene, probe, settings)?;
+        let mut look = Look::default();
         for Part { frames, probe, settings } in &self.parts {
             let from = frames.start - self.frames.start;
             renderer.reconfigure(probe, settings)?;
@@ -260,7 +262,12 @@ impl Replay {
                 before(from + i);
                 self.timeline.scene_s(frames.start + i)
             };
-            session::render_paced(&mut renderer, poses, before, |i, frame| each(from + i, frame))?;
+            let pixel_mm = renderer.sector().pixel_mm;
+            session::render_paced(&mut renderer, poses, before, |i, frame| {
+                let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image);
+                look.apply(&settings.look, shape, &mut frame.bmode);
+                each(from + i, frame)
+            })?;
         }
         Ok(())
     }

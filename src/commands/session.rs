@@ -81,14 +81,14 @@ pub(crate) fn render_paced(
     renderer: &mut Renderer,
     poses: &[Pose],
     mut before: impl FnMut(usize) -> f64,
-    mut each: impl FnMut(usize, &Frame) -> Result<(), Failure>,
+    mut each: impl FnMut(usize, &mut Frame) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let mut frame = Frame::default();
     let mut done = 0;
     for (submitted, pose) in poses.iter().enumerate() {
         if submitted - done == FRAMES_IN_FLIGHT {
             renderer.receive(&mut frame)?;
-            each(done, &frame)?;
+            each(done, &mut frame)?;
             done += 1;
         }
         renderer.set_time_s(before(submitted));
@@ -96,7 +96,7 @@ pub(crate) fn render_paced(
     }
     while done < poses.len() {
         renderer.receive(&mut frame)?;
-        each(done, &frame)?;
+        each(done, &mut frame)?;
         done += 1;
     }
     Ok(())

@@ -19,7 +19,7 @@ pub use grey_map::table as grey_table;
 use persistence::Persistence;
 use speckle_reduction::SpeckleReduction;
 
-use crate::settings::{GreyMap, LookSettings};
+use crate::settings::{GreyMap, ImageSettings, LookSettings};
 
 /// Processing of a stream of pictures.
 #[derive(Debug, Default)]
@@ -40,6 +40,13 @@ pub struct Shape<'a> {
     pub mask: &'a [u8],
     /// Dynamic range of the grey levels, dB.
     pub dynamic_range_db: f64,
+}
+
+impl<'a> Shape<'a> {
+    /// A picture of `image`, `width` pixels wide.
+    pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings) -> Self {
+        Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db }
+    }
 }
 
 impl Look {

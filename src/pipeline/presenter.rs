@@ -153,12 +153,7 @@ impl Presenter {
                 frame.image.extend_from_slice(&held.image);
             }
             let settings = &rendered.info.settings.render;
-            let shape = Shape {
-                width: frame.width as usize,
-                pixel_mm: frame.pixel_mm,
-                mask: &frame.mask,
-                dynamic_range_db: settings.image.dynamic_range_db,
-            };
+            let shape = Shape::new(frame.width, frame.pixel_mm, &frame.mask, &settings.image);
             state.look.apply(&settings.look, shape, &mut frame.image);
             match (held, &mut frame.tier) {
                 (Some(held), Some(tier)) => tier.clone_from(&held.tier),

@@ -14,6 +14,7 @@ mod device;
 mod fixture;
 mod image;
 mod interfaces;
+mod looks;
 mod refraction;
 mod rig;
 mod shadow;
@@ -33,6 +34,7 @@ use crate::render::TestHooks;
 use crate::render::{Backend, Choice, Effect, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 use bench::{Bench, silent};
+pub use looks::{LookError, look_errors};
 use rig::{NewRenderer, Rig};
 pub use truth::{TruthError, truth_errors};
 

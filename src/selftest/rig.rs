@@ -42,6 +42,11 @@ impl Rig {
         Ok(&self.frame)
     }
 
+    /// Moves the scene to `time_s`: other noise of the receiver.
+    pub(super) fn set_time_s(&mut self, time_s: f64) {
+        self.renderer.set_time_s(time_s);
+    }
+
     /// Renders a frame, and returns all inputs and outputs of its passes.
     pub(super) fn snapshot(
         &mut self,

@@ -12,10 +12,10 @@ use crate::anatomy::{Bvh, Scene};
 use crate::render::{Backend, Choice, RenderSettings, Renderer};
 use crate::transducer::Probe;
 
-/// Root mean square errors against wave theory.
+/// Root mean square errors against theory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TruthError {
-    /// The effect's name.
+    /// Name of the effect or of the look's step.
     pub effect: String,
     /// Compared quantity.
     pub quantity: String,

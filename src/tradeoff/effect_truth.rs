@@ -1,4 +1,4 @@
-//! What each effect does to the error against wave theory, and its cost.
+//! What each effect, or step of a look, does to the error against theory, and its cost.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::table::csv_field;
 use crate::selftest::TruthError;
 
-/// An effect's errors and its cost.
+/// Errors of an effect, or of a step of a look, and its cost.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EffectTruth {
     /// Errors with and without the effect.

@@ -1,4 +1,4 @@
-//! Panel below the figure: errors of effects against wave theory.
+//! Panel below the figure: errors of effects and looks against theory.
 
 use plotters::coord::Shift;
 use plotters::drawing::DrawingAreaErrorKind;
@@ -38,8 +38,12 @@ pub(super) fn draw<B: DrawingBackend>(
     let text =
         |h_pos, colour: &RGBColor| ("sans-serif", TEXT).into_font().color(colour).pos(Pos::new(h_pos, VPos::Center));
     let grey = RGBColor(130, 130, 130);
-    area.draw(&Text::new("Error against wave theory, effect by effect", (20, 12), text(HPos::Left, &BLACK)))?;
-    let under = "RMS over the tolerance of a single value. Hollow: without the effect. Filled: with it, at one ray.";
+    area.draw(&Text::new(
+        "Error against theory, effect by effect; below, steps of a look",
+        (20, 12),
+        text(HPos::Left, &BLACK),
+    ))?;
+    let under = "RMS over the tolerance of a single value. Hollow: without it. Filled: with it, at one ray.";
     area.draw(&Text::new(under, (20, 34), text(HPos::Left, &grey)))?;
     let bottom = TITLE + ROW * effects.len() as i32;
     for part in [0.1, 1.0, 10.0] {

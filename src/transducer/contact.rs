@@ -19,7 +19,7 @@ const PLACES: u32 = 33;
 /// Contact of a probe's face with the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Contact {
-    /// Part of the face that sends into the body, 0..=1.
+    /// Part of the face that is coupled to the body, 0..=1: mean amplitude, out and back, over its places.
     pub part: f64,
     /// Depth of the face's centre below the skin along the probe's axis, mm; negative for a gap. None if the skin is more
     /// than 30 mm away. As tracked, before [`shift_mm`](Self::shift_mm).
@@ -50,7 +50,7 @@ pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings)
     (placed, Contact { part: coupled / f64::from(PLACES), press_mm, shift_mm })
 }
 
-/// Coupling of a place on the face, at a fraction of its width: amplitude, one way.
+/// Coupling of a place on the face, at a fraction of its width: amplitude, out and back.
 fn coupling_at(skin: &Skin, probe: &Probe, pose: &Pose, fraction: f64, gel_mm: f64) -> f64 {
     let (origin_mm, direction) = probe.ray(probe.lateral_coordinate(fraction));
     let there = Pose {
@@ -59,7 +59,7 @@ fn coupling_at(skin: &Skin, probe: &Probe, pose: &Pose, fraction: f64, gel_mm: f
     };
     // Depth of the skin below the apex of the face: skin yields to the face's own curvature.
     let skin_mm = skin.press_mm(&there).map(|press_mm| origin_mm.z - press_mm * direction.z);
-    skin_mm.map_or(0.0, |skin_mm| coupling(skin_mm - gel_mm))
+    skin_mm.map_or(0.0, |skin_mm| coupling(skin_mm - gel_mm).powi(2))
 }
 
 /// Amplitude, one way, that a gap of `gap_mm` beyond the film of gel passes, 0..=1.

@@ -24,10 +24,9 @@ const ROUNDS_MIN: usize = 3;
 /// Time between frames of a scene that moves, s.
 const STEP_S: f64 = 1.0 / 30.0;
 
-/// Time saved by leaving an effect out, or spent on simulating it.
+/// Time that something adds to a frame.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(crate) struct Cost {
-    effect: Effect,
     /// Median over rounds of the difference in frame time with and without it, ms.
     cost_ms: f64,
     /// Half the interquartile range of the differences, ms.
@@ -35,8 +34,15 @@ pub(crate) struct Cost {
 }
 
 impl Cost {
+    /// Cost from the differences of the rounds, ms; `None` without a round.
+    pub(super) fn of(differences_ms: &[f64]) -> Option<Self> {
+        let quartile = |part| percentile(differences_ms, part);
+        let spread_ms = 0.5 * (quartile(0.75)? - quartile(0.25)?);
+        Some(Self { cost_ms: median(differences_ms)?, spread_ms })
+    }
+
     /// Cost and its spread, ms.
-    pub(crate) fn ms(&self) -> [f64; 2] {
+    pub(crate) fn ms(self) -> [f64; 2] {
         [self.cost_ms, self.spread_ms]
     }
 }
@@ -48,6 +54,14 @@ impl fmt::Display for Cost {
     }
 }
 
+/// Cost of an effect: time saved by leaving it out, or spent on simulating it.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct EffectCost {
+    effect: Effect,
+    #[serde(flatten)]
+    cost: Cost,
+}
+
 /// Measured times.
 #[derive(Debug, Serialize)]
 pub(crate) struct Costs {
@@ -57,13 +71,13 @@ pub(crate) struct Costs {
     pub(crate) all_effects_ms: f64,
     /// Number of frames per median.
     pub(crate) frames: usize,
-    costs: Vec<Cost>,
+    costs: Vec<EffectCost>,
 }
 
 impl Costs {
     /// Cost of `effect`; `None` if it only changes numbers in tables.
-    pub(crate) fn of(&self, effect: Effect) -> Option<&Cost> {
-        self.costs.iter().find(|cost| cost.effect == effect)
+    pub(crate) fn of(&self, effect: Effect) -> Option<Cost> {
+        self.costs.iter().find(|cost| cost.effect == effect).map(|found| found.cost)
     }
 
     /// Time that the plan saves, ms.
@@ -170,8 +184,7 @@ pub(crate) fn measure(
         let effect = way.effect?;
         let sign = if plan.has(effect) { 1.0 } else { -1.0 };
         let differences: Vec<f64> = planned.iter().zip(&way.turns_ms).map(|(p, w)| sign * (p - w)).collect();
-        let spread_ms = 0.5 * (percentile(&differences, 0.75)? - percentile(&differences, 0.25)?);
-        Some(Cost { effect, cost_ms: median(&differences)?, spread_ms })
+        Some(EffectCost { effect, cost: Cost::of(&differences)? })
     };
     let costs = ways.iter().filter_map(cost).collect();
     let frames = ways[0].all_ms.len();

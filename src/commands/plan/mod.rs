@@ -1,5 +1,6 @@
 //! `insonify plan`: effects that a scene needs, and their costs.
 
+pub(super) mod looks;
 pub(super) mod measure;
 
 use std::path::PathBuf;
@@ -12,6 +13,7 @@ use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::Station;
 use serde::Serialize;
 
+use self::looks::LookCost;
 use self::measure::{Costs, measure};
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
@@ -53,7 +55,8 @@ An effect is left out where a bound on what it changes holds for every pose: exa
 otherwise by name: `refraction = \"off\"`, `--effect refraction=off`.
 
 Costs are measured on this machine: a few frames with and without each effect, in turns; medians. Effects without a cost
-are numbers in a table: leaving them out saves no time. Maps are planned for a live session (`insonify run`); render,
+are numbers in a table: leaving them out saves no time. The look's steps are measured as in a live session: with
+compounding one angle a frame; a still takes all of them. Maps are planned for a live session (`insonify run`); render,
 replay and demo write them in any case.
 
 Examples:
@@ -76,6 +79,8 @@ struct Measured {
     adapter: AdapterRecord,
     #[serde(flatten)]
     costs: Costs,
+    /// Steps of the look.
+    look: Vec<LookCost>,
 }
 
 /// Runs the command.
@@ -98,7 +103,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(pose) => {
             let backend = args.backend.open(station.backend)?;
             let costs = measure(&backend, &scene, &station.probe, &settings, &plan, &Effect::ALL, &pose)?;
-            Some(Measured { adapter: session::adapter(&backend), costs })
+            let look = looks::measure(&backend, &scene, &station.probe, &settings, &pose)?;
+            Some(Measured { adapter: session::adapter(&backend), costs, look })
         }
     };
     if args.json {
@@ -138,7 +144,11 @@ fn table(plan: &EffectPlan, settings: &RenderSettings, measured: Option<&Measure
     if plan.decisions().iter().any(|d| d.choice != Choice::Auto) {
         output::line("\nON, OFF: by the station or --effect")?;
     }
-    let Some(Measured { adapter, costs }) = measured else { return Ok(()) };
+    let Some(Measured { adapter, costs, look }) = measured else { return Ok(()) };
+    output::line(format!("\n{:19} {:4} {:>22}  setting", "look", "", "cost"))?;
+    for cost in look {
+        output::line(cost)?;
+    }
     output::line(format!(
         "\nat {}: {:.1} ms a frame as planned, {:.1} ms with all effects: {:.1} ms saved ({:.0} %)",
         quality::name(&settings.quality),

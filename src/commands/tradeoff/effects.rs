@@ -1,12 +1,13 @@
-//! Errors of effects against wave theory, and their costs in the station's scene.
+//! Errors of effects against wave theory, of looks against a perfect picture, and their costs in the station's scene.
 
 use insonify::anatomy::Scene;
 use insonify::pose::Pose;
 use insonify::render::{Backend, Choice, Effect, EffectPlan, Quality, RenderSettings};
-use insonify::selftest::{TruthError, truth_errors};
+use insonify::selftest::{TruthError, look_errors, truth_errors};
 use insonify::station::Station;
 use insonify::tradeoff::EffectTruth;
 
+use super::super::plan::looks;
 use super::super::plan::measure::{Cost, measure as costs_of};
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
@@ -43,7 +44,17 @@ pub(super) fn measure(
             error,
         }
     };
-    let effects: Vec<EffectTruth> = errors.into_iter().map(of).collect();
+    let mut effects: Vec<EffectTruth> = errors.into_iter().map(of).collect();
+    let progress = Progress::new("looks", 0);
+    let errors = look_errors(backend, &|done, of| progress.set(done, of)).other()?;
+    drop(progress);
+    let variants: Vec<looks::Variant> = errors.iter().map(|step| (step.look, step.harmonics)).collect();
+    let costs = looks::costs(backend, scene, &station.probe, &settings, &variants, pose)?;
+    effects.extend(errors.into_iter().zip(costs).map(|(step, cost)| EffectTruth {
+        error: step.error,
+        possible: true,
+        cost_ms: cost.map(Cost::ms),
+    }));
     // JSON has no word for a number that is none.
     if effects.iter().all(|row| row.error.without.is_finite() && row.error.with.is_finite()) {
         store.write("effects", &effects)?;

@@ -37,7 +37,8 @@ use super::{Classify, Failure, output, session};
 /// goes by the error of mean levels (32 x 32 pixels): other samples, scanlines and kernels are other speckle.
 ///
 /// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
-/// without each effect that theory speaks of, and says what the effect costs in the station's scene at 1 x 1.
+/// without each effect that theory speaks of, and says what the effect costs in the station's scene at 1 x 1. It does the
+/// same for the steps of a look: what they leave of speckle, noise and the width of a point.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {

@@ -1,0 +1,238 @@
+//! Cost of each step of a look on this machine, live: with compounding one angle a frame.
+
+use std::fmt;
+use std::time::Instant;
+
+use insonify::anatomy::{Bvh, Scene};
+use insonify::look::{Look, Shape};
+use insonify::pose::Pose;
+use insonify::render::{Backend, Frame, RenderError, RenderSettings, Renderer};
+use insonify::settings::{GreyMap, LookPreset, LookSettings};
+use insonify::statistics::median;
+use insonify::transducer::Probe;
+use serde::Serialize;
+
+use super::measure::Cost;
+use crate::commands::Failure;
+use crate::commands::progress::Progress;
+
+/// Rounds of each variant, and frames per round.
+const ROUNDS: usize = 7;
+const FRAMES: usize = 4;
+
+/// A look, and whether the probe receives tissue harmonics.
+pub(crate) type Variant = (LookSettings, bool);
+
+/// A step of the look, as the station sets it, and its cost.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct LookCost {
+    setting: &'static str,
+    /// Value in the station.
+    value: String,
+    on: bool,
+    /// Value against which it was measured.
+    other: String,
+    /// Time that the step adds to a frame, or would add.
+    #[serde(flatten)]
+    cost: Cost,
+}
+
+impl fmt::Display for LookCost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (state, saves) = if self.on { ("on", "") } else { ("off", "saves ") };
+        let cost = format!("{saves}{}", self.cost);
+        let measured = if self.on { "without it" } else { "with it" };
+        write!(f, "{:19} {state:4} {cost:>22}  {}; {measured} {}", self.setting, self.value, self.other)
+    }
+}
+
+/// A setting of the look.
+struct Step {
+    setting: &'static str,
+    value: fn(&Variant) -> String,
+    /// Copies the setting from another variant.
+    take: fn(&mut Variant, &Variant),
+}
+
+const STEPS: [Step; 6] = [
+    Step {
+        setting: "angles",
+        value: |(look, _)| match look.odd_angles() {
+            1 => "1".to_owned(),
+            angles => format!("{angles} over {} degrees", look.span_deg),
+        },
+        take: |(look, _), (from, _)| (look.angles, look.span_deg) = (from.angles, from.span_deg),
+    },
+    Step {
+        setting: "speckle_reduction",
+        value: |(look, _)| look.speckle_reduction.to_string(),
+        take: |(look, _), (from, _)| look.speckle_reduction = from.speckle_reduction,
+    },
+    Step {
+        setting: "edge_enhancement",
+        value: |(look, _)| look.edge_enhancement.to_string(),
+        take: |(look, _), (from, _)| look.edge_enhancement = from.edge_enhancement,
+    },
+    Step {
+        setting: "persistence",
+        value: |(look, _)| look.persistence.to_string(),
+        take: |(look, _), (from, _)| look.persistence = from.persistence,
+    },
+    Step {
+        setting: "grey_map",
+        value: |(look, _)| look.grey_map.name().to_owned(),
+        take: |(look, _), (from, _)| look.grey_map = from.grey_map,
+    },
+    Step {
+        setting: "harmonics",
+        value: |(_, harmonics)| harmonics.to_string(),
+        take: |(_, harmonics), (_, from)| *harmonics = *from,
+    },
+];
+
+fn plain() -> Variant {
+    (LookPreset::Raw.settings(), false)
+}
+
+/// The station's look with each step inverted: a step that is off is measured as these have it.
+fn other_ways(own: Variant) -> Vec<Variant> {
+    let plain = plain();
+    let usual: Variant = (
+        LookSettings {
+            angles: 9,
+            persistence: 0.5,
+            speckle_reduction: 0.5,
+            edge_enhancement: 0.5,
+            grey_map: GreyMap::Contrast,
+            ..plain.0
+        },
+        true,
+    );
+    let inverted = |step: &Step| {
+        let mut other = own;
+        (step.take)(&mut other, if is_on(step, &own) { &plain } else { &usual });
+        other
+    };
+    STEPS.iter().map(inverted).collect()
+}
+
+fn is_on(step: &Step, own: &Variant) -> bool {
+    let mut without = *own;
+    (step.take)(&mut without, &plain());
+    (step.value)(&without) != (step.value)(own)
+}
+
+/// Measures each step of the station's look inverted.
+pub(crate) fn measure(
+    backend: &Backend,
+    scene: &Scene,
+    probe: &Probe,
+    settings: &RenderSettings,
+    pose: &Pose,
+) -> Result<Vec<LookCost>, Failure> {
+    let own = (settings.look, probe.harmonics);
+    let others = other_ways(own);
+    let differences_ms = differences_ms(backend, scene, probe, settings, own, &others, pose)?;
+    let of = |((step, other), differences_ms): ((&Step, &Variant), Vec<f64>)| {
+        let on = is_on(step, &own);
+        let sign = if on { -1.0 } else { 1.0 };
+        let cost = Cost::of(&differences_ms.iter().map(|ms| sign * ms).collect::<Vec<_>>())?;
+        Some(LookCost { setting: step.setting, value: (step.value)(&own), on, other: (step.value)(other), cost })
+    };
+    Ok(STEPS.iter().zip(&others).zip(differences_ms).filter_map(of).collect())
+}
+
+/// Cost of each of `looks` over a plain one.
+pub(crate) fn costs(
+    backend: &Backend,
+    scene: &Scene,
+    probe: &Probe,
+    settings: &RenderSettings,
+    looks: &[Variant],
+    pose: &Pose,
+) -> Result<Vec<Option<Cost>>, Failure> {
+    let differences_ms = differences_ms(backend, scene, probe, settings, plain(), looks, pose)?;
+    Ok(differences_ms.iter().map(|ms| Cost::of(ms)).collect())
+}
+
+/// Time that a frame of each of `others` takes more than one of `own`, ms, by round.
+fn differences_ms(
+    backend: &Backend,
+    scene: &Scene,
+    probe: &Probe,
+    settings: &RenderSettings,
+    own: Variant,
+    others: &[Variant],
+    pose: &Pose,
+) -> Result<Vec<Vec<f64>>, Failure> {
+    let variants: Vec<Variant> = std::iter::once(own).chain(others.iter().copied()).collect();
+    let bvh = Bvh::build(scene).map_err(RenderError::from)?;
+    let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;
+    let mut live = Live { look: Look::default(), frame: Frame::default() };
+    let mut rounds_ms: Vec<Vec<f64>> = vec![Vec::new(); variants.len()];
+    let progress = Progress::new("measuring looks", ROUNDS * variants.len());
+    for round in 0..ROUNDS {
+        for (i, &(look, harmonics)) in variants.iter().enumerate() {
+            let settings = RenderSettings { look, ..*settings };
+            renderer.reconfigure(&Probe { harmonics, ..*probe }, &settings)?;
+            // The mean is of all angles only after as many frames.
+            for _ in 0..=look.odd_angles() {
+                live.frame_ms(&mut renderer, &settings, pose)?;
+            }
+            let frame_ms = (0..FRAMES).map(|_| live.frame_ms(&mut renderer, &settings, pose));
+            rounds_ms[i].extend(median(&frame_ms.collect::<Result<Vec<f64>, Failure>>()?));
+            progress.set(round * variants.len() + i + 1, ROUNDS * variants.len());
+        }
+    }
+    drop(progress);
+    let (own_ms, others_ms) = rounds_ms.split_at(1);
+    let of = |other_ms: &Vec<f64>| other_ms.iter().zip(&own_ms[0]).map(|(other, own)| other - own).collect();
+    Ok(others_ms.iter().map(of).collect())
+}
+
+/// Frames as a live session makes them.
+struct Live {
+    look: Look,
+    frame: Frame,
+}
+
+impl Live {
+    fn frame_ms(&mut self, renderer: &mut Renderer, settings: &RenderSettings, pose: &Pose) -> Result<f64, Failure> {
+        let started = Instant::now();
+        renderer.submit(pose)?;
+        renderer.receive(&mut self.frame)?;
+        let Frame { width, mask, bmode, .. } = &mut self.frame;
+        let shape = Shape::new(*width, renderer.sector().pixel_mm, mask, &settings.image);
+        self.look.apply(&settings.look, shape, bmode);
+        Ok(started.elapsed().as_secs_f64() * 1e3)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_step_is_inverted_alone() {
+        for preset in LookPreset::ALL {
+            let own = (preset.settings(), false);
+            for (i, (step, other)) in STEPS.iter().zip(other_ways(own)).enumerate() {
+                assert_ne!(is_on(step, &own), is_on(step, &other), "{}: {}", preset.name(), step.setting);
+                for (_, same) in STEPS.iter().enumerate().filter(|(j, _)| *j != i) {
+                    assert_eq!((same.value)(&own), (same.value)(&other), "{}: {}", preset.name(), same.setting);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn steps_are_the_settings_of_a_look() {
+        use insonify::settings::SettingsGroup as _;
+        let mut keys: Vec<&str> = LookSettings::settings().iter().map(|setting| setting.key).collect();
+        keys.retain(|key| *key != "span_deg");
+        let mut steps: Vec<&str> = STEPS.iter().map(|step| step.setting).filter(|s| *s != "harmonics").collect();
+        keys.sort_unstable();
+        steps.sort_unstable();
+        assert_eq!(keys, steps);
+    }
+}
