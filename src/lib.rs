@@ -46,6 +46,8 @@ pub mod random;
 
 pub mod settings;
 
+mod simd;
+
 pub mod statistics;
 
 mod suggest;

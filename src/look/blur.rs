@@ -1,87 +1,166 @@
-//! Means over squares of pixels within the sector.
+//! Sums over squares of pixels within the sector.
 
 use rayon::prelude::*;
 
-/// Rows per task.
-const ROWS: usize = 16;
+use crate::simd::{at_least, at_most, nearest_bits, widened};
 
-/// Memory of the means of pictures of one size.
+/// Rows per task.
+const ROWS: usize = 32;
+/// Pixels whose squares are summed at once.
+pub(super) const LANES: usize = 32;
+/// A number for each of them.
+pub(super) type Lanes = [f32; LANES];
+
+/// Memory of the sums of pictures of one size.
 #[derive(Debug, Default)]
 pub(super) struct Blur {
-    /// Sums along rows of (1, level, level²) within the sector.
-    rows: Vec<[u32; 3]>,
-    /// Sums of each task's columns.
-    columns: Vec<[u32; 3]>,
+    /// The picture before it is changed.
+    source: Vec<u8>,
+    /// One for each task.
+    columns: Vec<Columns>,
+}
+
+/// Numbers, sums of levels and of squared levels of the pixels within the sector, column by column. The row of columns
+/// begins half a square before the picture, and ends behind it.
+#[derive(Debug, Default, Clone)]
+pub(super) struct Columns {
+    counts: Vec<u16>,
+    levels: Vec<u16>,
+    squares: Vec<u32>,
+}
+
+impl Columns {
+    /// The mean level and the mean squared level of the squares around [`LANES`] pixels of the row
+    /// from `from` on. A square is `SIZE` wide.
+    #[inline(always)]
+    pub(super) fn means<const SIZE: usize>(&self, from: usize) -> [Lanes; 2] {
+        let (mut counts, mut levels, mut squares) = ([0u16; LANES], [0u16; LANES], [0u32; LANES]);
+        for offset in from..from + SIZE {
+            // Checks for overflow would keep the loops from being vectorised.
+            for (sum, count) in counts.iter_mut().zip(&self.counts[offset..][..LANES]) {
+                *sum = sum.wrapping_add(*count);
+            }
+            for (sum, level) in levels.iter_mut().zip(&self.levels[offset..][..LANES]) {
+                *sum = sum.wrapping_add(*level);
+            }
+            for (sum, square) in squares.iter_mut().zip(&self.squares[offset..][..LANES]) {
+                *sum = sum.wrapping_add(*square);
+            }
+        }
+        let (mut means, mut mean_squares) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let count = f32::from(counts[i].max(1));
+            means[i] = f32::from(levels[i]) / count;
+            mean_squares[i] = squares[i] as f32 / count;
+        }
+        [means, mean_squares]
+    }
+
+    fn clear(&mut self, columns: usize) {
+        for sums in [&mut self.counts, &mut self.levels] {
+            sums.clear();
+            sums.resize(columns, 0);
+        }
+        self.squares.clear();
+        self.squares.resize(columns, 0);
+    }
 }
 
 impl Blur {
-    /// Calls `each(row index, pixels of the row, sums over the square around each pixel)` for every row; the sums are
-    /// the number of pixels within the sector, and of their levels and squared levels. A square is 2·half + 1 wide.
+    /// Calls `each(pixels of a row, its mask, columns)` for every row. A column is 2·half + 1 high, with the row in its
+    /// middle.
     pub(super) fn rows(
         &mut self,
         width: usize,
         half: usize,
         mask: &[u8],
         picture: &mut [u8],
-        each: impl Fn(usize, &mut [u8], &[[u32; 3]]) + Sync,
+        each: impl Fn(&mut [u8], &[u8], &Columns) + Sync,
     ) {
-        self.rows.resize(picture.len(), [0; 3]);
-        let rows = self.rows.par_chunks_mut(width).zip(picture.par_chunks(width)).zip(mask.par_chunks(width));
-        rows.for_each(|((sums, levels), mask)| along_row(half, mask, levels, sums));
-        let (height, along) = (picture.len() / width, &self.rows[..]);
-        self.columns.resize(height.div_ceil(ROWS) * width, [0; 3]);
-        let bands = picture.par_chunks_mut(ROWS * width).zip(self.columns.par_chunks_mut(width));
+        let Self { source, columns } = self;
+        source.clear();
+        source.extend_from_slice(picture);
+        let (source, height) = (&source[..], picture.len() / width);
+        columns.resize(height.div_ceil(ROWS), Columns::default());
+        let row = |row: usize| (&source[row * width..][..width], &mask[row * width..][..width]);
+        let bands = picture.par_chunks_mut(ROWS * width).zip(columns);
         bands.enumerate().for_each(|(band, (picture, sums))| {
             let first = band * ROWS;
-            sums.fill([0; 3]);
-            for row in first.saturating_sub(half)..(first + half).min(height) {
-                add(sums, &along[row * width..][..width]);
+            sums.clear(width + 2 * half + LANES);
+            for above in first.saturating_sub(half)..(first + half).min(height) {
+                let (levels, mask) = row(above);
+                add(levels, mask, half, sums);
             }
             for (i, pixels) in picture.chunks_exact_mut(width).enumerate() {
-                let row = first + i;
-                if row + half < height {
-                    add(sums, &along[(row + half) * width..][..width]);
+                let at = first + i;
+                if at + half < height {
+                    let (levels, mask) = row(at + half);
+                    add(levels, mask, half, sums);
                 }
-                each(row, pixels, sums);
-                if let Some(above) = row.checked_sub(half) {
-                    subtract(sums, &along[above * width..][..width]);
+                each(pixels, row(at).1, sums);
+                if let Some(above) = at.checked_sub(half) {
+                    let (levels, mask) = row(above);
+                    subtract(levels, mask, half, sums);
                 }
             }
         });
     }
 }
 
-fn along_row(half: usize, mask: &[u8], levels: &[u8], sums: &mut [[u32; 3]]) {
-    let width = levels.len();
-    let value = |i: usize| {
-        let inside = u32::from(mask[i] != 0);
-        let level = u32::from(levels[i]) * inside;
-        [inside, level, level * level]
-    };
-    let mut sum = [0; 3];
-    for i in 0..half.min(width) {
-        add_one(&mut sum, value(i));
-    }
-    for (i, out) in sums.iter_mut().enumerate() {
-        if i + half < width {
-            add_one(&mut sum, value(i + half));
+/// Replaces each pixel of a row within the sector by `level(own level, mean level, mean squared level)` of its square.
+#[inline(always)]
+pub(super) fn each_chunk<const SIZE: usize>(
+    columns: &Columns,
+    mask: &[u8],
+    pixels: &mut [u8],
+    level: impl Fn(f32, f32, f32) -> f32,
+) {
+    for (chunk, (pixels, mask)) in pixels.chunks_mut(LANES).zip(mask.chunks(LANES)).enumerate() {
+        let [means, mean_squares] = columns.means::<SIZE>(chunk * LANES);
+        let (mut own, mut inside) = ([0; LANES], [0; LANES]);
+        own[..pixels.len()].copy_from_slice(pixels);
+        inside[..mask.len()].copy_from_slice(mask);
+        for i in 0..LANES {
+            let level = level(f32::from(own[i]), means[i], mean_squares[i]);
+            let rounded = nearest_bits(at_most(at_least(level, 0.0), 255.0)) as u8;
+            own[i] = rounded & inside[i];
         }
-        *out = sum;
-        if let Some(behind) = i.checked_sub(half) {
-            let value = value(behind);
-            (0..3).for_each(|part| sum[part] -= value[part]);
-        }
+        pixels.copy_from_slice(&own[..pixels.len()]);
     }
 }
 
-fn add_one(sum: &mut [u32; 3], value: [u32; 3]) {
-    (0..3).for_each(|part| sum[part] += value[part]);
+widened! {
+    /// Adds a row of pixels to the columns.
+    fn add(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) = add_body
 }
 
-fn add(sums: &mut [[u32; 3]], row: &[[u32; 3]]) {
-    sums.as_flattened_mut().iter_mut().zip(row.as_flattened()).for_each(|(sum, value)| *sum += value);
+#[inline(always)]
+fn add_body(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) {
+    let columns = half..half + levels.len();
+    let counts = sums.counts[columns.clone()].iter_mut().zip(&mut sums.levels[columns.clone()]);
+    let sums = counts.zip(&mut sums.squares[columns]);
+    for (((count, sum), square), (&level, &inside)) in sums.zip(levels.iter().zip(mask)) {
+        let level = u16::from(level & inside);
+        *count = count.wrapping_add(u16::from(inside & 1));
+        *sum = sum.wrapping_add(level);
+        *square = square.wrapping_add(u32::from(level).wrapping_mul(u32::from(level)));
+    }
 }
 
-fn subtract(sums: &mut [[u32; 3]], row: &[[u32; 3]]) {
-    sums.as_flattened_mut().iter_mut().zip(row.as_flattened()).for_each(|(sum, value)| *sum -= value);
+widened! {
+    /// Takes a row of pixels off the columns.
+    fn subtract(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) = subtract_body
+}
+
+#[inline(always)]
+fn subtract_body(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) {
+    let columns = half..half + levels.len();
+    let counts = sums.counts[columns.clone()].iter_mut().zip(&mut sums.levels[columns.clone()]);
+    let sums = counts.zip(&mut sums.squares[columns]);
+    for (((count, sum), square), (&level, &inside)) in sums.zip(levels.iter().zip(mask)) {
+        let level = u16::from(level & inside);
+        *count = count.wrapping_sub(u16::from(inside & 1));
+        *sum = sum.wrapping_sub(level);
+        *square = square.wrapping_sub(u32::from(level).wrapping_mul(u32::from(level)));
+    }
 }

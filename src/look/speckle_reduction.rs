@@ -2,7 +2,8 @@
 //! statistics", IEEE Trans Pattern Anal Mach Intell 2:165 (1980).
 
 use super::Shape;
-use super::blur::Blur;
+use super::blur::{Blur, Columns, each_chunk};
+use crate::simd::{at_least, widened};
 
 /// Half the width of the window, pixels.
 pub(super) const HALF: usize = 3;
@@ -20,22 +21,31 @@ impl SpeckleReduction {
     /// what speckle does. `strength` 0..=1 blends the filtered picture with the original.
     pub(super) fn apply(&mut self, strength: f32, shape: Shape<'_>, picture: &mut [u8]) {
         let speckle = (SPECKLE_DB * 255.0 / shape.dynamic_range_db) as f32;
-        let variance_of_speckle = speckle * speckle;
-        let (width, mask) = (shape.width, shape.mask);
-        self.blur.rows(width, HALF, mask, picture, |row, pixels, sums| {
-            let mask = &mask[row * width..][..width];
-            for ((level, sums), &inside) in pixels.iter_mut().zip(sums).zip(mask) {
-                if inside == 0 {
-                    continue;
-                }
-                let [count, sum, squares] = sums.map(|sum| sum as f32);
-                let mean = sum / count.max(1.0);
-                let variance = (squares / count.max(1.0) - mean * mean).max(0.0);
-                let kept = (variance - variance_of_speckle).max(0.0) / variance.max(1.0e-3);
-                let own = f32::from(*level);
-                let filtered = mean + kept * (own - mean);
-                *level = (own + strength * (filtered - own) + 0.5) as u8;
-            }
+        let filter = Filter { strength, variance_of_speckle: speckle * speckle };
+        self.blur.rows(shape.width, HALF, shape.mask, picture, |pixels, mask, columns| {
+            filter_row(filter, columns, mask, pixels);
         });
     }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Filter {
+    strength: f32,
+    variance_of_speckle: f32,
+}
+
+widened! {
+    /// A row of pixels.
+    fn filter_row(filter: Filter, columns: &Columns, mask: &[u8], pixels: &mut [u8]) = filter_row_body
+}
+
+#[inline(always)]
+fn filter_row_body(filter: Filter, columns: &Columns, mask: &[u8], pixels: &mut [u8]) {
+    let Filter { strength, variance_of_speckle } = filter;
+    each_chunk::<{ 2 * HALF + 1 }>(columns, mask, pixels, |own, mean, mean_square| {
+        let variance = at_least(mean_square - mean * mean, 0.0);
+        let kept = at_least(variance - variance_of_speckle, 0.0) / at_least(variance, 1.0e-3);
+        let filtered = mean + kept * (own - mean);
+        own + strength * (filtered - own)
+    });
 }

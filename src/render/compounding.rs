@@ -19,16 +19,24 @@ pub(crate) fn steering(angles: u32, span_deg: f64) -> Vec<f64> {
     sides.chain([0.0]).map(|i| i * step).collect()
 }
 
+/// Amplitude of white in the unit of the sums. A sum is of whole numbers, so it stays exact however often a look is
+/// replaced.
+const WHITE: f64 = (1u64 << 50) as f64;
+
 /// The last picture of each look, and their mean.
 #[derive(Debug)]
 pub(super) struct Compounding {
     /// Looks that show each pixel, one bit each.
     covered: Vec<u16>,
     looks: Vec<Vec<u8>>,
+    /// Sums of the looks' amplitudes.
+    sums: Vec<u64>,
     /// Looks that have been made, one bit each.
     made: u16,
+    /// Mean over sum, by the looks that show a pixel.
+    per_sum: Vec<f32>,
     dynamic_range_db: f64,
-    amplitudes: [f32; 256],
+    amplitudes: [u64; 256],
     levels: Levels,
 }
 
@@ -65,7 +73,11 @@ impl Compounding {
         let pixels = covered.len();
         let amplitudes = amplitudes(dynamic_range_db);
         let levels = Levels::new(dynamic_range_db);
-        Self { covered, looks: vec![vec![0; pixels]; looks], made: 0, dynamic_range_db, amplitudes, levels }
+        let per_sum =
+            |shown: u16| if shown == 0 { 0.0 } else { (1.0 / (WHITE * f64::from(shown.count_ones()))) as f32 };
+        let per_sum = (0..1 << looks).map(per_sum).collect();
+        let looks = vec![vec![0; pixels]; looks];
+        Self { covered, looks, sums: vec![0; pixels], made: 0, per_sum, dynamic_range_db, amplitudes, levels }
     }
 
     /// Forgets the pictures so far; those from now on have this dynamic range, dB.
@@ -80,33 +92,35 @@ impl Compounding {
 
     /// Takes the picture of a look, and replaces it by the mean of the last pictures of all looks.
     pub(super) fn add(&mut self, look: usize, picture: &mut [u8]) {
-        let Some(kept) = self.looks.get_mut(look).filter(|kept| kept.len() == picture.len()) else { return };
-        kept.copy_from_slice(picture);
-        self.made |= 1 << look;
-        let Self { covered, looks, made, amplitudes, levels, .. } = self;
-        let chunks = picture.par_chunks_mut(CHUNK).zip(covered.par_chunks(CHUNK)).enumerate();
-        chunks.for_each(|(chunk, (picture, covered))| {
-            let from = chunk * CHUNK;
-            for (i, (level, &covered)) in picture.iter_mut().zip(covered).enumerate() {
-                let mut shown = covered & *made;
-                if shown == 0 {
-                    *level = 0;
-                    continue;
+        let Self { covered, looks, sums, made, per_sum, amplitudes, levels, .. } = self;
+        let Some(kept) = looks.get_mut(look).filter(|kept| kept.len() == picture.len()) else { return };
+        let (first, bit) = (*made == 0, 1 << look);
+        let none = [0; 256];
+        let replaced = if *made & bit == 0 { &none } else { &*amplitudes };
+        *made |= bit;
+        let made = *made;
+        let pixels = picture.par_chunks_mut(CHUNK).zip(kept.par_chunks_mut(CHUNK));
+        let chunks = pixels.zip(covered.par_chunks(CHUNK)).zip(sums.par_chunks_mut(CHUNK));
+        chunks.for_each(|(((picture, kept), covered), sums)| {
+            if first {
+                sums.fill(0);
+            }
+            for (((level, kept), covered), sum) in picture.iter_mut().zip(kept).zip(covered).zip(sums) {
+                // Outside its own sector a look is black, and doesn't count.
+                if covered & bit != 0 {
+                    *sum = *sum + amplitudes[usize::from(*level)] - replaced[usize::from(*kept)];
+                    *kept = *level;
                 }
-                let (mut sum, count) = (0.0, shown.count_ones() as f32);
-                while shown != 0 {
-                    sum += amplitudes[usize::from(looks[shown.trailing_zeros() as usize][from + i])];
-                    shown &= shown - 1;
-                }
-                *level = levels.of(sum / count);
+                let per_sum = per_sum.get(usize::from(covered & made)).copied().unwrap_or(0.0);
+                *level = levels.of(*sum as f32 * per_sum);
             }
         });
     }
 }
 
-/// Amplitudes of the grey levels; 1 is white.
-fn amplitudes(dynamic_range_db: f64) -> [f32; 256] {
-    std::array::from_fn(|level| 10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0) as f32)
+/// Amplitudes of the grey levels; 1 is [`WHITE`].
+fn amplitudes(dynamic_range_db: f64) -> [u64; 256] {
+    std::array::from_fn(|level| (WHITE * 10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0)) as u64)
 }
 
 /// The mean of the looks' pictures in f64: levels 0..=255 of the pixels that each look shows.

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::constants::ImageConstants;
 use super::fourier::{LANES, Roots, Row, Wide, reversed};
-use super::wide::widened;
 use crate::render::aperture::{ApertureTables, BEAMS_MAX};
+use crate::simd::widened;
 
 /// Fills `powers`, echo power of the beam at each node over that without obstacles [planes × cells], the first nodes of
 /// each row. Planes before `first` have none. `work` holds a period of beams, twice, for each plane.

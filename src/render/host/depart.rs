@@ -7,8 +7,8 @@ use super::interface::{
 };
 use super::interface_batch::{Arrivals, DIMENSIONS, Departures, set, vector};
 use super::lanes::{Lanes, RAYS};
-use super::wide::{at_least, at_most, exp, floor, pcg3d, real, widened};
 use crate::render::constants::{CELL_MM, SURFACE_SALT};
+use crate::simd::{at_least, at_most, exp, floor, pcg3d, real, widened};
 
 /// Parameters of all paths of a frame.
 #[derive(Debug, Clone, Copy)]

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::constants::ImageConstants;
-use super::wide::{at_least, at_most, log2, nearest_bits, widened};
 use crate::render::constants::{AXIAL_HALF_MAX, PULSE_PAD, ROW_ALIGN};
 use crate::render::params::Params;
+use crate::simd::{at_least, at_most, log2, nearest_bits, widened};
 
 /// Complex samples per block.
 const BLOCK: usize = ROW_ALIGN as usize;

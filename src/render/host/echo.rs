@@ -6,9 +6,9 @@ use super::constants::ImageConstants;
 use super::line_gain::{LineGain, Visibility};
 use super::paths::Paths;
 use super::transmission::diverted;
-use super::wide::{exp, phasor};
 use crate::render::constants::SEGMENTS;
 use crate::render::params::Params;
+use crate::simd::{exp, phasor};
 
 /// Inputs of the interfaces.
 #[derive(Debug, Clone, Copy)]

@@ -4,7 +4,7 @@
 use super::constants::{
     APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, DIFFUSE_HALF_ROUGHNESS2,
 };
-use super::wide::{at_least, at_most, exp, log2, phasor};
+use crate::simd::{at_least, at_most, exp, log2, phasor};
 
 pub(super) type Vector = [f32; 3];
 

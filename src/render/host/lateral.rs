@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::constants::{ImageConstants, NEIGHBOUR_GAIN_MAX};
 use super::visibility::BlockGain;
-use super::wide::{at_most, widened};
 use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
+use crate::simd::{at_most, widened};
 
 /// Numbers in a block of complex samples that share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;

@@ -3,9 +3,9 @@
 use super::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
 use super::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use super::transmission::loss_np;
-use super::wide::{at_least, at_most, floor, real};
 use crate::render::aperture::ApertureTables;
 use crate::render::params::Params;
+use crate::simd::{at_least, at_most, floor, real};
 
 /// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
 /// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).

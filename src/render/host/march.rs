@@ -7,11 +7,16 @@ use super::line_gain::Visibility;
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
 use super::power::{Power, Powers, Stretch};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
-use super::texture::Waves;
-use super::wide::widened;
+use super::texture::{PLACES, Waves};
 use crate::render::constants::{TEXTURE_MASK, TEXTURE_SAMPLES, TEXTURE_SHIFT};
 use crate::render::params::Params;
 use crate::render::texture::PackedTexture;
+use crate::simd::widened;
+
+/// Textures of a block.
+const BLOCK_PLACES: usize = BLOCK / TEXTURE_SAMPLES as usize;
+/// Blocks whose textures are found at once.
+const TEXTURE_BLOCKS: usize = PLACES / BLOCK_PLACES;
 
 /// Inputs of the samples besides the paths.
 #[derive(Debug, Clone, Copy)]
@@ -84,6 +89,7 @@ fn march_row_body(
                 powers.add(params, paths, [path.wrapping_add(ray), guide], stretch, scatterers.visibility.is_some());
             }
         }
+        let mut textured = [1.0; PLACES];
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);
             // No closure: if not inlined, it is compiled without the vector instructions.
@@ -97,7 +103,12 @@ fn march_row_body(
             }
             let mut sums = [[0.0; BLOCK]; 2];
             if ends {
-                echo(params, paths, guide, scatterers, &speckle, block, &total, &mut sums);
+                let part = i % TEXTURE_BLOCKS;
+                if part == 0 && !scatterers.textures.is_empty() {
+                    textured = texture_gains(params, paths, guide, scatterers, block);
+                }
+                let gains = &textured[part * BLOCK_PLACES..][..BLOCK_PLACES];
+                echo(params, paths, guide, scatterers, &speckle, block, gains, &total, &mut sums);
             }
             for (j, out) in row.iter_mut().enumerate() {
                 // `row` already holds the echoes of earlier batches.
@@ -129,6 +140,7 @@ fn echo(
     scatterers: &Scatterers<'_>,
     speckle: &Speckle,
     first: u32,
+    textured: &[f32],
     power: &Power,
     sums: &mut [Lanes; 2],
 ) {
@@ -142,28 +154,50 @@ fn echo(
         *range = range_mm(params, first.wrapping_add(i as u32));
     }
     let mut gains = [UNSCALED * of_block(scatterers.gain); BLOCK];
-    if !scatterers.textures.is_empty() {
-        texture(params, paths, guide, scatterers, first, &mut gains);
+    for (gains, textured) in gains.chunks_exact_mut(TEXTURE_SAMPLES as usize).zip(textured) {
+        for gain in gains {
+            *gain *= textured;
+        }
     }
     let block =
         Block { ranges_mm, per_reach_mm: of_block(scatterers.per_reach_mm), strength: Strength::new(power, &gains) };
     speckle.echo(&block, &BlockOfPath { params, paths, path: guide, first }, sums);
 }
 
-/// Multiplies the gains of a block's samples by the texture of the guide's tissues.
+/// Gains of some blocks by the texture of the guide's tissues, one for `TEXTURE_SAMPLES` samples.
 #[inline(always)]
-fn texture(params: &Params, paths: &Paths<'_>, guide: u32, scatterers: &Scatterers<'_>, first: u32, gains: &mut Lanes) {
+fn texture_gains(
+    params: &Params,
+    paths: &Paths<'_>,
+    guide: u32,
+    scatterers: &Scatterers<'_>,
+    first: u32,
+) -> [f32; PLACES] {
     const MIDDLE: f32 = 0.5 * (TEXTURE_SAMPLES - 1) as f32;
-    for (i, gains) in (0_u32..).zip(gains.chunks_exact_mut(TEXTURE_SAMPLES as usize)) {
-        let sample = first.wrapping_add(i.wrapping_mul(TEXTURE_SAMPLES));
+    let mut numbers = [0; PLACES];
+    let mut here_mm = [[0.0; PLACES]; 3];
+    for (i, number) in numbers.iter_mut().enumerate() {
+        let sample = first.wrapping_add(TEXTURE_SAMPLES.wrapping_mul(i as u32));
         let &[x, y, z, _, dx, dy, dz, _, _, _, tag, _] = seek(params, paths, guide, sample).1;
-        let number = (tag.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize;
-        let Some(texture) = scatterers.textures.get(number.wrapping_sub(1)) else { continue };
+        *number = (tag.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize;
         let at_mm = range_mm(params, sample) + MIDDLE * params.sample_spacing_mm;
-        let here_mm = [x + dx * at_mm, y + dy * at_mm, z + dz * at_mm];
-        let gain = scatterers.waves.gain(texture, here_mm);
-        for sample in gains {
-            *sample *= gain;
+        for (axis, mm) in [x + dx * at_mm, y + dy * at_mm, z + dz * at_mm].into_iter().enumerate() {
+            here_mm[axis][i] = mm;
         }
     }
+    let mut gains = [1.0; PLACES];
+    for (i, &number) in numbers.iter().enumerate() {
+        // Each tissue once; most stretches hold one or two.
+        if numbers[..i].contains(&number) {
+            continue;
+        }
+        let Some(texture) = scatterers.textures.get(number.wrapping_sub(1)) else { continue };
+        let of_tissue = scatterers.waves.gains(texture, &here_mm);
+        for ((gain, of_tissue), other) in gains.iter_mut().zip(of_tissue).zip(numbers) {
+            if other == number {
+                *gain = of_tissue;
+            }
+        }
+    }
+    gains
 }

@@ -2,8 +2,8 @@
 
 use super::constants::{GAP_MAX_MM, GAP_NP_MM, TOUCH_MM};
 use super::traverse::Crossing;
-use super::wide::exp;
 use crate::anatomy::bvh::PackedTriangle;
+use crate::simd::exp;
 
 /// The surfaces that a point is inside, one bit each; the highest one is the medium.
 pub(super) type Inside = [u32; 8];

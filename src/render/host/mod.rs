@@ -42,7 +42,6 @@ mod transmission;
 mod traverse;
 mod tree;
 mod visibility;
-mod wide;
 
 #[cfg(feature = "test-hooks")]
 pub use constants::{ImageConstants, TraceConstants};

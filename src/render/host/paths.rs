@@ -1,8 +1,8 @@
 //! Traced paths as the passes after `trace` read them.
 
-use super::wide::real;
 use crate::render::constants::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 use crate::render::params::Params;
+use crate::simd::real;
 
 /// Samples per block, which share a gain.
 pub(super) const BLOCK: usize = DEPTH_BLOCK as usize;

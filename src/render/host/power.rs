@@ -3,9 +3,9 @@
 use super::constants::{DENSITY_ONE, LN_SCALE, LN_SPECKLE_SILENT};
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, SEGMENT, first_beyond, range_mm, seek};
 use super::transmission::diverted;
-use super::wide::{at_least, at_most, exp, real};
 use crate::render::constants::TAG_DENSITY;
 use crate::render::params::Params;
+use crate::simd::{at_least, at_most, exp, real};
 
 /// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;

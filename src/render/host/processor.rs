@@ -18,7 +18,7 @@ pub(in crate::render) fn description() -> String {
 fn instructions() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     {
-        if super::wide::has_avx512() {
+        if crate::simd::has_avx512() {
             return "avx512";
         }
         if is_x86_feature_detected!("avx2") {

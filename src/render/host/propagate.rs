@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::constants::ImageConstants;
 use super::fourier::{LANES, Roots, Wide, reversed};
-use super::wide::{phasor, widened};
 use crate::render::aperture::{ApertureTables, MODE_LANES};
+use crate::simd::{phasor, widened};
 
 const _: () = assert!(LANES == MODE_LANES);
 

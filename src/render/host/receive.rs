@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::constants::{ImageConstants, LN_UNCOUPLED};
 use super::paths::Paths;
 use super::speckle::deviate;
-use super::wide::{at_least, exp, pcg3d, widened};
 use crate::render::params::Params;
+use crate::simd::{at_least, exp, pcg3d, widened};
 
 /// Adds to `focused`, complex [scanlines × row_samples]. `near` holds reverberation and clutter of the samples near the
 /// face [scanlines × near_samples]. `params` are those of the last batch, which `paths` hold.

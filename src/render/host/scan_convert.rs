@@ -5,9 +5,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::constants::{CONTRAST_MIN_NP_MM, ImageConstants, LN_SILENT};
-use super::wide::{at_least, at_most, exp, floor, nearest_bits, real, widened};
 use crate::render::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 use crate::render::params::Params;
+use crate::simd::{at_least, at_most, exp, floor, nearest_bits, real, widened};
 
 /// Pixels per group: enough that values gathered one by one have left the store buffer before vector loads read them.
 const LANES: usize = 64;

@@ -9,9 +9,9 @@ use super::membership::{Inside, coupling, cross, medium_word};
 use super::packet::{Packet, Visits};
 use super::search::collect;
 use super::traverse::{Crossing, Ray, Tree, by_distance};
-use super::wide::{at_least, real, widened};
 use crate::render::constants::{CROSSINGS_OF_A_MAP_RAY, ENTRIES, TAG, TISSUE_MASK, WHOLE};
 use crate::render::params::Params;
+use crate::simd::{at_least, real, widened};
 
 /// Capacity for crossings of one ray.
 const CROSSINGS: usize = CROSSINGS_OF_A_MAP_RAY as usize;

@@ -2,9 +2,9 @@
 
 use super::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
 use super::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
-use super::wide::{at_least, floor, floored, pcg3d, phasor, real};
 use crate::render::constants::{SHEET_FAMILIES, SHEETS};
 use crate::render::params::{Params, SheetFamily};
+use crate::simd::{at_least, floor, floored, pcg3d, phasor, real};
 
 /// Numbers that place a sample's scatterers.
 const PLACE: usize = 8;

@@ -1,74 +1,86 @@
-//! Texture of tissues: level of their scattering at a place.
+//! Texture of tissues: level of their scattering at some places at once.
 #![allow(clippy::needless_range_loop, reason = "several arrays go together")]
 
-use super::wide::{TO_INTEGER, exp};
 use crate::render::texture::{PackedTexture, SEPTUM_WIDTH, WAVES};
+use crate::simd::{TO_INTEGER, exp};
 
-/// Wave vectors and phases of a field, by coordinate.
+/// Places whose levels are found at once.
+pub(super) const PLACES: usize = 16;
+/// A coordinate, or a level, of each place.
+pub(super) type Places = [f32; PLACES];
+
+/// Wave vectors and phases of a field.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Waves {
-    along: [[f32; WAVES]; 3],
-    phases: [f32; WAVES],
-}
+pub(super) struct Waves([[f32; 4]; WAVES]);
 
 impl Waves {
     pub(super) fn new(waves: &[[f32; 4]; WAVES]) -> Self {
-        Self {
-            along: [0, 1, 2].map(|axis| std::array::from_fn(|i| waves[i][axis])),
-            phases: std::array::from_fn(|i| waves[i][3]),
-        }
+        Self(*waves)
     }
 
     /// A Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
     #[inline(always)]
-    fn field(&self, [x, y, z]: [f32; 3]) -> f32 {
-        let mut heights = [0.0f32; WAVES];
-        for i in 0..WAVES {
-            let turns = self.along[0][i] * x + self.along[1][i] * y + self.along[2][i] * z + self.phases[i];
-            let whole = (turns + TO_INTEGER) - TO_INTEGER;
-            let u = 2.0 * (turns - whole).abs();
-            heights[i] = 1.0 - 2.0 * u * u * (3.0 - 2.0 * u);
+    fn field(&self, &[x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: &[Places; 3]) -> Places {
+        let mut heights = [[0.0; PLACES]; WAVES];
+        for (height, [wx, wy, wz, phase]) in heights.iter_mut().zip(self.0) {
+            for j in 0..PLACES {
+                let at = [x[j] * per_mm + x0, y[j] * per_mm + y0, z[j] * per_mm + z0];
+                let turns = wx * at[0] + wy * at[1] + wz * at[2] + phase;
+                let whole = (turns + TO_INTEGER) - TO_INTEGER;
+                let u = 2.0 * (turns - whole).abs();
+                height[j] = 1.0 - 2.0 * u * u * (3.0 - 2.0 * u);
+            }
         }
         let mut half = WAVES / 2;
         while half > 0 {
             for i in 0..half {
-                heights[i] += heights[i + half];
+                for j in 0..PLACES {
+                    heights[i][j] += heights[i + half][j];
+                }
             }
             half /= 2;
         }
-        heights[0] * FIELD_SCALE
+        heights[0].map(|height| height * FIELD_SCALE)
     }
 
-    /// Factor of the scattering of a tissue at a place of the scene at rest.
+    /// Factors of the scattering of a tissue at places of the scene at rest.
     #[inline(always)]
-    pub(super) fn gain(&self, texture: &PackedTexture, here_mm: [f32; 3]) -> f32 {
+    pub(super) fn gains(&self, texture: &PackedTexture, here_mm: &[Places; 3]) -> Places {
         let [fx, fy, fz, narrower] = texture.fibre;
-        let [x, y, z] = here_mm;
-        let along = narrower * (x * fx + y * fy + z * fz);
-        let stretched_mm = [x + along * fx, y + along * fy, z + along * fz];
+        let mut stretched_mm = *here_mm;
+        for j in 0..PLACES {
+            let [x, y, z] = [here_mm[0][j], here_mm[1][j], here_mm[2][j]];
+            let along = narrower * (x * fx + y * fy + z * fz);
+            stretched_mm[0][j] = x + along * fx;
+            stretched_mm[1][j] = y + along * fy;
+            stretched_mm[2][j] = z + along * fz;
+        }
         let [cloud, grain, septa, level] = texture.amounts;
-        let mut level = level;
+        let mut levels = [level; PLACES];
         for (number, amount) in [cloud, grain].into_iter().enumerate() {
             if amount != 0.0 {
-                level += amount * self.field(placed(&texture.fields[number], stretched_mm));
+                let field = self.field(&texture.fields[number], &stretched_mm);
+                for j in 0..PLACES {
+                    levels[j] += amount * field[j];
+                }
             }
         }
         if septa != 0.0 {
-            let field = self.field(placed(&texture.fields[2], stretched_mm)) * (1.0 / SEPTUM_WIDTH as f32);
-            level += septa * exp(-(field * field).min(80.0));
+            let field = self.field(&texture.fields[2], &stretched_mm);
+            for j in 0..PLACES {
+                let field = field[j] * (1.0 / SEPTUM_WIDTH as f32);
+                levels[j] += septa * exp(-(field * field).min(80.0));
+            }
         }
-        exp(level)
+        for level in &mut levels {
+            *level = exp(*level);
+        }
+        levels
     }
 }
 
 /// 1/√(waves · variance of a wave).
 const FIELD_SCALE: f32 = 0.358_715_03;
-
-/// A place in the units of a field.
-#[inline(always)]
-fn placed([x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: [f32; 3]) -> [f32; 3] {
-    [x * per_mm + x0, y * per_mm + y0, z * per_mm + z0]
-}
 
 #[cfg(test)]
 mod tests {

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use super::constants::{ImageConstants, TRANSMISSION_MIN};
 use super::interface::ln;
 use super::paths::Paths;
-use super::wide::{at_least, at_most, exp, widened};
 use crate::render::aperture::{ApertureTables, CellRays, PLANES_MAX};
 use crate::render::constants::DIVERTED;
 use crate::render::params::Params;
+use crate::simd::{at_least, at_most, exp, widened};
 
 /// A number for each boundary of the intervals of a path.
 pub(super) type Boundaries = [f32; PLANES_MAX + 1];

@@ -10,10 +10,10 @@ use super::interface::ln;
 use super::line_gain::{Boundary, LineGain};
 use super::paths::{Paths, range_mm};
 use super::transmission::loss_np;
-use super::wide::{at_least, at_most, exp, widened};
 use crate::render::aperture::ApertureTables;
 use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
+use crate::simd::{at_least, at_most, exp, widened};
 
 /// Gain of a block of samples as amplitude, and its reciprocal.
 pub(super) type BlockGain = [f32; 2];

@@ -20,7 +20,7 @@ macro_rules! widened {
                 fn with_avx512($($argument: $kind),*) {
                     $body($($argument),*);
                 }
-                if super::wide::has_avx512() {
+                if $crate::simd::has_avx512() {
                     // SAFETY: the CPU has these parts of AVX-512.
                     return unsafe { with_avx512($($argument),*) };
                 }
@@ -33,11 +33,11 @@ macro_rules! widened {
         }
     };
 }
-pub(super) use widened;
+pub(crate) use widened;
 
 /// Whether the CPU has the parts of AVX-512 that [`widened`] uses.
 #[cfg(target_arch = "x86_64")]
-pub(super) fn has_avx512() -> bool {
+pub(crate) fn has_avx512() -> bool {
     is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx512dq")
@@ -45,17 +45,17 @@ pub(super) fn has_avx512() -> bool {
 }
 
 /// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
-pub(super) const TO_INTEGER: f32 = 12_582_912.0;
+pub(crate) const TO_INTEGER: f32 = 12_582_912.0;
 
 /// The nearest integer, half to even, of a number in 0..2²², in the lowest 22 bits; higher bits are also set.
 #[inline(always)]
-pub(super) fn nearest_bits(x: f32) -> u32 {
+pub(crate) fn nearest_bits(x: f32) -> u32 {
     (x + TO_INTEGER).to_bits()
 }
 
 /// The greatest integer not above a number below 2²² in magnitude.
 #[inline(always)]
-pub(super) fn floor(x: f32) -> i32 {
+pub(crate) fn floor(x: f32) -> i32 {
     let shifted = x + TO_INTEGER;
     let nearest = (shifted.to_bits() as i32).wrapping_sub(TO_INTEGER.to_bits() as i32);
     nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
@@ -64,32 +64,32 @@ pub(super) fn floor(x: f32) -> i32 {
 /// The greatest integer not above a number below 2²² in magnitude, as a number and in 32 bits. An integer may give the
 /// one below it.
 #[inline(always)]
-pub(super) fn floored(x: f32) -> (f32, u32) {
+pub(crate) fn floored(x: f32) -> (f32, u32) {
     let shifted = (x - 0.5) + TO_INTEGER;
     (shifted - TO_INTEGER, shifted.to_bits().wrapping_sub(TO_INTEGER.to_bits()))
 }
 
 /// The greater of two numbers, in one instruction; NaN is not handled.
 #[inline(always)]
-pub(super) fn at_least(x: f32, least: f32) -> f32 {
+pub(crate) fn at_least(x: f32, least: f32) -> f32 {
     if x > least { x } else { least }
 }
 
 /// The smaller of two numbers.
 #[inline(always)]
-pub(super) fn at_most(x: f32, most: f32) -> f32 {
+pub(crate) fn at_most(x: f32, most: f32) -> f32 {
     if x < most { x } else { most }
 }
 
 /// A small integer as a number.
 #[inline(always)]
-pub(super) fn real(x: u32) -> f32 {
+pub(crate) fn real(x: u32) -> f32 {
     x as i32 as f32
 }
 
 /// pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
 #[inline(always)]
-pub(super) fn pcg3d(key: [u32; 3]) -> [u32; 3] {
+pub(crate) fn pcg3d(key: [u32; 3]) -> [u32; 3] {
     let [mut x, mut y, mut z] = key.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     x = x.wrapping_add(y.wrapping_mul(z));
     y = y.wrapping_add(z.wrapping_mul(x));
@@ -105,7 +105,7 @@ pub(super) fn pcg3d(key: [u32; 3]) -> [u32; 3] {
 ///
 /// A minimax polynomial over √½..√2.
 #[inline(always)]
-pub(super) fn log2(x: f32) -> f32 {
+pub(crate) fn log2(x: f32) -> f32 {
     const ROOT_HALF: u32 = 0x3f35_04f3;
     let bits = x.to_bits().wrapping_sub(ROOT_HALF);
     let exponent = (bits as i32) >> 23;
@@ -125,7 +125,7 @@ pub(super) fn log2(x: f32) -> f32 {
 ///
 /// x is split into an integer times ln 2 and a remainder of at most half of it, for a minimax polynomial. e⁰ is 1.
 #[inline(always)]
-pub(super) fn exp(x: f32) -> f32 {
+pub(crate) fn exp(x: f32) -> f32 {
     // ln 2 in two parts: the first has so few bits that its multiples are exact.
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
@@ -146,7 +146,7 @@ pub(super) fn exp(x: f32) -> f32 {
 /// e^(i2π·turns) for fewer than 2²¹ turns, to 2·10⁻⁷: `shaders/shared/phasor.wgsl`.
 #[inline(always)]
 #[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]
-pub(super) fn phasor(turns: f32) -> [f32; 2] {
+pub(crate) fn phasor(turns: f32) -> [f32; 2] {
     let shifted = 2.0 * turns + TO_INTEGER;
     let r = turns - 0.5 * (shifted - TO_INTEGER);
     let u = r * r;
