@@ -673,6 +673,12 @@ fn a_tradeoff_is_measured_and_can_be_resumed() {
         assert!(with < 0.5 * without && with < effect["tolerance"].as_f64().unwrap(), "{effect}");
     }
     assert_eq!(read("effects.csv").lines().count(), 5);
+    let looks = report["looks"].as_array().unwrap();
+    assert_eq!((looks.len(), read("looks.csv").lines().count()), (4, 5));
+    for step in looks {
+        let [with, without] = ["with", "without"].map(|key| step[key].as_f64().unwrap());
+        assert!(with < 0.8 * without && with > 0.1 * without, "{step}");
+    }
 
     // Existing points are not measured again and give the same figures; a missing one is measured.
     let mut kept = std::fs::read_dir(out.join("points")).unwrap().map(|entry| entry.unwrap().path());

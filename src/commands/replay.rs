@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Parser;
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
-use insonify::settings::{ImageSettings, Probe, RenderSettings};
+use insonify::settings::{ImageSettings, LookSettings, Probe, RenderSettings};
 use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord};
 use insonify::sink::png::{self, Effort};
@@ -126,13 +126,21 @@ struct PartEntry {
     frames: usize,
     probe: Probe,
     quality: RenderSettings,
+    look: LookSettings,
     #[serde(flatten)]
     image: ImageSettings,
 }
 
 impl From<&Part> for PartEntry {
     fn from(&Part { ref frames, probe, settings }: &Part) -> Self {
-        Self { first: frames.start, frames: frames.len(), probe, quality: settings, image: settings.image }
+        Self {
+            first: frames.start,
+            frames: frames.len(),
+            probe,
+            quality: settings,
+            look: settings.look,
+            image: settings.image,
+        }
     }
 }
 

@@ -76,16 +76,25 @@ pub(super) struct Configuration {
 }
 
 impl Configuration {
-    /// Checks the values and makes the tables.
+    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over.
     ///
     /// # Errors
     /// A value outside its range.
-    pub(super) fn new(media: &Media, probe: &Probe, settings: &RenderSettings) -> Result<Self, RenderError> {
+    pub(super) fn new(
+        media: &Media,
+        probe: &Probe,
+        settings: &RenderSettings,
+        before: Option<&Self>,
+    ) -> Result<Self, RenderError> {
         probe.validate()?;
         settings.validate()?;
         let effects = media.plan(probe, settings);
         let planned = effects.settings(settings);
-        let tables = Tables::new(&media.tissues, probe, &planned, effects.effects());
+        let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
+        let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
+            Some(before) => before.tables.with_looks(probe, &planned.look),
+            None => Tables::new(&media.tissues, probe, &planned, effects.effects()),
+        };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
         let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
         Ok(Self { probe: *probe, settings: *settings, effects, params, tables, batches })

@@ -47,18 +47,20 @@ impl NearField {
         let haze_mm = HAZE_DEPTH_MM.max(4.0 * probe.axial_sigma_mm());
         // All of it changes over more than a pulse, which therefore adds it in phase.
         let scale = 1.0 / pulse.iter().map(|&w| f64::from(w)).sum::<f64>();
-        let depths: Vec<Depth> =
-            (0..samples).map(|sample| Depth::new((f64::from(sample) + 0.5) * spacing_mm)).collect();
+        let depth = |sample: u32| Depth::new((f64::from(sample) + 0.5) * spacing_mm, haze_mm);
+        let depths: Vec<Depth> = (0..samples).map(depth).collect();
+        let rows = |of: fn(&Depth) -> Along| depths.last().map_or(0, |last| of(last).row + 2);
+        let (haze_rows, arc_rows) = (rows(|depth| depth.haze), rows(|depth| depth.arcs));
         let of_line = |line: u32| {
             let across = (f64::from(line) + 0.5) / f64::from(probe.scanlines);
             let middle = 1.0 - (2.0 * across - 1.0).powi(2);
             let haze_part = (1.0 - middle * (1.0 - HAZE_PART * HAZE_PART)).sqrt();
             let arc_part = (1.0 - haze_part * haze_part).sqrt();
-            let haze = Field::new(1, f64::from(line) / HAZE_LINES, haze_mm);
-            let clutter = Field::new(2, f64::from(line) / HAZE_LINES, haze_mm);
-            let arcs = Field::new(3, across / ARC_PART, ARC_DEPTH_MM);
+            let haze = Field::new(1, f64::from(line) / HAZE_LINES, haze_rows);
+            let clutter = Field::new(2, f64::from(line) / HAZE_LINES, haze_rows);
+            let arcs = Field::new(3, across / ARC_PART, arc_rows);
             let value = move |depth: &Depth| {
-                let (haze, clutter, arcs) = (haze.at(depth.mm), clutter.at(depth.mm), arcs.at(depth.mm));
+                let (haze, clutter, arcs) = (haze.at(depth.haze), clutter.at(depth.haze), arcs.at(depth.arcs));
                 let ring = |i: usize| depth.ring * scale * (haze_part * haze[i] + arc_part * depth.arc * arcs[i]);
                 let still = |i: usize| depth.clutter * scale * clutter[i];
                 [ring(0), ring(1), still(0), still(1)].map(|v| v as f32)
@@ -71,7 +73,9 @@ impl NearField {
 
 /// What all scanlines share at a depth.
 struct Depth {
-    mm: f64,
+    /// Place in the fields of haze and clutter, and in that of the arcs.
+    haze: Along,
+    arcs: Along,
     /// Amplitudes of reverberation and clutter.
     ring: f64,
     clutter: f64,
@@ -80,53 +84,71 @@ struct Depth {
 }
 
 impl Depth {
-    fn new(mm: f64) -> Self {
+    fn new(mm: f64, haze_mm: f64) -> Self {
         let fallen = |db_cm: f64| 10f64.powf(-db_cm * mm / 200.0);
         // Every other arc is weaker: it returns from the back of the lens. The mean square of the bracket is 1.75.
         let turn = std::f64::consts::TAU * mm / ARC_MM;
         let arc = (1.0 + turn.cos() + 0.7 * (0.5 * turn).cos()) / 1.745_f64.sqrt();
-        Self { mm, ring: fallen(REVERBERATION_DB_CM), clutter: fallen(CLUTTER_DB_CM), arc }
+        Self {
+            haze: Along::new(mm / haze_mm),
+            arcs: Along::new(mm / ARC_DEPTH_MM),
+            ring: fallen(REVERBERATION_DB_CM),
+            clutter: fallen(CLUTTER_DB_CM),
+            arc,
+        }
+    }
+}
+
+/// A place between two nodes of a field.
+#[derive(Debug, Clone, Copy)]
+struct Along {
+    row: usize,
+    /// Weights of this node and of the next one; their squares add to 1.
+    weights: [f64; 2],
+}
+
+impl Along {
+    fn new(at: f64) -> Self {
+        let row = at.floor();
+        let (sin, cos) = (std::f64::consts::FRAC_PI_2 * (at - row)).sin_cos();
+        Self { row: row as usize, weights: [cos, sin] }
     }
 }
 
 /// A complex random function of depth on a scanline, of mean square 1, that changes gradually along and across.
 struct Field {
-    kind: u64,
-    /// Scanline in units of the distance over which it changes.
-    across: f64,
-    per_mm: f64,
+    /// Nodes on both sides of the scanline [rows].
+    nodes: Vec<[[f64; 2]; 2]>,
+    /// Weights of the two sides.
+    weights: [f64; 2],
 }
 
 impl Field {
-    fn new(kind: u64, across: f64, change_mm: f64) -> Self {
-        Self { kind, across, per_mm: 1.0 / change_mm }
+    /// The first `rows` nodes beside the place `across`, in units of the distance over which the field changes.
+    fn new(kind: u64, across: f64, rows: usize) -> Self {
+        let Along { row: column, weights } = Along::new(across);
+        let node = |row: usize| [column, column + 1].map(|column| node(kind, row as u64, column as u64));
+        Self { nodes: (0..rows).map(node).collect(), weights }
     }
 
-    fn at(&self, depth_mm: f64) -> [f64; 2] {
-        let (depth, across) = (depth_mm * self.per_mm, self.across);
-        let (row, column) = (depth.floor(), across.floor());
-        let weights = |part: f64| {
-            let (sin, cos) = (std::f64::consts::FRAC_PI_2 * part).sin_cos();
-            [cos, sin]
-        };
+    fn at(&self, along: Along) -> [f64; 2] {
         let mut sum = [0.0; 2];
-        for (i, along) in weights(depth - row).into_iter().enumerate() {
-            for (j, beside) in weights(across - column).into_iter().enumerate() {
-                let value = self.node(row as u64 + i as u64, column as u64 + j as u64);
+        for (sides, along) in self.nodes.iter().skip(along.row).zip(along.weights) {
+            for (value, beside) in sides.iter().zip(self.weights) {
                 sum[0] += along * beside * value[0];
                 sum[1] += along * beside * value[1];
             }
         }
         sum
     }
+}
 
-    /// A complex number of mean square 1, normally distributed.
-    fn node(&self, row: u64, column: u64) -> [f64; 2] {
-        let bits = random::bits(SEED ^ (self.kind << 56) ^ (column << 28) ^ row);
-        let radius = (-random::fraction(bits).max(1.0e-12).ln()).sqrt();
-        let (sin, cos) = (std::f64::consts::TAU * random::fraction(random::bits(bits))).sin_cos();
-        [radius * cos, radius * sin]
-    }
+/// A complex number of mean square 1, normally distributed.
+fn node(kind: u64, row: u64, column: u64) -> [f64; 2] {
+    let bits = random::bits(SEED ^ (kind << 56) ^ (column << 28) ^ row);
+    let radius = (-random::fraction(bits).max(1.0e-12).ln()).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * random::fraction(random::bits(bits))).sin_cos();
+    [radius * cos, radius * sin]
 }
 
 /// Amplitude of white noise whose mean square after the pulse is `level_db`.

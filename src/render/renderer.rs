@@ -117,7 +117,7 @@ impl Renderer {
         settings.validate()?;
         check_scene(scene, &bvh)?;
         let media = Media::new(scene, &bvh);
-        let active = Configuration::new(&media, probe, settings)?;
+        let active = Configuration::new(&media, probe, settings, None)?;
         let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, look: 0 };
         let mut maker = backend.maker(inputs, hooks)?;
         active.warn(None);
@@ -167,7 +167,7 @@ impl Renderer {
             }
             return Ok(());
         }
-        let next = Configuration::new(&self.media, probe, settings)?;
+        let next = Configuration::new(&self.media, probe, settings, Some(&self.active))?;
         self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, look: 0 })?;
         next.warn(Some(&self.active));
         let rests = self.active.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);

@@ -41,6 +41,13 @@ impl Sector {
     /// [`Sector::polar`] of a probe whose scanlines are steered by an angle, radians, positive towards +x. Not for phased
     /// arrays. `None` where no steered scanline leads.
     pub fn polar_steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> Option<(f64, f64)> {
+        let [fraction, depth_mm] = Self::steered(probe, point_mm, steer_rad);
+        let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth_mm);
+        inside.then_some((fraction, depth_mm))
+    }
+
+    /// As [`Sector::polar_steered`], for any point: its fraction and depth may lie outside the sector.
+    pub(crate) fn steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> [f64; 2] {
         let (sin, cos) = steer_rad.sin_cos();
         let (lateral, depth) = match probe.face_radius_mm() {
             Some(radius) => {
@@ -52,9 +59,7 @@ impl Sector {
             }
             None => (point_mm.x - point_mm.y * sin / cos, point_mm.y / cos),
         };
-        let fraction = 0.5 * (lateral / probe.half_extent() + 1.0);
-        let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth);
-        inside.then_some((fraction, depth))
+        [0.5 * (lateral / probe.half_extent() + 1.0), depth]
     }
 
     /// Sector coordinates of a probe-frame point (x, z): fraction 0..1 of `probe`'s lateral extent, and depth from the

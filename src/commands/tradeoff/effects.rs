@@ -3,7 +3,7 @@
 use insonify::anatomy::Scene;
 use insonify::pose::Pose;
 use insonify::render::{Backend, Choice, Effect, EffectPlan, Quality, RenderSettings};
-use insonify::selftest::{TruthError, look_errors, truth_errors};
+use insonify::selftest::{LookError, TruthError, look_errors, truth_errors};
 use insonify::station::Station;
 use insonify::tradeoff::EffectTruth;
 
@@ -44,20 +44,40 @@ pub(super) fn measure(
             error,
         }
     };
-    let mut effects: Vec<EffectTruth> = errors.into_iter().map(of).collect();
+    let effects: Vec<EffectTruth> = errors.into_iter().map(of).collect();
+    kept(store, "effects", effects)
+}
+
+/// Errors and costs of the steps of a look, likewise.
+pub(super) fn measure_looks(
+    backend: &Backend,
+    station: &Station,
+    scene: &Scene,
+    store: &Store,
+    poses: &[Pose],
+) -> Result<Vec<EffectTruth>, Failure> {
+    let Some(pose) = poses.first() else { return Ok(Vec::new()) };
+    if let Some(looks) = store.read("looks")? {
+        return Ok(looks);
+    }
     let progress = Progress::new("looks", 0);
     let errors = look_errors(backend, &|done, of| progress.set(done, of)).other()?;
     drop(progress);
+    let settings = RenderSettings { quality: Quality { seed: 0, ..Quality::LQ }, maps: true, ..station.settings };
     let variants: Vec<looks::Variant> = errors.iter().map(|step| (step.look, step.harmonics)).collect();
     let costs = looks::costs(backend, scene, &station.probe, &settings, &variants, pose)?;
-    effects.extend(errors.into_iter().zip(costs).map(|(step, cost)| EffectTruth {
+    let of = |(step, cost): (LookError, Option<Cost>)| EffectTruth {
         error: step.error,
         possible: true,
         cost_ms: cost.map(Cost::ms),
-    }));
-    // JSON has no word for a number that is none.
-    if effects.iter().all(|row| row.error.without.is_finite() && row.error.with.is_finite()) {
-        store.write("effects", &effects)?;
+    };
+    kept(store, "looks", errors.into_iter().zip(costs).map(of).collect())
+}
+
+/// Stores rows, if they are whole: JSON has no word for a number that is none.
+fn kept(store: &Store, name: &str, rows: Vec<EffectTruth>) -> Result<Vec<EffectTruth>, Failure> {
+    if rows.iter().all(|row| row.error.without.is_finite() && row.error.with.is_finite()) {
+        store.write(name, &rows)?;
     }
-    Ok(effects)
+    Ok(rows)
 }

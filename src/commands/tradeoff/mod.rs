@@ -76,6 +76,7 @@ Files:
   tradeoff.svg    the figure, and as tradeoff.png
   tradeoff.md     tables
   effects.csv     a line an effect: errors against wave theory with and without it, cost
+  looks.csv       the same for steps of a look
   points/         points as they were done, for --resume
 
 A difference is called noise where repeats of one point differ as much: in time by the distance of the quartiles, in
@@ -101,6 +102,7 @@ struct Report<'a> {
     reference: &'a reference::Check,
     points: &'a [Point],
     effects: &'a [EffectTruth],
+    looks: &'a [EffectTruth],
 }
 
 /// Runs the command.
@@ -167,6 +169,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     tradeoff::mark_front(&mut points);
     tradeoff::mark_noise(&mut points);
     let effects = effects::measure(&backend, &station, &scene, &store, &poses)?;
+    let looks = effects::measure_looks(&backend, &station, &scene, &store, &poses)?;
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         station: &args.station,
@@ -177,6 +180,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         reference: &reference.check,
         points: &points,
         effects: &effects,
+        looks: &looks,
     };
     write(&args.out, &report)
 }
@@ -193,18 +197,20 @@ fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usiz
 }
 
 fn write(out: &Path, report: &Report) -> Result<(), Failure> {
-    let Report { station, device, processor, threads, poses, points, effects, reference, .. } = report;
+    let Report { station, device, processor, threads, poses, points, effects, looks, reference, .. } = report;
     let converged = reference.converged;
     let not = if converged { "" } else { " (reference not converged)" };
     let title =
         format!("{}{not}, {}, on {device}, {threads} threads", station.display(), output::counted(*poses, "pose"));
     write_text(&out.join("tradeoff.csv"), &tradeoff::csv(points))?;
     write_text(&out.join("effects.csv"), &tradeoff::effects_csv(effects))?;
-    let table = format!("{}\n{}", tradeoff::markdown(points), tradeoff::effects_markdown(effects));
+    write_text(&out.join("looks.csv"), &tradeoff::effects_csv(looks))?;
+    let both = [*effects, *looks].concat();
+    let table = format!("{}\n{}", tradeoff::markdown(points), tradeoff::effects_markdown(&both));
     write_text(&out.join("tradeoff.md"), &format!("{title} of {processor}. {reference}\n\n{table}"))?;
     write_json(&out.join("tradeoff.json"), report)?;
     let failed = |e: String| anyhow!("the figure can't be drawn: {e}");
-    let figure = Figure { points, effects, title: &title, converged };
+    let figure = Figure { points, effects: &both, title: &title, converged };
     let svg = tradeoff::plot::svg(&figure).map_err(failed).other()?;
     write_text(&out.join("tradeoff.svg"), &svg)?;
     let (width, height, rgb) = tradeoff::plot::rgb(&figure).map_err(failed).other()?;
@@ -214,7 +220,9 @@ fn write(out: &Path, report: &Report) -> Result<(), Failure> {
     for name in ["csv", "json", "svg", "png", "md"] {
         output::line(out.join(format!("tradeoff.{name}")).display())?;
     }
-    output::line(out.join("effects.csv").display())?;
+    for name in ["effects.csv", "looks.csv"] {
+        output::line(out.join(name).display())?;
+    }
     Ok(())
 }
 

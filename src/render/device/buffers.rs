@@ -158,9 +158,9 @@ impl Buffers {
         let places = |pixels: &[u32]| -> Vec<u32> {
             tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
         };
-        let steered = tables.looks.iter().map(|look| &look.pixels).filter(|pixels| !pixels.is_empty());
+        let steered = tables.looks.iter().map(|look| &look.pixels[..]).filter(|pixels| !pixels.is_empty());
         let sector_pixels: Vec<u32> =
-            std::iter::once(&tables.pixels).chain(steered).flat_map(|pixels| places(pixels)).collect();
+            std::iter::once(&tables.pixels[..]).chain(steered).flat_map(places).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
         // Pads a table that is shorter than its uniform with zeros.
         let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {

@@ -1,5 +1,7 @@
 //! Memory of the host's passes for one configuration.
 
+use rayon::prelude::*;
+
 use super::detect::DepthGain;
 use super::fourier::{Roots, Wide};
 use super::path_outputs::PathOutputs;
@@ -113,7 +115,7 @@ impl Buffers {
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
             layout: layout(&tables.pixels),
-            steered: tables.looks.iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
+            steered: tables.looks.par_iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
         })
     }

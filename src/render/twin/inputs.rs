@@ -268,7 +268,7 @@ impl Inputs {
         let places = |pixels: &[u32]| -> Vec<Option<[f64; 2]>> {
             pixels.chunks_exact(stride).flat_map(|row| row[..params.image.width as usize].iter().map(place)).collect()
         };
-        let steered = tables.looks.get(look).map(|look| &look.pixels).filter(|pixels| !pixels.is_empty());
+        let steered = tables.looks.get(look).map(|look| &look.pixels[..]).filter(|pixels| !pixels.is_empty());
         Self {
             scene_from_probe: DMat3::from_cols(
                 vector(params.lateral),
