@@ -201,10 +201,10 @@ impl Renderer {
         self.restart_looks();
     }
 
-    /// Begins a compounded picture anew.
+    /// Begins a compounded picture anew, with the straight look: it alone shows the whole sector.
     fn restart_looks(&mut self) {
         self.generation += 1;
-        self.look = 0;
+        self.look = self.active.tables.looks.len().saturating_sub(1);
         if let Some(compounding) = &mut self.compounding {
             compounding.restart(self.active.settings.image.dynamic_range_db);
         }
@@ -309,6 +309,7 @@ impl Renderer {
             return Err(RenderError::RingFull);
         }
         self.restart_looks();
+        self.look = 0;
         let looks = self.active.tables.looks.len();
         let maps = self.active.settings.maps;
         let mut total_ms = 0.0;

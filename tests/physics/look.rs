@@ -82,6 +82,8 @@ fn a_rolling_compound_at_rest_is_the_stills() {
     let mut plain = Rig::new(&scene, &probe(), &settings(compounded(1)));
     let plain = plain.frame(&at(0.0, 0.0, 0.0));
     assert!(plain.bmode != still.bmode);
+    let mut begun = Rig::new(&scene, &probe(), &settings(compounded(5)));
+    assert!(begun.rolling(&at(0.0, 0.0, 0.0), 1).bmode == plain.bmode, "the first picture is straight and whole");
     assert!(plain.segmentation == still.segmentation && plain.attenuation == still.attenuation, "maps are straight");
     assert!(plain.lines == still.lines, "lines are those of the straight look");
 }
